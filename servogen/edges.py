@@ -1,0 +1,108 @@
+"""`EdgeTrace`: what the pins did, and `Expected`: what they should do.
+
+In: changes of pins, in order, in chunks of arrays, so that a day of edges needs no memory.
+Out: the same changes, to whoever iterates. Files of them are in `edge_files`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.units import Clock, Cycles
+
+PINS = (*(f"RA{bit}" for bit in range(5)), *(f"RB{bit}" for bit in range(8)))
+"""The thirteen pins; a pin's index here is its number in every trace."""
+
+LOW, HIGH, UNDRIVEN = 0, 1, 2
+"""Levels. A pin that nothing drives is `UNDRIVEN`: 0 in CSV, z in VCD."""
+
+
+class EdgeChunk(NamedTuple):
+    """Consecutive changes: `cycle` int64 (never falling), `pin` uint8 (index in `PINS`), `level` uint8."""
+
+    cycle: npt.NDArray[np.int64]
+    pin: npt.NDArray[np.uint8]
+    level: npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeTrace:
+    """The changes of the thirteen pins from cycle 0, all `UNDRIVEN`, up to but not including `end`.
+
+    `chunks` may be consumed once when the source is a running machine; `stored` makes it a sequence.
+    A change that a chip makes is at the instruction cycle in which the port was written.
+    """
+
+    clock: Clock
+    chunks: Iterable[EdgeChunk]
+    end: Cycles
+
+    def stored(self) -> EdgeTrace:
+        """The same trace with all its edges in memory."""
+        return EdgeTrace(self.clock, (join(self.chunks),), self.end)
+
+    def driven(self) -> Iterator[EdgeChunk]:
+        """The changes with an undriven pin counted as low: what the CSV file and a verifier see."""
+        before = np.zeros(len(PINS), dtype=np.uint8)
+        for chunk in self.chunks:
+            level = (chunk.level == HIGH).astype(np.uint8)
+            keep = np.zeros(len(level), dtype=bool)
+            for pin in np.unique(chunk.pin):
+                at = np.flatnonzero(chunk.pin == pin)
+                previous = np.concatenate((before[pin : pin + 1], level[at][:-1]))
+                keep[at] = level[at] != previous
+                before[pin] = level[at[-1]]
+            yield EdgeChunk(chunk.cycle[keep], chunk.pin[keep], level[keep])
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """The edges that a schedule asks for, time zero being the first; each knows its frame and channel.
+
+    `chunks` are in order and may be endless; `frames` are numbered from 0. An edge of pin
+    `channels[n].pin` belongs to channel n. `lead_in` and `loop` count frames; the loop repeats for ever.
+    """
+
+    clock: Clock
+    period: Cycles
+    channels: tuple[ExpectedChannel, ...]
+    lead_in: int
+    loop: int
+    chunks: Iterable[ExpectedChunk]
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectedChannel:
+    """A servo's channel: its name and its pin's index in `PINS`."""
+
+    name: str
+    pin: int
+
+
+class ExpectedChunk(NamedTuple):
+    """Consecutive expected changes, with the `frame` (int64) that each belongs to."""
+
+    cycle: npt.NDArray[np.int64]
+    pin: npt.NDArray[np.uint8]
+    level: npt.NDArray[np.uint8]
+    frame: npt.NDArray[np.int64]
+
+
+def join(chunks: Iterable[EdgeChunk]) -> EdgeChunk:
+    """All of `chunks` as one."""
+    parts = list(chunks)
+    if not parts:
+        return edge_chunk((), (), ())
+    return EdgeChunk(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def edge_chunk(cycle: npt.ArrayLike, pin: npt.ArrayLike, level: npt.ArrayLike) -> EdgeChunk:
+    """A chunk of the right types from any three sequences of the same length."""
+    return EdgeChunk(
+        np.asarray(cycle, dtype=np.int64), np.asarray(pin, dtype=np.uint8), np.asarray(level, dtype=np.uint8)
+    )

@@ -1,0 +1,62 @@
+"""Errors with a place: where it is wrong, what is wrong, what is allowed or what to do.
+
+The command line prints them as `place: message` and, below, the hint; its exit code is the error's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where: a file (or port), a line and column counted from 1, or a key of a file."""
+
+    file: str | None = None
+    line: int | None = None
+    column: int | None = None
+    key: str | None = None
+
+    def __str__(self) -> str:
+        numbers = [str(number) for number in (self.line, self.column) if number is not None]
+        where = ":".join([self.file, *numbers] if self.file else numbers)
+        return ": ".join(part for part in (where, self.key) if part)
+
+
+class ServogenError(Exception):
+    """The root of every error that a user can be shown without a traceback."""
+
+    exit_code = 2
+
+    def __init__(self, message: str, place: Place | None = None, hint: str | None = None) -> None:
+        super().__init__(message)
+        self.message = message
+        self.place = place
+        self.hint = hint
+
+    def __str__(self) -> str:
+        where = str(self.place) if self.place else ""
+        first = f"{where}: {self.message}" if where else self.message
+        return f"{first}\n  {self.hint}" if self.hint else first
+
+
+class InputError(ServogenError):
+    """What the user gave is wrong: exit code 2."""
+
+
+class ToolError(ServogenError):
+    """A tool or the bench is missing or failed: exit code 3."""
+
+    exit_code = 3
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """A sentence that names the known word nearest to `word`, or all of them when none is near."""
+    names = sorted(known)
+    close = get_close_matches(word.lower(), [name.lower() for name in names], n=1, cutoff=0.6)
+    for name in names:
+        if close and name.lower() == close[0]:
+            return f"did you mean '{name}'?"
+    return f"known: {', '.join(names)}"

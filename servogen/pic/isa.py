@@ -1,0 +1,156 @@
+"""The instructions of the PIC16F84 as data: one row each; encoder, decoder and cycle cost derive from it.
+
+In: a 14-bit word, or a mnemonic and its operands. Out: the other one.
+Source: DS35007B section 7 "Instruction Set Summary", table 7-2, and DS33023 section 29; OPTION and TRIS,
+which the chip still executes, from DS33023 section 29 and DS30430 section 9.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+
+WORD_MASK = 0x3FFF
+
+
+@dataclass(frozen=True, slots=True)
+class Instruction:
+    """One row. In `pattern`, f is a file register, d the destination, b a bit, k a literal, x is ignored."""
+
+    mnemonic: str
+    pattern: str
+    cycles: int
+    """Instruction cycles; one more when a skip is taken (`skips`) or PCL is the destination."""
+    flags: str
+    """The STATUS bits that it may change: of C, D (digit carry), Z, T (TO), P (PD)."""
+    operation: str
+    skips: bool = False
+
+    @property
+    def bits(self) -> str:
+        return self.pattern.replace(" ", "")
+
+    @property
+    def mask(self) -> int:
+        return int("".join("1" if bit in "01" else "0" for bit in self.bits), 2)
+
+    @property
+    def match(self) -> int:
+        return int("".join("1" if bit == "1" else "0" for bit in self.bits), 2)
+
+    @property
+    def operands(self) -> str:
+        """The fields in the order in which assembly writes them: "fd", "fb", "f", "k" or ""."""
+        return "".join(field for field in "fdbk" if field in self.bits)
+
+    def width(self, field: str) -> int:
+        return self.bits.count(field)
+
+    def shift(self, field: str) -> int:
+        return len(self.bits) - 1 - self.bits.rindex(field)
+
+
+INSTRUCTIONS = (
+    Instruction("ADDWF", "00 0111 dfff ffff", 1, "CDZ", "W + f -> d"),
+    Instruction("ANDWF", "00 0101 dfff ffff", 1, "Z", "W & f -> d"),
+    Instruction("CLRF", "00 0001 1fff ffff", 1, "Z", "0 -> f"),
+    Instruction("CLRW", "00 0001 0xxx xxxx", 1, "Z", "0 -> W"),
+    Instruction("COMF", "00 1001 dfff ffff", 1, "Z", "~f -> d"),
+    Instruction("DECF", "00 0011 dfff ffff", 1, "Z", "f - 1 -> d"),
+    Instruction("DECFSZ", "00 1011 dfff ffff", 1, "", "f - 1 -> d, skip if 0", skips=True),
+    Instruction("INCF", "00 1010 dfff ffff", 1, "Z", "f + 1 -> d"),
+    Instruction("INCFSZ", "00 1111 dfff ffff", 1, "", "f + 1 -> d, skip if 0", skips=True),
+    Instruction("IORWF", "00 0100 dfff ffff", 1, "Z", "W | f -> d"),
+    Instruction("MOVF", "00 1000 dfff ffff", 1, "Z", "f -> d"),
+    Instruction("MOVWF", "00 0000 1fff ffff", 1, "", "W -> f"),
+    Instruction("NOP", "00 0000 0xx0 0000", 1, "", "nothing"),
+    Instruction("RLF", "00 1101 dfff ffff", 1, "C", "f rotated left through C -> d"),
+    Instruction("RRF", "00 1100 dfff ffff", 1, "C", "f rotated right through C -> d"),
+    Instruction("SUBWF", "00 0010 dfff ffff", 1, "CDZ", "f - W -> d"),
+    Instruction("SWAPF", "00 1110 dfff ffff", 1, "", "f with its nibbles swapped -> d"),
+    Instruction("XORWF", "00 0110 dfff ffff", 1, "Z", "W ^ f -> d"),
+    Instruction("BCF", "01 00bb bfff ffff", 1, "", "0 -> f<b>"),
+    Instruction("BSF", "01 01bb bfff ffff", 1, "", "1 -> f<b>"),
+    Instruction("BTFSC", "01 10bb bfff ffff", 1, "", "skip if f<b> is 0", skips=True),
+    Instruction("BTFSS", "01 11bb bfff ffff", 1, "", "skip if f<b> is 1", skips=True),
+    Instruction("ADDLW", "11 111x kkkk kkkk", 1, "CDZ", "k + W -> W"),
+    Instruction("ANDLW", "11 1001 kkkk kkkk", 1, "Z", "k & W -> W"),
+    Instruction("CALL", "10 0kkk kkkk kkkk", 2, "", "PC + 1 -> stack, k -> PC"),
+    Instruction("CLRWDT", "00 0000 0110 0100", 1, "TP", "0 -> watchdog and its prescaler"),
+    Instruction("GOTO", "10 1kkk kkkk kkkk", 2, "", "k -> PC"),
+    Instruction("IORLW", "11 1000 kkkk kkkk", 1, "Z", "k | W -> W"),
+    Instruction("MOVLW", "11 00xx kkkk kkkk", 1, "", "k -> W"),
+    Instruction("RETFIE", "00 0000 0000 1001", 2, "", "stack -> PC, 1 -> GIE"),
+    Instruction("RETLW", "11 01xx kkkk kkkk", 2, "", "k -> W, stack -> PC"),
+    Instruction("RETURN", "00 0000 0000 1000", 2, "", "stack -> PC"),
+    Instruction("SLEEP", "00 0000 0110 0011", 1, "TP", "0 -> watchdog, oscillator off"),
+    Instruction("SUBLW", "11 110x kkkk kkkk", 1, "CDZ", "k - W -> W"),
+    Instruction("XORLW", "11 1010 kkkk kkkk", 1, "Z", "k ^ W -> W"),
+)
+"""The 35 instructions of the data sheet, in its order."""
+
+LEGACY = (
+    Instruction("OPTION", "00 0000 0110 0010", 1, "", "W -> OPTION_REG"),
+    Instruction("TRIS", "00 0000 0110 0fff", 1, "", "W -> TRIS of port f"),
+)
+"""Two of the PIC16C5x that the chip keeps. TRIS takes f = 5 (port A) or 6 (port B) only."""
+
+TRIS_PORTS = (5, 6)
+
+
+@dataclass(frozen=True, slots=True)
+class Decoded:
+    """A word taken apart: the row and the values of its fields (0 where it has none)."""
+
+    instruction: Instruction
+    f: int = 0
+    d: int = 0
+    b: int = 0
+    k: int = 0
+
+
+@cache
+def by_mnemonic() -> Mapping[str, Instruction]:
+    """All 37 rows by mnemonic, upper case."""
+    return {row.mnemonic: row for row in (*INSTRUCTIONS, *LEGACY)}
+
+
+def decode(word: int) -> Decoded | None:
+    """What the chip makes of a 14-bit word; None when the data sheets do not define it."""
+    return decoder()[word]
+
+
+@cache
+def decoder() -> tuple[Decoded | None, ...]:
+    """`decode` of each of the 16384 words."""
+    return tuple(_decode(word) for word in range(WORD_MASK + 1))
+
+
+def _decode(word: int) -> Decoded | None:
+    for row in (*INSTRUCTIONS, *LEGACY):
+        if word & row.mask == row.match:
+            values = {field: word >> row.shift(field) & (1 << row.width(field)) - 1 for field in row.operands}
+            if row.mnemonic == "TRIS" and values["f"] not in TRIS_PORTS:
+                return None
+            return Decoded(row, **values)
+    return None
+
+
+def encode(mnemonic: str, *, f: int = 0, d: int = 0, b: int = 0, k: int = 0) -> int:
+    """The word of an instruction; bits that the chip ignores are 0.
+
+    Raises KeyError for an unknown mnemonic and ValueError for a field that does not fit, so that callers
+    (assembler, compiler) can say where.
+    """
+    row = by_mnemonic()[mnemonic]
+    word = row.match
+    for field, value in (("f", f), ("d", d), ("b", b), ("k", k)):
+        if field not in row.operands:
+            if value:
+                raise ValueError(f"{mnemonic} has no operand {field}")
+        elif not 0 <= value < 1 << row.width(field):
+            raise ValueError(f"{mnemonic}: {field} = {value} does not fit {row.width(field)} bits")
+        else:
+            word |= value << row.shift(field)
+    return word
