@@ -1,0 +1,213 @@
+"""`Leg`: the two-joint walking leg in closed form: foot from angles, all angles from a foot, stance, torque.
+
+In: lengths in metres, angles in radians. Out: arrays with one row a pose.
+
+             from above                          from the side, plane x'z, seen along y'
+
+      y'  F' = foot for β = 0                      B ─────────▶ x'
+       ▲  │                                       ╱│
+       │  C────D          α turns x'y' about z   ╱ │      β turns BC about y'
+    B  │ ╱ l_CD                          l_BC   ╱ β│
+       │╱                                      ╱   ▼ -z
+       A ───▶ x'                              C
+                                              │  l_DF: the slider mechanism keeps it vertical
+                                              F
+
+    x' = -l_BC sin β        y' = l_AB + l_CD = r        z = -l_BC cos β - l_DF
+    X  = -r sin α - l_BC cos α sin β
+    Y  =  r cos α - l_BC sin α sin β
+    Z  = -l_BC cos β - l_DF
+
+Two joints give a surface, not a volume: with s = l_BC sin β, X² + Y² = r² + s² and cos β = -(Z + l_DF) / l_BC
+must hold together. Then α = atan2(Y, X) - atan2(r, -s), and both signs of β are solutions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from servogen.errors import InputError
+from servogen.kinematics.unreachable import Unreachable
+
+Floats = NDArray[np.float64]
+
+REACH_TOLERANCE_M = 1e-9
+"""How far a foot may be from the surface to count as on it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stance:
+    """A planned stance, sample by sample: joint angles, where the foot is, where it should be.
+
+    `correction_m` = wanted - foot, shape (n, 3): what the passive spring joint E' must give.
+    """
+
+    alpha: Floats
+    beta: Floats
+    wanted_m: Floats
+    foot_m: Floats
+    correction_m: Floats
+
+    @property
+    def largest_correction_m(self) -> float:
+        return float(np.linalg.norm(self.correction_m, axis=-1).max(initial=0.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """The lengths l_AB, l_BC, l_CD, l_DF in metres."""
+
+    ab: float
+    bc: float
+    cd: float
+    df: float
+
+    def __post_init__(self) -> None:
+        for name in ("ab", "bc", "cd", "df"):
+            if not getattr(self, name) >= 0:
+                raise InputError(f"the leg's length {name} is {getattr(self, name)} m: it cannot be negative")
+        if not (self.bc > 0 and self.r > 0):
+            raise InputError("a leg needs l_BC > 0 and l_AB + l_CD > 0")
+
+    @classmethod
+    def of(cls, lengths: Mapping[str, float]) -> Leg:
+        """The leg with the lengths `ab`, `bc`, `cd`, `df` of a robot file, in metres."""
+        return cls(lengths["ab"], lengths["bc"], lengths["cd"], lengths["df"])
+
+    @property
+    def r(self) -> float:
+        """The constant distance of D from the axis of α, along y'."""
+        return self.ab + self.cd
+
+    def fk(self, alpha: ArrayLike, beta: ArrayLike) -> Floats:
+        """The foot, shape (..., 3), in the body joint's frame."""
+        alpha, beta = np.broadcast_arrays(np.asarray(alpha, float), np.asarray(beta, float))
+        s = self.bc * np.sin(beta)
+        sin_a, cos_a = np.sin(alpha), np.cos(alpha)
+        z = -self.bc * np.cos(beta) - self.df
+        return np.stack([-self.r * sin_a - s * cos_a, self.r * cos_a - s * sin_a, z], axis=-1)
+
+    def ik(self, foot: ArrayLike, tolerance_m: float = REACH_TOLERANCE_M) -> Floats:
+        """All angles for `foot` (..., 3): shape (..., 2, 2), the last axis (α, β), β ≥ 0 before β ≤ 0.
+
+        Raises `Unreachable` for the first foot farther than `tolerance_m` from the surface.
+        """
+        foot = np.asarray(foot, float)
+        angles = self.solve(foot, tolerance_m)
+        lost = np.isnan(angles).any(axis=(-2, -1))
+        if lost.any():
+            self._refuse(foot[lost][0] if foot.ndim > 1 else foot)
+        return angles
+
+    def solve(self, foot: ArrayLike, tolerance_m: float = REACH_TOLERANCE_M) -> Floats:
+        """As `ik`, with NaN where a foot is off the surface."""
+        foot = np.asarray(foot, float)
+        angles = self._nearest_at_height(foot)
+        error = np.linalg.norm(self.fk(angles[..., 0], angles[..., 1]) - foot[..., None, :], axis=-1)
+        angles[~(error <= tolerance_m)] = np.nan
+        return angles
+
+    def _nearest_at_height(self, foot: Floats) -> Floats:
+        """Angles of the same height and azimuth as `foot`; its distance from z is not looked at."""
+        beta = np.arccos(np.clip(-(foot[..., 2] + self.df) / self.bc, -1.0, 1.0))
+        s = self.bc * np.sin(beta)
+        azimuth = np.arctan2(foot[..., 1], foot[..., 0])
+        angles = np.empty((*foot.shape[:-1], 2, 2))
+        angles[..., 0, 0] = wrapped(azimuth - np.arctan2(self.r, -s))
+        angles[..., 1, 0] = wrapped(azimuth - np.arctan2(self.r, s))
+        angles[..., 0, 1] = beta
+        angles[..., 1, 1] = -beta
+        return angles
+
+    def _refuse(self, foot: Floats) -> None:
+        x, y, z = (float(value) for value in foot)
+        low, high = -self.bc - self.df, self.bc - self.df
+        distance, mm = float(np.hypot(x, y)), 1000.0
+        if not np.isfinite(foot).all():
+            raise InputError(f"a foot needs finite coordinates, not ({x}, {y}, {z})")
+        if not low <= z <= high:
+            reason = f"the height must be between {low * mm:.3f} and {high * mm:.3f} mm"
+        else:
+            needed = float(np.hypot(self.r, np.sqrt(max(self.bc**2 - (z + self.df) ** 2, 0.0))))
+            reason = (
+                f"two joints reach a surface only, and at this height the foot is {needed * mm:.3f} mm"
+                f" from the axis of α, not {distance * mm:.3f} mm"
+            )
+        raise Unreachable((x, y, z), reason, self.nearest((x, y, z)))
+
+    def nearest(self, foot: ArrayLike) -> tuple[float, float, float]:
+        """The point of the leg's surface nearest to `foot`, any α allowed.
+
+        By symmetry it lies at the azimuth of the foot, so only β is sought: in the half plane (ρ, z).
+        """
+        x, y, z = (float(value) for value in np.asarray(foot, float))
+        rho = np.hypot(x, y)
+        low, high = 0.0, np.pi
+        best = 0.0
+        for _ in range(
+            6
+        ):  # each round narrows the interval to two steps of the last: π/200⁶ is far below 1e-9
+            beta = np.linspace(low, high, 401)
+            away = np.hypot(
+                np.hypot(self.r, self.bc * np.sin(beta)) - rho, -self.bc * np.cos(beta) - self.df - z
+            )
+            best, step = float(beta[np.argmin(away)]), (high - low) / 400
+            low, high = max(best - step, 0.0), min(best + step, np.pi)
+        reach = float(np.hypot(self.r, self.bc * np.sin(best)))
+        scale = (x / rho, y / rho) if rho > 0 else (0.0, 1.0)
+        return (reach * scale[0], reach * scale[1], float(-self.bc * np.cos(best) - self.df))
+
+    def beta_at(self, height_m: float) -> float:
+        """The β ≥ 0 at which the foot is at Z = `height_m` (-β is the other one)."""
+        cosine = -(height_m + self.df) / self.bc
+        if not -1.0 <= cosine <= 1.0:
+            low, high = -self.bc - self.df, self.bc - self.df
+            raise InputError(
+                f"no β gives the height {1000 * height_m:.3f} mm",
+                hint=f"this leg's foot is between {1000 * low:.3f} and {1000 * high:.3f} mm",
+            )
+        return float(np.arccos(cosine))
+
+    def straight(self, stride_m: float, height_m: float, samples: int, side: int = 1) -> Floats:
+        """The straight stance path along -X (the body goes along +X), shape (samples, 3), from front to back.
+
+        The line runs at the distance from the axis that halves the greatest correction: as far outside the
+        foot's circle of radius ρ in the middle as inside it at the ends.
+
+            ends ρ' = √(y² + (stride/2)²) = ρ + e,  middle y = ρ - e   ⇒   e = stride² / (16 ρ)
+        """
+        if samples < 2 or side not in (1, -1):
+            raise InputError("a stance path needs two samples or more and a side of 1 or -1")
+        rho = float(np.hypot(self.r, self.bc * np.sin(self.beta_at(height_m))))
+        x = np.linspace(stride_m / 2, -stride_m / 2, samples)
+        y = np.full(samples, side * (rho - stride_m**2 / (16 * rho)))
+        return np.stack([x, y, np.full(samples, height_m)], axis=-1)
+
+    def stance(self, wanted: ArrayLike, beta_sign: int = 1) -> Stance:
+        """Angles that follow the wanted foot path (n, 3) at its heights, and what is left to the spring.
+
+        At constant height β is constant and the foot goes on a circle about the axis of α: the foot is put
+        at the azimuth of the wanted point, so the correction is the shortest possible at that height, radial.
+        """
+        wanted = np.atleast_2d(np.asarray(wanted, float))
+        for height in (wanted[:, 2].min(), wanted[:, 2].max()):
+            self.beta_at(float(height))
+        if beta_sign not in (1, -1):
+            raise InputError(f"the sign of β is 1 or -1, not {beta_sign}")
+        angles = self._nearest_at_height(wanted)[:, 0 if beta_sign == 1 else 1, :]
+        alpha = np.unwrap(angles[:, 0])
+        foot = self.fk(alpha, angles[:, 1])
+        return Stance(alpha, angles[:, 1], wanted, foot, wanted - foot)
+
+    def torque(self, beta: ArrayLike, force_n: ArrayLike) -> Floats:
+        """The static torque on joint B, in N·m, under a vertical force at the foot: F l_BC sin β."""
+        return np.asarray(np.asarray(force_n, float) * self.bc * np.sin(np.asarray(beta, float)))
+
+
+def wrapped(angle: Floats) -> Floats:
+    """The same angle in (-π, π]."""
+    return np.pi - np.mod(np.pi - angle, 2 * np.pi)
