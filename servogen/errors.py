@@ -52,6 +52,18 @@ class ToolError(ServogenError):
     exit_code = 3
 
 
+@dataclass(frozen=True, slots=True)
+class Caution:
+    """A warning: nothing is refused, but the user should know. `code` names its kind, as "period-range"."""
+
+    code: str
+    text: str
+    place: Place | None = None
+
+    def __str__(self) -> str:
+        return f"{self.place}: {self.text}" if self.place else self.text
+
+
 def nearest(word: str, known: Iterable[str]) -> str:
     """A sentence that names the known word nearest to `word`, or all of them when none is near."""
     names = sorted(known)

@@ -1,0 +1,95 @@
+"""Where each key of a TOML document stands.
+
+In: the text of a valid TOML document. Out: line and column of every key, table and array element. The
+standard library's parser forgets positions; tree-sitter's concrete syntax tree keeps them.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cache
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tree_sitter import Node, Parser
+
+Key = tuple[str | int, ...]
+"""The way to a value: table names and array indices from 0."""
+
+
+@cache
+def _parser() -> Parser:
+    import tree_sitter
+    import tree_sitter_toml
+
+    return tree_sitter.Parser(tree_sitter.Language(tree_sitter_toml.language()))
+
+
+def places_of(text: str) -> dict[Key, tuple[int, int]]:
+    """Line and column (from 1, in characters) of every key and array element of a valid document."""
+    raw = text.encode()
+    lines = raw.split(b"\n")
+    places: dict[Key, tuple[int, int]] = {}
+    counts: dict[Key, int] = {}
+
+    def note(key: Key, node: Node) -> None:
+        row, column = node.start_point
+        places.setdefault(key, (row + 1, len(lines[row][:column].decode(errors="replace")) + 1))
+
+    def header(names: list[str]) -> Key:
+        """A table's key: each array of tables on the way stands for its newest element."""
+        key: Key = ()
+        for name in names:
+            key = (*key, name)
+            if key in counts:
+                key = (*key, counts[key] - 1)
+        return key
+
+    def pair(node: Node, base: Key) -> None:
+        name, value = node.named_children[0], _value(node)
+        key: Key = base
+        for part in _names(name):
+            key = (*key, part)
+            note(key, node)
+        if value is not None:
+            inside(value, key)
+
+    def inside(node: Node, key: Key) -> None:
+        if node.type == "inline_table":
+            for child in node.named_children:
+                if child.type == "pair":
+                    pair(child, key)
+        elif node.type == "array":
+            for index, child in enumerate(each for each in node.named_children if each.type != "comment"):
+                note((*key, index), child)
+                inside(child, (*key, index))
+
+    for node in _parser().parse(raw).root_node.named_children:
+        if node.type == "pair":
+            pair(node, ())
+        elif node.type in ("table", "table_array_element"):
+            names = _names(node.named_children[0])
+            parent = header(names[:-1])
+            key: Key = (*parent, names[-1])
+            note(key, node)
+            if node.type == "table_array_element":
+                counts[key] = counts.get(key, 0) + 1
+                key = (*key, counts[key] - 1)
+                note(key, node)
+            for child in node.named_children[1:]:
+                if child.type == "pair":
+                    pair(child, key)
+    return places
+
+
+def _value(pair: Node) -> Node | None:
+    rest = [child for child in pair.named_children[1:] if child.type != "comment"]
+    return rest[0] if rest else None
+
+
+def _names(node: Node) -> list[str]:
+    """The parts of a bare, quoted or dotted key; the standard library undoes the quotes."""
+    if node.type == "dotted_key":
+        return [name for child in node.named_children for name in _names(child)]
+    text = (node.text or b"").decode()
+    return [next(iter(tomllib.loads(f"{text} = 0")))] if node.type == "quoted_key" else [text]
