@@ -1,0 +1,46 @@
+# One machine needs only Python 3.11 or newer, pip, make and gcc; all else is installed into .venv.
+
+PYTHON ?= python3
+VENV   ?= .venv
+BIN    := $(VENV)/bin
+JOBS   := $(wildcard jobs/*.toml)
+READY  := $(VENV)/.installed
+
+.PHONY: demo test check bench firmware clean help
+
+help:
+	@echo "make demo      install into $(VENV), build and prove every job under jobs/, print one table"
+	@echo "make test      the tests"
+	@echo "make check     format, lint, types, tests, and firmware/ made anew and compared"
+	@echo "make firmware  make firmware/ anew"
+	@echo "make bench     measure speeds and print ratios"
+	@echo "make clean     remove what was made"
+
+$(READY): pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "servogen needs Python 3.11 or newer: make PYTHON=python3.11 ..."; exit 3; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev,plot]'
+	@touch $@
+
+demo: $(READY)
+	$(BIN)/servogen demo $(JOBS) --output build
+
+test: $(READY)
+	$(BIN)/pytest
+
+check: $(READY)
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/servogen demo $(JOBS) --output build/firmware --against firmware
+	$(BIN)/pytest
+
+firmware: $(READY)
+	$(BIN)/servogen demo $(JOBS) --output firmware
+
+bench: $(READY)
+	$(BIN)/python -m bench
+
+clean:
+	rm -rf build .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,0 +1,74 @@
+"""`servogen`: the commands put together, and what every command shares: exit codes and how an error is shown.
+
+Exit codes: 0 done or proven, 1 checked and found wrong, 2 bad input, 3 a tool or the bench is missing or
+failed, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated, NoReturn
+
+import typer
+from typer.exceptions import TyperException
+
+from servogen import __version__
+from servogen.cli import chip_commands, job_commands, signal_commands
+from servogen.errors import ServogenError
+
+INTERRUPTED = 130
+
+app = typer.Typer(
+    name="servogen",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="From a robot's job file to a PIC16F84 HEX whose every servo pulse edge is proven.",
+    epilog="Exit codes: 0 done or proven, 1 found wrong, 2 bad input, 3 a tool is missing or failed, "
+    "130 interrupted.",
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"servogen {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+for group in (job_commands, chip_commands, signal_commands):
+    group.register(app)
+
+
+def main() -> NoReturn:
+    """Runs one command; shows errors without a traceback and exits with the code that scripts rely on."""
+    try:
+        result = app(standalone_mode=False)
+    except ServogenError as error:
+        _say(str(error))
+        sys.exit(error.exit_code)
+    except TyperException as error:  # the command line itself is wrong
+        error.show()
+        sys.exit(error.exit_code)
+    except (KeyboardInterrupt, typer.Abort):
+        _say("interrupted")
+        sys.exit(INTERRUPTED)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(0)
+    except OSError as error:
+        _say(f"{error.filename}: {error.strerror}" if error.filename else str(error))
+        sys.exit(2)
+    sys.exit(result if isinstance(result, int) else 0)
+
+
+def _say(text: str) -> None:
+    print(f"servogen: {text}", file=sys.stderr)

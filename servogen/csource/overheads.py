@@ -1,0 +1,39 @@
+"""`Overheads`: the cycles that a compiler's code takes between two edges beside the delays asked for.
+
+In: what was measured on one rendering. Out: a frozen table that the next rendering takes off its delays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """A way through the program from one edge to the next that has a delay of its own.
+
+    `kind` is "start" (from reset to the first edge), "in" (inside a frame, after its edge `edge`),
+    "again" (from a frame to the same frame again) or "after" (from step `owner` to the next one).
+    """
+
+    kind: str
+    owner: int = 0
+    edge: int = 0
+
+
+START = Path("start")
+
+
+@dataclass(frozen=True, slots=True)
+class Overheads:
+    """Cycles by path; a path that was not measured yet costs 0."""
+
+    cycles: Mapping[Path, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cycles", MappingProxyType(dict(self.cycles)))
+
+    def of(self, path: Path) -> int:
+        return self.cycles.get(path, 0)

@@ -1,0 +1,206 @@
+"""A `Sequence` as C: `templates/main.c.j2` is the body, `c2c.j2` and `xc8.j2` are the dialects' words.
+
+In: the program and a dialect. Out: the text of one C file. Nothing is computed in the templates; a name that
+they use and that is not given is an error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cache
+from pathlib import Path as FilePath
+from traceback import walk_tb
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError, TemplateSyntaxError
+
+from servogen.csource.sequence import Frame, Pause, Sequence, Step
+from servogen.csource.waits import CALLS
+from servogen.errors import Place, ServogenError
+from servogen.pic.device import Device, oscillator_for
+from servogen.pulse import PulseSchedule
+from servogen.units import Clock, Cycles
+
+DIALECTS = ("c2c", "xc8")
+
+
+class RenderError(ServogenError):
+    """A template is wrong: its name and line."""
+
+
+def render(program: Sequence, dialect: str, device: Device, title: str) -> str:
+    """The C file of `program` in `dialect`. Raises RenderError, or InputError for a delay it cannot say."""
+    clock = program.schedule.clock
+    try:
+        return (
+            _environment()
+            .get_template("main.c.j2")
+            .render(
+                dialect=dialect,
+                title=title,
+                device=device.name,
+                clock_hz=clock.hz,
+                clock_mhz=_number(Fraction(clock.hz, 1_000_000)),
+                cycle_us=_number(clock.cycle_us),
+                oscillator=oscillator_for(clock.hz),
+                period_us=_number(clock.us(program.schedule.period)),
+                channels=list(_channels(program.schedule)),
+                ports=list(_ports(program.schedule)),
+                start=_calls(program.start, dialect, clock),
+                positions=[
+                    _PositionText(
+                        f"position_{position.number}",
+                        _frame_text(position.frame, program.schedule),
+                        _lines(position.frame, program.schedule, dialect),
+                        _calls(position.gap, dialect, clock),
+                        _calls(position.again, dialect, clock),
+                    )
+                    for position in program.positions
+                ],
+                lead_in=[_step(step, program.schedule, dialect) for step in program.lead_in],
+                loop=[_step(step, program.schedule, dialect) for step in program.loop],
+            )
+        )
+    except TemplateError as error:
+        raise RenderError(error.message or "the template is wrong", _template_place(error)) from error
+
+
+def _template_place(error: TemplateError) -> Place:
+    """The template and line of an error: its own, or the last template line that was running."""
+    if isinstance(error, TemplateSyntaxError):
+        return Place(error.name, error.lineno)
+    lines = [
+        (frame.f_code.co_filename, line)
+        for frame, line in walk_tb(error.__traceback__)
+        if frame.f_code.co_filename.endswith(".j2")
+    ]
+    file, line = lines[-1] if lines else (None, None)
+    return Place(FilePath(file).name if file else None, line)
+
+
+@dataclass(frozen=True, slots=True)
+class _ChannelText:
+    name: str
+    pin: str
+    widths_us: str
+
+
+@dataclass(frozen=True, slots=True)
+class _PortText:
+    name: str
+    tris: str
+
+
+@dataclass(frozen=True, slots=True)
+class _LineText:
+    """A port write, its comment, the delay after it and that delay's comment."""
+
+    write: str
+    comment: str
+    calls: str
+
+
+@dataclass(frozen=True, slots=True)
+class _PositionText:
+    name: str
+    comment: str
+    lines: tuple[_LineText, ...]
+    gap: str
+    again: str
+
+
+@dataclass(frozen=True, slots=True)
+class _StepText:
+    """A call of a position, a frame of its own (`lines`) or a pause."""
+
+    call: str
+    lines: tuple[_LineText, ...]
+    comment: str
+    after: str
+
+
+def _channels(schedule: PulseSchedule) -> Iterator[_ChannelText]:
+    for number, channel in enumerate(schedule.channels):
+        widths = sorted(
+            {pulse.width for run in (*schedule.lead_in, *schedule.loop) if (pulse := run.pulses[number])}
+        )
+        yield _ChannelText(
+            channel.name, channel.pin, ", ".join(_number(schedule.clock.us(width)) for width in widths)
+        )
+
+
+def _ports(schedule: PulseSchedule) -> Iterator[_PortText]:
+    """The ports in use; their other pins stay inputs, as reset leaves them."""
+    for port, inputs in (("A", 0x1F), ("B", 0xFF)):
+        pins = [int(channel.pin[2]) for channel in schedule.channels if channel.pin[1] == port]
+        if pins:
+            yield _PortText(port, f"0x{inputs & ~sum(1 << pin for pin in pins):02X}")
+
+
+def _lines(frame: Frame, schedule: PulseSchedule, dialect: str) -> tuple[_LineText, ...]:
+    lines = []
+    for edge in frame.edges:
+        words = []
+        for channel, level in edge.changes:
+            name, pulse = schedule.channels[channel].name, frame.run.pulses[channel]
+            width = f" for {_number(schedule.clock.us(pulse.width))} us" if level and pulse else ""
+            words.append(f"{name} {'high' if level else 'low'}{width}")
+        lines.append(
+            _LineText(
+                f"PORT{edge.port} = 0x{edge.value:02X};",
+                ", ".join(words),
+                _calls(edge.wait, dialect, schedule.clock),
+            )
+        )
+    return tuple(lines)
+
+
+def _step(step: Step, schedule: PulseSchedule, dialect: str) -> _StepText:
+    clock = schedule.clock
+    if isinstance(step, Pause):
+        seconds = _number(clock.seconds(step.wait))
+        return _StepText("", (), f"{seconds} s without pulses", _calls(step.wait, dialect, clock))
+    after = _calls(step.after, dialect, clock)
+    comment = _frame_text(step.frame, schedule)
+    if step.position:
+        seconds = _number(clock.seconds(step.frames * schedule.period))
+        call = f"position_{step.position.number}({step.frames});"
+        return _StepText(call, (), f"{comment}, for {seconds} s", after)
+    return _StepText("", _lines(step.frame, schedule, dialect), comment, after)
+
+
+def _frame_text(frame: Frame, schedule: PulseSchedule) -> str:
+    return ", ".join(
+        f"{channel.name} {_number(schedule.clock.us(pulse.width))} us"
+        for channel, pulse in zip(schedule.channels, frame.run.pulses, strict=True)
+        if pulse
+    )
+
+
+def _calls(cycles: Cycles, dialect: str, clock: Clock) -> str:
+    return " ".join(str(call) for call in CALLS[dialect](cycles, clock))
+
+
+def _number(value: Fraction) -> str:
+    """A number as people write it: whole, or with the decimals it needs, three at most."""
+    return f"{float(value):.3f}".rstrip("0").rstrip(".")
+
+
+def template_folder() -> FilePath:
+    """`templates/`: inside the package when installed from a wheel, beside it in a checkout."""
+    package = FilePath(__file__).parent.parent
+    inside = package / "templates"
+    return inside if inside.is_dir() else package.parent / "templates"
+
+
+@cache
+def _environment() -> Environment:
+    return Environment(
+        loader=FileSystemLoader(template_folder()),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,
+    )

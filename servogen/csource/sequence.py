@@ -1,0 +1,262 @@
+"""The `sequence` engine: a schedule as the program that a lab would write.
+
+In: a `PulseSchedule` and the `Overheads` of a compiler. Out: a `Sequence`: frame functions, the steps that
+call them, and every delay in cycles; `walk` says which delays lie between any two edges, so that the
+overheads can be measured.
+
+    position(frames)          main
+    ┌─ edge, wait, edge …      ┌─ position_1(100), wait
+    │  gap                     │  position_2(250), wait
+    │  last frame? ── return   │  pause
+    └─ again                   └─ …
+
+The way back to the same frame and the way on to the next step differ in cycles; `gap` stops short of both by
+`MARGIN`, and `again` and the step's own wait make up what is left of each.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+from servogen.csource.overheads import START, Overheads, Path
+from servogen.errors import InputError
+from servogen.pulse import PulseSchedule, Run
+from servogen.units import Cycles
+
+MARGIN = Cycles(64)
+"""More than any compiler's loop, return and call take between two frames."""
+
+MOST_FRAMES_A_CALL = 255
+"""A frame counter is one byte: its cycles do not depend on its value."""
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """A port write: `value` goes to port A or B; `channels` are the (channel, level) that it changes."""
+
+    at: Cycles
+    port: str
+    value: int
+    changes: tuple[tuple[int, int], ...]
+    wait: Cycles
+    """The delay after it; the frame's last edge has none of its own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One frame's edges in order of time."""
+
+    edges: tuple[Edge, ...]
+    run: Run
+
+    @property
+    def first(self) -> Cycles:
+        return self.edges[0].at
+
+    @property
+    def last(self) -> Cycles:
+        return self.edges[-1].at
+
+
+@dataclass(frozen=True, slots=True)
+class Position:
+    """A function that repeats one frame."""
+
+    number: int
+    frame: Frame
+    gap: Cycles
+    again: Cycles
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """A step: `frames` times a position, or once a frame of its own (`position` None); then `after`."""
+
+    number: int
+    frame: Frame
+    position: Position | None
+    frames: int
+    after: Cycles
+
+
+@dataclass(frozen=True, slots=True)
+class Pause:
+    """A step without pulses."""
+
+    frames: int
+    wait: Cycles
+
+
+Step = Hold | Pause
+
+
+@dataclass(frozen=True, slots=True)
+class Sequence:
+    """The whole program. The first edge is `start` cycles and the way from reset after reset."""
+
+    schedule: PulseSchedule
+    start: Cycles
+    positions: tuple[Position, ...]
+    lead_in: tuple[Step, ...]
+    loop: tuple[Step, ...]
+
+    def walk(self) -> Iterator[tuple[Path, Cycles]]:
+        """For each edge in turn, for ever: the path that ends in it and the delays asked for on that path."""
+        path, asked = START, self.start
+        for step in self._steps():
+            if isinstance(step, Pause):
+                asked = Cycles(asked + step.wait)
+                continue
+            for again in reversed(range(step.frames)):
+                for index, edge in enumerate(step.frame.edges):
+                    yield path, asked
+                    path, asked = Path("in", _owner(step), index), edge.wait
+                gap = step.position.gap if step.position else Cycles(0)
+                if again and step.position:
+                    path, asked = Path("again", _owner(step)), Cycles(gap + step.position.again)
+                else:
+                    path, asked = Path("after", step.number), Cycles(gap + step.after)
+
+    def _steps(self) -> Iterator[Step]:
+        yield from self.lead_in
+        while any(isinstance(step, Hold) for step in self.loop):
+            yield from self.loop
+
+
+def _owner(step: Hold) -> int:
+    """Positions are numbered from 1; a frame of its own goes by its step's number, below 0."""
+    return step.position.number if step.position else -step.number
+
+
+def sequence(schedule: PulseSchedule, overheads: Overheads) -> Sequence:
+    """The program of a schedule. Raises InputError where the schedule leaves a delay no time."""
+    lead_in, loop = _split(schedule.lead_in), _split(schedule.loop)
+    runs = (*lead_in, *loop)
+    pulsed = [run for run in runs if _pulsed(run)]
+    if not pulsed:
+        raise InputError("the schedule has no pulse")
+    often = Counter(run.pulses for run in pulsed)
+    shared = dict.fromkeys(run.pulses for run in pulsed if run.frames > 1 or often[run.pulses] > 1)
+    numbers = {pulses: number for number, pulses in enumerate(shared, 1)}
+    owners = [numbers.get(run.pulses, -step) for step, run in enumerate(runs)]
+    frames = [
+        _frame(schedule, run, owner, overheads) if _pulsed(run) else None
+        for run, owner in zip(runs, owners, strict=True)
+    ]
+    exits = _exits(schedule, frames, len(lead_in))
+    positions = {
+        number: _position(schedule, number, frames, owners, exits, overheads) for number in numbers.values()
+    }
+    steps = tuple(
+        Pause(run.frames, Cycles(run.frames * schedule.period))
+        if frame is None
+        else _hold(step, frame, positions.get(owners[step]), exits[step], overheads)
+        for step, (run, frame) in enumerate(zip(runs, frames, strict=True))
+    )
+    start = _delay(schedule.period, START, overheads, "from reset to the first edge")
+    return Sequence(schedule, start, tuple(positions.values()), steps[: len(lead_in)], steps[len(lead_in) :])
+
+
+def _split(runs: tuple[Run, ...]) -> tuple[Run, ...]:
+    """The same frames in runs that a one-byte counter can count."""
+    parts = []
+    for run in runs:
+        whole, rest = divmod(run.frames, MOST_FRAMES_A_CALL) if _pulsed(run) else (0, run.frames)
+        parts += [Run(MOST_FRAMES_A_CALL, run.pulses)] * whole
+        parts += [Run(rest, run.pulses)] if rest else []
+    return tuple(parts)
+
+
+def _pulsed(run: Run) -> bool:
+    return any(run.pulses)
+
+
+def _frame(schedule: PulseSchedule, run: Run, owner: int, overheads: Overheads) -> Frame:
+    """The port writes of one frame and the delays between them."""
+    changes: dict[int, list[tuple[int, int]]] = {}
+    for channel, pulse in enumerate(run.pulses):
+        if pulse:
+            changes.setdefault(pulse.rise, []).append((channel, 1))
+            changes.setdefault(pulse.rise + pulse.width, []).append((channel, 0))
+    times = sorted(changes)
+    ports = {"A": 0, "B": 0}
+    edges = []
+    for index, at in enumerate(times):
+        touched = {schedule.channels[channel].pin[1] for channel, _ in changes[at]}
+        if len(touched) > 1:
+            raise InputError(
+                f"edges of both ports fall on cycle {at} of a frame",
+                hint="one write reaches one port: move one servo to the other's port or to another slot",
+            )
+        (port,) = touched
+        for channel, level in changes[at]:
+            mask = 1 << int(schedule.channels[channel].pin[2])
+            ports[port] = ports[port] | mask if level else ports[port] & ~mask
+        wait = Cycles(0)
+        if index + 1 < len(times):
+            path = Path("in", owner, index)
+            wait = _delay(times[index + 1] - at, path, overheads, f"after cycle {at} of a frame")
+        edges.append(Edge(Cycles(at), port, ports[port], tuple(changes[at]), wait))
+    return Frame(tuple(edges), run)
+
+
+def _exits(schedule: PulseSchedule, frames: list[Frame | None], lead_in: int) -> dict[int, Cycles | None]:
+    """For each step with pulses: cycles from its last edge to the next step's first, pauses left out.
+
+    None where no pulse follows.
+    """
+    order = [step for step, frame in enumerate(frames) if frame]
+    following = dict(pairwise(order))
+    around = [step for step in order if step >= lead_in]
+    if around:
+        following[order[-1]] = around[0]
+    exits: dict[int, Cycles | None] = dict.fromkeys(order)
+    for step, after in following.items():
+        here, there = frames[step], frames[after]
+        if here and there:
+            exits[step] = Cycles(schedule.period - here.last + there.first)
+    return exits
+
+
+def _position(
+    schedule: PulseSchedule,
+    number: int,
+    frames: list[Frame | None],
+    owners: list[int],
+    exits: dict[int, Cycles | None],
+    overheads: Overheads,
+) -> Position:
+    mine = [step for step, owner in enumerate(owners) if owner == number]
+    frame = next(frame for step in mine if (frame := frames[step]))
+    around = schedule.period - frame.last + frame.first
+    gap = _checked(
+        min([around, *(leave for step in mine if (leave := exits[step]))]) - MARGIN, "between frames"
+    )
+    again = _delay(around - gap, Path("again", number), overheads, "between frames")
+    return Position(number, frame, gap, again)
+
+
+def _hold(
+    step: int, frame: Frame, position: Position | None, leave: Cycles | None, overheads: Overheads
+) -> Hold:
+    after = Cycles(0)
+    if leave is not None:
+        gap = position.gap if position else 0
+        after = _delay(leave - gap, Path("after", step), overheads, "between frames")
+    return Hold(step, frame, position, frame.run.frames, after)
+
+
+def _delay(cycles: int, path: Path, overheads: Overheads, where: str) -> Cycles:
+    return _checked(cycles - overheads.of(path), where)
+
+
+def _checked(cycles: int, where: str) -> Cycles:
+    if cycles < 0:
+        raise InputError(
+            f"two edges are too close {where}: the statements between them take {-cycles} cycles too many",
+            hint="lengthen the period, or give the servos slots that are further apart",
+        )
+    return Cycles(cycles)
