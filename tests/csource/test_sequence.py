@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from servogen.csource import DIALECTS, Overheads, render, sequence
 from servogen.csource.overheads import Path
-from servogen.csource.render import RenderError, _environment
+from servogen.csource.rendering import RenderError, _environment
 from servogen.errors import InputError
 from servogen.pic.device import device
 from servogen.pulse import Channel, Pulse, PulseSchedule, Run
@@ -129,7 +129,7 @@ def test_a_name_that_a_template_does_not_know_is_an_error_with_its_place(
 ) -> None:
     schedule = schedule_of([], [(1, [1500])])
     (tmp_path / "main.c.j2").write_text("/* {{ title }} */\n{{ nobody }}\n")
-    monkeypatch.setattr("servogen.csource.render.template_folder", lambda: tmp_path)
+    monkeypatch.setattr("servogen.csource.rendering.template_folder", lambda: tmp_path)
     _environment.cache_clear()
     try:
         with pytest.raises(RenderError, match=r"main\.c\.j2:2: 'nobody' is undefined"):

@@ -15,7 +15,7 @@ from traceback import walk_tb
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError, TemplateSyntaxError
 
-from servogen.csource.sequence import Frame, Pause, Sequence, Step
+from servogen.csource.programs import Frame, Pause, Sequence, Step
 from servogen.csource.waits import CALLS
 from servogen.errors import Place, ServogenError
 from servogen.pic.device import Device, oscillator_for
