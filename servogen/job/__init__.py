@@ -1,0 +1,6 @@
+"""Job file -> `Job`: chip, servos, motion and frame, checked."""
+
+from servogen.job.job import Firmware, Job, LegBinding
+from servogen.job.load import load, loads
+
+__all__ = ["Firmware", "Job", "LegBinding", "load", "loads"]

@@ -1,0 +1,24 @@
+"""Trajectory -> `PulseSchedule` in integer cycles, its expected edges, and the checks of pulses."""
+
+from servogen.pulse.checks import check_measured, check_motion, check_period, check_periods, check_widths
+from servogen.pulse.plan import PulsePlan, plan
+from servogen.pulse.quantise import Quantised
+from servogen.pulse.schedule import Channel, Pulse, PulseSchedule, Run, from_json
+from servogen.pulse.slots import Frame
+
+__all__ = [
+    "Channel",
+    "Frame",
+    "Pulse",
+    "PulsePlan",
+    "PulseSchedule",
+    "Quantised",
+    "Run",
+    "check_measured",
+    "check_motion",
+    "check_period",
+    "check_periods",
+    "check_widths",
+    "from_json",
+    "plan",
+]

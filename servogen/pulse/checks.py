@@ -1,0 +1,180 @@
+"""Checks that warn: of planned motions and of measured pulses alike.
+
+In: a servo and its widths or angles, frame by frame. Out: `Caution` values; each code below is one kind.
+
+    period-range   the period is outside of 18 to 20 ms
+    period-varies  measured frames differ in length
+    width-range    a pulse is shorter or longer than any that the servo takes
+    angle-range    a pulse asks for an angle outside the servo's travel
+    too-fast       the angle moves on, frame by frame, faster than the servo turns
+    frames-few     a position is left before the servo can have reached it
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.errors import Caution, Place
+from servogen.motion.trajectory import Floats
+from servogen.robot.servo import Servo
+from servogen.units import Rounded
+
+PERIOD_US = (18_000, 20_000)
+"""The recommended period (specification of the labs' servos); others work in practice."""
+
+WIDTH_TOLERANCE_US = 2.0
+"""A width this far outside of a servo's range is not worth a word: rounding, or a statement's cycles."""
+
+
+def check_period(period: Rounded, place: Place | None = None) -> tuple[Caution, ...]:
+    """Of a stated period."""
+    found = []
+    if not period.exact:
+        found.append(
+            Caution(
+                "period-rounded",
+                f"a period of {_us(period.requested_us)} is not whole cycles: "
+                f"{period.cycles} cycles are {_us(period.achieved_us)}",
+                place,
+            )
+        )
+    return (*found, *check_periods([float(period.achieved_us)], place=place))
+
+
+def check_periods(
+    periods_us: Sequence[float], name: str = "", place: Place | None = None
+) -> tuple[Caution, ...]:
+    """Of the times from rise to rise, planned or measured, of one channel (`name`)."""
+    if not len(periods_us):
+        return ()
+    who = f"{name}: " if name else ""
+    low, high = min(periods_us), max(periods_us)
+    found = []
+    if high - low > 0:
+        found.append(
+            Caution(
+                "period-varies",
+                f"{who}frames differ by {_us(high - low)}: periods of {_us(low)} to {_us(high)}",
+                place,
+            )
+        )
+    for period in dict.fromkeys((low, high)):
+        if not PERIOD_US[0] <= period <= PERIOD_US[1]:
+            found.append(
+                Caution("period-range", f"{who}a period of {_us(period)} is outside of 18 to 20 ms", place)
+            )
+    return tuple(found)
+
+
+def check_widths(
+    servo: Servo, widths_us: Sequence[float], tolerance_us: float = WIDTH_TOLERANCE_US
+) -> tuple[Caution, ...]:
+    """Of the distinct widths of one channel, against the servo on it."""
+    low, high = servo.widths_us
+    found = []
+    for width in sorted(set(widths_us)):
+        if low - tolerance_us <= width <= high + tolerance_us:
+            continue
+        found.append(
+            Caution(
+                "width-range",
+                f"{servo.name}: a pulse of {_us(width)} is outside of the servo's {_us(low)} to {_us(high)}",
+                servo.place,
+            )
+        )
+        ends = " to ".join(f"{math.degrees(limit):g}°" for limit in servo.limits)
+        angle = math.degrees(servo.angle(width))
+        found.append(
+            Caution(
+                "angle-range",
+                f"{servo.name}: {_us(width)} would be {angle:.0f}°, outside of its travel of {ends}",
+                servo.place,
+            )
+        )
+    return tuple(found)
+
+
+def check_motion(servo: Servo, angles: Floats, loop_start: int, period_s: float) -> tuple[Caution, ...]:
+    """Of a channel's angles, one a frame (NaN: no pulse); those from `loop_start` on repeat.
+
+    Each kind is said once, for its worst frame. A model without a stated speed is not judged.
+    """
+    if servo.model.speed is None:
+        return ()
+    reach = servo.model.speed * period_s
+    # Twice around, so that what the loop's end leaves behind is seen at its beginning.
+    around = np.concatenate((angles, angles[loop_start:]))
+    runs = list(_constant(around[~np.isnan(around)]))
+    return tuple(_follow(servo, runs, reach, period_s))
+
+
+def check_measured(
+    servo: Servo, widths_us: npt.ArrayLike, periods_us: Sequence[float]
+) -> tuple[Caution, ...]:
+    """Of one measured channel: its widths in order, one a frame, and its times from rise to rise."""
+    widths = np.asarray(widths_us, dtype=np.float64)
+    distinct = np.unique(widths)
+    angles = np.array([servo.angle(width) for width in distinct])[np.searchsorted(distinct, widths)]
+    period_s = float(np.median(periods_us)) / 1e6 if len(periods_us) else 0.0
+    return (
+        *check_widths(servo, distinct.tolist()),
+        *check_periods(periods_us, servo.name),
+        *(check_motion(servo, angles, len(angles), period_s) if period_s else ()),
+    )
+
+
+def _constant(angles: Floats) -> Iterator[tuple[float, int]]:
+    """(angle, frames) of each run of equal angles."""
+    if not len(angles):
+        return
+    bounds = [0, *(np.flatnonzero(np.diff(angles)) + 1).tolist(), len(angles)]
+    for first, end in pairwise(bounds):
+        yield float(angles[first]), end - first
+
+
+def _follow(
+    servo: Servo, runs: Sequence[tuple[float, int]], reach: float, period_s: float
+) -> Iterator[Caution]:
+    """A servo that turns by at most `reach` a frame, after the angles that it is told.
+
+    A position that lasts several frames is a step: it must be reached before it is left. One that lasts a
+    frame is part of a ramp, and the ramp must not be steeper than `reach`.
+    """
+    at = runs[0][0] if runs else 0.0
+    steepest, short, needed = 0.0, 0, 0
+    before = at
+    for angle, frames in runs:
+        away = abs(angle - at)
+        take = math.ceil(away / reach - 1e-9)
+        if frames == 1:
+            steepest = max(steepest, abs(angle - before))
+        elif take > frames and take - frames > short:
+            short, needed = take - frames, take
+        moved = min(away, frames * reach)
+        at += math.copysign(moved, angle - at)
+        before = angle
+    limit = math.degrees(reach / period_s)
+    if steepest > reach * (1 + 1e-9):
+        asked = math.degrees(steepest / period_s)
+        yield Caution(
+            "too-fast",
+            f"{servo.name} is asked for {asked:.0f}°/s: it turns at {limit:.0f}°/s at most",
+            servo.place,
+        )
+    if short:
+        yield Caution(
+            "frames-few",
+            f"{servo.name} is told to leave a position {short} frames before it can have reached it: "
+            f"the travel takes {needed} frames at {limit:.0f}°/s",
+            servo.place,
+        )
+
+
+def _us(value: object) -> str:
+    number = float(value)  # type: ignore[arg-type]
+    return f"{number / 1000:g} ms" if number >= 10_000 else f"{number:g} µs"

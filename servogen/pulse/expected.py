@@ -1,0 +1,108 @@
+"""A schedule's edges, for ever, in chunks of arrays.
+
+In: a `PulseSchedule`. Out: `edges.Expected`, whose chunks are made while they are read: a day of edges needs
+no more memory than a second of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from servogen.edges import HIGH, LOW, PINS, Expected, ExpectedChannel, ExpectedChunk
+from servogen.pulse.schedule import PulseSchedule, Run
+from servogen.units import Cycles
+
+CHUNK_EDGES = 1 << 16
+"""About how many edges a chunk holds."""
+
+
+def expected(schedule: PulseSchedule) -> Expected:
+    """The edges of `schedule`; time zero is the first edge. They end only where the loop has no pulse."""
+    return Expected(
+        schedule.clock,
+        schedule.period,
+        tuple(ExpectedChannel(channel.name, PINS.index(channel.pin)) for channel in schedule.channels),
+        schedule.lead_in_frames,
+        schedule.loop_frames,
+        _Chunks(schedule),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Chunks:
+    """The chunks from the first edge on, anew for each reader."""
+
+    schedule: PulseSchedule
+
+    def __iter__(self) -> Iterator[ExpectedChunk]:
+        zero: np.int64 | None = None
+        for chunk in _from_frame_zero(self.schedule):
+            if len(chunk.cycle):
+                zero = chunk.cycle[0] if zero is None else zero
+                yield chunk._replace(cycle=chunk.cycle - zero)
+
+
+def _from_frame_zero(schedule: PulseSchedule) -> Iterator[ExpectedChunk]:
+    yield from _once(schedule, schedule.lead_in, 0)
+    frames, first = schedule.loop_frames, schedule.lead_in_frames
+    edges = sum(run.frames * len(_edges(schedule, run).cycle) for run in schedule.loop)
+    if edges == 0:
+        return
+    if edges > CHUNK_EDGES:
+        while True:
+            yield from _once(schedule, schedule.loop, first)
+            first += frames
+    # A short loop is laid out once and repeated within each chunk.
+    parts = list(_once(schedule, schedule.loop, 0))
+    turn = ExpectedChunk(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    turns = max(1, CHUNK_EDGES // edges)
+    block = _repeated(turn, turns, frames, schedule.period)
+    while True:
+        yield _moved(block, first, schedule.period)
+        first += turns * frames
+
+
+def _once(schedule: PulseSchedule, runs: tuple[Run, ...], first: int) -> Iterator[ExpectedChunk]:
+    """The edges of `runs`, the first of whose frames is frame `first`."""
+    for run in runs:
+        frame = _edges(schedule, run)
+        most = max(1, CHUNK_EDGES // max(1, len(frame.cycle)))
+        for start in range(0, run.frames, most) if len(frame.cycle) else ():
+            frames = min(most, run.frames - start)
+            yield _moved(_repeated(frame, frames, 1, schedule.period), first + start, schedule.period)
+        first += run.frames
+
+
+def _edges(schedule: PulseSchedule, run: Run) -> ExpectedChunk:
+    """The edges of one frame of `run`, in order of time, then of pin."""
+    edges = sorted(
+        (cycle, PINS.index(channel.pin), level)
+        for channel, pulse in zip(schedule.channels, run.pulses, strict=True)
+        if pulse
+        for cycle, level in ((pulse.rise, HIGH), (pulse.rise + pulse.width, LOW))
+    )
+    table = np.array(edges, dtype=np.int64).reshape(-1, 3)
+    return ExpectedChunk(
+        table[:, 0],
+        table[:, 1].astype(np.uint8),
+        table[:, 2].astype(np.uint8),
+        np.zeros(len(table), np.int64),
+    )
+
+
+def _repeated(chunk: ExpectedChunk, times: int, frames: int, period: Cycles) -> ExpectedChunk:
+    """`chunk`, which fills `frames` frames, `times` times in a row."""
+    shift = np.repeat(np.arange(times, dtype=np.int64) * frames, len(chunk.cycle))
+    return ExpectedChunk(
+        np.tile(chunk.cycle, times) + shift * period,
+        np.tile(chunk.pin, times),
+        np.tile(chunk.level, times),
+        np.tile(chunk.frame, times) + shift,
+    )
+
+
+def _moved(chunk: ExpectedChunk, frames: int, period: Cycles) -> ExpectedChunk:
+    return chunk._replace(cycle=chunk.cycle + frames * period, frame=chunk.frame + frames)

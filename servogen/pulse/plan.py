@@ -1,0 +1,75 @@
+"""`JointTrajectory` -> `PulseSchedule`, with the rounding report and the warnings.
+
+In: a trajectory whose joints are the servos, by name, and the frame. Out: `PulsePlan`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.errors import Caution
+from servogen.motion.trajectory import JointTrajectory
+from servogen.pulse.checks import check_motion, check_period
+from servogen.pulse.quantise import NO_PULSE, Quantised, quantise
+from servogen.pulse.schedule import Channel, Pulse, PulseSchedule, Run
+from servogen.pulse.slots import Frame, rises
+from servogen.robot.servo import Servo
+from servogen.units import Cycles
+
+
+@dataclass(frozen=True, slots=True)
+class PulsePlan:
+    """The schedule, a row for every distinct width of each channel, and what the checks warn of."""
+
+    schedule: PulseSchedule
+    widths: tuple[Quantised, ...]
+    warnings: tuple[Caution, ...]
+
+
+def plan(trajectory: JointTrajectory, servos: Sequence[Servo], frame: Frame) -> PulsePlan:
+    """The pulses of `trajectory`; `servos` are its joints, in its order. Raises InputError."""
+    clock = trajectory.clock
+    starts = rises(servos, frame, clock)
+    columns = []
+    rows: list[Quantised] = []
+    warnings = [*check_period(frame.period, frame.place)]
+    for index, servo in enumerate(servos):
+        angles = trajectory.angles[:, index]
+        cycles, widths = quantise(servo, angles, clock)
+        columns.append(cycles)
+        rows += widths
+        warnings += check_motion(
+            servo, angles, trajectory.loop_start, float(clock.seconds(trajectory.period))
+        )
+    table = np.stack(columns, axis=1)
+    schedule = PulseSchedule(
+        clock,
+        trajectory.period,
+        tuple(Channel(servo.name, servo.pin, servo.model.name) for servo in servos),
+        _runs(table[: trajectory.loop_start], starts),
+        _runs(table[trajectory.loop_start :], starts),
+    )
+    return PulsePlan(schedule, tuple(rows), tuple(warnings))
+
+
+def _runs(cycles: npt.NDArray[np.int64], starts: Sequence[Cycles]) -> tuple[Run, ...]:
+    """Equal frames in a row as one run; `cycles` has a row a frame."""
+    if not len(cycles):
+        return ()
+    changes = np.flatnonzero((cycles[1:] != cycles[:-1]).any(axis=1)) + 1
+    bounds = [0, *changes.tolist(), len(cycles)]
+    return tuple(
+        Run(
+            end - first,
+            tuple(
+                Pulse(start, Cycles(width)) if width != NO_PULSE else None
+                for start, width in zip(starts, cycles[first].tolist(), strict=True)
+            ),
+        )
+        for first, end in pairwise(bounds)
+    )

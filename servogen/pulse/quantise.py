@@ -1,0 +1,68 @@
+"""Angles -> whole cycles: the only place that rounds a pulse.
+
+In: a servo and its angles. Out: the cycles of each frame, and for every distinct width a row that says
+what was asked for and what it became.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.errors import InputError
+from servogen.motion.trajectory import Floats
+from servogen.robot.servo import Servo
+from servogen.units import Clock, Cycles
+
+NO_PULSE = 0
+"""The width, in the arrays of this package, of a frame without a pulse."""
+
+PICOSECONDS = 10**6
+"""Widths are asked for in whole picoseconds: what floating point adds below is not the user's."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quantised:
+    """A width of a channel as asked for and as made; `frames` counts where it is used."""
+
+    channel: str
+    angle: float
+    requested_us: Fraction
+    cycles: Cycles
+    achieved_us: Fraction
+    frames: int
+
+    @property
+    def error_us(self) -> Fraction:
+        return self.achieved_us - self.requested_us
+
+
+def quantise(
+    servo: Servo, angles: Floats, clock: Clock
+) -> tuple[npt.NDArray[np.int64], tuple[Quantised, ...]]:
+    """Cycles of each of `angles` (NaN gives NO_PULSE), and a row for each distinct width, shortest first.
+
+    Raises InputError for an angle that the servo does not allow, and for a width below one cycle.
+    """
+    pulsed = ~np.isnan(angles)
+    distinct, back, counts = np.unique(angles[pulsed], return_inverse=True, return_counts=True)
+    cycles_of: list[int] = []
+    rows: dict[Fraction, Quantised] = {}
+    for angle, count in zip(distinct.tolist(), counts.tolist(), strict=True):
+        width = Fraction(round(servo.width_us(angle) * PICOSECONDS), PICOSECONDS)
+        rounded = clock.round_us(width)
+        if rounded.cycles < 1:
+            raise InputError(
+                f"{servo.name}: a pulse of {float(width):g} µs is shorter than half an instruction cycle",
+                servo.place,
+                f"a cycle is {float(clock.cycle_us):g} µs at {clock.hz} Hz",
+            )
+        before = rows[width].frames if width in rows else 0
+        rows[width] = Quantised(servo.name, angle, width, rounded.cycles, rounded.achieved_us, before + count)
+        cycles_of.append(rounded.cycles)
+    cycles = np.full(len(angles), NO_PULSE, dtype=np.int64)
+    cycles[pulsed] = np.array(cycles_of, dtype=np.int64)[back]
+    return cycles, tuple(rows[width] for width in sorted(rows))

@@ -1,0 +1,204 @@
+"""`PulseSchedule`: every pulse of every channel in integer cycles, the one thing that firmware is made from.
+
+In: run-length frames. Out: the same as deterministic JSON, and back. Its edges are in `expected`.
+
+    frame (period cycles)                frame
+    ├─rise─┐width┌───────────────────────├─rise─┐width┌────
+           └─────┘  channel 0                   └─────┘
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from servogen.edges import PINS, Expected
+from servogen.errors import InputError, Place, nearest
+from servogen.units import Clock, Cycles
+
+VERSION = 1
+"""The version of the JSON schema."""
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """A servo on a pin; `servo` is its model's name."""
+
+    name: str
+    pin: str
+    servo: str
+
+
+@dataclass(frozen=True, slots=True)
+class Pulse:
+    """High for `width` cycles from cycle `rise` of its frame."""
+
+    rise: Cycles
+    width: Cycles
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """`frames` equal frames; one entry of `pulses` a channel, None where it has no pulse."""
+
+    frames: int
+    pulses: tuple[Pulse | None, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class PulseSchedule:
+    """Frames of `period` cycles: `lead_in` once, then `loop` for ever. Frames begin one period apart."""
+
+    clock: Clock
+    period: Cycles
+    channels: tuple[Channel, ...]
+    lead_in: tuple[Run, ...]
+    loop: tuple[Run, ...]
+
+    @property
+    def lead_in_frames(self) -> int:
+        return sum(run.frames for run in self.lead_in)
+
+    @property
+    def loop_frames(self) -> int:
+        return sum(run.frames for run in self.loop)
+
+    def expected(self) -> Expected:
+        """The edges that the schedule asks for, endless unless its loop has no pulse."""
+        from servogen.pulse.expected import expected
+
+        return expected(self)
+
+    def to_json(self) -> str:
+        """The schedule as text, the same for the same schedule: one run a line."""
+        channels = ",\n".join(
+            "    " + json.dumps({"name": channel.name, "pin": channel.pin, "servo": channel.servo})
+            for channel in self.channels
+        )
+        return (
+            f'{{\n  "version": {VERSION},\n'
+            f'  "clock_hz": {self.clock.hz},\n'
+            f'  "period_cycles": {self.period},\n'
+            f'  "channels": [\n{channels}\n  ],\n'
+            f'  "lead_in": {_runs_text(self.lead_in)},\n'
+            f'  "loop": {_runs_text(self.loop)}\n}}\n'
+        )
+
+
+def _runs_text(runs: Iterable[Run]) -> str:
+    lines = [
+        "    "
+        + json.dumps(
+            {
+                "frames": run.frames,
+                "pulses": [[pulse.rise, pulse.width] if pulse else None for pulse in run.pulses],
+            }
+        )
+        for run in runs
+    ]
+    return "[\n" + ",\n".join(lines) + "\n  ]" if lines else "[]"
+
+
+def from_json(text: str, file: str) -> PulseSchedule:
+    """The schedule that `text` is. Raises InputError, with the key of what is wrong."""
+    try:
+        data = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise InputError(f"JSON syntax: {error.msg}", Place(file, error.lineno, error.colno)) from error
+    except RecursionError as error:
+        raise InputError("JSON syntax: nested too deeply", Place(file)) from error
+    return _Reader(file).schedule(data)
+
+
+@dataclass(frozen=True, slots=True)
+class _Reader:
+    """Takes JSON values apart; every complaint names the key."""
+
+    file: str
+
+    def schedule(self, data: Any) -> PulseSchedule:
+        keys = ("version", "clock_hz", "period_cycles", "channels", "lead_in", "loop")
+        version, clock_hz, period, channels, lead_in, loop = self._table(data, "", keys)
+        if self._whole(version, "version", 0) != VERSION:
+            raise self._error("version", f"is {version}, this servogen reads version {VERSION}")
+        cycles = self._whole(period, "period_cycles", 1)
+        read = tuple(
+            self._channel(each, f"channels[{index}]")
+            for index, each in enumerate(self._array(channels, "channels"))
+        )
+        if not read:
+            raise self._error("channels", "is empty: a schedule has at least one channel")
+        for column in ("name", "pin"):
+            values = [getattr(channel, column) for channel in read]
+            for value in values:
+                if values.count(value) > 1:
+                    raise self._error("channels", f"two channels have the {column} {value}")
+        runs = [
+            tuple(
+                self._run(each, f"{key}[{index}]", len(read), cycles)
+                for index, each in enumerate(self._array(value, key))
+            )
+            for key, value in (("lead_in", lead_in), ("loop", loop))
+        ]
+        if not runs[1]:
+            raise self._error("loop", "is empty: what follows the motion is a frame, if only without pulses")
+        clock = Clock(self._whole(clock_hz, "clock_hz", 1))
+        return PulseSchedule(clock, Cycles(cycles), read, runs[0], runs[1])
+
+    def _channel(self, data: Any, key: str) -> Channel:
+        values = self._table(data, key, ("name", "pin", "servo"))
+        for value, name in zip(values, ("name", "pin", "servo"), strict=True):
+            if not isinstance(value, str):
+                raise self._error(f"{key}.{name}", f"is not a text: {value!r}")
+        if values[1] not in PINS:
+            raise self._error(f"{key}.pin", f"unknown pin {values[1]!r}", nearest(values[1], PINS))
+        return Channel(*values)
+
+    def _run(self, data: Any, key: str, channels: int, period: int) -> Run:
+        frames, pulses = self._table(data, key, ("frames", "pulses"))
+        entries = self._array(pulses, f"{key}.pulses")
+        if len(entries) != channels:
+            raise self._error(f"{key}.pulses", f"has {len(entries)} entries for {channels} channels")
+        return Run(
+            self._whole(frames, f"{key}.frames", 1),
+            tuple(
+                self._pulse(entry, f"{key}.pulses[{index}]", period) for index, entry in enumerate(entries)
+            ),
+        )
+
+    def _pulse(self, data: Any, key: str, period: int) -> Pulse | None:
+        if data is None:
+            return None
+        pair = self._array(data, key)
+        if len(pair) != 2:
+            raise self._error(key, f"is [rise, width] or null, not {len(pair)} numbers")
+        rise, width = self._whole(pair[0], f"{key}[0]", 0), self._whole(pair[1], f"{key}[1]", 1)
+        if rise + width >= period:
+            raise self._error(key, f"ends in cycle {rise + width}, its frame has only {period}")
+        return Pulse(Cycles(rise), Cycles(width))
+
+    def _table(self, data: Any, key: str, names: tuple[str, ...]) -> list[Any]:
+        if not isinstance(data, dict):
+            raise self._error(key, f"is not an object with {', '.join(names)}")
+        for name in data:
+            if name not in names:
+                raise self._error(f"{key}.{name}".lstrip("."), "unknown key", nearest(name, names))
+        for name in names:
+            if name not in data:
+                raise self._error(key, f"'{name}' is missing")
+        return [data[name] for name in names]
+
+    def _array(self, data: Any, key: str) -> list[Any]:
+        if not isinstance(data, list):
+            raise self._error(key, "is not an array")
+        return data
+
+    def _whole(self, data: Any, key: str, least: int) -> int:
+        if not isinstance(data, int) or isinstance(data, bool) or data < least:
+            raise self._error(key, f"is not a whole number of at least {least}: {data!r}")
+        return data
+
+    def _error(self, key: str, message: str, hint: str | None = None) -> InputError:
+        return InputError(message, Place(self.file, key=key or "schedule"), hint)

@@ -1,0 +1,61 @@
+"""Slots: each channel's pulse begins at a fixed cycle of the frame.
+
+In: the servos in order and the frame. Out: the cycle at which each pulse rises. A slot is as long as the
+servo's longest pulse and a gap, whatever the motion does, so that from rise to rise is one period, always.
+
+    |<- slot 0 ->|<- slot 1 ->|      rest of the frame      |
+    |‾‾‾‾|_______|‾‾‾‾‾‾|_____|_____________________________|
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from servogen.errors import InputError, Place
+from servogen.robot.servo import Servo
+from servogen.units import Clock, Cycles, Rounded
+
+GAP_US = Fraction(250)
+"""Between the longest pulse of a slot and the next slot, unless the job says otherwise."""
+
+LEAST_GAP = Cycles(64)
+"""What a program needs from one edge to the next, when the wait between them is a loop."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """The frame: its period, the gap between slots, and the length of every slot where a job states it."""
+
+    period: Rounded
+    gap_us: Fraction = GAP_US
+    slot_us: Fraction | None = None
+    place: Place | None = None
+
+
+def rises(servos: Sequence[Servo], frame: Frame, clock: Clock) -> tuple[Cycles, ...]:
+    """The cycle of the frame in which each servo's pulse begins. Raises InputError when they do not fit."""
+    gap = max(clock.round_us(frame.gap_us).cycles, LEAST_GAP)
+    at, starts = 0, []
+    for servo in servos:
+        starts.append(Cycles(at))
+        longest = clock.round_us(servo.widths_us[1]).cycles
+        slot = longest + gap
+        if frame.slot_us is not None:
+            slot = clock.round_us(frame.slot_us).cycles
+            if slot < longest + LEAST_GAP:
+                raise InputError(
+                    f"a slot of {float(frame.slot_us):g} µs is too short for {servo.name}",
+                    frame.place,
+                    f"its longest pulse and the least gap take {float(clock.us(longest + LEAST_GAP)):g} µs",
+                )
+        at += slot
+    if at > frame.period.cycles:
+        raise InputError(
+            f"the pulses of {len(servos)} servos do not fit a frame: one after the other they take "
+            f"{float(clock.us(at)):g} µs of {float(frame.period.achieved_us):g} µs",
+            frame.place,
+            "lengthen period_us, shorten gap_us, or narrow the servos' limits",
+        )
+    return tuple(starts)

@@ -1,0 +1,189 @@
+"""A servo: pulse width as a function of shaft angle, and the facts of its model.
+
+In: a model's facts and what is true of one servo only (pin, calibration, trim, mounting, limits).
+Out: `Servo`, which turns angles (radians) into widths (microseconds) and back.
+
+    width                                 reverse: the servo sits mirrored, so the angle
+    max ┤            ╱   calibration:     counts from the other end of its travel;
+        │       ╱        straight lines   trim: moves every width by the same time
+    min ┤  ╱             between points
+        └──┴────┴────┴── angle
+           0   90°  180°
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+from servogen.errors import InputError, Place
+
+TOLERANCE_RAD = 1e-9
+"""An angle this far outside a limit is on it: degrees in files are not exact in radians."""
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationPoint:
+    angle: float
+    """Shaft angle in radians."""
+    width_us: float
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """Straight lines between at least two points, angles and widths both strictly monotonic."""
+
+    points: tuple[CalibrationPoint, ...]
+
+    @property
+    def angles(self) -> tuple[float, float]:
+        """The least and the greatest angle that is calibrated."""
+        return self.points[0].angle, self.points[-1].angle
+
+    @property
+    def widths_us(self) -> tuple[float, float]:
+        """The least and the greatest width."""
+        ends = sorted((self.points[0].width_us, self.points[-1].width_us))
+        return ends[0], ends[1]
+
+    def width_us(self, angle: float) -> float:
+        """The width at `angle`, which must be between the end points; the nearest end line beyond them."""
+        before, after = self._around([point.angle for point in self.points], angle)
+        share = (angle - before.angle) / (after.angle - before.angle)
+        return before.width_us + share * (after.width_us - before.width_us)
+
+    def angle(self, width_us: float) -> float:
+        """The angle at `width_us`; the nearest end line goes on beyond the end points."""
+        sign = 1 if self.points[-1].width_us > self.points[0].width_us else -1
+        before, after = self._around([sign * point.width_us for point in self.points], sign * width_us)
+        share = (width_us - before.width_us) / (after.width_us - before.width_us)
+        return before.angle + share * (after.angle - before.angle)
+
+    def _around(self, rising: list[float], value: float) -> tuple[CalibrationPoint, CalibrationPoint]:
+        index = 1
+        while index < len(rising) - 1 and value > rising[index]:
+            index += 1
+        return self.points[index - 1], self.points[index]
+
+
+def calibration(points: tuple[tuple[float, float], ...], place: Place | None = None) -> Calibration:
+    """A calibration of (angle in radians, width in µs) pairs in any order. Raises InputError."""
+    ordered = tuple(CalibrationPoint(*point) for point in sorted(points))
+    if len(ordered) < 2:
+        raise InputError("a calibration needs at least two points", place, "give the width at two angles")
+    steps = list(pairwise(ordered))
+    if any(after.angle == before.angle for before, after in steps):
+        raise InputError("two calibration points have the same angle", place)
+    slopes = [after.width_us - before.width_us for before, after in steps]
+    if not (all(slope > 0 for slope in slopes) or all(slope < 0 for slope in slopes)):
+        raise InputError(
+            "the widths of the calibration points do not all rise, or all fall, with the angle", place
+        )
+    return Calibration(ordered)
+
+
+@dataclass(frozen=True, slots=True)
+class ServoModel:
+    """Facts of a model. None: its data sheet does not say."""
+
+    name: str
+    title: str
+    travel: tuple[float, float]
+    """Between the mechanical stops, radians."""
+    calibration: Calibration
+    """Nominal; each servo has its own."""
+    supply_v: float
+    """The supply that speed and torque hold for."""
+    speed: float | None
+    """Radians a second without load."""
+    torque_nm: float | None
+    idle_a: float | None
+    max_a: float | None
+    mass_kg: float | None
+    size_m: tuple[float, float, float] | None
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class Servo:
+    """One servo on one pin; `limits` (radians) are what its user allows, inside the travel."""
+
+    name: str
+    pin: str
+    model: ServoModel
+    calibration: Calibration
+    limits: tuple[float, float]
+    trim_us: float = 0.0
+    reverse: bool = False
+    place: Place | None = None
+
+    @property
+    def widths_us(self) -> tuple[float, float]:
+        """The least and the greatest width of this servo, its trim included."""
+        ends = sorted((self._width_us(self.limits[0]), self._width_us(self.limits[1])))
+        return ends[0], ends[1]
+
+    def allows(self, angle: float) -> bool:
+        low, high = self.limits
+        return low - TOLERANCE_RAD <= angle <= high + TOLERANCE_RAD
+
+    def width_us(self, angle: float, place: Place | None = None) -> float:
+        """The pulse width at a shaft angle in radians. Raises InputError outside the limits."""
+        if not self.allows(angle):
+            low, high = (f"{math.degrees(limit):g}°" for limit in self.limits)
+            raise InputError(
+                f"{self.name} cannot go to {math.degrees(angle):g}°: its travel is {low} to {high}",
+                place or self.place,
+                "the servo's travel_deg, min_deg, max_deg and calibration points set it",
+            )
+        return self._width_us(angle)
+
+    def angle(self, width_us: float) -> float:
+        """The shaft angle in radians that a width asks for, also beyond the limits (for measured pulses)."""
+        return self._mounted(self.calibration.angle(width_us - self.trim_us))
+
+    def _width_us(self, angle: float) -> float:
+        return self.calibration.width_us(self._mounted(angle)) + self.trim_us
+
+    def _mounted(self, angle: float) -> float:
+        low, high = self.model.travel
+        return low + high - angle if self.reverse else angle
+
+
+def servo(
+    name: str,
+    pin: str,
+    model: ServoModel,
+    *,
+    points: Calibration | None = None,
+    limits: tuple[float | None, float | None] = (None, None),
+    trim_us: float = 0.0,
+    reverse: bool = False,
+    place: Place | None = None,
+) -> Servo:
+    """A servo of `model`; its limits are the user's, else all that travel and calibration both hold.
+
+    Raises InputError for limits outside of that: nothing beyond the calibration points is guessed.
+    """
+    curve = points or model.calibration
+    low, high = model.travel
+    first, last = curve.angles
+    ends = (low + high - last, low + high - first) if reverse else (first, last)
+    widest = (max(low, ends[0]), min(high, ends[1]))
+    chosen = (
+        widest[0] if limits[0] is None else limits[0],
+        widest[1] if limits[1] is None else limits[1],
+    )
+    if (
+        chosen[0] < widest[0] - TOLERANCE_RAD
+        or chosen[1] > widest[1] + TOLERANCE_RAD
+        or chosen[0] >= chosen[1]
+    ):
+        asked, known = (" to ".join(f"{math.degrees(end):g}°" for end in pair) for pair in (chosen, widest))
+        raise InputError(
+            f"{name} cannot have limits of {asked}: travel and calibration hold {known}",
+            place,
+            "calibrate it at angles that are further apart, or set min_deg and max_deg inside",
+        )
+    return Servo(name, pin, model, curve, chosen, trim_us, reverse, place)

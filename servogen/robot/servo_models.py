@@ -1,0 +1,142 @@
+"""The servo catalogue: `catalogue/servos/*.toml` -> `ServoModel`.
+
+In: a model's name, its supply voltage, fields that replace the catalogue's. Out: its facts at that voltage.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+
+from pydantic import Field
+
+from servogen import tomlfile
+from servogen.errors import InputError, Place, nearest
+from servogen.robot.servo import Calibration, ServoModel, calibration
+from servogen.tomlfile import Table
+
+
+class PointTable(Table):
+    """The pulse width at an angle."""
+
+    angle_deg: float
+    width_us: float = Field(gt=0)
+
+
+class FactTable(Table):
+    """What a job may say of its servo in place of the catalogue."""
+
+    travel_deg: tuple[float, float] | None = None
+    points: tuple[PointTable, ...] | None = Field(default=None, min_length=2)
+    speed_deg_s: float | None = Field(default=None, gt=0)
+    torque_ncm: float | None = Field(default=None, gt=0)
+    idle_ma: float | None = Field(default=None, ge=0)
+    max_ma: float | None = Field(default=None, gt=0)
+    mass_g: float | None = Field(default=None, gt=0)
+    size_mm: tuple[float, float, float] | None = None
+
+
+class SupplyTable(Table):
+    """Speed and torque at a supply voltage."""
+
+    supply_v: float = Field(gt=0)
+    speed_deg_s: float | None = Field(default=None, gt=0)
+    speed_rad_s: float | None = Field(default=None, gt=0)
+    torque_ncm: float | None = Field(default=None, gt=0)
+
+    @property
+    def speed(self) -> float | None:
+        """Radians a second."""
+        return self.speed_rad_s if self.speed_deg_s is None else math.radians(self.speed_deg_s)
+
+
+class ModelTable(FactTable):
+    """A file of the catalogue."""
+
+    title: str
+    source: str
+    travel_deg: tuple[float, float]
+    points: tuple[PointTable, ...] = Field(min_length=2)
+    supply: tuple[SupplyTable, ...] = Field(min_length=1)
+
+
+def names() -> tuple[str, ...]:
+    """The models that the catalogue knows."""
+    return tuple(sorted(entry.name[: -len(".toml")] for entry in _folder().iterdir() if entry.is_file()))
+
+
+def servo_model(
+    name: str, supply_v: float | None = None, own: FactTable | None = None, place: Place | None = None
+) -> ServoModel:
+    """The model at `supply_v` (its lowest when None), `own` facts first. Raises InputError."""
+    if name not in names():
+        raise InputError(f"unknown servo model '{name}'", place, nearest(name, names()))
+    table, own = _table(name), own or FactTable()
+    volts, speed, torque_ncm = _at(table, supply_v, place)
+    facts = table.model_copy(update=own.model_dump(exclude_none=True, exclude={"points"}))
+    low, high = (math.radians(angle) for angle in facts.travel_deg)
+    if low >= high:
+        raise InputError("travel_deg does not rise from its first to its second angle", place)
+    return ServoModel(
+        name=name,
+        title=table.title,
+        travel=(low, high),
+        calibration=points_of(own.points or table.points, place),
+        supply_v=volts,
+        speed=speed if own.speed_deg_s is None else math.radians(own.speed_deg_s),
+        torque_nm=_scaled(torque_ncm if own.torque_ncm is None else own.torque_ncm, 100),
+        idle_a=_scaled(facts.idle_ma, 1000),
+        max_a=_scaled(facts.max_ma, 1000),
+        mass_kg=_scaled(facts.mass_g, 1000),
+        size_m=None if facts.size_mm is None else _metres(facts.size_mm),
+        source=table.source,
+    )
+
+
+def points_of(points: tuple[PointTable, ...], place: Place | None) -> Calibration:
+    """The calibration that a file's points are. Raises InputError."""
+    return calibration(tuple((math.radians(point.angle_deg), point.width_us) for point in points), place)
+
+
+def _at(
+    table: ModelTable, supply_v: float | None, place: Place | None
+) -> tuple[float, float | None, float | None]:
+    """Voltage, speed and torque; between two stated voltages on the straight line between them."""
+    rows = sorted(table.supply, key=lambda row: row.supply_v)
+    volts = rows[0].supply_v if supply_v is None else supply_v
+    if not rows[0].supply_v <= volts <= rows[-1].supply_v:
+        raise InputError(
+            f"{volts:g} V is outside the servo's supply",
+            place,
+            f"{table.title}: {rows[0].supply_v:g} to {rows[-1].supply_v:g} V",
+        )
+    below = max((row for row in rows if row.supply_v <= volts), key=lambda row: row.supply_v)
+    above = min((row for row in rows if row.supply_v >= volts), key=lambda row: row.supply_v)
+    width = above.supply_v - below.supply_v
+    share = (volts - below.supply_v) / width if width else 0.0
+    return volts, _mixed(below.speed, above.speed, share), _mixed(below.torque_ncm, above.torque_ncm, share)
+
+
+def _mixed(below: float | None, above: float | None, share: float) -> float | None:
+    return None if below is None or above is None else below + share * (above - below)
+
+
+def _scaled(value: float | None, parts: float) -> float | None:
+    return None if value is None else value / parts
+
+
+def _metres(size_mm: tuple[float, float, float]) -> tuple[float, float, float]:
+    length, height, width = (side / 1000 for side in size_mm)
+    return length, height, width
+
+
+@cache
+def _table(name: str) -> ModelTable:
+    entry = _folder() / f"{name}.toml"
+    return tomlfile.validate(tomlfile.parse(entry.read_text(encoding="utf-8"), entry.name), ModelTable)
+
+
+def _folder() -> Traversable:
+    return files("servogen.robot") / "catalogue" / "servos"
