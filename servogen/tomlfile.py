@@ -187,12 +187,12 @@ def _input_error(document: Document, model: type[Table], root: Key, detail: Mapp
         return _Missing(f"'{key[-1]}' is missing", document.place(*key[:-1]), f"add {key_text(key)} = …")
     if kind == "value_error":
         return document.error(key, str(context["error"]))
-    value = _shown(detail["input"])
+    value = shown(detail["input"])
     if kind == "literal_error":
         return document.error(key, f"{value} is not allowed here", f"allowed: {context['expected']}")
     if kind in _BOUNDS:
         words, name = _BOUNDS[kind]
-        return document.error(key, f"{value} is out of range: {words} {context[name]} is allowed")
+        return document.error(key, f"{value} is out of range: {words} {context[name]:g} is allowed")
     if kind in ("too_short", "too_long"):
         return document.error(key, f"has {context['actual_length']} values", _length_hint(kind, context))
     if kind in _ALLOWED:
@@ -215,7 +215,8 @@ def _order(error: InputError) -> tuple[bool, int, int]:
     return isinstance(error, _Missing), place.line or 0, place.column or 0
 
 
-def _shown(value: Any) -> str:
+def shown(value: Any) -> str:
+    """A value as TOML writes it, cut short."""
     text = repr(value) if not isinstance(value, bool) else str(value).lower()
     text = f'"{value}"' if isinstance(value, str) else text
     return text if len(text) <= 40 else f"{text[:37]}…"

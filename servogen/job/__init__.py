@@ -2,5 +2,6 @@
 
 from servogen.job.job import Firmware, Job, LegBinding
 from servogen.job.load import load, loads
+from servogen.job.template import template
 
-__all__ = ["Firmware", "Job", "LegBinding", "load", "loads"]
+__all__ = ["Firmware", "Job", "LegBinding", "load", "loads", "template"]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from servogen import tomlfile
 from servogen.edges import PINS
-from servogen.errors import InputError, nearest
+from servogen.errors import InputError, Place, nearest
 from servogen.job.job import Firmware, Job, LegBinding
 from servogen.job.model import JobTable, LegTable, ServoTable
 from servogen.job.poses import poses_of
@@ -109,31 +109,26 @@ def _servos(document: Document, table: JobTable) -> tuple[Servo, ...]:
 
 
 def _servo(document: Document, index: int, row: ServoTable) -> Servo:
-    def place(key: str) -> tuple[str | int, ...]:
-        return ("servo", index, key)
+    def place(key: str) -> Place:
+        return document.place("servo", index, key)
 
-    model_key = "supply_v" if row.supply_v is not None else "model"
-    try:
-        model = servo_model(row.model, None, None, document.place(*place("model")))
-        model = servo_model(row.model, row.supply_v, row, document.place(*place(model_key)))
-        return servo(
-            row.name,
-            row.pin,
-            model,
-            points=points_of(row.points, document.place(*place("points"))) if row.points else None,
-            limits=(
-                None if row.min_deg is None else math.radians(row.min_deg),
-                None if row.max_deg is None else math.radians(row.max_deg),
-            ),
-            trim_us=row.trim_us,
-            reverse=row.reverse,
-            place=document.place("servo", index),
-        )
-    except InputError as error:
-        for key in ("min_deg", "max_deg"):
-            if error.place == document.place("servo", index) and getattr(row, key) is not None:
-                raise document.error(place(key), error.message, error.hint) from error
-        raise
+    servo_model(row.model, place=place("model"))  # an unknown model is wrong whatever its supply is
+    model = servo_model(row.model, row.supply_v, row, place("supply_v" if row.supply_v else "travel_deg"))
+    return servo(
+        row.name,
+        row.pin,
+        model,
+        points=points_of(row.points, place("points")) if row.points else None,
+        limits=(
+            None if row.min_deg is None else math.radians(row.min_deg),
+            None if row.max_deg is None else math.radians(row.max_deg),
+        ),
+        trim_us=row.trim_us,
+        reverse=row.reverse,
+        place=document.place("servo", index),
+        limits_place=place("max_deg" if row.min_deg is None else "min_deg"),
+        trim_place=place("trim_us"),
+    )
 
 
 def _leg(document: Document, table: LegTable, servos: tuple[Servo, ...]) -> LegBinding:

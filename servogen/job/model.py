@@ -74,7 +74,7 @@ class MotionTable(Table):
 class FrameTable(Table):
     """[frame]"""
 
-    period_us: float = Field(default=20_000.0, gt=0)
+    period_us: float = Field(default=20_000.0, gt=0, le=1_000_000)
     gap_us: float = Field(default=250.0, gt=0)
     slot_us: float | None = Field(default=None, gt=0)
 

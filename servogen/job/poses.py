@@ -16,7 +16,7 @@ from servogen.kinematics.unreachable import Unreachable, in_mm
 from servogen.motion import Pose
 from servogen.robot.servo import Servo
 from servogen.toml_places import Key
-from servogen.tomlfile import Document, exact, unknown_key
+from servogen.tomlfile import Document, exact, shown, unknown_key
 
 ANGLE = "_deg"
 
@@ -70,9 +70,7 @@ def _angles(
         here = (*key, word)
         if word not in by_key:
             raise _unknown(document, here, word, by_key)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise document.error(here, f"{value!r} is not an angle", f"a number: {word} = 90")
-        servo, angle = by_key[word], math.radians(value)
+        servo, angle = by_key[word], _angle(document, here, value)
         servo.width_us(angle, document.place(*here))
         angles[servo.name] = angle
     if row.foot_mm is not None:
@@ -90,6 +88,18 @@ def _angles(
                 )
         angles |= _foot(document, here, row.foot_mm, servos, leg, before)
     return angles
+
+
+def _angle(document: Document, key: Key, value: object) -> float:
+    """Radians of a finite number of degrees."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        try:
+            degrees = float(value)
+        except OverflowError:
+            degrees = math.inf
+        if math.isfinite(degrees):
+            return math.radians(degrees)
+    raise document.error(key, f"{shown(value)} is not an angle", f"a finite number: {key[-1]} = 90")
 
 
 def _unknown(document: Document, key: Key, word: str, by_key: dict[str, Servo]) -> InputError:

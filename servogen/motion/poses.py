@@ -58,7 +58,7 @@ def trajectory(motion: Motion, period: Cycles, clock: Clock) -> tuple[JointTraje
     total = sum(sum(count) for count in counts)
     if total > MOST_FRAMES:
         raise InputError(
-            f"the motion is {total} frames long: {MOST_FRAMES} is the most",
+            f"the motion is {float(total):g} frames long: {MOST_FRAMES} is the most",
             motion.poses[0].place,
             "shorten the holds, or let the motion repeat",
         )
@@ -85,6 +85,8 @@ def trajectory(motion: Motion, period: Cycles, clock: Clock) -> tuple[JointTraje
                 )
             )
     angles = np.concatenate(blocks)
+    if np.isnan(angles).all():
+        raise InputError("the motion has no pulse", motion.poses[0].place, "give a pose hold_s or move_s")
     return JointTrajectory(motion.joints, clock, period, angles, before_loop), tuple(frames.cautions)
 
 
@@ -125,7 +127,7 @@ class _Frames:
                 Caution(
                     "frames-rounded",
                     f"{name} = {float(seconds):g} is not a whole number of frames: "
-                    f"{count} frames are {achieved:.6g} s",
+                    f"{count} frame{'s' if count > 1 else ''} last {achieved:.6g} s",
                     place,
                 )
             )

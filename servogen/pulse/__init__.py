@@ -1,6 +1,13 @@
 """Trajectory -> `PulseSchedule` in integer cycles, its expected edges, and the checks of pulses."""
 
-from servogen.pulse.checks import check_measured, check_motion, check_period, check_periods, check_widths
+from servogen.pulse.checks import (
+    check_calibration,
+    check_measured,
+    check_motion,
+    check_period,
+    check_periods,
+    check_widths,
+)
 from servogen.pulse.plan import PulsePlan, plan
 from servogen.pulse.quantise import Quantised
 from servogen.pulse.schedule import Channel, Pulse, PulseSchedule, Run, from_json
@@ -14,6 +21,7 @@ __all__ = [
     "PulseSchedule",
     "Quantised",
     "Run",
+    "check_calibration",
     "check_measured",
     "check_motion",
     "check_period",

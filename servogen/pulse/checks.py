@@ -27,6 +27,9 @@ from servogen.units import Rounded
 PERIOD_US = (18_000, 20_000)
 """The recommended period (specification of the labs' servos); others work in practice."""
 
+CALIBRATION_SPREAD = 0.1
+"""How much of a model's range of widths one of its servos may differ at an end."""
+
 WIDTH_TOLERANCE_US = 2.0
 """A width this far outside of a servo's range is not worth a word: rounding, or a statement's cycles."""
 
@@ -97,6 +100,23 @@ def check_widths(
             )
         )
     return tuple(found)
+
+
+def check_calibration(servo: Servo) -> tuple[Caution, ...]:
+    """Of a servo's own calibration and trim, against what its model's data sheet says."""
+    low, high = servo.model.calibration.widths_us
+    spare = CALIBRATION_SPREAD * (high - low)
+    shortest, longest = servo.widths_us
+    if low - spare <= shortest and longest <= high + spare:
+        return ()
+    return (
+        Caution(
+            "width-range",
+            f"{servo.name}: pulses of {_us(shortest)} to {_us(longest)} go beyond the {_us(low)} to {_us(high)} "
+            f"of a {servo.model.title}",
+            servo.place,
+        ),
+    )
 
 
 def check_motion(servo: Servo, angles: Floats, loop_start: int, period_s: float) -> tuple[Caution, ...]:

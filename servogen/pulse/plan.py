@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from servogen.errors import Caution
 from servogen.motion.trajectory import JointTrajectory
-from servogen.pulse.checks import check_motion, check_period
+from servogen.pulse.checks import check_calibration, check_motion, check_period
 from servogen.pulse.quantise import NO_PULSE, Quantised, quantise
 from servogen.pulse.schedule import Channel, Pulse, PulseSchedule, Run
 from servogen.pulse.slots import Frame, rises
@@ -43,6 +43,7 @@ def plan(trajectory: JointTrajectory, servos: Sequence[Servo], frame: Frame) -> 
         cycles, widths = quantise(servo, angles, clock)
         columns.append(cycles)
         rows += widths
+        warnings += check_calibration(servo)
         warnings += check_motion(
             servo, angles, trajectory.loop_start, float(clock.seconds(trajectory.period))
         )

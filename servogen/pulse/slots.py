@@ -53,8 +53,8 @@ def rises(servos: Sequence[Servo], frame: Frame, clock: Clock) -> tuple[Cycles, 
         at += slot
     if at > frame.period.cycles:
         raise InputError(
-            f"the pulses of {len(servos)} servos do not fit a frame: one after the other they take "
-            f"{float(clock.us(at)):g} µs of {float(frame.period.achieved_us):g} µs",
+            f"the pulses do not fit a frame: {len(servos)} in a row take {float(clock.us(at)):g} µs, "
+            f"the frame has {float(frame.period.achieved_us):g} µs",
             frame.place,
             "lengthen period_us, shorten gap_us, or narrow the servos' limits",
         )

@@ -92,7 +92,7 @@ class ServoModel:
     travel: tuple[float, float]
     """Between the mechanical stops, radians."""
     calibration: Calibration
-    """Nominal; each servo has its own."""
+    """As the data sheet says; each servo may have its own."""
     supply_v: float
     """The supply that speed and torque hold for."""
     speed: float | None
@@ -161,6 +161,8 @@ def servo(
     trim_us: float = 0.0,
     reverse: bool = False,
     place: Place | None = None,
+    limits_place: Place | None = None,
+    trim_place: Place | None = None,
 ) -> Servo:
     """A servo of `model`; its limits are the user's, else all that travel and calibration both hold.
 
@@ -183,7 +185,14 @@ def servo(
         asked, known = (" to ".join(f"{math.degrees(end):g}°" for end in pair) for pair in (chosen, widest))
         raise InputError(
             f"{name} cannot have limits of {asked}: travel and calibration hold {known}",
-            place,
+            limits_place or place,
             "calibrate it at angles that are further apart, or set min_deg and max_deg inside",
         )
-    return Servo(name, pin, model, curve, chosen, trim_us, reverse, place)
+    made = Servo(name, pin, model, curve, chosen, trim_us, reverse, place)
+    if made.widths_us[0] <= 0:
+        raise InputError(
+            f"{name}'s shortest pulse would be {made.widths_us[0]:g} µs: its trim is {trim_us:g} µs",
+            trim_place or place,
+            "a trim is a small correction of every pulse",
+        )
+    return made

@@ -83,7 +83,7 @@ def servo_model(
         name=name,
         title=table.title,
         travel=(low, high),
-        calibration=points_of(own.points or table.points, place),
+        calibration=points_of(table.points, place),
         supply_v=volts,
         speed=speed if own.speed_deg_s is None else math.radians(own.speed_deg_s),
         torque_nm=_scaled(torque_ncm if own.torque_ncm is None else own.torque_ncm, 100),
