@@ -28,12 +28,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from servogen.errors import InputError
+from servogen.kinematics.transforms import Floats, wrapped
 from servogen.kinematics.unreachable import Unreachable
-
-Floats = NDArray[np.float64]
 
 REACH_TOLERANCE_M = 1e-9
 """How far a foot may be from the surface to count as on it."""
@@ -206,8 +205,3 @@ class Leg:
     def torque(self, beta: ArrayLike, force_n: ArrayLike) -> Floats:
         """The static torque on joint B, in N·m, under a vertical force at the foot: F l_BC sin β."""
         return np.asarray(np.asarray(force_n, float) * self.bc * np.sin(np.asarray(beta, float)))
-
-
-def wrapped(angle: Floats) -> Floats:
-    """The same angle in (-π, π]."""
-    return np.pi - np.mod(np.pi - angle, 2 * np.pi)

@@ -1,0 +1,151 @@
+"""Orientation: the twelve orders of three angles, axis and angle, quaternions, the configuration vector.
+
+In and out: radians, rotations (..., 3, 3), angles (..., 3). An order names the axes as the product
+does: "ZYX" (roll, pitch, yaw) is Rot(z, φ) Rot(y, θ) Rot(x, η), "ZYZ" is Rot(z, φ) Rot(y, θ) Rot(z, ψ).
+
+Singular cases, decided: where one degree of freedom is lost (θ = ±90° for three different axes, θ = 0 or π
+for a repeated one) the first angle is 0 and the third takes the whole turn. A rotation by 0 has the axis z;
+by π the axis whose first component that is not zero is positive.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from servogen.errors import InputError, nearest
+from servogen.kinematics.transforms import AXES, Floats, rot, skew
+
+ORDERS = ("ZXZ", "XYX", "YZY", "ZYZ", "XZX", "YXY", "XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
+
+_LOST = 1e-12
+"""Below this the first angle cannot be told from rounding."""
+
+
+def _order(order: str) -> tuple[int, int, int, float]:
+    """The three axes and the sign of the first two with the axis that is neither."""
+    if order.upper() not in ORDERS:
+        raise InputError(f"'{order}' is no order of three angles", hint=nearest(order, ORDERS))
+    first, second, third = (AXES[letter] for letter in order.lower())
+    return first, second, third, 1.0 if (second - first) % 3 == 1 else -1.0
+
+
+def from_angles(angles: ArrayLike, order: str) -> Floats:
+    """The rotation (..., 3, 3) of the angles (..., 3) in an order of `ORDERS`."""
+    _order(order)
+    angles = np.asarray(angles, float)
+    one, two, three = (rot(axis, angles[..., index]) for index, axis in enumerate(order.lower()))
+    return np.asarray(one @ two @ three)
+
+
+def to_angles(rotation: ArrayLike, order: str, second: bool = False) -> Floats:
+    """The angles (..., 3) of a rotation in an order; `second` gives the other solution, first angle + π.
+
+    The first angle comes from the column of the third axis, which the third rotation does not move; the
+    other two from what is left when the first rotation is undone, by atan2, so that the angles give the
+    rotation back to rounding, near the singular cases too.
+    """
+    i, j, k, sign = _order(order)
+    m = 3 - i - j
+    matrix = np.asarray(rotation, float)
+    if i == k:
+        up, across = matrix[..., j, i], -sign * matrix[..., m, i]
+    else:
+        up, across = -sign * matrix[..., j, k], matrix[..., k, k]
+    lost = np.hypot(up, across) < _LOST
+    one = np.where(lost, 0.0, np.arctan2(up, across) + (np.pi if second else 0.0))
+    one = np.where(one > np.pi, one - 2 * np.pi, one)
+    rest = rot("xyz"[i], -one) @ matrix
+    if i == k:
+        two = np.arctan2(-sign * rest[..., m, i], rest[..., i, i])
+        three = np.arctan2(-sign * rest[..., j, m], rest[..., j, j])
+    else:
+        two = np.arctan2(sign * rest[..., i, k], rest[..., k, k])
+        three = np.arctan2(sign * rest[..., j, i], rest[..., j, j])
+    return np.stack([one, two, three], axis=-1)
+
+
+def rates_matrix(angles: ArrayLike, order: str) -> Floats:
+    """B (..., 3, 3) of ω = B (rates of the three angles), ω in the fixed frame; singular with them."""
+    i, j, k, _ = _order(order)
+    angles = np.asarray(angles, float)
+    unit = np.eye(3)
+    one = rot("xyz"[i], angles[..., 0])
+    two = one @ rot("xyz"[j], angles[..., 1])
+    first = np.broadcast_to(unit[i], (*angles.shape[:-1], 3))
+    return np.stack([first, one @ unit[j], two @ unit[k]], axis=-1)
+
+
+def from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> Floats:
+    """Rodrigues: R = I + sin θ K + (1 - cos θ) K², K = skew(axis); the axis (..., 3) need not be a unit."""
+    axis, angle = np.asarray(axis, float), np.asarray(angle, float)[..., None, None]
+    length = np.linalg.norm(axis, axis=-1, keepdims=True)
+    if np.any(length == 0.0):
+        raise InputError("an axis of length 0 has no direction")
+    cross = skew(axis / length)
+    # 2 sin²(θ/2) is 1 - cos θ without its cancellation near 0
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + 2 * np.sin(angle / 2) ** 2 * (cross @ cross))
+
+
+def to_axis_angle(rotation: ArrayLike) -> tuple[Floats, Floats]:
+    """Axis (..., 3) and angle (...) in [0, π]; through the quaternion, so safe near 0 and π."""
+    quaternion = to_quaternion(rotation)
+    vector = quaternion[..., 1:]
+    length = np.linalg.norm(vector, axis=-1)
+    angle = 2 * np.arctan2(length, np.maximum(quaternion[..., 0], 0.0))
+    still = length == 0.0
+    axis = np.where(still[..., None], [0.0, 0.0, 1.0], vector / np.where(still, 1.0, length)[..., None])
+    return axis, angle
+
+
+def to_quaternion(rotation: ArrayLike) -> Floats:
+    """The unit quaternion (..., 4), scalar first and not negative, of a rotation.
+
+    Four products give it, each times one of its components; the one with the largest component is used,
+    so nothing is divided by a small number.
+    """
+    r = np.asarray(rotation, float)
+    d = [r[..., axis, axis] for axis in range(3)]
+    w, x, y = r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]
+    p, q, s = r[..., 1, 0] + r[..., 0, 1], r[..., 2, 0] + r[..., 0, 2], r[..., 2, 1] + r[..., 1, 2]
+    rows = np.stack(
+        [
+            np.stack([1 + d[0] + d[1] + d[2], w, x, y], axis=-1),
+            np.stack([w, 1 + d[0] - d[1] - d[2], p, q], axis=-1),
+            np.stack([x, p, 1 - d[0] + d[1] - d[2], s], axis=-1),
+            np.stack([y, q, s, 1 - d[0] - d[1] + d[2]], axis=-1),
+        ],
+        axis=-2,
+    )
+    largest = np.argmax(np.diagonal(rows, axis1=-2, axis2=-1), axis=-1)
+    quaternion = np.take_along_axis(rows, largest[..., None, None], axis=-2)[..., 0, :]
+    quaternion = quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True)
+    return np.asarray(quaternion * _leading_sign(quaternion)[..., None])
+
+
+def _leading_sign(vectors: Floats) -> Floats:
+    """The sign of the first component of (..., n) that is not zero to rounding."""
+    seen = np.abs(vectors) > 1e-15
+    first = np.take_along_axis(vectors, np.argmax(seen, axis=-1)[..., None], axis=-1)[..., 0]
+    return np.where(first < 0, -1.0, 1.0)
+
+
+def rotation_vector(rotation: ArrayLike) -> Floats:
+    """Axis times angle (..., 3): the error of an orientation that a numerical method drives to zero."""
+    axis, angle = to_axis_angle(rotation)
+    return np.asarray(axis * angle[..., None])
+
+
+def configuration_vector(position: ArrayLike, approach: ArrayLike, roll: ArrayLike) -> Floats:
+    """W = (p, e^{θ/π} a), shape (..., 6): position, and the approach vector scaled by the roll θ."""
+    scaled = np.exp(np.asarray(roll, float) / np.pi)[..., None] * np.asarray(approach, float)
+    return np.concatenate(np.broadcast_arrays(np.asarray(position, float), scaled), axis=-1)
+
+
+def from_configuration_vector(vector: ArrayLike) -> tuple[Floats, Floats, Floats]:
+    """Position (..., 3), approach (..., 3), roll (...) = π ln‖w₂‖ of a configuration vector (..., 6)."""
+    vector = np.asarray(vector, float)
+    length = np.linalg.norm(vector[..., 3:], axis=-1)
+    if np.any(length == 0.0):
+        raise InputError("a configuration vector needs an approach vector that is not zero")
+    return vector[..., :3], vector[..., 3:] / length[..., None], np.asarray(np.pi * np.log(length))

@@ -1,0 +1,184 @@
+"""What a robot is, as frozen data: `Arm` (Denavit–Hartenberg rows), `Hexapod`, `OmniBase`.
+
+Lengths are metres and angles radians. Nothing is calculated here: `servogen.kinematics` does that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from servogen.errors import InputError, nearest
+
+JointKind = Literal["turning", "sliding"]
+Convention = Literal["standard", "modified"]
+Dimensions = Literal["source", "manufacturer", "example", "user"]
+
+
+@dataclass(frozen=True, slots=True)
+class Length:
+    """A length of a DH row: a sum of signed named lengths and a constant in metres, such as l2 + l3."""
+
+    terms: tuple[tuple[str, float], ...] = ()
+    constant: float = 0.0
+
+    def value(self, lengths: Mapping[str, float]) -> float:
+        """The length in metres, given the named ones."""
+        return self.constant + sum(factor * lengths[name] for name, factor in self.terms)
+
+    @property
+    def zero(self) -> bool:
+        return not self.terms and self.constant == 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """A driven joint: turning (radians) or sliding (metres), its hard limits, its home, its top speed."""
+
+    name: str
+    kind: JointKind
+    lower: float
+    upper: float
+    home: float
+    speed: float | None = None
+
+    @property
+    def turning(self) -> bool:
+        return self.kind == "turning"
+
+
+@dataclass(frozen=True, slots=True)
+class DHRow:
+    """One Denavit–Hartenberg row; θ varies with a turning joint, d with a sliding one.
+
+    The variable part is `ratio` times the position of joint number `joint`, so a row may also follow a
+    joint that it does not own (the leg's slider mechanism turns back what β turns). `joint` None: fixed.
+    In the modified convention `a` and `alpha` are those of the link before, a_{i-1} and α_{i-1}.
+    """
+
+    theta: float
+    d: Length
+    a: Length
+    alpha: float
+    joint: int | None
+    ratio: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A fixed frame: Trans(x, y, z) Rot(z, rz) Rot(y, ry) Rot(x, rx), metres and radians."""
+
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    rx: float = 0.0
+    ry: float = 0.0
+    rz: float = 0.0
+
+    @property
+    def identity(self) -> bool:
+        return self == Frame()
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """A serial arm, or the leg: base, rows, tool.
+
+    `closed_form` names the inverse kinematics in closed form, None when there is none. `orientation` names
+    what a target may give beside x, y, z: `rpy` (φ, θ, η about z, y, x), `roll`, or `pitch` and `roll`.
+    """
+
+    name: str
+    title: str
+    convention: Convention
+    joints: tuple[Joint, ...]
+    rows: tuple[DHRow, ...]
+    lengths: tuple[tuple[str, float], ...] = ()
+    closed_form: str | None = None
+    orientation: tuple[str, ...] = ()
+    base: Frame = Frame()
+    tool: Frame = Frame()
+    dimensions: Dimensions = "user"
+    source: str = ""
+
+    @property
+    def length(self) -> dict[str, float]:
+        """The named lengths in metres."""
+        return dict(self.lengths)
+
+    @property
+    def home(self) -> tuple[float, ...]:
+        return tuple(joint.home for joint in self.joints)
+
+    @property
+    def reference(self) -> tuple[float, ...]:
+        """The reference configuration: turning joints 0, sliding joints at their least."""
+        return tuple(0.0 if joint.turning else joint.lower for joint in self.joints)
+
+    def with_lengths(self, **lengths: float) -> Arm:
+        """The same arm with other lengths, in metres."""
+        for name in lengths:
+            if name not in self.length:
+                raise InputError(f"{self.name} has no length '{name}'", hint=nearest(name, self.length))
+        return replace(self, lengths=tuple((self.length | lengths).items()), dimensions="user")
+
+    def with_tool(self, tool: Frame) -> Arm:
+        return replace(self, tool=tool)
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """Where a leg's body joint is in the body frame (x forward, y left, z up), and how it looks.
+
+    A left leg's frame is the body's, turned by `heading` about z. A mirrored (right) leg's is the mirror
+    image of a left one's in the plane y = 0: equal angles move both feet alike, forward and backward.
+
+        body point = Trans(x, y, z) Rot(z, heading) diag(1, -1 if mirrored else 1, 1) leg point
+    """
+
+    name: str
+    x: float
+    y: float
+    z: float = 0.0
+    heading: float = 0.0
+    mirrored: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Hexapod:
+    """A body with mounted legs, all alike; `centre_of_mass` is (x, y, z) in the body frame, metres."""
+
+    name: str
+    title: str
+    leg: Arm
+    mounts: tuple[Mount, ...]
+    centre_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    dimensions: Dimensions = "user"
+    source: str = ""
+
+    def mount(self, name: str) -> Mount:
+        for mount in self.mounts:
+            if mount.name == name:
+                return mount
+        raise InputError(
+            f"{self.name} has no leg '{name}'", hint=nearest(name, [each.name for each in self.mounts])
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class OmniBase:
+    """Three omni wheels at 120°: radius and distance from the centre in metres, gear, encoder, sensors."""
+
+    name: str
+    title: str
+    wheel_radius: float
+    wheel_distance: float
+    gear: float
+    counts_per_turn: int
+    sensors: int = 0
+    dimensions: Dimensions = "user"
+    source: str = ""
+
+
+Robot = Arm | Hexapod | OmniBase

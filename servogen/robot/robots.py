@@ -1,0 +1,62 @@
+"""The catalogue of robots: data files by short name.
+
+In: a short name (`scara`, `rv-m1`, …), an alias, or the path of a TOML file. Out: a `Robot`.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+
+from servogen import tomlfile
+from servogen.errors import InputError, nearest
+from servogen.robot import file
+from servogen.robot.model import Arm, Hexapod, OmniBase, Robot
+
+
+def _files() -> dict[str, Traversable]:
+    folder = resources.files("servogen.robot") / "catalogue" / "robots"
+    return {each.name.removesuffix(".toml"): each for each in folder.iterdir() if each.name.endswith(".toml")}
+
+
+def names() -> tuple[str, ...]:
+    """The short names of the catalogue's robots, in alphabetical order."""
+    return tuple(sorted(_files()))
+
+
+@cache
+def _aliases() -> dict[str, str]:
+    """Other names of the catalogue's robots, such as `robotino` for `omni`."""
+    documents = {name: tomlfile.parse(each.read_text("utf-8"), each.name) for name, each in _files().items()}
+    return {alias: name for name, document in documents.items() for alias in document.data.get("aliases", ())}
+
+
+@cache
+def catalogue(name: str) -> Robot:
+    """The catalogue's robot of a short name or an alias. Raises InputError with the nearest known name."""
+    files = _files()
+    short = name.lower().replace("_", "-")
+    short = short if short in files else _aliases().get(short, short)
+    if short not in files:
+        raise InputError(f"unknown robot '{name}'", hint=nearest(name, files))
+    document = tomlfile.parse(files[short].read_text("utf-8"), f"catalogue/robots/{short}.toml")
+    return file.robot_of(document, catalogue)
+
+
+def robot(name: str) -> Robot:
+    """The robot of a short name, or of the TOML file at a path that ends in .toml."""
+    if name.lower().endswith(".toml"):
+        return file.load(Path(name), catalogue)
+    return catalogue(name)
+
+
+def arm(name: str) -> Arm:
+    """As `robot`, for what only an arm or the leg has. Raises InputError for the others."""
+    found = robot(name)
+    if isinstance(found, Hexapod):
+        raise InputError(f"'{name}' has six legs, each a robot of its own", hint=f"use '{found.leg.name}'")
+    if isinstance(found, OmniBase):
+        raise InputError(f"'{name}' drives on wheels: it has no joints", hint="its commands are the motion's")
+    return found

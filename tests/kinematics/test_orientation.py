@@ -1,0 +1,137 @@
+"""Orientation: twelve orders there and back, axis and angle, rates, the configuration vector."""
+
+import numpy as np
+import pytest
+
+from servogen.errors import InputError
+from servogen.kinematics import orientation as o
+from servogen.kinematics.transforms import is_rotation, rot
+
+ALL = ["ZXZ", "XYX", "YZY", "ZYZ", "XZX", "YXY", "XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"]
+
+
+def random_rotations(count: int) -> np.ndarray:
+    quaternions = np.random.default_rng(4).normal(size=(count, 4))
+    w, x, y, z = (quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)).T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+def test_all_twelve_orders_are_there() -> None:
+    assert sorted(o.ORDERS) == sorted(ALL)
+
+
+@pytest.mark.parametrize("order", ALL)
+@pytest.mark.parametrize("second", [False, True])
+def test_both_solutions_of_each_order_give_the_rotation_back(order: str, second: bool) -> None:
+    rotations = random_rotations(500)
+    angles = o.to_angles(rotations, order, second)
+    np.testing.assert_allclose(o.from_angles(angles, order), rotations, atol=1e-14)
+    assert np.abs(angles).max() <= np.pi
+
+
+@pytest.mark.parametrize("order", ALL)
+def test_the_first_solution_is_where_the_angles_came_from(order: str) -> None:
+    random = np.random.default_rng(5)
+    low, high = (0.1, 3.0) if order[0] == order[2] else (-1.5, 1.5)
+    angles = np.stack(
+        [random.uniform(-3, 3, 99), random.uniform(low, high, 99), random.uniform(-3, 3, 99)], -1
+    )
+    np.testing.assert_allclose(o.to_angles(o.from_angles(angles, order), order), angles, atol=1e-12)
+
+
+@pytest.mark.parametrize("order", ALL)
+@pytest.mark.parametrize("away", [0.0, 1e-15, 1e-13, 1e-9, 1e-5])
+def test_at_and_near_the_singular_cases_the_rotation_still_comes_back(order: str, away: float) -> None:
+    singular = [0.0, np.pi] if order[0] == order[2] else [np.pi / 2, -np.pi / 2]
+    for middle in singular:
+        matrix = o.from_angles([0.3, middle + away, 0.9], order)
+        angles = o.to_angles(matrix, order)
+        np.testing.assert_allclose(o.from_angles(angles, order), matrix, atol=1e-11)
+        if away == 0.0:
+            assert angles[0] == 0.0
+
+
+def test_roll_pitch_yaw_and_zyz_are_the_products_of_the_table() -> None:
+    phi, theta, eta = 0.3, -0.5, 1.1
+    product = rot("z", phi) @ rot("y", theta) @ rot("x", eta)
+    np.testing.assert_allclose(o.from_angles([phi, theta, eta], "ZYX"), product)
+    product = rot("z", phi) @ rot("y", theta) @ rot("z", eta)
+    np.testing.assert_allclose(o.from_angles([phi, theta, eta], "zyz"), product)
+
+
+def test_the_rates_matrices_are_those_of_the_table() -> None:
+    phi, theta = 0.4, 0.8
+    s, c, st, ct = np.sin(phi), np.cos(phi), np.sin(theta), np.cos(theta)
+    zyx = [[0, -s, c * ct], [0, c, s * ct], [1, 0, -st]]
+    zyz = [[0, -s, c * st], [0, c, s * st], [1, 0, ct]]
+    np.testing.assert_allclose(o.rates_matrix([phi, theta, 0.1], "ZYX"), zyx)
+    np.testing.assert_allclose(o.rates_matrix([phi, theta, 0.1], "ZYZ"), zyz)
+
+
+@pytest.mark.parametrize("order", ALL)
+def test_the_rates_give_the_turning_speed_of_the_frame(order: str) -> None:
+    angles, rates, step = np.array([0.4, 0.8, -0.3]), np.array([0.7, -0.2, 0.5]), 1e-6
+    change = o.from_angles(angles + step * rates, order) - o.from_angles(angles - step * rates, order)
+    spin = change / (2 * step) @ o.from_angles(angles, order).T
+    omega = [spin[2, 1], spin[0, 2], spin[1, 0]]
+    assert o.rates_matrix(angles, order) @ rates == pytest.approx(omega, abs=1e-8)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-8, 1e-4, 1.0, 3.0, np.pi - 1e-8, np.pi - 1e-12, np.pi])
+def test_axis_and_angle_are_safe_near_zero_and_pi(angle: float) -> None:
+    axis = np.array([2.0, -1.0, 0.5]) / np.linalg.norm([2.0, -1.0, 0.5])
+    matrix = o.from_axis_angle(axis, angle)
+    assert is_rotation(matrix, 1e-14)
+    found_axis, found_angle = o.to_axis_angle(matrix)
+    assert found_angle == pytest.approx(angle, abs=1e-15 if angle < 1 else 1e-14)
+    np.testing.assert_allclose(o.from_axis_angle(found_axis, found_angle), matrix, atol=2e-15)
+    if angle > 1e-4:
+        np.testing.assert_allclose(found_axis, axis, atol=1e-11)
+
+
+def test_no_turn_has_the_axis_z_and_a_half_turn_an_axis_with_a_positive_first_component() -> None:
+    axis, angle = o.to_axis_angle(np.eye(3))
+    assert (axis.tolist(), float(angle)) == ([0, 0, 1], 0)
+    for given in ([-1, 0, 0], [0, -1, 0], [0, 0, -1], [-1, 2, 3]):
+        axis, angle = o.to_axis_angle(o.from_axis_angle(given, np.pi))
+        unit = -np.array(given) / np.linalg.norm(given)
+        assert (axis, angle) == (pytest.approx(unit, abs=1e-15), pytest.approx(np.pi))
+
+
+def test_many_rotations_come_back_from_axis_and_angle_and_from_quaternions() -> None:
+    rotations = random_rotations(500)
+    axis, angle = o.to_axis_angle(rotations)
+    np.testing.assert_allclose(o.from_axis_angle(axis, angle), rotations, atol=1e-14)
+    assert (o.to_quaternion(rotations)[:, 0] >= 0).all()
+
+
+def test_the_back_formula_of_the_table_agrees_where_it_is_safe() -> None:
+    matrix = o.from_axis_angle([1, 2, -2], 0.8)
+    theta = np.arccos((np.trace(matrix) - 1) / 2)
+    minors = [matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]
+    axis, angle = o.to_axis_angle(matrix)
+    assert angle == pytest.approx(theta)
+    assert axis == pytest.approx(np.array(minors) / (2 * np.sin(theta)))
+
+
+def test_the_configuration_vector_keeps_the_roll_in_the_length_of_the_approach() -> None:
+    vector = o.configuration_vector([1, 2, 3], [0, 0.6, 0.8], 2.0)
+    assert np.linalg.norm(vector[3:]) == pytest.approx(np.exp(2.0 / np.pi))
+    position, approach, roll = o.from_configuration_vector(vector)
+    assert position == pytest.approx([1, 2, 3])
+    assert approach == pytest.approx([0, 0.6, 0.8])
+    assert roll == pytest.approx(2.0)
+
+
+def test_what_has_no_direction_or_no_order_is_refused() -> None:
+    with pytest.raises(InputError, match="no direction"):
+        o.from_axis_angle([0, 0, 0], 1.0)
+    with pytest.raises(InputError, match="not zero"):
+        o.from_configuration_vector([1, 2, 3, 0, 0, 0])
+    with pytest.raises(InputError, match="'ZZX' is no order"):
+        o.from_angles([1, 2, 3], "ZZX")
