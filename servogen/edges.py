@@ -48,23 +48,57 @@ class EdgeTrace:
 
     def driven(self) -> Iterator[EdgeChunk]:
         """The changes with an undriven pin counted as low: what the CSV file and a verifier see."""
-        before = np.zeros(len(PINS), dtype=np.uint8)
-        for chunk in self.chunks:
-            level = (chunk.level == HIGH).astype(np.uint8)
-            keep = np.zeros(len(level), dtype=bool)
-            for pin in np.unique(chunk.pin):
-                at = np.flatnonzero(chunk.pin == pin)
-                previous = np.concatenate((before[pin : pin + 1], level[at][:-1]))
-                keep[at] = level[at] != previous
-                before[pin] = level[at[-1]]
-            yield EdgeChunk(chunk.cycle[keep], chunk.pin[keep], level[keep])
+        driven = Driven()
+        return (driven(chunk) for chunk in self.chunks)
+
+    def until(self, end: int) -> EdgeTrace:
+        """The same trace cut at cycle `end`; a trace that is shorter stays as it is."""
+        if end >= self.end:
+            return self
+        return EdgeTrace(self.clock, _before(self.chunks, end), Cycles(end))
+
+
+class Changes:
+    """A filter that drops what changes nothing; each pin starts at `start`, and chunks follow one another."""
+
+    def __init__(self, start: int = UNDRIVEN) -> None:
+        self._level = np.full(len(PINS), start, dtype=np.uint8)
+
+    def __call__(self, chunk: EdgeChunk) -> EdgeChunk:
+        keep = np.zeros(len(chunk.pin), dtype=bool)
+        for pin in np.flatnonzero(np.bincount(chunk.pin, minlength=len(PINS))):
+            at = np.flatnonzero(chunk.pin == pin)
+            level = chunk.level[at]
+            keep[at[1:]] = level[1:] != level[:-1]
+            keep[at[0]] = level[0] != self._level[pin]
+            self._level[pin] = level[-1]
+        return chunk if keep.all() else part(chunk, keep)
+
+
+class Driven:
+    """A filter that counts an undriven pin as low and drops what changes nothing then."""
+
+    def __init__(self) -> None:
+        self._changes = Changes(LOW)
+
+    def __call__(self, chunk: EdgeChunk) -> EdgeChunk:
+        level = (chunk.level == HIGH).astype(np.uint8)
+        return self._changes(EdgeChunk(chunk.cycle, chunk.pin, level))
+
+
+def _before(chunks: Iterable[EdgeChunk], end: int) -> Iterator[EdgeChunk]:
+    for chunk in chunks:
+        size = int(np.searchsorted(chunk.cycle, end))
+        yield part(chunk, slice(size))
+        if size < len(chunk.cycle):
+            return
 
 
 @dataclass(frozen=True, slots=True)
 class Expected:
     """The edges that a schedule asks for, time zero being the first; each knows its frame and channel.
 
-    `chunks` are in order and may be endless; `frames` are numbered from 0. An edge of pin
+    `chunks` are in order, never empty, and may be endless; frames are numbered from 0. An edge of pin
     `channels[n].pin` belongs to channel n. `lead_in` and `loop` count frames; the loop repeats for ever.
     """
 
@@ -99,6 +133,11 @@ def join(chunks: Iterable[EdgeChunk]) -> EdgeChunk:
     if not parts:
         return edge_chunk((), (), ())
     return EdgeChunk(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def part(chunk: EdgeChunk, rows: slice | npt.NDArray[np.bool_] | npt.NDArray[np.intp]) -> EdgeChunk:
+    """The edges of `chunk` that `rows` chooses."""
+    return EdgeChunk(chunk.cycle[rows], chunk.pin[rows], chunk.level[rows])
 
 
 def edge_chunk(cycle: npt.ArrayLike, pin: npt.ArrayLike, level: npt.ArrayLike) -> EdgeChunk:

@@ -20,8 +20,13 @@ class Place:
     key: str | None = None
 
     def __str__(self) -> str:
-        numbers = [str(number) for number in (self.line, self.column) if number is not None]
-        where = ":".join([self.file, *numbers] if self.file else numbers)
+        numbers = [number for number in (self.line, self.column) if number is not None]
+        if self.file:
+            where = ":".join([self.file, *map(str, numbers)])
+        else:
+            where = ", ".join(
+                f"{word} {number}" for word, number in zip(("line", "column"), numbers, strict=False)
+            )
         return ": ".join(part for part in (where, self.key) if part)
 
 

@@ -1,0 +1,9 @@
+"""Edges in files: CSV, JSON lines and VCD, chosen by the file's ending.
+
+`write_edges` writes one trace to several files in one pass; `recorded` writes while another reads;
+`read_edges` gives an EdgeTrace that reads the file, chunk by chunk, each time it is iterated.
+"""
+
+from servogen.edge_files.formats import SUFFIXES, EdgeWriter, edge_writer, read_edges, recorded, write_edges
+
+__all__ = ["SUFFIXES", "EdgeWriter", "edge_writer", "read_edges", "recorded", "write_edges"]
