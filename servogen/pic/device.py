@@ -123,6 +123,11 @@ class Device:
     code_protect_mask: int
     """The configuration word's code protection bits, low when protected."""
 
+    @property
+    def short_name(self) -> str:
+        """As assembly sources call it: "16F84"."""
+        return self.name.removeprefix("PIC")
+
 
 DEVICES = (
     Device("PIC16F84", 10_000_000, 0x3FF0),  # DS30430 section 8.1 and product identification

@@ -26,6 +26,8 @@ class Instruction:
     """The STATUS bits that it may change: of C, D (digit carry), Z, T (TO), P (PD)."""
     operation: str
     skips: bool = False
+    ignored: int = 0
+    """What assemblers put in the bits that the chip ignores."""
 
     @property
     def bits(self) -> str:
@@ -55,7 +57,7 @@ INSTRUCTIONS = (
     Instruction("ADDWF", "00 0111 dfff ffff", 1, "CDZ", "W + f -> d"),
     Instruction("ANDWF", "00 0101 dfff ffff", 1, "Z", "W & f -> d"),
     Instruction("CLRF", "00 0001 1fff ffff", 1, "Z", "0 -> f"),
-    Instruction("CLRW", "00 0001 0xxx xxxx", 1, "Z", "0 -> W"),
+    Instruction("CLRW", "00 0001 0xxx xxxx", 1, "Z", "0 -> W", ignored=0b0000011),  # MPASM writes 0x0103
     Instruction("COMF", "00 1001 dfff ffff", 1, "Z", "~f -> d"),
     Instruction("DECF", "00 0011 dfff ffff", 1, "Z", "f - 1 -> d"),
     Instruction("DECFSZ", "00 1011 dfff ffff", 1, "", "f - 1 -> d, skip if 0", skips=True),
@@ -138,13 +140,13 @@ def _decode(word: int) -> Decoded | None:
 
 
 def encode(mnemonic: str, *, f: int = 0, d: int = 0, b: int = 0, k: int = 0) -> int:
-    """The word of an instruction; bits that the chip ignores are 0.
+    """The word of an instruction; bits that the chip ignores are as assemblers write them.
 
     Raises KeyError for an unknown mnemonic and ValueError for a field that does not fit, so that callers
     (assembler, compiler) can say where.
     """
     row = by_mnemonic()[mnemonic]
-    word = row.match
+    word = row.match | row.ignored
     for field, value in (("f", f), ("d", d), ("b", b), ("k", k)):
         if field not in row.operands:
             if value:

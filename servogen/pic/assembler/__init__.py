@@ -1,0 +1,44 @@
+"""The assembler: MPASM's language for the PIC16F84 and PIC16F84A, and one line of it for inline assembly."""
+
+from servogen.pic.assembler.assemble import Assembly, assemble, beside
+from servogen.pic.assembler.expressions import (
+    Binary,
+    Expression,
+    Here,
+    Name,
+    Number,
+    Scope,
+    String,
+    Unary,
+    evaluate,
+)
+from servogen.pic.assembler.instructions import (
+    ParsedInstruction,
+    ParsedLine,
+    encode_instruction,
+    mnemonics,
+    parse_line,
+)
+from servogen.pic.assembler.messages import AssemblyError, Diagnostic
+
+__all__ = [
+    "Assembly",
+    "AssemblyError",
+    "Binary",
+    "Diagnostic",
+    "Expression",
+    "Here",
+    "Name",
+    "Number",
+    "ParsedInstruction",
+    "ParsedLine",
+    "Scope",
+    "String",
+    "Unary",
+    "assemble",
+    "beside",
+    "encode_instruction",
+    "evaluate",
+    "mnemonics",
+    "parse_line",
+]

@@ -1,0 +1,102 @@
+"""`assemble`: a source of MPASM's language into an `Image` and its `Listing`.
+
+Two passes over the same lines: the first finds where the labels are, the second places the words.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from servogen.errors import Place
+from servogen.pic.assembler.control import CONTROL
+from servogen.pic.assembler.definitions import DEFINITIONS
+from servogen.pic.assembler.layout import LAYOUT
+from servogen.pic.assembler.messages import AssemblyError, Diagnostic
+from servogen.pic.assembler.settings import SETTINGS
+from servogen.pic.assembler.source import lines_of
+from servogen.pic.assembler.state import EndOfSource, ExitMacro, Include, Pass, TooManyErrors
+from servogen.pic.assembler.symbols import Symbols
+from servogen.pic.device import DEVICES, PROGRAM_WORDS, Device
+from servogen.pic.image import Image
+from servogen.pic.listing import Listing, ListingRow
+from servogen.pic.spelling import assembly_text, cycles_text
+
+
+@dataclass(frozen=True, slots=True)
+class Assembly:
+    """What a source makes. `warnings` are MPASM's warnings and messages, in the order of the source."""
+
+    image: Image
+    listing: Listing
+    warnings: tuple[Diagnostic, ...]
+    device: Device
+    labels: tuple[tuple[str, int], ...]
+    """Global labels and their word addresses, by address."""
+
+
+def assemble(
+    text: str, file: str = "source.asm", device: Device | None = None, include: Include | None = None
+) -> Assembly:
+    """Assembles a source. Raises AssemblyError with every error found.
+
+    `device` None takes the one that the source names, the PIC16F84 when it names none. `include` gives the
+    text of an include file, see `beside`; the chips' own headers are built in.
+    """
+    symbols = Symbols()
+    directives = {**DEFINITIONS, **LAYOUT, **CONTROL, **SETTINGS}
+    lines = lines_of(text, file)
+    for number in (1, 2):
+        if number == 2:
+            symbols.second_pass()
+        state = Pass(symbols, include or (lambda name: None), directives)
+        if device is not None:
+            state.choose(device)
+        ended = False
+        try:
+            state.run(lines)
+        except EndOfSource:
+            ended = True
+        except (ExitMacro, TooManyErrors):
+            pass
+        if number == 2 and not ended and not state.log.errors:
+            place = Place(file, len(lines))
+            state.log.add(Diagnostic("warning", 205, "the source has no END", place))
+    if state.log.errors:
+        raise AssemblyError(state.log.errors)
+    listing = Listing(_rows(state), sources=((file, text), *state.sources.items()))
+    labels = sorted(symbols.addresses().items(), key=lambda pair: (pair[1], pair[0]))
+    return Assembly(
+        state.memory.image(), listing, state.log.remarks, state.device or DEVICES[0], tuple(labels)
+    )
+
+
+def beside(directory: Path) -> Include:
+    """Include files from a directory, their names in any case, as sources for DOS write them."""
+
+    def read(name: str) -> str | None:
+        wanted = directory / name.replace("\\", "/")
+        if not wanted.is_file():
+            found = [each for each in wanted.parent.glob("*") if each.name.lower() == wanted.name.lower()]
+            if not found:
+                return None
+            wanted = found[0]
+        return wanted.read_text(encoding="latin-1")
+
+    return read
+
+
+def _rows(state: Pass) -> tuple[ListingRow, ...]:
+    """The program words; what is outside the program is in no row."""
+    return tuple(
+        ListingRow(
+            each.address,
+            each.word,
+            assembly_text(each.word) if each.is_code else f"dw 0x{each.word:04X}",
+            cycles_text(each.word) if each.is_code else "",
+            each.line.file,
+            each.line.number,
+        )
+        for each in sorted(state.placed, key=lambda placed: placed.address)
+        if each.address < PROGRAM_WORDS
+    )

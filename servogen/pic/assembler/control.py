@@ -1,0 +1,199 @@
+"""Directives that choose which lines are assembled: IF, WHILE, MACRO, INCLUDE, END and their kin."""
+
+from __future__ import annotations
+
+import re
+
+from servogen.pic.assembler.header import header_device, header_text
+from servogen.pic.assembler.messages import SourceError
+from servogen.pic.assembler.source import Statement, lines_of
+from servogen.pic.assembler.state import Condition, Directive, EndOfSource, ExitMacro, Macro, Pass
+from servogen.pic.assembler.text import IDENTIFIER
+
+
+def _open(state: Pass, found: Statement, holds: bool) -> None:
+    state.conditions.append(Condition(holds, holds, found.place))
+
+
+def _open_closed(state: Pass, found: Statement) -> bool:
+    """An IF within lines that do not count: it does not either, whatever it asks."""
+    if state.active:
+        return False
+    state.conditions.append(Condition(False, True, found.place))
+    return True
+
+
+def _if(state: Pass, found: Statement) -> None:
+    if not _open_closed(state, found):
+        _open(state, found, False)
+        holds = state.one(found) != 0
+        state.conditions[-1] = Condition(holds, holds, found.place)
+
+
+def _ifdef(state: Pass, found: Statement) -> None:
+    if not _open_closed(state, found):
+        _open(state, found, _asks_defined(state, found))
+
+
+def _ifndef(state: Pass, found: Statement) -> None:
+    if not _open_closed(state, found):
+        _open(state, found, not _asks_defined(state, found))
+
+
+def _asks_defined(state: Pass, found: Statement) -> bool:
+    """Whether the name has a value or a replacement.
+
+    As MPASM and gpasm have it, the second pass knows every name of the first; where that changes the answer,
+    the lines of the two passes differ, and the source is told so.
+    """
+    match = IDENTIFIER.match(found.rest.chars)
+    if match is None:
+        raise SourceError(f"{found.operation.upper()} needs a name", found.column, number=128)
+    name = match[0]
+    symbol = state.symbols.find(name)
+    known = name in state.definitions or symbol is not None
+    if (
+        known
+        and name not in state.definitions
+        and symbol is not None
+        and symbol.in_pass != state.symbols.in_pass
+    ):
+        state.report(
+            "warning",
+            230,
+            f"'{name}' is defined further below: in the second pass the answer is another",
+            found.line,
+            found.rest.column(0),
+            "define it before, or with #define",
+        )
+    return known
+
+
+def _top(state: Pass, found: Statement) -> Condition:
+    if not state.conditions:
+        raise SourceError(f"{found.operation.upper()} without IF", found.column, number=123)
+    return state.conditions[-1]
+
+
+def _else(state: Pass, found: Statement) -> None:
+    condition = _top(state, found)
+    if condition.seen_else:
+        raise SourceError("a second ELSE of the same IF", found.column, number=123)
+    condition.seen_else = True
+    condition.active, condition.taken = not condition.taken, True
+
+
+def _elif(state: Pass, found: Statement) -> None:
+    condition = _top(state, found)
+    condition.active = not condition.taken and state.one(found) != 0
+    condition.taken |= condition.active
+
+
+def _elifdef(state: Pass, found: Statement) -> None:
+    condition = _top(state, found)
+    condition.active = not condition.taken and _asks_defined(state, found)
+    condition.taken |= condition.active
+
+
+def _elifndef(state: Pass, found: Statement) -> None:
+    condition = _top(state, found)
+    condition.active = not condition.taken and not _asks_defined(state, found)
+    condition.taken |= condition.active
+
+
+def _endif(state: Pass, found: Statement) -> None:
+    _top(state, found)
+    state.conditions.pop()
+
+
+MOST_TURNS = 65536
+"""Turns of a WHILE; more are taken for endless."""
+
+
+def _while(state: Pass, found: Statement) -> None:
+    condition = state.expression(found.rest)
+    body = state.readers[-1].block("while", "endw", found)
+    for _ in range(MOST_TURNS):
+        if not state.evaluate(condition):
+            return
+        state.run(body)
+    raise SourceError(f"this WHILE does not end within {MOST_TURNS} turns", found.column, number=131)
+
+
+def _macro(state: Pass, found: Statement) -> None:
+    body = state.readers[-1].block("macro", "endm", found)
+    if found.label is None:
+        raise SourceError("MACRO needs a name in front of it", found.column, number=130)
+    if found.label in state.macros:
+        raise SourceError(f"macro '{found.label}' is defined already", found.label_column, number=132)
+    names = tuple(part.chars for part in found.rest.split(",")) if found.rest else ()
+    for name in names:
+        if not IDENTIFIER.fullmatch(name):
+            raise SourceError(f"'{name}' is no name for a parameter", found.rest.column(0), number=124)
+    state.macros[found.label] = Macro(found.label, names, tuple(body))
+
+
+def _exitm(state: Pass, found: Statement) -> None:
+    if not found.line.within:
+        raise SourceError("EXITM outside a macro", found.column, number=123)
+    raise ExitMacro
+
+
+def _unmatched(state: Pass, found: Statement) -> None:
+    raise SourceError(f"{found.operation.upper()} without its beginning", found.column, number=123)
+
+
+_FILE = re.compile(r'<([^>]*)>|"([^"]*)"|(\S+)')
+
+
+def _include(state: Pass, found: Statement) -> None:
+    match = _FILE.match(found.rest.chars)
+    if match is None:
+        raise SourceError("INCLUDE needs a file name", found.column, number=128)
+    name = match[1] or match[2] or match[3]
+    text = state.include(name)
+    if text is None:
+        chip = header_device(name)
+        if chip is None:
+            raise SourceError(
+                f"include file '{name}' not found",
+                found.rest.column(0),
+                "built in: p16f84.inc, p16f84a.inc; others lie beside the source",
+                102,
+            )
+        if state.device is None:
+            state.choose(chip)
+        state.run(lines_of(header_text(chip), name))
+        return
+    state.sources[name] = text
+    state.run(lines_of(text, name))
+
+
+def _end(state: Pass, found: Statement) -> None:
+    raise EndOfSource
+
+
+CONTROL: dict[str, Directive] = {
+    **{
+        f"{mark}{name}": directive
+        for mark in ("", "#")
+        for name, directive in (
+            ("if", _if),
+            ("ifdef", _ifdef),
+            ("ifndef", _ifndef),
+            ("elif", _elif),
+            ("elifdef", _elifdef),
+            ("elifndef", _elifndef),
+            ("else", _else),
+            ("endif", _endif),
+            ("include", _include),
+        )
+    },
+    "while": _while,
+    "endw": _unmatched,
+    "macro": _macro,
+    "endm": _unmatched,
+    "endc": _unmatched,
+    "exitm": _exitm,
+    "end": _end,
+}

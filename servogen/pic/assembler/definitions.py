@@ -1,0 +1,149 @@
+"""Directives that give names their values: EQU, SET, =, VARIABLE, CONSTANT, CBLOCK, LOCAL, #DEFINE."""
+
+from __future__ import annotations
+
+import re
+
+from servogen.pic.assembler.expressions import BINARY, parse_expression
+from servogen.pic.assembler.messages import SourceError
+from servogen.pic.assembler.source import ASSIGNMENTS, Statement
+from servogen.pic.assembler.state import Directive, Pass
+from servogen.pic.assembler.substitution import Definition
+from servogen.pic.assembler.symbols import Kind
+from servogen.pic.assembler.text import IDENTIFIER, Text
+
+
+def _label(found: Statement) -> str:
+    if found.label is None:
+        raise SourceError(f"{found.operation.upper()} needs a name in front of it", found.column, number=128)
+    return found.label
+
+
+def _equ(state: Pass, found: Statement) -> None:
+    state.symbols.define(_label(found), state.one(found), "constant", found.label_column)
+
+
+def _set(state: Pass, found: Statement) -> None:
+    state.symbols.define(_label(found), state.one(found), "variable", found.label_column)
+
+
+def _assign(state: Pass, found: Statement) -> None:
+    """`name op= expression`, `name++` and `name--`."""
+    name = _label(found)
+    old = state.value(name)
+    if old is None:
+        raise SourceError(f"symbol not previously defined: '{name}'", found.label_column, number=113)
+    if found.operation in ("++", "--"):
+        step = 1
+        if found.rest:
+            raise SourceError(f"'{found.rest.chars}' is not expected here", found.rest.column(0))
+    else:
+        step = state.one(found)
+    sign = found.operation[0] if found.operation in ("++", "--") else found.operation[:-1]
+    if sign in "/%" and step == 0:
+        raise SourceError("divide by zero", found.column, number=114)
+    state.symbols.define(name, BINARY[sign][1](old, step), "variable", found.label_column)
+
+
+def _named_values(state: Pass, found: Statement, kind: Kind, default: int | None) -> None:
+    """`name = expression, name, …`."""
+    for part in found.rest.split(","):
+        name, value = _name_and_value(state, part)
+        if value is None:
+            if default is None:
+                raise SourceError(f"constant '{name}' needs a value", part.column(0), number=128)
+            old = state.symbols.find(name)
+            value = default if old is None else old.value
+        state.symbols.define(name, value, kind, part.column(0))
+
+
+def _name_and_value(state: Pass, part: Text) -> tuple[str, int | None]:
+    match = IDENTIFIER.match(part.chars)
+    if match is None:
+        raise SourceError("a name is missing here", part.column(0), number=128)
+    rest = part[match.end() :].strip()
+    if not rest:
+        return match[0], None
+    if not rest.chars.startswith("="):
+        raise SourceError(f"'{rest.chars[0]}' is not expected here", rest.column(0))
+    return match[0], state.evaluate(parse_expression(rest[1:], state.radix))
+
+
+def _variable(state: Pass, found: Statement) -> None:
+    _named_values(state, found, "variable", 0)
+
+
+def _constant(state: Pass, found: Statement) -> None:
+    _named_values(state, found, "constant", None)
+
+
+def _local(state: Pass, found: Statement) -> None:
+    for part in found.rest.split(","):
+        match = IDENTIFIER.match(part.chars)
+        if match is not None:
+            state.symbols.declare_local(match[0])
+        name, value = _name_and_value(state, part)
+        if value is not None:
+            state.symbols.define(name, value, "variable", part.column(0))
+
+
+def _cblock(state: Pass, found: Statement) -> None:
+    """Names that follow each other: `name`, or `name:size`, up to ENDC."""
+    if found.rest:
+        state.cblock = state.one(found)
+    for raw in state.readers[-1].block("cblock", "endc", found):
+        line = state.substituted(raw)
+        try:
+            for part in line.text.without_comment().strip().split(","):
+                if part:
+                    _cblock_entry(state, part)
+        except SourceError as error:
+            state.report("error", error.number, error.text, line, error.column, error.hint)
+
+
+def _cblock_entry(state: Pass, part: Text) -> None:
+    match = IDENTIFIER.match(part.chars)
+    if match is None:
+        raise SourceError(f"'{part.chars}' is no name", part.column(0))
+    rest = part[match.end() :].strip()
+    size = 1
+    if rest.chars.startswith(":"):
+        rest = rest[1:].strip()
+    if rest:
+        size = state.evaluate(parse_expression(rest, state.radix))
+    state.symbols.define(match[0], state.cblock, "constant", part.column(0))
+    state.cblock += size
+
+
+_DEFINE = re.compile(rf"({IDENTIFIER.pattern})(?:\(([^)]*)\))?")
+
+
+def _define(state: Pass, found: Statement) -> None:
+    match = _DEFINE.match(found.rest.chars)
+    if match is None:
+        raise SourceError("#DEFINE needs a name", found.column, number=128)
+    if match[1] in state.definitions:
+        raise SourceError(f"'{match[1]}' is defined already", found.rest.column(0), "#undefine it first", 115)
+    names = tuple(name.strip() for name in (match[2] or "").split(",") if name.strip())
+    state.definitions[match[1]] = Definition(found.rest.chars[match.end() :].strip(), names)
+
+
+def _undefine(state: Pass, found: Statement) -> None:
+    name = found.rest.chars.strip()
+    if state.definitions.pop(name, None) is None:
+        raise SourceError(f"'{name}' was not defined by #define", found.column, number=113)
+
+
+DEFINITIONS: dict[str, Directive] = {
+    "equ": _equ,
+    "set": _set,
+    ".set": _set,
+    "=": _set,
+    **dict.fromkeys((sign for sign in ASSIGNMENTS if sign != "="), _assign),
+    "variable": _variable,
+    "constant": _constant,
+    "local": _local,
+    "cblock": _cblock,
+    "#define": _define,
+    "#undefine": _undefine,
+}

@@ -1,0 +1,256 @@
+"""Expressions of MPASM: parsed into a tree, evaluated in 32-bit integers.
+
+Precedence, tightest first (DS33014, section "Arithmetic operators and precedence"):
+
+    high low upper - ! ~ +    unary
+    * / %     + -     << >>     < > <= >= == !=     & | ^     &&     ||
+
+Note that a comparison binds tighter than &, | and ^.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from servogen.errors import nearest
+from servogen.pic.assembler.lexer import Token, characters, tokens
+from servogen.pic.assembler.messages import SourceError
+from servogen.pic.assembler.text import Text
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    value: int
+    column: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    name: str
+    column: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Here:
+    """`$`: the address of the instruction in hand."""
+
+    column: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class String:
+    body: str
+    column: int = 1
+
+    @property
+    def codes(self) -> tuple[int, ...]:
+        return characters(self.body)
+
+
+@dataclass(frozen=True, slots=True)
+class Unary:
+    operator: str
+    operand: Expression
+    column: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Binary:
+    operator: str
+    left: Expression
+    right: Expression
+    column: int = 1
+
+
+Expression = Number | Name | Here | String | Unary | Binary
+
+
+class Scope(Protocol):
+    """Where an expression finds its names."""
+
+    def value(self, name: str) -> int | None:
+        """The value of a name, None when it has none."""
+        ...
+
+    def names(self) -> Iterable[str]:
+        """The known names, for a hint."""
+        ...
+
+    @property
+    def here(self) -> int: ...
+
+
+UNARY: Mapping[str, Callable[[int], int]] = {
+    "-": operator.neg,
+    "+": operator.pos,
+    "~": operator.invert,
+    "!": lambda value: int(value == 0),
+    "high": lambda value: value >> 8 & 0xFF,
+    "low": lambda value: value & 0xFF,
+    "upper": lambda value: value >> 16 & 0xFF,
+}
+
+
+def _quotient(left: int, right: int) -> int:
+    """Division as in C: towards zero."""
+    size = abs(left) // abs(right)
+    return size if (left < 0) == (right < 0) else -size
+
+
+BINARY: Mapping[str, tuple[int, Callable[[int, int], int]]] = {
+    "*": (7, operator.mul),
+    "/": (7, _quotient),
+    "%": (7, lambda left, right: left - right * _quotient(left, right)),
+    "+": (6, operator.add),
+    "-": (6, operator.sub),
+    "<<": (5, lambda left, right: left << (right & 31)),
+    ">>": (5, lambda left, right: left >> (right & 31)),
+    "<": (4, lambda left, right: int(left < right)),
+    ">": (4, lambda left, right: int(left > right)),
+    "<=": (4, lambda left, right: int(left <= right)),
+    ">=": (4, lambda left, right: int(left >= right)),
+    "==": (4, lambda left, right: int(left == right)),
+    "!=": (4, lambda left, right: int(left != right)),
+    "&": (3, operator.and_),
+    "|": (3, operator.or_),
+    "^": (3, operator.xor),
+    "&&": (2, lambda left, right: int(bool(left and right))),
+    "||": (1, lambda left, right: int(bool(left or right))),
+}
+"""Binding strength (higher is tighter) and meaning of each binary operator."""
+
+
+class Parser:
+    """Reads expressions from tokens; the fields between commas are separate expressions."""
+
+    def __init__(self, found: tuple[Token, ...], end_column: int) -> None:
+        self._tokens = found
+        self._index = 0
+        self._end_column = end_column
+
+    @classmethod
+    def of(cls, text: Text, radix: int) -> Parser:
+        return cls(tokens(text, radix), text.column(len(text.chars)))
+
+    def at_end(self) -> bool:
+        return self._index >= len(self._tokens)
+
+    def take(self, sign: str) -> bool:
+        """Whether the next token is this operator, which is then consumed."""
+        token = self._peek()
+        if token is not None and token.kind == "operator" and token.text == sign:
+            self._index += 1
+            return True
+        return False
+
+    def fields(self) -> tuple[Expression | None, ...]:
+        """The expressions between commas up to the end of the line; None for an empty field."""
+        if self.at_end():
+            return ()
+        found: list[Expression | None] = []
+        while True:
+            token = self._peek()
+            empty = token is None or token.text == ","
+            found.append(None if empty else self.expression())
+            if self.at_end():
+                return tuple(found)
+            if not self.take(","):
+                raise self._unexpected()
+
+    def expression(self, weakest: int = 1) -> Expression:
+        left = self._operand()
+        while True:
+            token = self._peek()
+            if token is None or token.kind != "operator" or token.text not in BINARY:
+                return left
+            strength = BINARY[token.text][0]
+            if strength < weakest:
+                return left
+            self._index += 1
+            left = Binary(token.text, left, self.expression(strength + 1), token.column)
+
+    def _operand(self) -> Expression:
+        token = self._peek()
+        if token is None:
+            raise SourceError("an operand is missing here", self._end_column, number=128)
+        self._index += 1
+        if token.kind == "number":
+            return Number(token.value, token.column)
+        if token.kind == "string":
+            return String(token.text, token.column)
+        word = token.text.lower()
+        if word in UNARY:
+            return Unary(word, self._operand(), token.column)
+        if token.kind == "name":
+            return Name(token.text, token.column)
+        if token.text == "$":
+            return Here(token.column)
+        if token.text in "([":
+            inner = self.expression()
+            if not self.take(")" if token.text == "(" else "]"):
+                raise SourceError(f"unmatched {token.text}", token.column, number=107)
+            return inner
+        self._index -= 1
+        raise self._unexpected()
+
+    def _peek(self) -> Token | None:
+        return None if self.at_end() else self._tokens[self._index]
+
+    def _unexpected(self) -> SourceError:
+        token = self._peek()
+        if token is None:
+            return SourceError("the line ends too early", self._end_column)
+        number = 108 if token.text == ")" else 101
+        return SourceError(f"'{token.text}' is not expected here", token.column, number=number)
+
+
+def parse_expression(text: Text, radix: int) -> Expression:
+    """The one expression that a text holds. Raises SourceError."""
+    parser = Parser.of(text, radix)
+    found = parser.expression()
+    if not parser.at_end():
+        raise parser._unexpected()
+    return found
+
+
+def suggestion(word: str, known: Iterable[str]) -> str | None:
+    """The nearest known word as a hint; None where there is none near."""
+    hint = nearest(word, known)
+    return hint if hint.startswith("did") else None
+
+
+def evaluate(expression: Expression, scope: Scope) -> int:
+    """The value, a signed 32-bit integer as MPASM computes. Raises SourceError with the column."""
+    match expression:
+        case Number(value):
+            return _wrap(value)
+        case Here():
+            return scope.here
+        case String():
+            return _character(expression)
+        case Name(name, column):
+            found = scope.value(name)
+            if found is None:
+                hint = suggestion(name, scope.names())
+                raise SourceError(f"symbol not previously defined: '{name}'", column, hint, 113)
+            return found
+        case Unary(sign, operand):
+            return _wrap(UNARY[sign](evaluate(operand, scope)))
+        case Binary(sign, left, right, column):
+            values = evaluate(left, scope), evaluate(right, scope)
+            if sign in "/%" and values[1] == 0:
+                raise SourceError("divide by zero", column, number=114)
+            return _wrap(BINARY[sign][1](*values))
+
+
+def _character(string: String) -> int:
+    if len(string.codes) != 1:
+        raise SourceError(f'"{string.body}" stands where one value is wanted', string.column, number=124)
+    return string.codes[0]
+
+
+def _wrap(value: int) -> int:
+    return (value + 0x80000000 & 0xFFFFFFFF) - 0x80000000

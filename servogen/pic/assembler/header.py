@@ -1,0 +1,74 @@
+"""The include files `p16f84.inc` and `p16f84a.inc`, built in: the names of registers, bits and fuses.
+
+In: a file name. Out: its chip, and its text, made of the facts in `pic.device`; the spellings are those that
+sources use.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+from servogen.pic.device import (
+    CONFIG_ADDRESS,
+    CONFIG_POWER_UP_TIMER_OFF,
+    CONFIG_WATCHDOG_ON,
+    DEVICES,
+    ID_ADDRESS,
+    ID_WORDS,
+    OSCILLATORS,
+    RAM_LAST,
+    REGISTERS,
+    Device,
+)
+from servogen.pic.isa import WORD_MASK
+
+LOW_ACTIVE = ("TO", "PD", "RBPU")
+"""Bits whose names have a bar in the data sheet: sources write NOT_ in front."""
+
+OTHER_NAMES = {"T0IF": "TMR0IF", "T0IE": "TMR0IE"}
+"""Second names of bits that sources use."""
+
+OSCILLATOR_NAMES = {
+    "LP": ("_LP_OSC", "_FOSC_LP"),
+    "XT": ("_XT_OSC", "_FOSC_XT"),
+    "HS": ("_HS_OSC", "_FOSC_HS"),
+}
+OSCILLATOR_NAMES["RC"] = ("_RC_OSC", "_FOSC_EXTRC")
+
+
+def header_device(name: str) -> Device | None:
+    """The chip of a built-in include file, by the file's name in any case; None when it is not built in."""
+    for each in DEVICES:
+        if name.lower() == f"p{each.short_name.lower()}.inc":
+            return each
+    return None
+
+
+@cache
+def header_text(device: Device) -> str:
+    """The include file of a chip."""
+    values = {"W": 0, "F": 1}
+    for register in REGISTERS:
+        values[register.name] = register.address
+        for bit, name in enumerate(register.bit_names()):
+            if name is not None:
+                values[f"NOT_{name}" if name in LOW_ACTIVE else name] = bit
+                if name in OTHER_NAMES:
+                    values[OTHER_NAMES[name]] = bit
+    values |= _fuses(device)
+    values |= {f"_IDLOC{number}": ID_ADDRESS + number for number in range(ID_WORDS)}
+    rows = [f"{name:<12} EQU H'{value:04X}'" for name, value in values.items()]
+    mismatch = f'  IFNDEF __{device.short_name}\n  MESSG "this header is for {device.name}"\n  ENDIF\n'
+    bad = f"  __MAXRAM H'{0x80 | RAM_LAST:02X}'\n  __BADRAM H'07', H'{RAM_LAST + 1:02X}'-H'7F', H'87'\n"
+    return mismatch + "\n".join(rows) + "\n" + bad
+
+
+def _fuses(device: Device) -> dict[str, int]:
+    """Words to be joined with &: each has only its own bits at choice, all others 1."""
+    fuses = {"_CONFIG": CONFIG_ADDRESS}
+    for name, bits in OSCILLATORS.items():
+        fuses |= dict.fromkeys(OSCILLATOR_NAMES[name], WORD_MASK & ~0b11 | bits)
+    off, on = WORD_MASK & ~CONFIG_WATCHDOG_ON, WORD_MASK
+    fuses |= {"_WDT_OFF": off, "_WDTE_OFF": off, "_WDT_ON": on, "_WDTE_ON": on}
+    fuses |= {"_PWRTE_ON": WORD_MASK & ~CONFIG_POWER_UP_TIMER_OFF, "_PWRTE_OFF": WORD_MASK}
+    return fuses | {"_CP_ON": WORD_MASK & ~device.code_protect_mask, "_CP_OFF": WORD_MASK}

@@ -1,0 +1,242 @@
+"""One instruction of assembly: parsed into its operands' expressions, and those encoded into a word.
+
+In: a line such as `loop: btfss PORTB, 3`. Out: `ParsedLine` with `ParsedInstruction`s, whose operands are
+still expressions, so that the compiler can place inline assembly itself; then `encode_instruction` gives the
+14-bit word and the remarks that MPASM would make. MPASM's special mnemonics (DS33014, appendix "Instruction
+sets", table of the special mnemonics for 12 and 14 bits) become the instructions they stand for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from servogen.errors import InputError, Place, nearest
+from servogen.pic.assembler.expressions import Expression, Name, Number, Parser, Scope, evaluate
+from servogen.pic.assembler.messages import Diagnostic, Level, SourceError
+from servogen.pic.assembler.text import IDENTIFIER, Text
+from servogen.pic.device import PROGRAM_WORDS
+from servogen.pic.isa import TRIS_PORTS, Instruction, by_mnemonic, encode
+
+DEFAULT_RADIX = 16
+"""MPASM's."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParsedInstruction:
+    """An instruction whose operands are expressions; an operand that the row has not is None.
+
+    `d` is None too where the source left the destination out: then it is the file register.
+    """
+
+    mnemonic: str
+    place: Place
+    f: Expression | None = None
+    d: Expression | None = None
+    b: Expression | None = None
+    k: Expression | None = None
+
+    @property
+    def row(self) -> Instruction:
+        return by_mnemonic()[self.mnemonic]
+
+
+@dataclass(frozen=True, slots=True)
+class ParsedLine:
+    """A label, if the line has one, and its instructions: none, one, or those of a special mnemonic."""
+
+    label: str | None
+    instructions: tuple[ParsedInstruction, ...]
+
+
+_C, _DC, _Z = (3, 0), (3, 1), (3, 2)
+"""STATUS and the bit: MPASM's special mnemonics know no names."""
+
+Step = tuple[str, tuple[int, ...]]
+"""A mnemonic and its fixed operands; the operands of the source go in front of them."""
+
+SPECIAL: dict[str, tuple[int, int, tuple[Step, ...], tuple[Step, ...]]] = {
+    # name: least and most operands; steps that take none of them; steps that take them
+    **{f"SKP{flag}": (0, 0, (("BTFSS", bit),), ()) for flag, bit in (("C", _C), ("DC", _DC), ("Z", _Z))},
+    **{f"SKPN{flag}": (0, 0, (("BTFSC", bit),), ()) for flag, bit in (("C", _C), ("DC", _DC), ("Z", _Z))},
+    **{f"CLR{flag}": (0, 0, (("BCF", bit),), ()) for flag, bit in (("C", _C), ("DC", _DC), ("Z", _Z))},
+    **{f"SET{flag}": (0, 0, (("BSF", bit),), ()) for flag, bit in (("C", _C), ("DC", _DC), ("Z", _Z))},
+    **{
+        f"B{flag}": (1, 1, (("BTFSC", bit),), (("GOTO", ()),))
+        for flag, bit in (("C", _C), ("DC", _DC), ("Z", _Z))
+    },
+    **{
+        f"BN{flag}": (1, 1, (("BTFSS", bit),), (("GOTO", ()),))
+        for flag, bit in (("C", _C), ("DC", _DC), ("Z", _Z))
+    },
+    "B": (1, 1, (), (("GOTO", ()),)),
+    "ADDCF": (1, 2, (("BTFSC", _C),), (("INCF", ()),)),
+    "ADDDCF": (1, 2, (("BTFSC", _DC),), (("INCF", ()),)),
+    "SUBCF": (1, 2, (("BTFSC", _C),), (("DECF", ()),)),
+    "SUBDCF": (1, 2, (("BTFSC", _DC),), (("DECF", ()),)),
+    "MOVFW": (1, 1, (), (("MOVF", (0,)),)),
+    "TSTF": (1, 1, (), (("MOVF", (1,)),)),
+    "NEGF": (1, 2, (), (("COMF", (1,)), ("INCF", ()))),
+    # the chip has one page of program: the L forms need no page bits
+    "LCALL": (1, 1, (), (("CALL", ()),)),
+    "LGOTO": (1, 1, (), (("GOTO", ()),)),
+}
+
+
+def mnemonics() -> frozenset[str]:
+    """Every mnemonic that assembly may write, upper case."""
+    return frozenset((*by_mnemonic(), *SPECIAL))
+
+
+def parse_line(line: str, place: Place, radix: int = DEFAULT_RADIX) -> ParsedLine:
+    """A line of assembly without directives, as inline assembly writes it: `label: MNEMONIC operands`.
+
+    A label ends with a colon; a comment begins with `;`. Raises InputError.
+    """
+    text = Text.of(line).without_comment().strip()
+    try:
+        label = None
+        match = IDENTIFIER.match(text.chars)
+        if match and text.chars[match.end() :].lstrip().startswith(":"):
+            label = match[0]
+            text = text[text.chars.index(":") + 1 :].strip()
+        if not text:
+            return ParsedLine(label, ())
+        match = IDENTIFIER.match(text.chars)
+        word = match[0] if match else text.chars.split()[0]
+        if word.upper() not in mnemonics():
+            hint = nearest(word, mnemonics())
+            raise SourceError(f"unknown instruction '{word}'", text.column(0), hint)
+        fields = Parser.of(text[len(word) :], radix).fields()
+        at = replace(place, column=text.column(0))
+        return ParsedLine(label, tuple(instructions(word, fields, at)))
+    except SourceError as error:
+        column = place.column if error.column is None else error.column
+        raise InputError(error.text, replace(place, column=column), error.hint) from error
+
+
+def instructions(
+    mnemonic: str, fields: Sequence[Expression | None], place: Place
+) -> Iterator[ParsedInstruction]:
+    """The instructions of a mnemonic, special or not, with these operand fields. Raises SourceError."""
+    name = mnemonic.upper()
+    if name not in SPECIAL:
+        yield _instruction(name, fields, place)
+        return
+    least, most, bare, taking = SPECIAL[name]
+    _count(name, fields, least, most)
+    for step, fixed in bare:
+        yield _instruction(step, [Number(value) for value in fixed], place)
+    for step, fixed in taking:
+        own = fields[:1] if fixed else fields
+        yield _instruction(step, [*own, *(Number(value) for value in fixed)], place)
+
+
+def _instruction(name: str, fields: Sequence[Expression | None], place: Place) -> ParsedInstruction:
+    """One row with its operands in the order of assembly: f,d or f,b or f or k; d may be left out."""
+    row = by_mnemonic()[name]
+    wanted = row.operands
+    _count(name, fields, len(wanted.replace("d", "")), len(wanted))
+    values = dict(zip(wanted, fields, strict=False))
+    missing = [field for field, value in values.items() if value is None and field != "d"]
+    if missing:
+        raise SourceError(f"{name} lacks an operand", place.column, number=128)
+    if values.get("d") is not None:
+        values["d"] = _destination(values["d"])
+    return ParsedInstruction(name, place, **values)
+
+
+def _count(name: str, fields: Sequence[Expression | None], least: int, most: int) -> None:
+    if len(fields) < least:
+        raise SourceError(f"{name} needs {least} operand{'s' * (least > 1)}, not {len(fields)}", number=128)
+    if len(fields) > most:
+        raise SourceError(
+            f"{name} takes at most {most} operand{'s' * (most != 1)}, not {len(fields)}", number=127
+        )
+
+
+def _destination(expression: Expression | None) -> Expression | None:
+    """W and F name the destination in either case, defined or not."""
+    if isinstance(expression, Name) and expression.name.upper() in "WF":
+        return Number("WF".index(expression.name.upper()), expression.column)
+    return expression
+
+
+def encode_instruction(instruction: ParsedInstruction, scope: Scope) -> tuple[int, tuple[Diagnostic, ...]]:
+    """The word of an instruction, and what MPASM remarks on it. Raises SourceError.
+
+    A value that is too large is masked, as MPASM does, with the remark.
+    """
+    remarks: list[Diagnostic] = []
+
+    def remark(level: Level, number: int, text: str) -> None:
+        remarks.append(Diagnostic(level, number, text, instruction.place))
+
+    def value(expression: Expression | None) -> int:
+        return 0 if expression is None else evaluate(expression, scope)
+
+    name, row = instruction.mnemonic, instruction.row
+    fields: dict[str, int] = {}
+    if name in ("OPTION", "TRIS"):
+        remark("warning", 224, f"{name} is not recommended: write the register in bank 1")
+    if name == "TRIS":
+        fields["f"] = _port(value(instruction.f), instruction.place, remark)
+    elif "f" in row.operands:
+        fields["f"] = _register(value(instruction.f), remark)
+    if "d" in row.operands:
+        fields["d"] = _flag(instruction.d, value(instruction.d), remark)
+    if "b" in row.operands:
+        bit = value(instruction.b)
+        if not 0 <= bit <= 7:
+            remark("warning", 202, f"there is no bit {bit}: its least significant bits are used")
+        fields["b"] = bit & 7
+    if "k" in row.operands:
+        target = name in ("CALL", "GOTO")
+        fields["k"] = (_target if target else _literal)(value(instruction.k), remark)
+    return encode(name, **fields), tuple(remarks)
+
+
+class _Remark(Protocol):
+    def __call__(self, level: Level, number: int, text: str) -> None: ...
+
+
+def _register(address: int, remark: _Remark) -> int:
+    """A file register's address in its bank: bit 7 is RP0's, not the instruction's."""
+    if address & 0x80:
+        remark("message", 302, f"register 0x{address & 0xFFFF:02X} is not in bank 0: bank bits must be right")
+    return address & 0x7F
+
+
+def _port(address: int, place: Place, remark: _Remark) -> int:
+    port = _register(address, remark)
+    if port not in TRIS_PORTS:
+        raise SourceError(f"TRIS takes port 5 (PORTA) or 6 (PORTB), not {port}", place.column, number=126)
+    return port
+
+
+def _flag(expression: Expression | None, destination: int, remark: _Remark) -> int:
+    if expression is None:
+        remark("message", 305, "no destination: the file register (1) is taken")
+        return 1
+    if destination not in (0, 1):
+        remark(
+            "warning", 202, f"destination {destination} is neither 0 (W) nor 1 (F): its lowest bit is used"
+        )
+    return destination & 1
+
+
+def _literal(literal: int, remark: _Remark) -> int:
+    if not -0xFF <= literal <= 0xFF:
+        remark(
+            "warning", 202, f"{literal} (0x{literal & 0xFFFFFFFF:X}) does not fit 8 bits: the lowest are used"
+        )
+    return literal & 0xFF
+
+
+def _target(address: int, remark: _Remark) -> int:
+    if not 0 <= address < PROGRAM_WORDS:
+        remark(
+            "warning", 220, f"address 0x{address & 0xFFFFFFFF:X} is beyond the chip's {PROGRAM_WORDS} words"
+        )
+    return address & 0x7FF

@@ -1,0 +1,169 @@
+"""Directives that place words: ORG, RES, FILL, DATA, DW, DB, DT, DE, DA; and those that select banks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from servogen.pic.assembler import instructions
+from servogen.pic.assembler.expressions import Expression, Number, String
+from servogen.pic.assembler.messages import SourceError
+from servogen.pic.assembler.source import Statement
+from servogen.pic.assembler.state import Directive, Pass
+from servogen.pic.device import EEPROM_ADDRESS, EEPROM_BYTES, register_bits
+from servogen.pic.isa import WORD_MASK, encode
+
+
+def _org(state: Pass, found: Statement) -> None:
+    state.location = state.one(found)
+    if found.label is not None:
+        state.symbols.define(found.label, state.location, "label", found.label_column)
+
+
+def _res(state: Pass, found: Statement) -> None:
+    """Reserved words are erased words."""
+    for _ in range(state.one(found)):
+        state.emit(WORD_MASK, found)
+
+
+MOST_FILL = 0x2200
+"""More words than there are addresses."""
+
+
+def _fill(state: Pass, found: Statement) -> None:
+    """`fill value, count`, or `fill (instruction), count`; the value is computed anew at each address."""
+    rest = found.rest
+    if rest.chars.startswith("(") and _is_instruction(rest.chars[1:]):
+        end = rest.chars.rindex(")")
+        line = rest[1:end].strip()
+        count = state.evaluate(state.expression(rest[end + 1 :].strip()[1:]))
+        word = line.chars.split()[0]
+        fields = state.parser(line[len(word) :]).fields()
+        for _ in range(min(count, MOST_FILL)):
+            for each in instructions.instructions(word, fields, found.place):
+                state.encode(each, found)
+        return
+    value, count_expression = state.fields(found, 2, 2)
+    for _ in range(min(state.evaluate(count_expression), MOST_FILL)):
+        state.emit(state.evaluate(value), found)
+
+
+def _is_instruction(chars: str) -> bool:
+    words = chars.replace(")", " ").split()
+    return bool(words) and words[0].upper() in instructions.mnemonics()
+
+
+def _bytes(state: Pass, fields: list[Expression]) -> Iterator[int]:
+    """Each value, and each character of each string."""
+    for field in fields:
+        if isinstance(field, String):
+            yield from field.codes
+        else:
+            yield state.evaluate(field)
+
+
+def _data(state: Pass, found: Statement) -> None:
+    """Words; the characters of a string two in a word, the first above, the last alone above zero."""
+    for field in state.fields(found, 1):
+        if not isinstance(field, String):
+            state.emit(state.evaluate(field), found)
+            continue
+        codes = [*field.codes, 0]
+        for high, low in zip(codes[0:-1:2], codes[1::2], strict=False):
+            state.emit(high << 8 | low, found)
+
+
+def _db(state: Pass, found: Statement) -> None:
+    """Bytes two in a word, the first above; in the data EEPROM each in its own place."""
+    values = [_byte(state, value, found) for value in _bytes(state, state.fields(found, 1))]
+    if EEPROM_ADDRESS <= state.location < EEPROM_ADDRESS + EEPROM_BYTES:
+        for value in values:
+            state.emit(value, found)
+        return
+    if len(values) % 2:
+        values.append(0)
+    for high, low in zip(values[::2], values[1::2], strict=True):
+        state.emit(high << 8 | low, found)
+
+
+def _byte(state: Pass, value: int, found: Statement) -> int:
+    if not -128 <= value <= 0xFF:
+        state.report(
+            "warning", 202, f"{value} does not fit 8 bits: the lowest are used", found.line, found.column
+        )
+    return value & 0xFF
+
+
+def _de(state: Pass, found: Statement) -> None:
+    for value in _bytes(state, state.fields(found, 1)):
+        state.emit(value & 0xFF, found)
+
+
+def _dt(state: Pass, found: Statement) -> None:
+    """A table: a RETLW for each byte."""
+    for value in _bytes(state, state.fields(found, 1)):
+        state.emit(encode("RETLW", k=value & 0xFF), found, is_code=True)
+
+
+def _da(state: Pass, found: Statement) -> None:
+    """Characters of 7 bits, two in a word."""
+    for field in state.fields(found, 1):
+        if not isinstance(field, String):
+            state.emit(state.evaluate(field), found)
+            continue
+        codes = [*field.codes, 0]
+        for high, low in zip(codes[0:-1:2], codes[1::2], strict=False):
+            state.emit((high & 0x7F) << 7 | low & 0x7F, found)
+
+
+def _select(state: Pass, found: Statement, bit_name: str, is_set: bool) -> None:
+    register, bit = register_bits()[bit_name]
+    fields = (Number(register.address), Number(bit))
+    for each in instructions.instructions("BSF" if is_set else "BCF", fields, found.place):
+        state.encode(each, found)
+
+
+def _banksel(state: Pass, found: Statement) -> None:
+    """The chip has two banks of registers: RP0 selects (DS35007 section 2.2)."""
+    _select(state, found, "RP0", bool(state.one(found) & 0x80))
+
+
+def _bankisel(state: Pass, found: Statement) -> None:
+    """IRP is for indirect addresses above 0xFF (DS35007 section 2.5); the chip keeps the bit all the same."""
+    _select(state, found, "IRP", bool(state.one(found) & 0x100))
+
+
+def _pagesel(state: Pass, found: Statement) -> None:
+    """The chip has one page of program: nothing to select."""
+    state.one(found)
+    state.report(
+        "message", 312, "the chip has one page: no page selection is needed", found.line, found.column
+    )
+
+
+def _relocatable(state: Pass, found: Statement) -> None:
+    raise SourceError(
+        f"{found.operation.upper()} is for relocatable code, which needs a linker",
+        found.column,
+        "use org and cblock",
+        149,
+    )
+
+
+LAYOUT: dict[str, Directive] = {
+    "org": _org,
+    "res": _res,
+    "fill": _fill,
+    "data": _data,
+    "dw": _data,
+    "db": _db,
+    "de": _de,
+    "dt": _dt,
+    "da": _da,
+    "banksel": _banksel,
+    "bankisel": _bankisel,
+    "pagesel": _pagesel,
+    "pageselw": _pagesel,
+    **dict.fromkeys(
+        ("code", "udata", "udata_shr", "udata_ovr", "udata_acs", "idata", "global", "extern"), _relocatable
+    ),
+}

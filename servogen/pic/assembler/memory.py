@@ -1,0 +1,45 @@
+"""The words that a source places: program, ID words, configuration word and data EEPROM by word address.
+
+In: addresses and words as the assembler meets them. Out: an `Image`.
+"""
+
+from __future__ import annotations
+
+from servogen.pic.assembler.messages import SourceError
+from servogen.pic.image import REGIONS, Image, Region
+
+
+def region(address: int) -> Region | None:
+    """The part of the chip that a word address lies in."""
+    for each in REGIONS:
+        if each.start <= address < each.start + each.length:
+            return each
+    return None
+
+
+class Memory:
+    def __init__(self) -> None:
+        self._words: dict[int, int] = {}
+
+    def put(self, address: int, word: int) -> None:
+        """Places a word. Raises SourceError where the chip has none, or where one stands already."""
+        part = region(address)
+        if part is None:
+            raise SourceError(
+                f"address 0x{address & 0xFFFFFFFF:04X} is beyond the chip",
+                hint="words are " + ", ".join(f"{each.name} {each.span}" for each in REGIONS),
+                number=220,
+            )
+        if address in self._words:
+            raise SourceError(
+                f"address 0x{address:04X} holds 0x{self._words[address]:04X} already", number=118
+            )
+        self._words[address] = word & part.largest
+
+    def image(self) -> Image:
+        found: dict[str, dict[int, int]] = {each.name: {} for each in REGIONS}
+        for address, word in self._words.items():
+            part = region(address)
+            if part is not None:
+                found[part.name][address - part.start] = word
+        return Image(found["program"], found["config"].get(0), found["eeprom"], found["ids"])

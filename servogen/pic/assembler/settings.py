@@ -1,0 +1,159 @@
+"""Directives that set how to assemble: processor, radix, remarks, configuration, ID words, the map of RAM."""
+
+from __future__ import annotations
+
+import re
+
+from servogen.errors import InputError
+from servogen.pic.assembler.expressions import Binary
+from servogen.pic.assembler.messages import Level, SourceError
+from servogen.pic.assembler.source import Statement
+from servogen.pic.assembler.state import Directive, Pass
+from servogen.pic.assembler.text import Text
+from servogen.pic.device import CONFIG_ADDRESS, ID_ADDRESS, device
+from servogen.pic.isa import WORD_MASK
+
+RADICES = {"hex": 16, "dec": 10, "decimal": 10, "oct": 8, "octal": 8, "hexadecimal": 16}
+
+
+def _radix(state: Pass, found: Statement) -> None:
+    _set_radix(state, found.rest)
+
+
+def _set_radix(state: Pass, name: Text) -> None:
+    radix = RADICES.get(name.chars.lower())
+    if radix is None:
+        raise SourceError(f"'{name.chars}' is no radix", name.column(0), "known: dec, hex, oct", 124)
+    state.radix = radix
+
+
+def _list(state: Pass, found: Statement) -> None:
+    """`list p=16f84, r=dec, …`: the processor and the radix count, the rest is about paper."""
+    for part in found.rest.split(","):
+        key = part.chars.partition("=")[0]
+        field = part[len(key) + 1 :].strip()
+        if key.strip().lower() in ("p", "pe"):
+            _set_processor(state, field, found)
+        elif key.strip().lower() == "r":
+            _set_radix(state, field)
+
+
+def _processor(state: Pass, found: Statement) -> None:
+    _set_processor(state, found.rest, found)
+
+
+def _set_processor(state: Pass, name: Text, found: Statement) -> None:
+    try:
+        chosen = device(name.chars)
+    except InputError as error:
+        raise SourceError(error.message, name.column(0), error.hint, 180) from error
+    if state.device is None:
+        state.choose(chosen)
+    elif chosen != state.device:
+        text = f"processor {chosen.name} is superseded by {state.device.name}, which was asked for"
+        state.report("warning", 215, text, found.line, found.column)
+
+
+def _errorlevel(state: Pass, found: Statement) -> None:
+    """`errorlevel 0|1|2, -302, +302`: which remarks are kept."""
+    for part in found.rest.split(","):
+        match = re.fullmatch(r"([-+]?)\s*(\d+)", part.chars)
+        if match is None:
+            raise SourceError(
+                f"'{part.chars}' is no level or number", part.column(0), "0, 1, 2, -302 or +302", 124
+            )
+        number = int(match[2])
+        if number <= 2:
+            state.log.least = number
+        elif match[1] == "-":
+            state.log.muted.add(number)
+        else:
+            state.log.muted.discard(number)
+
+
+def _said(found: Statement) -> str:
+    return found.rest.chars.strip().strip('"')
+
+
+def _messg(state: Pass, found: Statement) -> None:
+    _say(state, found, "message", 301)
+
+
+def _error(state: Pass, found: Statement) -> None:
+    _say(state, found, "error", 100)
+
+
+def _say(state: Pass, found: Statement, level: Level, number: int) -> None:
+    if not found.rest:
+        raise SourceError(f"{found.operation.upper()} needs a text", found.column, number=128)
+    state.report(level, number, _said(found), found.line, found.column)
+
+
+def _config(state: Pass, found: Statement) -> None:
+    """`__config word`, or `__config 0x2007, word`."""
+    fields = state.fields(found, 1, 2)
+    if len(fields) == 2 and state.evaluate(fields[0]) != CONFIG_ADDRESS:
+        raise SourceError(
+            f"the configuration word is at 0x{CONFIG_ADDRESS:04X}", found.rest.column(0), number=126
+        )
+    state.put(CONFIG_ADDRESS, state.evaluate(fields[-1]), found)
+
+
+def _idlocs(state: Pass, found: Statement) -> None:
+    """The four hexadecimal digits of one value, one in each ID word."""
+    value = state.one(found)
+    if value & ~0xFFFF:
+        text = f"0x{value & 0xFFFFFFFF:X} has more than four digits: the last four are used"
+        state.report("message", 304, text, found.line, found.column)
+    for index, shift in enumerate((12, 8, 4, 0)):
+        state.put(ID_ADDRESS + index, value >> shift & 0xF, found)
+
+
+def _maxram(state: Pass, found: Statement) -> None:
+    state.ram_last = state.one(found)
+    state.bad_ram.clear()
+
+
+def _badram(state: Pass, found: Statement) -> None:
+    """Addresses and ranges `first-last` that are no RAM."""
+    for field in state.fields(found, 1):
+        if isinstance(field, Binary) and field.operator == "-":
+            first, last = state.evaluate(field.left), state.evaluate(field.right)
+            state.bad_ram.update(range(first, min(last, WORD_MASK) + 1))
+        else:
+            state.bad_ram.add(state.evaluate(field))
+
+
+def _nothing(state: Pass, found: Statement) -> None:
+    """About the printed listing, or about memory that the chip has anyway."""
+
+
+SETTINGS: dict[str, Directive] = {
+    "radix": _radix,
+    "list": _list,
+    "processor": _processor,
+    "errorlevel": _errorlevel,
+    "messg": _messg,
+    "error": _error,
+    "__config": _config,
+    "__fuses": _config,
+    "__idlocs": _idlocs,
+    "__maxram": _maxram,
+    "__badram": _badram,
+    **dict.fromkeys(
+        (
+            "nolist",
+            "expand",
+            "noexpand",
+            "page",
+            "space",
+            "title",
+            "subtitle",
+            "subtitl",
+            "stitle",
+            "__maxrom",
+            "__badrom",
+        ),
+        _nothing,
+    ),
+}

@@ -1,0 +1,92 @@
+"""Lines of source with where they come from, and the statement that a line holds.
+
+In: the text of a file, or the body of a macro. Out: `SourceLine`s; `statement` takes one apart into label,
+operation and operand field.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from servogen.errors import Place
+from servogen.pic.assembler.messages import SourceError
+from servogen.pic.assembler.text import IDENTIFIER, Text
+
+_OPERATION = re.compile(r"[#]?" + IDENTIFIER.pattern)
+ASSIGNMENTS = ("<<=", ">>=", "+=", "-=", "*=", "/=", "%=", "&=", "|=", "^=", "=", "++", "--")
+"""What may stand between a variable in column 1 and its new value."""
+
+_ASSIGNMENT = re.compile("|".join(re.escape(each) for each in ASSIGNMENTS) + "(?!=)")
+
+
+@dataclass(frozen=True, slots=True)
+class SourceLine:
+    """One line. `within` names the macro calls that led to it, innermost first."""
+
+    text: Text
+    file: str
+    number: int
+    within: tuple[str, ...] = ()
+
+    def place(self, column: int | None = None) -> Place:
+        return Place(self.file, self.number, column)
+
+
+def lines_of(text: str, file: str) -> list[SourceLine]:
+    """The lines of a file, numbered from 1. A Ctrl-Z of old editors ends the file."""
+    whole = text.split("\x1a", 1)[0]
+    rows = re.split(r"\r\n|\n|\r", whole)
+    return [SourceLine(Text.of(row.rstrip("\f")), file, number) for number, row in enumerate(rows, 1)]
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """A line taken apart. `word` is the operation as written, empty when there is none."""
+
+    line: SourceLine
+    label: str | None
+    label_column: int
+    word: str
+    column: int
+    rest: Text
+
+    @property
+    def operation(self) -> str:
+        return self.word.lower()
+
+    @property
+    def place(self) -> Place:
+        return self.line.place(self.column)
+
+
+def statement(line: SourceLine, is_operation: Callable[[str], bool]) -> Statement:
+    """The parts of a line; `is_operation` tells mnemonics, directives and macros from labels."""
+    text = line.text.without_comment()
+    label, label_column = None, 1
+    rest = text.strip()
+    match = IDENTIFIER.match(rest.chars)
+    if match and _is_label(text, rest, match, is_operation):
+        label, label_column = match[0], rest.column(0)
+        end = match.end() + (rest.chars[match.end() : match.end() + 1] == ":")
+        rest = rest[end:].strip()
+    operation = (label and _ASSIGNMENT.match(rest.chars)) or _OPERATION.match(rest.chars)
+    if not operation:
+        if rest:
+            raise SourceError(f"'{rest.chars[0]}' is not expected here", rest.column(0))
+        return Statement(line, label, label_column, "", rest.column(0), rest)
+    rest_after = rest[operation.end() :].strip()
+    return Statement(line, label, label_column, operation[0], rest.column(0), rest_after)
+
+
+_DEFINING = re.compile(r"\s+(?:equ|set|macro)\b|\s*=(?!=)", re.IGNORECASE)
+
+
+def _is_label(text: Text, rest: Text, match: re.Match[str], is_operation: Callable[[str], bool]) -> bool:
+    """Whether the first word is a label: in column 1, with a colon, or in front of EQU, SET, MACRO or =."""
+    after = rest.chars[match.end() :]
+    if after.startswith(":") or _DEFINING.match(after):
+        return True
+    in_column_one = not text.chars[:1].isspace()
+    return in_column_one and not is_operation(match[0])

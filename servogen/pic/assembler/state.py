@@ -1,0 +1,329 @@
+"""One pass over a source: what is known at a line, and what a line does.
+
+In: the lines of the source, and the `Symbols` of the pass before. Out: the words in `Memory`, the remarks in
+`Log` and the listing's rows. The directives themselves are tables in the modules `definitions`, `layout`,
+`control` and `settings`; each is a function of the pass and the statement.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+from servogen.errors import Place
+from servogen.pic.assembler import instructions
+from servogen.pic.assembler.expressions import Expression, Parser, evaluate, parse_expression, suggestion
+from servogen.pic.assembler.memory import Memory
+from servogen.pic.assembler.messages import MOST_ERRORS, Diagnostic, Level, Log, SourceError
+from servogen.pic.assembler.source import ASSIGNMENTS, SourceLine, Statement, statement
+from servogen.pic.assembler.substitution import Definition, parameters, paste, substitute
+from servogen.pic.assembler.symbols import Symbols
+from servogen.pic.assembler.text import Text
+from servogen.pic.device import Device
+from servogen.pic.isa import WORD_MASK
+
+Include = Callable[[str], str | None]
+"""Gives the text of an include file by the name that the source writes; None when there is no such file."""
+
+Directive = Callable[["Pass", Statement], None]
+
+DEEPEST_NESTING = 200
+"""Macro calls and include files within each other; more are taken for endless."""
+
+
+@dataclass(frozen=True, slots=True)
+class Macro:
+    name: str
+    parameters: tuple[str, ...]
+    body: tuple[SourceLine, ...]
+
+
+@dataclass(slots=True)
+class Condition:
+    """An open IF: whether its lines count, whether a branch was taken, and where it began."""
+
+    active: bool
+    taken: bool
+    place: Place
+    seen_else: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """A word that a line made; `is_code` tells an instruction from data."""
+
+    address: int
+    word: int
+    line: SourceLine
+    is_code: bool
+
+
+class EndOfSource(Exception):
+    """END was met."""
+
+
+class ExitMacro(Exception):
+    """EXITM was met."""
+
+
+class TooManyErrors(Exception):
+    """The rest of the source would say nothing new."""
+
+
+@dataclass(slots=True)
+class Pass:
+    symbols: Symbols
+    include: Include
+    directives: dict[str, Directive]
+    device: Device | None = None
+    definitions: dict[str, Definition] = field(default_factory=dict)
+    memory: Memory = field(default_factory=Memory)
+    log: Log = field(default_factory=Log)
+    placed: list[Placed] = field(default_factory=list)
+    sources: dict[str, str] = field(default_factory=dict)
+    macros: dict[str, Macro] = field(default_factory=dict)
+    conditions: list[Condition] = field(default_factory=list)
+    radix: int = instructions.DEFAULT_RADIX
+    location: int = 0
+    cblock: int = 0
+    ram_last: int | None = None
+    bad_ram: set[int] = field(default_factory=set)
+    readers: list[Reader] = field(default_factory=list)
+
+    # -- where expressions find their names -----------------------------------------------------------
+
+    @property
+    def here(self) -> int:
+        return self.location
+
+    def value(self, name: str) -> int | None:
+        symbol = self.symbols.find(name)
+        if symbol is None:
+            return 0 if self.first else None
+        return symbol.value
+
+    def names(self) -> Iterable[str]:
+        return self.symbols.names()
+
+    @property
+    def first(self) -> bool:
+        return self.symbols.in_pass == 1
+
+    # -- the lines ------------------------------------------------------------------------------------
+
+    def run(self, lines: Sequence[SourceLine]) -> None:
+        """Does what the lines say, one by one; a block (macro, while, cblock) takes its lines itself."""
+        if len(self.readers) > DEEPEST_NESTING:
+            raise SourceError("macro calls or include files are nested without end", number=132)
+        reader = Reader(lines)
+        self.readers.append(reader)
+        opened = len(self.conditions)
+        try:
+            while (line := reader.next()) is not None:
+                self._guarded(line)
+            for condition in self.conditions[opened:]:
+                self.log.add(Diagnostic("error", 129, "this IF has no ENDIF", condition.place))
+        finally:
+            del self.conditions[opened:]
+            self.readers.pop()
+
+    def _guarded(self, line: SourceLine) -> None:
+        try:
+            self._line(line)
+        except SourceError as error:
+            self.report("error", error.number, error.text, line, error.column, error.hint)
+
+    def _line(self, line: SourceLine) -> None:
+        if self.active:
+            self._statement(statement(self.substituted(line), self.is_operation))
+            return
+        found = statement(line, self.is_operation)
+        if found.operation in CONDITIONAL:
+            self.directives[found.operation](self, found)
+
+    def substituted(self, line: SourceLine) -> SourceLine:
+        """The line after `#define` and `#v`."""
+        text = substitute(line.text, self.definitions)
+        return replace(line, text=paste(text, lambda part: self.evaluate(self.expression(part))))
+
+    def _statement(self, found: Statement) -> None:
+        operation = found.operation
+        if found.label is not None:
+            if found.label_column > 1 and operation not in OWN_LABEL:
+                self.report(
+                    "warning", 207, f"label '{found.label}' after column 1", found.line, found.label_column
+                )
+            if operation in CONDITIONAL:
+                raise SourceError(
+                    f"a label cannot stand before {operation.upper()}", found.label_column, number=121
+                )
+            if operation not in OWN_LABEL:
+                self.symbols.define(found.label, self.location, "label", found.label_column)
+        elif found.column == 1 and operation.upper() in instructions.mnemonics():
+            self.report("warning", 203, f"opcode '{found.word}' in column 1", found.line, 1)
+        if operation in self.directives:
+            self.directives[operation](self, found)
+        elif operation.upper() in instructions.mnemonics():
+            self._instruction(found)
+        elif found.word in self.macros:
+            self._call(self.macros[found.word], found)
+        elif operation:
+            known = (*self.directives, *(name.lower() for name in instructions.mnemonics()), *self.macros)
+            hint = suggestion(found.word, known)
+            raise SourceError(f"unknown operation '{found.word}'", found.column, hint, 122)
+
+    @property
+    def active(self) -> bool:
+        return not self.conditions or self.conditions[-1].active
+
+    def is_operation(self, word: str) -> bool:
+        """Whether a word in column 1 is no label."""
+        known = word.lower() in self.directives or word.upper() in instructions.mnemonics()
+        return known or word in self.macros
+
+    # -- instructions and macro calls -----------------------------------------------------------------
+
+    def _instruction(self, found: Statement) -> None:
+        for each in instructions.instructions(found.word, self.parser(found.rest).fields(), found.place):
+            self.encode(each, found)
+
+    def encode(self, instruction: instructions.ParsedInstruction, found: Statement) -> None:
+        """Places an instruction; in the first pass only its room, for its operands may be unknown yet."""
+        if self.first:
+            self.location += 1
+            return
+        try:
+            word, remarks = instructions.encode_instruction(instruction, self)
+            for remark in remarks:
+                self.report(remark.level, remark.number, remark.text, found.line, found.column)
+            if instruction.f is not None and not self._is_ram(self.evaluate(instruction.f)):
+                self.report("warning", 219, "there is no register at this address", found.line, found.column)
+        except SourceError:
+            self.location += 1
+            raise
+        self.emit(word, found, is_code=True)
+
+    def _is_ram(self, address: int) -> bool:
+        return self.ram_last is None or (address <= self.ram_last and address not in self.bad_ram)
+
+    def _call(self, macro: Macro, found: Statement) -> None:
+        arguments = [part.chars for part in found.rest.split(",")] if found.rest else []
+        if len(arguments) != len(macro.parameters):
+            few = len(arguments) < len(macro.parameters)
+            raise SourceError(
+                f"macro '{macro.name}' takes {len(macro.parameters)} arguments, not {len(arguments)}",
+                found.column,
+                number=128 if few else 127,
+            )
+        values = dict(zip(macro.parameters, arguments, strict=True))
+        note = f"in macro '{macro.name}', called at {found.line.file}:{found.line.number}"
+        within = (note, *found.line.within)
+        opened = len(self.conditions)
+        self.symbols.enter()
+        try:
+            self.run([replace(row, text=parameters(row.text, values), within=within) for row in macro.body])
+        except ExitMacro:
+            del self.conditions[opened:]
+        finally:
+            self.symbols.leave()
+
+    # -- what directives use --------------------------------------------------------------------------
+
+    def choose(self, device: Device) -> None:
+        """The chip from here on; sources ask for it as `ifdef __16F84`."""
+        self.device = device
+        self.symbols.define(f"__{device.short_name}", 1, "variable", 1)
+
+    def parser(self, text: Text) -> Parser:
+        return Parser.of(text, self.radix)
+
+    def expression(self, text: Text) -> Expression:
+        return parse_expression(text, self.radix)
+
+    def evaluate(self, expression: Expression) -> int:
+        return evaluate(expression, self)
+
+    def fields(self, found: Statement, least: int = 0, most: int | None = None) -> list[Expression]:
+        """The operands of a directive, as many as it takes, none left empty."""
+        fields = self.parser(found.rest).fields()
+        name = found.operation.upper()
+        if len(fields) < least or None in fields:
+            raise SourceError(
+                f"{name} lacks an operand", found.rest.column(len(found.rest.chars)), number=128
+            )
+        if most is not None and len(fields) > most:
+            raise SourceError(
+                f"{name} takes at most {most} operands, not {len(fields)}", found.column, number=127
+            )
+        return [each for each in fields if each is not None]
+
+    def one(self, found: Statement) -> int:
+        """The value of a directive's only operand."""
+        return self.evaluate(self.fields(found, 1, 1)[0])
+
+    def emit(self, word: int, found: Statement, *, is_code: bool = False) -> None:
+        """Places a word at the location, which goes on by one."""
+        address = self.location
+        self.location += 1
+        self.put(address, word, found, is_code=is_code)
+
+    def put(self, address: int, word: int, found: Statement, *, is_code: bool = False) -> None:
+        """Places a word at any address of the chip, in the second pass."""
+        if self.first:
+            return
+        if word & ~WORD_MASK:
+            word &= 0xFFFF
+            text = f"0x{word:04X} does not fit a program word: its lowest 14 bits are used"
+            self.report("message", 303, text, found.line, found.column)
+        self.memory.put(address, word & WORD_MASK)
+        self.placed.append(Placed(address, word & WORD_MASK, found.line, is_code))
+
+    def report(
+        self,
+        level: Level,
+        number: int,
+        text: str,
+        line: SourceLine,
+        column: int | None = None,
+        hint: str | None = None,
+    ) -> None:
+        notes = "; ".join(([hint] if hint else []) + list(line.within))
+        self.log.add(Diagnostic(level, number, text, line.place(column), notes or None))
+        if len(self.log.errors) >= MOST_ERRORS:
+            raise TooManyErrors
+
+
+class Reader:
+    """The lines that are still to do at one level of nesting."""
+
+    def __init__(self, lines: Sequence[SourceLine]) -> None:
+        self._lines = lines
+        self._index = 0
+
+    def next(self) -> SourceLine | None:
+        if self._index == len(self._lines):
+            return None
+        self._index += 1
+        return self._lines[self._index - 1]
+
+    def block(self, begin: str, end: str, opened: Statement) -> list[SourceLine]:
+        """The lines up to the matching `end`, which is consumed; blocks of the same kind nest."""
+        taken: list[SourceLine] = []
+        depth = 1
+        pattern = re.compile(rf"(?:[^\s;\"']+\s+|\s+)?({begin}|{end})\b(?!\s*[:=])", re.IGNORECASE)
+        while (line := self.next()) is not None:
+            if found := pattern.match(line.text.chars):
+                depth += 1 if found[1].lower() == begin else -1
+                if depth == 0:
+                    return taken
+            taken.append(line)
+        raise SourceError(f"{opened.operation.upper()} without {end.upper()}", opened.column, number=129)
+
+
+_CONDITIONS = ("if", "ifdef", "ifndef", "elif", "elifdef", "elifndef", "else", "endif")
+CONDITIONAL = frozenset(mark + name for mark in ("", "#") for name in _CONDITIONS)
+"""The directives that count in the lines of an IF that does not hold."""
+
+OWN_LABEL = frozenset(("equ", "set", ".set", "=", "macro", "org", *ASSIGNMENTS))
+"""Directives that give the label in front of them a meaning of their own."""

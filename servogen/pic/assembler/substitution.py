@@ -1,0 +1,115 @@
+"""Text put in the place of a name: `#define`, the parameters of a macro, and `#v(expression)`.
+
+In: a line's `Text`. Out: the line with every name outside strings and comments replaced.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+from servogen.pic.assembler.messages import SourceError
+from servogen.pic.assembler.text import IDENTIFIER, Text
+
+
+@dataclass(frozen=True, slots=True)
+class Definition:
+    """What `#define name(parameters) body` says."""
+
+    body: str
+    parameters: tuple[str, ...] = ()
+
+
+_KEPT = re.compile(r"\s*#?(?:define|undefine|ifdef|ifndef|elifdef|elifndef)\b", re.IGNORECASE)
+"""These directives take a name as it stands."""
+
+_WORD = re.compile(r"[bodhqaBODHQA]'[^']*'|" + IDENTIFIER.pattern + r"|[0-9][\w]*")
+
+
+def substitute(text: Text, definitions: Mapping[str, Definition]) -> Text:
+    """The line with its `#define`d names replaced, and those in what replaces them.
+
+    A name is not replaced within its own replacement, so that a circle ends.
+    """
+    if not definitions or _KEPT.match(text.chars):
+        return text
+    index = 0
+    while found := _next_name(text, index, definitions):
+        start, end = found
+        name = text.chars[start:end]
+        definition = definitions[name]
+        body = Text(definition.body, (text.column(start),) * len(definition.body))
+        if definition.parameters:
+            arguments, end = _arguments(text, end, len(definition.parameters))
+            if arguments is None:
+                index = end
+                continue
+            body = parameters(body, dict(zip(definition.parameters, arguments, strict=True)))
+        others = {each: value for each, value in definitions.items() if each != name}
+        body = substitute(body, others)
+        text = text.replace(start, end, body.chars)
+        index = start + len(body.chars)
+    return text
+
+
+def _next_name(text: Text, index: int, names: Mapping[str, object]) -> tuple[int, int] | None:
+    """Where the next known name outside strings and comment begins and ends."""
+    limit = len(text.without_comment().chars)
+    spans = [span for span in text.quoted() if text.chars[span[0]] == '"' or span[1] - span[0] > 1]
+    for match in _WORD.finditer(text.chars, index, limit):
+        start, end = match.span()
+        if match[0] in names and not any(a <= start < b for a, b in spans):
+            return start, end
+    return None
+
+
+def parameters(text: Text, values: Mapping[str, str]) -> Text:
+    """The text with the names of parameters replaced by their arguments."""
+    index = 0
+    while found := _next_name(text, index, values):
+        start, end = found
+        value = values[text.chars[start:end]]
+        text = text.replace(start, end, value)
+        index = start + len(value)
+    return text
+
+
+def _arguments(text: Text, index: int, count: int) -> tuple[list[str] | None, int]:
+    """The bracketed arguments after a name; None when they are not there or not as many as wanted."""
+    opened = re.compile(r"\s*\(").match(text.chars, index)
+    if opened is None:
+        return None, index
+    depth, end = 1, opened.end()
+    spans = text.quoted()
+    parts = [end]
+    while end < len(text.chars) and depth:
+        char = text.chars[end]
+        if not any(a <= end < b for a, b in spans):
+            depth += (char == "(") - (char == ")")
+            if char == "," and depth == 1:
+                parts.append(end + 1)
+        end += 1
+    if depth or len(parts) != count:
+        return None, index
+    bounds = [*parts, end]
+    pieces = [text.chars[a : b - 1].strip() for a, b in pairwise(bounds)]
+    return pieces, end
+
+
+_PASTE = re.compile(r"#[vV]\(")
+
+
+def paste(text: Text, evaluate: Callable[[Text], int]) -> Text:
+    """The line with each `#v(expression)` replaced by its value in decimal, which may end a name."""
+    while match := _PASTE.search(text.without_comment().chars):
+        depth, end = 1, match.end()
+        while end < len(text.chars) and depth:
+            depth += (text.chars[end] == "(") - (text.chars[end] == ")")
+            end += 1
+        if depth:
+            raise SourceError("unmatched (", text.column(match.end() - 1), number=107)
+        value = evaluate(text[match.end() : end - 1])
+        text = text.replace(match.start(), end, str(value))
+    return text

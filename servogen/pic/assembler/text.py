@@ -1,0 +1,74 @@
+"""A line of source whose characters remember their columns, so that a substitution keeps its place.
+
+In: a source line. Out: slices and replacements of it; `columns[i]` is the column, counted from 1, that
+character `i` had in the file. Text put in by a macro or a `#define` has the column of what it replaces.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+IDENTIFIER = re.compile(r"[.]?[A-Za-z_?@\u0080-\U0010FFFF][\w.?@]*")
+"""A name as MPASM spells it. A `.` in front must be followed by a letter, or it is a decimal number."""
+
+_QUOTED = re.compile(r'"(?:\\.|[^"\\])*"?' + r"|'(?:\\[^\s]|[^'\\])[^' ,;]*'")
+"""A string, or a quoted number or character: what no substitution and no comment may touch."""
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    chars: str
+    columns: tuple[int, ...]
+
+    @classmethod
+    def of(cls, line: str) -> Text:
+        return cls(line, tuple(range(1, len(line) + 1)))
+
+    def __getitem__(self, part: slice) -> Text:
+        return Text(self.chars[part], self.columns[part])
+
+    def __bool__(self) -> bool:
+        return bool(self.chars)
+
+    def column(self, index: int) -> int:
+        """The column of a character; of the end of the text, one after its last."""
+        if index < len(self.columns):
+            return self.columns[index]
+        return self.columns[-1] + 1 if self.columns else 1
+
+    def strip(self) -> Text:
+        start = len(self.chars) - len(self.chars.lstrip())
+        return self[start : max(start, len(self.chars.rstrip()))]
+
+    def replace(self, start: int, end: int, chars: str) -> Text:
+        """This text with `chars` in the place of `start` to `end`."""
+        columns = (self.column(start),) * len(chars)
+        return Text(
+            self.chars[:start] + chars + self.chars[end:],
+            self.columns[:start] + columns + self.columns[end:],
+        )
+
+    def quoted(self) -> list[tuple[int, int]]:
+        """Where the strings and quoted numbers are: (start, end) of each."""
+        return [match.span() for match in _QUOTED.finditer(self.chars)]
+
+    def without_comment(self) -> Text:
+        for index in self._outside(";"):
+            return self[:index]
+        return self
+
+    def split(self, separator: str) -> list[Text]:
+        """The parts between the separators that are in no string, stripped."""
+        parts, start = [], 0
+        for index in self._outside(separator):
+            parts.append(self[start:index].strip())
+            start = index + 1
+        return [*parts, self[start:].strip()]
+
+    def _outside(self, sign: str) -> Iterator[int]:
+        spans = self.quoted()
+        for index, char in enumerate(self.chars):
+            if char == sign and not any(start <= index < end for start, end in spans):
+                yield index

@@ -1,0 +1,90 @@
+"""How one word is written in assembly, and what it costs.
+
+In: a 14-bit word. Out: text such as `BTFSC PORTB, RB3`, and the cycles as the data sheet writes them. An
+instruction knows no bank: an address below 0x0C has the name of its bank 0 register, and `other_bank` gives
+the name that it has when RP0 is 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+from servogen.pic.device import REGISTERS, Register
+from servogen.pic.isa import Decoded, decode, encode
+
+PCL = 0x02
+WRITES_W = 0
+
+
+@cache
+def _bank(number: int) -> dict[int, Register]:
+    return {each.address & 0x7F: each for each in REGISTERS if each.address >> 7 == number}
+
+
+def register_name(address: int) -> str:
+    """The name of a bank 0 register, or the address."""
+    register = _bank(0).get(address)
+    return register.name if register else f"0x{address:02X}"
+
+
+def other_bank(address: int) -> str | None:
+    """The name of the register at this address in bank 1, where it differs."""
+    register = _bank(1).get(address)
+    return register.name if register else None
+
+
+def bit_name(address: int, bit: int) -> str:
+    """The name of a bit of a bank 0 register, or its number."""
+    register = _bank(0).get(address)
+    return (register and register.bit_names()[bit]) or str(bit)
+
+
+def hexadecimal(address: int) -> str:
+    return f"0x{address:03X}"
+
+
+def assembly_text(word: int, target: Callable[[int], str] = hexadecimal) -> str:
+    """The instruction as text, a `dw` when the data sheet defines none. `target` names what jumps go to."""
+    decoded = decode(word)
+    if decoded is None:
+        return f"dw 0x{word:04X}"
+    operands = ", ".join(_operand(decoded, field, target) for field in decoded.instruction.operands)
+    return f"{decoded.instruction.mnemonic} {operands}".strip()
+
+
+def _operand(decoded: Decoded, field: str, target: Callable[[int], str]) -> str:
+    row = decoded.instruction
+    if field == "f":
+        return register_name(decoded.f)
+    if field == "d":
+        return "WF"[decoded.d]
+    if field == "b":
+        return bit_name(decoded.f, decoded.b)
+    return target(decoded.k) if row.mnemonic in ("CALL", "GOTO") else f"0x{decoded.k:02X}"
+
+
+def is_exact(word: int) -> bool:
+    """Whether the instruction's text gives back this very word, its ignored bits too."""
+    decoded = decode(word)
+    if decoded is None:
+        return False
+    fields = {field: getattr(decoded, field) for field in decoded.instruction.operands}
+    return encode(decoded.instruction.mnemonic, **fields) == word
+
+
+def cycles_text(word: int) -> str:
+    """Instruction cycles: "1", "2", or "1(2)" for what may skip. Empty for an undefined word.
+
+    An instruction that writes PCL takes 2 (DS33023 section 29, note of the instruction set's table).
+    """
+    decoded = decode(word)
+    if decoded is None:
+        return ""
+    row = decoded.instruction
+    if row.skips:
+        return "1(2)"
+    writes = row.mnemonic in ("MOVWF", "CLRF", "BCF", "BSF") or (
+        "d" in row.operands and decoded.d != WRITES_W
+    )
+    return "2" if writes and "f" in row.operands and decoded.f == PCL else str(row.cycles)
