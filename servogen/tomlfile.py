@@ -95,9 +95,8 @@ def validate(document: Document, model: type[Model], key: Key = ()) -> Model:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        found = [
-            _input_error(document, model, key, dict(detail)) for detail in error.errors(include_url=False)
-        ]
+        details = [dict(detail) for detail in error.errors(include_url=False)]
+        found = [_input_error(document, model, key, detail) for detail in details if not _consequence(detail)]
         # A missing key tells least: its place is the table, above the misspelt key that explains it.
         raise min(found, key=_order) from error
 
@@ -202,6 +201,11 @@ def _input_error(document: Document, model: type[Table], root: Key, detail: Mapp
     return document.error(key, f"{value}: {detail['msg']}")
 
 
+def _consequence(detail: Mapping[str, Any]) -> bool:
+    """An array counts as too short when an element of it is wrong: the element is what is told."""
+    return detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]
+
+
 def _length_hint(kind: str, context: Mapping[str, Any]) -> str:
     return f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"
 
@@ -217,8 +221,14 @@ def _order(error: InputError) -> tuple[bool, int, int]:
 
 def shown(value: Any) -> str:
     """A value as TOML writes it, cut short."""
-    text = repr(value) if not isinstance(value, bool) else str(value).lower()
-    text = f'"{value}"' if isinstance(value, str) else text
+    if isinstance(value, tuple):
+        text = f"[{', '.join(shown(item) for item in value)}]"
+    elif isinstance(value, dict):
+        text = f"{{ {', '.join(f'{name} = {shown(item)}' for name, item in value.items())} }}"
+    elif isinstance(value, str):
+        text = f'"{value}"'
+    else:
+        text = str(value).lower() if isinstance(value, bool) else repr(value)
     return text if len(text) <= 40 else f"{text[:37]}…"
 
 

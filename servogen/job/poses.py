@@ -124,6 +124,7 @@ def _foot(
     target = np.array(foot_mm) / 1000
     place = document.place(*key)
     nearest_point = np.array(leg.nearest(target))
+    # A position in a file has few digits: it is taken to mean the point of the surface that is nearest to it.
     if float(np.linalg.norm(nearest_point - target)) > binding.tolerance:
         try:
             leg.ik(target)

@@ -46,7 +46,7 @@ def check_period(period: Rounded, place: Place | None = None) -> tuple[Caution, 
                 place,
             )
         )
-    return (*found, *check_periods([float(period.achieved_us)], place=place))
+    return (*found, *check_periods([float(period.requested_us)], place=place))
 
 
 def check_periods(
@@ -112,8 +112,8 @@ def check_calibration(servo: Servo) -> tuple[Caution, ...]:
     return (
         Caution(
             "width-range",
-            f"{servo.name}: pulses of {_us(shortest)} to {_us(longest)} go beyond the {_us(low)} to {_us(high)} "
-            f"of a {servo.model.title}",
+            f"{servo.name}: pulses of {_us(shortest)} to {_us(longest)} go beyond a {servo.model.title}'s "
+            f"{_us(low)} to {_us(high)}",
             servo.place,
         ),
     )
@@ -189,8 +189,8 @@ def _follow(
     if short:
         yield Caution(
             "frames-few",
-            f"{servo.name} is told to leave a position {short} frames before it can have reached it: "
-            f"the travel takes {needed} frames at {limit:.0f}°/s",
+            f"{servo.name} is told to leave a position {short} frame{'s' if short > 1 else ''} before it can "
+            f"have reached it: the travel takes {needed} frames at {limit:.0f}°/s",
             servo.place,
         )
 
