@@ -1,0 +1,94 @@
+"""The data EEPROM: EECON1, EECON2's two keys, and a write that takes its time. Compiled.
+
+DS35007 section 3. A write starts only by the sequence of section 3.2, to the cycle: 55h to EECON2, AAh two cycles
+later, WR in the cycle after that, with WREN already set.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from servogen.simulator.interrupts import EEIF, note_flags
+from servogen.simulator.layout import (
+    EE_BYTE,
+    EE_CELL,
+    EE_DONE_AT,
+    EE_STEP,
+    EE_STEP_AT,
+    EE_TIME,
+    EEADR,
+    EECON1,
+    EEDATA,
+    EEPROM,
+    NEVER,
+    WARN_EE_ADDRESS,
+    WARN_EE_SEQUENCE,
+)
+from servogen.simulator.warn import warn
+
+RD, WR, WREN, WRERR = 0x01, 0x02, 0x04, 0x08
+CELLS = 64
+FIRST_KEY, SECOND_KEY = 0x55, 0xAA
+KEY_TO_KEY, KEY_TO_WR = 2, 1
+"""Cycles between the writes of the sequence: MOVLW stands between the keys, nothing before WR."""
+
+
+@njit
+def eecon2_write(s, at, value):  # type: ignore[no-untyped-def]
+    if value == SECOND_KEY and s[EE_STEP] == 1 and at == s[EE_STEP_AT] + KEY_TO_KEY:
+        s[EE_STEP] = 2
+    elif value == FIRST_KEY:
+        s[EE_STEP] = 1
+    else:
+        s[EE_STEP] = 0
+    s[EE_STEP_AT] = at
+
+
+@njit
+def eecon1_write(s, at, value):  # type: ignore[no-untyped-def]
+    """WR and RD can be set, not cleared, by software (section 3, register EECON1)."""
+    before = s[EECON1]
+    now = (value & (EEIF | WRERR | WREN)) | (before & WR)
+    if value & WR and not before & WR:
+        if before & WREN and s[EE_STEP] == 2 and at == s[EE_STEP_AT] + KEY_TO_WR:
+            now |= WR
+            s[EE_DONE_AT] = at + 1 + s[EE_TIME]
+            s[EE_CELL] = s[EEADR]
+            s[EE_BYTE] = s[EEDATA]
+        else:
+            warn(s, WARN_EE_SEQUENCE, 0)
+        s[EE_STEP] = 0
+    if value & RD:
+        s[EEDATA] = cell_read(s)
+    s[EECON1] = now
+    note_flags(s, at + 1)
+
+
+@njit
+def cell_read(s):  # type: ignore[no-untyped-def]
+    if s[EEADR] >= CELLS:
+        warn(s, WARN_EE_ADDRESS, s[EEADR])
+        return 0
+    return s[EEPROM + s[EEADR]]
+
+
+@njit
+def write_done(s):  # type: ignore[no-untyped-def]
+    """The write that was under way is complete, in the cycle `EE_DONE_AT`."""
+    at = s[EE_DONE_AT]
+    s[EE_DONE_AT] = NEVER
+    if s[EE_CELL] < CELLS:
+        s[EEPROM + s[EE_CELL]] = s[EE_BYTE]
+    else:
+        warn(s, WARN_EE_ADDRESS, s[EE_CELL])
+    s[EECON1] = (s[EECON1] & ~WR) | EEIF
+    note_flags(s, at)
+
+
+@njit
+def reset_eecon1(s):  # type: ignore[no-untyped-def]
+    """A reset ends a write under way and says so in WRERR; the cell keeps its old value here."""
+    broken = WRERR if s[EE_DONE_AT] != NEVER else s[EECON1] & WRERR
+    s[EE_DONE_AT] = NEVER
+    s[EE_STEP] = 0
+    s[EECON1] = broken

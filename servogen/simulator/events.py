@@ -1,0 +1,150 @@
+"""What comes from outside the instructions: stimuli, time-outs, interrupts, resets, sleep; and when. Compiled.
+
+Between two calls of `attend` the instruction loop runs freely, up to the cycle in `HORIZON`: the first cycle at whose
+start anything here could be due. An instruction that changes what could be due ends the free run itself.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from servogen.simulator.eeprom import write_done
+from servogen.simulator.interrupts import GIE, LATENCY, T0IE, T0IF, note_flags, requested
+from servogen.simulator.layout import (
+    CYCLE,
+    EE_DONE_AT,
+    HORIZON,
+    IN_RESET,
+    INTCON,
+    INTERRUPTS,
+    IRQ_AT,
+    MCLR_PIN,
+    NEVER,
+    PACK_CYCLE,
+    PACK_LEVELS,
+    PACK_PIN,
+    PC,
+    SLEEPING,
+    START_UP,
+    STATUS,
+    STIM_COUNT,
+    STIM_KNOWN,
+    STIM_NEXT,
+    T0_AT,
+    T0_TICK,
+    WAKES_INTERRUPT,
+    WAKES_WDT,
+    WDT_AT,
+)
+from servogen.simulator.ports import outside
+from servogen.simulator.resets import FETCH, PD, TO, mclr_reset, watchdog_reset
+from servogen.simulator.stack import push
+from servogen.simulator.timer import t0_external, t0_flag_at, t0_sync, wdt_deadline, wdt_sync
+
+INTERRUPT_VECTOR = 0x004
+
+
+@njit
+def next_event(s, stim):  # type: ignore[no-untyped-def]
+    """The first cycle at which something not caused by an instruction happens, interrupts aside."""
+    when = s[STIM_KNOWN]
+    if s[STIM_NEXT] < s[STIM_COUNT]:
+        when = stim[s[STIM_NEXT]] >> PACK_CYCLE
+    if s[IN_RESET]:
+        return when
+    when = min(when, s[EE_DONE_AT], s[T0_TICK])
+    return min(when, wdt_deadline(s))
+
+
+@njit
+def stimulus(s, edges, packed):  # type: ignore[no-untyped-def]
+    """One change from outside: of a pin, or of MCLR, which holds the chip in reset while low."""
+    at = packed >> PACK_CYCLE
+    pin = packed >> PACK_PIN & 0xF
+    level = packed & PACK_LEVELS
+    if pin < MCLR_PIN:
+        outside(s, at, pin, level)
+    elif level == 0 and not s[IN_RESET]:
+        mclr_reset(s, edges, at)
+        s[IN_RESET] = 1
+    elif level != 0 and s[IN_RESET]:
+        s[IN_RESET] = 0
+        s[WDT_AT] = at
+        s[CYCLE] = max(s[CYCLE], at + FETCH)
+
+
+@njit
+def wake(s, at):  # type: ignore[no-untyped-def]
+    """The instruction after SLEEP executes when the oscillator runs again; what woke us is sampled then."""
+    s[SLEEPING] = 0
+    s[CYCLE] = at + s[START_UP]
+    s[T0_AT] = max(s[T0_AT], s[CYCLE])
+    s[IRQ_AT] = NEVER
+    note_flags(s, s[CYCLE])
+
+
+@njit
+def watchdog(s, edges):  # type: ignore[no-untyped-def]
+    """A time-out wakes a sleeping chip (STATUS uuu0 0uuu) and resets a running one: DS35007 table 6-3."""
+    at = wdt_deadline(s)
+    wdt_sync(s, at)
+    if s[SLEEPING]:
+        s[STATUS] &= ~(TO | PD)
+        s[WAKES_WDT] += 1
+        wake(s, at)
+    else:
+        at = s[CYCLE]
+        watchdog_reset(s, edges, at)
+        s[CYCLE] = at + FETCH
+
+
+@njit
+def happen(s, edges, stim):  # type: ignore[no-untyped-def]
+    """Everything that was due by now, in order of cycles; a stimulus comes before what has its cycle."""
+    while True:
+        now = s[CYCLE]
+        when = next_event(s, stim)
+        if when > now:
+            return
+        if s[STIM_NEXT] < s[STIM_COUNT] and stim[s[STIM_NEXT]] >> PACK_CYCLE == when:
+            stimulus(s, edges, stim[s[STIM_NEXT]])
+            s[STIM_NEXT] += 1
+        elif s[EE_DONE_AT] == when:
+            write_done(s)
+        elif s[T0_TICK] == when:
+            s[T0_TICK] = NEVER
+            t0_external(s, when)
+        elif wdt_deadline(s) == when:
+            watchdog(s, edges)
+        else:
+            return  # the host must say what comes from STIM_KNOWN on
+
+
+@njit
+def attend(s, edges, stim):  # type: ignore[no-untyped-def]
+    """Between instructions: let happen what is due, enter an interrupt, set `HORIZON`."""
+    happen(s, edges, stim)
+    if s[SLEEPING] and requested(s):
+        s[WAKES_INTERRUPT] += 1
+        wake(s, s[CYCLE])
+        happen(s, edges, stim)
+    now = s[CYCLE]
+    if s[SLEEPING] or s[IN_RESET]:
+        s[HORIZON] = next_event(s, stim)
+        return
+    if s[INTCON] & (GIE | T0IE) == GIE | T0IE:
+        t0_sync(s, now)
+    if s[IRQ_AT] < now:
+        push(s, s[PC])
+        s[PC] = INTERRUPT_VECTOR
+        s[INTCON] &= ~GIE
+        s[CYCLE] = s[IRQ_AT] + LATENCY
+        s[IRQ_AT] = NEVER
+        s[INTERRUPTS] += 1
+        happen(s, edges, stim)
+    horizon = next_event(s, stim)
+    if s[IRQ_AT] < NEVER:
+        horizon = min(horizon, s[IRQ_AT] + 1)
+    elif s[INTCON] & (GIE | T0IE | T0IF) == GIE | T0IE:
+        horizon = min(horizon, t0_flag_at(s) + 1)
+    s[HORIZON] = horizon

@@ -1,0 +1,35 @@
+"""Interrupt flags, enables and the moment at which they are sampled. Compiled.
+
+DS35007 section 6.8 (INTCON, section 2.3.4), timing DS30430 figures 6-4 and 8-17: the flags are sampled in Q1
+of every cycle. Sampled true in cycle s, the instruction of cycle s still executes, and the one at 0004h executes
+in cycle s + 3, whatever the length of the former. `IRQ_AT` is that s, or NEVER.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from servogen.simulator.layout import EECON1, INTCON, IRQ_AT, NEVER
+
+GIE, EEIE, T0IE, T0IF, INTF, RBIF = 0x80, 0x40, 0x20, 0x04, 0x02, 0x01
+EEIF = 0x10  # of EECON1
+LATENCY = 3
+
+
+@njit
+def requested(s):  # type: ignore[no-untyped-def]
+    """Whether an enabled flag is set, GIE aside: what wakes the chip."""
+    intcon = s[INTCON]
+    if (intcon >> 3) & intcon & 7:
+        return True
+    return (intcon & EEIE) != 0 and (s[EECON1] & EEIF) != 0
+
+
+@njit
+def note_flags(s, at):  # type: ignore[no-untyped-def]
+    """Flags or enables are as they are from cycle `at`; what was sampled before stands."""
+    if s[INTCON] & GIE and requested(s):
+        if s[IRQ_AT] > at:
+            s[IRQ_AT] = at
+    elif s[IRQ_AT] >= at:
+        s[IRQ_AT] = NEVER

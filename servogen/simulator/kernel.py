@@ -1,0 +1,356 @@
+"""The instruction loop. Compiled, once with and once without observation, and kept across processes.
+
+In: the state vector, the program, what is coming from outside. Out: the state vector later, edges in a buffer, and why
+it came back. Instructions and cycles: DS35007 section 7, table 7-2; STATUS as a destination: section 2.3.1; PCL as a
+destination: section 2.4; INDF and FSR: section 2.6.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from numba import njit
+
+from servogen.simulator.events import attend
+from servogen.simulator.interrupts import GIE, note_flags, requested
+from servogen.simulator.layout import (
+    AT_BREAKPOINT,
+    AT_END,
+    CYCLE,
+    EDGE_COUNT,
+    EDGE_LIMIT,
+    EDGES_FULL,
+    FSR,
+    HORIZON,
+    IN_RESET,
+    INTCON,
+    NEEDS_STIMULUS,
+    NOT_WRITTEN,
+    PC,
+    PCLATH,
+    READ_UNWRITTEN,
+    SLEEPING,
+    STATUS,
+    STIM_COUNT,
+    STIM_KNOWN,
+    STIM_NEXT,
+    TRACE_COUNT,
+    TRACE_FULL,
+    W,
+    WARN_ERASED,
+    WARN_UNDEFINED,
+)
+from servogen.simulator.memo import DEEPEST_RECORDING, lookup, pack_registers, recall, remember
+from servogen.simulator.ports import A, B, tris_write
+from servogen.simulator.program import BREAK, ERASED, EXIT, LOOP, OPS, SPIN, UNDEFINED, WAITS_BIT
+from servogen.simulator.registers import read_register, write_option, write_register
+from servogen.simulator.resets import PD, TO
+from servogen.simulator.stack import pop, push
+from servogen.simulator.timer import settle_counters, t0_flag_at, t0_sync, wdt_clear
+from servogen.simulator.warn import warn
+
+ADDWF, ANDWF, CLRF, CLRW = OPS["ADDWF"], OPS["ANDWF"], OPS["CLRF"], OPS["CLRW"]
+COMF, DECF, DECFSZ, INCF, INCFSZ = OPS["COMF"], OPS["DECF"], OPS["DECFSZ"], OPS["INCF"], OPS["INCFSZ"]
+IORWF, MOVF, MOVWF, NOP = OPS["IORWF"], OPS["MOVF"], OPS["MOVWF"], OPS["NOP"]
+RLF, RRF, SUBWF, SWAPF, XORWF = OPS["RLF"], OPS["RRF"], OPS["SUBWF"], OPS["SWAPF"], OPS["XORWF"]
+BCF, BSF, BTFSC, BTFSS = OPS["BCF"], OPS["BSF"], OPS["BTFSC"], OPS["BTFSS"]
+ADDLW, ANDLW, CALL, CLRWDT, GOTO = OPS["ADDLW"], OPS["ANDLW"], OPS["CALL"], OPS["CLRWDT"], OPS["GOTO"]
+IORLW, MOVLW, RETFIE, RETLW = OPS["IORLW"], OPS["MOVLW"], OPS["RETFIE"], OPS["RETLW"]
+RETURN, SLEEP, SUBLW, XORLW = OPS["RETURN"], OPS["SLEEP"], OPS["SUBLW"], OPS["XORLW"]
+OPTION, TRIS = OPS["OPTION"], OPS["TRIS"]
+
+PC_MASK = 0x1FFF  # 13 bits: DS35007 section 2.4
+ROW_MASK = 0x03FF  # 1024 words, mirrored above: section 2.1
+D, FLAGS, DIRECT = 1 << 6, 1 << 7, 1 << 15
+ROW = 1024
+C, DC, Z, RP0 = 0x01, 0x02, 0x04, 0x20
+UNWRITABLE = TO | PD
+RAM_FIRST, RAM_END = 0x0C, 0x50
+PCL_ADDRESS, STATUS_ADDRESS = 2, 3
+NO_SLOT = -1
+WAITS, PERIOD_SHIFT = 1 << WAITS_BIT, WAITS_BIT + 1
+PAGE_BITS = 0x18  # of PCLATH, for CALL and GOTO: section 2.4
+
+
+def _build(observed: bool, sources: str) -> Callable[..., int]:
+    """`observed` counts and traces every instruction; `sources` is in the key of numba's cache, no more."""
+
+    @njit(cache=True)
+    def run(s, end, edges, stim, code, plain, regions, memo, recording, resume, counts, trace):  # type: ignore[no-untyped-def]
+        _ = sources
+        pc, w, status, cycle = s[PC], s[W], s[STATUS], s[CYCLE]
+        while True:
+            s[PC] = pc
+            s[W] = w
+            s[STATUS] = status
+            s[CYCLE] = cycle
+            if cycle >= end:
+                settle_counters(s, cycle)
+                return AT_END
+            if s[EDGE_COUNT] >= s[EDGE_LIMIT]:
+                return EDGES_FULL
+            if observed and len(trace) and s[TRACE_COUNT] >= len(trace):
+                return TRACE_FULL
+            if cycle >= s[STIM_KNOWN] and s[STIM_NEXT] == s[STIM_COUNT]:
+                return NEEDS_STIMULUS
+            attend(s, edges, stim)
+            if s[SLEEPING] or s[IN_RESET]:
+                s[CYCLE] = max(s[CYCLE], min(end, s[HORIZON]))
+            pc, status, cycle = s[PC], s[STATUS], s[CYCLE]
+            if s[SLEEPING] or s[IN_RESET]:
+                continue
+            horizon = min(s[HORIZON], end)
+            base = 0
+            depth = 0
+            bank = (status & RP0) << 2
+            while cycle < horizon:
+                start = cycle
+                at = pc
+                word = code[base + (pc & ROW_MASK)]
+                op = word & 63
+                if op >= EXIT:
+                    if op == EXIT:  # the region that is being recorded is left
+                        depth -= 1
+                        remember(s, memo, recording, depth, regions, cycle, pc, w, status)
+                        base = (recording[depth - 1, 3] + 1) * ROW if depth else 0
+                        continue
+                    if op == BREAK:
+                        if cycle != resume:
+                            s[PC], s[W], s[STATUS], s[CYCLE] = pc, w, status, cycle
+                            settle_counters(s, cycle)
+                            return AT_BREAKPOINT
+                    elif op == LOOP:
+                        region = word >> 8
+                        if s[PCLATH] & PAGE_BITS == 0:
+                            registers = pack_registers(s, regions, region)
+                            if registers >= 0:
+                                key = pc << 16 | w << 8 | status
+                                slot = lookup(memo, key, registers)
+                                if slot >= 0:
+                                    if cycle + memo[slot, 2] <= horizon:
+                                        cycle += memo[slot, 2]
+                                        recall(s, memo, slot, regions, region)
+                                        after = memo[slot, 3]
+                                        pc, w, status = after >> 16, after >> 8 & 0xFF, after & 0xFF
+                                        bank = (status & RP0) << 2
+                                        continue
+                                elif depth < DEEPEST_RECORDING:
+                                    recording[depth, 0] = key
+                                    recording[depth, 1] = registers
+                                    recording[depth, 2] = cycle
+                                    recording[depth, 3] = region
+                                    depth += 1
+                                    base = (region + 1) * ROW
+                    elif op == SPIN and s[PCLATH] & PAGE_BITS == 0:
+                        period = word >> 8
+                        cycle += (horizon - cycle) // period * period
+                        if cycle >= horizon:
+                            break
+                        start = cycle
+                    word = plain[pc & ROW_MASK]
+                    op = word & 63
+                pc = (pc + 1) & PC_MASK
+                cycle += 1
+                if op <= BTFSS and op != CLRW and op != NOP:
+                    # 1: the operand's place, and what is read there
+                    slot = NO_SLOT
+                    skip = False
+                    address = word >> 8 & 127
+                    if word & DIRECT:
+                        slot = address
+                    else:
+                        address = s[FSR] if address == 0 else address | bank
+                        low = address & 127
+                        if low >= RAM_FIRST and low < RAM_END:
+                            slot = low
+                    if op == MOVWF:
+                        r = w
+                    elif op == CLRF:
+                        r = 0
+                        status |= Z
+                    else:
+                        if slot >= 0:
+                            v = s[slot]
+                            if v & NOT_WRITTEN:
+                                s[READ_UNWRITTEN + slot] = 1
+                                v &= 0xFF
+                        elif address & 127 == STATUS_ADDRESS:
+                            v = status
+                        elif address & 127 == PCL_ADDRESS:
+                            v = pc & 0xFF
+                        else:
+                            s[CYCLE] = start
+                            v = read_register(s, address, start)
+                        # 2: the operation
+                        if op == BTFSC or op == BTFSS:
+                            r = 1
+                            skip = (v & word >> 16 & 0xFF != 0) == (op == BTFSS)
+                            if not skip and word & WAITS and s[PCLATH] & PAGE_BITS == 0:
+                                # the GOTO after it comes back here, and finds the same until then:
+                                limit = min(horizon, t0_flag_at(s)) if address & 127 == 0x0B else horizon
+                                period = word >> PERIOD_SHIFT
+                                if limit > start:
+                                    cycle += (limit - 1 - start) // period * period
+                        elif op == BCF:
+                            r = v & ~(word >> 16) & 0xFF
+                        elif op == BSF:
+                            r = v | (word >> 16 & 0xFF)
+                        elif op == MOVF:
+                            r = v
+                            status = status & ~Z | (Z if r == 0 else 0)
+                        elif op == DECFSZ:
+                            r = (v - 1) & 0xFF
+                        elif op == INCFSZ:
+                            r = (v + 1) & 0xFF
+                        elif op == SWAPF:
+                            r = (v >> 4 | v << 4) & 0xFF
+                        elif op == RLF:
+                            r = (v << 1 | status & C) & 0xFF
+                            status = status & ~C | v >> 7
+                        elif op == RRF:
+                            r = v >> 1 | (status & C) << 7
+                            status = status & ~C | v & C
+                        elif op == ADDWF:
+                            r = v + w
+                            status = status & ~(C | DC) | r >> 8 | ((v & 15) + (w & 15) >> 4) << 1
+                            r &= 0xFF
+                            status = status & ~Z | (Z if r == 0 else 0)
+                        elif op == SUBWF:
+                            r = (v - w) & 0xFF
+                            status &= ~(C | DC)
+                            status |= (C if v >= w else 0) | (DC if v & 15 >= w & 15 else 0)
+                            status = status & ~Z | (Z if r == 0 else 0)
+                        else:
+                            if op == ANDWF:
+                                r = v & w
+                            elif op == IORWF:
+                                r = v | w
+                            elif op == XORWF:
+                                r = v ^ w
+                            elif op == COMF:
+                                r = v ^ 0xFF
+                            elif op == DECF:
+                                r = (v - 1) & 0xFF
+                            else:
+                                r = (v + 1) & 0xFF
+                            status = status & ~Z | (Z if r == 0 else 0)
+                    # 3: the destination
+                    if op == DECFSZ or op == INCFSZ:
+                        skip = r == 0
+                    if op == BTFSC or op == BTFSS:
+                        pass
+                    elif word & D == 0:
+                        w = r
+                    elif slot >= 0:
+                        s[slot] = r
+                    elif address & 127 == STATUS_ADDRESS:
+                        if word & FLAGS:
+                            r = r & ~(C | DC | Z) | status & (C | DC | Z)
+                        status = r & ~UNWRITABLE | status & UNWRITABLE
+                        bank = (status & RP0) << 2
+                    elif address & 127 == PCL_ADDRESS:
+                        pc = s[PCLATH] << 8 | r
+                        cycle += 1
+                        skip = False  # the word that a skip would annul is annulled already
+                    else:
+                        s[CYCLE] = start
+                        if write_register(s, edges, address, start, r):
+                            horizon = 0
+                    if skip:
+                        pc = (pc + 1) & PC_MASK
+                        cycle += 1
+                elif op == GOTO:
+                    pc = (word >> 8 & 0x7FF) | (s[PCLATH] & PAGE_BITS) << 8
+                    cycle += 1
+                elif op == CALL:
+                    s[CYCLE] = start
+                    push(s, pc)
+                    pc = (word >> 8 & 0x7FF) | (s[PCLATH] & PAGE_BITS) << 8
+                    cycle += 1
+                elif op == MOVLW:
+                    w = word >> 8 & 0xFF
+                elif op == NOP:
+                    pass
+                elif op == RETURN or op == RETLW or op == RETFIE:
+                    s[CYCLE] = start
+                    pc = pop(s)
+                    cycle += 1
+                    if op == RETLW:
+                        w = word >> 8 & 0xFF
+                    elif op == RETFIE:
+                        t0_sync(s, start)
+                        s[INTCON] |= GIE
+                        note_flags(s, start + 1)
+                        horizon = 0
+                elif op == ADDLW or op == ERASED:
+                    v = word >> 8 & 0xFF
+                    if op == ERASED:
+                        s[CYCLE] = start
+                        warn(s, WARN_ERASED, at & ROW_MASK)
+                        v = 0xFF
+                    r = v + w
+                    status = status & ~(C | DC) | r >> 8 | ((v & 15) + (w & 15) >> 4) << 1
+                    w = r & 0xFF
+                    status = status & ~Z | (Z if w == 0 else 0)
+                elif op == SUBLW:
+                    v = word >> 8 & 0xFF
+                    status &= ~(C | DC)
+                    status |= (C if v >= w else 0) | (DC if v & 15 >= w & 15 else 0)
+                    w = (v - w) & 0xFF
+                    status = status & ~Z | (Z if w == 0 else 0)
+                elif op == CLRWDT:
+                    wdt_clear(s, cycle)
+                    status |= UNWRITABLE
+                    horizon = 0
+                elif op == SLEEP:
+                    t0_sync(s, start)
+                    if not requested(s):  # else it is a NOP: DS35007 section 6.12.2
+                        wdt_clear(s, cycle)
+                        status = status & ~PD | TO
+                        t0_sync(s, cycle)
+                        s[SLEEPING] = 1
+                        horizon = 0
+                elif op == OPTION:
+                    write_option(s, start, w)
+                    horizon = 0
+                elif op == TRIS:
+                    s[CYCLE] = start
+                    tris_write(s, edges, start, A if word >> 8 & 127 == 5 else B, w)
+                    horizon = 0
+                elif op == UNDEFINED:
+                    s[CYCLE] = start
+                    warn(s, WARN_UNDEFINED, at & ROW_MASK)
+                else:
+                    if op == CLRW:
+                        w = 0
+                    elif op == ANDLW:
+                        w &= word >> 8 & 0xFF
+                    elif op == IORLW:
+                        w |= word >> 8 & 0xFF
+                    else:
+                        w ^= word >> 8 & 0xFF
+                    status = status & ~Z | (Z if w == 0 else 0)
+                if observed:
+                    counts[at & ROW_MASK, 0] += 1
+                    counts[at & ROW_MASK, 1] += cycle - start
+                    if len(trace):
+                        i = s[TRACE_COUNT]
+                        trace[i, 0], trace[i, 1], trace[i, 2], trace[i, 3] = start, at, w, status
+                        s[TRACE_COUNT] = i + 1
+                        if i + 1 == len(trace):
+                            break
+
+    return run
+
+
+@cache
+def kernel(observed: bool) -> Callable[..., Any]:
+    """The compiled loop; from numba's cache when none of this package's sources has changed."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    return _build(observed, digest.hexdigest())

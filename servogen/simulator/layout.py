@@ -1,0 +1,116 @@
+"""The machine's complete state as one vector of integers: which slot holds what.
+
+One int64 vector is what the compiled instruction loop works on, and what a snapshot copies. Slots 0 to 127
+are the file registers by address in bank 0 (bank 1 mirrors the RAM: DS35007 section 2.2), of which only the
+RAM is used; the special function registers have slots of their own, because few of them are plain bytes.
+Ports are 13 bits wide here, bit n being pin n of `edges.PINS`: port A in bits 0 to 4, port B in 5 to 12.
+"""
+
+from __future__ import annotations
+
+NEVER = 1 << 62
+"""A cycle that does not come."""
+
+NOT_WRITTEN = 0x100
+"""Set in a RAM slot until the program writes the byte."""
+
+RAM_SLOTS = 128
+
+(
+    # the processor
+    CYCLE,
+    PC,
+    W,
+    STATUS,
+    FSR,
+    PCLATH,
+    INTCON,
+    OPTION,
+    SLEEPING,
+    IN_RESET,
+    # what the instruction loop must stop for: see events.py
+    HORIZON,
+    IRQ_AT,
+    START_UP,
+    # TMR0, prescaler, watchdog: see timer.py
+    T0_AT,
+    T0_VALUE,
+    T0_TICK,
+    T0_FLAGGED,
+    PRESCALER,
+    WDT_AT,
+    WDT_PERIOD,
+    # ports: see ports.py
+    LATCH,
+    TRIS,
+    PINS,
+    RB_OLD,
+    EXT_MASK,
+    EXT_LEVEL,
+    DRIVEN,
+    DRIVEN_HIGH,
+    LATCH_WRITTEN,
+    RA4_PULLED_UP,
+    FLOATING,
+    # data EEPROM: see eeprom.py
+    EEDATA,
+    EEADR,
+    EECON1,
+    EE_STEP,
+    EE_STEP_AT,
+    EE_DONE_AT,
+    EE_CELL,
+    EE_BYTE,
+    EE_TIME,
+    # the stack and what it went through
+    SP,
+    DEPTH,
+    DEEPEST,
+    OVERFLOWS,
+    UNDERFLOWS,
+    # counts for the report
+    RESETS_MCLR,
+    RESETS_MCLR_SLEEP,
+    RESETS_WDT,
+    WAKES_WDT,
+    WAKES_INTERRUPT,
+    INTERRUPTS,
+    EDGES_TOTAL,
+    # buffers shared with the host
+    STIM_NEXT,
+    STIM_COUNT,
+    STIM_KNOWN,
+    EDGE_COUNT,
+    EDGE_LIMIT,
+    TRACE_COUNT,
+    WARN_COUNT,
+) = range(RAM_SLOTS, RAM_SLOTS + 59)
+
+STACK = 192  # 8 levels: DS35007 section 2.5
+EEPROM = 200  # 64 bytes: DS35007 section 3
+WARNINGS = 264
+WARNING_SLOTS = 64
+"""Each warning is two slots: its code and subject, and the cycle in which it was first due."""
+READ_UNWRITTEN = WARNINGS + 2 * WARNING_SLOTS
+"""By address: whether the RAM byte was read before it was ever written."""
+SLOTS = READ_UNWRITTEN + RAM_SLOTS
+
+# Edges and stimuli travel as cycle << 8 | pin << 2 | level.
+PACK_CYCLE, PACK_PIN, PACK_LEVELS = 8, 2, 3
+MCLR_PIN = 13
+"""The number of the reset pin in a stimulus, after the thirteen of `edges.PINS`."""
+
+# Why the instruction loop came back to the host.
+AT_END, EDGES_FULL, AT_BREAKPOINT, NEEDS_STIMULUS, TRACE_FULL = range(5)
+
+# What a warning is about.
+(
+    WARN_DRIVEN_UNWRITTEN,
+    WARN_CONTENTION,
+    WARN_UNDEFINED,
+    WARN_ERASED,
+    WARN_STACK_OVERFLOW,
+    WARN_STACK_UNDERFLOW,
+    WARN_EE_SEQUENCE,
+    WARN_EE_ADDRESS,
+) = range(8)

@@ -1,0 +1,221 @@
+"""`Machine`: a PIC16F84 that runs.
+
+In: an `Image`, a `Clock`, `Options`, perhaps a stimulus. Out: edges as it makes them, and its `State` at any time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.edges import PINS, EdgeChunk, edge_chunk, join
+from servogen.errors import InputError
+from servogen.pic.device import PROGRAM_WORDS
+from servogen.pic.image import Image
+from servogen.simulator import layout as at
+from servogen.simulator.kernel import kernel
+from servogen.simulator.loops import fast_code
+from servogen.simulator.memo import new_memo, new_recording
+from servogen.simulator.options import Options
+from servogen.simulator.program import BREAK, program_code
+from servogen.simulator.reset_state import power_up
+from servogen.simulator.state import State, Warning, fingerprint, noted, state_of
+from servogen.units import Clock, Cycles
+
+EDGE_ROOM = 1 << 16
+"""Edges that a chunk holds at most."""
+EDGE_SLACK = 4 * len(PINS)
+"""Edges that one free run of instructions can add after the buffer was found not full."""
+
+Packed = npt.NDArray[np.int64]
+
+
+class Stimulus(Protocol):
+    """What happens to the pins from outside."""
+
+    def changes(self, clock: Clock) -> Iterator[tuple[int, Packed]]:
+        """Pieces of the changes, in order: (the cycle before which they are all, cycle << 8 | pin << 2 | level).
+
+        Pin 13 is MCLR. Level 2 lets a pin go. After the last piece nothing comes any more.
+        """
+
+
+class Machine:
+    """A chip with a program, from power-up on. Cycle 0 executes the instruction at address 0."""
+
+    def __init__(
+        self,
+        image: Image,
+        clock: Clock,
+        options: Options = Options(),  # noqa: B008 - frozen
+        stimulus: Stimulus | None = None,
+    ) -> None:
+        self.image = image
+        self.clock = clock
+        self.options = options
+        self.breakpoints: set[int] = set()
+        """Addresses before whose instruction `run` and `stream` stop."""
+        self._s = power_up(image, clock, options)
+        self._plain = program_code(image)
+        self._fast = fast_code(self._plain)
+        self._memo = new_memo()
+        self._recording = new_recording()
+        self._edges = np.zeros(EDGE_ROOM + EDGE_SLACK, dtype=np.int64)
+        self._s[at.EDGE_LIMIT] = EDGE_ROOM
+        self._changes = stimulus.changes(clock) if stimulus else None
+        self._stim = np.zeros(0, dtype=np.int64)
+        if stimulus:
+            self._s[at.STIM_KNOWN] = 0
+        self._counts = np.zeros((0, 2), dtype=np.int64)
+        self._trace = np.zeros((0, 4), dtype=np.int64)
+
+    @property
+    def cycles(self) -> Cycles:
+        """The cycle in which the next instruction executes."""
+        return Cycles(int(self._s[at.CYCLE]))
+
+    @property
+    def pc(self) -> int:
+        return int(self._s[at.PC])
+
+    def run(self, cycles: int) -> EdgeChunk:
+        """Run for `cycles` (the last instruction may end one later), or up to a breakpoint; the edges made."""
+        return join(self.stream(cycles))
+
+    def stream(self, cycles: int) -> Iterator[EdgeChunk]:
+        """The same, giving the edges while it runs, in chunks of bounded size."""
+        yield from self._advance(self.cycles + cycles, fast=True)
+
+    def step(self) -> EdgeChunk:
+        """Execute one instruction, or let one cycle pass in SLEEP or reset; the edges made."""
+        return join(self._advance(self.cycles + 1, fast=False))
+
+    def run_until(
+        self,
+        *,
+        pc: int | None = None,
+        cycle: int | None = None,
+        predicate: Callable[[Machine], bool] | None = None,
+        limit: int | None = None,
+    ) -> bool:
+        """Run until the next instruction is at `pc`, or `cycle` is reached, or `predicate` holds between instructions.
+
+        At least one instruction executes. `limit` is the number of cycles after which to give up; the answer is
+        whether what was waited for has come. A predicate is asked after every instruction, which is slow.
+        """
+        if (pc is None) + (cycle is None) + (predicate is None) != 2:
+            raise InputError("run_until needs exactly one of pc, cycle and predicate")
+        if cycle is not None:
+            end = cycle if limit is None else min(cycle, self.cycles + limit)
+            self.run(max(0, end - self.cycles))
+            return self.cycles >= cycle
+        end = at.NEVER if limit is None else self.cycles + limit
+        if pc is not None:
+            before, self.breakpoints = self.breakpoints, {pc}
+            try:
+                for _ in self._advance(end, fast=True):
+                    pass
+            finally:
+                self.breakpoints = before
+            return self.pc == pc and self.cycles < end
+        while self.cycles < end:
+            self.step()
+            if predicate is not None and predicate(self):
+                return True
+        return False
+
+    def state(self) -> State:
+        return state_of(self._s, self._warnings())
+
+    def fingerprint(self) -> bytes:
+        """Equal for two states, of the same image, clock and options and without stimulus, that will behave alike."""
+        return fingerprint(self._s)
+
+    def _advance(self, end: int, fast: bool) -> Iterator[EdgeChunk]:
+        run = kernel(False)
+        code = self._with_breakpoints(self._fast.code if fast else self._plain)
+        resume = self.cycles
+        while True:
+            why = run(
+                self._s,
+                end,
+                self._edges,
+                self._stim,
+                code,
+                self._plain,
+                self._fast.regions,
+                self._memo,
+                self._recording,
+                resume,
+                self._counts,
+                self._trace,
+            )
+            if why == at.NEEDS_STIMULUS:
+                self._refill()
+                continue
+            if self._s[at.EDGE_COUNT]:
+                yield self._drain()
+            if why in (at.AT_END, at.AT_BREAKPOINT):
+                return
+
+    def _with_breakpoints(self, code: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        if not self.breakpoints:
+            return code
+        code = code.copy()
+        for address in self.breakpoints:
+            if not 0 <= address < PROGRAM_WORDS:
+                raise InputError(f"breakpoint at 0x{address:04X}: the program has {PROGRAM_WORDS} words")
+            code[address::PROGRAM_WORDS] = BREAK
+        return code
+
+    def _refill(self) -> None:
+        until, changes = next(self._changes, (at.NEVER, None)) if self._changes else (at.NEVER, None)
+        self._stim = np.zeros(0, dtype=np.int64) if changes is None else changes
+        self._s[at.STIM_NEXT] = 0
+        self._s[at.STIM_COUNT] = len(self._stim)
+        self._s[at.STIM_KNOWN] = until
+
+    def _drain(self) -> EdgeChunk:
+        packed = self._edges[: self._s[at.EDGE_COUNT]]
+        self._s[at.EDGE_COUNT] = 0
+        return unpack_edges(packed)
+
+    def _warnings(self) -> tuple[Warning, ...]:
+        return tuple(describe(code, subject, cycle) for code, subject, cycle in noted(self._s))
+
+
+def unpack_edges(packed: Packed) -> EdgeChunk:
+    """Edges as the instruction loop writes them, as columns."""
+    pins = (packed >> at.PACK_PIN) & 0x3F
+    return edge_chunk(packed >> at.PACK_CYCLE, pins, packed & at.PACK_LEVELS)
+
+
+def describe(code: int, subject: int, cycle: int) -> Warning:
+    """A noted warning in words."""
+    kind, text = _WORDS[code]
+    pin = PINS[subject] if subject < len(PINS) else ""
+    return Warning(Cycles(cycle), kind, text.format(pin=pin, address=f"0x{subject:03X}"))
+
+
+_WORDS = {
+    at.WARN_DRIVEN_UNWRITTEN: (
+        "driven-before-written",
+        "{pin} is made an output before its port was ever written; the latch, unknown at power-up, is taken as 0",
+    ),
+    at.WARN_CONTENTION: ("contention", "{pin} is an output and is driven the other way from outside"),
+    at.WARN_UNDEFINED: (
+        "undefined-word",
+        "the word at {address} is no instruction of the data sheet; it was executed as NOP",
+    ),
+    at.WARN_ERASED: ("erased-word", "the program ran into the unprogrammed word at {address} (ADDLW 0xFF)"),
+    at.WARN_STACK_OVERFLOW: ("stack-overflow", "a ninth return address was pushed: the stack wrapped"),
+    at.WARN_STACK_UNDERFLOW: ("stack-underflow", "a return with an empty stack: the stack wrapped"),
+    at.WARN_EE_SEQUENCE: (
+        "eeprom-sequence",
+        "WR was set without WREN or without the sequence 55h, AAh, WR just before: nothing is written",
+    ),
+    at.WARN_EE_ADDRESS: ("eeprom-address", "EEADR is {address}; the EEPROM ends at 0x03F"),
+}

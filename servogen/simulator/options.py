@@ -1,0 +1,41 @@
+"""What a simulation is told beside the program: the parts of the chip that vary, and the board around it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from servogen.errors import InputError
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """Times in microseconds. The defaults are the data sheet's typical values."""
+
+    ra4_pull_up: bool = False
+    """Whether RA4, an open drain, has a pull-up resistor: with it a latch of 1 is HIGH (DS35007 section 4.1)."""
+    watchdog_us: int = 18_000
+    """The watchdog's period without postscaler: 7000 to 33 000 (DS35007 section 9, parameter 31)."""
+    eeprom_write_us: int = 4_000
+    """One EEPROM write: PIC16F84A 4000, at most 8000 (DS35007 section 9, D122); PIC16F84 10 000, at most 20 000."""
+    power_up: bool = False
+    """Whether cycle counts include the power-up timer (if the configuration word has it on) and the oscillator
+    start-up timer: DS35007 sections 6.5 and 6.6."""
+    power_up_us: int = 72_000
+    """The power-up timer: 28 000 to 132 000 (DS35007 section 9, parameter 33)."""
+    oscillator_start_up: bool = True
+    """Whether a wake-up from SLEEP waits 1024 oscillator periods, as all but RC oscillators do (section 6.12)."""
+    floating: int = 0
+    """How an undriven pin without pull-up reads: 0 or 1."""
+    ram: int = 0
+    """The byte that RAM holds at power-up; on the chip it is unknown, so reads of it are noted."""
+
+    def __post_init__(self) -> None:
+        for name, low, high in (
+            ("watchdog_us", 1, 1_000_000),
+            ("eeprom_write_us", 1, 1_000_000),
+            ("power_up_us", 0, 1_000_000),
+            ("floating", 0, 1),
+            ("ram", 0, 255),
+        ):
+            if not low <= getattr(self, name) <= high:
+                raise InputError(f"{name} = {getattr(self, name)} is not between {low} and {high}")

@@ -1,0 +1,54 @@
+"""The program memory as the instruction loop reads it: each word decoded once into fields of an integer.
+
+In: an `Image`. Out: an int64 array of 1024, in the instructions' order of `pic.isa`.
+
+    bit   0-5  6  7      8-14  15      16-23      24     25-     and in place of f and what follows: 8-18
+          op   d  flags  f     direct  mask of b  waits  period                                     k
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.pic.device import PROGRAM_WORDS, RAM_FIRST, RAM_LAST
+from servogen.pic.image import Image
+from servogen.pic.isa import INSTRUCTIONS, LEGACY, Decoded, decode
+
+OPS = {row.mnemonic: number for number, row in enumerate((*INSTRUCTIONS, *LEGACY))}
+"""The number of each instruction: its place in the table."""
+
+UNDEFINED, ERASED, EXIT, LOOP, SPIN, BREAK = range(len(OPS), len(OPS) + 6)
+"""What else can stand in a place: a word that no data sheet defines; a word never programmed (DS35007 section 2.1);
+and what `loops.py` and breakpoints put in an instruction's stead."""
+
+OP_MASK = 0x3F
+D_BIT, FLAGS_BIT, F_SHIFT, DIRECT_BIT, MASK_SHIFT, WAITS_BIT, K_SHIFT = 6, 7, 8, 15, 16, 24, 8
+
+Code = npt.NDArray[np.int64]
+
+
+def program_code(image: Image) -> Code:
+    """The image's program, decoded."""
+    return np.array([_place(image, address) for address in range(PROGRAM_WORDS)], dtype=np.int64)
+
+
+def _place(image: Image, address: int) -> int:
+    if address not in image.program:
+        return ERASED
+    decoded = decode(image.program[address])
+    return UNDEFINED if decoded is None else pack(decoded)
+
+
+def pack(decoded: Decoded) -> int:
+    """The fields of one instruction. What has no d but writes a register has d = 1."""
+    row = decoded.instruction
+    word = OPS[row.mnemonic] | (row.flags != "") << FLAGS_BIT
+    if "k" in row.operands:
+        return word | decoded.k << K_SHIFT
+    writes_back = decoded.d or row.mnemonic in ("BCF", "BSF", "MOVWF", "CLRF")
+    direct = "f" in row.operands and RAM_FIRST <= decoded.f <= RAM_LAST
+    mask = 1 << decoded.b if "b" in row.operands else 0
+    return (
+        word | writes_back << D_BIT | decoded.f << F_SHIFT | direct << DIRECT_BIT | mask << MASK_SHIFT
+    )

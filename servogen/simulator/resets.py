@@ -1,0 +1,80 @@
+"""What a reset puts into the registers, and what it leaves. Compiled.
+
+DS35007 section 6.4, tables 6-3 and 6-4. "x" (unknown at power-up) is 0 here, but for the RAM, whose reads are noted
+until it is written.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from servogen.simulator.eeprom import reset_eecon1
+from servogen.simulator.layout import (
+    DEPTH,
+    INTCON,
+    IRQ_AT,
+    NEVER,
+    OPTION,
+    PC,
+    PCLATH,
+    PRESCALER,
+    RESETS_MCLR,
+    RESETS_MCLR_SLEEP,
+    RESETS_WDT,
+    SLEEPING,
+    SP,
+    STATUS,
+    T0_AT,
+    T0_TICK,
+    TRIS,
+    WDT_AT,
+)
+from servogen.simulator.ports import A, B, compare, emit, settle
+from servogen.simulator.timer import t0_sync
+
+TO, PD = 0x10, 0x08
+KEPT_STATUS = 0x07
+RBIF_KEPT = 0x01
+FETCH = 1
+"""Cycles from the end of a reset to the instruction at 0000h: its fetch."""
+
+
+@njit
+def enter_reset(s, edges, at):  # type: ignore[no-untyped-def]
+    """What every reset but power-up does, in cycle `at`."""
+    t0_sync(s, at)
+    s[PC] = 0
+    s[PCLATH] = 0
+    s[INTCON] &= RBIF_KEPT
+    s[IRQ_AT] = NEVER
+    s[OPTION] = 0xFF  # T0CS: TMR0 keeps its count
+    s[T0_AT] = at
+    s[T0_TICK] = NEVER
+    s[TRIS] = A | B
+    s[SLEEPING] = 0
+    s[SP] = 0
+    s[DEPTH] = 0
+    s[WDT_AT] = at
+    s[PRESCALER] = 0
+    reset_eecon1(s)
+    emit(s, edges, at)
+    settle(s, at)
+    compare(s)
+
+
+@njit
+def watchdog_reset(s, edges, at):  # type: ignore[no-untyped-def]
+    s[STATUS] = (s[STATUS] & KEPT_STATUS) | PD
+    s[RESETS_WDT] += 1
+    enter_reset(s, edges, at)
+
+
+@njit
+def mclr_reset(s, edges, at):  # type: ignore[no-untyped-def]
+    if s[SLEEPING]:
+        s[STATUS] = (s[STATUS] & KEPT_STATUS) | TO
+        s[RESETS_MCLR_SLEEP] += 1
+    else:
+        s[STATUS] &= KEPT_STATUS | TO | PD
+        s[RESETS_MCLR] += 1
+    enter_reset(s, edges, at)

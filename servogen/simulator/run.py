@@ -1,0 +1,35 @@
+"""`simulate`: a program, for a time, at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from servogen.edges import EdgeTrace
+from servogen.pic.image import Image
+from servogen.simulator.machine import Machine, Stimulus
+from servogen.simulator.options import Options
+from servogen.simulator.state import State, Warning
+from servogen.units import Clock, Cycles
+
+
+@dataclass(frozen=True, slots=True)
+class Simulation:
+    """What a program did: its edges (in memory), the machine's state at the end, the warnings."""
+
+    edges: EdgeTrace
+    state: State
+    warnings: tuple[Warning, ...]
+
+
+def simulate(
+    image: Image,
+    clock: Clock,
+    cycles: int,
+    options: Options = Options(),  # noqa: B008 - frozen
+    stimulus: Stimulus | None = None,
+) -> Simulation:
+    """Run `image` from power-up for `cycles` instruction cycles."""
+    machine = Machine(image, clock, options, stimulus)
+    chunk = machine.run(cycles)
+    state = machine.state()
+    return Simulation(EdgeTrace(clock, (chunk,), Cycles(cycles)), state, state.warnings)

@@ -1,0 +1,42 @@
+"""The hardware stack: eight levels in a ring, which wraps without a sign. Compiled. DS35007 section 2.5."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from servogen.simulator.layout import (
+    DEEPEST,
+    DEPTH,
+    OVERFLOWS,
+    SP,
+    STACK,
+    UNDERFLOWS,
+    WARN_STACK_OVERFLOW,
+    WARN_STACK_UNDERFLOW,
+)
+from servogen.simulator.warn import warn
+
+LEVELS = 8
+
+
+@njit
+def push(s, address):  # type: ignore[no-untyped-def]
+    s[STACK + s[SP]] = address
+    s[SP] = (s[SP] + 1) & (LEVELS - 1)
+    if s[DEPTH] == LEVELS:
+        s[OVERFLOWS] += 1
+        warn(s, WARN_STACK_OVERFLOW, 0)
+    else:
+        s[DEPTH] += 1
+        s[DEEPEST] = max(s[DEEPEST], s[DEPTH])
+
+
+@njit
+def pop(s):  # type: ignore[no-untyped-def]
+    s[SP] = (s[SP] - 1) & (LEVELS - 1)
+    if s[DEPTH] == 0:
+        s[UNDERFLOWS] += 1
+        warn(s, WARN_STACK_UNDERFLOW, 0)
+    else:
+        s[DEPTH] -= 1
+    return s[STACK + s[SP]]

@@ -1,0 +1,169 @@
+"""TMR0, its prescaler and the watchdog that shares it. Compiled.
+
+DS35007 section 5 and 6.10; timing DS30430 figures 6-2 to 6-4. Nothing counts cycle by cycle: `T0_VALUE` and
+`PRESCALER` are what the counters held at the anchor `T0_AT`, and with the internal clock the rest follows from
+the cycle. Before the anchor (the two cycles after a write) the timer stands still.
+
+    write in cycle c      c+1   c+2   c+3   c+4     an instruction reads NT0 in three cycles and then NT0 + 1,
+    TMR0 read     NT0 ->  NT0   NT0   NT0   NT0+1   so the anchor is c + 3 (DS30430 figures 6-2 and 6-3)
+
+T0IF is set by the clock that takes TMR0 from FFh to 00h, three oscillator periods before the register changes
+(DS30430 figure 6-4, note 4): it is read as set one cycle before TMR0 is first read as 00h.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from servogen.simulator.interrupts import T0IF, note_flags
+from servogen.simulator.layout import (
+    INTCON,
+    NEVER,
+    OPTION,
+    PRESCALER,
+    SLEEPING,
+    T0_AT,
+    T0_FLAGGED,
+    T0_TICK,
+    T0_VALUE,
+    WDT_AT,
+    WDT_PERIOD,
+)
+
+T0CS, T0SE, PSA, PS = 0x20, 0x10, 0x08, 0x07  # of OPTION_REG: DS35007 section 2.3.3
+INHIBITED = 3
+"""Cycles from a write of TMR0 to the cycle that counts as its anchor."""
+FLAG_AHEAD = 1
+"""Cycles by which T0IF is seen before TMR0 is read as 00h."""
+
+
+@njit
+def t0_shift(s):  # type: ignore[no-untyped-def]
+    """log2 of the prescaler's division of the timer's clock: DS35007 section 5.1."""
+    option = s[OPTION]
+    return 0 if option & PSA else (option & PS) + 1
+
+
+@njit
+def t0_runs(s):  # type: ignore[no-untyped-def]
+    """Whether the instruction clock counts; in SLEEP there is none."""
+    return (s[OPTION] & T0CS) == 0 and s[SLEEPING] == 0
+
+
+@njit
+def t0_read(s, at):  # type: ignore[no-untyped-def]
+    """What an instruction in cycle `at` reads from TMR0."""
+    if not t0_runs(s) or at <= s[T0_AT]:
+        return s[T0_VALUE]
+    shift = t0_shift(s)
+    ticks = (s[PRESCALER] & ((1 << shift) - 1)) + at - s[T0_AT]
+    return (s[T0_VALUE] + (ticks >> shift)) & 0xFF
+
+
+@njit
+def t0_flag_at(s):  # type: ignore[no-untyped-def]
+    """The cycle in which T0IF is next seen set by the internal clock, or NEVER."""
+    if not t0_runs(s):
+        return NEVER
+    shift = t0_shift(s)
+    ticks = ((256 - s[T0_VALUE]) << shift) - (s[PRESCALER] & ((1 << shift) - 1))
+    due = s[T0_AT] + ticks - FLAG_AHEAD
+    if due <= s[T0_FLAGGED]:  # this overflow's flag was seen ahead of it, and has been set
+        due += 256 << shift
+    return due
+
+
+@njit
+def t0_sync(s, at):  # type: ignore[no-untyped-def]
+    """Move the anchor up to `at`, and set T0IF if it was due by then."""
+    if not t0_runs(s):
+        return
+    due = t0_flag_at(s)
+    if due <= at:
+        s[T0_FLAGGED] = at
+        s[INTCON] |= T0IF
+        note_flags(s, due)
+    if at <= s[T0_AT]:
+        return
+    value = t0_read(s, at)
+    if not s[OPTION] & PSA:
+        s[PRESCALER] = (s[PRESCALER] + at - s[T0_AT]) & 0xFF
+    s[T0_VALUE] = value
+    s[T0_AT] = at
+
+
+@njit
+def t0_write(s, at, value):  # type: ignore[no-untyped-def]
+    """An instruction in cycle `at` writes TMR0: DS35007 section 5, "increment is inhibited"."""
+    t0_sync(s, at)
+    s[T0_VALUE] = value
+    s[T0_AT] = at + INHIBITED
+    s[T0_TICK] = NEVER
+    if not s[OPTION] & PSA:
+        s[PRESCALER] = 0
+
+
+@njit
+def t0_external(s, at):  # type: ignore[no-untyped-def]
+    """An edge of T0CKI, counted in cycle `at`; one that comes while the timer stands still is lost."""
+    if at < s[T0_AT]:
+        return
+    shift = t0_shift(s)
+    if shift:
+        s[PRESCALER] = (s[PRESCALER] + 1) & 0xFF
+        if s[PRESCALER] & ((1 << shift) - 1):
+            return
+    s[T0_VALUE] = (s[T0_VALUE] + 1) & 0xFF
+    if s[T0_VALUE] == 0:
+        s[INTCON] |= T0IF
+        note_flags(s, at)
+
+
+@njit
+def wdt_deadline(s):  # type: ignore[no-untyped-def]
+    """The cycle of the next watchdog time-out, or NEVER: DS35007 section 6.10."""
+    if s[WDT_PERIOD] == 0:
+        return NEVER
+    periods = 1
+    if s[OPTION] & PSA:
+        division = 1 << (s[OPTION] & PS)
+        periods = division - (s[PRESCALER] & (division - 1))
+    return s[WDT_AT] + periods * s[WDT_PERIOD]
+
+
+@njit
+def wdt_sync(s, at):  # type: ignore[no-untyped-def]
+    """Account for the watchdog's periods up to `at`, which the prescaler counts when it is assigned."""
+    if s[WDT_PERIOD] == 0:
+        return
+    periods = (at - s[WDT_AT]) // s[WDT_PERIOD]
+    s[WDT_AT] += periods * s[WDT_PERIOD]
+    if s[OPTION] & PSA:
+        s[PRESCALER] = (s[PRESCALER] + periods) & 0xFF
+
+
+@njit
+def settle_counters(s, at):  # type: ignore[no-untyped-def]
+    """Make the slots say what the counters hold in cycle `at`, for the host to read."""
+    t0_sync(s, at)
+    if at < wdt_deadline(s):
+        wdt_sync(s, at)
+
+
+@njit
+def wdt_clear(s, at):  # type: ignore[no-untyped-def]
+    """CLRWDT or SLEEP: the watchdog starts anew at `at`, its prescaler at 0 when assigned to it."""
+    s[WDT_AT] = at
+    if s[OPTION] & PSA:
+        s[PRESCALER] = 0
+
+
+@njit
+def option_write(s, at, value):  # type: ignore[no-untyped-def]
+    """OPTION_REG holds `value` from cycle `at`; the shared prescaler keeps its count when it changes hands."""
+    settle_counters(s, at)
+    s[OPTION] = value
+    if s[T0_AT] < at:
+        s[T0_AT] = at
+    if value & T0CS == 0:
+        s[T0_TICK] = NEVER
