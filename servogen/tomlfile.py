@@ -203,7 +203,7 @@ def _input_error(document: Document, model: type[Table], root: Key, detail: Mapp
 
 def _consequence(detail: Mapping[str, Any]) -> bool:
     """An array counts as too short when an element of it is wrong: the element is what is told."""
-    return detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]
+    return bool(detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"])
 
 
 def _length_hint(kind: str, context: Mapping[str, Any]) -> str:

@@ -5,7 +5,7 @@ In: nothing. Out: models that `tomlfile` checks a file against. What several key
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
@@ -13,6 +13,12 @@ from servogen.robot.servo_models import FactTable
 from servogen.tomlfile import Table
 
 NAME = r"^[A-Za-z][A-Za-z0-9_-]*$"
+
+
+MOST_MM, MOST_S = 100_000.0, 1_000_000.0
+"""Beyond these a number is a slip of the pen."""
+
+Coordinate = Annotated[float, Field(ge=-MOST_MM, le=MOST_MM)]
 
 
 class ChipTable(Table):
@@ -39,10 +45,10 @@ class ServoTable(FactTable):
 class LegTable(Table):
     """[leg]: lengths, the servos of its joints, and the servo angle at which each joint's angle is 0."""
 
-    ab_mm: float = Field(ge=0)
-    bc_mm: float = Field(gt=0)
-    cd_mm: float = Field(ge=0)
-    df_mm: float = Field(ge=0)
+    ab_mm: float = Field(ge=0, le=MOST_MM)
+    bc_mm: float = Field(ge=0.001, le=MOST_MM)
+    cd_mm: float = Field(ge=0, le=MOST_MM)
+    df_mm: float = Field(ge=0, le=MOST_MM)
     alpha: str
     beta: str
     alpha_zero_deg: float = 90.0
@@ -56,10 +62,10 @@ class PoseTable(Table):
 
     model_config = ConfigDict(extra="allow")
 
-    foot_mm: tuple[float, float, float] | None = None
-    move_s: float = Field(default=0.0, ge=0)
-    hold_s: float = Field(default=0.0, ge=0)
-    pause_s: float = Field(default=0.0, ge=0)
+    foot_mm: tuple[Coordinate, Coordinate, Coordinate] | None = None
+    move_s: float = Field(default=0.0, ge=0, le=MOST_S)
+    hold_s: float = Field(default=0.0, ge=0, le=MOST_S)
+    pause_s: float = Field(default=0.0, ge=0, le=MOST_S)
     release: bool = False
 
 

@@ -58,7 +58,7 @@ def trajectory(motion: Motion, period: Cycles, clock: Clock) -> tuple[JointTraje
     total = sum(sum(count) for count in counts)
     if total > MOST_FRAMES:
         raise InputError(
-            f"the motion is {float(total):g} frames long: {MOST_FRAMES} is the most",
+            f"the motion is {total} frames long: {MOST_FRAMES} is the most",
             motion.poses[0].place,
             "shorten the holds, or let the motion repeat",
         )
