@@ -7,7 +7,7 @@ which the chip still executes, from DS33023 section 29 and DS30430 section 9.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 
@@ -126,17 +126,25 @@ def decode(word: int) -> Decoded | None:
 @cache
 def decoder() -> tuple[Decoded | None, ...]:
     """`decode` of each of the 16384 words."""
-    return tuple(_decode(word) for word in range(WORD_MASK + 1))
+    words: list[Decoded | None] = [None] * (WORD_MASK + 1)
+    for row in reversed((*INSTRUCTIONS, *LEGACY)):  # where two rows match, the earlier one holds
+        fields = [(field, row.shift(field), (1 << row.width(field)) - 1) for field in row.operands]
+        for word in _words_of(row):
+            values = {field: word >> shift & mask for field, shift, mask in fields}
+            if row.mnemonic != "TRIS" or values["f"] in TRIS_PORTS:
+                words[word] = Decoded(row, **values)
+    return tuple(words)
 
 
-def _decode(word: int) -> Decoded | None:
-    for row in (*INSTRUCTIONS, *LEGACY):
-        if word & row.mask == row.match:
-            values = {field: word >> row.shift(field) & (1 << row.width(field)) - 1 for field in row.operands}
-            if row.mnemonic == "TRIS" and values["f"] not in TRIS_PORTS:
-                return None
-            return Decoded(row, **values)
-    return None
+def _words_of(row: Instruction) -> Iterator[int]:
+    """Every word that the row's pattern matches."""
+    free, match = ~row.mask & WORD_MASK, row.match
+    rest = free
+    while True:
+        yield match | rest
+        if rest == 0:
+            return
+        rest = rest - 1 & free
 
 
 def encode(mnemonic: str, *, f: int = 0, d: int = 0, b: int = 0, k: int = 0) -> int:
