@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from servogen.pic.assembler.header import header_device, header_text
-from servogen.pic.assembler.messages import SourceError
+from servogen.pic.assembler.messages import Diagnostic, SourceError
 from servogen.pic.assembler.source import Statement, lines_of
 from servogen.pic.assembler.state import Condition, Directive, EndOfSource, ExitMacro, Macro, Pass
 from servogen.pic.assembler.text import IDENTIFIER
@@ -116,7 +116,11 @@ def _while(state: Pass, found: Statement) -> None:
     for _ in range(MOST_TURNS):
         if not state.evaluate(condition):
             return
-        state.run(body)
+        state.turning += 1
+        try:
+            state.run(body)
+        finally:
+            state.turning -= 1
     raise SourceError(f"this WHILE does not end within {MOST_TURNS} turns", found.column, number=131)
 
 
@@ -170,6 +174,10 @@ def _include(state: Pass, found: Statement) -> None:
 
 
 def _end(state: Pass, found: Statement) -> None:
+    if state.turning:
+        raise SourceError("END within a WHILE", found.column, number=129)
+    for condition in state.conditions:
+        state.log.add(Diagnostic("warning", 212, "this IF has no ENDIF before END", condition.place))
     raise EndOfSource
 
 

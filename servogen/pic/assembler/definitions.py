@@ -131,7 +131,8 @@ def _define(state: Pass, found: Statement) -> None:
 def _undefine(state: Pass, found: Statement) -> None:
     name = found.rest.chars.strip()
     if state.definitions.pop(name, None) is None:
-        raise SourceError(f"'{name}' was not defined by #define", found.column, number=113)
+        text = f"'{name}' was not defined by #define"
+        state.report("warning", 201, text, found.line, found.rest.column(0))
 
 
 DEFINITIONS: dict[str, Directive] = {

@@ -153,7 +153,7 @@ class Parser:
         found: list[Expression | None] = []
         while True:
             token = self._peek()
-            empty = token is None or token.text == ","
+            empty = token is None or (token.kind == "operator" and token.text == ",")
             found.append(None if empty else self.expression())
             if self.at_end():
                 return tuple(found)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 from servogen.pic.assembler import instructions
@@ -31,25 +32,20 @@ MOST_FILL = 0x2200
 
 def _fill(state: Pass, found: Statement) -> None:
     """`fill value, count`, or `fill (instruction), count`; the value is computed anew at each address."""
-    rest = found.rest
-    if rest.chars.startswith("(") and _is_instruction(rest.chars[1:]):
-        end = rest.chars.rindex(")")
-        line = rest[1:end].strip()
-        count = state.evaluate(state.expression(rest[end + 1 :].strip()[1:]))
-        word = line.chars.split()[0]
-        fields = state.parser(line[len(word) :]).fields()
-        for _ in range(min(count, MOST_FILL)):
-            for each in instructions.instructions(word, fields, found.place):
-                state.encode(each, found)
+    bracketed = _BRACKETED.match(found.rest.chars)
+    if bracketed is None or bracketed[1].upper() not in instructions.mnemonics():
+        value, count = state.fields(found, 2, 2)
+        for _ in range(min(state.evaluate(count), MOST_FILL)):
+            state.emit(state.evaluate(value), found)
         return
-    value, count_expression = state.fields(found, 2, 2)
-    for _ in range(min(state.evaluate(count_expression), MOST_FILL)):
-        state.emit(state.evaluate(value), found)
+    fields = state.parser(found.rest[bracketed.end(1) : bracketed.end(2)]).fields()
+    count = state.expression(found.rest[bracketed.end() :])
+    for _ in range(min(state.evaluate(count), MOST_FILL)):
+        for each in instructions.instructions(bracketed[1], fields, found.place):
+            state.encode(each, found)
 
 
-def _is_instruction(chars: str) -> bool:
-    words = chars.replace(")", " ").split()
-    return bool(words) and words[0].upper() in instructions.mnemonics()
+_BRACKETED = re.compile(r"\(\s*(\w+)(.*)\)\s*,")
 
 
 def _bytes(state: Pass, fields: list[Expression]) -> Iterator[int]:
@@ -129,7 +125,7 @@ def _banksel(state: Pass, found: Statement) -> None:
 
 def _bankisel(state: Pass, found: Statement) -> None:
     """IRP is for indirect addresses above 0xFF (DS35007 section 2.5); the chip keeps the bit all the same."""
-    _select(state, found, "IRP", bool(state.one(found) & 0x100))
+    _select(state, found, "IRP", state.one(found) > 0xFF)
 
 
 def _pagesel(state: Pass, found: Statement) -> None:

@@ -27,7 +27,9 @@ class Token:
 _OPERATOR = re.compile(r"<<|>>|>=|<=|==|!=|&&|\|\||[-+*/%&|^~!<>=()\[\],:$]")
 _QUOTED_NUMBER = re.compile(r"([bodhqBODHQ])'(-?[0-9A-Za-z]+)'")
 _CHARACTER = re.compile(r"[aA]?'(\\x[0-9A-Fa-f]{2}|\\[0-7]{3}|\\.|[^'])'")
-_STRING = re.compile(r'"((?:\\.|[^"\\])*)"')
+_STRING = re.compile(r'"((?:\\.|[^"\\])*)(?:"|$)')
+"""A string whose last quote is missing goes to the end of the line, as in MPASM, which warns of it."""
+
 _PREFIXED = re.compile(r"0[xX]([0-9A-Za-z]+)")
 _DECIMAL = re.compile(r"\.([0-9]+)")
 _PLAIN = re.compile(r"[0-9][0-9A-Za-z]*")

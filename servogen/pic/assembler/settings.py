@@ -13,7 +13,8 @@ from servogen.pic.assembler.text import Text
 from servogen.pic.device import CONFIG_ADDRESS, ID_ADDRESS, device
 from servogen.pic.isa import WORD_MASK
 
-RADICES = {"hex": 16, "dec": 10, "decimal": 10, "oct": 8, "octal": 8, "hexadecimal": 16}
+RADICES = {"hexadecimal": 16, "decimal": 10, "octal": 8}
+"""Any beginning of these words."""
 
 
 def _radix(state: Pass, found: Statement) -> None:
@@ -21,7 +22,8 @@ def _radix(state: Pass, found: Statement) -> None:
 
 
 def _set_radix(state: Pass, name: Text) -> None:
-    radix = RADICES.get(name.chars.lower())
+    word = name.chars.lower()
+    radix = next((radix for known, radix in RADICES.items() if word and known.startswith(word)), None)
     if radix is None:
         raise SourceError(f"'{name.chars}' is no radix", name.column(0), "known: dec, hex, oct", 124)
     state.radix = radix

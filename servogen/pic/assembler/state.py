@@ -90,6 +90,8 @@ class Pass:
     ram_last: int | None = None
     bad_ram: set[int] = field(default_factory=set)
     readers: list[Reader] = field(default_factory=list)
+    turning: int = 0
+    """How many WHILEs the line in hand is within."""
 
     # -- where expressions find their names -----------------------------------------------------------
 
@@ -99,9 +101,9 @@ class Pass:
 
     def value(self, name: str) -> int | None:
         symbol = self.symbols.find(name)
-        if symbol is None:
-            return 0 if self.first else None
-        return symbol.value
+        if symbol is not None:
+            return symbol.value
+        return 0 if self.first or self.symbols.is_local(name) else None
 
     def names(self) -> Iterable[str]:
         return self.symbols.names()
@@ -149,6 +151,15 @@ class Pass:
 
     def _statement(self, found: Statement) -> None:
         operation = found.operation
+        unclosed = found.rest.unclosed()
+        if unclosed is not None:
+            self.report(
+                "warning",
+                209,
+                "the quote is not closed: the string goes to the line's end",
+                found.line,
+                unclosed,
+            )
         if found.label is not None:
             if found.label_column > 1 and operation not in OWN_LABEL:
                 self.report(

@@ -46,7 +46,8 @@ def substitute(text: Text, definitions: Mapping[str, Definition]) -> Text:
             if arguments is None:
                 index = end
                 continue
-            body = parameters(body, dict(zip(definition.parameters, arguments, strict=True)))
+            values = [substitute(Text.of(each), definitions).chars for each in arguments]
+            body = parameters(body, dict(zip(definition.parameters, values, strict=True)))
         others = {each: value for each, value in definitions.items() if each != name}
         body = substitute(body, others)
         text = text.replace(start, end, body.chars)
@@ -77,10 +78,12 @@ def parameters(text: Text, values: Mapping[str, str]) -> Text:
 
 
 def _arguments(text: Text, index: int, count: int) -> tuple[list[str] | None, int]:
-    """The bracketed arguments after a name; None when they are not there or not as many as wanted."""
-    opened = re.compile(r"\s*\(").match(text.chars, index)
+    """The arguments after a name, in brackets or up to the line's end; None when not as many as wanted."""
+    opened = _OPENED.match(text.chars, index)
     if opened is None:
-        return None, index
+        end = len(text.without_comment().chars)
+        plain = [part.chars for part in text[index:end].split(",")]
+        return (plain, end) if len(plain) == count and all(plain) else (None, index)
     depth, end = 1, opened.end()
     spans = text.quoted()
     parts = [end]
@@ -98,11 +101,18 @@ def _arguments(text: Text, index: int, count: int) -> tuple[list[str] | None, in
     return pieces, end
 
 
+_OPENED = re.compile(r"\s*\(")
+_DEFINES = re.compile(r"\s*#define\b", re.IGNORECASE)
 _PASTE = re.compile(r"#[vV]\(")
 
 
 def paste(text: Text, evaluate: Callable[[Text], int]) -> Text:
-    """The line with each `#v(expression)` replaced by its value in decimal, which may end a name."""
+    """The line with each `#v(expression)` replaced by its value in decimal, which may end a name.
+
+    A `#define` keeps it for the lines that use the definition.
+    """
+    if _DEFINES.match(text.chars):
+        return text
     while match := _PASTE.search(text.without_comment().chars):
         depth, end = 1, match.end()
         while end < len(text.chars) and depth:

@@ -59,6 +59,10 @@ class Symbols:
     def find(self, name: str) -> Symbol | None:
         return self._table(name).get(name)
 
+    def is_local(self, name: str) -> bool:
+        """Whether `local` declared the name in a macro that is being expanded."""
+        return any(name in table for table in self._open)
+
     def defined(self, name: str) -> bool:
         return self.find(name) is not None
 
@@ -81,7 +85,7 @@ class Symbols:
 
     def names(self) -> Iterator[str]:
         for table in (*self._open, self._globals):
-            yield from table
+            yield from (name for name, symbol in table.items() if symbol is not None)
 
     def addresses(self) -> dict[str, int]:
         """The global labels and their addresses."""

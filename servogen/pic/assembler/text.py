@@ -54,6 +54,14 @@ class Text:
         """Where the strings and quoted numbers are: (start, end) of each."""
         return [match.span() for match in _QUOTED.finditer(self.chars)]
 
+    def unclosed(self) -> int | None:
+        """The column of a double quote that has no second one."""
+        for start, end in self.quoted():
+            body = self.chars[start:end]
+            if body.startswith('"') and (len(body) < 2 or not body.endswith('"')):
+                return self.column(start)
+        return None
+
     def without_comment(self) -> Text:
         for index in self._outside(";"):
             return self[:index]
