@@ -13,7 +13,7 @@ import typer
 from typer.exceptions import TyperException
 
 from servogen import __version__
-from servogen.cli import chip_commands, job_commands, signal_commands
+from servogen.cli import chip_commands, doctor_commands, job_commands, signal_commands
 from servogen.errors import ServogenError
 
 INTERRUPTED = 130
@@ -44,7 +44,7 @@ def _options(
     pass
 
 
-for group in (job_commands, chip_commands, signal_commands):
+for group in (job_commands, chip_commands, signal_commands, doctor_commands):
     group.register(app)
 
 

@@ -18,6 +18,7 @@ from servogen.csource import Overheads, Path, Sequence, render, sequence
 from servogen.edges import EdgeChunk
 from servogen.errors import ServogenError
 from servogen.pic.device import Device
+from servogen.pipeline.proof import board_of
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Machine
 from servogen.units import Cycles
@@ -68,7 +69,7 @@ def measure(program: Sequence, compilation: Compilation) -> Overheads:
     frames = sum(run.frames for run in (*schedule.lead_in, *schedule.loop))
     wanted = _edges_to_watch(program)
     limit = Cycles(2 * (frames + SLACK_FRAMES) * schedule.period)
-    machine = Machine(compilation.image, schedule.clock)
+    machine = Machine(compilation.image, schedule.clock, board_of(schedule))
     times = _times(machine.stream(limit), wanted)
     paths = list(islice(program.walk(), wanted))
     if len(times) < len(paths):

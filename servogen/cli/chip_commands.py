@@ -1,0 +1,116 @@
+"""Commands of the chip's languages: compile, assemble, disassemble."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from servogen.cli.files import read_image, read_source
+from servogen.cli.options import DeviceName, Dialect, Json, Output
+from servogen.cli.show import as_json, warn
+
+if TYPE_CHECKING:
+    from servogen.pic.image import Image
+    from servogen.pic.listing import Listing
+
+ListingFile = Annotated[Path | None, typer.Option("--listing", help="Also write the listing (.lst).")]
+
+
+def register(app: typer.Typer) -> None:
+    app.command("compile")(compile_c)
+    app.command()(assemble)
+    app.command()(disassemble)
+
+
+def compile_c(
+    sources: Annotated[list[Path], typer.Argument(help="C files of one program.", show_default=False)],
+    output: Output = None,
+    dialect: Annotated[
+        Dialect | None,
+        typer.Option("--dialect", help="Default: xc8 where a file includes <xc.h>, else c2c."),
+    ] = None,
+    listing: ListingFile = None,
+    device: DeviceName = "PIC16F84",
+    clock_hz: Annotated[
+        int | None, typer.Option("--clock-hz", min=1, help="The clock, where the source does not say it.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Compile C of a dialect to Intel HEX (default: the first file's name with .hex)."""
+    from servogen.compiler import Options, Source, compile_sources
+    from servogen.pic.device import device as device_named
+
+    texts = [Source(read_source(path), str(path)) for path in sources]
+    spoken = dialect.value if dialect else _dialect_of([source.text for source in texts])
+    options = Options(dialect=spoken, device=device_named(device), clock_hz=clock_hz)
+    compilation = compile_sources(texts, options)
+    target = output or sources[0].with_suffix(".hex")
+    _write(target, compilation.image, listing, compilation.listing)
+    for diagnostic in compilation.diagnostics:
+        warn(str(diagnostic))
+    if json:
+        as_json(
+            {
+                "hex": str(target),
+                "dialect": spoken,
+                "words": compilation.words,
+                "ram_bytes": compilation.ram_bytes,
+                "clock_hz": compilation.clock.hz if compilation.clock else None,
+                "warnings": [str(diagnostic) for diagnostic in compilation.diagnostics],
+            }
+        )
+    else:
+        print(f"{target}: {compilation.words} words of 1024, {compilation.ram_bytes} bytes of 68, {spoken}")
+
+
+def assemble(
+    source: Annotated[Path, typer.Argument(help="An assembly file.", show_default=False)],
+    output: Output = None,
+    listing: ListingFile = None,
+    device: DeviceName = "PIC16F84",
+) -> None:
+    """Assemble MPASM source to Intel HEX (default: the file's name with .hex)."""
+    from servogen.pic.assembler import assemble as assembled
+    from servogen.pic.device import device as device_named
+
+    assembly = assembled(read_source(source), str(source), device_named(device))
+    for warning in assembly.warnings:
+        warn(str(warning))
+    target = output or source.with_suffix(".hex")
+    _write(target, assembly.image, listing, assembly.listing)
+    print(f"{target}: {assembly.image.words} words of 1024")
+
+
+def disassemble(
+    file: Annotated[Path, typer.Argument(help="An Intel HEX file.", show_default=False)],
+    output: Output = None,
+    device: DeviceName = "PIC16F84",
+) -> None:
+    """Write a HEX file as assembly that assembles to the same image."""
+    from servogen.outputs import write_text
+    from servogen.pic.device import device as device_named
+    from servogen.pic.disassembler import disassemble as disassembled
+
+    text = disassembled(read_image(file), device_named(device))
+    if output:
+        write_text(output, text)
+    else:
+        print(text, end="")
+
+
+def _dialect_of(texts: list[str]) -> str:
+    return (
+        "xc8" if any("<xc.h>" in text or "<pic.h>" in text or "<htc.h>" in text for text in texts) else "c2c"
+    )
+
+
+def _write(target: Path, image: Image, listing: Path | None, rows: Listing) -> None:
+    from servogen.outputs import write_text
+    from servogen.pic.image import to_hex
+    from servogen.pic.listing import listing_text
+
+    write_text(target, to_hex(image))
+    if listing:
+        write_text(listing, listing_text(rows))

@@ -1,0 +1,77 @@
+"""`servogen doctor`: what this machine has of what servogen uses."""
+
+from __future__ import annotations
+
+import platform
+import shutil
+from importlib.metadata import PackageNotFoundError, requires, version
+
+import typer
+
+from servogen import __version__
+from servogen.cli.options import Json
+from servogen.cli.show import as_json, table
+
+TOOLS = (
+    ("gtkwave", "shows main.vcd"),
+    ("pulseview", "shows main.vcd"),
+    ("sigrok-cli", "captures with a logic analyser"),
+    ("picpro", "programs the chip (K128, K149, K150, K182)"),
+    ("pk2cmd", "programs the chip (PICkit 2)"),
+    ("ipecmd", "programs the chip (PICkit 3, PICkit 4)"),
+    ("usbpicprog", "programs the chip (usbpicprog)"),
+    ("picprog", "programs the chip (JDM)"),
+    ("xc8-cc", "compiles main.xc8.c, should you want a second opinion"),
+)
+"""None of them is needed to build and prove a job."""
+
+MISSING = "missing"
+
+
+def register(app: typer.Typer) -> None:
+    app.command()(doctor)
+
+
+def doctor(json: Json = False) -> None:
+    """Say which versions, tools and ports are found on this machine."""
+    from serial.tools.list_ports import comports
+
+    libraries = _libraries()
+    tools = {name: shutil.which(name) for name, _ in TOOLS}
+    ports = [(port.device, port.description) for port in sorted(comports())]
+    if json:
+        as_json(
+            {
+                "servogen": __version__,
+                "python": platform.python_version(),
+                "system": platform.platform(),
+                "libraries": libraries,
+                "tools": tools,
+                "ports": [{"port": port, "description": description} for port, description in ports],
+            }
+        )
+    else:
+        print(f"servogen {__version__}, Python {platform.python_version()}, {platform.platform()}")
+        table("Libraries", ("library", "version"), list(libraries.items()))
+        table(
+            "Tools (none is needed to build and prove a job)",
+            ("tool", "what for", "found"),
+            [(name, use, tools[name] or MISSING) for name, use in TOOLS],
+        )
+        table("Serial ports", ("port", "description"), ports or [("none", "")])
+    if MISSING in libraries.values():
+        raise typer.Exit(3)
+
+
+def _libraries() -> dict[str, str]:
+    """Version of each library that servogen needs, by name."""
+    names = [
+        line.split(";")[0].split(">")[0].strip() for line in requires("servogen") or () if "extra" not in line
+    ]
+    found = {}
+    for name in names:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = MISSING
+    return found

@@ -1,0 +1,194 @@
+"""Commands of job files: new, check, build, demo."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from servogen.cli.options import Json, Output
+from servogen.cli.show import as_json, status, table, warn
+
+if TYPE_CHECKING:
+    from servogen.pipeline.build import Build
+
+JobFile = Annotated[Path, typer.Argument(help="A job file (TOML).", show_default=False)]
+
+
+def register(app: typer.Typer) -> None:
+    app.command()(new)
+    app.command()(check)
+    app.command()(build)
+    app.command()(demo)
+
+
+def new(
+    file: Annotated[Path, typer.Argument(help="The job file to write.")] = Path("job.toml"),
+    force: Annotated[bool, typer.Option("--force", help="Write over a file that exists.")] = False,
+) -> None:
+    """Write a commented job file to start from."""
+    from servogen.errors import InputError, Place
+    from servogen.job import template
+    from servogen.outputs import write_text
+
+    if file.exists() and not force:
+        raise InputError("exists already", Place(str(file)), "give another name, or --force")
+    write_text(file, template())
+    print(f"{file}: change it to your robot, then: servogen build {file}")
+
+
+def check(job: JobFile, json: Json = False) -> None:
+    """Read a job file and say what its pulses will be, without building it."""
+    from servogen.job import load
+    from servogen.pulse.plan import plan
+
+    loaded = load(job)
+    planned = plan(loaded.trajectory, loaded.servos, loaded.frame)
+    schedule = planned.schedule
+    warnings = (*loaded.warnings, *planned.warnings)
+    if json:
+        as_json(
+            {
+                "job": loaded.name,
+                "device": loaded.device.name,
+                "clock_hz": loaded.clock.hz,
+                "period_cycles": schedule.period,
+                "lead_in_frames": schedule.lead_in_frames,
+                "loop_frames": schedule.loop_frames,
+                "widths": _widths(planned.widths),
+                "warnings": [{"code": warning.code, "text": str(warning)} for warning in warnings],
+            }
+        )
+        return
+    for warning in warnings:
+        warn(str(warning))
+    _width_table(planned.widths)
+    seconds = float(schedule.clock.seconds(schedule.loop_frames * schedule.period))
+    print(f"{job}: {len(loaded.servos)} servo(s), loop of {schedule.loop_frames} frames, {seconds:g} s")
+
+
+def build(job: JobFile, output: Output = None, json: Json = False) -> None:
+    """Make a job's firmware in both dialects and prove every pulse edge of it."""
+    from servogen.job import load
+    from servogen.pipeline import build as built
+    from servogen.pipeline import write
+
+    loaded = load(job)
+    folder = output or Path("build") / loaded.name
+    with status(f"{loaded.name}: planning") as tell:
+        done = built(loaded, lambda step: tell(f"{loaded.name}: {step}"))
+        write(done, folder)
+    for warning in done.warnings:
+        warn(str(warning))
+    if json:
+        as_json(_as_dict(done, folder))
+    else:
+        _width_table(done.plan.widths)
+        _program_table([done])
+        print(f"{folder}: {'proven' if done.proven else 'NOT PROVEN'}; all of it in report.txt")
+    raise typer.Exit(0 if done.proven else 1)
+
+
+def demo(
+    jobs: Annotated[list[Path], typer.Argument(help="Job files.", show_default=False)],
+    output: Annotated[Path, typer.Option("--output", "-o", help="A folder of folders.")] = Path("build"),
+    against: Annotated[
+        Path | None, typer.Option("--against", help="Fail where a file differs from this folder's.")
+    ] = None,
+) -> None:
+    """Build and prove several jobs, each in a folder of its own, and print one table."""
+    from servogen.job import load
+    from servogen.pipeline import build as built
+    from servogen.pipeline import differences, write
+
+    done = []
+    with status("reading") as tell:
+        for job in jobs:
+            loaded = load(job)
+
+            def progress(step: str, name: str = loaded.name) -> None:
+                tell(f"{name}: {step}")
+
+            done.append(built(loaded, progress))
+            write(done[-1], output / loaded.name)
+    _program_table(done)
+    wrong = not all(each.proven for each in done)
+    if against:
+        different = [
+            line for each in done for line in differences(output / each.job.name, against / each.job.name)
+        ]
+        print("\n".join(different) or f"{against}: the same files")
+        wrong = wrong or bool(different)
+    raise typer.Exit(1 if wrong else 0)
+
+
+def _width_table(widths: Any) -> None:
+    table(
+        "Pulse widths",
+        ("servo", "requested µs", "cycles", "error µs", "frames"),
+        [
+            (
+                row.channel,
+                f"{float(row.requested_us):.3f}",
+                row.cycles,
+                f"{float(row.error_us):+.3f}",
+                row.frames,
+            )
+            for row in widths
+        ],
+    )
+
+
+def _program_table(builds: list[Build]) -> None:
+    table(
+        "Programs",
+        ("job", "dialect", "words", "RAM", "frames", "worst edge error", "verdict"),
+        [
+            (
+                done.job.name,
+                program.firmware.dialect,
+                program.firmware.compilation.words,
+                program.firmware.compilation.ram_bytes,
+                done.frames,
+                f"{program.verdict.worst_edge_error} cycles",
+                "proven" if program.verdict.proven else "NOT PROVEN",
+            )
+            for done in builds
+            for program in done.programs
+        ],
+    )
+
+
+def _widths(widths: Any) -> list[dict[str, object]]:
+    return [
+        {
+            "servo": row.channel,
+            "requested_us": float(row.requested_us),
+            "cycles": row.cycles,
+            "achieved_us": float(row.achieved_us),
+            "error_us": float(row.error_us),
+            "frames": row.frames,
+        }
+        for row in widths
+    ]
+
+
+def _as_dict(done: Build, folder: Path) -> dict[str, object]:
+    return {
+        "job": done.job.name,
+        "folder": str(folder),
+        "proven": done.proven,
+        "frames": done.frames,
+        "widths": _widths(done.plan.widths),
+        "programs": [
+            {
+                "dialect": program.firmware.dialect,
+                "words": program.firmware.compilation.words,
+                "ram_bytes": program.firmware.compilation.ram_bytes,
+                "verdict": program.verdict.to_json(),
+            }
+            for program in done.programs
+        ],
+        "warnings": [{"code": warning.code, "text": str(warning)} for warning in done.warnings],
+    }

@@ -1,0 +1,24 @@
+"""Options and arguments that several commands share, each with one meaning and one help text."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
+"""Context settings of a command whose arguments may be negative numbers: -5 is no option."""
+
+Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
+DeviceName = Annotated[str, typer.Option("--device", help="PIC16F84 or PIC16F84A.")]
+ClockHz = Annotated[int, typer.Option("--clock-hz", min=1, help="The oscillator's frequency in hertz.")]
+Output = Annotated[Path | None, typer.Option("--output", "-o", help="Where to write it.")]
+
+
+class Dialect(StrEnum):
+    """The C dialects."""
+
+    c2c = "c2c"
+    xc8 = "xc8"

@@ -1,0 +1,140 @@
+"""Commands of signals: simulate, verify."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from servogen.cli.files import read_image, read_schedule
+from servogen.cli.options import ClockHz, Json
+from servogen.cli.show import as_json, progress, warn
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from servogen.edges import EdgeChunk, EdgeTrace
+    from servogen.pulse import PulseSchedule
+    from servogen.simulator import State
+    from servogen.units import Clock, Cycles
+
+HEX_SUFFIXES = (".hex", ".ihx", ".h")
+DEFAULT_SECONDS = 1.0
+
+Seconds = Annotated[float | None, typer.Option("--seconds", min=0, help="How long, in simulated seconds.")]
+
+
+def register(app: typer.Typer) -> None:
+    app.command()(simulate)
+    app.command()(verify)
+
+
+def simulate(
+    file: Annotated[Path, typer.Argument(help="An Intel HEX file.", show_default=False)],
+    seconds: Seconds = None,
+    cycles: Annotated[int | None, typer.Option("--cycles", min=0, help="How long, in cycles.")] = None,
+    edges: Annotated[
+        Path | None, typer.Option("--edges", help="Write the pins' changes: .csv, .jsonl or .vcd.")
+    ] = None,
+    vcd: Annotated[Path | None, typer.Option("--vcd", help="Write the pins' changes as VCD.")] = None,
+    clock_hz: ClockHz = 4_000_000,
+    ra4_pull_up: Annotated[
+        bool, typer.Option("--ra4-pull-up", help="RA4, an open drain, has a pull-up resistor.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Run a HEX file from reset on the simulator (default: for one second)."""
+    from servogen.edge_files import write_edges
+    from servogen.edges import EdgeTrace
+    from servogen.simulator import Machine, Options
+    from servogen.units import Clock
+
+    image = read_image(file)
+    clock = Clock(clock_hz)
+    span = _span(clock, seconds, cycles)
+    machine = Machine(image, clock, Options(ra4_pull_up=ra4_pull_up))
+    paths = [path for path in (edges, vcd) if path]
+    with progress("simulating", span) as tell:
+        write_edges(EdgeTrace(clock, _told(machine.stream(span), tell), span), *paths)
+    state = machine.state()
+    for warning in state.warnings:
+        warn(str(warning))
+    if json:
+        as_json(_state_as_dict(state))
+    else:
+        _print_state(state, clock)
+
+
+def verify(
+    file: Annotated[Path, typer.Argument(help="A HEX, VCD, CSV or JSONL file.", show_default=False)],
+    against: Annotated[Path, typer.Option("--against", help="The schedule.json it should follow.")],
+    seconds: Seconds = None,
+    json: Json = False,
+) -> None:
+    """Hold every edge of a HEX or of recorded edges against a schedule (default: the motion three times)."""
+    from servogen.pipeline import checked_cycles, prove
+    from servogen.verify import verdict_lines
+
+    schedule = read_schedule(against)
+    span = checked_cycles(schedule) if seconds is None else schedule.clock.round_seconds(seconds)
+    verdict = prove(schedule, _trace(file, schedule, span), span)
+    if json:
+        as_json(verdict.to_json())
+    else:
+        print("\n".join(verdict_lines(verdict)))
+    raise typer.Exit(0 if verdict.proven else 1)
+
+
+def _trace(file: Path, schedule: PulseSchedule, span: Cycles) -> EdgeTrace:
+    """The edges of a HEX file, running, or those that a file holds."""
+    from servogen.edge_files import read_edges
+    from servogen.pipeline import running
+
+    if file.suffix.lower() in HEX_SUFFIXES:
+        return running(schedule, read_image(file), span)
+    return read_edges(file, schedule.clock)
+
+
+def _span(clock: Clock, seconds: float | None, cycles: int | None) -> Cycles:
+    from servogen.errors import InputError
+    from servogen.units import Cycles
+
+    if seconds is not None and cycles is not None:
+        raise InputError("--seconds and --cycles say the same thing: give one")
+    if cycles is not None:
+        return Cycles(cycles)
+    return clock.round_seconds(DEFAULT_SECONDS if seconds is None else seconds)
+
+
+def _told(chunks: Iterator[EdgeChunk], tell: Callable[[int], None]) -> Iterator[EdgeChunk]:
+    for chunk in chunks:
+        if len(chunk.cycle):
+            tell(int(chunk.cycle[-1]))
+        yield chunk
+
+
+def _state_as_dict(state: State) -> dict[str, object]:
+    return {
+        "cycles": state.cycles,
+        "pc": state.pc,
+        "w": state.w,
+        "status": state.status,
+        "ram": list(state.ram),
+        "registers": dict(state.registers),
+        "eeprom": list(state.eeprom),
+        "resets": dict(state.resets),
+        "stack_wraps": state.stack_wraps,
+        "deepest_stack": state.deepest_stack,
+        "edges": state.edges,
+        "sleeping": state.sleeping,
+        "warnings": [str(warning) for warning in state.warnings],
+    }
+
+
+def _print_state(state: State, clock: Clock) -> None:
+    print(f"{state.cycles} cycles, {float(clock.seconds(state.cycles)):g} s, {state.edges} edges")
+    print(f"PC 0x{state.pc:03X}  W 0x{state.w:02X}  STATUS 0x{state.status:02X}")
+    print("  ".join(f"{name} 0x{value:02X}" for name, value in state.registers.items()))
+    resets = ", ".join(f"{count} {cause}" for cause, count in state.resets.items() if count)
+    print(f"resets: {resets}; deepest stack {state.deepest_stack} of 8, {state.stack_wraps} wraps")

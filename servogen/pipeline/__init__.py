@@ -1,0 +1,18 @@
+"""The rooms put together: from a job to proven HEX files."""
+
+from servogen.pipeline.build import Build, Program, build, report, write
+from servogen.pipeline.differences import differences
+from servogen.pipeline.proof import LOOPS_CHECKED, checked_cycles, prove, running
+
+__all__ = [
+    "LOOPS_CHECKED",
+    "Build",
+    "Program",
+    "build",
+    "checked_cycles",
+    "differences",
+    "prove",
+    "report",
+    "running",
+    "write",
+]

@@ -1,0 +1,127 @@
+"""From a job to proven HEX files: plan, tune for both dialects, simulate, verify, and the files of it all.
+
+In: a `Job`. Out: `Build`: the values of every step, and a folder of files. What is written does not depend on
+day, host or path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from servogen.csource import DIALECTS
+from servogen.edge_files import write_edges
+from servogen.edges import EdgeTrace
+from servogen.errors import Caution, Place
+from servogen.job import Job
+from servogen.outputs import write_text
+from servogen.pic.image import Image, to_hex
+from servogen.pic.listing import listing_text
+from servogen.pipeline.proof import LOOPS_CHECKED, board_of, checked_cycles, prove, running
+from servogen.pipeline.tuning import Firmware, tune
+from servogen.pulse.plan import PulsePlan, plan
+from servogen.report import BuildFacts, ProgramFacts, report_text
+from servogen.simulator import Machine
+from servogen.units import Cycles
+from servogen.verify import Verdict
+
+Progress = Callable[[str], None]
+"""Is told what is being done."""
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """One dialect's firmware and the verdict on its edges."""
+
+    firmware: Firmware
+    verdict: Verdict
+
+    @property
+    def image(self) -> Image:
+        return self.firmware.compilation.image
+
+
+@dataclass(frozen=True, slots=True)
+class Build:
+    """What a job became. `programs` begins with the job's own dialect."""
+
+    job: Job
+    plan: PulsePlan
+    programs: tuple[Program, ...]
+
+    @property
+    def proven(self) -> bool:
+        return all(program.verdict.proven for program in self.programs)
+
+    @property
+    def frames(self) -> int:
+        """How many frames were checked."""
+        schedule = self.plan.schedule
+        return schedule.lead_in_frames + LOOPS_CHECKED * schedule.loop_frames
+
+    @property
+    def warnings(self) -> tuple[Caution, ...]:
+        compiler = [
+            Caution("compiler", str(diagnostic), Place(program.firmware.file))
+            for program in self.programs
+            for diagnostic in program.firmware.compilation.diagnostics
+        ]
+        return (*self.job.warnings, *self.plan.warnings, *compiler)
+
+
+def build(job: Job, progress: Progress = lambda step: None) -> Build:
+    """Plans, compiles, simulates and verifies. Raises InputError where the job cannot be built."""
+    progress("planning")
+    planned = plan(job.trajectory, job.servos, job.frame)
+    own = job.firmware.dialect
+    programs = []
+    for dialect in (own, *(other for other in DIALECTS if other != own)):
+        progress(f"compiling {dialect}")
+        firmware = tune(planned.schedule, dialect, job.device, job.name)
+        progress(f"proving {dialect}")
+        span = checked_cycles(planned.schedule)
+        trace = running(planned.schedule, firmware.compilation.image, span)
+        programs.append(Program(firmware, prove(planned.schedule, trace, span)))
+    return Build(job, planned, tuple(programs))
+
+
+def write(done: Build, folder: Path) -> None:
+    """The files of a build, each whole or not there. The folder is made."""
+    folder.mkdir(parents=True, exist_ok=True)
+    own = done.programs[0]
+    servos = {servo.pin: servo.name for servo in done.job.servos}
+    write_text(folder / "schedule.json", done.plan.schedule.to_json())
+    for program in done.programs:
+        write_text(folder / program.firmware.file, program.firmware.text)
+        write_text(folder / _hex_name(done, program), to_hex(program.image))
+    write_text(folder / "main.lst", listing_text(own.firmware.compilation.listing))
+    write_edges(checked_edges(done), folder / "edges.csv", folder / "main.vcd", servos=servos)
+    write_text(folder / "report.txt", report(done))
+
+
+def checked_edges(done: Build) -> EdgeTrace:
+    """The edges of the job's own program from reset to the end of the time that was checked."""
+    schedule, own = done.plan.schedule, done.programs[0]
+    end = Cycles((own.verdict.start or 0) + checked_cycles(schedule))
+    return EdgeTrace(schedule.clock, Machine(own.image, schedule.clock, board_of(schedule)).stream(end), end)
+
+
+def report(done: Build) -> str:
+    """The text of report.txt."""
+    facts = tuple(
+        ProgramFacts(
+            program.firmware.dialect,
+            program.firmware.file,
+            _hex_name(done, program),
+            program.firmware.compilation.words,
+            program.firmware.compilation.ram_bytes,
+            program.verdict,
+        )
+        for program in done.programs
+    )
+    return report_text(BuildFacts(done.job, done.plan, facts, done.warnings))
+
+
+def _hex_name(done: Build, program: Program) -> str:
+    return "main.hex" if program is done.programs[0] else f"main.{program.firmware.dialect}.hex"

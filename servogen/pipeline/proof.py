@@ -1,0 +1,43 @@
+"""Runs an image and holds its edges against a schedule.
+
+In: a `PulseSchedule` and an `Image`, or a trace from elsewhere. Out: the `Verdict`, over a stated span.
+"""
+
+from __future__ import annotations
+
+from servogen.edges import EdgeTrace
+from servogen.pic.device import OPEN_DRAIN_PIN
+from servogen.pic.image import Image
+from servogen.pulse import PulseSchedule
+from servogen.pulse.expected import expected
+from servogen.simulator import Machine, Options
+from servogen.units import Cycles
+from servogen.verify import Verdict, verify, whole_motion
+
+LOOPS_CHECKED = 3
+"""The whole motion and two repeats of it."""
+
+START_FRAMES = 50
+"""How long an image may take from reset to its first pulse before it counts as silent."""
+
+
+def checked_cycles(schedule: PulseSchedule) -> Cycles:
+    """The lead-in and `LOOPS_CHECKED` loops."""
+    return whole_motion(expected(schedule), LOOPS_CHECKED)
+
+
+def running(schedule: PulseSchedule, image: Image, span: Cycles) -> EdgeTrace:
+    """The edges of `image` while it runs on the simulator: `span` cycles, and the time to the first pulse."""
+    limit = Cycles(span + START_FRAMES * schedule.period)
+    machine = Machine(image, schedule.clock, board_of(schedule))
+    return EdgeTrace(schedule.clock, machine.stream(limit), limit)
+
+
+def board_of(schedule: PulseSchedule) -> Options:
+    """The board that a schedule needs: a servo on RA4, an open drain, has its pull-up resistor."""
+    return Options(ra4_pull_up=any(channel.pin == OPEN_DRAIN_PIN for channel in schedule.channels))
+
+
+def prove(schedule: PulseSchedule, trace: EdgeTrace, span: Cycles | None = None) -> Verdict:
+    """The verdict on `trace` over `span` cycles from its first pulse (default: `checked_cycles`)."""
+    return verify(expected(schedule), trace, checked_cycles(schedule) if span is None else span)

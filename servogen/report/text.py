@@ -1,0 +1,180 @@
+"""`report.txt`: the job, its wiring, every pulse width with its error, the programs and their proof.
+
+In: the values of a build. Out: text, the same for the same build.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+
+from servogen.errors import Caution
+from servogen.job import Job
+from servogen.pic.device import OPEN_DRAIN_PIN, PACKAGE, PROGRAM_WORDS, RAM_BYTES, oscillator_for
+from servogen.pulse.plan import PulsePlan
+from servogen.robot.servo import Servo
+from servogen.verify import Verdict, verdict_lines
+
+XC8_COMMAND = "xc8-cc -mcpu={chip} -std=c99 -O1 -o main.hex main.xc8.c"
+"""MPLAB XC8 C Compiler User's Guide, chapter on the command-line driver; the chip without its "PIC"."""
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramFacts:
+    """One dialect's program: its files, its size, and what was proven of its HEX."""
+
+    dialect: str
+    c_file: str
+    hex_file: str
+    words: int
+    ram_bytes: int
+    verdict: Verdict
+
+
+@dataclass(frozen=True, slots=True)
+class BuildFacts:
+    """All that a report tells of."""
+
+    job: Job
+    plan: PulsePlan
+    programs: tuple[ProgramFacts, ...]
+    warnings: tuple[Caution, ...]
+
+
+def report_text(facts: BuildFacts) -> str:
+    """The report as lines of plain text."""
+    return "\n".join(line.rstrip() for line in _lines(facts)) + "\n"
+
+
+def _lines(facts: BuildFacts) -> Iterator[str]:
+    yield facts.job.name
+    yield "=" * len(facts.job.name)
+    for title, section in (
+        ("Chip", _chip(facts)),
+        ("Wiring", _wiring(facts)),
+        ("Pulses", _pulses(facts)),
+        ("Motion", _motion(facts)),
+        ("Programs", _programs(facts)),
+        ("Proof", _proof(facts)),
+        ("Warnings", _warnings(facts)),
+    ):
+        yield ""
+        yield title
+        yield "-" * len(title)
+        yield from section
+
+
+def _chip(facts: BuildFacts) -> Iterator[str]:
+    clock = facts.job.clock
+    yield f"{facts.job.device.name}, {clock.hz} Hz crystal ({oscillator_for(clock.hz)})"
+    yield f"One instruction cycle is {_number(clock.cycle_us)} us."
+
+
+def _wiring(facts: BuildFacts) -> Iterator[str]:
+    numbers = {pin.name: pin.number for pin in PACKAGE}
+    rows = [
+        (str(numbers[servo.pin]), servo.pin, f"signal of servo '{servo.name}'", servo.model.title)
+        for servo in facts.job.servos
+    ]
+    rows += [
+        (str(numbers["VDD"]), "VDD", "+5 V, 100 nF to VSS", ""),
+        (str(numbers["VSS"]), "VSS", "ground, also of the servos' supply", ""),
+        (str(numbers["MCLR"]), "MCLR", "10 kOhm to VDD", ""),
+        (str(numbers["OSC1"]), "OSC1", "crystal, 22 pF to VSS", ""),
+        (str(numbers["OSC2"]), "OSC2", "crystal, 22 pF to VSS", ""),
+    ]
+    yield from _table(("pin", "name", "goes to", "servo"), rows)
+    if any(servo.pin == OPEN_DRAIN_PIN for servo in facts.job.servos):
+        yield f"{OPEN_DRAIN_PIN} is open drain: it needs a pull-up resistor, 1 to 10 kOhm to VDD."
+    yield ""
+    yield from _current(facts.job.servos)
+
+
+def _current(servos: Sequence[Servo]) -> Iterator[str]:
+    """The servos' own supply: what all of them draw when all are held fast."""
+    known = [servo.model.max_a for servo in servos if servo.model.max_a is not None]
+    unknown = sorted({servo.model.name for servo in servos if servo.model.max_a is None})
+    if known:
+        peak_ma = Fraction(round(1000 * sum(known)))
+        yield f"Peak current of the servos: {_number(peak_ma)} mA ({len(known)} at once)."
+    if unknown:
+        yield f"Peak current not stated by the maker of: {', '.join(unknown)}."
+    yield "The servos take it from a supply of their own, not through the chip's."
+
+
+def _pulses(facts: BuildFacts) -> Iterator[str]:
+    schedule = facts.plan.schedule
+    rows = [
+        (
+            row.channel,
+            f"{math.degrees(row.angle):.2f}",
+            f"{float(row.requested_us):.3f}",
+            str(row.cycles),
+            f"{float(row.achieved_us):.3f}",
+            f"{float(row.error_us):+.3f}",
+            str(row.frames),
+        )
+        for row in facts.plan.widths
+    ]
+    yield from _table(
+        ("servo", "angle_deg", "requested_us", "cycles", "achieved_us", "error_us", "frames"), rows
+    )
+    yield ""
+    yield f"Period {schedule.period} cycles, {_number(schedule.clock.us(schedule.period))} us."
+
+
+def _motion(facts: BuildFacts) -> Iterator[str]:
+    schedule = facts.plan.schedule
+    for name, frames in (("lead-in", schedule.lead_in_frames), ("loop", schedule.loop_frames)):
+        if frames:
+            seconds = _number(schedule.clock.seconds(frames * schedule.period))
+            yield f"{name}: {frames} frames, {seconds} s"
+
+
+def _programs(facts: BuildFacts) -> Iterator[str]:
+    yield from _table(
+        ("dialect", "C", "HEX", "words", "left", "RAM bytes"),
+        [
+            (
+                program.dialect,
+                program.c_file,
+                program.hex_file,
+                str(program.words),
+                str(PROGRAM_WORDS - program.words),
+                f"{program.ram_bytes} of {RAM_BYTES}",
+            )
+            for program in facts.programs
+        ],
+    )
+    yield ""
+    yield "With Microchip's XC8 (its own cycles between the delays are not corrected for):"
+    yield f"  {XC8_COMMAND.format(chip=facts.job.device.name.removeprefix('PIC').lower())}"
+
+
+def _proof(facts: BuildFacts) -> Iterator[str]:
+    for program in facts.programs:
+        yield f"{program.hex_file}:"
+        yield from (f"  {line}" for line in verdict_lines(program.verdict))
+
+
+def _warnings(facts: BuildFacts) -> Iterator[str]:
+    for warning in facts.warnings:
+        # Without the folder: the report does not depend on where it was made.
+        place = replace(warning.place, file=Path(warning.place.file or "").name) if warning.place else None
+        yield str(replace(warning, place=place))
+    if not facts.warnings:
+        yield "none"
+
+
+def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Columns as wide as their widest cell."""
+    widths = [max(len(row[index]) for row in (columns, *rows)) for index in range(len(columns))]
+    for row in (columns, *rows):
+        yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+
+
+def _number(value: Fraction) -> str:
+    return f"{float(value):.6f}".rstrip("0").rstrip(".")
