@@ -59,6 +59,9 @@ REGISTERS = (  # DS35007 section 2.3, table 2-1
 )
 """By bank-0 address first; INDF, PCL, STATUS, FSR, PCLATH and INTCON are in both banks."""
 
+LOW_ACTIVE_BITS = ("TO", "PD", "RBPU")
+"""Bits whose names the data sheet writes with a bar: 0 is the active state."""
+
 BOTH_BANKS = ("INDF", "PCL", "STATUS", "FSR", "PCLATH", "INTCON")
 
 

@@ -1,12 +1,15 @@
 """`Listing`: which source line made which word, and what it costs.
 
-In: rows and functions, from the compiler or the assembler. Out: the text of a .lst file; the simulator's
-trace and profile read the values.
+In: rows and functions, from the compiler or the assembler. Out: the text of a .lst file, the same for the
+same values; the simulator's trace and profile read the values themselves.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+
+from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, RAM_FIRST, RAM_LAST
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,3 +50,74 @@ class Listing:
     """(address, name, bytes) of each variable, in order of address."""
     sources: tuple[tuple[str, str], ...] = ()
     """(file name, text) of each source file."""
+
+
+def listing_text(listing: Listing) -> str:
+    """The .lst file: each source line with its words, then the functions, then the map of RAM."""
+    parts = [_code(listing), _functions(listing), _ram(listing)]
+    return "\n".join(line for part in parts for line in part) + "\n"
+
+
+def _code(listing: Listing) -> Iterator[str]:
+    lines = {name: text.splitlines() for name, text in listing.sources}
+    shown = dict.fromkeys(lines, 0)
+    last: tuple[str | None, int | None] = (None, None)
+    yield f"{len(listing.rows)} of {PROGRAM_WORDS} program words"
+    yield ""
+    yield "addr  word  cycles  instruction"
+    for row in listing.rows:
+        if row.line is not None and row.file in lines and (row.file, row.line) != last:
+            if row.file != last[0]:
+                yield f"{row.file}:"
+            first = shown[row.file] + 1 if row.line > shown[row.file] else row.line
+            for number in range(first, row.line + 1):
+                source = lines[row.file][number - 1] if number <= len(lines[row.file]) else ""
+                yield f"{number:>28}: {source.expandtabs()}".rstrip()
+            shown[row.file] = max(shown[row.file], row.line)
+        last = (row.file, row.line)
+        yield f"{row.address:04X}  {row.word:04X}  {row.cycles:<6}  {row.assembly}"
+    yield ""
+
+
+def _functions(listing: Listing) -> Iterator[str]:
+    if not listing.functions:
+        return
+    width = max(len("function"), *(len(each.name) for each in listing.functions))
+    yield f"{'function':<{width}}  start  words  bytes of RAM  deepest calls  cycles"
+    for each in listing.functions:
+        cycles = _range(each.least_cycles, each.most_cycles)
+        yield (
+            f"{each.name:<{width}}  {each.start:04X}   {each.end - each.start:>5}  {each.ram_bytes:>12}  "
+            f"{each.deepest_calls:>13}  {cycles}"
+        )
+    yield ""
+
+
+def _range(least: int | None, most: int | None) -> str:
+    if least is None and most is None:
+        return "unknown"
+    if least == most:
+        return str(least)
+    return f"{'?' if least is None else least} to {'unbounded' if most is None else most}"
+
+
+def _ram(listing: Listing) -> Iterator[str]:
+    """The variables, and which of the chip's bytes are free."""
+    if not listing.variables:
+        return
+    yield "addr  bytes  variable"
+    for address, name, size in listing.variables:
+        yield f"{address:04X}  {size:>5}  {name}"
+    used = {address + offset for address, _, size in listing.variables for offset in range(size)}
+    yield f"{len(used)} of {RAM_BYTES} bytes of RAM"
+    yield ""
+    for start in range(RAM_FIRST & ~0xF, RAM_LAST + 1, 16):
+        marks = "".join(_mark(address, used) for address in range(start, start + 16))
+        yield f"{start:04X}  {marks}"
+    yield "X used, - free"
+
+
+def _mark(address: int, used: set[int]) -> str:
+    if not RAM_FIRST <= address <= RAM_LAST:
+        return " "
+    return "X" if address in used else "-"

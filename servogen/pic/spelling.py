@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 
-from servogen.pic.device import REGISTERS, Register
+from servogen.pic.device import LOW_ACTIVE_BITS, REGISTERS, Register
 from servogen.pic.isa import Decoded, decode, encode
 
 PCL = 0x02
@@ -34,10 +34,16 @@ def other_bank(address: int) -> str | None:
     return register.name if register else None
 
 
+def bit_spelling(name: str) -> str:
+    """The data sheet's name of a bit as assembly writes it: a bar above it becomes NOT_."""
+    return f"NOT_{name}" if name in LOW_ACTIVE_BITS else name
+
+
 def bit_name(address: int, bit: int) -> str:
     """The name of a bit of a bank 0 register, or its number."""
     register = _bank(0).get(address)
-    return (register and register.bit_names()[bit]) or str(bit)
+    name = register.bit_names()[bit] if register else None
+    return bit_spelling(name) if name else str(bit)
 
 
 def hexadecimal(address: int) -> str:

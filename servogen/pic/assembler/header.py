@@ -21,9 +21,7 @@ from servogen.pic.device import (
     Device,
 )
 from servogen.pic.isa import WORD_MASK
-
-LOW_ACTIVE = ("TO", "PD", "RBPU")
-"""Bits whose names have a bar in the data sheet: sources write NOT_ in front."""
+from servogen.pic.spelling import bit_spelling
 
 OTHER_NAMES = {"T0IF": "TMR0IF", "T0IE": "TMR0IE"}
 """Second names of bits that sources use."""
@@ -52,7 +50,7 @@ def header_text(device: Device) -> str:
         values[register.name] = register.address
         for bit, name in enumerate(register.bit_names()):
             if name is not None:
-                values[f"NOT_{name}" if name in LOW_ACTIVE else name] = bit
+                values[bit_spelling(name)] = bit
                 if name in OTHER_NAMES:
                     values[OTHER_NAMES[name]] = bit
     values |= _fuses(device)
