@@ -17,7 +17,7 @@ from servogen.pic.assembler.settings import SETTINGS
 from servogen.pic.assembler.source import lines_of
 from servogen.pic.assembler.state import EndOfSource, ExitMacro, Include, Pass, TooManyErrors
 from servogen.pic.assembler.symbols import Symbols
-from servogen.pic.device import DEVICES, PROGRAM_WORDS, Device
+from servogen.pic.device import DEVICES, PROGRAM_WORDS, RAM_FIRST, RAM_LAST, Device
 from servogen.pic.image import Image
 from servogen.pic.listing import Listing, ListingRow
 from servogen.pic.spelling import assembly_text, cycles_text
@@ -64,7 +64,7 @@ def assemble(
             state.log.add(Diagnostic("warning", 205, "the source has no END", place))
     if state.log.errors:
         raise AssemblyError(state.log.errors)
-    listing = Listing(_rows(state), sources=((file, text), *state.sources.items()))
+    listing = Listing(_rows(state), (), _variables(state), ((file, text), *state.sources.items()))
     labels = sorted(symbols.addresses().items(), key=lambda pair: (pair[1], pair[0]))
     return Assembly(
         state.memory.image(), listing, state.log.remarks, state.device or DEVICES[0], tuple(labels)
@@ -100,3 +100,8 @@ def _rows(state: Pass) -> tuple[ListingRow, ...]:
         for each in sorted(state.placed, key=lambda placed: placed.address)
         if each.address < PROGRAM_WORDS
     )
+
+
+def _variables(state: Pass) -> tuple[tuple[int, str, int], ...]:
+    """The entries of CBLOCK that lie in RAM: what a source calls its variables."""
+    return tuple(sorted(each for each in state.blocks if RAM_FIRST <= each[0] <= RAM_LAST))

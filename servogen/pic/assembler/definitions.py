@@ -112,6 +112,7 @@ def _cblock_entry(state: Pass, part: Text) -> None:
     if rest:
         size = state.evaluate(parse_expression(rest, state.radix))
     state.symbols.define(match[0], state.cblock, "constant", part.column(0))
+    state.blocks.append((state.cblock, match[0], size))
     state.cblock += size
 
 

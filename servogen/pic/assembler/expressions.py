@@ -75,8 +75,8 @@ class Scope(Protocol):
         """The value of a name, None when it has none."""
         ...
 
-    def names(self) -> Iterable[str]:
-        """The known names, for a hint."""
+    def hint(self, name: str) -> str | None:
+        """What to tell of a name that has no value."""
         ...
 
     @property
@@ -234,8 +234,8 @@ def evaluate(expression: Expression, scope: Scope) -> int:
         case Name(name, column):
             found = scope.value(name)
             if found is None:
-                hint = suggestion(name, scope.names())
-                raise SourceError(f"symbol not previously defined: '{name}'", column, hint, 113)
+                text = f"symbol not previously defined: '{name}'"
+                raise SourceError(text, column, scope.hint(name), 113)
             return found
         case Unary(sign, operand):
             return _wrap(UNARY[sign](evaluate(operand, scope)))

@@ -92,9 +92,10 @@ def mnemonics() -> frozenset[str]:
 def parse_line(line: str, place: Place, radix: int = DEFAULT_RADIX) -> ParsedLine:
     """A line of assembly without directives, as inline assembly writes it: `label: MNEMONIC operands`.
 
-    A label ends with a colon; a comment begins with `;`. Raises InputError.
+    A label ends with a colon; a comment begins with `;`. `place` is that of the line's first character.
+    Raises InputError.
     """
-    text = Text.of(line).without_comment().strip()
+    text = Text.of(line, place.column or 1).without_comment().strip()
     try:
         label = None
         match = IDENTIFIER.match(text.chars)

@@ -8,7 +8,7 @@ In: the lines of the source, and the `Symbols` of the pass before. Out: the word
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 from servogen.errors import Place
@@ -20,7 +20,7 @@ from servogen.pic.assembler.source import ASSIGNMENTS, SourceLine, Statement, st
 from servogen.pic.assembler.substitution import Definition, parameters, paste, substitute
 from servogen.pic.assembler.symbols import Symbols
 from servogen.pic.assembler.text import Text
-from servogen.pic.device import Device
+from servogen.pic.device import Device, register_bits, registers
 from servogen.pic.isa import WORD_MASK
 
 Include = Callable[[str], str | None]
@@ -81,6 +81,8 @@ class Pass:
     memory: Memory = field(default_factory=Memory)
     log: Log = field(default_factory=Log)
     placed: list[Placed] = field(default_factory=list)
+    blocks: list[tuple[int, str, int]] = field(default_factory=list)
+    """(first, name, size) of each entry of a CBLOCK."""
     sources: dict[str, str] = field(default_factory=dict)
     macros: dict[str, Macro] = field(default_factory=dict)
     conditions: list[Condition] = field(default_factory=list)
@@ -105,8 +107,10 @@ class Pass:
             return symbol.value
         return 0 if self.first or self.symbols.is_local(name) else None
 
-    def names(self) -> Iterable[str]:
-        return self.symbols.names()
+    def hint(self, name: str) -> str | None:
+        if not self.symbols.defined("STATUS") and name.upper() in (*registers(), *register_bits(), "W", "F"):
+            return "the names of the chip's registers and bits come with: include <p16f84.inc>"
+        return suggestion(name, self.symbols.names())
 
     @property
     def first(self) -> bool:
@@ -134,7 +138,8 @@ class Pass:
         try:
             self._line(line)
         except SourceError as error:
-            self.report("error", error.number, error.text, line, error.column, error.hint)
+            column = error.column or line.text.strip().column(0)
+            self.report("error", error.number, error.text, line, column, error.hint)
 
     def _line(self, line: SourceLine) -> None:
         if self.active:

@@ -23,8 +23,9 @@ class Text:
     columns: tuple[int, ...]
 
     @classmethod
-    def of(cls, line: str) -> Text:
-        return cls(line, tuple(range(1, len(line) + 1)))
+    def of(cls, line: str, first: int = 1) -> Text:
+        """A line of a file; `first` is the column of its first character."""
+        return cls(line, tuple(range(first, first + len(line))))
 
     def __getitem__(self, part: slice) -> Text:
         return Text(self.chars[part], self.columns[part])
