@@ -1,0 +1,52 @@
+"""Pulses of two pins at the same time, where the schedule never has these two together."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.edges import HIGH, PINS
+from servogen.units import Cycles
+from servogen.verify.verdict import Overlap
+from servogen.verify.windows import Edges, Ints
+
+Levels = npt.NDArray[np.uint8]
+
+
+def masks(edges: Edges, initial: Levels, pins: Levels) -> tuple[Ints, Ints]:
+    """(cycle, pins that are high from it on, as bits) at each cycle in which one of `pins` changes."""
+    own = edges.take(np.isin(edges.pin, pins))
+    before = sum(1 << int(pin) for pin in pins if initial[pin])
+    bit = np.int64(1) << own.pin.astype(np.int64)
+    high = before + np.cumsum(np.where(own.level == HIGH, bit, -bit))
+    last = np.diff(own.cycle, append=own.cycle[-1] + 1 if len(own.cycle) else 0) > 0
+    return own.cycle[last], high[last]
+
+
+def pairs(mask: int) -> set[tuple[int, int]]:
+    """The pairs of pins that are high together in `mask`."""
+    high = [pin for pin in range(len(PINS)) if mask >> pin & 1]
+    return {(one, other) for one in high for other in high if one < other}
+
+
+def together(edges: Edges, initial: Levels, pins: Levels) -> set[tuple[int, int]]:
+    """The pairs of `pins` that are high together anywhere in `edges`."""
+    _, high = masks(edges, initial, pins)
+    return set().union(*(pairs(mask) for mask in np.unique(high).tolist()))
+
+
+def overlap(
+    seen: Edges, allowed: set[tuple[int, int]], initial: Levels, pins: Levels, end: int
+) -> Overlap | None:
+    """What overlaps in `seen`, up to `end`, of the pins that are no `allowed` pair."""
+    cycle, high = masks(seen, initial, pins)
+    wrong = [mask for mask in np.unique(high).tolist() if pairs(mask) - allowed]
+    if not wrong:
+        return None
+    bad = np.isin(high, wrong)
+    starts = np.flatnonzero(bad & ~np.concatenate(([False], bad[:-1])))
+    ends = np.flatnonzero(bad & ~np.concatenate((bad[1:], [False])))
+    until = np.concatenate((cycle[1:], [end]))[ends]
+    first = min(pairs(int(high[starts[0]])) - allowed)
+    longest = Cycles(int((until - cycle[starts]).max()))
+    return Overlap(len(starts), longest, Cycles(int(cycle[starts[0]])), first)

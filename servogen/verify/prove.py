@@ -1,0 +1,149 @@
+"""`verify`: are the observed edges the scheduled ones?
+
+In: the schedule's edges and a trace, both as streams. Out: a `Verdict`. The two are compared window by
+window as arrays, in memory that does not grow with the time; at the first difference a bounded stretch is
+kept and handed to the diagnosis.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from servogen.edges import HIGH, EdgeTrace, Expected
+from servogen.errors import InputError
+from servogen.units import Cycles
+from servogen.verify import reasons
+from servogen.verify.diagnose import Found, Seen, Stretch, diagnose
+from servogen.verify.start import Start, find_start
+from servogen.verify.verdict import ChannelVerdict, Difference, Span, StrayPin, Verdict
+from servogen.verify.windows import Edges, Windows, concatenate, expected_edges
+
+WINDOW = 1 << 22
+"""Cycles that are compared at a time."""
+
+DIAGNOSED_EDGES = 1 << 18
+"""Edges of either side, from the first difference on, that the diagnosis looks at."""
+
+GLITCH = Cycles(10)
+"""Pulses, and gaps between pulses, of fewer cycles are glitches."""
+
+
+def whole_motion(expected: Expected, repeats: int = 2) -> Cycles:
+    """The cycles of the lead-in and of `repeats` of the loop."""
+    return Cycles((expected.lead_in + repeats * expected.loop) * expected.period)
+
+
+def verify(
+    expected: Expected, observed: EdgeTrace, checked: Cycles | None = None, glitch: Cycles = GLITCH
+) -> Verdict:
+    """Compares the driven edges of `observed`, from reset on, with the schedule over `checked` cycles.
+
+    The first rising edge of a scheduled pin is the schedule's time zero. `checked` counts from there; by
+    default it is the whole motion with two repeats of its loop. A trace that ends earlier is not proven.
+    Reads no further than it must, so that `observed` may be a machine that would run for ever.
+    Raises InputError when the two count cycles of different clocks.
+    """
+    if observed.clock != expected.clock:
+        raise InputError(
+            f"the trace is in cycles of {observed.clock.hz} Hz, the schedule of {expected.clock.hz} Hz",
+            hint="state the clock of the chip that the schedule is for",
+        )
+    asked = whole_motion(expected) if checked is None else checked
+    start = find_start(observed, np.array([channel.pin for channel in expected.channels], dtype=np.uint8))
+    if start.cycle is None:
+        return _silent(expected, observed, start, asked)
+    reach = max(0, min(asked, observed.end - start.cycle))
+    schedule = Windows(expected_edges(chunk) for chunk in expected.chunks)
+    trace = Windows(start.edges)
+    seen = Seen.at_start()
+    stretch = _compare(schedule, trace, reach, start.cycle, seen)
+    found = None if stretch is None else diagnose(stretch, expected, glitch)
+    span = _span(expected, asked, reach if stretch is None else stretch.end)
+    short = [] if reach >= asked else [reasons.short_reason(asked - reach, observed.end, expected.clock)]
+    return _verdict(expected, start, span, seen, found, short)
+
+
+def _compare(schedule: Windows, trace: Windows, reach: int, start: int, seen: Seen) -> Stretch | None:
+    """None when all edges before `reach` are the same; `seen` follows the windows that are."""
+    now = 0
+    while now < reach:
+        limit = min(now + WINDOW, reach)
+        scheduled, observed = schedule.until(limit), trace.until(limit)
+        if not scheduled.same_as(observed):
+            ours, theirs = [scheduled], [observed]
+            while limit < reach and max(_size(ours), _size(theirs)) < DIAGNOSED_EDGES:
+                limit = min(limit + WINDOW, reach)
+                ours.append(schedule.until(limit))
+                theirs.append(trace.until(limit))
+            return Stretch(concatenate(ours), concatenate(theirs), now, limit, start, seen)
+        seen.add(scheduled)
+        now = limit
+    return None
+
+
+def _size(parts: list[Edges]) -> int:
+    return sum(len(part.cycle) for part in parts)
+
+
+def _verdict(
+    expected: Expected, start: Start, span: Span, seen: Seen, found: Found | None, short: list[str]
+) -> Verdict:
+    """The verdict on a trace in which a scheduled pin rises; `short` says that it ends too early."""
+    stray = _merged(start.stray, found.stray if found else ())
+    early = _first(start.stray)
+    difference = early or (found.difference if found else None)
+    channels = found.channels if found else _exact(expected, seen)
+    why = [reasons.difference_reason(difference, expected)] if difference else []
+    why += reasons.channel_reasons(channels, expected)
+    if found and found.overlap:
+        why.append(reasons.overlap_reason(found.overlap))
+    why += [reasons.stray_reason(pin) for pin in stray]
+    why += short
+    overlap = found.overlap if found else None
+    cycle = None if start.cycle is None else Cycles(start.cycle)
+    return Verdict(not why, tuple(why), expected.clock, cycle, span, channels, difference, overlap, stray)
+
+
+def _exact(expected: Expected, seen: Seen) -> tuple[ChannelVerdict, ...]:
+    rises = [int(seen.rises[channel.pin]) for channel in expected.channels]
+    return tuple(
+        ChannelVerdict(channel.name, channel.pin, count, count)
+        for channel, count in zip(expected.channels, rises, strict=True)
+    )
+
+
+def _silent(expected: Expected, observed: EdgeTrace, start: Start, asked: Cycles) -> Verdict:
+    """The verdict on a trace in which no scheduled pin rises: right only for a schedule without pulses."""
+    first = Windows(expected_edges(chunk) for chunk in expected.chunks).until(1)
+    why = [reasons.silent_reason(int(first.pin[0]))] if len(first.cycle) else []
+    why += [reasons.stray_reason(pin) for pin in start.stray]
+    compared = 0 if len(first.cycle) else min(asked, observed.end)
+    span = _span(expected, asked, compared)
+    if not why and not span.whole:
+        why.append(reasons.short_reason(asked - compared, observed.end, expected.clock))
+    channels = tuple(ChannelVerdict(channel.name, channel.pin, 0, 0) for channel in expected.channels)
+    difference = _first(start.stray)
+    return Verdict(not why, tuple(why), expected.clock, None, span, channels, difference, None, start.stray)
+
+
+def _span(expected: Expected, asked: Cycles, compared: int) -> Span:
+    frames = compared // expected.period
+    lead_in = min(frames, expected.lead_in)
+    repeats = (frames - lead_in) // expected.loop if expected.loop else 0
+    return Span(asked, Cycles(compared), frames, lead_in, repeats)
+
+
+def _first(stray: tuple[StrayPin, ...]) -> Difference | None:
+    """The first change of a pin that is not scheduled; as it starts low, it rises."""
+    if not stray:
+        return None
+    first = min(stray, key=lambda pin: (pin.first, pin.pin))
+    return Difference(first.pin, None, None, HIGH, None, first.first)
+
+
+def _merged(before: tuple[StrayPin, ...], after: tuple[StrayPin, ...]) -> tuple[StrayPin, ...]:
+    merged = {stray.pin: stray for stray in after}
+    for stray in before:
+        later = merged.get(stray.pin)
+        merged[stray.pin] = StrayPin(stray.pin, stray.edges + (later.edges if later else 0), stray.first)
+    return tuple(merged[pin] for pin in sorted(merged))

@@ -1,0 +1,91 @@
+"""Pulses out of edges, and which observed pulse is which scheduled one.
+
+     rise      fall            rise      fall
+      ┌─────────┐               ┌─────────┐
+──────┘  width  └───────────────┘         └────
+      │◀────────── period ─────▶│
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.edges import HIGH
+from servogen.verify.windows import Edges, Ints
+
+Rows = npt.NDArray[np.intp]
+
+
+class Pulses(NamedTuple):
+    """Pulses of one pin in order, int64. A pulse that the stretch cuts off falls at its end."""
+
+    rise: Ints
+    fall: Ints
+    frame: Ints
+
+    @property
+    def width(self) -> Ints:
+        return self.fall - self.rise
+
+    def take(self, rows: npt.NDArray[np.bool_] | Rows) -> Pulses:
+        return Pulses(self.rise[rows], self.fall[rows], self.frame[rows])
+
+
+def pulses_of(edges: Edges, pin: int, end: int, open_rise: int | None = None, open_frame: int = -1) -> Pulses:
+    """The pulses of `pin` in `edges`, up to time `end`; `open_rise` is the rise of one that began before."""
+    own = edges.take(edges.pin == pin)
+    rising = own.level == HIGH
+    rise, fall, frame = own.cycle[rising], own.cycle[~rising], own.frame[rising]
+    if open_rise is not None:
+        rise = np.concatenate(([open_rise], rise))
+        frame = np.concatenate(([open_frame], frame))
+    if len(fall) < len(rise):
+        fall = np.concatenate((fall, [end]))
+    return Pulses(rise, fall, frame)
+
+
+def without_glitches(seen: Pulses, scheduled: Pulses, shortest: int) -> tuple[Pulses, int]:
+    """`seen` without pulses, and without gaps, of fewer than `shortest` cycles; and how many there were.
+
+    Where the schedule itself has pulses or gaps as short as that, they are no glitches.
+    """
+    count = 0
+    gaps = scheduled.rise[1:] - scheduled.fall[:-1]
+    if len(seen.rise) > 1 and gaps.min(initial=shortest) >= shortest:
+        long = seen.rise[1:] - seen.fall[:-1] >= shortest
+        first = np.concatenate(([True], long))
+        last = np.concatenate((long, [True]))
+        count += int(np.count_nonzero(~long))
+        seen = Pulses(seen.rise[first], seen.fall[last], seen.frame[first])
+    if scheduled.width.min(initial=shortest) >= shortest:
+        long = seen.width >= shortest
+        count += int(np.count_nonzero(~long))
+        seen = seen.take(long)
+    return seen, count
+
+
+def pair(scheduled: Ints, seen: Ints, farthest: int) -> tuple[Rows, Rows]:
+    """Rows of the rises that belong together: each the other's nearest, no farther than `farthest`.
+
+    So one missing pulse is one scheduled rise without a partner, however many follow.
+    """
+    nothing: Rows = np.zeros(0, dtype=np.intp)
+    if not len(scheduled) or not len(seen):
+        return nothing, nothing
+    of_scheduled, of_seen = _nearest(scheduled, seen), _nearest(seen, scheduled)
+    rows = np.arange(len(scheduled))
+    mutual = of_seen[of_scheduled] == rows
+    close = np.abs(seen[of_scheduled] - scheduled) <= farthest
+    kept = rows[mutual & close]
+    return kept, of_scheduled[kept]
+
+
+def _nearest(of: Ints, among: Ints) -> Rows:
+    """For each of `of` the row of the nearest of `among`, the earlier of two as near."""
+    right = np.searchsorted(among, of).clip(max=len(among) - 1)
+    left = (right - 1).clip(min=0)
+    earlier = np.abs(of - among[left]) <= np.abs(among[right] - of)
+    return np.where(earlier, left, right)

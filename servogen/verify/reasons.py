@@ -1,0 +1,108 @@
+"""Why a trace is not proven, in sentences.
+
+In: what the comparison found. Out: one sentence a fact, the first difference first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from servogen.edges import HIGH, PINS, Expected
+from servogen.units import Clock
+from servogen.verify.verdict import ChannelVerdict, Difference, Overlap, StrayPin, Worst
+
+_MOTION = {True: "rise", False: "fall"}
+
+
+def frame_words(frame: int, lead_in: int, loop: int) -> str:
+    """`frame 7 (of the lead-in)`, `frame 512 (frame 12 of the loop, repeat 1)`; all counted from 0."""
+    if frame < lead_in:
+        return f"frame {frame} (of the lead-in)"
+    if not loop:
+        return f"frame {frame}"
+    repeat, inside = divmod(frame - lead_in, loop)
+    return f"frame {frame} (frame {inside} of the loop, repeat {repeat})"
+
+
+def difference_reason(difference: Difference, expected: Expected) -> str:
+    """Cycle, pin, channel, frame, what was expected and what was observed."""
+    pin = PINS[difference.pin]
+    motion = _MOTION[difference.level == HIGH]
+    first = f"first difference at cycle {difference.cycle}"
+    if difference.channel is None:
+        return f"{first}: {pin}, which the schedule does not drive, {motion}s"
+    where = f"{pin} ({difference.channel})"
+    if difference.frame is not None:
+        where += f", {frame_words(difference.frame, expected.lead_in, expected.loop)}"
+    head = f"{first}, {where}:"
+    if difference.observed is None:
+        return f"{head} should {motion} at cycle {difference.expected} and does not"
+    if difference.expected is None:
+        return f"{head} {motion}s, where the schedule has no change"
+    late = difference.observed - difference.expected
+    word = "late" if late > 0 else "early"
+    return (
+        f"{head} should {motion} at cycle {difference.expected}, {motion}s at cycle {difference.observed}, "
+        f"{counted(abs(late), 'cycle')} {word}"
+    )
+
+
+def channel_reasons(channels: Iterable[ChannelVerdict], expected: Expected) -> list[str]:
+    """What is wrong with each channel's pulses."""
+    reasons = []
+    for channel in channels:
+        facts = []
+        for number, noun in (
+            (channel.missing, "missing pulse"),
+            (channel.extra, "extra pulse"),
+            (channel.glitches, "glitch"),
+        ):
+            if number:
+                facts.append(counted(number, noun))
+        for worst, noun in ((channel.width, "width"), (channel.period, "period"), (channel.edge, "edge")):
+            if worst.count:
+                facts.append(_worst_words(worst, noun, expected))
+        if facts:
+            reasons.append(f"{PINS[channel.pin]} ({channel.name}): {', '.join(facts)}")
+    return reasons
+
+
+def overlap_reason(overlap: Overlap) -> str:
+    pins = " and ".join(PINS[pin] for pin in overlap.pins)
+    return (
+        f"pulses overlap where the schedule has none together: {counted(overlap.count, 'time')}, "
+        f"first at cycle {overlap.first} ({pins}), for at most {counted(overlap.longest, 'cycle')}"
+    )
+
+
+def stray_reason(stray: StrayPin) -> str:
+    return (
+        f"{PINS[stray.pin]}, which the schedule does not drive, changes {counted(stray.edges, 'time')}, "
+        f"first at cycle {stray.first}"
+    )
+
+
+def short_reason(missing: int, end: int, clock: Clock) -> str:
+    """For a trace whose `end` lies `missing` cycles before that of the asked span."""
+    seconds = float(clock.seconds(missing))
+    short = f"{counted(missing, 'cycle')} ({seconds:.6g} s)"
+    return f"the trace ends at cycle {end}, {short} before the end of the check"
+
+
+def silent_reason(pin: int) -> str:
+    return f"no scheduled pin ever rises; {PINS[pin]} should be the first"
+
+
+def counted(number: int, noun: str) -> str:
+    """`1 cycle`, `2 cycles`, `3 glitches`."""
+    plural = "es" if noun.endswith("ch") else "s"
+    return f"{number} {noun}{'' if number == 1 else plural}"
+
+
+def _worst_words(worst: Worst, noun: str, expected: Expected) -> str:
+    frame = "" if worst.frame is None else f" in {frame_words(worst.frame, expected.lead_in, expected.loop)}"
+    return f"{counted(worst.count, f'wrong {noun}')}, worst {worst.error:+d} {_cycles(worst.error)}{frame}"
+
+
+def _cycles(number: int) -> str:
+    return "cycle" if abs(number) == 1 else "cycles"

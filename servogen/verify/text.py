@@ -1,0 +1,42 @@
+"""A verdict as plain lines: what was compared, each channel's numbers, and why it is not proven."""
+
+from __future__ import annotations
+
+from servogen.edges import PINS
+from servogen.verify.reasons import counted
+from servogen.verify.verdict import ChannelVerdict, Span, Verdict, Worst
+
+
+def verdict_lines(verdict: Verdict) -> list[str]:
+    """Lines without colour; the first says whether the trace is proven."""
+    lines = [f"{'proven' if verdict.proven else 'NOT proven'}: {_span_words(verdict)}"]
+    if verdict.start is not None:
+        start = float(verdict.clock.us(verdict.start))
+        lines.append(f"first edge {counted(verdict.start, 'cycle')} ({start:g} µs) after reset")
+    lines += [_channel_line(channel) for channel in verdict.channels]
+    return lines + [f"- {reason}" for reason in verdict.reasons]
+
+
+def _span_words(verdict: Verdict) -> str:
+    span = verdict.span
+    seconds = float(verdict.clock.seconds(span.compared))
+    return f"compared {counted(span.compared, 'cycle')} ({seconds:g} s), {_frame_words(span)}, on all 13 pins"
+
+
+def _frame_words(span: Span) -> str:
+    inside = [f"lead-in of {span.lead_in_frames}"] if span.lead_in_frames else []
+    inside += [f"{counted(span.loop_repeats, 'repeat')} of the loop"] if span.loop_repeats else []
+    frames = counted(span.frames, "frame")
+    return f"{frames} ({', '.join(inside)})" if inside else frames
+
+
+def _channel_line(channel: ChannelVerdict) -> str:
+    errors = f"width {_error(channel.width)}, period {_error(channel.period)}, edge {_error(channel.edge)}"
+    count = counted(channel.observed, "pulse")
+    if channel.observed != channel.scheduled:
+        count += f" of {channel.scheduled}"
+    return f"{PINS[channel.pin]} {channel.name}: {count}; worst errors in cycles: {errors}"
+
+
+def _error(worst: Worst) -> str:
+    return f"{worst.error:+d}" if worst.error else "0"

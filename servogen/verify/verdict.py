@@ -1,0 +1,178 @@
+"""`Verdict`: whether observed edges are the scheduled ones, over what span, and if not, where and how not.
+
+All cycles are instruction cycles. `cycle` counts from reset, as the trace does; an error is observed less
+expected, so that late and long are positive.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from servogen.edges import PINS
+from servogen.units import Clock, Cycles
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """What was compared, from the first scheduled edge on, and what was to be."""
+
+    asked: Cycles
+    compared: Cycles
+    frames: int
+    lead_in_frames: int
+    loop_repeats: int
+    """Whole frames, those of the lead-in among them, and whole repeats of the loop, in `compared`."""
+
+    @property
+    def whole(self) -> bool:
+        return self.compared >= self.asked
+
+    def to_json(self) -> dict[str, object]:
+        return {
+            "asked_cycles": self.asked,
+            "compared_cycles": self.compared,
+            "frames": self.frames,
+            "lead_in_frames": self.lead_in_frames,
+            "loop_repeats": self.loop_repeats,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Worst:
+    """The largest of some errors in cycles, how many there are, and the frame and cycle of the largest."""
+
+    error: int = 0
+    count: int = 0
+    frame: int | None = None
+    cycle: Cycles | None = None
+
+    def to_json(self) -> dict[str, object]:
+        return {"error_cycles": self.error, "count": self.count, "frame": self.frame, "cycle": self.cycle}
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelVerdict:
+    """One channel: its pulses, and the worst errors of those that are paired with a scheduled one."""
+
+    name: str
+    pin: int
+    scheduled: int
+    observed: int
+    missing: int = 0
+    extra: int = 0
+    glitches: int = 0
+    width: Worst = Worst()
+    period: Worst = Worst()
+    """Rise to rise, against the schedule's."""
+    edge: Worst = Worst()
+
+    def to_json(self) -> dict[str, object]:
+        return {
+            "name": self.name,
+            "pin": PINS[self.pin],
+            "scheduled_pulses": self.scheduled,
+            "observed_pulses": self.observed,
+            "missing_pulses": self.missing,
+            "extra_pulses": self.extra,
+            "glitches": self.glitches,
+            "worst_width": self.width.to_json(),
+            "worst_period": self.period.to_json(),
+            "worst_edge": self.edge.to_json(),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """The first edge that is not as scheduled. A cycle is None where that side never changes the pin so."""
+
+    pin: int
+    channel: str | None
+    frame: int | None
+    level: int
+    expected: Cycles | None
+    observed: Cycles | None
+
+    @property
+    def cycle(self) -> Cycles:
+        """The cycle since reset at which the two first differ."""
+        return min(cycle for cycle in (self.expected, self.observed) if cycle is not None)
+
+    def to_json(self) -> dict[str, object]:
+        return {
+            "cycle": self.cycle,
+            "pin": PINS[self.pin],
+            "channel": self.channel,
+            "frame": self.frame,
+            "level": self.level,
+            "expected_cycle": self.expected,
+            "observed_cycle": self.observed,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Overlap:
+    """Two pins high together that the schedule never has so: how often, the longest, and the first time."""
+
+    count: int
+    longest: Cycles
+    first: Cycles
+    pins: tuple[int, ...]
+
+    def to_json(self) -> dict[str, object]:
+        return {
+            "count": self.count,
+            "longest_cycles": self.longest,
+            "first_cycle": self.first,
+            "pins": [PINS[pin] for pin in self.pins],
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class StrayPin:
+    """A pin that the schedule does not drive and that changes: how often, and first when."""
+
+    pin: int
+    edges: int
+    first: Cycles
+
+    def to_json(self) -> dict[str, object]:
+        return {"pin": PINS[self.pin], "edges": self.edges, "first_cycle": self.first}
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """`proven`: from reset to the end of the asked span the driven edges are the schedule's, on all pins.
+
+    `start` is the cycle of the first scheduled edge: reported, not judged; None when no scheduled pin rises.
+    After a difference the channels' errors go as far as `span.compared`, which is then cut short at need.
+    """
+
+    proven: bool
+    reasons: tuple[str, ...]
+    """Why it is not proven, in sentences; empty when it is."""
+    clock: Clock
+    start: Cycles | None
+    span: Span
+    channels: tuple[ChannelVerdict, ...]
+    difference: Difference | None = None
+    overlap: Overlap | None = None
+    stray: tuple[StrayPin, ...] = ()
+
+    @property
+    def worst_edge_error(self) -> int:
+        """The largest edge error of any channel, in cycles, without its sign."""
+        return max((abs(channel.edge.error) for channel in self.channels), default=0)
+
+    def to_json(self) -> dict[str, object]:
+        """Plain values for a JSON file."""
+        return {
+            "proven": self.proven,
+            "reasons": list(self.reasons),
+            "clock_hz": self.clock.hz,
+            "start_cycle": self.start,
+            "span": self.span.to_json(),
+            "channels": [channel.to_json() for channel in self.channels],
+            "first_difference": self.difference.to_json() if self.difference else None,
+            "overlap": self.overlap.to_json() if self.overlap else None,
+            "stray_pins": [stray.to_json() for stray in self.stray],
+        }

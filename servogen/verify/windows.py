@@ -1,0 +1,92 @@
+"""Edges by time window, so that two streams of any chunks can be compared as arrays.
+
+In: chunks in order, of any size. Out: all edges before a cycle, those of one cycle in the order of their
+pins (what a port changes in one cycle has no order of its own).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.edges import EdgeChunk, ExpectedChunk
+
+Ints = npt.NDArray[np.int64]
+
+
+class Edges(NamedTuple):
+    """Consecutive edges; `frame` is -1 where an edge has none. All int64, but `pin` and `level` uint8."""
+
+    cycle: Ints
+    pin: npt.NDArray[np.uint8]
+    level: npt.NDArray[np.uint8]
+    frame: Ints
+
+    def take(self, rows: slice | npt.NDArray[np.bool_] | npt.NDArray[np.intp]) -> Edges:
+        return Edges(self.cycle[rows], self.pin[rows], self.level[rows], self.frame[rows])
+
+    def same_as(self, other: Edges) -> bool:
+        """The same changes at the same cycles; frames aside."""
+        return (
+            np.array_equal(self.cycle, other.cycle)
+            and np.array_equal(self.pin, other.pin)
+            and np.array_equal(self.level, other.level)
+        )
+
+
+NO_EDGES = Edges(
+    np.zeros(0, dtype=np.int64),
+    np.zeros(0, dtype=np.uint8),
+    np.zeros(0, dtype=np.uint8),
+    np.zeros(0, dtype=np.int64),
+)
+
+
+def observed_edges(chunk: EdgeChunk, start: int) -> Edges:
+    """A chunk with its cycles counted from `start`."""
+    return Edges(chunk.cycle - start, chunk.pin, chunk.level, np.full(len(chunk.cycle), -1, dtype=np.int64))
+
+
+def expected_edges(chunk: ExpectedChunk) -> Edges:
+    return Edges(*chunk)
+
+
+def concatenate(parts: list[Edges]) -> Edges:
+    if len(parts) == 1:
+        return parts[0]
+    if not parts:
+        return NO_EDGES
+    cycle, pin, level, frame = zip(*parts, strict=True)
+    return Edges(np.concatenate(cycle), np.concatenate(pin), np.concatenate(level), np.concatenate(frame))
+
+
+class Windows:
+    """Takes edges off a stream, window after window."""
+
+    def __init__(self, chunks: Iterable[Edges]) -> None:
+        self._chunks: Iterator[Edges] = iter(chunks)
+        self._pending: list[Edges] = []
+        self._ended = False
+
+    def until(self, limit: int) -> Edges:
+        """All edges before cycle `limit` that were not taken yet."""
+        while not self._ended and not (self._pending and self._pending[-1].cycle[-1] >= limit):
+            chunk = next(self._chunks, None)
+            if chunk is None:
+                self._ended = True
+            elif len(chunk.cycle):
+                self._pending.append(chunk)
+        edges = concatenate(self._pending)
+        size = int(np.searchsorted(edges.cycle, limit))
+        self._pending = [edges.take(slice(size, None))] if size < len(edges.cycle) else []
+        return _in_order(edges.take(slice(size)))
+
+
+def _in_order(edges: Edges) -> Edges:
+    key = edges.cycle * 16 + edges.pin
+    if np.all(key[1:] >= key[:-1]):
+        return edges
+    return edges.take(np.argsort(key, kind="stable"))
