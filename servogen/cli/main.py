@@ -7,10 +7,9 @@ failed, 130 interrupted.
 from __future__ import annotations
 
 import sys
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import typer
-from typer.exceptions import TyperException
 
 from servogen import __version__
 from servogen.cli import chip_commands, doctor_commands, job_commands, signal_commands
@@ -48,26 +47,18 @@ for group in (job_commands, chip_commands, signal_commands, doctor_commands):
     group.register(app)
 
 
-def main() -> NoReturn:
+def main() -> None:
     """Runs one command; shows errors without a traceback and exits with the code that scripts rely on."""
     try:
-        result = app(standalone_mode=False)
+        app()
     except ServogenError as error:
         _say(str(error))
         sys.exit(error.exit_code)
-    except TyperException as error:  # the command line itself is wrong
-        error.show()
-        sys.exit(error.exit_code)
-    except (KeyboardInterrupt, typer.Abort):
-        _say("interrupted")
+    except KeyboardInterrupt:  # before or after the command itself
         sys.exit(INTERRUPTED)
-    except BrokenPipeError:
-        sys.stderr.close()
-        sys.exit(0)
     except OSError as error:
         _say(f"{error.filename}: {error.strerror}" if error.filename else str(error))
         sys.exit(2)
-    sys.exit(result if isinstance(result, int) else 0)
 
 
 def _say(text: str) -> None:

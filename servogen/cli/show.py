@@ -31,8 +31,8 @@ def _numeric(cell: object) -> bool:
 
 
 def as_json(value: object) -> None:
-    """One JSON document on standard output."""
-    print(json.dumps(value, indent=2, ensure_ascii=False))
+    """One JSON document on standard output, on one line."""
+    print(json.dumps(value, ensure_ascii=False))
 
 
 def warn(text: str) -> None:

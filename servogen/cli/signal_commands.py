@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,6 +29,7 @@ Seconds = Annotated[float | None, typer.Option("--seconds", min=0, help="How lon
 def register(app: typer.Typer) -> None:
     app.command()(simulate)
     app.command()(verify)
+    app.command()(plot)
 
 
 def simulate(
@@ -45,7 +47,7 @@ def simulate(
     json: Json = False,
 ) -> None:
     """Run a HEX file from reset on the simulator (default: for one second)."""
-    from servogen.edge_files import write_edges
+    from servogen.edge_files import edge_writer, recorded
     from servogen.edges import EdgeTrace
     from servogen.simulator import Machine, Options
     from servogen.units import Clock
@@ -55,15 +57,17 @@ def simulate(
     span = _span(clock, seconds, cycles)
     machine = Machine(image, clock, Options(ra4_pull_up=ra4_pull_up))
     paths = [path for path in (edges, vcd) if path]
-    with progress("simulating", span) as tell:
-        write_edges(EdgeTrace(clock, _told(machine.stream(span), tell), span), *paths)
+    with progress("simulating", span) as tell, ExitStack() as files:
+        writers = [files.enter_context(edge_writer(path, clock)) for path in paths]
+        trace = EdgeTrace(clock, _told(machine.stream(span), tell), span)
+        changes = sum(len(chunk.cycle) for chunk in recorded(trace, writers).driven())
     state = machine.state()
     for warning in state.warnings:
         warn(str(warning))
     if json:
-        as_json(_state_as_dict(state))
+        as_json(_state_as_dict(state, changes))
     else:
-        _print_state(state, clock)
+        _print_state(state, clock, changes)
 
 
 def verify(
@@ -84,6 +88,23 @@ def verify(
     else:
         print("\n".join(verdict_lines(verdict)))
     raise typer.Exit(0 if verdict.proven else 1)
+
+
+def plot(
+    file: Annotated[Path, typer.Argument(help="A HEX, VCD, CSV or JSONL file.", show_default=False)],
+    against: Annotated[Path, typer.Option("--against", help="The schedule.json that names its channels.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="A .png, .svg or .pdf file.")],
+    seconds: Seconds = None,
+) -> None:
+    """Draw the pulses of a HEX or of recorded edges (default: the motion once)."""
+    from servogen.pipeline import motion_cycles
+    from servogen.report.pulse_plot import pulse_plot
+
+    schedule = read_schedule(against)
+    span = motion_cycles(schedule) if seconds is None else schedule.clock.round_seconds(seconds)
+    title = f"{file.name}: {float(schedule.clock.seconds(span)):g} s"
+    pulse_plot(schedule, _trace(file, schedule, span), span, output, title)
+    print(f"{output}: pulses of {file}")
 
 
 def _trace(file: Path, schedule: PulseSchedule, span: Cycles) -> EdgeTrace:
@@ -114,7 +135,7 @@ def _told(chunks: Iterator[EdgeChunk], tell: Callable[[int], None]) -> Iterator[
         yield chunk
 
 
-def _state_as_dict(state: State) -> dict[str, object]:
+def _state_as_dict(state: State, edges: int) -> dict[str, object]:
     return {
         "cycles": state.cycles,
         "pc": state.pc,
@@ -126,14 +147,14 @@ def _state_as_dict(state: State) -> dict[str, object]:
         "resets": dict(state.resets),
         "stack_wraps": state.stack_wraps,
         "deepest_stack": state.deepest_stack,
-        "edges": state.edges,
+        "edges": edges,
         "sleeping": state.sleeping,
         "warnings": [str(warning) for warning in state.warnings],
     }
 
 
-def _print_state(state: State, clock: Clock) -> None:
-    print(f"{state.cycles} cycles, {float(clock.seconds(state.cycles)):g} s, {state.edges} edges")
+def _print_state(state: State, clock: Clock, edges: int) -> None:
+    print(f"{state.cycles} cycles, {float(clock.seconds(state.cycles)):g} s, {edges} edges")
     print(f"PC 0x{state.pc:03X}  W 0x{state.w:02X}  STATUS 0x{state.status:02X}")
     print("  ".join(f"{name} 0x{value:02X}" for name, value in state.registers.items()))
     resets = ", ".join(f"{count} {cause}" for cause, count in state.resets.items() if count)

@@ -26,6 +26,11 @@ def checked_cycles(schedule: PulseSchedule) -> Cycles:
     return whole_motion(expected(schedule), LOOPS_CHECKED)
 
 
+def motion_cycles(schedule: PulseSchedule) -> Cycles:
+    """The lead-in and one loop."""
+    return whole_motion(expected(schedule), 1)
+
+
 def running(schedule: PulseSchedule, image: Image, span: Cycles) -> EdgeTrace:
     """The edges of `image` while it runs on the simulator: `span` cycles, and the time to the first pulse."""
     limit = Cycles(span + START_FRAMES * schedule.period)
