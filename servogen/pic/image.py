@@ -7,6 +7,8 @@ In: a HEX file as programmers use it, INHX8M: each word is two bytes, low byte f
 from __future__ import annotations
 
 import io
+import re
+import string
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -70,6 +72,9 @@ class Region:
         return f"0x{self.start:04X}-0x{self.start + self.length - 1:04X}"
 
 
+RESERVED = range(ID_ADDRESS + ID_WORDS, CONFIG_ADDRESS)
+"""Between the ID words and the configuration word: DS30262 section 2.1."""
+
 REGIONS = (
     Region("program", 0, PROGRAM_WORDS, WORD_MASK),
     Region("ids", ID_ADDRESS, ID_WORDS, WORD_MASK),
@@ -78,25 +83,50 @@ REGIONS = (
 )
 
 
+@dataclass(frozen=True, slots=True)
+class HexFile:
+    """What a HEX file holds, and what in it was harmless but unusual, as sentences with their lines."""
+
+    image: Image
+    remarks: tuple[str, ...]
+
+
 def from_hex(text: str, file: str | None = None) -> Image:
     """The image in the text of an Intel HEX file. Raises InputError that names file, line and address."""
-    records = _records(text, file)
+    return read_hex(text, file).image
+
+
+def read_hex(text: str, file: str | None = None) -> HexFile:
+    """The image and the remarks of a HEX file, as compilers, assemblers and programmers write them.
+
+    Harmless, and remarked: an erased word as 0xFFFF, the upper two bits of the configuration word as 1, words
+    in the reserved places 0x2004-0x2006 (a read-out has the device ID there). The upper byte of an EEPROM
+    word means nothing (DS30262 section 3). Lines that begin with `;` are comments, even after the end.
+    Raises InputError.
+    """
+    remarks: list[str] = []
     found: dict[str, dict[int, int]] = {region.name: {} for region in REGIONS}
-    for address, halves in sorted(_words(records, file).items()):
+    for address, halves in sorted(_words(_records(text, file), file).items()):
         place = Place(file, halves.line)
+        if address in RESERVED:
+            remarks.append(f"{place}: word 0x{address:04X} is reserved and left out")
+            continue
         region = _region(address, place)
         if halves.low is None or halves.high is None:
             which = "low" if halves.low is None else "high"
             raise InputError(f"word 0x{address:04X} has no {which} byte", place)
         value = halves.low | halves.high << 8
-        if value > region.largest and (region.name != "eeprom" or halves.high not in (0x34, 0x3F)):
-            raise InputError(
-                f"word 0x{address:04X} is 0x{value:04X}; the {region.name} area holds at most "
-                f"0x{region.largest:04X}",
-                place,
-            )
+        if value > region.largest and region.name != "eeprom":
+            if value != 0xFFFF and (region.name != "config" or value < 0xC000):
+                raise InputError(
+                    f"word 0x{address:04X} is 0x{value:04X}; the {region.name} area holds at most "
+                    f"0x{region.largest:04X}",
+                    place,
+                )
+            remarks.append(f"{place}: word 0x{address:04X} is 0x{value:04X}: its upper two bits are left out")
         found[region.name][address - region.start] = value & region.largest
-    return Image(found["program"], found["config"].get(0), found["eeprom"], found["ids"])
+    image = Image(found["program"], found["config"].get(0), found["eeprom"], found["ids"])
+    return HexFile(image, tuple(remarks))
 
 
 def to_hex(image: Image) -> str:
@@ -127,56 +157,75 @@ class _Record:
     memory: IntelHex
 
 
-_DATA_RECORD, _END_RECORD = "00", "01"
+_DATA, _END = "00", "01"
+_BASES = ("02", "04")
+"""Extended segment and linear addresses: they count for the records that follow."""
 
 
 def _records(text: str, file: str | None) -> list[_Record]:
     """Each data record, read by intelhex by itself so that a defect has its line."""
     records: list[_Record] = []
     base = ""
-    end = False
-    for number, raw in enumerate(text.splitlines(), 1):
-        line = raw.strip()
-        if not line:
+    ended = False
+    for number, raw in enumerate(re.split("\r\n|\n|\r", text), 1):
+        line = raw.strip(" \t\f\x1a\ufeff")
+        if not line or line.startswith(";"):
             continue
         place = Place(file, number)
-        if end:
+        if not line.startswith(":"):
+            raise InputError(_not_hex(line, bool(records or base or ended)), place, HEX_HINT)
+        if ended:
             raise InputError("a record after the end-of-file record", place)
+        defect = _defect(line)
+        if defect:
+            raise InputError(defect, place)
         memory = IntelHex()
         kind = line[7:9]
         try:
             memory.loadhex(io.StringIO(base + line + "\n"))
         except IntelHexError as error:
-            raise InputError(_defect(line, error), place) from error
-        if kind == _DATA_RECORD:
+            raise InputError(f"not an Intel HEX record: {error}", place) from error
+        if kind == _DATA:
             records.append(_Record(number, memory))
-        elif kind == _END_RECORD:
-            end = True
-        else:
+        elif kind == _END:
+            ended = True
+        elif kind in _BASES:
             base = line + "\n"
-    if not end:
-        raise InputError(
-            "the file is truncated: it has no end-of-file record",
-            Place(file),
-            hint="a whole Intel HEX file ends with :00000001FF",
-        )
+    if not ended:
+        raise InputError("the file is truncated: it has no end-of-file record", Place(file), HEX_HINT)
     return records
 
 
-def _defect(line: str, error: IntelHexError) -> str:
-    """One sentence that says what is wrong with a record."""
-    if not line.startswith(":"):
-        return "not an Intel HEX record: it does not start with ':'"
-    try:
-        data = bytes.fromhex(line[1:])
-    except ValueError:
-        return "not an Intel HEX record: a character is no hexadecimal digit, or one digit is missing"
-    if len(data) < 5 or len(data) != data[0] + 5:
-        return f"the record is truncated or too long: it announces {data[0] if data else 0} data bytes"
+HEX_HINT = "an Intel HEX file has lines that begin with ':' and ends with :00000001FF"
+
+
+def _not_hex(line: str, begun: bool) -> str:
+    """What to say of a line without a colon."""
+    if any(not char.isprintable() for char in line):
+        return "this is a binary file, not an Intel HEX file"
+    shown = line if len(line) <= 20 else line[:20] + "…"
+    return (
+        f"'{shown}' is no Intel HEX record" if begun else f"this is not an Intel HEX file: it has '{shown}'"
+    )
+
+
+def _defect(line: str) -> str | None:
+    """One sentence that says what is wrong with a record; None when nothing is."""
+    for column, char in enumerate(line[1:], 2):
+        if char not in string.hexdigits:
+            return f"'{char}' in column {column} is no hexadecimal digit"
+    if len(line) % 2 == 0:
+        return "the record is cut within a byte: it has an odd number of digits"
+    data = bytes.fromhex(line[1:])
+    if len(data) < 5 or len(data) < data[0] + 5:
+        return f"the record is truncated: it announces {data[0] if data else 0} data bytes and has fewer"
+    if len(data) > data[0] + 5:
+        return f"the record is too long: it announces {data[0]} data bytes and has {len(data) - 5}"
     if sum(data) & 0xFF:
-        right = -sum(data[:-1]) & 0xFF
-        return f"wrong checksum 0x{data[-1]:02X}: the record's bytes give 0x{right:02X}"
-    return f"not an Intel HEX record: {error}"
+        return f"wrong checksum 0x{data[-1]:02X}: the record's bytes give 0x{-sum(data[:-1]) & 0xFF:02X}"
+    if data[3] > 5:
+        return f"record type {data[3]:02X} is unknown: known are 00 to 05"
+    return None
 
 
 def _words(records: list[_Record], file: str | None) -> dict[int, _Halves]:
@@ -199,8 +248,5 @@ def _region(address: int, place: Place) -> Region:
     raise InputError(
         f"word address 0x{address:04X} is beyond the chip",
         place,
-        hint="allowed: "
-        + ", ".join(
-            f"{each.name} 0x{each.start:04X}-0x{each.start + each.length - 1:04X}" for each in REGIONS
-        ),
+        hint="allowed: " + ", ".join(f"{each.name} {each.span}" for each in REGIONS),
     )
