@@ -1,0 +1,127 @@
+"""Limits of the joints, and the shortest time in which a law keeps them.
+
+In: what each joint travels and its limits. Out: a law and a duration for all joints together. The joints are
+synchronised: all follow the same law in the same time, so that they begin and end together and the way
+through joint space is straight.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from servogen.errors import InputError
+from servogen.motion.laws import BEND, Law, law
+from servogen.motion.trajectory import Floats
+
+
+STILL = 1e-9
+"""A joint that travels less (radians, metres) takes no time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """A joint's greatest speed, acceleration and jerk in radians (or metres) and seconds; inf: not stated."""
+
+    speed: float = math.inf
+    acceleration: float = math.inf
+    jerk: float = math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """A law and how many seconds it takes."""
+
+    law: Law
+    duration: float
+
+
+def fastest(name: str, travel: Sequence[float], limits: Sequence[Limits]) -> Timing:
+    """The law `name` in the shortest time in which no joint exceeds its limits over its `travel`.
+
+    For a path parameter from 0 to 1 each joint's limits divided by its travel hold; the least of them count.
+    Raises InputError where a joint travels and nothing limits it.
+    """
+    used = [(abs(way), limit) for way, limit in zip(travel, limits, strict=True) if abs(way) > STILL]
+    if not used:
+        return Timing(law(name), 0.0)
+    speed = min(limit.speed / way for way, limit in used)
+    acceleration = min(limit.acceleration / way for way, limit in used)
+    jerk = min(limit.jerk / way for way, limit in used)
+    if math.isinf(speed) and math.isinf(acceleration):
+        raise InputError(
+            "nothing says how fast this move may be",
+            hint="give it a time, or a servo with a stated speed, or an acceleration limit",
+        )
+    shaped = _shaped(name, speed, acceleration, jerk)
+    return Timing(shaped, _shortest(shaped, speed, acceleration, jerk))
+
+
+def _shortest(shaped: Law, speed: float, acceleration: float, jerk: float) -> float:
+    """The seconds in which the peaks of `shaped`, over a way of 1, are no more than the limits."""
+    return max(
+        shaped.peak(1) / speed,
+        # The linear law's speed jumps at its ends: no acceleration limit holds there, and none is applied.
+        math.sqrt(shaped.peak(2) / acceleration),
+        math.pow(shaped.peak(3) / jerk, 1 / 3),
+    )
+
+
+def _shaped(name: str, speed: float, acceleration: float, jerk: float) -> Law:
+    """The law with the ramps that make it the fastest over a way of 1."""
+    if name not in ("trapezoid", "s-curve") or math.isinf(acceleration):
+        return law(name)
+    if name == "trapezoid":
+        ramp, total = _trapezoid(speed, acceleration)
+        return law(name, ramp / total)
+    if math.isinf(jerk):
+        ramp, total = _trapezoid(speed, acceleration * (1 - BEND))
+        return law(name, ramp / total, BEND)
+    rise, ramp, total = _s_curve(speed, acceleration, jerk)
+    return law(name, ramp / total, rise / ramp)
+
+
+def _trapezoid(speed: float, acceleration: float) -> tuple[float, float]:
+    """Seconds of a ramp and of the whole way of 1: speed² / acceleration is the way of two ramps."""
+    if speed * speed >= acceleration:
+        ramp = math.sqrt(1 / acceleration)
+        return ramp, 2 * ramp
+    ramp = speed / acceleration
+    return ramp, 1 / speed + ramp
+
+
+def _s_curve(speed: float, acceleration: float, jerk: float) -> tuple[float, float, float]:
+    """Seconds in which the acceleration rises, of a ramp, of the whole way of 1.
+
+    A ramp up to `speed` takes v/a + a/j where the acceleration is reached (v j ≥ a²), else 2 √(v/j); two
+    ramps go v times that far. Where this is beyond 1, the speed is not reached: the ramps then fill the way.
+    """
+    reached = speed * jerk >= acceleration**2
+    rise = acceleration / jerk if reached else math.sqrt(speed / jerk)
+    ramp = rise + speed / acceleration if reached else 2 * rise
+    if speed * ramp <= 1:
+        return rise, ramp, 1 / speed + ramp
+    if 2 * acceleration**3 <= jerk**2:
+        rise = acceleration / jerk
+        ramp = rise / 2 + math.sqrt((rise / 2) ** 2 + 1 / acceleration)
+    else:
+        rise = (1 / (2 * jerk)) ** (1 / 3)
+        ramp = 2 * rise
+    return rise, ramp, 2 * ramp
+
+
+def stretch(angles: Floats, step_s: float, limits: Sequence[Limits]) -> float:
+    """By how much samples `step_s` apart must be slowed down to keep the limits; 1 or less: they do.
+
+    A duration k times as long divides speeds by k, accelerations by k² and jerks by k³.
+    """
+    worst = 0.0
+    for column, limit in zip(angles.T, limits, strict=True):
+        for order, most in ((1, limit.speed), (2, limit.acceleration), (3, limit.jerk)):
+            if len(column) > order and not math.isinf(most):
+                peak = float(np.abs(np.diff(column, order)).max()) / step_s**order
+                worst = max(worst, (peak / most) ** (1 / order))
+    return worst

@@ -1,0 +1,116 @@
+"""Paths of a point in space: the straight line and the arc.
+
+In: points in metres. Out: a path whose `point` takes the share of the way, 0 to 1, and whose `distance` says
+how far other points are from it.
+
+                                   through
+    start ●───────────● end      ╭────●────╮        the arc goes from start through the second
+                           start ●    c    ● end    point to end, about c
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from servogen.errors import InputError, Place
+from servogen.motion.trajectory import Floats
+
+STRAIGHT_M = 1e-9
+"""Three points within this of one line have no circle."""
+
+
+class Path(Protocol):
+    """A way through space."""
+
+    @property
+    def length(self) -> float:
+        """Metres."""
+
+    def point(self, share: ArrayLike) -> Floats:
+        """The points (n, 3) at shares of the way."""
+
+    def distance(self, points: Floats) -> Floats:
+        """How far each of the points (n, 3) is from the nearest one of the path, metres."""
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """From `start` to `end`."""
+
+    start: tuple[float, float, float]
+    end: tuple[float, float, float]
+
+    @property
+    def length(self) -> float:
+        return float(np.linalg.norm(np.subtract(self.end, self.start)))
+
+    def point(self, share: ArrayLike) -> Floats:
+        start, end = np.array(self.start), np.array(self.end)
+        return np.asarray(start + np.asarray(share, float)[..., None] * (end - start))
+
+    def distance(self, points: Floats) -> Floats:
+        start, way = np.array(self.start), np.subtract(self.end, self.start)
+        square = float(way @ way)
+        share = np.clip((points - start) @ way / square, 0.0, 1.0) if square else np.zeros(len(points))
+        return np.asarray(np.linalg.norm(points - start - share[..., None] * way, axis=-1))
+
+
+@dataclass(frozen=True, slots=True)
+class Arc:
+    """About `centre`: the point at share t is centre + radius (cos(t angle) first + sin(t angle) second).
+
+    `first` points to the start; `second` is normal to it in the plane of the arc; both are unit vectors.
+    """
+
+    centre: tuple[float, float, float]
+    first: tuple[float, float, float]
+    second: tuple[float, float, float]
+    radius: float
+    angle: float
+
+    @property
+    def length(self) -> float:
+        return self.radius * self.angle
+
+    def point(self, share: ArrayLike) -> Floats:
+        turn = np.asarray(share, float)[..., None] * self.angle
+        spoke = np.cos(turn) * np.array(self.first) + np.sin(turn) * np.array(self.second)
+        return np.asarray(np.array(self.centre) + self.radius * spoke)
+
+    def distance(self, points: Floats) -> Floats:
+        away = points - np.array(self.centre)
+        x, y = away @ np.array(self.first), away @ np.array(self.second)
+        turn = np.mod(np.arctan2(y, x), 2 * np.pi)
+        # Outside of the arc the nearer end is nearest: the middle of the gap divides the two.
+        beyond = turn > (self.angle + 2 * np.pi) / 2
+        share = np.where(beyond, 0.0, np.minimum(turn / self.angle, 1.0))
+        return np.asarray(np.linalg.norm(points - self.point(share), axis=-1))
+
+
+def arc(start: ArrayLike, through: ArrayLike, end: ArrayLike, place: Place | None = None) -> Arc:
+    """The arc from `start` through `through` to `end`. Raises InputError for three points in a line."""
+    a, b, c = (np.asarray(point, float) for point in (start, through, end))
+    u, v = b - a, c - a
+    normal = np.cross(u, v)
+    area2 = float(normal @ normal)
+    longest = max(float(np.linalg.norm(each)) for each in (u, v, c - b))
+    if np.sqrt(area2) <= STRAIGHT_M * longest or longest <= STRAIGHT_M:
+        raise InputError(
+            "the three points of the arc are on one line", place, "a line needs no point to go through"
+        )
+    # The circumcentre: in the plane, as far from a as from b and from c.
+    centre = a + (float(v @ v) * np.cross(normal, u) + float(u @ u) * np.cross(v, normal)) / (2 * area2)
+    radius = float(np.linalg.norm(a - centre))
+    first = (a - centre) / radius
+    second = np.cross(normal / np.sqrt(area2), first)
+    angle = float(np.mod(np.arctan2((c - centre) @ second, (c - centre) @ first), 2 * np.pi))
+    return Arc(_triple(centre), _triple(first), _triple(second), radius, angle)
+
+
+def _triple(vector: Floats) -> tuple[float, float, float]:
+    x, y, z = vector.tolist()
+    return x, y, z

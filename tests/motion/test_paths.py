@@ -1,0 +1,190 @@
+"""Lines, arcs and splines go where they should, and their chord error is what it is said to be."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from servogen.errors import InputError
+from servogen.motion.follow import follow, refine
+from servogen.motion.limits import Limits
+from servogen.motion.paths import Line, arc
+from servogen.motion.splines import fastest_spline, spline
+
+SHARES = np.linspace(0, 1, 101)
+coordinate = st.floats(-1, 1)
+point = st.tuples(coordinate, coordinate, coordinate)
+
+
+def test_a_line_is_straight_and_as_long_as_its_ends_are_apart() -> None:
+    line = Line((0.0, 0.0, 0.0), (3.0, 4.0, 0.0))
+    assert line.length == 5
+    assert line.point([0.0, 0.5, 1.0]).tolist() == [[0, 0, 0], [1.5, 2, 0], [3, 4, 0]]
+
+
+def test_the_distance_from_a_line_is_to_its_nearest_point() -> None:
+    line = Line((0.0, 0.0, 0.0), (2.0, 0.0, 0.0))
+    assert line.distance(np.array([[1.0, 3, 0], [-3, 4, 0], [5, 0, 4]])).tolist() == [3, 5, 5]
+    dot = Line((1.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    assert dot.distance(np.array([[1.0, 2, 0]])).tolist() == [2]
+
+
+def test_a_half_circle() -> None:
+    half = arc((1, 0, 0), (0, 1, 0), (-1, 0, 0))
+    assert (half.radius, half.angle, half.length) == pytest.approx((1, math.pi, math.pi))
+    assert half.point([0.25]).tolist()[0] == pytest.approx([math.sqrt(0.5), math.sqrt(0.5), 0])
+
+
+def test_an_arc_may_go_the_long_way_round() -> None:
+    long = arc((1, 0, 0), (-1, 0, 0), (0, 1, 0))
+    assert long.angle == pytest.approx(1.5 * math.pi)
+    assert long.point([1.0])[0].tolist() == pytest.approx([0, 1, 0], abs=1e-12)
+
+
+@settings(derandomize=True, max_examples=200)
+@given(start=point, through=point, end=point)
+def test_an_arc_passes_its_three_points_on_a_circle(
+    start: tuple[float, ...], through: tuple[float, ...], end: tuple[float, ...]
+) -> None:
+    a, b, c = (np.array(each) for each in (start, through, end))
+    if np.linalg.norm(np.cross(b - a, c - a)) < 1e-3:
+        return
+    made = arc(start, through, end)
+    points = made.point(SHARES)
+    assert points[0] == pytest.approx(a, abs=1e-6)
+    assert points[-1] == pytest.approx(c, abs=1e-6)
+    assert made.distance(np.array([through]))[0] == pytest.approx(0, abs=1e-6)
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    assert np.ptp(steps) < 1e-9
+    assert made.distance(points).max() < 1e-9
+
+
+def test_the_distance_from_an_arc_counts_its_ends() -> None:
+    quarter = arc((1, 0, 0), (math.sqrt(0.5), math.sqrt(0.5), 0), (0, 1, 0))
+    away = quarter.distance(np.array([[2.0, 2, 0], [-1, 1, 0], [1, -2, 0], [1, 0, 3], [0, 0, 0]]))
+    assert away.tolist() == pytest.approx([math.sqrt(8) - 1, 1, 2, 3, 1])
+
+
+@pytest.mark.parametrize("points", [((0, 0, 0), (1, 1, 1), (2, 2, 2)), ((0, 0, 0), (0, 0, 0), (0, 0, 0))])
+def test_three_points_of_a_line_are_no_arc(points: tuple[tuple[float, ...], ...]) -> None:
+    with pytest.raises(InputError, match="on one line"):
+        arc(*points)
+
+
+# A planar arm of two links of 0.5 m: both solutions by the law of cosines.
+
+
+def forward(angles: np.ndarray) -> np.ndarray:
+    first, both = angles[:, 0], angles.sum(axis=1)
+    x, y = 0.5 * (np.cos(first) + np.cos(both)), 0.5 * (np.sin(first) + np.sin(both))
+    return np.stack([x, y, np.zeros(len(x))], axis=1)
+
+
+def inverse(points: np.ndarray) -> np.ndarray:
+    x, y = points[:, 0], points[:, 1]
+    cosine = (x**2 + y**2 - 0.5) / 0.5
+    bend = np.where(np.abs(cosine) <= 1, np.arccos(np.clip(cosine, -1, 1)), np.nan)
+    first = np.arctan2(y, x)[:, None] - np.stack([bend, -bend], axis=1) / 2
+    return np.stack([first, np.stack([bend, -bend], axis=1)], axis=2)
+
+
+LINE = Line((0.9, 0.0, 0.0), (0.3, 0.5, 0.0))
+
+
+def test_a_followed_path_stays_on_its_branch() -> None:
+    for sign in (1, -1):
+        start = inverse(LINE.point([0.0]))[0, 0 if sign == 1 else 1]
+        made = follow(LINE, SHARES, inverse, forward, start)
+        assert (np.sign(made.angles[:, 1]) == sign).all()
+        assert forward(made.angles) == pytest.approx(LINE.point(SHARES), abs=1e-12)
+
+
+def test_the_stated_chord_error_is_the_worst_there_is() -> None:
+    made = follow(LINE, np.linspace(0, 1, 5), inverse, forward, (0.0, 1.0))
+    dense = np.linspace(0, 4, 4001)
+    between = np.stack([np.interp(dense, np.arange(5), column) for column in made.angles.T], axis=1)
+    assert made.chord_error_m == pytest.approx(LINE.distance(forward(between)).max(), rel=0.05)
+
+
+@pytest.mark.parametrize("chord_m", [1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize("path", [LINE, arc((0.8, 0, 0), (0.5, 0.3, 0), (0.2, 0.2, 0))])
+def test_refined_samples_keep_the_chord_error_with_few_samples(path: Line, chord_m: float) -> None:
+    made = refine(path, chord_m, inverse, forward, (0.0, 1.0))
+    assert made.chord_error_m <= chord_m
+    # The error falls with the square of the interval: a tenth of it takes about three times the samples.
+    assert len(made.shares) < 3 + 4 / math.sqrt(chord_m)
+    assert (made.shares[0], made.shares[-1]) == (0, 1)
+
+
+def test_a_path_out_of_reach_is_refused_with_the_point() -> None:
+    with pytest.raises(InputError, match=r"leaves what can be reached at \(1"):
+        follow(Line((0.5, 0.0, 0.0), (1.5, 0.0, 0.0)), SHARES, inverse, forward, (0.0, 1.0))
+
+
+def test_a_path_that_no_samples_can_follow_is_refused() -> None:
+    with pytest.raises(InputError, match="cannot be followed within 0 mm"):
+        refine(LINE, 0.0, inverse, forward, (0.0, 1.0))
+
+
+VIA = np.array([[0.0, 0.0], [1.0, -1.0], [0.5, 2.0], [3.0, 0.0]])
+TIMES = np.array([0.0, 1.0, 1.5, 4.0])
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_a_spline_passes_its_points_without_a_jump_of_speed_or_acceleration(closed: bool) -> None:
+    points = np.vstack([VIA[:-1], VIA[:1]]) if closed else VIA
+    made = spline(points, TIMES, closed)
+    assert made.at(TIMES) == pytest.approx(points)
+    for order in (0, 1, 2):
+        for time in TIMES[1:-1]:
+            assert made.at(time - 1e-9, order) == pytest.approx(made.at(time + 1e-9, order), abs=1e-6)
+    if closed:
+        for order in (0, 1, 2):
+            assert made.at(TIMES[0], order) == pytest.approx(made.at(TIMES[-1], order))
+    else:
+        assert made.at(TIMES[[0, -1]], 1) == pytest.approx(np.zeros((2, 2)))
+
+
+def test_the_derivatives_of_a_spline_are_differences() -> None:
+    made, times = spline(VIA, TIMES), np.linspace(0.05, 3.95, 77)
+    for order in (1, 2):
+        slope = (made.at(times + 1e-6, order - 1) - made.at(times - 1e-6, order - 1)) / 2e-6
+        assert made.at(times, order) == pytest.approx(slope, abs=1e-4)
+
+
+def test_the_peaks_of_a_spline_are_its_greatest_values() -> None:
+    made, dense = spline(VIA, TIMES), np.linspace(0, 4, 40_001)
+    speed, acceleration = made.peaks()
+    assert speed == pytest.approx(np.abs(made.at(dense, 1)).max(axis=0), rel=1e-4)
+    assert acceleration == pytest.approx(np.abs(made.at(dense, 2)).max(axis=0), rel=1e-3)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("acceleration", [0.5, 5.0, math.inf])
+def test_the_fastest_spline_keeps_its_limits_and_touches_one(closed: bool, acceleration: float) -> None:
+    points = np.vstack([VIA, VIA[:1]]) if closed else VIA
+    limits = [Limits(2.0, acceleration), Limits(1.0, 2 * acceleration)]
+    speed, peak = fastest_spline(points, limits, closed).peaks()
+    used = [*(speed / [2.0, 1.0]), *(peak / [acceleration, 2 * acceleration])]
+    assert max(used) == pytest.approx(1)
+
+
+@pytest.mark.parametrize(
+    ("points", "limits", "says"),
+    [
+        ([[0.0], [1.0]], Limits(), "need a speed limit"),
+        ([[0.0], [0.0], [1.0]], Limits(1.0), "the same"),
+    ],
+)
+def test_splines_that_have_no_fastest_are_refused(
+    points: list[list[float]], limits: Limits, says: str
+) -> None:
+    with pytest.raises(InputError, match=says):
+        fastest_spline(points, [limits])
+
+
+def test_a_spline_needs_rising_times() -> None:
+    with pytest.raises(InputError, match="a later time for each"):
+        spline([[0.0], [1.0]], [0.0, 0.0])
