@@ -11,6 +11,7 @@ from numba import njit
 from servogen.simulator.eeprom import write_done
 from servogen.simulator.interrupts import GIE, LATENCY, T0IE, T0IF, note_flags, requested
 from servogen.simulator.layout import (
+    AWAKE_AT,
     CYCLE,
     EE_DONE_AT,
     HORIZON,
@@ -65,12 +66,12 @@ def stimulus(s, edges, packed):  # type: ignore[no-untyped-def]
     if pin < MCLR_PIN:
         outside(s, at, pin, level)
     elif level == 0 and not s[IN_RESET]:
-        mclr_reset(s, edges, at)
         s[IN_RESET] = 1
+        mclr_reset(s, edges, at)
     elif level != 0 and s[IN_RESET]:
         s[IN_RESET] = 0
         s[WDT_AT] = at
-        s[CYCLE] = max(s[CYCLE], at + FETCH)
+        s[CYCLE] = at + FETCH
 
 
 @njit
@@ -79,6 +80,7 @@ def wake(s, at):  # type: ignore[no-untyped-def]
     s[SLEEPING] = 0
     s[CYCLE] = at + s[START_UP]
     s[T0_AT] = max(s[T0_AT], s[CYCLE])
+    s[AWAKE_AT] = s[CYCLE]
     s[IRQ_AT] = NEVER
     note_flags(s, s[CYCLE])
 
@@ -93,7 +95,6 @@ def watchdog(s, edges):  # type: ignore[no-untyped-def]
         s[WAKES_WDT] += 1
         wake(s, at)
     else:
-        at = s[CYCLE]
         watchdog_reset(s, edges, at)
         s[CYCLE] = at + FETCH
 

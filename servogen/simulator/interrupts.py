@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from servogen.simulator.layout import EECON1, INTCON, IRQ_AT, NEVER
+from servogen.simulator.layout import AWAKE_AT, EECON1, INTCON, IRQ_AT, NEVER
 
 GIE, EEIE, T0IE, T0IF, INTF, RBIF = 0x80, 0x40, 0x20, 0x04, 0x02, 0x01
 EEIF = 0x10  # of EECON1
@@ -28,6 +28,7 @@ def requested(s):  # type: ignore[no-untyped-def]
 @njit
 def note_flags(s, at):  # type: ignore[no-untyped-def]
     """Flags or enables are as they are from cycle `at`; what was sampled before stands."""
+    at = max(at, s[AWAKE_AT])  # a chip that starts up samples nothing
     if s[INTCON] & GIE and requested(s):
         if s[IRQ_AT] > at:
             s[IRQ_AT] = at

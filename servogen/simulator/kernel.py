@@ -50,7 +50,7 @@ from servogen.simulator.program import BREAK, ERASED, EXIT, LOOP, OPS, SPIN, UND
 from servogen.simulator.registers import read_register, write_option, write_register
 from servogen.simulator.resets import PD, TO
 from servogen.simulator.stack import pop, push
-from servogen.simulator.timer import settle_counters, t0_flag_at, t0_sync, wdt_clear
+from servogen.simulator.timer import settle_counters, t0_advance, t0_flag_at, t0_sync, wdt_clear
 from servogen.simulator.warn import warn
 
 ADDWF, ANDWF, CLRF, CLRW = OPS["ADDWF"], OPS["ANDWF"], OPS["CLRF"], OPS["CLRW"]
@@ -311,7 +311,7 @@ def _build(observed: bool, sources: str) -> Callable[..., int]:
                     if not requested(s):  # else it is a NOP: DS35007 section 6.12.2
                         wdt_clear(s, cycle)
                         status = status & ~PD | TO
-                        t0_sync(s, cycle)
+                        t0_advance(s, cycle)
                         s[SLEEPING] = 1
                         horizon = 0
                 elif op == OPTION:

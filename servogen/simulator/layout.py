@@ -32,11 +32,13 @@ RAM_SLOTS = 128
     HORIZON,
     IRQ_AT,
     START_UP,
+    AWAKE_AT,
     # TMR0, prescaler, watchdog: see timer.py
     T0_AT,
     T0_VALUE,
     T0_TICK,
     T0_FLAGGED,
+    T0_HELD,
     PRESCALER,
     WDT_AT,
     WDT_PERIOD,
@@ -84,7 +86,7 @@ RAM_SLOTS = 128
     EDGE_LIMIT,
     TRACE_COUNT,
     WARN_COUNT,
-) = range(RAM_SLOTS, RAM_SLOTS + 59)
+) = range(RAM_SLOTS, RAM_SLOTS + 61)
 
 STACK = 192  # 8 levels: DS35007 section 2.5
 EEPROM = 200  # 64 bytes: DS35007 section 3

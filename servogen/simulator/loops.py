@@ -2,17 +2,59 @@
 
 In: decoded program. Out: code with the places marked. A region is a strongly connected set of instructions that
 touch nothing but W, STATUS's flags and a few bytes of RAM: what it does, and how long it takes, depends on these
-alone, so the loop remembers it (`memo.py`). A wait is a GOTO back over NOPs and at most one bit test.
+alone, so the loop remembers it (`memo.py`). A region inside another one, past the other's heads, is one of its own.
+A wait is a GOTO back over NOPs and at most one bit test: it sees the same until something happens.
+
+    outer  MOVLW 200        head of region 0: outer .. GOTO outer
+           MOVWF a
+    inner  DECFSZ a,F       head of region 1: inner .. GOTO inner
+           GOTO inner
+           DECFSZ b,F
+           GOTO outer
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from servogen.simulator.program import Code
+from servogen.pic.device import PROGRAM_WORDS
+from servogen.simulator.program import (
+    D_BIT,
+    DIRECT_BIT,
+    EXIT,
+    F_SHIFT,
+    K_SHIFT,
+    LOOP,
+    MASK_SHIFT,
+    OP_MASK,
+    OPS,
+    SPIN,
+    WAITS_BIT,
+    Code,
+)
+
+REGION_BYTES = 7
+"""RAM bytes of a region at most: they are a memory's key, in 63 bits."""
+LONGEST_WAIT = 64
+"""Words of a wait at most."""
+STATUS_ADDRESS, FLAG_BITS = 3, 0b111
+POLLED = (0x05, 0x06, 0x08, 0x0B)
+"""Registers that stay the same until something happens: ports, EECON1 (and, in the other banks, TRIS and EEDATA),
+INTCON."""
+
+_N = PROGRAM_WORDS
+_NAMES = {number: name for name, number in OPS.items()}
+_TESTS = ("BTFSC", "BTFSS")
+_SKIPS = (*_TESTS, "DECFSZ", "INCFSZ")
+_LITERAL = ("MOVLW", "ADDLW", "SUBLW", "ANDLW", "IORLW", "XORLW", "CLRW", "NOP", "GOTO")
+_IN_FILE = ("ADDWF", "ANDWF", "CLRF", "COMF", "DECF", "INCF", "IORWF", "MOVF", "MOVWF", "RLF", "RRF", "SUBWF")
+_PURE_ON_RAM = (*_IN_FILE, "SWAPF", "XORWF", "BCF", "BSF", *_SKIPS)
+
+Graph = Mapping[int, tuple[int, ...]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +68,162 @@ class FastCode:
     regions: npt.NDArray[np.int64]
 
 
+@dataclass(frozen=True, slots=True)
+class _Region:
+    members: frozenset[int]
+    heads: frozenset[int]
+    ram: tuple[int, ...]
+
+
 def fast_code(plain: Code) -> FastCode:
     """The program with every region and wait marked."""
-    return FastCode(plain.copy(), np.zeros((1, 8), dtype=np.int64))
+    words = [int(word) for word in plain]
+    waits = _waits(words)
+    pure = {address for address in range(_N) if _is_pure(words[address])} - set(waits)
+    graph = {address: _successors(words, address) for address in range(_N)}
+    entered = _entries(graph, pure)
+    regions = list(_regions(words, graph, pure, entered))
+    marks = {head: LOOP | n << F_SHIFT for n, region in enumerate(regions) for head in region.heads}
+    rows = [[waits.get(a, marks.get(a, words[a])) for a in range(_N)]]
+    for region in regions:
+        inner = {a: words[a] if a in region.heads else marks.get(a, words[a]) for a in region.members}
+        rows.append([inner.get(a, EXIT) for a in range(_N)])
+    table = np.zeros((max(1, len(regions)), 1 + REGION_BYTES), dtype=np.int64)
+    for n, region in enumerate(regions):
+        table[n, 0] = len(region.ram)
+        table[n, 1 : 1 + len(region.ram)] = region.ram
+    return FastCode(np.array(rows, dtype=np.int64).reshape(-1), table)
+
+
+def _name(word: int) -> str:
+    return _NAMES.get(word & OP_MASK, "")
+
+
+def _file(word: int) -> int:
+    return word >> F_SHIFT & 0x7F
+
+
+def _target(word: int) -> int:
+    return (word >> K_SHIFT & 0x7FF) % _N
+
+
+def _is_pure(word: int) -> bool:
+    """Whether an instruction depends on, and changes, W, flags and directly addressed RAM only."""
+    name = _name(word)
+    if name in _LITERAL:
+        return True
+    if name in _PURE_ON_RAM and word >> DIRECT_BIT & 1:
+        return True
+    if _file(word) != STATUS_ADDRESS:
+        return False
+    if name in ("BCF", "BSF"):
+        return bool(word >> MASK_SHIFT & 0xFF & FLAG_BITS)
+    return name in _TESTS or (name == "MOVF" and not word >> D_BIT & 1)
+
+
+def _successors(words: list[int], address: int) -> tuple[int, ...]:
+    """Where control can go next, as far as the word itself says."""
+    word = words[address]
+    name = _name(word)
+    following = (address + 1) % _N
+    if name == "GOTO":
+        return (_target(word),)
+    if name == "CALL":
+        return (following, _target(word))
+    if name in ("RETURN", "RETLW", "RETFIE"):
+        return ()
+    return (following, (address + 2) % _N) if name in _SKIPS else (following,)
+
+
+def _waits(words: list[int]) -> dict[int, int]:
+    """The marked word of each place that a wait turns on: its test, or its GOTO."""
+    marked: dict[int, int] = {}
+    for address in range(_N):
+        if _name(words[address]) != "GOTO":
+            continue
+        target = _target(words[address])
+        length = address - target
+        if not 0 <= length < LONGEST_WAIT:
+            continue
+        body = [_name(words[a]) for a in range(target, address)]
+        period = length + 2
+        if all(name == "NOP" for name in body):
+            marked[address] = SPIN | period << F_SHIFT
+        elif (
+            body[-1] in _TESTS and all(name == "NOP" for name in body[:-1]) and _is_polled(words[address - 1])
+        ):
+            marked[address - 1] = words[address - 1] | 1 << WAITS_BIT | period << (WAITS_BIT + 1)
+    return marked
+
+
+def _is_polled(word: int) -> bool:
+    return bool(word >> DIRECT_BIT & 1) or _file(word) in POLLED
+
+
+def _entries(graph: Graph, pure: set[int]) -> dict[int, set[int]]:
+    """The predecessors of each pure instruction."""
+    before: dict[int, set[int]] = {address: set() for address in pure}
+    for address, following in graph.items():
+        for successor in following:
+            if successor in before:
+                before[successor].add(address)
+    return before
+
+
+def _regions(
+    words: list[int], graph: Graph, nodes: set[int], before: dict[int, set[int]]
+) -> Iterable[_Region]:
+    """The regions among `nodes`, outer ones before those inside them."""
+    for members in _components(graph, nodes):
+        heads = frozenset(a for a in members if before[a] - members) or frozenset({min(members)})
+        ram = tuple(
+            sorted({_file(words[a]) for a in members if words[a] >> DIRECT_BIT & 1 and _uses_file(words[a])})
+        )
+        if len(ram) <= REGION_BYTES:
+            yield _Region(members, heads, ram)
+        yield from _regions(words, graph, set(members - heads), before)
+
+
+def _uses_file(word: int) -> bool:
+    return _name(word) in _PURE_ON_RAM
+
+
+def _components(graph: Graph, nodes: set[int]) -> list[frozenset[int]]:
+    """The strongly connected sets of `nodes` that contain a way round, by Tarjan's method without recursion."""
+    index: dict[int, int] = {}
+    low: dict[int, int] = {}
+    open_nodes: list[int] = []
+    is_open: set[int] = set()
+    found: list[frozenset[int]] = []
+    for root in sorted(nodes):
+        if root in index:
+            continue
+        work = [(root, iter(graph[root]))]
+        index[root] = low[root] = len(index)
+        open_nodes.append(root)
+        is_open.add(root)
+        while work:
+            node, following = work[-1]
+            for successor in following:
+                if successor not in nodes:
+                    continue
+                if successor not in index:
+                    index[successor] = low[successor] = len(index)
+                    open_nodes.append(successor)
+                    is_open.add(successor)
+                    work.append((successor, iter(graph[successor])))
+                    break
+                if successor in is_open:
+                    low[node] = min(low[node], index[successor])
+            else:
+                work.pop()
+                if work:
+                    low[work[-1][0]] = min(low[work[-1][0]], low[node])
+                if low[node] == index[node]:
+                    members = set()
+                    while node not in members:
+                        members.add(open_nodes.pop())
+                    is_open -= members
+                    if len(members) > 1 or node in graph[node]:
+                        found.append(frozenset(members))
+    return found

@@ -18,6 +18,7 @@ from servogen.simulator.layout import (
     EXT_LEVEL,
     EXT_MASK,
     FLOATING,
+    IN_RESET,
     INTCON,
     LATCH,
     LATCH_WRITTEN,
@@ -72,7 +73,13 @@ def settle(s, at):  # type: ignore[no-untyped-def]
 def react(s, at, changed):  # type: ignore[no-untyped-def]
     """What T0CKI, INT and the change interrupt make of pins that changed: DS35007 sections 5, 6.8.1 and 4.2."""
     rising = changed & s[PINS]
-    if changed & RA4 and s[OPTION] & T0CS and not s[SLEEPING] and (rising & RA4 == 0) == (s[OPTION] & T0SE != 0):
+    if (
+        changed & RA4
+        and s[OPTION] & T0CS
+        and not s[SLEEPING]
+        and not s[IN_RESET]
+        and (rising & RA4 == 0) == (s[OPTION] & T0SE != 0)
+    ):
         s[T0_TICK] = at + T0CKI_DELAY
     if changed & RB0 and (rising & RB0 != 0) == (s[OPTION] & INTEDG != 0):
         s[INTCON] |= INTF

@@ -49,6 +49,4 @@ def pack(decoded: Decoded) -> int:
     writes_back = decoded.d or row.mnemonic in ("BCF", "BSF", "MOVWF", "CLRF")
     direct = "f" in row.operands and RAM_FIRST <= decoded.f <= RAM_LAST
     mask = 1 << decoded.b if "b" in row.operands else 0
-    return (
-        word | writes_back << D_BIT | decoded.f << F_SHIFT | direct << DIRECT_BIT | mask << MASK_SHIFT
-    )
+    return word | writes_back << D_BIT | decoded.f << F_SHIFT | direct << DIRECT_BIT | mask << MASK_SHIFT

@@ -30,7 +30,7 @@ from servogen.simulator.layout import (
     WDT_AT,
 )
 from servogen.simulator.ports import A, B, compare, emit, settle
-from servogen.simulator.timer import t0_sync
+from servogen.simulator.timer import t0_advance
 
 TO, PD = 0x10, 0x08
 KEPT_STATUS = 0x07
@@ -42,13 +42,11 @@ FETCH = 1
 @njit
 def enter_reset(s, edges, at):  # type: ignore[no-untyped-def]
     """What every reset but power-up does, in cycle `at`."""
-    t0_sync(s, at)
+    t0_advance(s, at)
     s[PC] = 0
     s[PCLATH] = 0
-    s[INTCON] &= RBIF_KEPT
-    s[IRQ_AT] = NEVER
     s[OPTION] = 0xFF  # T0CS: TMR0 keeps its count
-    s[T0_AT] = at
+    s[T0_AT] = max(s[T0_AT], at)
     s[T0_TICK] = NEVER
     s[TRIS] = A | B
     s[SLEEPING] = 0
@@ -59,6 +57,8 @@ def enter_reset(s, edges, at):  # type: ignore[no-untyped-def]
     reset_eecon1(s)
     emit(s, edges, at)
     settle(s, at)
+    s[INTCON] &= RBIF_KEPT
+    s[IRQ_AT] = NEVER
     compare(s)
 
 

@@ -148,6 +148,7 @@ def fingerprint(s: npt.NDArray[np.int64]) -> bytes:
     times = [_after(int(s[slot]), now) for slot in _TIMES]
     times.append(max(int(s[at.T0_AT]) - now, 0))
     times.append(int(s[at.T0_FLAGGED] == now))
+    times.append(max(int(s[at.T0_HELD]) - now, 0))
     times.append(now - int(s[at.WDT_AT]) if s[at.WDT_PERIOD] else 0)
     if s[at.EE_STEP]:
         times.append(min(now - int(s[at.EE_STEP_AT]), 3))

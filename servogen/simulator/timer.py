@@ -24,6 +24,7 @@ from servogen.simulator.layout import (
     SLEEPING,
     T0_AT,
     T0_FLAGGED,
+    T0_HELD,
     T0_TICK,
     T0_VALUE,
     WDT_AT,
@@ -76,14 +77,18 @@ def t0_flag_at(s):  # type: ignore[no-untyped-def]
 @njit
 def t0_sync(s, at):  # type: ignore[no-untyped-def]
     """Move the anchor up to `at`, and set T0IF if it was due by then."""
-    if not t0_runs(s):
-        return
     due = t0_flag_at(s)
     if due <= at:
         s[T0_FLAGGED] = at
         s[INTCON] |= T0IF
         note_flags(s, due)
-    if at <= s[T0_AT]:
+    t0_advance(s, at)
+
+
+@njit
+def t0_advance(s, at):  # type: ignore[no-untyped-def]
+    """Move the anchor up to `at`; T0IF is not looked at."""
+    if not t0_runs(s) or at <= s[T0_AT]:
         return
     value = t0_read(s, at)
     if not s[OPTION] & PSA:
@@ -98,7 +103,7 @@ def t0_write(s, at, value):  # type: ignore[no-untyped-def]
     t0_sync(s, at)
     s[T0_VALUE] = value
     s[T0_AT] = at + INHIBITED
-    s[T0_TICK] = NEVER
+    s[T0_HELD] = at + INHIBITED
     if not s[OPTION] & PSA:
         s[PRESCALER] = 0
 
@@ -106,7 +111,7 @@ def t0_write(s, at, value):  # type: ignore[no-untyped-def]
 @njit
 def t0_external(s, at):  # type: ignore[no-untyped-def]
     """An edge of T0CKI, counted in cycle `at`; one that comes while the timer stands still is lost."""
-    if at < s[T0_AT]:
+    if at <= s[T0_HELD]:
         return
     shift = t0_shift(s)
     if shift:
@@ -161,9 +166,10 @@ def wdt_clear(s, at):  # type: ignore[no-untyped-def]
 @njit
 def option_write(s, at, value):  # type: ignore[no-untyped-def]
     """OPTION_REG holds `value` from cycle `at`; the shared prescaler keeps its count when it changes hands."""
-    settle_counters(s, at)
+    t0_sync(s, at - 1)
+    t0_advance(s, at)
+    wdt_sync(s, at - 1)
     s[OPTION] = value
-    if s[T0_AT] < at:
-        s[T0_AT] = at
+    s[T0_AT] = max(s[T0_AT], at)
     if value & T0CS == 0:
         s[T0_TICK] = NEVER
