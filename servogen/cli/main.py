@@ -7,13 +7,14 @@ failed, 130 interrupted.
 from __future__ import annotations
 
 import sys
+import traceback
 from typing import Annotated
 
 import typer
 
 from servogen import __version__
 from servogen.cli import chip_commands, doctor_commands, job_commands, signal_commands
-from servogen.errors import ServogenError
+from servogen.errors import ServogenError, ToolError
 
 INTERRUPTED = 130
 
@@ -59,6 +60,10 @@ def main() -> None:
     except OSError as error:
         _say(f"{error.filename}: {error.strerror}" if error.filename else str(error))
         sys.exit(2)
+    except Exception:  # a defect of servogen: never the exit code of a verdict
+        traceback.print_exc()
+        _say("this is a defect of servogen itself; please report it with the lines above")
+        sys.exit(ToolError.exit_code)
 
 
 def _say(text: str) -> None:
