@@ -12,6 +12,8 @@ from servogen.verify.windows import Edges, Ints
 
 Levels = npt.NDArray[np.uint8]
 
+_ALL: Levels = np.arange(len(PINS), dtype=np.uint8)
+
 
 def masks(edges: Edges, initial: Levels, pins: Levels) -> tuple[Ints, Ints]:
     """(cycle, pins that are high from it on, as bits) at each cycle in which one of `pins` changes."""
@@ -50,3 +52,43 @@ def overlap(
     first = min(pairs(int(high[starts[0]])) - allowed)
     longest = Cycles(int((until - cycle[starts]).max()))
     return Overlap(len(starts), longest, Cycles(int(cycle[starts[0]])), first)
+
+
+class OverlapCount:
+    """Counts, window after window, the times at which two pins or more are high."""
+
+    def __init__(self) -> None:
+        self._level: Levels = np.zeros(len(PINS), dtype=np.uint8)
+        self._since: int | None = None
+        self._pins = (0, 0)
+        self._first = 0
+        self._count = 0
+        self._longest = 0
+
+    def add(self, edges: Edges) -> None:
+        cycle, high = masks(edges, self._level, _ALL)
+        self._level[edges.pin] = edges.level
+        if not len(cycle):
+            return
+        many = (high & (high - 1)) != 0
+        before = np.concatenate(([self._since is not None], many[:-1]))
+        starts = np.flatnonzero(many & ~before)
+        if len(starts) and not self._count:
+            self._first = int(cycle[starts[0]])
+            self._pins = min(pairs(int(high[starts[0]])))
+        self._count += len(starts)
+        opened = np.concatenate(([] if self._since is None else [self._since], cycle[starts])).astype(
+            np.int64
+        )
+        closed = cycle[~many & before]
+        lengths = closed - opened[: len(closed)]
+        self._longest = max(self._longest, int(lengths.max(initial=0)))
+        self._since = int(opened[-1]) if many[-1] else None
+
+    def finish(self, end: int) -> Overlap | None:
+        """What there was up to cycle `end`; None when no two pins were ever high together."""
+        if self._since is not None:
+            self._longest = max(self._longest, end - self._since)
+        if not self._count:
+            return None
+        return Overlap(self._count, Cycles(self._longest), Cycles(self._first), self._pins)
