@@ -123,8 +123,7 @@ def happen(s, edges, stim):  # type: ignore[no-untyped-def]
 
 @njit
 def attend(s, edges, stim):  # type: ignore[no-untyped-def]
-    """Between instructions: let happen what is due, enter an interrupt, set `HORIZON`."""
-    happen(s, edges, stim)
+    """Between instructions, what is due having happened: wake, enter an interrupt, set `HORIZON`."""
     if s[SLEEPING] and requested(s):
         s[WAKES_INTERRUPT] += 1
         wake(s, s[CYCLE])

@@ -15,7 +15,7 @@ from typing import Any
 
 from numba import njit
 
-from servogen.simulator.events import attend
+from servogen.simulator.events import attend, happen
 from servogen.simulator.interrupts import GIE, note_flags, requested
 from servogen.simulator.layout import (
     AT_BREAKPOINT,
@@ -88,15 +88,16 @@ def _build(observed: bool, sources: str) -> Callable[..., int]:
             s[W] = w
             s[STATUS] = status
             s[CYCLE] = cycle
-            if cycle >= end:
-                settle_counters(s, cycle)
-                return AT_END
             if s[EDGE_COUNT] >= s[EDGE_LIMIT]:
                 return EDGES_FULL
             if observed and len(trace) and s[TRACE_COUNT] >= len(trace):
                 return TRACE_FULL
             if cycle >= s[STIM_KNOWN] and s[STIM_NEXT] == s[STIM_COUNT]:
                 return NEEDS_STIMULUS
+            happen(s, edges, stim)
+            if s[CYCLE] >= end:
+                settle_counters(s, s[CYCLE])
+                return AT_END
             attend(s, edges, stim)
             if s[SLEEPING] or s[IN_RESET]:
                 s[CYCLE] = max(s[CYCLE], min(end, s[HORIZON]))

@@ -10,6 +10,7 @@ from numba import njit
 
 from servogen.simulator.eeprom import reset_eecon1
 from servogen.simulator.layout import (
+    AWAKE_AT,
     DEPTH,
     INTCON,
     IRQ_AT,
@@ -25,6 +26,7 @@ from servogen.simulator.layout import (
     SP,
     STATUS,
     T0_AT,
+    T0_HELD,
     T0_TICK,
     TRIS,
     WDT_AT,
@@ -46,7 +48,9 @@ def enter_reset(s, edges, at):  # type: ignore[no-untyped-def]
     s[PC] = 0
     s[PCLATH] = 0
     s[OPTION] = 0xFF  # T0CS: TMR0 keeps its count
-    s[T0_AT] = max(s[T0_AT], at)
+    s[T0_AT] = at
+    s[T0_HELD] = at
+    s[AWAKE_AT] = at
     s[T0_TICK] = NEVER
     s[TRIS] = A | B
     s[SLEEPING] = 0
