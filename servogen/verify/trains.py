@@ -20,7 +20,7 @@ LAST = -1
 
 @dataclass(frozen=True, slots=True)
 class Train:
-    """Rows of equal pulses in order; a pulse that the trace cuts off is in no row, but rises at `open_rise`."""
+    """Rows of equal pulses in order; a pulse that the trace cuts off is in none, but rises at `open_rise`."""
 
     first: Ints
     count: Ints
