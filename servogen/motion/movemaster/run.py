@@ -1,0 +1,148 @@
+"""An arm program -> `Run`: its `JointTrajectory`, what it wrote to the output port, what took how long.
+
+In: the parsed file, the arm with its speeds, the hand, the frame, inputs, budgets. Out: one row a frame. The
+first frame stands at home; the last pose is held when the program has ended, or the program is repeated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+from servogen.errors import Caution, InputError, Place
+from servogen.motion.movemaster.arm import Manipulator
+from servogen.motion.movemaster.controller import Controller, Step
+from servogen.motion.movemaster.memory import Position
+from servogen.motion.movemaster.mover import Hand, Mover
+from servogen.motion.movemaster.parse import Source, Statement
+from servogen.motion.movemaster.ports import Input, InputPort, Output
+from servogen.motion.trajectory import JointTrajectory
+from servogen.units import Clock, Cycles
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """Where a program that does not end is stopped."""
+
+    commands: int = 100_000
+    seconds: Fraction = Fraction(3600)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """What a program did. `positions` and `counters` are the memory at its end."""
+
+    trajectory: JointTrajectory
+    steps: tuple[Step, ...]
+    outputs: tuple[Output, ...]
+    positions: dict[int, Position]
+    counters: dict[int, int]
+    warnings: tuple[Caution, ...]
+
+
+def run(
+    source: Source,
+    arm: Manipulator,
+    period: Cycles,
+    clock: Clock,
+    *,
+    hand: Hand | None = None,
+    inputs: tuple[Input, ...] = (),
+    repeat: bool = False,
+    budget: Budget = Budget(),
+) -> Run:
+    """Runs the file: direct lines at once, the program at RN, or at the end of a file without RN.
+
+    With `repeat` the direct lines before the program are its lead-in, and the program is the loop: its second
+    pass must end as the first did. Raises InputError with the place of the line that cannot be carried out.
+    """
+    period_s = clock.seconds(period)
+    mover = Mover(arm, hand, period_s, int(budget.seconds / period_s))
+    controller = Controller(mover, InputPort(inputs, period_s), budget.commands)
+    start = _once(controller, source)
+    loop_start = _repeated(controller, source, start, inputs) if repeat else mover.frame
+    if not repeat:
+        mover.stand(1)
+    joints = (*arm.joints, hand.name) if hand else arm.joints
+    return Run(
+        JointTrajectory(joints, clock, period, mover.samples, loop_start),
+        tuple(controller.steps),
+        tuple(controller.outputs),
+        dict(sorted(controller.memory.positions.items())),
+        dict(sorted(controller.memory.counters.items())),
+        tuple(controller.cautions),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Start:
+    """The state before the program, the frame at which it began, and the RN that began it (None: the end)."""
+
+    kept: tuple[object, ...]
+    frame: int
+    statement: Statement | None
+
+
+def _once(controller: Controller, source: Source) -> _Start | None:
+    """All statements in order, then the program if no RN began it."""
+    start: _Start | None = None
+    waiting: Statement | None = None
+    for statement in source.statements:
+        runs = statement.command is not None and statement.command.mnemonic == "RN"
+        if runs:
+            start, waiting = _Start(controller.kept(), controller.mover.frame, statement), None
+        elif statement.number is not None:
+            waiting = waiting or statement
+        controller.take(statement)
+    if waiting is not None and start is not None:
+        controller.caution(
+            Caution("lines-not-run", "the program lines from here on stand after RN", waiting.place)
+        )
+    if start is None and controller.program:
+        start = _Start(controller.kept(), controller.mover.frame, None)
+        controller.run_program(min(controller.program), None)
+    return start
+
+
+def _repeated(controller: Controller, source: Source, start: _Start | None, inputs: tuple[Input, ...]) -> int:
+    """Runs the program until a pass ends as it began; gives the frame at which that pass begins."""
+    place = Place(source.file)
+    if start is None:
+        raise InputError("there is no program to repeat", place, "give the lines numbers, or repeat = false")
+    if inputs:
+        raise InputError(
+            "a program with inputs is not repeated: they come once", place, "write repeat = false"
+        )
+    last = source.statements[-1]
+    if start.statement is not None and (
+        start.statement is not last or sum(_is_run(each) for each in source.statements) > 1
+    ):
+        raise start.statement.error(
+            "a program that is repeated is run by one RN, the last line", "or write repeat = false"
+        )
+    after = controller.kept()
+    if start.kept == after:
+        return _begin(controller, start.frame)
+    second = controller.mover.frame
+    if start.statement is None:
+        controller.run_program(min(controller.program), None)
+    else:
+        controller.take(start.statement)
+    if controller.kept() != after:
+        raise InputError(
+            "the program cannot be repeated: its second pass ends otherwise than its first",
+            place,
+            "set speeds and counters at its beginning, end where it began, or write repeat = false",
+        )
+    return _begin(controller, second)
+
+
+def _begin(controller: Controller, frame: int) -> int:
+    """A loop has at least one frame."""
+    if frame == controller.mover.frame:
+        controller.mover.stand(1)
+    return frame
+
+
+def _is_run(statement: Statement) -> bool:
+    return statement.command is not None and statement.command.mnemonic == "RN"
