@@ -123,6 +123,10 @@ BINARY: Mapping[str, tuple[int, Callable[[int, int], int]]] = {
 """Binding strength (higher is tighter) and meaning of each binary operator."""
 
 
+DEEPEST = 50
+"""Brackets and signs within each other."""
+
+
 class Parser:
     """Reads expressions from tokens; the fields between commas are separate expressions."""
 
@@ -130,6 +134,7 @@ class Parser:
         self._tokens = found
         self._index = 0
         self._end_column = end_column
+        self._depth = 0
 
     @classmethod
     def of(cls, text: Text, radix: int) -> Parser:
@@ -173,7 +178,16 @@ class Parser:
             left = Binary(token.text, left, self.expression(strength + 1), token.column)
 
     def _operand(self) -> Expression:
+        self._depth += 1
+        try:
+            return self._operand_within()
+        finally:
+            self._depth -= 1
+
+    def _operand_within(self) -> Expression:
         token = self._peek()
+        if self._depth > DEEPEST:
+            raise SourceError("the expression is nested too deeply", token.column if token else None)
         if token is None:
             raise SourceError("an operand is missing here", self._end_column, number=128)
         self._index += 1

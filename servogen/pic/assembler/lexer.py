@@ -111,5 +111,5 @@ def _digits(word: str, radix: int, column: int) -> int:
     try:
         return int(word, radix)
     except ValueError:
-        names = {2: "binary", 8: "octal", 10: "decimal", 16: "hexadecimal"}
-        raise SourceError(f"'{word}' is not a {names[radix]} number", column) from None
+        names = {2: "a binary", 8: "an octal", 10: "a decimal", 16: "a hexadecimal"}
+        raise SourceError(f"'{word}' is not {names[radix]} number", column) from None

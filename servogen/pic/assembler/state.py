@@ -28,7 +28,7 @@ Include = Callable[[str], str | None]
 
 Directive = Callable[["Pass", Statement], None]
 
-DEEPEST_NESTING = 200
+DEEPEST_NESTING = 100
 """Macro calls and include files within each other; more are taken for endless."""
 
 
