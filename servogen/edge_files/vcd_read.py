@@ -2,8 +2,7 @@
 
 In: a file, the clock whose cycles are to count, and, where wires are not named by their pins, which wire is
 which pin. pyvcd reads the declarations; the changes, which can be millions, are read block by block.
-A wire belongs to the pin that its name contains: `RB0`, `RB0_arm`, `PORTB[0]`. High impedance and unknown
-are undriven; weak high and low (H, L) are high and low.
+High impedance and unknown are undriven; weak high and low (H, L) are high and low.
 """
 
 from __future__ import annotations
@@ -21,8 +20,9 @@ from vcd.reader import TokenKind, VarDecl, VCDParseError, tokenize
 
 from servogen.edge_files import rows
 from servogen.edge_files.lines import TAIL_BYTES, last_line, line_blocks, open_input
-from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, Changes, EdgeChunk, EdgeTrace, edge_chunk
-from servogen.errors import InputError, Place, nearest
+from servogen.edge_files.wires import pins_of
+from servogen.edges import HIGH, LOW, UNDRIVEN, Changes, EdgeChunk, EdgeTrace, edge_chunk
+from servogen.errors import InputError, Place
 from servogen.units import Clock, Cycles
 
 LEVEL_OF = {
@@ -34,7 +34,6 @@ UNIT_POWER = {"s": 0, "ms": 3, "us": 6, "ns": 9, "ps": 12, "fs": 15, "as": 18, "
 MOST_DIGITS = 18
 """So many decimal digits always fit a signed 64-bit integer."""
 
-_PIN = re.compile(r"(?<![A-Za-z0-9])(?:R|PORT)([AB])_?\[?([0-7])\]?(?![0-9A-Za-z])", re.IGNORECASE)
 # sigrok-cli puts a line "META samplerate: …" in front of what it writes.
 _FIRST_KEYWORD = re.compile(rb"^\s*\$", re.MULTILINE)
 _END_OF_HEADER = re.compile(rb"\$enddefinitions\s+\$end\b")
@@ -102,46 +101,9 @@ def read_header(path: Path, wires: Mapping[str, str] | None = None) -> VcdHeader
         raise InputError(
             "has no $timescale", place, "it must say how long one time step is, as `$timescale 1 us $end`"
         )
-    line = 1 + text.count(b"\n", 0, end.end())
-    return VcdHeader(step, _pins_of(declared, wires, place), end.end(), line, tuple(comments))
-
-
-def _pins_of(declared: list[VarDecl], wires: Mapping[str, str] | None, place: Place) -> dict[str, int]:
-    """The pin number of each identifier that belongs to one."""
     one_bit = [(var.ref_str, var.id_code) for var in declared if var.size == 1]
-    known = [name for name, _ in one_bit]
-    named: list[tuple[str, str, int]] = []
-    if wires is None:
-        for name, code in one_bit:
-            pins = {f"R{port.upper()}{bit}" for port, bit in _PIN.findall(name)} & set(PINS)
-            if len(pins) > 1:
-                raise InputError(
-                    f"wire '{name}' names {len(pins)} pins", place, "say which wire is which pin"
-                )
-            named += [(name, code, PINS.index(pin)) for pin in pins]
-    else:
-        for wire, pin in wires.items():
-            if pin not in PINS:
-                raise InputError(f"'{pin}' is no pin", place, nearest(pin, PINS))
-            if wire not in known:
-                raise InputError(f"has no 1-bit wire '{wire}'", place, nearest(wire, known))
-            named.append((wire, dict(one_bit)[wire], PINS.index(pin)))
-    if not named:
-        shown = ", ".join(known[:20]) or "none"
-        raise InputError(
-            "has no wire that is named by a pin (RA0 … RB7)",
-            place,
-            f"its 1-bit wires: {shown}; say which wire is which pin",
-        )
-    for name, code, pin_number in named:
-        for other, other_code, other_pin in named:
-            if pin_number == other_pin and code != other_code:
-                raise InputError(
-                    f"wires '{name}' and '{other}' are both {PINS[pin_number]}",
-                    place,
-                    "say which wire is which pin",
-                )
-    return {code: pin for _, code, pin in named}
+    line = 1 + text.count(b"\n", 0, end.end())
+    return VcdHeader(step, pins_of(one_bit, wires, place), end.end(), line, tuple(comments))
 
 
 def _end(path: Path, start: int, cycles_per_step: Fraction) -> Cycles:

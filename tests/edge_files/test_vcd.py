@@ -89,6 +89,7 @@ def test_a_name_that_vcd_cannot_hold_gets_underscores() -> None:
         ("PORTB[3]", "RB3"),
         ("PORTA_4", "RA4"),
         ("RB [5]", "RB5"),
+        ("RB1_ra2", "RB1"),  # the servo is called ra2
     ],
 )
 def test_a_wire_is_found_by_the_pin_in_its_name(tmp_path: Path, name: str, pin: str) -> None:
