@@ -17,7 +17,6 @@ from servogen.errors import InputError
 from servogen.motion.laws import BEND, Law, law
 from servogen.motion.trajectory import Floats
 
-
 STILL = 1e-9
 """A joint that travels less (radians, metres) takes no time."""
 

@@ -1,0 +1,121 @@
+"""Gaits are phase tables; the stability margin is the signed distance from the support polygon."""
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from servogen.errors import InputError
+from servogen.motion.gaits import NAMES, Gait, custom, gait
+from servogen.motion.stability import margin, support_polygon
+from servogen.motion.walk import one_leg
+from servogen.robot.model import Hexapod
+from servogen.robot.robots import catalogue
+
+
+def hexapod() -> Hexapod:
+    found = catalogue("hexapod")
+    assert isinstance(found, Hexapod)
+    return found
+
+
+def in_the_air(made: Gait, time: Fraction) -> set[str]:
+    return {leg for leg, lift in made.lifts if (time - lift) % 1 < made.swing}
+
+
+@pytest.mark.parametrize(("name", "duty", "airborne"), [("tripod", 3, 3), ("ripple", 4, 2), ("wave", 5, 1)])
+def test_the_named_gaits_always_have_as_many_legs_in_the_air(name: str, duty: int, airborne: int) -> None:
+    made = gait(name, hexapod())
+    assert made.duty == Fraction(duty, 6)
+    for twelfth in range(1, 24, 2):
+        assert len(in_the_air(made, Fraction(twelfth, 24))) == airborne
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_two_neighbours_are_ever_in_the_air_together(name: str) -> None:
+    neighbours = [("L1", "L2"), ("L2", "L3"), ("R1", "R2"), ("R2", "R3"), ("L1", "R1"), ("L3", "R3")]
+    for twelfth in range(1, 24, 2):
+        airborne = in_the_air(gait(name, hexapod()), Fraction(twelfth, 24))
+        assert not any({one, other} <= airborne for one, other in neighbours)
+
+
+@pytest.mark.parametrize("name", ["ripple", "wave"])
+def test_on_each_side_the_steps_run_from_the_rear_to_the_front(name: str) -> None:
+    lifts = dict(gait(name, hexapod()).lifts)
+    for side in "LR":
+        first = lifts[f"{side}3"]
+        assert (lifts[f"{side}2"] - first) % 1 < (lifts[f"{side}1"] - first) % 1
+
+
+@pytest.mark.parametrize(("name", "grain"), [("tripod", 2), ("ripple", 6), ("wave", 6)])
+def test_a_cycle_can_be_divided_so_that_every_leg_lifts_on_a_frame(name: str, grain: int) -> None:
+    assert gait(name, hexapod()).grain == grain
+
+
+def test_a_gait_can_be_given_by_duty_factor_and_phases() -> None:
+    made = custom("mine", 0.667, [0, 0.5, 0, 0.5, 0, 0.5], hexapod())
+    assert made.duty == Fraction(2, 3)
+    assert dict(made.lifts)["L2"] == Fraction(1, 2)
+
+
+@pytest.mark.parametrize(
+    ("duty", "lifts", "says"),
+    [
+        (0.5, [0.0] * 5, "5 phases for 6 legs"),
+        (0.5, [0, 0, 0, 0, 0, 1.0], "the phase of R3 is 1"),
+        (0.5, {"L1": 0}, "the phase of the leg L2 is missing"),
+        (0.5, {"L7": 0}, "has no leg 'L7'"),
+        (1.0, [0.0] * 6, "a duty factor of 1"),
+        (0.0, [0.0] * 6, "a duty factor of 0"),
+    ],
+)
+def test_a_gait_that_is_none_is_refused(duty: float, lifts: list[float], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        custom("mine", duty, lifts, hexapod())
+
+
+def test_an_unknown_gait_is_refused_with_the_nearest() -> None:
+    with pytest.raises(InputError, match="did you mean 'tripod'"):
+        gait("tripot", hexapod())
+
+
+def test_a_named_gait_needs_three_legs_on_each_side() -> None:
+    with pytest.raises(InputError, match="three legs on each side: hexapod has 1 on the left and 0"):
+        gait("wave", one_leg(hexapod(), "L1"))
+
+
+def test_the_margin_inside_a_square_is_the_distance_from_its_nearest_side() -> None:
+    square = np.array([[1.0, 1], [-1, 1], [-1, -1], [1, -1], [0, 0]])
+    assert margin(square, np.array([0.0, 0.0])) == 1
+    assert margin(square, np.array([0.75, 0.0])) == 0.25
+    assert margin(square, np.array([1.5, 0.0])) == -0.5
+    assert margin(square, np.array([4.0, 5.0])) == -5
+    assert len(support_polygon(square)) == 4
+
+
+def test_two_feet_one_and_none_support_nothing() -> None:
+    assert margin(np.array([[0.0, 0], [2, 0]]), np.array([1.0, 0.5])) == -0.5
+    assert margin(np.array([[0.0, 0]]), np.array([3.0, 4.0])) == -5
+    assert margin(np.empty((0, 2)), np.array([0.0, 0.0])) == -math.inf
+
+
+coordinate = st.integers(-20, 20).map(lambda value: value / 10)
+
+
+@settings(derandomize=True, max_examples=150)
+@given(
+    feet=st.lists(st.tuples(coordinate, coordinate), min_size=1, max_size=6),
+    centre=st.tuples(coordinate, coordinate),
+)
+def test_the_margin_is_the_least_over_all_directions(
+    feet: list[tuple[float, float]], centre: tuple[float, float]
+) -> None:
+    # The signed distance from a convex set is the least of: its reach in a direction less the point's.
+    turn = np.linspace(0, 2 * math.pi, 7201)
+    directions = np.stack([np.cos(turn), np.sin(turn)])
+    points, point = np.array(feet), np.array(centre)
+    least = float(((points @ directions).max(axis=0) - point @ directions).min())
+    assert margin(points, point) == pytest.approx(least, abs=2e-3)

@@ -1,0 +1,229 @@
+"""A walking robot's feet stand still on the ground, step where they should, and the robot does not fall."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from servogen.errors import InputError
+from servogen.kinematics.leg import Leg
+from servogen.motion.footwork import Posture, to_body, to_leg
+from servogen.motion.gaits import NAMES, custom, gait
+from servogen.motion.limits import Limits, stretch
+from servogen.motion.steps import Segment
+from servogen.motion.walk import Walk, one_leg, walk
+from servogen.robot.model import Hexapod, Mount
+from servogen.robot.robots import catalogue
+from servogen.units import Clock, Cycles
+
+CLOCK, PERIOD, FRAME_S = Clock(4_000_000), Cycles(20_000), 0.02
+SERVO = Limits(speed=math.radians(750), acceleration=300.0)
+FOREVER = Segment(forward=0.04)
+SEGMENTS = {
+    "forward": Segment(forward=0.04, cycles=2),
+    "back": Segment(forward=-0.03, cycles=1.5),
+    "turn": Segment(turn=0.2, cycles=2),
+    "curve": Segment(forward=0.03, turn=0.1, cycles=2),
+    "short": Segment(forward=0.04, cycles=0.25),
+}
+
+
+def hexapod() -> Hexapod:
+    found = catalogue("hexapod")
+    assert isinstance(found, Hexapod)
+    return found
+
+
+def walked(name: str, *segments: Segment, frames: int | None = 48, **options: object) -> Walk:
+    robot = hexapod()
+    posture = options.pop("posture", Posture())
+    return walk(
+        robot, gait(name, robot), segments, posture, PERIOD, CLOCK, frames_per_cycle=frames, **options
+    )  # type: ignore[arg-type]
+
+
+def standing(made: Walk) -> np.ndarray:
+    """Where the feet are wanted on the ground, x + iy, NaN in the air."""
+    feet = made.feet + made.corrections
+    return np.where(made.ground, feet[:, :, 0] + 1j * feet[:, :, 1], np.nan)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("way", SEGMENTS)
+def test_between_two_frames_all_feet_on_the_ground_move_as_one_rigid_body(name: str, way: str) -> None:
+    feet = standing(walked(name, SEGMENTS[way]))
+    for before, after in pairwise(feet):
+        both = ~np.isnan(before) & ~np.isnan(after)
+        a, b = before[both], after[both]
+        # The distances between feet that stand do not change, nor do the angles: only the body moves.
+        assert np.abs(b[:, None] - b) == pytest.approx(np.abs(a[:, None] - a), abs=1e-12)
+        turn = np.angle((b[1:] - b[0]) / (a[1:] - a[0]))
+        assert np.ptp(turn) < 1e-9
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_body_goes_a_stride_each_cycle(name: str) -> None:
+    made = walked(name, FOREVER)
+    start = made.trajectory.loop_start
+    feet = standing(made)[start:]
+    moved = np.diff(feet, axis=0)
+    moved[np.isnan(moved)] = 0
+    frames = (~np.isnan(np.diff(feet, axis=0))).sum(axis=0)
+    # A foot on the ground goes back by the same small way each frame: stride / frames of a cycle.
+    assert moved.sum(axis=0).real / frames == pytest.approx(np.full(6, -0.04 / 48))
+    assert np.abs(moved.sum(axis=0).imag).max() < 1e-12
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_foot_is_on_the_ground_for_its_duty_and_as_far_before_as_behind(name: str) -> None:
+    robot, made = hexapod(), walked(name, FOREVER)
+    ground = made.ground[made.trajectory.loop_start :]
+    duty = float(gait(name, robot).duty)
+    assert ground.sum(axis=0) == pytest.approx(np.full(6, duty * 48), abs=1)
+    feet = standing(made)[made.trajectory.loop_start :]
+    for column, mount in zip(feet.T, robot.mounts, strict=True):
+        x = column.real - mount.x
+        assert np.nanmax(x) == pytest.approx(duty * 0.04 / 2)
+        assert np.nanmin(x) == pytest.approx(-duty * 0.04 / 2)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("way", SEGMENTS)
+def test_a_walk_begins_and_ends_standing_in_the_same_posture(name: str, way: str) -> None:
+    made = walked(name, SEGMENTS[way])
+    angles = made.trajectory.angles
+    assert angles[-1] == pytest.approx(angles[0], abs=1e-9)
+    assert made.ground[-1].all()
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("segments", [(FOREVER,), tuple(SEGMENTS.values())], ids=["for ever", "all"])
+def test_no_joint_is_asked_for_more_than_its_servo_can_do(name: str, segments: tuple[Segment, ...]) -> None:
+    made = walked(name, *segments, frames=None, limits=SERVO)
+    angles, start = made.trajectory.angles, made.trajectory.loop_start
+    around = np.concatenate((angles, angles[start:], angles[start : start + 2]))
+    assert stretch(around, FRAME_S, [SERVO] * 12) <= 1 + 1e-9
+    # One grain of frames fewer would be too fast.
+    robot = hexapod()
+    grain, count = gait(name, robot).grain, len(walked(name, FOREVER, frames=None, limits=SERVO).ground)
+    assert count > grain
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_walk_for_ever_repeats_exactly_one_cycle(name: str) -> None:
+    made = walked(name, FOREVER)
+    start = made.trajectory.loop_start
+    assert len(made.trajectory.angles) - start == 48
+    assert start <= 2 * 48
+
+
+def test_the_tripods_lead_in_is_half_a_cycle() -> None:
+    assert walked("tripod", FOREVER).trajectory.loop_start == 24
+
+
+def test_in_the_tripod_opposite_legs_do_the_same_half_a_cycle_later() -> None:
+    made = walked("tripod", FOREVER)
+    angles = made.trajectory.angles[made.trajectory.loop_start :].reshape(48, 6, 2)
+    for left, right in ((0, 3), (1, 4), (2, 5)):
+        assert np.roll(angles[:, left], 24, axis=0) == pytest.approx(angles[:, right], abs=1e-7)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_springs_give_what_the_chord_of_the_stance_asks_for(name: str) -> None:
+    # Stroke c on a circle of radius rho, its middle c²/(16 rho) inside: the same at the ends, outside.
+    robot, made = hexapod(), walked(name, FOREVER)
+    rho, stroke = Leg.of(robot.leg.length).r, 0.04 * float(gait(name, robot).duty)
+    assert made.largest_correction_m == pytest.approx(stroke**2 / (16 * rho), rel=0.02)
+
+
+def test_the_feet_are_where_forward_kinematics_say() -> None:
+    robot, made = hexapod(), walked("wave", SEGMENTS["curve"])
+    leg = Leg.of(robot.leg.length)
+    angles = made.trajectory.angles.reshape(-1, 6, 2)
+    for index, mount in enumerate(robot.mounts):
+        x, y, z = leg.fk(angles[:, index, 0], angles[:, index, 1]).T
+        side = -1 if mount.mirrored else 1
+        assert made.feet[:, index] == pytest.approx(np.stack([mount.x + x, mount.y + side * y, z], axis=1))
+
+
+def test_feet_are_lifted_as_high_as_asked_and_never_below_the_ground() -> None:
+    made = walked("ripple", FOREVER, posture=Posture(lift=0.03))
+    height = made.feet[:, :, 2] - made.feet[:, :, 2].min()
+    assert height[made.ground].max() < 1e-12
+    assert height[~made.ground].min() >= 0
+    assert made.lift_m == pytest.approx(0.03, rel=0.01)
+
+
+def test_a_lower_body_stands_lower() -> None:
+    made = walked("wave", FOREVER, posture=Posture(body_height=0.12))
+    assert made.feet[:, :, 2][made.ground] == pytest.approx(np.full(made.ground.sum(), -0.12))
+
+
+def test_the_stance_width_can_be_given() -> None:
+    made = walked("wave", SEGMENTS["forward"], posture=Posture(stance_width=0.196))
+    width = standing(made)[0].imag
+    assert width[:3] - width[3:] == pytest.approx(np.full(3, 0.196))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_robot_stands_safely_in_every_gait(name: str) -> None:
+    made = walked(name, *SEGMENTS.values())
+    assert len(made.margins) == len(made.trajectory.angles)
+    assert made.least_margin_m > 0.01
+
+
+def test_a_gait_in_which_the_robot_falls_is_refused_unless_allowed() -> None:
+    robot = hexapod()
+    bad = custom("hop", 0.5, [0.0, 0.0, 0.0, 0.5, 0.5, 0.5], robot)
+    with pytest.raises(
+        InputError, match=r"the robot falls over in frame 1: .* outside of the feet R1, R2, R3"
+    ):
+        walk(robot, bad, [FOREVER], Posture(), PERIOD, CLOCK, frames_per_cycle=48)
+    made = walk(robot, bad, [FOREVER], Posture(), PERIOD, CLOCK, frames_per_cycle=48, allow_falling=True)
+    assert made.least_margin_m < -0.05
+
+
+def test_a_single_leg_walks_as_it_does_on_the_robot() -> None:
+    robot = hexapod()
+    alone = one_leg(robot, "R2")
+    rhythm = custom("alone", gait("wave", robot).duty, {"R2": dict(gait("wave", robot).lifts)["R2"]}, alone)
+    made = walk(alone, rhythm, [FOREVER], Posture(), PERIOD, CLOCK, frames_per_cycle=48)
+    whole = walked("wave", FOREVER).trajectory
+    column = whole.joints.index("R2_alpha")
+    loop = whole.angles[whole.loop_start :, column : column + 2]
+    mine = made.trajectory.angles[made.trajectory.loop_start :]
+    turns = [np.abs(np.roll(mine, shift, axis=0) - loop).max() for shift in range(48)]
+    assert min(turns) < 1e-6
+    assert made.trajectory.joints == ("R2_alpha", "R2_beta")
+
+
+def test_mounts_turn_and_mirror_legs() -> None:
+    mount = Mount("R1", 0.1, -0.05, 0.01, math.radians(30), mirrored=True)
+    point = np.array([[0.0, 0.05, -0.14]])
+    # Mirrored to (0, -0.05), turned by 30° to (0.025, -0.0433), moved.
+    wanted = [[0.125, -0.05 - 0.05 * math.cos(math.radians(30)), -0.13]]
+    assert to_body(mount, point) == pytest.approx(np.array(wanted))
+    assert to_leg(mount, to_body(mount, point)) == pytest.approx(point)
+
+
+@pytest.mark.parametrize(
+    ("segments", "options", "says"),
+    [
+        ((), {}, "at least one segment"),
+        ((FOREVER, FOREVER), {}, "only the last segment"),
+        ((Segment(0.04, cycles=0),), {}, "a segment of 0 cycles"),
+        ((Segment(0.4),), {}, "L1_alpha would have to turn from"),
+        ((Segment(turn=0.3),), {"spring_m": 0.003}, "the springs would have to give 6.99 mm: they give 3 mm"),
+        ((FOREVER,), {"frames": None}, "nothing says how fast"),
+        ((FOREVER,), {"frames": 6}, "a cycle of 6 frames is too short for the gait 'tripod'"),
+        ((FOREVER,), {"posture": Posture(body_height=0.2)}, "the legs cannot stand and lift so"),
+        ((FOREVER,), {"posture": Posture(lift=0.5)}, "the legs cannot stand and lift so"),
+        ((FOREVER,), {"posture": Posture(lift=0.0)}, "does not take the foot off the ground"),
+    ],
+)
+def test_a_walk_that_cannot_be_is_refused(
+    segments: tuple[Segment, ...], options: dict[str, object], says: str
+) -> None:
+    with pytest.raises(InputError, match=says):
+        walked("tripod", *segments, **options)  # type: ignore[arg-type]
