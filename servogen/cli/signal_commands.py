@@ -1,4 +1,4 @@
-"""Commands of signals: simulate, verify."""
+"""Commands of signals: simulate, verify, measure, plot."""
 
 from __future__ import annotations
 
@@ -16,12 +16,15 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from servogen.edges import EdgeChunk, EdgeTrace
+    from servogen.pic.image import Image
     from servogen.pulse import PulseSchedule
     from servogen.simulator import State
     from servogen.units import Clock, Cycles
 
 HEX_SUFFIXES = (".hex", ".ihx", ".h")
 DEFAULT_SECONDS = 1.0
+MEASURED_SECONDS = 20.0
+"""Two rounds of the printed lab programs."""
 
 Seconds = Annotated[float | None, typer.Option("--seconds", min=0, help="How long, in simulated seconds.")]
 
@@ -29,6 +32,7 @@ Seconds = Annotated[float | None, typer.Option("--seconds", min=0, help="How lon
 def register(app: typer.Typer) -> None:
     app.command()(simulate)
     app.command()(verify)
+    app.command()(measure)
     app.command()(plot)
 
 
@@ -90,6 +94,40 @@ def verify(
     raise typer.Exit(0 if verdict.proven else 1)
 
 
+def measure(
+    file: Annotated[Path, typer.Argument(help="A HEX, VCD, CSV or JSONL file.", show_default=False)],
+    seconds: Seconds = None,
+    servo: Annotated[
+        list[str] | None,
+        typer.Option("--servo", help="Judge by this model: MODEL for all pins, or PIN=MODEL."),
+    ] = None,
+    clock_hz: ClockHz = 4_000_000,
+    json: Json = False,
+) -> None:
+    """Say what pulses a HEX or recorded edges make on each pin, and what is doubtful about them."""
+    from servogen.edge_files import read_edges
+    from servogen.pipeline.measuring import cautions, servos_named
+    from servogen.units import Clock
+    from servogen.verify import measure as measured
+    from servogen.verify import measurement_lines
+
+    models = servos_named(servo or [])
+    clock = Clock(clock_hz)
+    if file.suffix.lower() in HEX_SUFFIXES:
+        trace = _run(read_image(file), clock, clock.round_seconds(seconds or MEASURED_SECONDS))
+    else:
+        trace = read_edges(file, clock, None if seconds is None else clock.round_seconds(seconds))
+    measurement = measured(trace)
+    found = cautions(measurement, models)
+    if json:
+        warnings = [{"code": each.code, "text": each.text} for each in found]
+        as_json({**measurement.to_json(), "warnings": warnings})
+        return
+    print("\n".join(measurement_lines(measurement)))
+    for caution in found:
+        warn(str(caution))
+
+
 def plot(
     file: Annotated[Path, typer.Argument(help="A HEX, VCD, CSV or JSONL file.", show_default=False)],
     against: Annotated[Path, typer.Option("--against", help="The schedule.json that names its channels.")],
@@ -115,6 +153,14 @@ def _trace(file: Path, schedule: PulseSchedule, span: Cycles) -> EdgeTrace:
     if file.suffix.lower() in HEX_SUFFIXES:
         return running(schedule, read_image(file), span)
     return read_edges(file, schedule.clock)
+
+
+def _run(image: Image, clock: Clock, span: Cycles) -> EdgeTrace:
+    """The edges of a HEX file of which nothing is known."""
+    from servogen.edges import EdgeTrace
+    from servogen.simulator import Machine
+
+    return EdgeTrace(clock, Machine(image, clock).stream(span), span)
 
 
 def _span(clock: Clock, seconds: float | None, cycles: int | None) -> Cycles:

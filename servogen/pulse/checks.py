@@ -30,6 +30,9 @@ PERIOD_US = (18_000, 20_000)
 CALIBRATION_SPREAD = 0.1
 """How much of a model's range of widths one of its servos may differ at an end."""
 
+ANY_SERVO_US = (1000.0, 2000.0)
+"""The widths that every position servo takes: what is judged when the servo is not known."""
+
 WIDTH_TOLERANCE_US = 2.0
 """A width this far outside of a servo's range is not worth a word: rounding, or a statement's cycles."""
 
@@ -116,6 +119,16 @@ def check_calibration(servo: Servo) -> tuple[Caution, ...]:
             f"{_us(low)} to {_us(high)}",
             servo.place,
         ),
+    )
+
+
+def check_unknown(name: str, widths_us: Sequence[float]) -> tuple[Caution, ...]:
+    """Of the distinct widths of a channel whose servo is not known."""
+    low, high = ANY_SERVO_US
+    return tuple(
+        Caution("width-range", f"{name}: a pulse of {_us(width)} is outside of 1 to 2 ms")
+        for width in sorted(set(widths_us))
+        if not low - WIDTH_TOLERANCE_US <= width <= high + WIDTH_TOLERANCE_US
     )
 
 
