@@ -1,0 +1,102 @@
+"""What the compiler says about a program: errors and warnings with a place, the line and a caret.
+
+In: messages from every stage. Out: `Diagnostic` values, and one `CompileError` that carries them all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from servogen.errors import InputError, Place
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnostic:
+    """One error or warning. `source_line` is the text of the line that it points at, if there is one."""
+
+    severity: str
+    """ "error" or "warning"."""
+    message: str
+    place: Place
+    source_line: str | None = None
+    hint: str | None = None
+
+    def __str__(self) -> str:
+        where = str(self.place)
+        lines = [f"{where}: {self.severity}: {self.message}" if where else f"{self.severity}: {self.message}"]
+        if self.source_line is not None:
+            lines.append(f"    {self.source_line}")
+            if self.place.column is not None:
+                before = self.source_line[: self.place.column - 1]
+                lines.append("    " + "".join("\t" if sign == "\t" else " " for sign in before) + "^")
+        if self.hint:
+            lines.append(f"  {self.hint}")
+        return "\n".join(lines)
+
+
+class CompileError(InputError):
+    """The program cannot be compiled; `diagnostics` says why, warnings among the errors, in source order."""
+
+    def __init__(self, diagnostics: tuple[Diagnostic, ...]) -> None:
+        errors = [each for each in diagnostics if each.severity == "error"]
+        first = errors[0]
+        super().__init__(first.message, first.place, first.hint)
+        self.diagnostics = diagnostics
+
+    def __str__(self) -> str:
+        return "\n".join(str(each) for each in self.diagnostics)
+
+
+class Fatal(Exception):
+    """Raised inside the compiler to leave a construct whose error has been reported."""
+
+
+class Reporter:
+    """Collects diagnostics and knows the text of each source file."""
+
+    def __init__(self) -> None:
+        self.texts: dict[str, str] = {}
+        self._lines: dict[str, list[str]] = {}
+        self._found: dict[Diagnostic, None] = {}
+
+    def add_source(self, file: str, text: str) -> None:
+        self.texts[file] = text
+        self._lines[file] = text.splitlines()
+
+    def lines(self, file: str) -> list[str]:
+        return self._lines.get(file, [])
+
+    def _line(self, place: Place) -> str | None:
+        lines = self._lines.get(place.file or "", [])
+        return lines[place.line - 1] if place.line and place.line <= len(lines) else None
+
+    def _add(self, severity: str, message: str, place: Place, hint: str | None) -> None:
+        self._found[Diagnostic(severity, message, place, self._line(place), hint)] = None
+
+    def error(self, message: str, place: Place, hint: str | None = None) -> None:
+        self._add("error", message, place, hint)
+
+    def warn(self, message: str, place: Place, hint: str | None = None) -> None:
+        self._add("warning", message, place, hint)
+
+    def fatal(self, message: str, place: Place, hint: str | None = None) -> Fatal:
+        """Report an error; the caller raises what comes back."""
+        self.error(message, place, hint)
+        return Fatal(message)
+
+    def ordered(self) -> tuple[Diagnostic, ...]:
+        """All of them in source order."""
+        files: Mapping[str, int] = {file: number for number, file in enumerate(self.texts)}
+
+        def key(each: Diagnostic) -> tuple[int, int, int]:
+            place = each.place
+            return files.get(place.file or "", len(files)), place.line or 0, place.column or 0
+
+        return tuple(sorted(self._found, key=key))
+
+    def stop_on_error(self) -> None:
+        """Raises CompileError when an error was reported."""
+        found = self.ordered()
+        if any(each.severity == "error" for each in found):
+            raise CompileError(found)

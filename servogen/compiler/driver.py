@@ -1,0 +1,169 @@
+"""The whole way: source texts and options to an image and its listing.
+
+In: `Source`s and `Options`. Out: a `Compilation`, or CompileError with every diagnostic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from pycparser import c_ast
+
+from servogen.compiler.backend import Backend, globals_of
+from servogen.compiler.banks import switch_banks
+from servogen.compiler.builtins import Builtins
+from servogen.compiler.diagnostics import CompileError, Diagnostic, Fatal, Reporter
+from servogen.compiler.dialect import DIALECTS, headers, macros, named_types
+from servogen.compiler.finish import expand_delays
+from servogen.compiler.layout import allocate, lay_out
+from servogen.compiler.optimise import optimise
+from servogen.compiler.parse import parse
+from servogen.compiler.preprocess import Preprocessed, preprocess
+from servogen.compiler.rawtext import AsmBlock
+from servogen.compiler.report import make_listing
+from servogen.compiler.rewrite import Rewritten, rewrite_tokens
+from servogen.compiler.settings import Settings
+from servogen.compiler.startup import arrange
+from servogen.compiler.stack import check_stack
+from servogen.errors import InputError, nearest
+from servogen.pic.device import Device, device
+from servogen.pic.image import Image
+from servogen.pic.listing import Listing
+from servogen.units import Clock
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """One C file: its text and the name that messages give it."""
+
+    text: str
+    file: str = "main.c"
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How to compile. `include` maps (name, including file) to (file name, text) or None."""
+
+    dialect: str = "c2c"
+    device: Device = field(default_factory=lambda: device("PIC16F84A"))
+    clock_hz: int | None = None
+    optimise: bool = True
+    include: Callable[[str, str], tuple[str, str] | None] | None = None
+    defines: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Compilation:
+    """What came out. `words` are program words without the configuration, `diagnostics` the warnings."""
+
+    image: Image
+    listing: Listing
+    clock: Clock | None
+    words: int
+    ram_bytes: int
+    diagnostics: tuple[Diagnostic, ...]
+
+
+def compile_sources(sources: Sequence[Source], options: Options | None = None) -> Compilation:
+    """Compile the source files of one program. Raises CompileError with all errors and warnings."""
+    options = options or Options()
+    if options.dialect not in DIALECTS:
+        raise InputError(f"unknown dialect '{options.dialect}'", hint=nearest(options.dialect, DIALECTS))
+    if not sources:
+        raise InputError("there is no source file to compile")
+    reporter = Reporter()
+    try:
+        return _compile(sources, options, reporter)
+    except Fatal:
+        raise CompileError(reporter.ordered()) from None
+
+
+def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) -> Compilation:
+    settings = Settings(options.device, reporter)
+    blocks: list[AsmBlock] = []
+    files = [_read(source, options, reporter, blocks, number) for number, source in enumerate(sources)]
+    all_macros: dict[str, Any] = {}
+    for found, _ in files:
+        all_macros.update(found.macros)
+        for pragma in found.pragmas:
+            settings.pragma(pragma)
+    clock = settings.clock(all_macros, options.clock_hz)
+    analysis = analyse(files, options, reporter, blocks, settings, clock)
+    reporter.stop_on_error()
+    backend = Backend(analysis.program, reporter, analysis.asm_symbols)
+    backend.check()
+    reporter.stop_on_error()
+    _mark_shared(backend)
+    codes = backend.generate()
+    reporter.stop_on_error()
+    arrangement = arrange(backend, analysis.program, settings, reporter)
+    for code in codes.values():
+        if options.optimise:
+            optimise(code)
+        switch_banks(code)
+    room = check_stack(codes, arrangement.roots, reporter)
+    reporter.stop_on_error()
+    expand_delays(codes, room)
+    memory = allocate(arrangement.roots, codes, arrangement.statics, {}, reporter)
+    layout = lay_out(arrangement.order(codes), memory, reporter, arrangement.tables)
+    reporter.stop_on_error()
+    image = Image(
+        {word.address: word.value for word in layout.words}, settings.config_word(clock), analysis.program.eeprom
+    )
+    listing = make_listing(layout, memory, codes, arrangement.statics, reporter)
+    return Compilation(image, listing, clock, len(layout.words), memory.used, reporter.ordered())
+
+
+def _read(
+    source: Source, options: Options, reporter: Reporter, blocks: list[AsmBlock], number: int
+) -> tuple[Preprocessed, Rewritten]:
+    found = preprocess(
+        source.text,
+        source.file,
+        defines={**macros(options.dialect, options.device), **options.defines},
+        headers=headers(options.dialect),
+        resolver=options.include,
+        reporter=reporter,
+        blocks=blocks,
+    )
+    return found, rewrite_tokens(found.tokens, blocks, reporter, number * 1000)
+
+
+def analyse(
+    files: list[tuple[Preprocessed, Rewritten]],
+    options: Options,
+    reporter: Reporter,
+    blocks: list[AsmBlock],
+    settings: Settings,
+    clock: Clock | None,
+) -> Builtins:
+    """Parse and check every file; heads first, so that functions may be called before they are written."""
+    analysis = Builtins(options.dialect, reporter)
+    analysis.clock, analysis.serial_settings, analysis.blocks = clock, settings.serial, blocks
+    bodies: list[tuple[Any, Any, Any]] = []
+    for _, rewritten in files:
+        units = parse(rewritten.tokens, named_types(), reporter)
+        analysis.begin_file(rewritten)
+        for unit in units:
+            try:
+                if isinstance(unit, c_ast.FuncDef):
+                    bodies.append((analysis.head(unit), unit, analysis.scopes))
+                elif isinstance(unit, (c_ast.Decl, c_ast.Typedef)):
+                    analysis.declare(unit)
+            except Fatal:
+                continue
+        analysis.file_assembly(rewritten, settings)
+    for function, unit, scopes in bodies:
+        analysis.scopes = scopes
+        analysis.define_function(function, unit)
+    analysis.finish(settings)
+    return analysis
+
+
+def _mark_shared(backend: Backend) -> None:
+    """Variables that the interrupt names are read and written as they stand."""
+    for symbol in globals_of(backend.program, backend.isr):
+        if symbol.static:
+            symbol.volatile = True

@@ -1,0 +1,180 @@
+"""Addresses: variables in RAM, functions in flash, labels; then words, the image and the listing's rows.
+
+In: optimised code, the globals, what goes into the reset and interrupt vectors. Out: words by address.
+Variables of a function lie above those of everything it calls, so that calls in progress never share a byte.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from servogen.compiler.diagnostics import Reporter
+from servogen.compiler.emitter import Code
+from servogen.compiler.machine import LABEL, Byte, Ins, Reg, assembly
+from servogen.compiler.tree import AddressByte, Symbol
+from servogen.errors import Place
+from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, RAM_FIRST, RAM_LAST
+from servogen.pic.isa import by_mnemonic, encode
+
+FLASH_FLAG = 0x80
+"""Set in the high byte of a pointer to flash."""
+
+
+@dataclass(slots=True)
+class Memory:
+    """Where variables are, and how many bytes are used."""
+
+    addresses: dict[Symbol, int] = field(default_factory=dict)
+    used: int = 0
+
+
+def allocate(
+    roots: list[str], codes: dict[str, Code], statics: list[Symbol], groups: dict[str, list[list[Symbol]]], reporter: Reporter
+) -> Memory:
+    """Addresses for every variable. `groups` are, per function, sets of variables that share a place."""
+    memory = Memory()
+    taken = {
+        symbol.address + each
+        for symbol in statics
+        if symbol.kind == "fixed" and symbol.address is not None
+        for each in range(symbol.size)
+    }
+    needed = 0
+    next_free = RAM_FIRST
+
+    def place(size: int, start: int) -> int:
+        at = start
+        while any(at + each in taken for each in range(size)):
+            at += 1
+        return at
+
+    for symbol in statics:
+        if symbol.kind == "global":
+            at = place(symbol.size, next_free)
+            memory.addresses[symbol] = at
+            next_free = at + symbol.size
+        elif symbol.kind == "fixed" and symbol.address is not None:
+            memory.addresses[symbol] = symbol.address
+    top = next_free
+    for root in roots:
+        base = top
+        ends: dict[str, int] = {}
+
+        def frame(name: str, base: int = base, ends: dict[str, int] = ends) -> int:
+            if name not in ends:
+                ends[name] = base  # guards against a loop of calls in assembly
+                at = max([base, *(frame(callee) for callee in codes[name].calls() if callee in codes)])
+                for group in groups.get(name, [[each] for each in codes[name].own]):
+                    size = max(each.size for each in group)
+                    at = place(size, at)
+                    for each in group:
+                        memory.addresses[each] = at
+                    at += size
+                ends[name] = at
+            return ends[name]
+
+        frame(root)
+        top = max([top, *ends.values()])
+    fixed_ram = [each for each in taken if RAM_FIRST <= each & 0x7F <= RAM_LAST]
+    outside = [each for each in fixed_ram if each & 0x7F >= top]
+    needed = top - RAM_FIRST + len(outside)
+    memory.used = needed
+    if needed > RAM_BYTES or top > RAM_LAST + 1:
+        file = next(iter(reporter.texts), None)
+        raise reporter.fatal(
+            f"the program needs {max(needed, top - RAM_FIRST)} bytes of RAM, the chip has {RAM_BYTES}", Place(file)
+        )
+    return memory
+
+
+@dataclass(slots=True)
+class Word:
+    """An instruction with its address."""
+
+    address: int
+    ins: Ins
+    function: str
+    value: int = 0
+
+
+@dataclass(slots=True)
+class Layout:
+    words: list[Word]
+    labels: dict[str, int]
+    starts: dict[str, tuple[int, int]]
+    """First and behind-last address of each function."""
+
+
+def lay_out(order: list[Code], memory: Memory, reporter: Reporter, tables: dict[Symbol, str]) -> Layout:
+    """Give each instruction its address and encode it. `tables` name the label of each flash object."""
+    words: list[Word] = []
+    labels: dict[str, int] = {}
+    starts: dict[str, tuple[int, int]] = {}
+    address = 0
+    for code in order:
+        begin = address
+        labels[code.name] = address
+        for ins in code.ins:
+            if ins.op == LABEL:
+                labels[ins.target] = address
+            elif ins.op == "ORG":
+                address = int(ins.k)  # type: ignore[arg-type]
+            else:
+                words.append(Word(address, ins, code.name))
+                address += 1
+        starts[code.name] = (begin, address)
+    if address > PROGRAM_WORDS:
+        file = next(iter(reporter.texts), None)
+        raise reporter.fatal(f"the program needs {address} words of flash, the chip has {PROGRAM_WORDS}", Place(file))
+    for word in words:
+        word.value = _encode(word, labels, memory, tables, reporter)
+    return Layout(words, labels, starts)
+
+
+def _encode(word: Word, labels: dict[str, int], memory: Memory, tables: dict[Symbol, str], reporter: Reporter) -> int:
+    ins = word.ins
+    fields: dict[str, int] = {}
+    operands = by_mnemonic()[ins.op].operands
+    if "f" in operands:
+        fields["f"] = file_address(ins, memory) & 0x7F
+    if "d" in operands:
+        fields["d"] = ins.d
+    if "b" in operands:
+        fields["b"] = ins.b
+    if "k" in operands:
+        fields["k"] = _literal(word, labels, memory, tables, reporter)
+    return encode(ins.op, **fields)
+
+
+def file_address(ins: Ins, memory: Memory) -> int:
+    match ins.f:
+        case Byte(symbol, offset):
+            return memory.addresses[symbol] + offset
+        case Reg(address):
+            return address
+    raise ValueError(assembly(ins))
+
+
+def _literal(word: Word, labels: dict[str, int], memory: Memory, tables: dict[Symbol, str], reporter: Reporter) -> int:
+    ins = word.ins
+    if ins.op in ("GOTO", "CALL"):
+        if ins.target.startswith("$"):
+            return word.address + int(ins.target[1:] or 0)
+        if ins.target not in labels:
+            name = ins.target.rsplit(".", 1)[-1]
+            raise reporter.fatal(f"assembly: there is no label '{name}'", ins.place or Place())
+        return labels[ins.target]
+    if isinstance(ins.k, AddressByte):
+        return address_byte(ins.k, labels, memory, tables)
+    return ins.k
+
+
+def address_byte(k: AddressByte, labels: dict[str, int], memory: Memory, tables: dict[Symbol, str]) -> int:
+    """One byte of the address of a variable or flash object, as pointers hold it."""
+    if k.symbol.kind == "flash":
+        where = labels[tables[k.symbol]] + k.offset
+        return where & 0xFF if k.part == 0 else where >> 8 | FLASH_FLAG
+    where = memory.addresses[k.symbol] + k.offset
+    return where >> 8 * k.part & 0xFF
+
+

@@ -1,0 +1,118 @@
+"""Optimisation of one function's instructions.
+
+In: a `Code`. Out: the same, smaller. User assembly is never touched.
+"""
+
+from __future__ import annotations
+
+from servogen.compiler.emitter import Code
+from servogen.compiler.machine import ENDS, LABEL, SKIPS, Ins
+
+
+def optimise(code: Code) -> None:
+    """Run the passes until nothing changes."""
+    for _ in range(20):
+        before = [(ins.op, ins.f, ins.d, ins.b, ins.k, ins.target) for ins in code.ins]
+        thread_jumps(code)
+        drop_unreachable(code)
+        drop_jumps_to_next(code)
+        if before == [(ins.op, ins.f, ins.d, ins.b, ins.k, ins.target) for ins in code.ins]:
+            return
+
+
+def _after(ins: list[Ins], start: int) -> int:
+    """The index of the first instruction at or after `start` that is not a label."""
+    while start < len(ins) and ins[start].op == LABEL:
+        start += 1
+    return start
+
+
+def thread_jumps(code: Code) -> None:
+    """A jump to a jump goes where that goes; a jump to RETURN returns."""
+    ins = code.ins
+    where = {each.target: number for number, each in enumerate(ins) if each.op == LABEL}
+    for each in ins:
+        if each.op != "GOTO" or each.fixed:
+            continue
+        for _ in range(10):
+            at = where.get(each.target)
+            if at is None:
+                break
+            at = _after(ins, at)
+            if at >= len(ins):
+                break
+            target = ins[at]
+            if target.op == "GOTO" and not target.fixed and target.target != each.target and target is not each:
+                each.target = target.target
+            elif target.op in ("RETURN", "RETFIE") and not target.fixed:
+                each.op, each.target = target.op, ""
+                break
+            else:
+                break
+
+
+def drop_unreachable(code: Code) -> None:
+    """Instructions that nothing reaches, and labels that nothing names."""
+    used = {each.target for each in code.ins if each.op in ("GOTO", "CALL")}
+    out: list[Ins] = []
+    reached = True
+    for each in code.ins:
+        if each.op == LABEL:
+            if each.target in used or each.fixed:
+                reached = True
+                out.append(each)
+            continue
+        if not reached and not each.fixed:
+            continue
+        skipped = bool(out) and out[-1].op in SKIPS
+        out.append(each)
+        if each.op in ENDS and not skipped:
+            reached = False
+    code.ins = out
+
+
+def drop_jumps_to_next(code: Code) -> None:
+    """GOTO to what follows anyway; and a skip over a GOTO over one instruction becomes the opposite skip."""
+    ins = code.ins
+    out: list[Ins] = []
+    number = 0
+    while number < len(ins):
+        each = ins[number]
+        follower = ins[number + 1] if number + 1 < len(ins) else None
+        if each.op == "GOTO" and not each.fixed and _leads_to(ins, number + 1, each.target):
+            if not (out and out[-1].op in SKIPS):
+                number += 1
+                continue
+            if out[-1].op in ("BTFSS", "BTFSC") and not out[-1].fixed:
+                out.pop()
+                number += 1
+                continue
+        if (
+            each.op in ("BTFSS", "BTFSC")
+            and not each.fixed
+            and follower is not None
+            and follower.op == "GOTO"
+            and not follower.fixed
+            and number + 2 < len(ins)
+            and ins[number + 2].real
+            and ins[number + 2].op not in SKIPS
+            and not ins[number + 2].fixed
+            and ins[number + 2].op != "DELAY"
+            and _leads_to(ins, number + 3, follower.target)
+        ):
+            if not (out and out[-1].op in SKIPS):
+                each.op = "BTFSC" if each.op == "BTFSS" else "BTFSS"
+                out += [each, ins[number + 2]]
+                number += 3
+                continue
+        out.append(each)
+        number += 1
+    code.ins = out
+
+
+def _leads_to(ins: list[Ins], at: int, label: str) -> bool:
+    while at < len(ins) and ins[at].op == LABEL:
+        if ins[at].target == label:
+            return True
+        at += 1
+    return False

@@ -1,0 +1,194 @@
+"""The C preprocessor: source text to tokens that know their file, line and column.
+
+In: a source file and the dialect's predefined macros. Out: tokens for the parser, the `#pragma` lines, and the
+values of macros that the compiler itself reads (`_CLOCK_FREQ`, `_XTAL_FREQ`). pcpp does the work.
+"""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pcpp.preprocessor import Action, OutputDirective, Preprocessor
+
+from servogen.compiler.diagnostics import Reporter
+from servogen.compiler.rawtext import AsmBlock, rewrite
+from servogen.errors import Place
+
+Resolver = Callable[[str, str], tuple[str, str] | None]
+"""(name, including file) -> (file name to show, text), or None when there is no such file."""
+
+
+@dataclass(frozen=True, slots=True)
+class PToken:
+    """A preprocessing token: its text and where the user wrote it."""
+
+    text: str
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Pragma:
+    words: str
+    place: Place
+
+
+@dataclass(slots=True)
+class Preprocessed:
+    tokens: list[PToken]
+    pragmas: list[Pragma]
+    macros: dict[str, tuple[str, Place]]
+    """Object-like macros at the end of the file."""
+
+
+class _Pcpp(Preprocessor):  # type: ignore[misc]
+    """pcpp with its files, errors and pragmas led to this compiler."""
+
+    def __init__(
+        self, reporter: Reporter, headers: Mapping[str, str], resolver: Resolver | None, blocks: list[AsmBlock]
+    ) -> None:
+        super().__init__()
+        self.reporter = reporter
+        self.headers = headers
+        self.resolver = resolver
+        self.blocks = blocks
+        self.pragmas: list[Pragma] = []
+        self.line_directive = None
+        self.depth = 0
+        self.starts: dict[str, list[int]] = {}
+        """Where each line starts in the text that the lexer sees."""
+
+    def on_error(self, file: str, line: int, msg: str) -> None:
+        self.reporter.error(f"preprocessor: {msg}", Place(file or None, line or None))
+
+    def on_directive_unknown(self, directive: Any, toks: Any, ifpassthru: bool, precedingtoks: Any) -> bool:
+        words = "".join(tok.value for tok in toks)
+        place = Place(directive.source, directive.lineno)
+        if directive.value == "pragma":
+            expanded = self.expand_macros([copy.copy(tok) for tok in toks[1:]])
+            rest = "".join(tok.value for tok in expanded)
+            self.pragmas.append(Pragma((toks[0].value + rest) if toks else "", place))
+        elif directive.value == "error":
+            self.reporter.error(f"#error {words}", place)
+        elif directive.value == "warning":
+            self.reporter.warn(f"#warning {words}", place)
+        else:
+            self.reporter.error(f"unknown preprocessor directive #{directive.value}", place)
+        raise OutputDirective(Action.IgnoreAndRemove)
+
+    def on_comment(self, tok: Any) -> bool:
+        return False
+
+    def include(self, tokens: list[Any], original_line: list[Any]) -> Iterator[Any]:
+        tokens = self.tokenstrip(tokens)
+        written = "".join(tok.value for tok in tokens)
+        place = Place(original_line[0].source, original_line[0].lineno)
+        match = re.fullmatch(r'<([^>]+)>|"([^"]+)"', written.strip())
+        if not match:
+            self.reporter.error("#include needs a name in <…> or quotes", place)
+            return
+        name = match[1] or match[2]
+        if name in self.headers:
+            found: tuple[str, str] | None = (f"<{name}>", self.headers[name])
+        else:
+            found = self.resolver(name, place.file or "") if self.resolver else None
+        if found is None:
+            known = ", ".join(sorted(self.headers))
+            self.reporter.error(
+                f"include file '{name}' was not found", place, hint=f"the compiler's own headers: {known}"
+            )
+            return
+        if found[0] in self.include_once:
+            return
+        if self.depth > 20:
+            self.reporter.error("#include nested more than 20 deep", place)
+            return
+        self.depth += 1
+        yield from self.parsegen(self.prepare(found[1], found[0]), found[0], found[0])
+        self.depth -= 1
+
+    def prepare(self, text: str, file: str) -> str:
+        """Register a source text; returns it as the lexer must see it."""
+        text = text.replace("\r\n", "\n").replace("\r", "\n")
+        self.reporter.add_source(file, text)
+        clean = "\n".join(line.rstrip() for line in text.splitlines())
+        lines = [line.rstrip() for line in rewrite(clean, file, self.blocks).splitlines()]
+        offsets = [0]
+        for line in lines:
+            offsets.append(offsets[-1] + len(line) + 1)
+        self.starts[file] = offsets
+        return "\n".join(lines)
+
+
+def preprocess(
+    text: str,
+    file: str,
+    *,
+    defines: Mapping[str, str],
+    headers: Mapping[str, str],
+    resolver: Resolver | None,
+    reporter: Reporter,
+    blocks: list[AsmBlock],
+) -> Preprocessed:
+    """Expand one source file. Errors go to the reporter."""
+    pcpp = _Pcpp(reporter, headers, resolver, blocks)
+    for name, value in defines.items():
+        pcpp.define(f"{name} {value}")
+    predefined = set(pcpp.macros)
+    tokens: list[PToken] = []
+    try:
+        stream = pcpp.parsegen(pcpp.prepare(text, file), file, file)
+        tokens = list(_placed(stream, reporter, pcpp.starts))
+    except (IndexError, AttributeError, ValueError, TypeError, StopIteration, RuntimeError, RecursionError):
+        # pcpp trips over malformed directives (an #if or #define without operands) in these ways.
+        where = pcpp.lastdirective
+        place = Place(where.source, where.lineno) if where is not None else Place(file)
+        reporter.error("malformed preprocessor directive", place)
+    macros = {
+        name: ("".join(tok.value for tok in macro.value).strip(), Place(macro.source, macro.lineno))
+        for name, macro in pcpp.macros.items()
+        if name not in predefined and macro.arglist is None
+    }
+    return Preprocessed(tokens, pcpp.pragmas, macros)
+
+
+_JOINING = re.compile(r"[0-9]\w*$")
+
+
+def _placed(stream: Iterator[Any], reporter: Reporter, starts: dict[str, list[int]]) -> Iterator[PToken]:
+    """Tokens without white space; a number and the letters that touch it are one token again."""
+    held: PToken | None = None
+    last = Place()
+    touching = False
+    for tok in stream:
+        if tok.type in ("CPP_WS", "CPP_LINECONT") or not tok.value.strip():
+            touching = False
+            continue
+        place = _place(tok, starts, reporter, last)
+        if held is not None and touching and _JOINING.match(held.text) and re.match(r"\w", tok.value):
+            held = PToken(held.text + tok.value, held.place)
+        else:
+            if held is not None:
+                yield held
+            held = PToken(tok.value, place)
+        last = place
+        touching = True
+    if held is not None:
+        yield held
+
+
+def _place(tok: Any, starts: dict[str, list[int]], reporter: Reporter, last: Place) -> Place:
+    file, line = tok.source, tok.lineno
+    lines = reporter.lines(file)
+    expanded = getattr(tok, "expanded_from", None)
+    if not 0 < line <= len(lines):
+        return Place(file, line)
+    if expanded:
+        after = last.column - 1 if last.line == line and last.file == file and last.column else 0
+        found = re.compile(rf"\b{re.escape(expanded[-1])}\b").search(lines[line - 1], after)
+        return Place(file, line, found.start() + 1 if found else None)
+    column = tok.lexpos - starts[file][line - 1] + 1
+    return Place(file, line, column if 0 < column <= len(lines[line - 1]) + 1 else None)

@@ -1,0 +1,87 @@
+"""Rewrites what the C preprocessor cannot read, in the source text itself, line for line.
+
+In: the text of a source file. Out: text of the same lines in which binary constants are hexadecimal ones padded
+to the same columns, and each block of assembly that is not an `asm("…")` is a numbered marker.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+MARKER = "__servogen_asm"
+
+_TOKEN = re.compile(
+    r"""(?P<comment>//[^\n]*|/\*.*?\*/)
+      | (?P<string>"(?:[^"\\\n]|\\.)*"|'(?:[^'\\\n]|\\.)*')
+      | (?P<hash>\#[ \t]*asm\b.*?\#[ \t]*endasm\b[^\n]*)
+      | (?P<asm>\b(?:__asm__|__asm|_asm|asm)\b(?!\s*\())
+      | (?P<binary>\b(?:0[bB][01]+|[01]+[bB])\b)
+      | (?P<word>\b\w+\b)""",
+    re.VERBOSE | re.DOTALL,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class AsmBlock:
+    """Lines of assembly as (line number in the file, text)."""
+
+    file: str
+    lines: tuple[tuple[int, str], ...]
+
+
+def rewrite(text: str, file: str, blocks: list[AsmBlock]) -> str:
+    """The text as the preprocessor takes it. Found blocks of assembly are appended to `blocks`."""
+    out: list[str] = []
+    position = 0
+    while match := _TOKEN.search(text, position):
+        out.append(text[position : match.start()])
+        position = match.end()
+        if match["binary"]:
+            out.append(_hexadecimal(match["binary"]))
+        elif match["hash"]:
+            body = match["hash"].split("\n", 1)
+            inside = body[1].rsplit("\n", 1)[0] if len(body) > 1 and "\n" in body[1] else ""
+            start = text.count("\n", 0, match.start()) + 2
+            out.append(_marker(blocks, file, start, inside) + "\n" * match["hash"].count("\n"))
+        elif match["asm"]:
+            body_start, end = _asm_extent(text, position)
+            inside = text[body_start:end].strip("{}") if text[body_start : body_start + 1] == "{" else text[body_start:end]
+            start = text.count("\n", 0, body_start) + 1
+            out.append(_marker(blocks, file, start, inside) + "\n" * text.count("\n", position, end))
+            position = end
+        else:
+            out.append(match.group())
+    out.append(text[position:])
+    return "".join(out)
+
+
+def _hexadecimal(constant: str) -> str:
+    digits = constant[2:] if constant[1:2] in "bB" and len(constant) > 2 else constant[:-1]
+    value = int(digits, 2)
+    shown = str(value) if value < 10 else f"0x{value:X}"
+    return shown.ljust(len(constant))
+
+
+def _marker(blocks: list[AsmBlock], file: str, start: int, inside: str) -> str:
+    lines = tuple(
+        (start + number, line) for number, line in enumerate(inside.split("\n")) if _code(line).strip()
+    )
+    blocks.append(AsmBlock(file, lines))
+    return f"{MARKER}({len(blocks) - 1});"
+
+
+def _code(line: str) -> str:
+    """An assembly line without its comment."""
+    return re.split(r";|//", line, maxsplit=1)[0]
+
+
+def _asm_extent(text: str, position: int) -> tuple[int, int]:
+    """Start and end of what follows the word asm: a block in braces, or the rest of the line."""
+    start = position
+    brace = re.compile(r"\s*\{").match(text, position)
+    if brace:
+        end = text.find("}", brace.end())
+        return brace.end() - 1, len(text) if end < 0 else end + 1
+    end = text.find("\n", position)
+    return start, len(text) if end < 0 else end
