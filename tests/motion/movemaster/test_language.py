@@ -40,7 +40,10 @@ TABLE = [
     (48, "ID", 0, 0, True),
     (49, "IN", 0, 0, True),
 ]
-NEEDED = "SP TI TL PL PX SF PT GS GT EQ CP IC DC ED RS OB OD OT TB".split()
+NEEDED = [
+    *("SP", "TI", "TL", "PL", "PX", "SF", "PT", "GS", "GT", "EQ", "CP", "IC", "DC", "ED", "RS"),
+    *("OB", "OD", "OT", "TB"),
+]
 
 
 @pytest.mark.parametrize(("number", "mnemonic", "least", "most", "in_program"), TABLE)

@@ -89,7 +89,8 @@ def test_a_statement_knows_its_place() -> None:
         ("10 SP 1.5", "a.rvm:1:7: program line 10: SP: n is not whole: 1.5\n  allowed: 0 to 9"),
         (
             "10 MO 1, X",
-            "a.rvm:1:10: program line 10: MO: hand cannot be 'X'\n  allowed: O (hand open) or C (hand closed)",
+            "a.rvm:1:10: program line 10: MO: hand cannot be 'X'\n"
+            "  allowed: O (hand open) or C (hand closed)",
         ),
         (
             "10 MS 1",
