@@ -86,7 +86,11 @@ def _labels(image: Image) -> dict[int, str]:
         if address in image.program:
             called = decoded.instruction.mnemonic == "CALL" or targets.get(address, "").startswith("sub")
             targets[address] = f"{'sub' if called else 'at'}_{address:03x}"
-    named = {address: name for address, name in VECTORS.items() if address in image.program}
+    named = {
+        address: name
+        for address, name in VECTORS.items()
+        if image.program.get(address, ERASED_WORD) != ERASED_WORD
+    }
     return dict(sorted((targets | named).items()))
 
 
@@ -140,7 +144,7 @@ def _reason(word: int) -> str:
         return f"erased; executes as {assembly_text(word)}"
     if decode(word) is None:
         return "not defined by the data sheet"
-    return f"executes as {assembly_text(word)}; it has bits that the chip ignores"
+    return f"executes as {assembly_text(word)}, with bits that the chip ignores"
 
 
 def _ids(ids: Mapping[int, int]) -> Iterator[str]:

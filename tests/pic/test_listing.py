@@ -1,0 +1,90 @@
+"""The text of a listing: source lines with their words and cycles, functions, and the map of RAM."""
+
+from __future__ import annotations
+
+from servogen.pic.assembler import assemble
+from servogen.pic.listing import ListedFunction, Listing, ListingRow, listing_text
+
+
+def test_an_assembly_lists_each_line_with_its_words() -> None:
+    source = (
+        "; wait\n list p=16f84\n cblock 0x0C\n n:2\n endc\nagain decfsz n, f\n goto again\n dt 1, 2\n end\n"
+    )
+    assert listing_text(assemble(source, "a.asm").listing).splitlines() == [
+        "4 of 1024 program words",
+        "",
+        "addr  word  cycles  instruction",
+        "a.asm:",
+        "                           1: ; wait",
+        "                           2:  list p=16f84",
+        "                           3:  cblock 0x0C",
+        "                           4:  n:2",
+        "                           5:  endc",
+        "                           6: again decfsz n, f",
+        "0000  0B8C  1(2)    DECFSZ 0x0C, F",
+        "                           7:  goto again",
+        "0001  2800  2       GOTO 0x000",
+        "                           8:  dt 1, 2",
+        "0002  3401  2       RETLW 0x01",
+        "0003  3402  2       RETLW 0x02",
+        "",
+        "addr  bytes  variable",
+        "000C      2  n",
+        "2 of 68 bytes of RAM",
+        "",
+        "0000              XX--",
+        "0010  ----------------",
+        "0020  ----------------",
+        "0030  ----------------",
+        "0040  ----------------",
+        "X used, - free",
+    ]
+
+
+def test_functions_have_their_size_ram_stack_and_cycles() -> None:
+    listing = Listing(
+        (ListingRow(0, 0x0008, "RETURN", "2", "m.c", 3),),
+        (
+            ListedFunction("main", 0, 1, 3, 2, None, None),
+            ListedFunction("step", 1, 11, 0, 0, 12, 12),
+            ListedFunction("wait", 11, 20, 1, 0, 5, None),
+            ListedFunction("both", 20, 22, 1, 0, 5, 9),
+        ),
+    )
+    text = listing_text(listing).splitlines()
+    assert text[-6:-1] == [
+        "function  start  words  bytes of RAM  deepest calls  cycles",
+        "main      0000       1             3              2  unknown",
+        "step      0001      10             0              0  12",
+        "wait      000B       9             1              0  5 to unbounded",
+        "both      0014       2             1              0  5 to 9",
+    ]
+
+
+def test_a_row_without_a_source_line_stands_alone() -> None:
+    rows = (ListingRow(0, 0x2805, "GOTO 0x005", "2"), ListingRow(5, 0, "NOP", "1", "m.c", 1))
+    text = listing_text(Listing(rows, sources=(("m.c", "int x;\n"),))).splitlines()
+    assert text[3:7] == [
+        "0000  2805  2       GOTO 0x005",
+        "m.c:",
+        "                           1: int x;",
+        "0005  0000  1       NOP",
+    ]
+
+
+def test_a_line_is_shown_again_when_code_comes_back_to_it() -> None:
+    rows = tuple(ListingRow(address, 0, "NOP", "1", "m.c", line) for address, line in enumerate((2, 1, 1)))
+    text = listing_text(Listing(rows, sources=(("m.c", "a\nb\n"),))).splitlines()
+    assert [line.strip() for line in text[4:10]] == [
+        "1: a",
+        "2: b",
+        "0000  0000  1       NOP",
+        "1: a",
+        "0001  0000  1       NOP",
+        "0002  0000  1       NOP",
+    ]
+
+
+def test_the_same_values_make_the_same_text() -> None:
+    listing = assemble(" nop\n end\n").listing
+    assert listing_text(listing) == listing_text(listing)
