@@ -14,7 +14,7 @@ from servogen.errors import InputError, nearest
 
 PROGRAM_WORDS = 1024  # DS35007 section 2.1
 ERASED_WORD = 0x3FFF  # an unprogrammed word: executes as ADDLW 0xFF
-STACK_LEVELS = 8  # DS35007 section 2.5: a circular buffer
+STACK_LEVELS = 8  # DS35007 section 2.4.1: a circular buffer
 RAM_FIRST, RAM_LAST = 0x0C, 0x4F  # DS35007 section 2.2: 68 bytes, mapped into bank 1 at 0x8C-0xCF
 RAM_BYTES = RAM_LAST - RAM_FIRST + 1
 EEPROM_BYTES = 64  # DS35007 section 3

@@ -141,7 +141,7 @@ def _instruction(word: int, target: Callable[[int], str]) -> str:
 def _reason(word: int) -> str:
     """Why a word is not written as an instruction."""
     if word == ERASED_WORD:
-        return f"erased; executes as {assembly_text(word)}"
+        return f"erased, executes as {assembly_text(word)}"
     if decode(word) is None:
         return "not defined by the data sheet"
     return f"executes as {assembly_text(word)}, with bits that the chip ignores"

@@ -71,6 +71,10 @@ def test_the_default_radix_can_be_chosen(asm: Any, radix: str, text: str, expect
         ("-.20%3", 0xFE),
         ("1<<2+1", 8),
         ("1<<2<<1", 8),
+        ("1<<.32", 0),
+        ("1<<-1", 0),
+        ("-5>>1", 0xFD),
+        ("-5>>.100", 0xFF),
         ("0x80>>3", 0x10),
         ("6&3|8", 0x0A),
         ("1|2^3", 0),  # one level, from the left: (1|2)^3

@@ -95,7 +95,7 @@ def test_undefined_words_and_ignored_bits_are_data_with_the_reason() -> None:
         "not defined by the data sheet",
         "executes as CLRW, with bits that the chip ignores",
         "executes as MOVLW 0xAB, with bits that the chip ignores",
-        "erased; executes as ADDLW 0xFF",
+        "erased, executes as ADDLW 0xFF",
         "not defined by the data sheet",
     ]
     assert "CLRW" in lines

@@ -1,4 +1,4 @@
-"""Six programs as a lab would write them, against another assembler: gpasm 1.4.0 made the .hex beside each."""
+"""Six programs as a lab would write them, against another assembler: gpasm made the .hex files."""
 
 from __future__ import annotations
 

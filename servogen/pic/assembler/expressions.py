@@ -100,14 +100,19 @@ def _quotient(left: int, right: int) -> int:
     return size if (left < 0) == (right < 0) else -size
 
 
+def _sign(value: int) -> int:
+    """What a shift by 32 and more, or by less than 0, leaves: gpasm's rule, MPASM leaves it open."""
+    return -1 if value < 0 else 0
+
+
 BINARY: Mapping[str, tuple[int, Callable[[int, int], int]]] = {
     "*": (7, operator.mul),
     "/": (7, _quotient),
     "%": (7, lambda left, right: left - right * _quotient(left, right)),
     "+": (6, operator.add),
     "-": (6, operator.sub),
-    "<<": (5, lambda left, right: left << (right & 31)),
-    ">>": (5, lambda left, right: left >> (right & 31)),
+    "<<": (5, lambda left, right: left << right if 0 <= right < 32 else _sign(left)),
+    ">>": (5, lambda left, right: left >> right if 0 <= right < 32 else _sign(left)),
     "<": (4, lambda left, right: int(left < right)),
     ">": (4, lambda left, right: int(left > right)),
     "<=": (4, lambda left, right: int(left <= right)),
