@@ -19,11 +19,13 @@ from servogen.motion.movemaster.ports import InputPort, Output
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A command that took frames: `frames` of them from `frame` on."""
+    """A command that took frames: `frames` of them from `frame` on; where it left the tool and the hand."""
 
     statement: Statement
     frame: int
     frames: int
+    pose: Pose
+    hand: str
 
 
 class Controller:
@@ -109,4 +111,5 @@ class Controller:
             if caution.place is None:
                 self.caution(replace(caution, place=statement.place))
         if self.mover.frame > before and statement.command.mnemonic != "RN":
-            self.steps.append(Step(statement, before, self.mover.frame - before))
+            frames = self.mover.frame - before
+            self.steps.append(Step(statement, before, frames, self.mover.pose, self.mover.hand_state))

@@ -18,6 +18,7 @@ from servogen.kinematics.unreachable import Unreachable, in_mm
 from servogen.motion.movemaster.arm import Manipulator
 from servogen.motion.movemaster.memory import CLOSED, OPEN, Pose
 from servogen.motion.movemaster.path import sampled
+from servogen.motion.paths import Line
 from servogen.motion.trajectory import Floats
 
 SPEEDS = 10
@@ -166,14 +167,9 @@ class Mover:
 
     def _check_line(self, samples: Floats, start: Pose, end: Pose, what: str, intermediate: int) -> None:
         """How far the tool leaves the line between its points, where only the joints are straight."""
-        one, two = (np.array([pose.x, pose.y, pose.z]) / 1000 for pose in (start, end))
-        length = float(np.linalg.norm(two - one))
-        if not len(samples) or length == 0.0:
-            return
-        along = (two - one) / length
-        away = fk_position(self.manipulator.arm, samples) - one
-        off = away - np.clip(away @ along, 0.0, length)[:, None] * along
-        worst = 1000 * float(np.linalg.norm(off, axis=1).max())
+        line = Line(*((each.x / 1000, each.y / 1000, each.z / 1000) for each in (start, end)))
+        tools = fk_position(self.manipulator.arm, samples)
+        worst = 1000 * float(line.distance(tools).max(initial=0.0))
         if worst > OFF_THE_LINE_MM:
             self.cautions.append(
                 Caution(

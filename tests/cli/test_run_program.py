@@ -1,0 +1,68 @@
+"""`servogen run-program`: what it prints, its JSON, its CSV."""
+
+import json
+from math import pi
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from servogen.cli import motion_commands
+from servogen.errors import InputError
+
+PROGRAM = "PD 1, 0, 300, 200, -90, 90\n10 MO 1\n20 OD 5\n30 GC\n40 IN\n50 ED\n"
+
+
+@pytest.fixture
+def app() -> typer.Typer:
+    app = typer.Typer()
+    motion_commands.register(app)
+    return app
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> str:
+    file = tmp_path / "p.rvm"
+    file.write_text(PROGRAM, "utf-8")
+    return str(file)
+
+
+def test_each_command_that_takes_time_is_a_row(app: typer.Typer, program: str) -> None:
+    shown = CliRunner().invoke(app, [program, "--input", "5=3"]).output
+    rows = [line.split()[:2] for line in shown.splitlines() if line.split()[:1] in (["10"], ["30"], ["40"])]
+    assert rows == [["10", "MO"], ["30", "GC"], ["40", "IN"]]
+    assert "&05" in shown
+
+
+def test_json_is_in_metres_and_radians(app: typer.Typer, program: str) -> None:
+    answer = json.loads(CliRunner().invoke(app, [program, "--input", "5=3", "--json"]).output)
+    step = answer["steps"][0]
+    assert (step["line"], step["command"]) == (10, "MO 1")
+    assert step["position_m"] == pytest.approx([0, 0.3, 0.2])
+    assert (step["pitch"], step["roll"]) == pytest.approx((-pi / 2, pi / 2))
+    assert answer["steps"][-1]["start_s"] + answer["steps"][-1]["duration_s"] == pytest.approx(5)
+    assert answer["outputs"][0]["value"] == 5
+    assert len(answer["final_joints"]) == len(answer["joints"]) == 5
+
+
+def test_csv_has_a_row_a_frame_in_degrees(app: typer.Typer, program: str, tmp_path: Path) -> None:
+    file = tmp_path / "joints.csv"
+    CliRunner().invoke(app, [program, "--input", "5=3", "--csv", str(file)])
+    head, first, *rest = file.read_text("utf-8").splitlines()
+    assert head == "time_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg"
+    assert first == "0,90.000000,0.000000,0.000000,0.000000,90.000000"
+    assert len(rest) == 250
+
+
+def test_an_error_has_the_program_s_place(app: typer.Typer, program: str) -> None:
+    result = CliRunner().invoke(app, [program])
+    assert isinstance(result.exception, InputError)
+    assert str(result.exception).startswith(f"{program}:5:4: program line 40: IN waits for a strobe")
+
+
+def test_a_program_that_does_not_end_is_stopped(app: typer.Typer, tmp_path: Path) -> None:
+    file = tmp_path / "p.rvm"
+    file.write_text("10 TI 1\n20 GT 10\n", "utf-8")
+    result = CliRunner().invoke(app, [str(file), "--most-s", "5"])
+    assert "the program would take longer than 5 s" in str(result.exception)
