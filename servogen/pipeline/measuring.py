@@ -38,8 +38,7 @@ def cautions(measurement: Measurement, models: Mapping[str, ServoModel]) -> tupl
 
 def _of_pin(measurement: Measurement, pin: PinMeasurement, model: ServoModel | None) -> tuple[Caution, ...]:
     name = PINS[pin.pin]
-    # The shortest, the usual and the longest say all that the checks ask of the periods.
-    periods = [float(measurement.us(each)) for each in (*_ends(pin), pin.period) if each is not None]
+    periods = [float(measurement.us(each)) for each in _periods(pin)]
     if model is None:
         widths = [float(measurement.us(width)) for width in pin.widths]
         return (*check_unknown(name, widths), *check_periods(periods, name))
@@ -47,5 +46,9 @@ def _of_pin(measurement: Measurement, pin: PinMeasurement, model: ServoModel | N
     return check_measured(servo(name, name, model), widths, periods)
 
 
-def _ends(pin: PinMeasurement) -> tuple[int, ...]:
-    return (min(pin.periods), max(pin.periods)) if pin.periods else ()
+def _periods(pin: PinMeasurement) -> list[int]:
+    """The period of each kind of frame, not of the changes from one kind to the next.
+
+    A pin with one pulse or two has no kind: all its periods.
+    """
+    return [kind.period for kind in pin.kinds] or list(pin.periods)
