@@ -146,6 +146,17 @@ def test_the_configuration_word_and_the_id_words(asm: Any) -> None:
     assert asm.assembled(" org 0x2007\n dw 0x3FF1").image.config == 0x3FF1
 
 
+def test_config_names_its_settings(asm: Any) -> None:
+    line = " config FOSC=XT, WDTE = off, PWRTE=ON\n config CP=OFF"
+    assert asm.assembled(line).image.config == 0x3FF1
+    assert asm.assembled(" config fosc=hs").image.config == 0x3FFE
+    assert asm.assembled(" config CP=ON, FOSC=EXTRC").image.config == 0x000F
+    assert asm.errors(" config WDT=OFF\n end") == ["1:9 181 unknown setting 'WDT'"]
+    assert asm.errors(" config FOSC=XTAL\n end") == ["1:9 181 unknown value 'XTAL' of FOSC"]
+    assert asm.errors(" config CP=ON, CP=OFF\n end") == ["1:16 118 CP is set twice"]
+    assert asm.errors(" config CP=ON\n __config 1\n end")[0].startswith("2:2 118")
+
+
 def test_too_large_an_id_and_a_wrong_place_of_the_configuration(asm: Any) -> None:
     assert asm.remarks(" __idlocs 0x12345") == ["1:2 304"]
     assert asm.errors(" __config 0x2008, 1\n end")[0].startswith("1:11 126")

@@ -6,6 +6,7 @@ In: addresses and words as the assembler meets them. Out: an `Image`.
 from __future__ import annotations
 
 from servogen.pic.assembler.messages import SourceError
+from servogen.pic.device import ERASED_WORD
 from servogen.pic.image import REGIONS, Image, Region
 
 
@@ -35,6 +36,10 @@ class Memory:
                 f"address 0x{address:04X} holds 0x{self._words[address]:04X} already", number=118
             )
         self._words[address] = word & part.largest
+
+    def change(self, address: int, mask: int, bits: int) -> None:
+        """Sets some bits of a word that is erased at first."""
+        self._words[address] = self._words.get(address, ERASED_WORD) & ~mask | bits
 
     def image(self) -> Image:
         found: dict[str, dict[int, int]] = {each.name: {} for each in REGIONS}

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import re
 
-from servogen.errors import InputError
+from servogen.errors import InputError, nearest
 from servogen.pic.assembler.expressions import Binary
 from servogen.pic.assembler.messages import Level, SourceError
 from servogen.pic.assembler.source import Statement
 from servogen.pic.assembler.state import Directive, Pass
 from servogen.pic.assembler.text import Text
-from servogen.pic.device import CONFIG_ADDRESS, ID_ADDRESS, device
+from servogen.pic.device import (
+    CONFIG_ADDRESS,
+    CONFIG_OSCILLATOR_MASK,
+    CONFIG_POWER_UP_TIMER_OFF,
+    CONFIG_WATCHDOG_ON,
+    DEVICES,
+    ID_ADDRESS,
+    OSCILLATORS,
+    device,
+)
 from servogen.pic.isa import WORD_MASK
 
 RADICES = {"hexadecimal": 16, "decimal": 10, "octal": 8}
@@ -101,6 +110,35 @@ def _config(state: Pass, found: Statement) -> None:
     state.put(CONFIG_ADDRESS, state.evaluate(fields[-1]), found)
 
 
+CONFIG_SETTINGS = {
+    "FOSC": (CONFIG_OSCILLATOR_MASK, {**OSCILLATORS, "EXTRC": OSCILLATORS["RC"]}),
+    "WDTE": (CONFIG_WATCHDOG_ON, {"ON": CONFIG_WATCHDOG_ON, "OFF": 0}),
+    "PWRTE": (CONFIG_POWER_UP_TIMER_OFF, {"ON": 0, "OFF": CONFIG_POWER_UP_TIMER_OFF}),
+    "CP": (DEVICES[0].code_protect_mask, {"ON": 0, "OFF": DEVICES[0].code_protect_mask}),
+}
+"""The settings of CONFIG: their bits, and the values that they take; both chips have the same."""
+
+
+def _config_settings(state: Pass, found: Statement) -> None:
+    """`config FOSC=XT, WDTE=OFF, …`: what is not said stays erased, that is 1."""
+    for part in found.rest.split(","):
+        name, _, value = (piece.strip().upper() for piece in part.chars.partition("="))
+        if name not in CONFIG_SETTINGS:
+            raise SourceError(
+                f"unknown setting '{name}'", part.column(0), nearest(name, CONFIG_SETTINGS), 181
+            )
+        mask, values = CONFIG_SETTINGS[name]
+        if value not in values:
+            raise SourceError(
+                f"unknown value '{value}' of {name}", part.column(0), nearest(value, values), 181
+            )
+        if name in state.settings:
+            raise SourceError(f"{name} is set twice", part.column(0), number=118)
+        state.settings.append(name)
+        if not state.first:
+            state.memory.change(CONFIG_ADDRESS, mask, values[value])
+
+
 def _idlocs(state: Pass, found: Statement) -> None:
     """The four hexadecimal digits of one value, one in each ID word."""
     value = state.one(found)
@@ -139,6 +177,7 @@ SETTINGS: dict[str, Directive] = {
     "error": _error,
     "__config": _config,
     "__fuses": _config,
+    "config": _config_settings,
     "__idlocs": _idlocs,
     "__maxram": _maxram,
     "__badram": _badram,

@@ -91,6 +91,8 @@ class Pass:
     cblock: int = 0
     ram_last: int | None = None
     bad_ram: set[int] = field(default_factory=set)
+    settings: list[str] = field(default_factory=list)
+    """The settings that CONFIG has made."""
     readers: list[Reader] = field(default_factory=list)
     turning: int = 0
     """How many WHILEs the line in hand is within."""
