@@ -50,7 +50,7 @@ def fk(arm: Arm, q: ArrayLike) -> Floats:
     out[3, 3] = 1.0
     for start in range(0, len(rows), BLOCK):
         part = slice(start, start + BLOCK)
-        chain = _whole_chain(arm, [rows[part, joint] for joint in range(rows.shape[1])])
+        chain = whole_chain(arm, [rows[part, joint] for joint in range(rows.shape[1])])
         for column, vector in enumerate((*chain.axes(), chain.origin)):
             for line, component in enumerate(vector):
                 out[line, column, part] = component
@@ -64,7 +64,7 @@ def fk_position(arm: Arm, q: ArrayLike) -> Floats:
     out = np.empty((3, len(rows)))
     for start in range(0, len(rows), BLOCK):
         part = slice(start, start + BLOCK)
-        chain = _whole_chain(arm, [rows[part, joint] for joint in range(rows.shape[1])])
+        chain = whole_chain(arm, [rows[part, joint] for joint in range(rows.shape[1])])
         for line, component in enumerate(chain.origin):
             out[line, part] = component
     return np.moveaxis(out, 0, -1).reshape(*q.shape[:-1], 3)
@@ -114,7 +114,7 @@ def link_frames(arm: Arm, q: ArrayLike) -> Floats:
     return frames
 
 
-def _whole_chain(arm: Arm, joints: list[Floats]) -> _Chain:
+def whole_chain(arm: Arm, joints: list[Floats]) -> Chain:
     chain = _start(arm)
     for row in arm.rows:
         chain.advance(arm, row, joints)
@@ -122,13 +122,13 @@ def _whole_chain(arm: Arm, joints: list[Floats]) -> _Chain:
     return chain
 
 
-def _start(arm: Arm) -> _Chain:
+def _start(arm: Arm) -> Chain:
     base = frame_matrix(arm.base).tolist()
     x, y, z, p = ((base[0][column], base[1][column], base[2][column]) for column in range(4))
-    return _Chain(x, y, z, p)
+    return Chain(x, y, z, p)
 
 
-class _Chain:
+class Chain:
     """A frame on its way along the rows: axes x, y before the turn still to be made about z, z, origin."""
 
     def __init__(self, x: Vector, y: Vector, z: Vector, origin: Vector) -> None:

@@ -105,13 +105,13 @@ class Leg:
     def solve(self, foot: ArrayLike, tolerance_m: float = REACH_TOLERANCE_M) -> Floats:
         """As `ik`, with NaN where a foot is off the surface."""
         foot = np.asarray(foot, float)
-        angles = self._nearest_at_height(foot)
+        angles = self.at_height(foot)
         error = np.linalg.norm(self.fk(angles[..., 0], angles[..., 1]) - foot[..., None, :], axis=-1)
         angles[~(error <= tolerance_m)] = np.nan
         return angles
 
-    def _nearest_at_height(self, foot: Floats) -> Floats:
-        """Angles of the same height and azimuth as `foot`; its distance from z is not looked at."""
+    def at_height(self, foot: Floats) -> Floats:
+        """Angles (..., 2, 2) of the height and azimuth of `foot`; its distance from z is not looked at."""
         beta = np.arccos(np.clip(-(foot[..., 2] + self.df) / self.bc, -1.0, 1.0))
         s = self.bc * np.sin(beta)
         azimuth = np.arctan2(foot[..., 1], foot[..., 0])
@@ -197,7 +197,7 @@ class Leg:
             self.beta_at(float(height))
         if beta_sign not in (1, -1):
             raise InputError(f"the sign of β is 1 or -1, not {beta_sign}")
-        angles = self._nearest_at_height(wanted)[:, 0 if beta_sign == 1 else 1, :]
+        angles = self.at_height(wanted)[:, 0 if beta_sign == 1 else 1, :]
         alpha = np.unwrap(angles[:, 0])
         foot = self.fk(alpha, angles[:, 1])
         return Stance(alpha, angles[:, 1], wanted, foot, wanted - foot)

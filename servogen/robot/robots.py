@@ -33,7 +33,6 @@ def _aliases() -> dict[str, str]:
     return {alias: name for name, document in documents.items() for alias in document.data.get("aliases", ())}
 
 
-@cache
 def catalogue(name: str) -> Robot:
     """The catalogue's robot of a short name or an alias. Raises InputError with the nearest known name."""
     files = _files()
@@ -41,7 +40,12 @@ def catalogue(name: str) -> Robot:
     short = short if short in files else _aliases().get(short, short)
     if short not in files:
         raise InputError(f"unknown robot '{name}'", hint=nearest(name, files))
-    document = tomlfile.parse(files[short].read_text("utf-8"), f"catalogue/robots/{short}.toml")
+    return _read(short)
+
+
+@cache
+def _read(short: str) -> Robot:
+    document = tomlfile.parse(_files()[short].read_text("utf-8"), f"catalogue/robots/{short}.toml")
     return file.robot_of(document, catalogue)
 
 

@@ -1,0 +1,319 @@
+"""Inverse kinematics: all solutions of a target, within the limits, each checked by forward kinematics.
+
+In: targets: positions (..., 3) in metres in the base's frame, with or without rotations (..., 3, 3).
+Out: `Solutions`, or for one target its joint positions by the choice rule; `Unreachable` where there is none.
+
+Decided:
+- A turning joint is given in the turn about the middle of its limits.
+- Where infinitely many solutions exist (a target on the axis of a joint) the joint stays at home.
+- Choice rule: the solution nearest to where the arm is (`near`, else home), the sum of the squares of the
+  joints' moves, each divided by its range; of equals the first in the order of the branches.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from servogen.errors import InputError, nearest
+from servogen.kinematics import numerical
+from servogen.kinematics.chain import BLOCK, fk, fk_position, whole_chain
+from servogen.kinematics.closed_forms import CLOSED_FORMS, WRIST_JOINTS, Branch, Target
+from servogen.kinematics.numerical import limits
+from servogen.kinematics.transforms import Floats, frame_matrix, inverse, rot
+from servogen.kinematics.unreachable import Unreachable
+from servogen.robot.model import Arm, Frame
+
+TOLERANCE = 1e-9
+"""How far (metres, and parts of a unit vector) forward kinematics may be from the target."""
+
+NUMERICAL_TOLERANCE = 1e-7
+"""The same for the numerical method, which creeps where the arm is nearly singular."""
+
+SAME = 1e-7
+"""Solutions whose joints are all nearer than this (radians, metres) count once."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solutions:
+    """Candidates of many targets: `q` (..., branches, n), NaN in every joint of a branch that is none."""
+
+    arm: Arm
+    q: Floats
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Which branches are solutions, shape (..., branches)."""
+        return ~np.isnan(self.q[..., 0])
+
+    def choose(self, near: ArrayLike | None = None) -> Floats:
+        """The solution of each target by the choice rule, shape (..., n); NaN where there is none."""
+        reference = np.asarray(self.arm.home if near is None else near, float)
+        lower, upper = limits(self.arm)
+        moves = (self.q - reference[..., None, :]) / (upper - lower)
+        away = np.einsum("...ij,...ij->...i", moves, moves)
+        best = np.argmin(np.where(np.isnan(away), np.inf, np.round(away, 12)), axis=-1)
+        return np.take_along_axis(self.q, best[..., None, None], axis=-2)[..., 0, :]
+
+
+def has_closed_form(arm: Arm, oriented: bool) -> bool:
+    """Whether `arm` is solved in closed form: a tool that moves the tip needs an orientation for it."""
+    if arm.closed_form is None:
+        return False
+    if arm.closed_form not in CLOSED_FORMS:
+        raise InputError(f"no closed form '{arm.closed_form}'", hint=nearest(arm.closed_form, CLOSED_FORMS))
+    tool = arm.tool
+    return oriented or (tool.x == tool.y == tool.z == 0.0)
+
+
+def solve(
+    arm: Arm,
+    position: ArrayLike,
+    rotation: ArrayLike | None = None,
+    tolerance: float | None = None,
+) -> Solutions:
+    """All solutions of all targets in closed form; the numerical method gives one where there is none."""
+    position, rotation = _checked(position, rotation)
+    shape = position.shape[:-1]
+    flat = position.reshape(-1, 3)
+    turns = None if rotation is None else np.broadcast_to(rotation, (*shape, 3, 3)).reshape(-1, 3, 3)
+    if has_closed_form(arm, rotation is not None):
+        q = _closed(arm, flat, turns, TOLERANCE if tolerance is None else tolerance, hard=True)
+    else:
+        found = numerical.search(arm, flat, turns)
+        q = np.where(found.within(tolerance or NUMERICAL_TOLERANCE)[:, None], found.q, np.nan)[:, None, :]
+    return Solutions(arm, q.reshape(*shape, *q.shape[1:]))
+
+
+def ik(
+    arm: Arm, position: ArrayLike, rotation: ArrayLike | None = None, near: ArrayLike | None = None
+) -> Floats:
+    """Joint positions (..., n) by the choice rule. Raises `Unreachable` for the first target without one."""
+    solutions = solve(arm, position, rotation)
+    q = solutions.choose(near)
+    lost = np.isnan(q[..., 0])
+    if lost.any():
+        index = tuple(int(each[0]) for each in np.nonzero(np.atleast_1d(lost)))[: lost.ndim]
+        turns = (
+            None if rotation is None else np.broadcast_to(np.asarray(rotation, float), (*lost.shape, 3, 3))
+        )
+        raise why_unreachable(
+            arm, np.asarray(position, float)[index], None if turns is None else turns[index]
+        )
+    return q
+
+
+def ik_all(
+    arm: Arm, position: ArrayLike, rotation: ArrayLike | None = None, near: ArrayLike | None = None
+) -> Floats:
+    """All solutions (k, n) of one target, the chosen one first. Raises `Unreachable` when there is none."""
+    target, turn = _checked(position, rotation)
+    if target.ndim != 1:
+        raise InputError("one target at a time: give x, y, z")
+    if has_closed_form(arm, turn is not None):
+        q = solve(arm, target, turn).q
+    else:
+        starts = np.vstack([arm.home if near is None else np.asarray(near, float), _spread(arm, 31)])
+        turns = None if turn is None else np.broadcast_to(turn, (len(starts), 3, 3))
+        found = numerical.search(arm, np.broadcast_to(target, (len(starts), 3)), turns, starts, starts=1)
+        q = found.q[found.within(NUMERICAL_TOLERANCE)]
+    q = q[~np.isnan(q[:, 0])]
+    if not len(q):
+        raise why_unreachable(arm, target, turn)
+    return _sorted_without_doubles(arm, q, near)
+
+
+def orientation_matrix(arm: Arm, position: ArrayLike, values: ArrayLike) -> Floats:
+    """The rotation (3, 3) of a target whose orientation is given in the robot's own terms, radians.
+
+    `rpy`: Rot(z, φ) Rot(y, θ) Rot(x, η). Arms with fewer joints: the angle `roll` about the approach, and for
+    the RV-M1 before it the `pitch` of the approach above the horizontal; the rest follows from the position.
+    """
+    names, given = orientation_names(arm), np.asarray(values, float)
+    if given.shape != (len(names),):
+        wanted = ", ".join(names) or "nothing"
+        raise InputError(
+            f"{arm.name} takes {wanted} beside x, y, z, not {given.size} values", hint="angles in degrees"
+        )
+    if arm.orientation == ("rpy",):
+        return np.asarray(rot("z", given[0]) @ rot("y", given[1]) @ rot("x", given[2]))
+    x, y, _ = np.asarray(position, float)
+    q = np.array(arm.home)
+    if np.hypot(x, y) > 1e-12:
+        q[0] = np.arctan2(y, x)
+    if arm.closed_form == "scara":
+        return np.asarray(rot("z", given[0]) @ rot("x", np.pi))
+    if arm.closed_form == "rv-m1":
+        q[1:] = 0.0, 0.0, given[0] + np.pi / 2, given[1]
+    elif arm.closed_form == "cylindrical":
+        q[3] = given[0]
+    else:
+        up = np.asarray(position, float)[2] - arm.length["l1"]
+        q[1:] = np.arctan2(up, np.hypot(x, y)), given[0]
+    return fk(arm, q)[:3, :3]
+
+
+def orientation_names(arm: Arm) -> tuple[str, ...]:
+    """What a target may give beside x, y, z, one name a number."""
+    return ("phi", "theta", "eta") if arm.orientation == ("rpy",) else arm.orientation
+
+
+def why_unreachable(arm: Arm, position: ArrayLike, rotation: ArrayLike | None = None) -> Unreachable:
+    """The error for one target without a solution: limits, distance or orientation, and the nearest point."""
+    target, turn = _checked(position, rotation)
+    if has_closed_form(arm, turn is not None):
+        free = _closed(arm, target[None], None if turn is None else turn[None], TOLERANCE, hard=False)[0]
+        free = free[~np.isnan(free[:, 0])]
+        if len(free):
+            return Unreachable(target.tolist(), _limit_reason(arm, free), nearest_point(arm, target))
+    point = nearest_point(arm, target)
+    missed = float(np.linalg.norm(np.asarray(point) - target))
+    if missed > NUMERICAL_TOLERANCE:
+        reason = (
+            f"it is {1000 * missed:.3f} mm from what the {len(arm.joints)} joints reach within their limits"
+        )
+    elif turn is not None:
+        reason = (
+            f"the {len(arm.joints)} joints reach the point, but not in this orientation within their limits"
+        )
+    else:
+        held = [joint.name for joint, kept in zip(arm.joints, _held(arm), strict=True) if kept]
+        reason = f"not with {', '.join(held) or 'these joints'} at home: give an orientation"
+    return Unreachable(target.tolist(), reason, point)
+
+
+def nearest_point(arm: Arm, position: ArrayLike) -> tuple[float, ...]:
+    """The reachable point (metres) nearest to `position`, in any orientation, within the limits."""
+    target = np.asarray(position, float)
+    starts = np.vstack([arm.home, _spread(arm, 47)])
+    found = numerical.search(arm, np.broadcast_to(target, (len(starts), 3)), None, starts, starts=1)
+    best = found.q[int(np.argmin(found.distance_m))]
+    return tuple(float(value) for value in fk_position(arm, best))
+
+
+def _checked(position: ArrayLike, rotation: ArrayLike | None) -> tuple[Floats, Floats | None]:
+    target = np.asarray(position, float)
+    turn = None if rotation is None else np.asarray(rotation, float)
+    if target.shape[-1:] != (3,) or not np.isfinite(target).all():
+        raise InputError("a target needs three finite coordinates x, y, z")
+    if turn is not None and (turn.shape[-2:] != (3, 3) or not np.isfinite(turn).all()):
+        raise InputError("an orientation is a rotation matrix of three rows and columns")
+    return target, turn
+
+
+def _closed(arm: Arm, position: Floats, rotation: Floats | None, tolerance: float, hard: bool) -> Floats:
+    """The solutions (m, branches, n) of targets (m, 3), NaN where none; `hard` keeps the limits."""
+    position, rotation = _without_base_and_tool(arm, position, rotation)
+    bare = _bare(arm)
+    blocks = []
+    for start in range(0, max(len(position), 1), BLOCK):
+        part = slice(start, start + BLOCK)
+        components = position[part].T.copy()
+        p = (components[0], components[1], components[2])
+        if rotation is None:
+            target = Target(p)
+        else:
+            turn = np.moveaxis(rotation[part], 0, -1).copy()
+            n, o, a = ((turn[0, axis], turn[1, axis], turn[2, axis]) for axis in range(3))
+            target = Target(p, n, o, a)
+        blocks.append(_branches(bare, target, tolerance, hard))
+    return np.moveaxis(np.concatenate(blocks, axis=-1) if len(blocks) > 1 else blocks[0], -1, 0)
+
+
+def _branches(arm: Arm, target: Target, tolerance: float, hard: bool) -> Floats:
+    """The solutions of one block, components last: (branches, n, m)."""
+    candidates: list[Branch] = CLOSED_FORMS[arm.closed_form or ""](arm, target)
+    q = np.empty((len(candidates), len(arm.joints), target.p[0].size))
+    for branch, values in enumerate(candidates):
+        for column, value in enumerate(values):
+            q[branch, column] = value
+    wrong = np.zeros((len(candidates), q.shape[2]), dtype=bool)
+    for column, joint in enumerate(arm.joints):
+        angles = q[:, column]
+        if joint.turning:
+            # into the turn about the middle of the limits; the ends themselves stay where they are
+            middle = 0.5 * (joint.lower + joint.upper)
+            angles -= (2 * np.pi) * np.rint((angles - middle) * (0.5 / np.pi))
+        if hard:
+            wrong |= (angles < joint.lower - TOLERANCE) | (angles > joint.upper + TOLERANCE)
+            np.clip(angles, joint.lower, joint.upper, out=angles)
+    wrong |= ~_gives_back(arm, q, target, tolerance)
+    np.copyto(q, np.nan, where=wrong[:, None, :])
+    return q
+
+
+def _gives_back(arm: Arm, q: Floats, target: Target, tolerance: float) -> NDArray[np.bool_]:
+    """Whether forward kinematics gives the target: position, and two axes of the orientation."""
+    chain = whole_chain(arm, [q[:, joint] for joint in range(q.shape[1])])
+    right = _square_distance(chain.origin, target.p) <= tolerance**2
+    if target.n is not None and target.a is not None:
+        x, _, z = chain.axes()
+        right &= _square_distance(x, target.n) + _square_distance(z, target.a) <= tolerance**2
+    return np.asarray(np.broadcast_to(right, (q.shape[0], q.shape[2])))
+
+
+def _square_distance(one: tuple[Floats | float, ...], two: tuple[Floats, ...]) -> Floats:
+    x, y, z = (np.subtract(a, b) for a, b in zip(one, two, strict=True))
+    return np.asarray(x * x + y * y + z * z)
+
+
+def _without_base_and_tool(
+    arm: Arm, position: Floats, rotation: Floats | None
+) -> tuple[Floats, Floats | None]:
+    """The target of the last row in the frame before the first: base⁻¹ T tool⁻¹."""
+    if not arm.base.identity:
+        back = inverse(frame_matrix(arm.base))
+        position = position @ back[:3, :3].T + back[:3, 3]
+        rotation = None if rotation is None else back[:3, :3] @ rotation
+    if not arm.tool.identity and rotation is not None:
+        back = inverse(frame_matrix(arm.tool))
+        rotation, position = rotation @ back[:3, :3], position + rotation @ back[:3, 3]
+    return position, rotation
+
+
+def _bare(arm: Arm) -> Arm:
+    return replace(arm, base=Frame(), tool=Frame())
+
+
+def _spread(arm: Arm, count: int) -> Floats:
+    lower, upper = limits(arm)
+    return np.asarray(np.random.default_rng(numerical.SEED).uniform(lower, upper, (count, len(lower))))
+
+
+def _held(arm: Arm) -> list[bool]:
+    """Which joints stay at home when no orientation is given."""
+    free = len(arm.joints) - WRIST_JOINTS.get(arm.closed_form or "", 0)
+    return [index >= free for index in range(len(arm.joints))]
+
+
+def _limit_reason(arm: Arm, free: Floats) -> str:
+    """Which joint of the solution that breaks the limits least is beyond them, and by what."""
+    lower, upper = limits(arm)
+    beyond = np.maximum(np.maximum(lower - free, free - upper), 0.0)
+    best = int(np.argmin((beyond / (upper - lower)).max(axis=1)))
+    parts = []
+    for joint, value, over in zip(arm.joints, free[best], beyond[best], strict=True):
+        if over > TOLERANCE:
+            factor, unit = (180 / np.pi, "°") if joint.turning else (1000.0, " mm")
+            parts.append(
+                f"{joint.name} would have to be at {value * factor:.3f}{unit},"
+                f" its limits are {joint.lower * factor:g}{unit} to {joint.upper * factor:g}{unit}"
+            )
+    return "; ".join(parts)
+
+
+def _sorted_without_doubles(arm: Arm, q: Floats, near: ArrayLike | None) -> Floats:
+    reference = np.asarray(arm.home if near is None else near, float)
+    lower, upper = limits(arm)
+    turning = np.array([joint.turning for joint in arm.joints])
+    away = np.round((((q - reference) / (upper - lower)) ** 2).sum(axis=1), 12)
+    kept: list[Floats] = []
+    for row in q[np.argsort(away, kind="stable")]:
+        apart = [
+            np.where(turning, np.abs(np.sin((row - other) / 2)) * 2, np.abs(row - other)) for other in kept
+        ]
+        if all(each.max() > SAME for each in apart):
+            kept.append(row)
+    return np.array(kept)

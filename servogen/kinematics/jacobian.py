@@ -1,0 +1,171 @@
+"""Jacobians of an `Arm`, singular configurations, manipulability and static torques.
+
+In: joint positions (..., n). Out: arrays (..., 6, n); the upper three rows are m/s, the lower three rad/s.
+
+    turning joint   ┌ z × (p_n - p) ┐      sliding joint   ┌ z ┐      z, p: the joint's axis (frame i-1 in
+                    └       z       ┘                      └ 0 ┘      standard DH, frame i in modified)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from servogen.errors import InputError
+from servogen.kinematics.chain import link_frames, row_axes
+from servogen.kinematics.orientation import rates_matrix, to_angles
+from servogen.kinematics.transforms import Floats
+from servogen.robot.model import Arm
+
+FrameName = int | Literal["n"]
+"""A frame: 0 is the base, 1 … the frame after that row, "n" the tool."""
+
+SINGULAR = 1e-9
+"""A singular value below this part of the largest counts as zero."""
+
+
+def with_pose(arm: Arm, q: ArrayLike) -> tuple[Floats, Floats]:
+    """The geometric Jacobian (..., 6, n) in the base's frame, and the tool's pose (..., 4, 4)."""
+    axes, pose = row_axes(arm, q)
+    jacobian = np.zeros((*pose.shape[:-2], 6, len(arm.joints)))
+    for axis in axes:
+        joint = axis.row.joint
+        if joint is None:
+            continue
+        if arm.joints[joint].turning:
+            lever = pose[..., :3, 3] - axis.point
+            jacobian[..., :3, joint] += axis.row.ratio * _cross(axis.direction, lever)
+            jacobian[..., 3:, joint] += axis.row.ratio * axis.direction
+        else:
+            jacobian[..., :3, joint] += axis.row.ratio * axis.direction
+    return jacobian, pose
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    """a × b by components: several times faster than numpy's own on long arrays."""
+    return np.stack(
+        [
+            a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1],
+            a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2],
+            a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0],
+        ],
+        axis=-1,
+    )
+
+
+def jacobian(arm: Arm, q: ArrayLike, frame: FrameName = 0) -> Floats:
+    """The geometric Jacobian (..., 6, n), its rows in a frame: diag(ᵃR₀, ᵃR₀) J."""
+    matrix, pose = with_pose(arm, q)
+    if frame == 0:
+        return matrix
+    if frame == "n":
+        turn = pose[..., :3, :3]
+    elif isinstance(frame, int) and 0 < frame <= len(arm.rows):
+        turn = link_frames(arm, q)[..., frame, :3, :3]
+    else:
+        raise InputError(
+            f"{arm.name} has no frame '{frame}'", hint=f"0 to {len(arm.rows)}, or n for the tool"
+        )
+    back = np.swapaxes(turn, -1, -2)
+    return np.concatenate([back @ matrix[..., :3, :], back @ matrix[..., 3:, :]], axis=-2)
+
+
+def analytic_jacobian(arm: Arm, q: ArrayLike, order: str = "ZYX") -> Floats:
+    """The analytic Jacobian (..., 6, n): position rates, then the rates of the three angles of `order`.
+
+    Its upper rows are the geometric ones; the lower are B⁻¹ J_ω. Raises InputError where B is singular.
+    """
+    matrix, pose = with_pose(arm, q)
+    rates = rates_matrix(to_angles(pose[..., :3, :3], order), order)
+    if np.any(np.abs(np.linalg.det(rates)) < SINGULAR):
+        raise InputError(
+            f"the angles {order} are singular at this pose: their rates are not determined",
+            hint="take another order, or the geometric Jacobian",
+        )
+    lower = np.linalg.solve(rates, matrix[..., 3:, :])
+    return np.concatenate([matrix[..., :3, :], lower], axis=-2)
+
+
+def manipulability(arm: Arm, q: ArrayLike, rows: Literal["position", "all"] = "position") -> Floats:
+    """Yoshikawa's measure: the product of the singular values of J; 0 where the arm is singular.
+
+    It is √det(J Jᵀ) for six joints or more. An arm with fewer is measured by the directions it has: by
+    "position" the upper three rows count, by "all" all six, whose units differ.
+    """
+    matrix = jacobian(arm, q)
+    values = np.linalg.svd(matrix[..., :3, :] if rows == "position" else matrix, compute_uv=False)
+    return np.asarray(np.prod(values, axis=-1))
+
+
+@dataclass(frozen=True, slots=True)
+class Singularity:
+    """What the Jacobian can do at one configuration, by its singular value decomposition.
+
+    `lost` are the tool speeds (6,) that no joint speed makes although another configuration of the arm could;
+    `idle` the joint speeds (n,) that do not move the tool (redundancy); both are unit vectors.
+    """
+
+    rank: int
+    full_rank: int
+    singular_values: tuple[float, ...]
+    lost: tuple[tuple[float, ...], ...]
+    idle: tuple[tuple[float, ...], ...]
+
+    @property
+    def singular(self) -> bool:
+        return self.rank < self.full_rank
+
+
+def singularity(arm: Arm, q: ArrayLike) -> Singularity:
+    """Whether the configuration q (n,) is singular, and which directions it loses.
+
+    The rank to be had is that at configurations in general: the greatest of a few that are far apart.
+    """
+    matrix = jacobian(arm, q)
+    if matrix.ndim != 2:
+        raise InputError("one configuration at a time: give n joint positions")
+    left, values, right = np.linalg.svd(matrix)
+    rank = _rank(values)
+    full = _general_rank(arm)
+    spare = max(full - rank, 0)
+    # Among the directions not reached now, those that the arm has elsewhere are called lost.
+    elsewhere = np.linalg.svd(jacobian(arm, _far_apart(arm)).swapaxes(0, 1).reshape(6, -1))[0][:, :6]
+    missing = left[:, rank:]
+    weights = np.linalg.norm(elsewhere.T @ missing, axis=0) if missing.size else np.zeros(0)
+    order = np.argsort(-weights, kind="stable")[:spare]
+    return Singularity(
+        rank,
+        full,
+        tuple(values.tolist()),
+        tuple(tuple(missing[:, index].tolist()) for index in order),
+        tuple(tuple(row.tolist()) for row in right[rank:]),
+    )
+
+
+def _rank(values: Floats) -> int:
+    return int(np.sum(values > SINGULAR * values.max(initial=0.0)))
+
+
+def _far_apart(arm: Arm) -> Floats:
+    """Eight configurations within the limits, at irrational parts of them, so that none is special."""
+    lower = np.array([joint.lower for joint in arm.joints])
+    upper = np.array([joint.upper for joint in arm.joints])
+    parts = np.outer(np.arange(1, 9), np.sqrt([2, 3, 5, 7, 11, 13, 17, 19, 23, 29])[: len(lower)]) % 1.0
+    return np.asarray(lower + parts * (upper - lower))
+
+
+def _general_rank(arm: Arm) -> int:
+    values = np.linalg.svd(jacobian(arm, _far_apart(arm)), compute_uv=False)
+    return max(_rank(each) for each in values)
+
+
+def static_torques(arm: Arm, q: ArrayLike, force: ArrayLike, moment: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
+    """Joint loads τ = Jᵀ (F, M), shape (..., n), of a force (..., 3) N and a moment (..., 3) N·m on the tool.
+
+    Base's frame; N·m on turning joints, N on sliding ones. The motors must give the opposite to hold still.
+    """
+    wrench = np.concatenate(np.broadcast_arrays(np.asarray(force, float), np.asarray(moment, float)), axis=-1)
+    return np.asarray((np.swapaxes(jacobian(arm, q), -1, -2) @ wrench[..., None])[..., 0])

@@ -1,0 +1,190 @@
+"""URDF: an `Arm` (the leg too) written as the robot description of ROS, and a serial chain read from one.
+
+In and out: URDF text, metres and radians. Reading and writing the XML is urdf_parser_py's (extra `urdf`).
+What URDF does not know is lost on the way out: the names of the lengths, home positions, the closed form.
+A row that follows another joint becomes a joint with `mimic`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from servogen.errors import InputError, Place, ToolError, nearest
+from servogen.kinematics.axes_to_rows import JointAxis, arm_of_axes, frame_of
+from servogen.kinematics.orientation import from_angles
+from servogen.kinematics.transforms import Floats, frame_matrix, transform
+from servogen.robot.model import Arm, DHRow, Frame, Joint
+
+_KINDS = {"revolute": "turning", "continuous": "turning", "prismatic": "sliding"}
+
+
+def _library() -> Any:
+    try:
+        from urdf_parser_py import urdf
+    except ImportError as error:
+        raise ToolError(
+            "URDF needs the package urdf-parser-py", hint="pip install 'servogen[urdf]'"
+        ) from error
+    return urdf
+
+
+def to_urdf(arm: Arm) -> str:
+    """The arm as URDF: links base, one a row, tool; joint axes are z.
+
+    The turn about z and the slide along z of a row commute, so the constant part of a row follows its joint:
+    joint k stands where the constant part of row k-1 ends.
+    """
+    urdf = _library()
+    robot = urdf.Robot(name=arm.name, version="1.0")
+    robot.add_link(urdf.Link(name="base"))
+    parent, waiting, owners = "base", frame_matrix(arm.base), dict[int, str]()
+    for row in arm.rows:
+        before, after = _constant_parts(arm, row)
+        waiting = waiting @ before
+        if row.joint is not None:
+            child = f"link{len(robot.joints) + 1}"
+            robot.add_link(urdf.Link(name=child))
+            robot.add_joint(_urdf_joint(urdf, arm, row, parent, child, waiting, owners))
+            parent, waiting = child, np.eye(4)
+        waiting = waiting @ after
+    robot.add_link(urdf.Link(name="tool"))
+    end = waiting @ frame_matrix(arm.tool)
+    robot.add_joint(urdf.Joint("tool", parent, "tool", "fixed", origin=_pose(urdf, end)))
+    return str(robot.to_xml_string())
+
+
+def _constant_parts(arm: Arm, row: DHRow) -> tuple[Floats, Floats]:
+    """What of a row stands before its joint and what behind it."""
+    screw = _about("z", row.theta) @ transform(None, (0.0, 0.0, row.d.value(arm.length)))
+    across = transform(None, (row.a.value(arm.length), 0.0, 0.0)) @ _about("x", row.alpha)
+    return (np.eye(4), screw @ across) if arm.convention == "standard" else (across, screw)
+
+
+def _about(axis: str, angle: float) -> Floats:
+    return frame_matrix(Frame(rz=angle) if axis == "z" else Frame(rx=angle))
+
+
+def _urdf_joint(
+    urdf: Any, arm: Arm, row: DHRow, parent: str, child: str, at: Floats, owners: dict[int, str]
+) -> Any:
+    number = row.joint or 0
+    joint = arm.joints[number]
+    follows = number in owners
+    if not follows and row.ratio != 1.0:
+        raise InputError(
+            f"{arm.name}: the first row of '{joint.name}' has the ratio {row.ratio}, URDF needs 1"
+        )
+    name = f"{joint.name}_follower_{child}" if follows else owners.setdefault(number, joint.name)
+    scale = abs(row.ratio)
+    ends = sorted((joint.lower * row.ratio, joint.upper * row.ratio))
+    return urdf.Joint(
+        name,
+        parent,
+        child,
+        "revolute" if joint.turning else "prismatic",
+        axis=[0, 0, 1],
+        origin=_pose(urdf, at),
+        limit=urdf.JointLimit(0.0, (joint.speed or 0.0) * scale, ends[0], ends[1]),
+        mimic=urdf.JointMimic(owners[number], row.ratio, 0.0) if follows else None,
+    )
+
+
+def _pose(urdf: Any, matrix: Floats) -> Any:
+    frame = frame_of(matrix)
+    return urdf.Pose(xyz=[frame.x, frame.y, frame.z], rpy=[frame.rx, frame.ry, frame.rz])
+
+
+def from_urdf(text: str, file: str, tip: str | None = None) -> Arm:
+    """The serial chain from the root to the link `tip`, by default the only end there is.
+
+    Its rows come from the joint axes; fixed joints belong to the links. Raises InputError for a tree whose
+    tip is not named, for other kinds of joints, for a text that is no URDF.
+    """
+    robot = _parsed(text, file)
+    chain = _chain(robot, file, tip)
+    moving = [joint for joint in chain if joint.type in _KINDS and joint.mimic is None]
+    numbers = {joint.name: index for index, joint in enumerate(moving)}
+    joints = [_joint(joint, file) for joint in moving]
+    frame, axes = np.eye(4), []
+    for joint in chain:
+        frame = frame @ _matrix(joint.origin)
+        if joint.type in _KINDS:
+            axes.append(_axis(joint, frame, numbers, file))
+        elif joint.type != "fixed":
+            raise InputError(
+                f"the joint '{joint.name}' is {joint.type}", Place(file), f"known: {', '.join(_KINDS)}, fixed"
+            )
+    return replace(arm_of_axes(robot.name, joints, axes, frame), source=file)
+
+
+def _parsed(text: str, file: str) -> Any:
+    urdf = _library()
+    from urdf_parser_py.xml_reflection.core import ParseError
+
+    # The library checks by assertions and conversions of its own; what it raises means a text that is wrong.
+    wrong = (ParseError, ValueError, AssertionError, KeyError, AttributeError, TypeError, SyntaxError)
+    try:
+        return urdf.URDF.from_xml_string(text.encode())
+    except wrong as error:
+        raise InputError(f"is no URDF: {error}", Place(file)) from error
+
+
+def _chain(robot: Any, file: str, tip: str | None) -> list[Any]:
+    parents = {joint.child: joint for joint in robot.joints}
+    ends = [link.name for link in robot.links if all(joint.parent != link.name for joint in robot.joints)]
+    if tip is None and len(ends) != 1:
+        raise InputError(
+            f"'{robot.name}' is no serial chain: it ends in {', '.join(ends) or 'nothing'}",
+            Place(file),
+            "name the tip",
+        )
+    link = tip or ends[0]
+    if link not in {each.name for each in robot.links}:
+        raise InputError(f"no link '{link}'", Place(file), nearest(link, [each.name for each in robot.links]))
+    chain: list[Any] = []
+    while link in parents:
+        joint = parents[link]
+        if joint in chain:
+            raise InputError(f"the joint '{joint.name}' closes a loop", Place(file), "URDF describes trees")
+        chain.insert(0, joint)
+        link = joint.parent
+    return chain
+
+
+def _joint(joint: Any, file: str) -> Joint:
+    kind = _KINDS[joint.type]
+    if joint.type == "continuous" or joint.limit is None:
+        if kind == "sliding":
+            raise InputError(f"the sliding joint '{joint.name}' has no limits", Place(file), "add <limit …/>")
+        lower, upper, speed = -np.pi, np.pi, joint.limit.velocity if joint.limit else None
+    else:
+        lower, upper, speed = joint.limit.lower or 0.0, joint.limit.upper or 0.0, joint.limit.velocity
+    if not lower < upper:
+        raise InputError(f"the limits of '{joint.name}' leave no room: {lower} to {upper}", Place(file))
+    home = min(max(0.0, lower), upper) if kind == "turning" else lower
+    return Joint(joint.name, "turning" if kind == "turning" else "sliding", lower, upper, home, speed or None)
+
+
+def _axis(joint: Any, frame: Floats, numbers: dict[str, int], file: str) -> JointAxis:
+    direction = frame[:3, :3] @ np.asarray(joint.axis if joint.axis is not None else (1.0, 0.0, 0.0), float)
+    x, y, z = frame[:3, 3].tolist()
+    a, b, c = direction.tolist()
+    if joint.mimic is None:
+        return JointAxis((x, y, z), (a, b, c), numbers[joint.name])
+    if joint.mimic.joint not in numbers:
+        raise InputError(
+            f"'{joint.name}' mimics '{joint.mimic.joint}', which is not in the chain", Place(file)
+        )
+    ratio = 1.0 if joint.mimic.multiplier is None else joint.mimic.multiplier
+    return JointAxis((x, y, z), (a, b, c), numbers[joint.mimic.joint], ratio, joint.mimic.offset or 0.0)
+
+
+def _matrix(origin: Any) -> Floats:
+    if origin is None:
+        return np.eye(4)
+    xyz = origin.xyz if origin.xyz is not None else (0.0, 0.0, 0.0)
+    roll, pitch, yaw = origin.rpy if origin.rpy is not None else (0.0, 0.0, 0.0)
+    return transform(from_angles([yaw, pitch, roll], "ZYX"), xyz)

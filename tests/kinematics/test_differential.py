@@ -1,0 +1,63 @@
+"""Differential motion: Δ, seen from other frames, cylindrical and spherical speeds."""
+
+import numpy as np
+import pytest
+
+from servogen.kinematics import differential as diff
+from servogen.kinematics import transforms as t
+from servogen.kinematics.orientation import from_axis_angle
+
+FRAME = t.translation(0.3, -0.2, 0.5) @ t.rotation("z", 0.4) @ t.rotation("x", -0.9)
+D, DELTA = np.array([0.2, -0.4, 0.1]), np.array([0.3, 0.5, -0.2])
+
+
+def moved(scale: float) -> np.ndarray:
+    turn = from_axis_angle(DELTA, scale * np.linalg.norm(DELTA))
+    return t.transform(turn, scale * D) @ FRAME
+
+
+def test_the_change_is_what_a_small_motion_does() -> None:
+    step = 1e-6
+    np.testing.assert_allclose(
+        diff.change(FRAME, D, DELTA), (moved(step) - moved(-step)) / (2 * step), atol=1e-9
+    )
+
+
+def test_the_motion_seen_from_the_frame_makes_the_same_change() -> None:
+    d, delta = diff.seen_from(FRAME, D, DELTA)
+    np.testing.assert_allclose(FRAME @ diff.differential(d, delta), diff.change(FRAME, D, DELTA), atol=1e-15)
+    np.testing.assert_allclose(
+        diff.differential(d, delta), t.inverse(FRAME) @ diff.differential(D, DELTA) @ FRAME, atol=1e-15
+    )
+
+
+def test_the_components_are_those_of_the_formula() -> None:
+    n, o, a, p = (FRAME[:3, column] for column in range(4))
+    d, delta = diff.seen_from(FRAME, D, DELTA)
+    assert delta == pytest.approx([DELTA @ n, DELTA @ o, DELTA @ a])
+    assert d == pytest.approx([axis @ (np.cross(DELTA, p) + D) for axis in (n, o, a)])
+
+
+def test_the_motion_is_found_again_from_the_change() -> None:
+    d, delta = diff.motion_of(diff.change(FRAME, D, DELTA), FRAME)
+    assert (d, delta) == (pytest.approx(D), pytest.approx(DELTA))
+
+
+def test_small_rotations_commute_to_first_order() -> None:
+    small = 1e-4
+    one, two = t.rot("x", small), t.rot("y", small)
+    assert np.abs(one @ two - two @ one).max() <= 1.01 * small**2
+    np.testing.assert_allclose(one @ two, np.eye(3) + t.skew([small, small, 0]), atol=1.01 * small**2)
+
+
+def test_cylindrical_and_spherical_speeds_are_the_derivatives() -> None:
+    step = 1e-6
+    for jacobian, position, point in (
+        (diff.cylindrical_jacobian(0.4, 0.7), t.cylindrical, (0.4, 0.7, 0.3)),
+        (diff.spherical_jacobian(0.4, 0.7, -0.5), t.spherical, (0.4, 0.7, -0.5)),
+    ):
+        for column in range(3):
+            change = step * np.eye(3)[column]
+            ahead, behind = position(*(point + change)), position(*(point - change))
+            way = (ahead - behind)[:3, 3] / (2 * step)
+            assert jacobian[:, column] == pytest.approx(way, abs=1e-9)

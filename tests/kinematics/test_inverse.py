@@ -1,0 +1,268 @@
+"""Inverse kinematics: every solution, limits, the choice rule, what cannot be reached and why."""
+
+from dataclasses import replace
+from math import radians
+
+import numpy as np
+import pytest
+
+from servogen.errors import InputError
+from servogen.kinematics import numerical
+from servogen.kinematics.chain import fk, fk_position
+from servogen.kinematics.closed_forms import WRIST_JOINTS
+from servogen.kinematics.inverse import ik, ik_all, nearest_point, orientation_matrix, solve
+from servogen.kinematics.transforms import wrapped
+from servogen.kinematics.unreachable import Unreachable
+from servogen.robot.model import Arm, Frame
+from servogen.robot.robots import arm
+
+
+def is_among(q: np.ndarray, solutions: np.ndarray, turning: list[bool]) -> np.ndarray:
+    apart = solutions - q[..., None, :]
+    apart = np.abs(np.where(turning, wrapped(apart), apart)).max(axis=-1)
+    return np.nanmin(apart, axis=-1) < 1e-5
+
+
+def with_wrist_at_home(found: Arm, q: np.ndarray) -> np.ndarray:
+    free = len(found.joints) - WRIST_JOINTS.get(found.closed_form or "", 0)
+    return np.concatenate(
+        [q[:, :free], np.broadcast_to(found.home[free:], (len(q), len(found.home) - free))], axis=1
+    )
+
+
+def check_all(found: Arm, q: np.ndarray, oriented: bool) -> None:
+    pose = fk(found, q)
+    solutions = solve(found, pose[:, :3, 3], pose[:, :3, :3] if oriented else None)
+    assert solutions.valid.any(axis=1).all()
+    given = fk(found, np.where(np.isnan(solutions.q), 0.0, solutions.q))
+    error = np.abs(given - pose[:, None])[solutions.valid]
+    assert (error if oriented else error[..., :3, 3]).max() < 1e-9
+    assert is_among(q, solutions.q, [joint.turning for joint in found.joints]).all()
+    lower, upper = numerical.limits(found)
+    kept = solutions.q[solutions.valid]
+    assert (kept >= lower).all() and (kept <= upper).all()
+
+
+def test_every_pose_comes_back_from_all_its_solutions(any_arm, configurations) -> None:
+    check_all(any_arm, configurations(any_arm, 10_000), oriented=True)
+
+
+def test_every_position_comes_back_with_the_wrist_at_home(any_arm, configurations) -> None:
+    check_all(any_arm, with_wrist_at_home(any_arm, configurations(any_arm, 10_000)), oriented=False)
+
+
+def test_with_other_home_values_too(any_arm, configurations) -> None:
+    homes = configurations(any_arm, 1)[0]
+    joints = tuple(
+        replace(joint, home=float(home)) for joint, home in zip(any_arm.joints, homes, strict=True)
+    )
+    other = replace(any_arm, joints=joints)
+    check_all(other, with_wrist_at_home(other, configurations(other, 500, seed=8)), oriented=False)
+
+
+def test_a_base_and_a_tool_are_taken_off_first(any_arm, configurations) -> None:
+    base, tool = Frame(0.1, -0.2, 0.3, 0.4, -0.5, 0.6), Frame(0.01, 0.02, 0.03, -0.4, 0.3, 0.2)
+    check_all(replace(any_arm, base=base, tool=tool), configurations(any_arm, 500), oriented=True)
+
+
+# robot -> how many solutions a target in general position has, with orientation and without, limits aside
+COUNTS = {
+    "theta-r": (1, 2),
+    "theta1-theta2": (1, 2),
+    "cylindrical": (1, 2),
+    "cylindrical-r2p": (1, 2),
+    "cartesian": (1, 1),
+    "scara": (2, 2),
+    "wrist-arm": (2, 2),
+    "anthropomorphic": (1, 4),
+    "rv-m1": (4, 4),
+    "irb6400c": (8, 4),
+    "spherical": (1, 4),
+    "spherical-wrist": (8, 4),
+    "leg": (1, 2),
+}
+
+
+def test_the_number_of_solutions_of_each_arm(any_arm, configurations) -> None:
+    wide = tuple(
+        replace(joint, lower=-np.pi if joint.turning else -9.0, upper=np.pi if joint.turning else 9.0)
+        for joint in any_arm.joints
+    )
+    free = replace(any_arm, joints=wide)
+    q = with_wrist_at_home(any_arm, configurations(any_arm, 200))
+    pose = fk(free, q)
+    oriented = solve(free, pose[:, :3, 3], pose[:, :3, :3]).valid.sum(axis=1)
+    alone = solve(free, pose[:, :3, 3]).valid.sum(axis=1)
+    assert (set(oriented.tolist()), set(alone.tolist())) == tuple({count} for count in COUNTS[any_arm.name])
+
+
+def test_the_numerical_method_reaches_the_same_targets(any_arm, configurations) -> None:
+    pose = fk(any_arm, configurations(any_arm, 10_000))
+    found = numerical.search(any_arm, pose[:, :3, 3], pose[:, :3, :3])
+    assert found.within(1e-7).mean() >= 0.999
+    alone = numerical.search(any_arm, pose[:, :3, 3])
+    assert alone.within(1e-7).mean() >= 0.999
+    np.testing.assert_allclose(
+        fk_position(any_arm, alone.q)[alone.within(1e-7)], pose[alone.within(1e-7), :3, 3], atol=1e-7
+    )
+
+
+def test_the_numerical_solution_is_one_of_the_closed_form(configurations) -> None:
+    robot = arm("rv-m1")
+    pose = fk(robot, configurations(robot, 200))
+    found = numerical.search(robot, pose[:, :3, 3], pose[:, :3, :3])
+    assert is_among(found.q, solve(robot, pose[:, :3, 3], pose[:, :3, :3]).q, [True] * 5).all()
+
+
+def test_the_worked_pose_of_the_scara_has_both_elbows() -> None:
+    both = ik_all(arm("scara"), [0.3464101615, 0.5, 0.25])
+    assert both[0] == pytest.approx([radians(30), radians(60), 0.2, 0.0], abs=1e-8)
+    assert both[1][1] == pytest.approx(-radians(60), abs=1e-8)
+    assert len(both) == 2
+
+
+def test_the_chosen_solution_is_the_nearest_to_where_the_arm_is() -> None:
+    robot = arm("scara")
+    target = [0.3464101615, 0.5, 0.25]
+    other = ik_all(robot, target)[1]
+    np.testing.assert_allclose(ik(robot, target, near=other + 0.05), other)
+    np.testing.assert_allclose(ik_all(robot, target, near=other)[0], other)
+
+
+def test_a_missing_orientation_leaves_the_wrist_at_home() -> None:
+    for solution in ik_all(arm("rv-m1"), [0.2, 0.1, 0.4]):
+        assert solution[3:] == pytest.approx([0, np.pi / 2])
+        assert fk_position(arm("rv-m1"), solution) == pytest.approx([0.2, 0.1, 0.4], abs=1e-12)
+
+
+def test_pitch_and_roll_of_the_rv_m1_are_those_of_its_command_language() -> None:
+    robot, target = arm("rv-m1"), [0.2, 0.1, 0.4]
+    turn = orientation_matrix(robot, target, [radians(-60), radians(25)])
+    first = [q for q in ik_all(robot, target, turn) if abs(q[0] - np.arctan2(0.1, 0.2)) < 1e-9]
+    assert len(first) == 2
+    for q in first:
+        assert np.sin(q[1] + q[2] + q[3] - np.pi / 2 - radians(-60)) == pytest.approx(0, abs=1e-9)
+        assert q[4] == pytest.approx(radians(25))
+
+
+def test_the_roll_of_each_small_arm_is_its_last_angle() -> None:
+    for name, target in (("scara", [0.4, 0.2, 0.3]), ("cylindrical", [0.2, 0.1, 0.3])):
+        robot = arm(name)
+        turn = orientation_matrix(robot, target, [0.4])
+        for q in ik_all(robot, target, turn):
+            roll = q[0] + q[1] - q[3] if name == "scara" else q[3]
+            assert roll == pytest.approx(0.4)
+    robot = arm("wrist-arm")
+    target = fk_position(robot, [0.3, 0.5, 0.0])
+    q = ik(robot, target, orientation_matrix(robot, target, [0.4]))
+    assert q == pytest.approx([0.3, 0.5, 0.4])
+
+
+def test_an_arm_says_what_it_takes_beside_the_position() -> None:
+    with pytest.raises(InputError, match="rv-m1 takes pitch, roll beside x, y, z, not 1 values"):
+        orientation_matrix(arm("rv-m1"), [0.2, 0.1, 0.4], [1.0])
+    with pytest.raises(InputError, match="theta-r takes nothing"):
+        orientation_matrix(arm("theta-r"), [0.2, 0.1, 0.4], [1.0])
+
+
+def test_above_its_first_axis_the_rv_m1_takes_the_plane_of_its_tool() -> None:
+    robot = arm("rv-m1")
+    for q in ([0.7, 1.0, 1.2, 0.4, 0.3], [0.7, np.pi / 2, 0.0, np.pi / 2, 0.3]):
+        q = np.array(q)
+        pose = fk(robot, q)
+        if abs(pose[0, 3]) > 1e-9:
+            inner = -robot.length["a2"] * np.cos(q[1]) - robot.length["a3"] * np.cos(q[1] + q[2])
+            q[3] = np.arcsin(inner / robot.length["d5"]) - q[1] - q[2] if abs(inner) < 0.072 else q[3]
+            pose = fk(robot, q)
+        for solution in ik_all(robot, pose[:3, 3], pose[:3, :3]):
+            np.testing.assert_allclose(fk(robot, solution), pose, atol=1e-9)
+
+
+def test_a_stretched_wrist_keeps_its_fourth_joint_at_home() -> None:
+    robot = arm("irb6400c")
+    pose = fk(robot, [0.3, 0.4, 0.5, 0.6, 0.0, 0.7])
+    for q in ik_all(robot, pose[:3, 3], pose[:3, :3]):
+        np.testing.assert_allclose(fk(robot, q), pose, atol=1e-9)
+    assert any(abs(q[3]) < 1e-12 and abs(q[4]) < 1e-7 for q in ik_all(robot, pose[:3, 3], pose[:3, :3]))
+
+
+def test_a_target_out_of_reach_names_the_distance_and_the_nearest_point() -> None:
+    with pytest.raises(Unreachable, match=r"300\.000 mm from what the 4 joints reach") as caught:
+        ik(arm("scara"), [1.0, 0.0, 0.3])
+    assert caught.value.nearest == pytest.approx((0.7, 0.0, 0.3), abs=1e-6)
+    assert "nearest reachable point" in (caught.value.hint or "")
+
+
+def test_a_target_beyond_a_limit_names_the_joint_and_its_limits() -> None:
+    with pytest.raises(
+        Unreachable, match=r"q3 would have to be at 250\.000 mm, its limits are 0 mm to 200 mm"
+    ) as caught:
+        ik(arm("scara"), [0.5, 0.1, 0.2])
+    assert caught.value.nearest == pytest.approx((0.5, 0.1, 0.25), abs=1e-6)
+
+
+def test_an_orientation_that_the_joints_cannot_give_is_named() -> None:
+    with pytest.raises(Unreachable, match="reach the point, but not in this orientation") as caught:
+        ik(arm("scara"), [0.5, 0.1, 0.3], np.eye(3))
+    assert caught.value.nearest == pytest.approx((0.5, 0.1, 0.3), abs=1e-6)
+
+
+def test_the_first_unreachable_target_of_many_is_the_one_named() -> None:
+    targets = [[0.5, 0.1, 0.3], [2.0, 0.0, 0.3], [3.0, 0.0, 0.3]]
+    with pytest.raises(Unreachable, match=r"2000\.000"):
+        ik(arm("scara"), targets)
+    assert solve(arm("scara"), targets).valid.any(axis=1).tolist() == [True, False, False]
+
+
+def test_no_configuration_is_nearer_than_the_nearest_point(any_arm, configurations) -> None:
+    cloud = fk_position(any_arm, configurations(any_arm, 20_000))
+    for target in ([2.5, 0.3, 0.2], [0.0, 0.0, -3.0], [0.0, 0.0, 0.0]):
+        here = np.linalg.norm(np.subtract(nearest_point(any_arm, target), target))
+        assert here <= np.linalg.norm(cloud - target, axis=1).min() + 1e-6
+
+
+def test_limits_are_hard(configurations) -> None:
+    robot = arm("scara")
+    tight = replace(robot, joints=tuple(replace(joint, lower=0.0) for joint in robot.joints))
+    pose = fk(robot, configurations(tight, 1000))
+    solutions = solve(tight, pose[:, :3, 3])
+    assert np.nanmin(solutions.q) >= 0.0
+    assert (solutions.valid.sum(axis=1) <= 1).all()
+
+
+def test_targets_at_the_edge_of_reach_and_at_the_limits_themselves_are_reached() -> None:
+    robot = arm("scara")
+    lower, upper = numerical.limits(robot)
+    for q in (lower, upper, [0, 0, 0, 0], [upper[0], lower[1], upper[2], 0]):
+        target = fk_position(robot, np.where([1, 1, 1, 0], q, 0.0))
+        assert fk_position(robot, ik(robot, target)) == pytest.approx(target, abs=1e-9)
+
+
+def test_an_arm_without_a_closed_form_is_solved_numerically(configurations) -> None:
+    robot = replace(arm("rv-m1"), closed_form=None)
+    pose = fk(robot, configurations(robot, 50))
+    q = ik(robot, pose[:, :3, 3], pose[:, :3, :3])
+    np.testing.assert_allclose(fk(robot, q), pose, atol=2e-7)
+    assert len(ik_all(robot, pose[0, :3, 3], pose[0, :3, :3])) == 4
+    with pytest.raises(Unreachable, match="from what the 5 joints reach"):
+        ik(robot, [1.0, 0.0, 0.3])
+
+
+def test_a_tool_beside_the_axis_needs_the_numerical_method_when_no_orientation_is_given() -> None:
+    robot = arm("anthropomorphic").with_tool(Frame(x=0.02, y=0.03))
+    target = fk_position(robot, [0.3, 0.4, 0.5])
+    for q in ik_all(robot, target):
+        assert fk_position(robot, q) == pytest.approx(target, abs=1e-7)
+
+
+def test_a_closed_form_that_is_none_is_refused() -> None:
+    with pytest.raises(InputError, match=r"no closed form 'rvm1'\n.*rv-m1"):
+        ik(replace(arm("rv-m1"), closed_form="rvm1"), [0.2, 0.1, 0.4])
+
+
+def test_targets_that_are_no_points_are_refused() -> None:
+    for wrong in ([1.0, 2.0], [np.nan, 0.0, 0.0]):
+        with pytest.raises(InputError, match="three finite coordinates"):
+            ik(arm("scara"), wrong)
+    with pytest.raises(InputError, match="rotation matrix"):
+        ik(arm("scara"), [0.5, 0.1, 0.3], [1.0, 2.0])

@@ -1,0 +1,128 @@
+"""Jacobians against differences, frames, singularities, statics."""
+
+import numpy as np
+import pytest
+
+from servogen.errors import InputError
+from servogen.kinematics.chain import fk, fk_position, link_frames
+from servogen.kinematics.jacobian import (
+    analytic_jacobian,
+    jacobian,
+    manipulability,
+    singularity,
+    static_torques,
+)
+from servogen.kinematics.orientation import to_angles
+from servogen.kinematics.transforms import wrapped
+from servogen.robot.robots import arm
+
+STEP = 1e-6
+
+
+def differences(robot, q: np.ndarray) -> np.ndarray:
+    columns = []
+    for joint in range(len(q)):
+        ahead, behind = (fk(robot, q + sign * STEP * np.eye(len(q))[joint]) for sign in (1, -1))
+        change = (ahead - behind) / (2 * STEP)
+        spin = change[:3, :3] @ fk(robot, q)[:3, :3].T
+        columns.append([*change[:3, 3], spin[2, 1], spin[0, 2], spin[1, 0]])
+    return np.array(columns).T
+
+
+def test_the_geometric_jacobian_is_what_small_steps_do(any_arm, configurations) -> None:
+    for q in configurations(any_arm, 5):
+        np.testing.assert_allclose(jacobian(any_arm, q), differences(any_arm, q), atol=1e-8)
+
+
+def test_many_configurations_at_once(any_arm, configurations) -> None:
+    q = configurations(any_arm, 6)
+    many = jacobian(any_arm, q.reshape(2, 3, -1))
+    assert many.shape == (2, 3, 6, len(any_arm.joints))
+    np.testing.assert_allclose(many[1, 2], jacobian(any_arm, q[5]), atol=1e-15)
+
+
+def test_in_another_frame_both_halves_are_turned(any_arm, configurations) -> None:
+    q = configurations(any_arm, 1)[0]
+    plain = jacobian(any_arm, q)
+    for frame in (1, len(any_arm.rows)):
+        turn = link_frames(any_arm, q)[frame, :3, :3]
+        found = jacobian(any_arm, q, frame)
+        np.testing.assert_allclose(turn @ found[:3], plain[:3], atol=1e-14)
+        np.testing.assert_allclose(turn @ found[3:], plain[3:], atol=1e-14)
+    turn = fk(any_arm, q)[:3, :3]
+    np.testing.assert_allclose(turn @ jacobian(any_arm, q, "n")[:3], plain[:3], atol=1e-14)
+    with pytest.raises(InputError, match="has no frame '99'"):
+        jacobian(any_arm, q, 99)
+
+
+@pytest.mark.parametrize("order", ["ZYX", "ZYZ", "XYZ"])
+def test_the_analytic_jacobian_is_the_derivative_of_the_angles(configurations, order: str) -> None:
+    robot = arm("irb6400c")
+    for q in configurations(robot, 5):
+        found = analytic_jacobian(robot, q, order)
+        for joint in range(6):
+            step = STEP * np.eye(6)[joint]
+            ahead, behind = (to_angles(fk(robot, q + sign * step)[:3, :3], order) for sign in (1, -1))
+            rates = wrapped(ahead - behind) / (2 * STEP)
+            np.testing.assert_allclose(found[3:, joint], rates, atol=1e-6 * max(1, np.abs(rates).max()))
+        np.testing.assert_array_equal(found[:3], jacobian(robot, q)[:3])
+
+
+def test_at_a_singular_orientation_the_analytic_jacobian_is_refused() -> None:
+    with pytest.raises(InputError, match="the angles ZYZ are singular"):
+        analytic_jacobian(arm("scara"), [0.1, 0.2, 0.1, 0.3], "ZYZ")
+
+
+def test_the_spherical_arms_determinant_is_its_manipulability(configurations) -> None:
+    robot = arm("spherical")
+    for q in configurations(robot, 10):
+        assert manipulability(robot, q) == pytest.approx(q[2] ** 2 * abs(np.sin(q[1])))
+
+
+def test_the_manipulability_of_six_joints_is_the_determinant(configurations) -> None:
+    robot = arm("irb6400c")
+    for q in configurations(robot, 5):
+        assert manipulability(robot, q, "all") == pytest.approx(abs(np.linalg.det(jacobian(robot, q))))
+
+
+def test_a_stretched_anthropomorphic_arm_cannot_go_outwards() -> None:
+    robot = arm("anthropomorphic")
+    regular, stretched = singularity(robot, [0.3, 0.4, 0.5]), singularity(robot, [0.3, 0.4, 0.0])
+    assert (regular.rank, regular.singular) == (3, False)
+    assert regular.lost == ()
+    assert stretched.full_rank == 3
+    assert manipulability(robot, [0.3, 0.4, 0.0]) == pytest.approx(0, abs=1e-12)
+    outwards = fk_position(robot, [0.3, 0.4, 0.0])
+    assert jacobian(robot, [0.3, 0.4, 0.0])[:3].T @ outwards == pytest.approx([0, 0, 0], abs=1e-15)
+
+
+def test_an_upright_wrist_arm_and_a_stretched_wrist_are_singular() -> None:
+    assert singularity(arm("wrist-arm"), [0.3, np.pi / 2, 0.5]).singular
+    assert not singularity(arm("wrist-arm"), [0.3, 0.4, 0.5]).singular
+    found = singularity(arm("irb6400c"), [0.3, 0.4, 0.5, 0.6, 0.0, 0.7])
+    assert (found.rank, found.full_rank, len(found.lost), len(found.idle)) == (5, 6, 1, 1)
+    np.testing.assert_allclose(np.abs(found.idle[0]), [0, 0, 0, np.sqrt(0.5), 0, np.sqrt(0.5)], atol=1e-9)
+    lost = jacobian(arm("irb6400c"), [0.3, 0.4, 0.5, 0.6, 0.0, 0.7]).T @ found.lost[0]
+    assert np.abs(lost).max() < 1e-12
+
+
+def test_static_loads_are_the_work_of_the_force_per_joint_step(any_arm, configurations) -> None:
+    force = np.array([3.0, -2.0, 5.0])
+    for q in configurations(any_arm, 5):
+        loads = static_torques(any_arm, q, force)
+        for joint in range(len(q)):
+            step = STEP * np.eye(len(q))[joint]
+            way = (fk_position(any_arm, q + step) - fk_position(any_arm, q - step)) / (2 * STEP)
+            assert loads[joint] == pytest.approx(force @ way, abs=1e-7)
+
+
+def test_a_moment_loads_the_joints_by_their_axes() -> None:
+    loads = static_torques(arm("scara"), [0.1, 0.2, 0.1, 0.3], [0, 0, 0], [0, 0, 2.0])
+    assert loads == pytest.approx([2, 2, 0, -2])
+
+
+def test_the_legs_load_is_the_formula() -> None:
+    robot = arm("leg")
+    for beta in (0.0, 0.4, -0.7):
+        loads = static_torques(robot, [0.3, beta], [0, 0, 4.0])
+        assert loads == pytest.approx([0, 4.0 * robot.length["bc"] * np.sin(beta)], abs=1e-15)

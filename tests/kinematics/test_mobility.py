@@ -1,0 +1,70 @@
+"""Mobility by Kutzbach and Grübler."""
+
+import pytest
+
+from servogen.errors import InputError
+from servogen.kinematics import mobility as m
+from servogen.robot.robots import robot
+
+
+def test_the_scara_has_five_elements_four_joints_and_four_degrees_of_freedom() -> None:
+    found = m.of_robot(robot("scara"))
+    assert (found.elements, len(found.joints), found.mobility) == (5, 4, 4)
+    assert (found.manoeuvrability, found.verdict) == (-2, "deficient")
+
+
+@pytest.mark.parametrize(
+    ("name", "mobility", "verdict"),
+    [("rv-m1", 5, "deficient"), ("irb6400c", 6, "exact"), ("leg", 2, "deficient"), ("omni", 3, "deficient")],
+)
+def test_the_mobility_of_other_robots(name: str, mobility: int, verdict: str) -> None:
+    found = m.of_robot(robot(name))
+    assert (found.mobility, found.verdict) == (mobility, verdict)
+
+
+def test_a_serial_robot_has_the_sum_of_its_joints(any_arm) -> None:
+    assert m.of_robot(any_arm).mobility == len(any_arm.joints)
+
+
+def test_six_legs_of_two_joints_have_twelve() -> None:
+    assert m.of_robot(robot("hexapod")).mobility == 12
+
+
+def test_the_mobilities_of_the_joints() -> None:
+    one = {kind for kind, value in m.JOINT_MOBILITY.items() if value == 1}
+    assert one == {"turning", "sliding", "screw"}
+    assert (
+        m.JOINT_MOBILITY["cylindrical"],
+        m.JOINT_MOBILITY["universal"],
+        m.JOINT_MOBILITY["spherical"],
+    ) == (
+        2,
+        2,
+        3,
+    )
+
+
+def test_a_four_bar_linkage_moves_in_one_way_and_a_triangle_not_at_all() -> None:
+    assert m.gruebler(4, ["turning"] * 4) == 1
+    assert m.gruebler(3, ["turning"] * 3) == 0
+
+
+def test_a_platform_on_six_legs_moves_in_all_six_ways() -> None:
+    legs = ["universal", "sliding", "spherical"] * 6
+    assert m.kutzbach(14, legs) == 6
+
+
+def test_the_spring_joints_give_the_standing_body_back_its_freedom() -> None:
+    assert [m.standing(legs, springs=False) for legs in (1, 3, 6)] == [5, 3, 0]
+    assert [m.standing(legs, springs=True) for legs in (1, 3, 6)] == [6, 6, 6]
+
+
+def test_a_redundant_arm() -> None:
+    assert m.verdict(m.manoeuvrability(m.kutzbach(8, ["turning"] * 7))) == "redundant"
+
+
+def test_what_is_no_mechanism_is_refused() -> None:
+    with pytest.raises(InputError, match="unknown kind of joint 'sphercal'"):
+        m.kutzbach(2, ["sphercal"])
+    with pytest.raises(InputError, match="one element at least"):
+        m.kutzbach(0, [])

@@ -1,0 +1,136 @@
+"""Symbolic kinematics: the table's forms, and the numeric code against it."""
+
+import numpy as np
+import pytest
+import sympy
+
+from servogen.errors import InputError
+from servogen.kinematics.chain import fk
+from servogen.kinematics.jacobian import jacobian
+from servogen.kinematics.symbolic import singular_condition, symbolic_fk, symbolic_jacobian, text_of
+from servogen.robot.robots import arm
+
+# what the specification prints, with the joints' and lengths' names
+POSITIONS = {
+    "theta-r": ["q2*sin(q1)", "-q2*cos(q1)", "d1"],
+    "theta1-theta2": ["l1*cos(q1) + l2*cos(q1 + q2)", "l1*sin(q1) + l2*sin(q1 + q2)", "0"],
+    "cylindrical": ["cos(q1)*(q3 + l4)", "sin(q1)*(q3 + l4)", "q2 + l1"],
+    "scara": ["l1*cos(q1) + l2*cos(q1 + q2)", "l1*sin(q1) + l2*sin(q1 + q2)", "l0 - l3 - q3 - l4"],
+    "wrist-arm": ["(l2+l3)*cos(q1)*cos(q2)", "(l2+l3)*sin(q1)*cos(q2)", "(l2+l3)*sin(q2) + l1"],
+    "anthropomorphic": [
+        "-(l2*cos(q2) + l3*cos(q2+q3))*sin(q1)",
+        "(l2*cos(q2) + l3*cos(q2+q3))*cos(q1)",
+        "l2*sin(q2) + l3*sin(q2+q3)",
+    ],
+    "rv-m1": [
+        "cos(q1)*(a2*cos(q2) + a3*cos(q2+q3) + d5*sin(q2+q3+q4))",
+        "sin(q1)*(a2*cos(q2) + a3*cos(q2+q3) + d5*sin(q2+q3+q4))",
+        "d1 + a2*sin(q2) + a3*sin(q2+q3) - d5*cos(q2+q3+q4)",
+    ],
+    "cartesian": ["q3", "q2", "q1"],
+    "cylindrical-r2p": ["q3*cos(q1)", "q3*sin(q1)", "q2"],
+    "spherical": ["q3*cos(q1)*sin(q2)", "q3*sin(q1)*sin(q2)", "q3*cos(q2)"],
+    "spherical-wrist": ["q3*cos(q1)*sin(q2)", "q3*sin(q1)*sin(q2)", "q3*cos(q2)"],
+    "leg": [
+        "-(ab + cd)*sin(alpha) - bc*cos(alpha)*sin(beta)",
+        "(ab + cd)*cos(alpha) - bc*sin(alpha)*sin(beta)",
+        "-bc*cos(beta) - df",
+    ],
+}
+
+
+def real(text: str) -> sympy.Expr:
+    names = "q1 q2 q3 q4 q5 q6 d1 d5 a2 a3 l0 l1 l2 l3 l4 ab bc cd df alpha beta"
+    return sympy.sympify(text, locals={name: sympy.Symbol(name, real=True) for name in names.split()})
+
+
+@pytest.mark.parametrize("name", POSITIONS)
+def test_the_positions_of_the_table_come_out(name: str) -> None:
+    position = symbolic_fk(arm(name)).position
+    for found, expected in zip(position, POSITIONS[name], strict=True):
+        assert sympy.simplify(found - real(expected)) == 0
+
+
+@pytest.mark.parametrize("name", ["scara", "rv-m1", "anthropomorphic", "wrist-arm"])
+def test_the_simplified_product_is_as_short_as_the_printed_one(name: str) -> None:
+    position = symbolic_fk(arm(name)).position
+    printed = sum(sympy.count_ops(real(each)) for each in POSITIONS[name])
+    assert sympy.count_ops(position) <= printed + 2
+
+
+def numbers(name: str, q: np.ndarray) -> dict[sympy.Symbol, float]:
+    robot = arm(name)
+    values = dict(zip([joint.name for joint in robot.joints], q, strict=True)) | robot.length
+    return {sympy.Symbol(key, real=True): float(value) for key, value in values.items()}
+
+
+def test_the_numeric_pose_is_the_symbolic_one(any_arm, configurations) -> None:
+    product = symbolic_fk(any_arm).product
+    for q in configurations(any_arm, 5):
+        expected = np.array(product.subs(numbers(any_arm.name, q)).evalf(), dtype=float)
+        np.testing.assert_allclose(fk(any_arm, q), expected, atol=1e-14)
+
+
+def test_the_product_of_the_links_is_the_product(any_arm, configurations) -> None:
+    found = symbolic_fk(any_arm)
+    q = configurations(any_arm, 1)[0]
+    product = np.eye(4)
+    for matrix in (found.base, *found.links, found.tool):
+        product = product @ np.array(matrix.subs(numbers(any_arm.name, q)).evalf(), dtype=float)
+    np.testing.assert_allclose(product, fk(any_arm, q), atol=1e-14)
+
+
+@pytest.mark.parametrize("frame", ["0", "n"])
+def test_the_numeric_jacobian_is_the_symbolic_one(any_arm, configurations, frame: str) -> None:
+    symbolic = symbolic_jacobian(any_arm, frame)
+    for q in configurations(any_arm, 3):
+        expected = np.array(symbolic.subs(numbers(any_arm.name, q)).evalf(), dtype=float)
+        np.testing.assert_allclose(jacobian(any_arm, q, 0 if frame == "0" else "n"), expected, atol=1e-14)
+
+
+def test_lab_7_in_its_own_end_frame() -> None:
+    expected = [
+        ["0", "l2*sin(q3)", "0"],
+        ["0", "l2*cos(q3) + l3", "l3"],
+        ["-(l2*cos(q2) + l3*cos(q2+q3))", "0", "0"],
+        ["sin(q2+q3)", "0", "0"],
+        ["cos(q2+q3)", "0", "0"],
+        ["0", "1", "1"],
+    ]
+    found = symbolic_jacobian(arm("anthropomorphic"), "n")
+    for row in range(6):
+        for column in range(3):
+            assert sympy.simplify(found[row, column] - real(expected[row][column])) == 0
+
+
+def test_the_position_columns_of_the_spherical_arm_with_a_wrist() -> None:
+    expected = [
+        ["-q3*sin(q1)*sin(q2)", "q3*cos(q1)*cos(q2)", "cos(q1)*sin(q2)"],
+        ["q3*cos(q1)*sin(q2)", "q3*sin(q1)*cos(q2)", "sin(q1)*sin(q2)"],
+        ["0", "-q3*sin(q2)", "cos(q2)"],
+    ]
+    found = symbolic_jacobian(arm("spherical-wrist"))
+    for row in range(3):
+        for column in range(3):
+            assert sympy.simplify(found[row, column] - real(expected[row][column])) == 0
+        assert list(found[row, 3:]) == [0, 0, 0]
+
+
+def test_where_three_joint_arms_are_singular() -> None:
+    found = singular_condition(arm("anthropomorphic"))
+    assert sympy.simplify(found + real("l2*l3*sin(q3)*(l2*cos(q2) + l3*cos(q2+q3))")) == 0
+    assert sympy.simplify(singular_condition(arm("spherical")) + real("q3**2*sin(q2)")) == 0
+    with pytest.raises(InputError, match="needs three"):
+        singular_condition(arm("rv-m1"))
+
+
+def test_text_latex_and_c() -> None:
+    position = symbolic_fk(arm("theta-r")).position
+    assert text_of(position) == "[ q2*sin(q1)  ]\n[ -q2*cos(q1) ]\n[ d1          ]"
+    assert text_of(position, "c", "p") == "p[0] = q2*sin(q1);\np[1] = -q2*cos(q1);\np[2] = d1;"
+    assert "\\sin" in text_of(position, "latex")
+    product = symbolic_fk(arm("theta-r")).product
+    assert text_of(product, "c").splitlines()[1] == "T[0][1] = -cos(q1);"
+    assert text_of(position[0], "c", "x") == "x = q2*sin(q1);"
+    with pytest.raises(InputError, match="no style"):
+        text_of(position, "html")
