@@ -1,0 +1,121 @@
+"""Whatever the source, the assembler answers with an image, or with errors that have a place. Its page is true."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from servogen.pic.assembler import AssemblyError, assemble, mnemonics
+from servogen.pic.assembler.control import CONTROL
+from servogen.pic.assembler.definitions import DEFINITIONS
+from servogen.pic.assembler.layout import LAYOUT
+from servogen.pic.assembler.settings import SETTINGS
+
+DIRECTIVES = sorted({**CONTROL, **DEFINITIONS, **LAYOUT, **SETTINGS})
+PIECES = (
+    *DIRECTIVES,
+    *sorted(name.lower() for name in mnemonics()),
+    *(
+        "a",
+        "b",
+        "m",
+        "x",
+        "0x10",
+        "10",
+        "'c'",
+        "b'1'",
+        "$",
+        "w",
+        "f",
+        '"ab"',
+        "<p16f84.inc>",
+        "p=16f84",
+        "#v(",
+        "a=",
+    ),
+    *(
+        "+",
+        "-",
+        "*",
+        "/",
+        "<<",
+        "(",
+        ")",
+        "[",
+        "]",
+        ",",
+        ":",
+        ";",
+        "'",
+        '"',
+        "==",
+        "&&",
+        "!",
+        "~",
+        "high",
+        ".",
+        "\\",
+    ),
+)
+LINES = st.lists(
+    st.lists(st.sampled_from(PIECES), max_size=6).flatmap(
+        lambda pieces: st.sampled_from(["", " "]).map(lambda start: start + " ".join(pieces))
+    ),
+    max_size=12,
+)
+
+
+def check(source: str) -> None:
+    try:
+        assembly = assemble(source, "t.asm")
+    except AssemblyError as error:
+        assert error.diagnostics
+        assert all(each.place.line is not None for each in error.diagnostics)
+    else:
+        assert all(0 <= word <= 0x3FFF for word in assembly.image.program.values())
+
+
+@settings(derandomize=True, deadline=None, max_examples=1500)
+@given(LINES)
+def test_no_heap_of_words_crashes_it(lines: list[str]) -> None:
+    check("\n".join(line for line in lines if "while" not in line))
+
+
+@settings(derandomize=True, deadline=None, max_examples=500)
+@given(st.text(max_size=80))
+def test_no_text_crashes_it(text: str) -> None:
+    check(f" {text}")
+
+
+def test_deep_brackets_are_an_error_with_a_column() -> None:
+    try:
+        assemble(f" movlw {'(' * 5000}1\n end")
+    except AssemblyError as error:
+        assert error.place is not None
+        assert error.place.column is not None
+
+
+# -- docs/assembler.md ---------------------------------------------------------------------------------
+
+PAGE = (Path(__file__).parents[2] / "docs" / "assembler.md").read_text(encoding="utf-8")
+
+
+def test_the_example_of_the_page_assembles() -> None:
+    example = re.search(r"```asm\n(.*?)```", PAGE, re.DOTALL)
+    assert example is not None
+    assembly = assemble(example[1])
+    assert assembly.image.words == 8
+    assert {each.number for each in assembly.warnings} == {302}
+
+
+def test_every_directive_and_mnemonic_is_on_the_page() -> None:
+    words = set(re.findall(r"[#\w]+", PAGE.lower()))
+    plain = {name for name in DIRECTIVES if name.isidentifier()}
+    not_shown = {"set", "subtitl", "stitle", "pageselw", "__maxrom", "__badrom", "idata", "extern"}
+    relocatable = {name for name in plain if name.startswith("udata_")}
+    assert plain - words - not_shown - relocatable == set()
+    special = {"SKPNDC", "CLRDC", "BNDC", "ADDDCF", "SUBDCF", "MOVFW", "TSTF", "NEGF", "LGOTO"}
+    assert {name.lower() for name in special} <= words
