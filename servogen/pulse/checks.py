@@ -93,12 +93,13 @@ def check_widths(
                 servo.place,
             )
         )
-        ends = " to ".join(f"{math.degrees(limit):g}°" for limit in servo.limits)
+        ends = " to ".join(servo.model.shown(limit) for limit in servo.limits)
         angle = math.degrees(servo.angle(width))
         found.append(
             Caution(
                 "angle-range",
-                f"{servo.name}: {_us(width)} would be {angle:.0f}°, outside of its travel of {ends}",
+                f"{servo.name}: {_us(width)} would be {angle:.0f}{servo.model.unit}, "
+                f"outside of its {'speeds' if servo.model.continuous else 'travel'} of {ends}",
                 servo.place,
             )
         )

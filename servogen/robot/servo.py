@@ -1,7 +1,8 @@
 """A servo: pulse width as a function of shaft angle, and the facts of its model.
 
 In: a model's facts and what is true of one servo only (pin, calibration, trim, mounting, limits).
-Out: `Servo`, which turns angles (radians) into widths (microseconds) and back.
+Out: `Servo`, which turns angles (radians) into widths (microseconds) and back. Of a continuous-rotation servo
+the width is the speed: wherever an angle stands here, its is a speed (radians a second, 0 is stop).
 
     width                                 reverse: the servo sits mirrored, so the angle
     max ┤            ╱   calibration:     counts from the other end of its travel;
@@ -16,6 +17,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
 
 from servogen.errors import InputError, Place
 
@@ -90,19 +94,36 @@ class ServoModel:
     name: str
     title: str
     travel: tuple[float, float]
-    """Between the mechanical stops, radians."""
+    """Between the mechanical stops, radians; of a continuous-rotation servo, which has none, infinite."""
     calibration: Calibration
     """As the data sheet says; each servo may have its own."""
     supply_v: float
     """The supply that speed and torque hold for."""
     speed: float | None
     """Radians a second without load."""
+    acceleration: float | None
+    """Radians a second squared."""
     torque_nm: float | None
     idle_a: float | None
     max_a: float | None
     mass_kg: float | None
     size_m: tuple[float, float, float] | None
     source: str
+    continuous: bool = False
+    """Its angles are speeds."""
+
+    @property
+    def unit(self) -> str:
+        """What its angles are shown in."""
+        return "°/s" if self.continuous else "°"
+
+    def mirrored(self, angle: float) -> float:
+        """The angle of a servo that sits the other way round."""
+        low, high = self.travel
+        return -angle if self.continuous else low + high - angle
+
+    def shown(self, angle: float) -> str:
+        return f"{math.degrees(angle):g}{self.unit}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,14 +149,22 @@ class Servo:
         low, high = self.limits
         return low - TOLERANCE_RAD <= angle <= high + TOLERANCE_RAD
 
+    def allows_each(self, angles: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """`allows` of each of many angles; NaN is not allowed."""
+        low, high = self.limits
+        return np.asarray((angles >= low - TOLERANCE_RAD) & (angles <= high + TOLERANCE_RAD))
+
     def width_us(self, angle: float, place: Place | None = None) -> float:
         """The pulse width at a shaft angle in radians. Raises InputError outside the limits."""
         if not self.allows(angle):
-            low, high = (f"{math.degrees(limit):g}°" for limit in self.limits)
+            low, high = (self.model.shown(limit) for limit in self.limits)
+            what = ("turn at", "speeds are") if self.model.continuous else ("go to", "travel is")
             raise InputError(
-                f"{self.name} cannot go to {math.degrees(angle):g}°: its travel is {low} to {high}",
+                f"{self.name} cannot {what[0]} {self.model.shown(angle)}: its {what[1]} {low} to {high}",
                 place or self.place,
-                "the servo's travel_deg, min_deg, max_deg and calibration points set it",
+                "the servo's calibration points set it"
+                if self.model.continuous
+                else "the servo's travel_deg, min_deg, max_deg and calibration points set it",
             )
         return self._width_us(angle)
 
@@ -147,8 +176,7 @@ class Servo:
         return self.calibration.width_us(self._mounted(angle)) + self.trim_us
 
     def _mounted(self, angle: float) -> float:
-        low, high = self.model.travel
-        return low + high - angle if self.reverse else angle
+        return self.model.mirrored(angle) if self.reverse else angle
 
 
 def servo(
@@ -171,7 +199,7 @@ def servo(
     curve = points or model.calibration
     low, high = model.travel
     first, last = curve.angles
-    ends = (low + high - last, low + high - first) if reverse else (first, last)
+    ends = (model.mirrored(last), model.mirrored(first)) if reverse else (first, last)
     widest = (max(low, ends[0]), min(high, ends[1]))
     chosen = (
         widest[0] if limits[0] is None else limits[0],
@@ -182,7 +210,7 @@ def servo(
         or chosen[1] > widest[1] + TOLERANCE_RAD
         or chosen[0] >= chosen[1]
     ):
-        asked, known = (" to ".join(f"{math.degrees(end):g}°" for end in pair) for pair in (chosen, widest))
+        asked, known = (" to ".join(model.shown(end) for end in pair) for pair in (chosen, widest))
         raise InputError(
             f"{name} cannot have limits of {asked}: travel and calibration hold {known}",
             limits_place or place,

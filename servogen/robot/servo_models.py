@@ -9,6 +9,7 @@ import math
 from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
+from typing import Literal
 
 from pydantic import Field
 
@@ -19,9 +20,10 @@ from servogen.tomlfile import Table
 
 
 class PointTable(Table):
-    """The pulse width at an angle."""
+    """The pulse width at an angle, or at a speed of a continuous-rotation servo."""
 
-    angle_deg: float
+    angle_deg: float | None = None
+    speed_deg_s: float | None = None
     width_us: float = Field(gt=0)
 
 
@@ -31,6 +33,7 @@ class FactTable(Table):
     travel_deg: tuple[float, float] | None = None
     points: tuple[PointTable, ...] | None = Field(default=None, min_length=2)
     speed_deg_s: float | None = Field(default=None, gt=0)
+    acceleration_deg_s2: float | None = Field(default=None, gt=0)
     torque_ncm: float | None = Field(default=None, gt=0)
     idle_ma: float | None = Field(default=None, ge=0)
     max_ma: float | None = Field(default=None, gt=0)
@@ -57,7 +60,7 @@ class ModelTable(FactTable):
 
     title: str
     source: str
-    travel_deg: tuple[float, float]
+    kind: Literal["position", "continuous"] = "position"
     points: tuple[PointTable, ...] = Field(min_length=2)
     supply: tuple[SupplyTable, ...] = Field(min_length=1)
 
@@ -76,28 +79,55 @@ def servo_model(
     table, own = _table(name), own or FactTable()
     volts, speed, torque_ncm = _at(table, supply_v, place)
     facts = table.model_copy(update=own.model_dump(exclude_none=True, exclude={"points"}))
-    low, high = (math.radians(angle) for angle in facts.travel_deg)
-    if low >= high:
-        raise InputError("travel_deg does not rise from its first to its second angle", place)
+    continuous = table.kind == "continuous"
     return ServoModel(
         name=name,
         title=table.title,
-        travel=(low, high),
-        calibration=points_of(table.points, place),
+        travel=_travel(facts.travel_deg, table, place),
+        calibration=points_of(table.points, place, continuous),
         supply_v=volts,
         speed=speed if own.speed_deg_s is None else math.radians(own.speed_deg_s),
+        acceleration=_scaled(facts.acceleration_deg_s2, math.degrees(1)),
         torque_nm=_scaled(torque_ncm if own.torque_ncm is None else own.torque_ncm, 100),
         idle_a=_scaled(facts.idle_ma, 1000),
         max_a=_scaled(facts.max_ma, 1000),
         mass_kg=_scaled(facts.mass_g, 1000),
         size_m=None if facts.size_mm is None else _metres(facts.size_mm),
         source=table.source,
+        continuous=continuous,
     )
 
 
-def points_of(points: tuple[PointTable, ...], place: Place | None) -> Calibration:
-    """The calibration that a file's points are. Raises InputError."""
-    return calibration(tuple((math.radians(point.angle_deg), point.width_us) for point in points), place)
+def points_of(points: tuple[PointTable, ...], place: Place | None, continuous: bool = False) -> Calibration:
+    """The calibration that a file's points are: angles, or speeds. Raises InputError."""
+    wanted, other = ("speed_deg_s", "angle_deg") if continuous else ("angle_deg", "speed_deg_s")
+    pairs = []
+    for point in points:
+        value: float | None = getattr(point, wanted)
+        if value is None or getattr(point, other) is not None:
+            raise InputError(
+                f"a calibration point of this servo is {{ {wanted} = …, width_us = … }}",
+                place,
+                "a continuous-rotation servo's width is a speed, any other's an angle",
+            )
+        pairs.append((math.radians(value), point.width_us))
+    return calibration(tuple(pairs), place)
+
+
+def _travel(
+    travel_deg: tuple[float, float] | None, table: ModelTable, place: Place | None
+) -> tuple[float, float]:
+    """Radians between the stops, of a continuous-rotation servo infinite."""
+    if table.kind == "continuous":
+        if travel_deg is not None:
+            raise InputError(f"{table.title}: it turns for ever and has no travel", place)
+        return -math.inf, math.inf
+    if travel_deg is None:
+        raise InputError(f"{table.title}: 'travel_deg' is missing", place)
+    low, high = (math.radians(angle) for angle in travel_deg)
+    if low >= high:
+        raise InputError("travel_deg does not rise from its first to its second angle", place)
+    return low, high
 
 
 def _at(
