@@ -1,5 +1,8 @@
 """The check that observed edges are the scheduled ones: two streams of edges go in, a verdict comes out."""
 
+from servogen.verify.capture import verify_capture
+from servogen.verify.capture_text import capture_lines
+from servogen.verify.capture_verdict import CapturedChannel, CaptureVerdict, Problem, Tolerances
 from servogen.verify.measure_text import measurement_lines
 from servogen.verify.measurement import Measurement, PinMeasurement
 from servogen.verify.measuring import measure
@@ -9,18 +12,24 @@ from servogen.verify.verdict import ChannelVerdict, Difference, Overlap, Span, S
 
 __all__ = [
     "GLITCH",
+    "CaptureVerdict",
+    "CapturedChannel",
     "ChannelVerdict",
     "Difference",
     "Measurement",
     "Overlap",
     "PinMeasurement",
+    "Problem",
     "Span",
     "StrayPin",
+    "Tolerances",
     "Verdict",
     "Worst",
+    "capture_lines",
     "measure",
     "measurement_lines",
     "verdict_lines",
     "verify",
+    "verify_capture",
     "whole_motion",
 ]

@@ -75,7 +75,7 @@ def pair(scheduled: Ints, seen: Ints, farthest: int) -> tuple[Rows, Rows]:
     nothing: Rows = np.zeros(0, dtype=np.intp)
     if not len(scheduled) or not len(seen):
         return nothing, nothing
-    of_scheduled, of_seen = _nearest(scheduled, seen), _nearest(seen, scheduled)
+    of_scheduled, of_seen = nearest(scheduled, seen), nearest(seen, scheduled)
     rows = np.arange(len(scheduled))
     mutual = of_seen[of_scheduled] == rows
     close = np.abs(seen[of_scheduled] - scheduled) <= farthest
@@ -83,7 +83,7 @@ def pair(scheduled: Ints, seen: Ints, farthest: int) -> tuple[Rows, Rows]:
     return kept, of_scheduled[kept]
 
 
-def _nearest(of: Ints, among: Ints) -> Rows:
+def nearest(of: npt.NDArray[np.int64 | np.float64], among: Ints) -> Rows:
     """For each of `of` the row of the nearest of `among`, the earlier of two as near."""
     right = np.searchsorted(among, of).clip(max=len(among) - 1)
     left = (right - 1).clip(min=0)

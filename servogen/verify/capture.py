@@ -1,0 +1,218 @@
+"""`verify_capture`: are the pulses that an analyser saw the scheduled ones, within stated tolerances?
+
+In: the schedule's edges and a capture: a trace whose cycles are the time steps of the analyser or of its
+file, which may begin and end anywhere. Out: a `CaptureVerdict`. Three things stand between the two, and the
+capture itself tells them: where in the schedule it begins, the crystal's error, and the grid of the samples.
+
+    true edge       │      ╭──────
+    samples     ·   ·   ·  │   ·   ·      an edge is seen at the first sample behind it,
+                           ╰──▶n          so that a width is right to less than one sample
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.edges import HIGH, EdgeTrace, Expected, join
+from servogen.verify.capture_align import Line, Signals, align
+from servogen.verify.capture_judge import Judged, Scale, channel_reasons, judge
+from servogen.verify.capture_verdict import CapturedChannel, CaptureVerdict, Tolerances
+from servogen.verify.overlap import Levels, overlap, together
+from servogen.verify.prove import whole_motion
+from servogen.verify.pulses import Pulses, pulses_of, without_glitches
+from servogen.verify.reasons import stray_reason
+from servogen.verify.start import StrayCount
+from servogen.verify.verdict import StrayPin
+from servogen.verify.windows import Edges, Ints, Windows, expected_edges, observed_edges
+
+CAP_US = 50.0
+"""In the search for the phase no pulse counts as more wrong than this."""
+
+LONGEST_GUESS_US = 1.0
+"""A slower analyser's sample must be stated: what it hides would otherwise be hidden by chance."""
+
+MOST_CYCLES = 1.03
+"""A capture holds at most so many times the cycles that it would hold of a chip with the nominal clock."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Setup:
+    """Both sides, brought into one form."""
+
+    expected: Expected
+    allowed: Tolerances
+    end: int
+    step_us: float
+    cycle_us: float
+    connected: frozenset[int]
+    level: Levels
+    """What the analyser found at its first sample."""
+    captured: Edges
+    scheduled: Edges
+    signals: Signals
+    glitches: tuple[int, ...]
+
+
+def verify_capture(
+    expected: Expected,
+    captured: EdgeTrace,
+    tolerances: Tolerances | None = None,
+    sample: float | None = None,
+) -> CaptureVerdict:
+    """Compares a capture with the schedule.
+
+    `captured.clock` is such that one of its cycles is one time step of the capture; `sample` is the number of
+    steps from one sample to the next. By default it is the largest that divides the time of every edge, but
+    no more than a microsecond. Levels at time 0 are what the analyser found, not edges; a pin without any
+    was not connected.
+    """
+    setup = _set_up(expected, captured, tolerances or Tolerances(), sample)
+    line = align(setup.signals)
+    if line is None:
+        return _verdict(setup, None, {})
+    scale = Scale(line, setup.signals.quantum, setup.step_us, setup.cycle_us, setup.end)
+    judged = {
+        number: judge(setup.signals, scale, number, channel, setup.allowed, expected)
+        for number, channel in enumerate(expected.channels)
+        if channel.pin in setup.connected
+    }
+    return _verdict(setup, line, judged)
+
+
+def _set_up(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sample: float | None) -> _Setup:
+    end = int(captured.end)
+    step_us, cycle_us = float(captured.clock.cycle_us), float(expected.clock.cycle_us)
+    nominal = cycle_us / step_us
+    level, changes, connected = _changes(captured)
+    quantum = _sample(changes, step_us) if sample is None else float(sample)
+    reach = int(end / nominal * MOST_CYCLES)
+    candidates = whole_motion(expected, 2)
+    scheduled = Windows(expected_edges(chunk) for chunk in expected.chunks).until(candidates + reach)
+    ours, theirs, glitches = [], [], []
+    for channel in expected.channels:
+        wanted = pulses_of(scheduled, channel.pin, candidates + reach)
+        in_steps = Pulses(_rounded(wanted.rise * nominal), _rounded(wanted.fall * nominal), wanted.frame)
+        seen = _whole(changes, channel.pin, bool(level[channel.pin]))
+        seen, number = without_glitches(seen, in_steps, int(allowed.glitch_us / step_us))
+        ours.append(wanted)
+        theirs.append(seen)
+        glitches.append(number)
+    signals = Signals(
+        tuple(theirs), tuple(ours), nominal, quantum, int(expected.period), CAP_US / cycle_us, int(candidates)
+    )
+    return _Setup(
+        expected,
+        allowed,
+        end,
+        step_us,
+        cycle_us,
+        connected,
+        level,
+        changes,
+        scheduled,
+        signals,
+        tuple(glitches),
+    )
+
+
+def _sample(changes: Edges, step_us: float) -> float:
+    """Steps from sample to sample as the times of the edges suggest; chance must not make it long."""
+    common = int(np.gcd.reduce(changes.cycle)) if len(changes.cycle) else 1
+    return max(1.0, min(common, LONGEST_GUESS_US / step_us))
+
+
+def _rounded(values: npt.ArrayLike) -> Ints:
+    return np.rint(values).astype(np.int64)
+
+
+def _changes(captured: EdgeTrace) -> tuple[Levels, Edges, frozenset[int]]:
+    """The levels at time 0, the changes after it, and the pins that were connected."""
+    stored = captured.stored()
+    connected = frozenset(np.unique(join(stored.chunks).pin).tolist())
+    driven = observed_edges(join(stored.driven()), 0)
+    first = int(np.searchsorted(driven.cycle, 1))
+    level: Levels = np.zeros(16, dtype=np.uint8)
+    level[driven.pin[:first]] = driven.level[:first]
+    return level, driven.take(slice(first, None)), connected
+
+
+def _whole(changes: Edges, pin: int, high: bool) -> Pulses:
+    """The pulses of `pin` that the capture holds from rise to fall."""
+    own = changes.take(changes.pin == pin)
+    rise, fall = own.cycle[own.level == HIGH], own.cycle[own.level != HIGH]
+    fall = fall[1:] if high else fall
+    return Pulses(rise[: len(fall)], fall, np.full(len(fall), -1, dtype=np.int64))
+
+
+def _verdict(setup: _Setup, line: Line | None, judged: Mapping[int, Judged]) -> CaptureVerdict:
+    problems = [problem for found in judged.values() for problem in found.problems]
+    problem = min(problems, key=lambda problem: (problem.time_us, problem.pin), default=None)
+    channels = tuple(_channel(setup, number, judged.get(number)) for number in range(len(setup.glitches)))
+    stray = _stray(setup)
+    paired = sum(found.paired for found in judged.values())
+    why = [] if paired > 1 else ["the capture holds too few of the schedule's pulses to be judged"]
+    why += [f"first at {problem.time_us / 1e6:.6f} s, {problem.text}"] if problem else []
+    why += [reason for channel in channels for reason in channel_reasons(channel)]
+    overlap_us = _overlap_us(setup, line)
+    if overlap_us:
+        why.append(f"pulses overlap where the schedule has none together, for at most {overlap_us:.2f} µs")
+    why += [stray_reason(pin) for pin in stray]
+    ppm, ppm_error = _clock(setup, line)
+    if ppm is not None and ppm_error is not None and abs(ppm) > setup.allowed.crystal_ppm + 2 * ppm_error:
+        why.append(f"the chip's clock is off by {ppm:+.1f} ppm, allowed ±{setup.allowed.crystal_ppm:g} ppm")
+    frames = [frame for found in judged.values() for frame in found.frames]
+    return CaptureVerdict(
+        not why,
+        tuple(why),
+        setup.allowed,
+        setup.signals.quantum * setup.step_us,
+        setup.end * setup.step_us,
+        ppm,
+        ppm_error,
+        min(frames) if frames else None,
+        max(frames) - min(frames) + 1 if frames else 0,
+        channels,
+        problem,
+        stray,
+    )
+
+
+def _channel(setup: _Setup, number: int, judged: Judged | None) -> CapturedChannel:
+    """The judged channel, or what can be said of it without a phase; with its glitches."""
+    channel = setup.expected.channels[number]
+    glitches = setup.glitches[number]
+    if judged is not None:
+        return replace(judged.channel, glitches=glitches)
+    captured = len(setup.signals.captured[number].rise)
+    connected = channel.pin in setup.connected
+    return CapturedChannel(channel.name, channel.pin, connected, captured=captured, glitches=glitches)
+
+
+def _clock(setup: _Setup, line: Line | None) -> tuple[float | None, float | None]:
+    """The crystal's error in ppm and its standard error; a faster chip needs fewer steps a cycle."""
+    if line is None or line.b_error is None:
+        return None, None
+    return (setup.signals.nominal / line.b - 1) * 1e6, line.b_error / line.b * 1e6
+
+
+def _overlap_us(setup: _Setup, line: Line | None) -> float:
+    """How long pins are high together that the schedule never has so; 0 where a sample may be all of it."""
+    pins = np.array([channel.pin for channel in setup.expected.channels], dtype=np.uint8)
+    allowed = together(setup.scheduled, np.zeros(16, dtype=np.uint8), pins)
+    found = overlap(setup.captured, allowed, setup.level, pins, setup.end)
+    if found is None or line is None:
+        return 0.0
+    longest = found.longest * setup.step_us
+    return longest if longest > setup.signals.quantum * setup.step_us + setup.allowed.width_us else 0.0
+
+
+def _stray(setup: _Setup) -> tuple[StrayPin, ...]:
+    pins = [channel.pin for channel in setup.expected.channels]
+    other = ~np.isin(setup.captured.pin, pins)
+    stray = StrayCount()
+    stray.add(setup.captured.cycle[other], setup.captured.pin[other])
+    return stray.pins()

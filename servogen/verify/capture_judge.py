@@ -1,0 +1,205 @@
+"""One channel of a capture against its schedule, once phase and clock are known.
+
+In: the channel's pulses, captured and scheduled, and the line that joins their times. Out: the channel's
+numbers and each thing that is wrong, with its time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from servogen.edges import PINS, Expected, ExpectedChannel
+from servogen.verify.capture_align import Floats, Line, Signals, partners
+from servogen.verify.capture_verdict import CapturedChannel, Problem, Spread, Tolerances
+from servogen.verify.pulses import Pulses
+from servogen.verify.reasons import counted, frame_words
+from servogen.verify.windows import Ints
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """The line, and what a step of the capture, a sample (`quantum` steps) and a cycle are."""
+
+    line: Line
+    quantum: float
+    step_us: float
+    cycle_us: float
+    end: int
+
+    @property
+    def sample_us(self) -> float:
+        return self.quantum / self.line.b * self.cycle_us
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    channel: CapturedChannel
+    problems: tuple[Problem, ...]
+    frames: tuple[int, ...]
+    """The first and the last frame of a pulse that is paired."""
+    paired: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Errors:
+    """Errors in µs with the time (steps) and frame of each, and what is allowed."""
+
+    noun: str
+    error: Floats
+    wanted: Floats
+    time: Ints
+    frame: Ints
+    limit: float
+
+    def spread(self) -> Spread:
+        if not len(self.error):
+            return Spread()
+        worst = self.error[np.argmax(np.abs(self.error))]
+        wrong = int(np.count_nonzero(np.abs(self.error) > self.limit))
+        return Spread(float(worst), float(self.error.mean()), wrong)
+
+
+def judge(
+    signals: Signals,
+    scale: Scale,
+    number: int,
+    channel: ExpectedChannel,
+    allowed: Tolerances,
+    expected: Expected,
+) -> Judged:
+    """The channel's verdict; its glitches are counted elsewhere."""
+    wanted, got = signals.scheduled[number], signals.captured[number]
+    rows, others = partners(signals, scale.line, number)
+    ours, theirs = wanted.take(rows), got.take(others)
+    due = _due(wanted, scale)
+    missing = np.setdiff1d(np.flatnonzero(due), rows)
+    extra = np.setdiff1d(np.arange(len(got.rise)), others)
+    kinds = (
+        _widths(ours, theirs, scale, allowed),
+        _periods(ours, theirs, rows, others, scale, allowed),
+        _edges(ours, theirs, scale, allowed),
+    )
+    width, period, edge = (kind.spread() for kind in kinds)
+    problems = [
+        *(problem for kind in kinds[:2] for problem in _wrong(kind, channel, scale, expected)),
+        *_missing(wanted.take(missing), channel, scale, expected),
+        *_extra(got.take(extra), channel, scale),
+    ]
+    # One wrong width turns the line, and with it every edge: edges alone are a problem only without another.
+    problems = problems or list(_wrong(kinds[2], channel, scale, expected))
+    late = kinds[2].error[: len(rows)]
+    each = np.diff(theirs.rise)[np.diff(ours.frame) == 1] / scale.line.b * scale.cycle_us
+    return Judged(
+        CapturedChannel(
+            channel.name,
+            channel.pin,
+            True,
+            len(rows) + len(missing),
+            len(got.rise),
+            len(missing),
+            len(extra),
+            0,
+            width,
+            period,
+            edge,
+            float(each.mean()) if len(each) else None,
+            float(late.std()) if len(late) else 0.0,
+        ),
+        tuple(problems),
+        (int(ours.frame[0]), int(ours.frame[-1])) if len(rows) else (),
+        len(rows),
+    )
+
+
+def channel_reasons(channel: CapturedChannel) -> list[str]:
+    """What is wrong with the channel as a whole."""
+    who = f"{PINS[channel.pin]} ({channel.name})"
+    if not channel.connected:
+        return [f"{who} was not captured: no wire of the capture is {PINS[channel.pin]}"]
+    counts = (
+        (channel.missing, "missing pulse"),
+        (channel.extra, "extra pulse"),
+        (channel.glitches, "glitch"),
+    )
+    facts = [counted(number, noun) for number, noun in counts if number]
+    for spread, noun in ((channel.width, "width"), (channel.period, "period"), (channel.edge, "edge")):
+        if spread.wrong and not (noun == "edge" and facts):
+            facts.append(f"{counted(spread.wrong, f'wrong {noun}')}, worst {spread.worst_us:+.2f} µs")
+    return [f"{who}: {', '.join(facts)}"] if facts else []
+
+
+def _due(wanted: Pulses, scale: Scale) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Which scheduled pulses lie wholly in the capture, two samples from its ends."""
+    begin, end = scale.line.steps(wanted.rise), scale.line.steps(wanted.fall)
+    return np.asarray((begin > 2 * scale.quantum) & (end < scale.end - 2 * scale.quantum))
+
+
+def _us(steps: Ints, scale: Scale) -> Floats:
+    """Captured times as µs of the chip's nominal clock."""
+    return steps / scale.line.b * scale.cycle_us
+
+
+def _widths(ours: Pulses, theirs: Pulses, scale: Scale, allowed: Tolerances) -> _Errors:
+    wanted = ours.width.astype(np.float64) * scale.cycle_us
+    error = _us(theirs.width, scale) - wanted
+    return _Errors("width", error, wanted, theirs.rise, ours.frame, scale.sample_us + allowed.width_us)
+
+
+def _periods(
+    ours: Pulses, theirs: Pulses, rows: Ints, others: Ints, scale: Scale, allowed: Tolerances
+) -> _Errors:
+    follows = (np.diff(rows) == 1) & (np.diff(others) == 1)
+    wanted = np.diff(ours.rise)[follows].astype(np.float64) * scale.cycle_us
+    error = _us(np.diff(theirs.rise)[follows], scale) - wanted
+    limit = scale.sample_us + allowed.period_us
+    return _Errors("period", error, wanted, theirs.rise[1:][follows], ours.frame[1:][follows], limit)
+
+
+def _edges(ours: Pulses, theirs: Pulses, scale: Scale, allowed: Tolerances) -> _Errors:
+    wanted = np.concatenate((ours.rise, ours.fall)).astype(np.float64)
+    time = np.concatenate((theirs.rise, theirs.fall))
+    error = (scale.line.cycles(time) - wanted) * scale.cycle_us
+    frame = np.concatenate((ours.frame, ours.frame))
+    limit = scale.sample_us + allowed.edge_us
+    return _Errors("edge", error, wanted * scale.cycle_us, time, frame, limit)
+
+
+def _wrong(errors: _Errors, channel: ExpectedChannel, scale: Scale, expected: Expected) -> Iterator[Problem]:
+    """The first that is not allowed; the others are counted."""
+    rows = np.flatnonzero(np.abs(errors.error) > errors.limit)
+    if not len(rows):
+        return
+    row = int(rows[np.argmin(errors.time[rows])])
+    error, wanted = float(errors.error[row]), float(errors.wanted[row])
+    what = {
+        "width": f"a pulse of {wanted + error:.2f} µs where {wanted:.2f} µs are scheduled",
+        "period": f"{wanted + error:.2f} µs from the rise before where {wanted:.2f} µs are scheduled",
+        "edge": "an edge that is not where it is scheduled",
+    }[errors.noun]
+    text = f"{what} ({error:+.2f} µs, allowed ±{errors.limit:.2f} µs)"
+    yield _problem(float(errors.time[row]), int(errors.frame[row]), channel, scale, expected, text)
+
+
+def _missing(pulses: Pulses, channel: ExpectedChannel, scale: Scale, expected: Expected) -> Iterator[Problem]:
+    if len(pulses.rise):
+        time = float(scale.line.steps(pulses.rise[:1])[0])
+        yield _problem(time, int(pulses.frame[0]), channel, scale, expected, "a pulse is missing")
+
+
+def _extra(pulses: Pulses, channel: ExpectedChannel, scale: Scale) -> Iterator[Problem]:
+    if len(pulses.rise):
+        width = float(_us(pulses.width[:1], scale)[0])
+        time = float(pulses.rise[0]) * scale.step_us
+        text = f"{PINS[channel.pin]} ({channel.name}): a pulse of {width:.2f} µs that is not scheduled"
+        yield Problem(time, channel.pin, channel.name, None, text)
+
+
+def _problem(
+    time: float, frame: int, channel: ExpectedChannel, scale: Scale, expected: Expected, text: str
+) -> Problem:
+    where = frame_words(frame, expected.lead_in, expected.loop)
+    words = f"{PINS[channel.pin]} ({channel.name}), {where}: {text}"
+    return Problem(time * scale.step_us, channel.pin, channel.name, frame, words)

@@ -1,0 +1,43 @@
+"""A capture's verdict as plain lines: the clock, each channel's numbers, and why it is not proven."""
+
+from __future__ import annotations
+
+from servogen.edges import PINS
+from servogen.verify.capture_verdict import CapturedChannel, CaptureVerdict
+from servogen.verify.reasons import counted
+
+
+def capture_lines(verdict: CaptureVerdict) -> list[str]:
+    """Lines without colour; the first says whether the capture is proven."""
+    seconds = verdict.duration_us / 1e6
+    first = "" if verdict.first_frame is None else f" from frame {verdict.first_frame} on"
+    lines = [
+        f"{'proven within tolerances' if verdict.proven else 'NOT proven'}: "
+        f"{counted(verdict.frames, 'frame')}{first} in {seconds:g} s, "
+        f"a sample every {verdict.sample_us:g} µs",
+        _clock_words(verdict),
+    ]
+    lines += [_channel_line(channel) for channel in verdict.channels if channel.connected]
+    return lines + [f"- {reason}" for reason in verdict.reasons]
+
+
+def _clock_words(verdict: CaptureVerdict) -> str:
+    if verdict.ppm is None:
+        return "the capture is too short to measure the chip's clock: its nominal frequency is taken"
+    return (
+        f"the chip's clock is {abs(verdict.ppm):.1f} ± {verdict.ppm_error:.1f} ppm "
+        f"{'fast' if verdict.ppm >= 0 else 'slow'}; it is taken out of what follows"
+    )
+
+
+def _channel_line(channel: CapturedChannel) -> str:
+    count = counted(channel.captured, "pulse")
+    if channel.captured != channel.scheduled:
+        count += f" of {channel.scheduled}"
+    words = (
+        f"{PINS[channel.pin]} {channel.name}: {count}; width error {channel.width.worst_us:+.2f} µs at most, "
+        f"{channel.width.mean_us:+.2f} µs on average; jitter {channel.jitter_us:.2f} µs"
+    )
+    if channel.mean_period_us is None:
+        return words
+    return f"{words}; period {channel.mean_period_us:.2f} µs, {channel.period.worst_us:+.2f} µs at most"
