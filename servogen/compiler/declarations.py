@@ -53,6 +53,7 @@ class Declarations(Expressions):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self.externals: dict[str, Symbol | Function] = {}
+        self._read: dict[Any, CType] = {}
         self.pending: list[ExprStmt] = []
         """Initialisations of the locals being declared."""
 
@@ -104,10 +105,12 @@ class Declarations(Expressions):
         match node:
             case c_ast.IdentifierType(names=names):
                 return self._named(tuple(names), node)
-            case c_ast.Struct() | c_ast.Union():
-                return StructType(self._structure(node))
-            case c_ast.Enum():
-                return self._enumeration(node)
+            case c_ast.Struct() | c_ast.Union() | c_ast.Enum():
+                # declarators that share a specifier share its node: it is read once
+                if node not in self._read:
+                    structure = not isinstance(node, c_ast.Enum)
+                    self._read[node] = StructType(self._structure(node)) if structure else self._enumeration(node)
+                return self._read[node]
         raise self.fail("this type is not supported", where)
 
     def _named(self, names: tuple[str, ...], node: Any) -> CType:

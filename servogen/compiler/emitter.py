@@ -33,6 +33,8 @@ class Code:
     w_parameter: Symbol | None = None
     returns_w: bool = False
     inline_asm: bool = False
+    table: Symbol | None = None
+    """The flash object whose bytes it holds; its instructions depend on where it comes to lie."""
     falls_into: str = ""
     """The function that stands right behind and is entered without a jump."""
 

@@ -8,14 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from servogen.compiler.arith import imms
 from servogen.compiler.conditions import Conditions
 from servogen.compiler.ctypes import IntType, VoidType
 from servogen.compiler.emitter import Code
 from servogen.compiler.fold import has_effect, interval
-from servogen.compiler.generate import _stripped, calls_something, width_of
+from servogen.compiler.generate import calls_something, width_of
 from servogen.compiler.inline_asm import assemble_line
-from servogen.compiler.machine import LABEL, Byte, Imm, Ins, Loc, Operand, Z
+from servogen.compiler.tables import table_name
+from servogen.compiler.machine import Byte, Imm, Ins, Loc, Operand, Z
 from servogen.compiler.tree import (
+    AddressByte,
     Asm,
     Binary,
     Block,
@@ -36,7 +39,6 @@ from servogen.compiler.tree import (
     Switch,
     Symbol,
 )
-from servogen.errors import Place
 
 
 class FunctionGenerator(Conditions):
@@ -364,12 +366,15 @@ class FunctionGenerator(Conditions):
             else:
                 self.move_all(target, list(work[: len(target)]))
             return
-        name = ("s" if signed else "u") + ("div" if expr.op == "/" else "mod")
-        code = self.library(name, (size,))
+        code = self.library("sdivide" if signed else "divide", (size,))
+        holder = self.library("divide", (size,)) if signed else code
+        result_symbol = next(
+            each for each in holder.own if each.name == ("quotient" if expr.op == "/" else "remainder")
+        )
         one, two = self.pair(expr.left, expr.right, size)
-        result = self.library_call(code, [one, two])
+        self.library_call(code, [one, two])
         have = min(len(target), size)
-        self.move_all(target[:have], list(result[:have]))
+        self.move_all(target[:have], [Byte(result_symbol, each) for each in range(have)])
         if len(target) > have:
             self.widen(target, have, signed=signed)
 
@@ -392,19 +397,46 @@ class FunctionGenerator(Conditions):
         return self.value(index, size)
 
     def _flash_call(self, symbol: Symbol, index: list[Operand], step: int) -> None:
-        table = self.symbol(symbol)
+        """W = byte index + step of a flash object."""
         if len(index) == 1:
-            code = self.library("table", (id(table),))
-            code.own = code.own or [table]
             self.load(index[0])
             if step:
                 self.emit("ADDLW", k=step)
-            self.emit("CALL", target=code.name)
+            self.emit("CALL", target=table_name(symbol))
+            self.code.ins[-1].table = symbol
             return
-        raise NotImplementedError
+        pointer: list[Loc] = self.temp(2)
+        self.add(pointer, index, [Imm(AddressByte(symbol, step, 0)), Imm(AddressByte(symbol, step, 1))])
+        self._read_pointer(pointer)
+
+    def _read_pointer(self, pointer: list[Loc]) -> None:
+        code = self.library("flash", ())
+        self.library_call(code, [[pointer[1]], [pointer[0]]])
 
     def _from_flash(self, expr: Ref, target: list[Loc]) -> None:
-        raise NotImplementedError
+        size = min(len(target), expr.type.size)
+        index = self._flash_index(expr)
+        if size > 1:
+            index = self.kept(index)
+        for number in range(size):
+            self._flash_call(expr.symbol, index, number)
+            self.store(target[number])
+        if len(target) > size:
+            self.widen(target, size, signed=self.negative_possible(expr))
+
+    def _wide_load(self, expr: Deref, target: list[Loc]) -> None:
+        size = min(len(target), expr.type.size)
+        pointer: list[Loc] = self.temp(2)
+        self.into(expr.pointer, pointer)
+        if expr.offset:
+            self.add(pointer, list(pointer), imms(expr.offset, 2))
+        for number in range(size):
+            if number:
+                self._count_up(pointer)
+            self._read_pointer(pointer)
+            self.store(target[number])
+        if len(target) > size:
+            self.widen(target, size, signed=self.negative_possible(expr))
 
     def builtin(self, expr: Builtin) -> None:
         self.place = expr.place if expr.place.line else self.place
@@ -433,6 +465,3 @@ class FunctionGenerator(Conditions):
 def _bool_cast(expr: Expr) -> bool:
     return isinstance(expr.type, IntType) and expr.type.is_bool and not isinstance(expr, Num)
 
-
-__all__ = ["Deref", "ExprStmt", "FunctionGenerator", "LABEL", "Place"]
-_unused = _stripped

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.emitter import Code
 from servogen.compiler.machine import LABEL, Byte, Ins, Reg, assembly
+from servogen.compiler.tables import table_code
 from servogen.compiler.tree import AddressByte, Symbol
 from servogen.errors import Place
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, RAM_FIRST, RAM_LAST
@@ -103,32 +104,52 @@ class Layout:
     labels: dict[str, int]
     starts: dict[str, tuple[int, int]]
     """First and behind-last address of each function."""
+    end: int
 
 
 def lay_out(order: list[Code], memory: Memory, reporter: Reporter, tables: dict[Symbol, str]) -> Layout:
     """Give each instruction its address and encode it. `tables` name the label of each flash object."""
+    pointers = any(code.name.startswith("__flash") for code in order)
+    found = None if pointers else _place(order, only_first_page=True)
+    if found is None:
+        found = _place(order, only_first_page=False)
+    assert found is not None
+    if found.end > PROGRAM_WORDS:
+        file = next(iter(reporter.texts), None)
+        raise reporter.fatal(
+            f"the program needs {found.end} words of flash, the chip has {PROGRAM_WORDS}", Place(file)
+        )
+    for word in found.words:
+        word.value = _encode(word, found.labels, memory, tables, reporter)
+    return found
+
+
+def _place(order: list[Code], *, only_first_page: bool) -> Layout | None:
+    """Addresses in order; None when a table misses the first page but all should lie there."""
     words: list[Word] = []
     labels: dict[str, int] = {}
     starts: dict[str, tuple[int, int]] = {}
     address = 0
     for code in order:
-        begin = address
-        labels[code.name] = address
+        if code.table is not None:
+            found = table_code(code, address, only_first_page=only_first_page)
+            if found is None:
+                return None
+            code.ins = found
+        if not code.ins:
+            continue
+        labels[code.name] = begin = address
         for ins in code.ins:
             if ins.op == LABEL:
                 labels[ins.target] = address
             elif ins.op == "ORG":
-                address = int(ins.k)  # type: ignore[arg-type]
+                assert isinstance(ins.k, int)
+                labels[code.name] = begin = address = ins.k
             else:
                 words.append(Word(address, ins, code.name))
                 address += 1
         starts[code.name] = (begin, address)
-    if address > PROGRAM_WORDS:
-        file = next(iter(reporter.texts), None)
-        raise reporter.fatal(f"the program needs {address} words of flash, the chip has {PROGRAM_WORDS}", Place(file))
-    for word in words:
-        word.value = _encode(word, labels, memory, tables, reporter)
-    return Layout(words, labels, starts)
+    return Layout(words, labels, starts, address)
 
 
 def _encode(word: Word, labels: dict[str, int], memory: Memory, tables: dict[Symbol, str], reporter: Reporter) -> int:

@@ -63,10 +63,12 @@ class Ins:
     target: str = ""
     place: Place | None = None
     fixed: bool = False
-    """Written by the user in assembly: never changed, moved or dropped."""
+    """Never changed, moved or dropped: the user's assembly, and what must take exact time."""
+    table: Symbol | None = None
+    """The flash object that a CALL reads."""
 
     def copy(self) -> Ins:
-        return Ins(self.op, self.f, self.d, self.b, self.k, self.target, self.place, self.fixed)
+        return Ins(self.op, self.f, self.d, self.b, self.k, self.target, self.place, self.fixed, self.table)
 
     @property
     def real(self) -> bool:

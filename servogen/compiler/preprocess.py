@@ -158,6 +158,11 @@ def preprocess(
 _JOINING = re.compile(r"[0-9]\w*$")
 
 
+def _belongs(before: str, text: str) -> bool:
+    """Whether pcpp has split one token: 0b1, 12UL, and ^= (its lexer lacks that one)."""
+    return (_JOINING.match(before) is not None and re.match(r"\w", text) is not None) or (before, text) == ("^", "=")
+
+
 def _placed(stream: Iterator[Any], reporter: Reporter, starts: dict[str, list[int]]) -> Iterator[PToken]:
     """Tokens without white space; a number and the letters that touch it are one token again."""
     held: PToken | None = None
@@ -168,7 +173,7 @@ def _placed(stream: Iterator[Any], reporter: Reporter, starts: dict[str, list[in
             touching = False
             continue
         place = _place(tok, starts, reporter, last)
-        if held is not None and touching and _JOINING.match(held.text) and re.match(r"\w", tok.value):
+        if held is not None and touching and _belongs(held.text, tok.value):
             held = PToken(held.text + tok.value, held.place)
         else:
             if held is not None:

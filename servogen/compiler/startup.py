@@ -15,6 +15,7 @@ from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.emitter import Code
 from servogen.compiler.machine import FSR, PCLATH, STATUS, Byte, Ins
 from servogen.compiler.settings import Settings
+from servogen.compiler.tables import add_tables, table_name
 from servogen.compiler.tree import Data, Program, Symbol
 from servogen.pic.device import INTERRUPT_VECTOR
 
@@ -52,7 +53,8 @@ def arrange(backend: Backend, program: Program, settings: Settings, reporter: Re
         _save_context(handler)
         found.roots.append(handler.name)
         found.first = [RESET, handler.name]
-    found.first += [START, "main"]
+    found.tables = add_tables(codes, statics)
+    found.first += [START, "main", *(table_name(symbol) for symbol in found.tables)]
     return found
 
 
