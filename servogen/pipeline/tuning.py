@@ -15,7 +15,7 @@ import numpy as np
 
 from servogen.compiler import Compilation, Options, Source, compile_sources
 from servogen.csource import Overheads, Path, Sequence, render, sequence
-from servogen.edges import EdgeChunk
+from servogen.edges import EdgeChunk, EdgeTrace
 from servogen.errors import ServogenError
 from servogen.pic.device import Device
 from servogen.pipeline.proof import board_of
@@ -70,7 +70,8 @@ def measure(program: Sequence, compilation: Compilation) -> Overheads:
     wanted = _edges_to_watch(program)
     limit = Cycles(2 * (frames + SLACK_FRAMES) * schedule.period)
     machine = Machine(compilation.image, schedule.clock, board_of(schedule))
-    times = _times(machine.stream(limit), wanted)
+    trace = EdgeTrace(schedule.clock, machine.stream(limit), limit)
+    times = _times(trace.driven(), wanted)
     paths = list(islice(program.walk(), wanted))
     if len(times) < len(paths):
         raise TuningError(f"the program made {len(times)} edges in {limit} cycles, not {len(paths)}")
@@ -102,7 +103,8 @@ def _times(chunks: Iterable[EdgeChunk], wanted: int) -> list[int]:
     """The cycles of the first `wanted` port writes that change a pin."""
     times: list[int] = []
     for chunk in chunks:
-        times += np.unique(chunk.cycle).tolist()
+        new = np.unique(chunk.cycle).tolist()
+        times += new[1:] if times and new and new[0] == times[-1] else new
         if len(times) > wanted:
             break
     return times[:wanted]
