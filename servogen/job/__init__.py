@@ -1,7 +1,7 @@
 """Job file -> `Job`: chip, servos, motion and frame, checked."""
 
-from servogen.job.job import Firmware, Job, LegBinding
+from servogen.job.job import Firmware, Job
 from servogen.job.load import load, loads
 from servogen.job.template import template
 
-__all__ = ["Firmware", "Job", "LegBinding", "load", "loads", "template"]
+__all__ = ["Firmware", "Job", "load", "loads", "template"]

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from servogen.errors import Caution
-from servogen.kinematics.leg import Leg
-from servogen.motion import JointTrajectory, Motion
+from servogen.job.tip import Tip
+from servogen.motion import JointTrajectory
 from servogen.pic.device import Device
 from servogen.pulse.slots import Frame
+from servogen.robot.binding import Binding
+from servogen.robot.model import Robot
 from servogen.robot.servo import Servo
 from servogen.units import Clock
 
@@ -21,33 +23,24 @@ class Firmware:
     engine: str
 
 
-@dataclass(frozen=True, slots=True)
-class LegBinding:
-    """A leg on two servos: for each joint the servo, and its angle (radians) where the joint's is 0."""
-
-    leg: Leg
-    alpha: str
-    beta: str
-    alpha_zero: float
-    beta_zero: float
-    beta_sign: int
-    """1 or -1: the only sign of β that may be chosen; 0: the solution nearest to the pose before."""
-    tolerance: float
-    """How far, in metres, a foot position may be from the leg's surface."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Job:
-    """One job: chip, servos, motion, frame. `trajectory` has one joint a servo, in the order of `servos`."""
+    """One job. `trajectory` has one joint a servo, in the order of `servos`: the servos' own angles.
+
+    `bindings` are the joints that servos turn, `tip` the end of the leg or arm that they move, `robot` what
+    was named. `warnings`: what the user should change or accept; `notes`: what is good to know of the motion.
+    """
 
     name: str
     file: str
     device: Device
     clock: Clock
     servos: tuple[Servo, ...]
-    leg: LegBinding | None
-    motion: Motion
+    bindings: tuple[Binding, ...]
+    robot: Robot | None
+    tip: Tip | None
     frame: Frame
     firmware: Firmware
     trajectory: JointTrajectory
     warnings: tuple[Caution, ...]
+    notes: tuple[Caution, ...]

@@ -8,18 +8,22 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
+
 from servogen import tomlfile
-from servogen.edges import PINS
-from servogen.errors import InputError, Place, nearest
-from servogen.job.job import Firmware, Job, LegBinding
-from servogen.job.model import JobTable, LegTable, ServoTable
+from servogen.errors import InputError
+from servogen.job.job import Firmware, Job
+from servogen.job.model import JobTable, MotionTable
 from servogen.job.poses import poses_of
-from servogen.kinematics.leg import Leg
-from servogen.motion import Motion, trajectory
-from servogen.pic.device import OPEN_DRAIN_PIN, Device, device
+from servogen.job.robots import Rig, rig_of
+from servogen.job.servos import servos_of
+from servogen.job.walks import walk_of
+from servogen.motion import Motion, Planned, trajectory
+from servogen.motion.limits import Limits
+from servogen.pic.device import Device, device
 from servogen.pulse.slots import Frame, rises
-from servogen.robot.servo import Servo, servo
-from servogen.robot.servo_models import points_of, servo_model
+from servogen.robot.model import Arm, Hexapod
+from servogen.robot.servo import Servo
 from servogen.tomlfile import Document, exact
 from servogen.units import Clock
 
@@ -37,29 +41,27 @@ def loads(text: str, file: str) -> Job:
 def _job(document: Document) -> Job:
     table = tomlfile.validate(document, JobTable)
     chip, clock = _chip(document, table)
-    servos = _servos(document, table)
-    leg = _leg(document, table.leg, servos) if table.leg else None
-    motion = Motion(
-        tuple(each.name for each in servos),
-        poses_of(document, table.motion, servos, leg),
-        table.motion.repeat,
-        table.motion.end == "release",
-    )
-    if table.motion.repeat and "end" in document.data["motion"]:
-        raise document.error(
-            ("motion", "end"), "a motion that repeats has no end", "write repeat = false, or leave end away"
-        )
-    frame = Frame(
-        clock.round_us(exact(table.frame.period_us)),
-        exact(table.frame.gap_us),
-        None if table.frame.slot_us is None else exact(table.frame.slot_us),
-        document.place("frame", "period_us"),
-    )
+    servos = servos_of(document, table.servo)
+    rig = rig_of(document, table, servos)
+    frame = _frame(document, table, clock)
     rises(servos, frame, clock)
-    angles, warnings = trajectory(motion, frame.period.cycles, clock)
-    firmware = Firmware(table.firmware.dialect, table.firmware.engine)
-    name = Path(document.file).stem
-    return Job(name, document.file, chip, clock, servos, leg, motion, frame, firmware, angles, warnings)
+    planned = _motion(document, table, servos, rig, frame, clock)
+    _check_travel(document, planned, servos)
+    return Job(
+        Path(document.file).stem,
+        document.file,
+        chip,
+        clock,
+        servos,
+        rig.bindings,
+        rig.robot,
+        rig.tip,
+        frame,
+        Firmware(table.firmware.dialect, table.firmware.engine),
+        planned.trajectory,
+        planned.warnings,
+        planned.notes,
+    )
 
 
 def _chip(document: Document, table: JobTable) -> tuple[Device, Clock]:
@@ -76,78 +78,89 @@ def _chip(document: Document, table: JobTable) -> tuple[Device, Clock]:
     return chip, Clock(table.chip.clock_hz)
 
 
-def _servos(document: Document, table: JobTable) -> tuple[Servo, ...]:
-    by_name: dict[str, int] = {}
-    by_pin: dict[str, str] = {}
-    for index, row in enumerate(table.servo):
-        if row.name in by_name:
-            raise document.error(
-                ("servo", index, "name"),
-                f"two servos have the name '{row.name}'",
-                f"the other one is servo[{by_name[row.name] + 1}]",
-            )
-        if row.pin not in PINS:
-            raise document.error(("servo", index, "pin"), f"unknown pin '{row.pin}'", nearest(row.pin, PINS))
-        if row.pin in by_pin:
-            raise document.error(
-                ("servo", index, "pin"),
-                f"two servos are on pin {row.pin}: {by_pin[row.pin]} and {row.name}",
-                "each servo has a pin of its own",
-            )
-        if row.pin == OPEN_DRAIN_PIN and not row.open_drain:
-            raise document.error(
-                ("servo", index, "pin"),
-                f"{OPEN_DRAIN_PIN} is an open drain: without a pull-up resistor it never goes high",
-                "add a pull-up to VDD and write open_drain = true, or take another pin",
-            )
-        if row.pin != OPEN_DRAIN_PIN and row.open_drain:
-            raise document.error(
-                ("servo", index, "open_drain"), f"{row.pin} is no open drain: only {OPEN_DRAIN_PIN} is"
-            )
-        by_name[row.name], by_pin[row.pin] = index, row.name
-    return tuple(_servo(document, index, row) for index, row in enumerate(table.servo))
-
-
-def _servo(document: Document, index: int, row: ServoTable) -> Servo:
-    def place(key: str) -> Place:
-        return document.place("servo", index, key)
-
-    servo_model(row.model, place=place("model"))  # an unknown model is wrong whatever its supply is
-    model = servo_model(row.model, row.supply_v, row, place("supply_v" if row.supply_v else "travel_deg"))
-    return servo(
-        row.name,
-        row.pin,
-        model,
-        points=points_of(row.points, place("points")) if row.points else None,
-        limits=(
-            None if row.min_deg is None else math.radians(row.min_deg),
-            None if row.max_deg is None else math.radians(row.max_deg),
-        ),
-        trim_us=row.trim_us,
-        reverse=row.reverse,
-        place=document.place("servo", index),
-        limits_place=place("max_deg" if row.min_deg is None else "min_deg"),
-        trim_place=place("trim_us"),
+def _frame(document: Document, table: JobTable, clock: Clock) -> Frame:
+    return Frame(
+        clock.round_us(exact(table.frame.period_us)),
+        exact(table.frame.gap_us),
+        None if table.frame.slot_us is None else exact(table.frame.slot_us),
+        table.frame.per_slot,
+        document.place("frame", "period_us"),
     )
 
 
-def _leg(document: Document, table: LegTable, servos: tuple[Servo, ...]) -> LegBinding:
-    names = [each.name for each in servos]
-    for key in ("alpha", "beta"):
-        name = getattr(table, key)
-        if name not in names:
-            raise document.error(("leg", key), f"there is no servo '{name}'", nearest(name, names))
-    if table.alpha == table.beta:
-        raise document.error(("leg", "beta"), f"'{table.beta}' is both joints' servo")
-    lengths = (table.ab_mm, table.bc_mm, table.cd_mm, table.df_mm)
-    if table.ab_mm + table.cd_mm <= 0:
-        raise document.error(("leg", "cd_mm"), "ab_mm and cd_mm are both 0: a leg has a reach")
-    return LegBinding(
-        Leg(*(length / 1000 for length in lengths)),
-        table.alpha,
-        table.beta,
-        math.radians(table.alpha_zero_deg),
-        math.radians(table.beta_zero_deg),
-        {"nearest": 0, "positive": 1, "negative": -1}[table.beta_sign],
-        table.tolerance_mm / 1000,
+def _motion(
+    document: Document, table: JobTable, servos: tuple[Servo, ...], rig: Rig, frame: Frame, clock: Clock
+) -> Planned:
+    """The one section that says what the servos do."""
+    if (table.motion is None) == (table.walk is None):
+        key = ("walk",) if table.walk else ()
+        raise document.error(
+            key, "a job has one of [motion] and [walk]", "add [motion] poses = [ … ]" if not key else None
+        )
+    part = "motion" if table.motion is not None else "walk"
+    if document.data[part].get("repeat", True) and "end" in document.data[part]:
+        raise document.error(
+            (part, "end"), "a motion that repeats has no end", "write repeat = false, or leave end away"
+        )
+    limits = _limits(servos, rig)
+    if table.motion is not None:
+        return trajectory(_poses(document, table.motion, servos, rig, limits), frame.period.cycles, clock)
+    if table.walk is not None:
+        by_name = dict(zip([servo.name for servo in servos], limits, strict=True))
+        joints = tuple(
+            Limits(limit.speed / abs(each.ratio), limit.acceleration / abs(each.ratio))
+            for each in rig.bindings
+            for limit in (by_name[each.servo],)
+        )
+        order = [each.servo for each in rig.bindings]
+        for index, servo in enumerate(servos):
+            if servo.name not in order:
+                raise document.error(
+                    ("servo", index), f"{servo.name} turns no joint of the robot", "say which: joint = …"
+                )
+        return walk_of(document, table.walk, rig.robot, rig.bindings, joints, frame.period.cycles, clock)
+    raise document.error((), "the job has no motion")
+
+
+def _poses(
+    document: Document, table: MotionTable, servos: tuple[Servo, ...], rig: Rig, limits: tuple[Limits, ...]
+) -> Motion:
+    return Motion(
+        tuple(servo.name for servo in servos),
+        poses_of(document, table, servos, rig.tip),
+        table.repeat,
+        table.end == "release",
+        limits,
     )
+
+
+def _limits(servos: tuple[Servo, ...], rig: Rig) -> tuple[Limits, ...]:
+    """What each servo can do, and what the joint that it turns allows."""
+    joints = {}
+    if isinstance(rig.robot, Arm):
+        joints = {joint.name: joint.speed for joint in rig.robot.joints}
+    elif isinstance(rig.robot, Hexapod):
+        joints = {
+            f"{mount.name}_{joint.name}": joint.speed
+            for mount in rig.robot.mounts
+            for joint in rig.robot.leg.joints
+        }
+    bound = {each.servo: each for each in rig.bindings}
+    found = []
+    for servo in servos:
+        speed = math.inf if servo.model.speed is None else servo.model.speed
+        binding = bound.get(servo.name)
+        top = joints.get(binding.joint) if binding else None
+        if binding and top is not None:
+            speed = min(speed, top * abs(binding.ratio))
+        found.append(Limits(speed, servo.model.acceleration or math.inf))
+    return tuple(found)
+
+
+def _check_travel(document: Document, planned: Planned, servos: tuple[Servo, ...]) -> None:
+    """A spline or a walk may lead a servo beyond its limits though no pose does."""
+    part = "motion" if "motion" in document.data else "walk"
+    for servo, column in zip(servos, planned.trajectory.angles.T, strict=True):
+        if not np.isnan(column).all():
+            for angle in (float(np.nanmin(column)), float(np.nanmax(column))):
+                servo.width_us(angle, document.place(part))

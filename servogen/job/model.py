@@ -14,11 +14,15 @@ from servogen.tomlfile import Table
 
 NAME = r"^[A-Za-z][A-Za-z0-9_-]*$"
 
-
 MOST_MM, MOST_S = 100_000.0, 1_000_000.0
 """Beyond these a number is a slip of the pen."""
 
 Coordinate = Annotated[float, Field(ge=-MOST_MM, le=MOST_MM)]
+Point = tuple[Coordinate, Coordinate, Coordinate]
+Length = Annotated[float, Field(ge=0, le=MOST_MM)]
+Seconds = Annotated[float, Field(ge=0, le=MOST_S)]
+LawName = Literal["linear", "cubic", "quintic", "trapezoid", "s-curve"]
+Sign = Literal["positive", "negative"]
 
 
 class ChipTable(Table):
@@ -40,21 +44,34 @@ class ServoTable(FactTable):
     min_deg: float | None = None
     max_deg: float | None = None
     open_drain: bool = False
+    joint: str | None = None
+    """The joint of [robot] that it turns; at `zero_deg` of the servo that joint is at 0."""
+    zero_deg: float = 90.0
+    ratio: float = 1.0
+    """Degrees of the servo for each of the joint (turning joints)."""
+    deg_per_mm: float | None = None
+    """Degrees of the servo for each millimetre of the joint (sliding joints)."""
 
 
 class LegTable(Table):
     """[leg]: lengths, the servos of its joints, and the servo angle at which each joint's angle is 0."""
 
-    ab_mm: float = Field(ge=0, le=MOST_MM)
+    ab_mm: Length
     bc_mm: float = Field(ge=0.001, le=MOST_MM)
-    cd_mm: float = Field(ge=0, le=MOST_MM)
-    df_mm: float = Field(ge=0, le=MOST_MM)
+    cd_mm: Length
+    df_mm: Length
     alpha: str
     beta: str
     alpha_zero_deg: float = 90.0
     beta_zero_deg: float = 90.0
-    beta_sign: Literal["nearest", "positive", "negative"] = "nearest"
-    tolerance_mm: float = Field(default=0.5, ge=0)
+    beta_sign: Literal["nearest"] | Sign = "nearest"
+    tolerance_mm: float = Field(default=0.5, ge=0, le=MOST_MM)
+
+
+class RobotTable(Table):
+    """[robot]: a name of the catalogue, or a file."""
+
+    name: str
 
 
 class PoseTable(Table):
@@ -62,10 +79,16 @@ class PoseTable(Table):
 
     model_config = ConfigDict(extra="allow")
 
-    foot_mm: tuple[Coordinate, Coordinate, Coordinate] | None = None
-    move_s: float = Field(default=0.0, ge=0, le=MOST_S)
-    hold_s: float = Field(default=0.0, ge=0, le=MOST_S)
-    pause_s: float = Field(default=0.0, ge=0, le=MOST_S)
+    foot_mm: Point | None = None
+    tip_mm: Point | None = None
+    orientation_deg: tuple[float, ...] | None = None
+    path: Literal["joint", "line", "arc"] = "joint"
+    through_mm: Point | None = None
+    law: LawName | None = None
+    via: bool = False
+    move_s: Seconds | None = None
+    hold_s: Seconds = 0.0
+    pause_s: Seconds = 0.0
     release: bool = False
 
 
@@ -73,8 +96,38 @@ class MotionTable(Table):
     """[motion]"""
 
     repeat: bool = True
-    end: Literal["hold", "release"] = "hold"
+    end: Literal["hold", "release"] | None = None
+    law: LawName | None = None
     poses: tuple[PoseTable, ...] = Field(min_length=1)
+
+
+class WayTable(Table):
+    """One of [walk] way: what the body does in a cycle, and for how many cycles; without, for ever."""
+
+    forward_mm: Coordinate = 0.0
+    left_mm: Coordinate = 0.0
+    turn_deg: float = Field(default=0.0, ge=-360, le=360)
+    cycles: float | None = Field(default=None, gt=0, le=10_000)
+
+
+class WalkTable(Table):
+    """[walk]"""
+
+    gait: str = "tripod"
+    duty: float | None = Field(default=None, gt=0, lt=1)
+    lifts: dict[str, float] | None = None
+    way: tuple[WayTable, ...] = Field(min_length=1)
+    cycle_s: float | None = Field(default=None, gt=0, le=MOST_S)
+    lift_mm: float = Field(default=20.0, gt=0, le=MOST_MM)
+    body_height_mm: float | None = Field(default=None, gt=0, le=MOST_MM)
+    stance_width_mm: float | None = Field(default=None, gt=0, le=MOST_MM)
+    beta_sign: Sign = "positive"
+    spring_mm: float | None = Field(default=None, ge=0, le=MOST_MM)
+    allow_falling: bool = False
+    leg: str | None = None
+    """Only this leg walks."""
+    repeat: bool = True
+    end: Literal["hold", "release"] | None = None
 
 
 class FrameTable(Table):
@@ -83,6 +136,7 @@ class FrameTable(Table):
     period_us: float = Field(default=20_000.0, gt=0, le=1_000_000)
     gap_us: float = Field(default=250.0, gt=0)
     slot_us: float | None = Field(default=None, gt=0)
+    per_slot: int = Field(default=1, ge=1, le=13)
 
 
 class FirmwareTable(Table):
@@ -98,6 +152,8 @@ class JobTable(Table):
     chip: ChipTable
     servo: tuple[ServoTable, ...] = Field(min_length=1)
     leg: LegTable | None = None
-    motion: MotionTable
+    robot: RobotTable | None = None
+    motion: MotionTable | None = None
+    walk: WalkTable | None = None
     frame: FrameTable = FrameTable()
     firmware: FirmwareTable = FirmwareTable()

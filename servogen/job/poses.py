@@ -1,19 +1,24 @@
-"""[motion] poses of a job -> `motion.Pose` values: servo angles from `<servo>_deg` and from `foot_mm`.
+"""[motion] poses of a job -> `motion.Pose` values: servo angles from `<servo>_deg`, `foot_mm` and `tip_mm`.
 
-In: the checked table, the servos and the leg. Out: one pose each, with every servo's angle in radians.
+In: the checked table, the servos and what they move. Out: one pose each, with every servo's angle in radians.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 
 from servogen.errors import InputError, nearest
-from servogen.job.job import LegBinding
 from servogen.job.model import MotionTable, PoseTable
-from servogen.kinematics.unreachable import Unreachable, in_mm
+from servogen.job.tip import LegTip, Tip
 from servogen.motion import Pose
+from servogen.motion.follow import Followed, follow
+from servogen.motion.paths import Arc, Line, arc
+from servogen.motion.trajectory import Floats
 from servogen.robot.servo import Servo
 from servogen.toml_places import Key
 from servogen.tomlfile import Document, exact, shown, unknown_key
@@ -21,73 +26,188 @@ from servogen.tomlfile import Document, exact, shown, unknown_key
 ANGLE = "_deg"
 
 
+@dataclass(frozen=True, slots=True)
+class _State:
+    """After a pose: every servo's angle, and the orientation that was asked of the tip."""
+
+    angles: Mapping[str, float]
+    orientation: tuple[float, ...] | None = None
+
+
 def poses_of(
-    document: Document, table: MotionTable, servos: tuple[Servo, ...], leg: LegBinding | None
+    document: Document, table: MotionTable, servos: tuple[Servo, ...], tip: Tip | None
 ) -> tuple[Pose, ...]:
     """All poses; a servo that a pose does not name stays where it was. Raises InputError."""
-    poses: list[Pose] = []
-    before: dict[str, float] = {}
+    reader = _Reader(document, servos, tip)
+    states: list[_State] = []
     for index, row in enumerate(table.poses):
-        key: Key = ("motion", "poses", index)
-        angles = before | _angles(document, key, row, servos, leg, before)
-        missing = [servo.name for servo in servos if servo.name not in angles]
-        if missing:
-            raise document.error(
-                key,
-                f"the first pose does not say where {missing[0]} is",
-                f"add {missing[0]}{ANGLE} = … (later poses may leave it away: it stays)",
-            )
+        states.append(reader.state(("motion", "poses", index), row, states[-1] if states else _State({})))
+    return tuple(
+        reader.pose(("motion", "poses", index), row, table, states[index - 1], states[index])
+        for index, row in enumerate(table.poses)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Reader:
+    document: Document
+    servos: tuple[Servo, ...]
+    tip: Tip | None
+
+    def state(self, key: Key, row: PoseTable, before: _State) -> _State:
+        """The angles of a pose."""
+        named = self._named(key, row)
+        orientation = before.orientation
+        if row.orientation_deg is not None:
+            if row.tip_mm is None:
+                raise self.document.error(
+                    (*key, "orientation_deg"), "an orientation needs a position", "add tip_mm = [x, y, z]"
+                )
+            orientation = tuple(math.radians(angle) for angle in row.orientation_deg)
+        for name in ("foot_mm", "tip_mm"):
+            point = getattr(row, name)
+            if point is None:
+                continue
+            tip = self._tip((*key, name))
+            for servo in tip.servos:
+                if servo.name in named:
+                    raise self.document.error(
+                        (*key, servo.name + ANGLE),
+                        f"{servo.name}'s angle follows from {name} already",
+                        "give one of the two",
+                    )
+            near = np.array([before.angles.get(servo.name, math.pi / 2) for servo in tip.servos])
+            turn = None if orientation is None else np.array(orientation)
+            place = self.document.place(*key, name)
+            found = tip.angles(np.array(point) / 1000, turn, near, place).tolist()
+            named |= {servo.name: angle for servo, angle in zip(tip.servos, found, strict=True)}
+        angles = {**before.angles, **named}
+        for servo in self.servos:
+            if servo.name not in angles:
+                raise self.document.error(
+                    key,
+                    f"the first pose does not say where {servo.name} is",
+                    f"add {servo.name}{ANGLE} = … (later poses may leave it away: it stays)",
+                )
+        return _State(angles, orientation)
+
+    def pose(self, key: Key, row: PoseTable, table: MotionTable, before: _State, state: _State) -> Pose:
+        """The pose, with how the servos get there from the one before."""
         if row.release and not row.pause_s:
-            raise document.error(
+            raise self.document.error(
                 (*key, "release"), "release = true without a pause", "say how long: pause_s = …"
             )
-        poses.append(
-            Pose(
-                tuple(angles[servo.name] for servo in servos),
-                exact(row.move_s),
-                exact(row.hold_s),
-                exact(row.pause_s),
-                row.release,
-                document.place(*key),
-            )
-        )
-        before = angles
-    return tuple(poses)
-
-
-def _angles(
-    document: Document,
-    key: Key,
-    row: PoseTable,
-    servos: tuple[Servo, ...],
-    leg: LegBinding | None,
-    before: dict[str, float],
-) -> dict[str, float]:
-    """The angles that one pose names."""
-    by_key = {servo.name + ANGLE: servo for servo in servos}
-    angles: dict[str, float] = {}
-    for word, value in (row.model_extra or {}).items():
-        here = (*key, word)
-        if word not in by_key:
-            raise _unknown(document, here, word, by_key)
-        servo, angle = by_key[word], _angle(document, here, value)
-        servo.width_us(angle, document.place(*here))
-        angles[servo.name] = angle
-    if row.foot_mm is not None:
-        here = (*key, "foot_mm")
-        if leg is None:
-            raise document.error(
-                here, "a foot position needs a leg", "add the section [leg] with its lengths"
-            )
-        for name in (leg.alpha, leg.beta):
-            if name in angles:
-                raise document.error(
-                    (*key, name + ANGLE),
-                    f"{name}'s angle follows from foot_mm already",
-                    "give one of the two",
+        for name in ("hold_s", "pause_s"):
+            if row.via and getattr(row, name):
+                raise self.document.error(
+                    (*key, name), "a pose that is passed has no hold and no pause", "take via = true away"
                 )
-        angles |= _foot(document, here, row.foot_mm, servos, leg, before)
-    return angles
+        law = row.law or table.law
+        timeless = law is not None or row.via or row.path != "joint"
+        move_s = exact(row.move_s) if row.move_s is not None else None if timeless else Fraction(0)
+        return Pose(
+            self._vector(state),
+            move_s,
+            exact(row.hold_s),
+            exact(row.pause_s),
+            row.release,
+            law or "linear",
+            row.via,
+            self._way(key, row, before, state),
+            self.document.place(*key),
+        )
+
+    def _vector(self, state: _State) -> tuple[float, ...]:
+        return tuple(state.angles[servo.name] for servo in self.servos)
+
+    def _named(self, key: Key, row: PoseTable) -> dict[str, float]:
+        """The angles that a pose gives for servos by name."""
+        by_key = {servo.name + ANGLE: servo for servo in self.servos}
+        angles: dict[str, float] = {}
+        for word, value in (row.model_extra or {}).items():
+            here = (*key, word)
+            if word not in by_key:
+                raise self._unknown(here, word, by_key)
+            servo, angle = by_key[word], _angle(self.document, here, value)
+            servo.width_us(angle, self.document.place(*here))
+            angles[servo.name] = angle
+        return angles
+
+    def _unknown(self, key: Key, word: str, by_key: Mapping[str, Servo]) -> InputError:
+        if word.endswith(ANGLE):
+            name, names = word[: -len(ANGLE)], [servo.name for servo in self.servos]
+            return self.document.error(key, f"there is no servo '{name}'", nearest(name, names))
+        return unknown_key(self.document, key, [*PoseTable.model_fields, *by_key])
+
+    def _tip(self, key: Key) -> Tip:
+        wanted = "foot_mm" if isinstance(self.tip, LegTip) else "tip_mm"
+        if self.tip is None:
+            need = "a foot position needs a leg" if key[-1] == "foot_mm" else "a position needs an arm"
+            raise self.document.error(
+                key, need, "add the section [leg] with its lengths, or [robot] with a servo for each joint"
+            )
+        if key[-1] != wanted:
+            raise self.document.error(key, f"this robot's positions are called {wanted}")
+        return self.tip
+
+    def _way(self, key: Key, row: PoseTable, before: _State, state: _State) -> _Way | None:
+        if row.through_mm is not None and row.path != "arc":
+            raise self.document.error(
+                (*key, "through_mm"), "only an arc goes through a point", 'add path = "arc"'
+            )
+        if row.path == "joint":
+            return None
+        here = (*key, "path")
+        if row.foot_mm is None and row.tip_mm is None:
+            raise self.document.error(here, f'path = "{row.path}" needs a position', "give foot_mm or tip_mm")
+        tip = self._tip((*key, "foot_mm" if row.foot_mm is not None else "tip_mm"))
+        columns = [[each.name for each in self.servos].index(servo.name) for servo in tip.servos]
+        start, end = np.array(self._vector(before)), np.array(self._vector(state))
+        a, b = tip.where(start[columns][None])[0], tip.where(end[columns][None])[0]
+        path: Line | Arc
+        if row.path == "line":
+            path = Line(_triple(a), _triple(b))
+        elif row.through_mm is None:
+            raise self.document.error(
+                here, "an arc needs a point to go through", "add through_mm = [x, y, z]"
+            )
+        else:
+            path = arc(a, np.array(row.through_mm) / 1000, b, self.document.place(*key, "through_mm"))
+        turns = None
+        if before.orientation is not None and state.orientation is not None:
+            turns = np.array([before.orientation, state.orientation])
+        return _Way(path, tip, tuple(columns), start, end, turns, self.document, key)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Way:
+    """A path of the tip; servos that do not move it, and the orientation, go straight from start to end."""
+
+    path: Line | Arc
+    tip: Tip
+    columns: tuple[int, ...]
+    start: Floats
+    end: Floats
+    turns: Floats | None
+    document: Document
+    key: Key
+
+    def __call__(self, shares: Floats) -> Followed:
+        turns = None
+        if self.turns is not None:
+            turns = self.turns[0] + shares[:, None] * (self.turns[1] - self.turns[0])
+        columns = list(self.columns)
+        made = follow(
+            self.path,
+            shares,
+            lambda points: self.tip.solutions(points, turns),
+            self.tip.where,
+            self.start[columns],
+            self.document.place(*self.key, "path"),
+        )
+        angles = self.start + shares[:, None] * (self.end - self.start)
+        angles[:, columns] = made.angles
+        return Followed(shares, angles, made.chord_error_m)
 
 
 def _angle(document: Document, key: Key, value: object) -> float:
@@ -102,54 +222,6 @@ def _angle(document: Document, key: Key, value: object) -> float:
     raise document.error(key, f"{shown(value)} is not an angle", f"a finite number: {key[-1]} = 90")
 
 
-def _unknown(document: Document, key: Key, word: str, by_key: dict[str, Servo]) -> InputError:
-    fields = [*PoseTable.model_fields, *by_key]
-    if word.endswith(ANGLE):
-        names = [servo.name for servo in by_key.values()]
-        name = word[: -len(ANGLE)]
-        return document.error(key, f"there is no servo '{name}'", nearest(name, names))
-    return unknown_key(document, key, fields)
-
-
-def _foot(
-    document: Document,
-    key: Key,
-    foot_mm: tuple[float, float, float],
-    servos: tuple[Servo, ...],
-    binding: LegBinding,
-    before: dict[str, float],
-) -> dict[str, float]:
-    """The servo angles that put the foot there: inside the limits, and nearest to the pose before."""
-    leg = binding.leg
-    target = np.array(foot_mm) / 1000
-    place = document.place(*key)
-    nearest_point = np.array(leg.nearest(target))
-    # A position in a file has few digits: it is taken to mean the point of the surface that is nearest to it.
-    if float(np.linalg.norm(nearest_point - target)) > binding.tolerance:
-        try:
-            leg.ik(target)
-        except Unreachable as error:
-            raise error.at(place) from error
-    by_name = {servo.name: servo for servo in servos}
-    alpha, beta = by_name[binding.alpha], by_name[binding.beta]
-    solutions = [
-        (binding.alpha_zero + a, binding.beta_zero + b)
-        for a, b in leg.ik(nearest_point).tolist()
-        if binding.beta_sign * b >= 0
-    ]
-    allowed = [each for each in solutions if alpha.allows(each[0]) and beta.allows(each[1])]
-    if not allowed:
-        shown = " or ".join(
-            f"{alpha.name} {math.degrees(a):.1f}°, {beta.name} {math.degrees(b):.1f}°" for a, b in solutions
-        )
-        raise InputError(
-            f"the foot position {in_mm(target.tolist())} needs angles outside of the servos' travel: {shown}",
-            place,
-            "move the foot, or change alpha_zero_deg and beta_zero_deg to how the servos are mounted",
-        )
-    start = (
-        before.get(alpha.name, binding.alpha_zero),
-        before.get(beta.name, binding.beta_zero),
-    )
-    best = min(allowed, key=lambda each: max(abs(each[0] - start[0]), abs(each[1] - start[1])))
-    return {alpha.name: best[0], beta.name: best[1]}
+def _triple(point: Floats) -> tuple[float, float, float]:
+    x, y, z = point.tolist()
+    return x, y, z

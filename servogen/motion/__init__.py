@@ -1,6 +1,7 @@
 """Poses and paths -> `JointTrajectory`, joint angles frame by frame."""
 
-from servogen.motion.poses import Motion, Pose, trajectory
+from servogen.motion.binding import bound
+from servogen.motion.poses import Motion, Planned, Pose, trajectory
 from servogen.motion.trajectory import JointTrajectory
 
-__all__ = ["JointTrajectory", "Motion", "Pose", "trajectory"]
+__all__ = ["JointTrajectory", "Motion", "Planned", "Pose", "bound", "trajectory"]

@@ -1,7 +1,7 @@
-"""Poses with holds, pauses and linear moves -> `JointTrajectory`, one sample a frame.
+"""Poses with holds, pauses and moves between them -> `JointTrajectory`, one sample a frame.
 
 In: `Motion`, times in seconds as exact fractions. Out: the angles of every frame and the frame at which the
-repeat begins.
+repeat begins, what had to be rounded, what is good to know.
 
     angle                           move     hold      pause   (move of the next pose …)
       │        ╱‾‾‾‾‾‾‾‾            frames in which the servos travel, then stand,
@@ -11,12 +11,15 @@ repeat begins.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
 
 from servogen.errors import Caution, InputError, Place
+from servogen.motion import moves
+from servogen.motion.limits import Limits
 from servogen.motion.trajectory import Floats, JointTrajectory
 from servogen.units import Clock, Cycles
 
@@ -29,106 +32,206 @@ class Pose:
     """Joint angles (radians); the seconds of the move to them, of the hold there, of the pause then."""
 
     angles: tuple[float, ...]
-    move_s: Fraction = Fraction(0)
+    move_s: Fraction | None = Fraction(0)
+    """0: at once. None: as fast as the limits allow."""
     hold_s: Fraction = Fraction(0)
     pause_s: Fraction = Fraction(0)
     release: bool = False
     """No pulses in the pause; otherwise they hold the position."""
+    law: str = "linear"
+    via: bool = False
+    """Passed without stopping; nothing is held there."""
+    way: moves.Way | None = None
+    """The path of the move; without, straight through joint space."""
     place: Place | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Poses in order, for ever when `repeat`; otherwise the end holds the last pose, or releases it."""
+    """Poses in order, for ever when `repeat`; otherwise the end holds the last pose, or releases it.
+
+    `limits` are the joints', for moves without a time.
+    """
 
     joints: tuple[str, ...]
     poses: tuple[Pose, ...]
     repeat: bool = True
     release_at_end: bool = False
+    limits: tuple[Limits, ...] = ()
 
 
-def trajectory(motion: Motion, period: Cycles, clock: Clock) -> tuple[JointTrajectory, tuple[Caution, ...]]:
-    """The motion sampled at frames of `period` cycles, and what had to be rounded. Raises InputError.
+@dataclass(frozen=True, slots=True, eq=False)
+class Planned:
+    """A trajectory; `warnings`: what the user should change or accept; `notes`: what it is good to know."""
+
+    trajectory: JointTrajectory
+    warnings: tuple[Caution, ...] = ()
+    notes: tuple[Caution, ...] = ()
+
+
+def trajectory(motion: Motion, period: Cycles, clock: Clock) -> Planned:
+    """The motion sampled at frames of `period` cycles. Raises InputError.
 
     Nothing is known of where the servos are before the first pose, so its move is made only when it comes
     from the last pose: with `repeat` the loop begins after that move and ends with it.
     """
-    frames = _Frames(clock.seconds(period))
-    counts = [frames.of_pose(pose) for pose in motion.poses]
-    total = sum(sum(count) for count in counts)
-    if total > MOST_FRAMES:
-        raise InputError(
-            f"the motion is {total} frames long: {MOST_FRAMES} is the most",
-            motion.poses[0].place,
-            "shorten the holds, or let the motion repeat",
-        )
-    blocks = []
-    for index, (pose, (move, hold, pause)) in enumerate(zip(motion.poses, counts, strict=True)):
-        target = np.array(pose.angles)
-        if index:
-            blocks.append(_line(np.array(motion.poses[index - 1].angles), target, move))
-        blocks.append(_still(target, hold))
-        blocks.append(_still(target * np.nan if pose.release else target, pause))
-    last, first = np.array(motion.poses[-1].angles), np.array(motion.poses[0].angles)
-    if motion.repeat:
-        blocks.append(_line(last, first, counts[0][0]))
-    before_loop = 0 if motion.repeat else sum(len(block) for block in blocks)
-    if not motion.repeat:
-        blocks.append(_still(last * np.nan if motion.release_at_end else last, 1))
-        if counts[0][0]:
-            frames.cautions.append(
-                Caution(
-                    "move-unused",
-                    "the first pose's move is not made: the motion does not repeat, and where the servos are "
-                    "before it is not known",
-                    motion.poses[0].place,
-                )
-            )
-    angles = np.concatenate(blocks)
+    sampler = _Sampler(motion, clock.seconds(period))
+    sampler.run()
+    angles = np.concatenate(sampler.blocks)
+    first = motion.poses[0]
     if np.isnan(angles).all():
-        raise InputError("the motion has no pulse", motion.poses[0].place, "give a pose hold_s or move_s")
-    return JointTrajectory(motion.joints, clock, period, angles, before_loop), tuple(frames.cautions)
-
-
-def _line(start: Floats, end: Floats, frames: int) -> Floats:
-    """`frames` equal steps from `start`, exclusive, to `end`, inclusive (the specification's linear law)."""
-    share = np.arange(1, frames + 1)[:, None] / max(1, frames)
-    return np.where(share == 1, end, start + share * (end - start))
+        raise InputError("the motion has no pulse", first.place, "give a pose hold_s or move_s")
+    before_loop = 0
+    if not motion.repeat:
+        before_loop = len(angles)
+        end = np.array(motion.poses[-1].angles)
+        angles = np.concatenate((angles, _still(end * np.nan if motion.release_at_end else end, 1)))
+    made = JointTrajectory(motion.joints, clock, period, angles, before_loop)
+    return Planned(made, tuple(sampler.warnings), tuple(sampler.notes))
 
 
 def _still(angles: Floats, frames: int) -> Floats:
     return np.tile(angles, (frames, 1))
 
 
-class _Frames:
-    """Seconds as whole frames; what does not divide is rounded to the nearest, and said."""
+class _Sampler:
+    """The motion, frame by frame."""
 
-    def __init__(self, period_s: Fraction) -> None:
+    def __init__(self, motion: Motion, period_s: Fraction) -> None:
+        self.motion = motion
         self.period_s = period_s
-        self.cautions: list[Caution] = []
+        self.blocks: list[Floats] = []
+        self.warnings: list[Caution] = []
+        self.notes: list[Caution] = []
+        self._frames = 0
 
-    def of_pose(self, pose: Pose) -> tuple[int, int, int]:
-        counts = (
-            self._count(pose.move_s, "move_s", pose.place),
-            self._count(pose.hold_s, "hold_s", pose.place),
-            self._count(pose.pause_s, "pause_s", pose.place),
-        )
-        if not any(counts):
+    def run(self) -> None:
+        poses, repeat = self.motion.poses, self.motion.repeat
+        self._check_via()
+        if all(pose.via for pose in poses):
+            self._through([*poses, poses[0]], closed=True)
+            return
+        self._stand(poses[0])
+        at = 0
+        while at + 1 < len(poses) + repeat:
+            end = at + 1
+            while end < len(poses) and poses[end].via:
+                end += 1
+            chain = [poses[index % len(poses)] for index in range(at, end + 1)]
+            self._go(chain)
+            if end < len(poses):
+                self._stand(chain[-1])
+            at = end
+        if not repeat and poses[0].move_s:
+            self.warnings.append(
+                Caution(
+                    "move-unused",
+                    "the first pose's move is not made: the motion does not repeat, and where the servos are "
+                    "before it is not known",
+                    poses[0].place,
+                )
+            )
+
+    def _check_via(self) -> None:
+        poses = self.motion.poses
+        if all(pose.via for pose in poses) and self.motion.repeat and len(poses) > 1:
+            return
+        for pose in (poses[0], *(() if self.motion.repeat else poses[-1:])):
+            if pose.via:
+                raise InputError(
+                    "a motion cannot begin or end with a pose that it only passes",
+                    pose.place,
+                    "take via = true away, or give it to all poses of a motion that repeats",
+                )
+
+    def _stand(self, pose: Pose) -> None:
+        """Hold and pause."""
+        target = np.array(pose.angles)
+        hold, pause = self._count(pose.hold_s, "hold_s", pose), self._count(pose.pause_s, "pause_s", pose)
+        if hold:
+            self._add(_still(target, hold), pose)
+        if pause:
+            self._add(_still(target * np.nan if pose.release else target, pause), pose)
+        if not hold and not pause and pose.move_s == 0:
             raise InputError("a pose takes no time", pose.place, "give it hold_s, move_s or pause_s")
-        return counts
 
-    def _count(self, seconds: Fraction, name: str, place: Place | None) -> int:
+    def _go(self, chain: Sequence[Pose]) -> None:
+        """From the first pose of the chain to its last, through those between."""
+        if len(chain) > 2:
+            self._through(chain, closed=False)
+            return
+        before, pose = chain
+        start, end = np.array(before.angles), np.array(pose.angles)
+        frame_s, limits = float(self.period_s), self.motion.limits
+        try:
+            if pose.way is not None:
+                self._along(pose, pose.way)
+            elif pose.move_s is None:
+                self._add(moves.fastest_straight(start, end, pose.law, limits, frame_s), pose)
+            else:
+                frames = self._count(pose.move_s, "move_s", pose)
+                self._add(moves.straight(start, end, pose.law, frames), pose)
+        except InputError as error:
+            raise error if error.place else InputError(error.message, pose.place, error.hint) from error
+
+    def _along(self, pose: Pose, way: moves.Way) -> None:
+        frame_s, limits = float(self.period_s), self.motion.limits
+        if pose.move_s is None:
+            made = moves.fastest_along(way, pose.law, limits, frame_s, MOST_FRAMES - self._frames)
+        else:
+            made = moves.along(way, pose.law, self._count(pose.move_s, "move_s", pose))
+        if made is None:
+            raise self._too_long(pose)
+        self._add(made.angles[1:], pose)
+        millimetres = 1000 * made.chord_error_m
+        self.notes.append(
+            Caution("chord-error", f"the path is followed within {millimetres:.3f} mm", pose.place)
+        )
+
+    def _through(self, chain: Sequence[Pose], closed: bool) -> None:
+        points = np.array([pose.angles for pose in chain])
+        timed = [pose.move_s for pose in chain[1:]]
+        for pose in chain[1:]:
+            if (pose.move_s is None) != (timed[0] is None) or pose.move_s == 0 or pose.way is not None:
+                raise InputError(
+                    "poses that are passed take a time each, or none of them does",
+                    pose.place,
+                    "give move_s to all of them, and no path, or take it away from all",
+                )
+        if timed[0] is None:
+            limits, frame_s = self.motion.limits, float(self.period_s)
+            self._add(moves.fastest_through(points, limits, frame_s, closed), chain[-1])
+            return
+        counts = [self._count(pose.move_s or Fraction(0), "move_s", pose) for pose in chain[1:]]
+        self._add(moves.through(points, counts, closed), chain[-1])
+
+    def _add(self, block: Floats, pose: Pose) -> None:
+        self.blocks.append(block)
+        self._frames += len(block)
+        if self._frames > MOST_FRAMES:
+            raise self._too_long(pose)
+
+    def _too_long(self, pose: Pose) -> InputError:
+        return InputError(
+            f"the motion is more than {MOST_FRAMES} frames long",
+            pose.place,
+            "shorten the holds, or let the motion repeat",
+        )
+
+    def _count(self, seconds: Fraction, name: str, pose: Pose) -> int:
+        """Whole frames; what does not divide is rounded to the nearest, and said."""
         asked = seconds / self.period_s
         count = (2 * asked.numerator + asked.denominator) // (2 * asked.denominator)
         count = max(1, count) if seconds else 0
+        if count > MOST_FRAMES:
+            raise self._too_long(pose)
         if count != asked:
-            achieved = float(count * self.period_s)
-            self.cautions.append(
+            self.warnings.append(
                 Caution(
                     "frames-rounded",
                     f"{name} = {float(seconds):g} is not a whole number of frames: "
-                    f"{count} frame{'s' if count > 1 else ''} last {achieved:.6g} s",
-                    place,
+                    f"{count} frame{'s' if count > 1 else ''} last {float(count * self.period_s):.6g} s",
+                    pose.place,
                 )
             )
         return count

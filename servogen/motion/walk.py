@@ -46,6 +46,7 @@ class Walk:
     ground: npt.NDArray[np.bool_]
     corrections: Floats
     margins: Floats
+    frames_per_cycle: int
 
     @property
     def largest_correction_m(self) -> float:
@@ -112,7 +113,7 @@ def walk(
     joints = tuple(f"{name}_{joint.name}" for name in names for joint in robot.leg.joints)
     trajectory = JointTrajectory(joints, clock, period, angles, loop_start)
     margins = _margins(robot, frames)
-    made = Walk(trajectory, names, frames.feet, frames.ground, frames.corrections, margins)
+    made = Walk(trajectory, names, frames.feet, frames.ground, frames.corrections, margins, count)
     _refuse(robot, made, spring_m, allow_falling)
     return made
 

@@ -31,6 +31,8 @@ class Frame:
     period: Rounded
     gap_us: Fraction = GAP_US
     slot_us: Fraction | None = None
+    per_slot: int = 1
+    """How many servos' pulses begin together in a slot."""
     place: Place | None = None
 
 
@@ -38,24 +40,26 @@ def rises(servos: Sequence[Servo], frame: Frame, clock: Clock) -> tuple[Cycles, 
     """The cycle of the frame in which each servo's pulse begins. Raises InputError when they do not fit."""
     gap = max(clock.round_us(frame.gap_us).cycles, LEAST_GAP)
     at, starts = 0, []
-    for servo in servos:
-        starts.append(Cycles(at))
-        longest = clock.round_us(servo.widths_us[1]).cycles
-        slot = longest + gap
+    for first in range(0, len(servos), frame.per_slot):
+        together = servos[first : first + frame.per_slot]
+        starts += [Cycles(at)] * len(together)
+        longest = max(together, key=lambda servo: servo.widths_us[1])
+        width = clock.round_us(longest.widths_us[1]).cycles
+        slot = width + gap
         if frame.slot_us is not None:
             slot = clock.round_us(frame.slot_us).cycles
-            if slot < longest + LEAST_GAP:
+            if slot < width + LEAST_GAP:
                 raise InputError(
-                    f"a slot of {float(frame.slot_us):g} µs is too short for {servo.name}",
+                    f"a slot of {float(frame.slot_us):g} µs is too short for {longest.name}",
                     frame.place,
-                    f"its longest pulse and the least gap take {float(clock.us(longest + LEAST_GAP)):g} µs",
+                    f"its longest pulse and the least gap take {float(clock.us(width + LEAST_GAP)):g} µs",
                 )
         at += slot
     if at > frame.period.cycles:
         raise InputError(
-            f"the pulses do not fit a frame: {len(servos)} in a row take {float(clock.us(at)):g} µs, "
-            f"the frame has {float(frame.period.achieved_us):g} µs",
+            f"the pulses do not fit a frame: {len(servos)}, {frame.per_slot} at a time, take "
+            f"{float(clock.us(at)):g} µs, the frame has {float(frame.period.achieved_us):g} µs",
             frame.place,
-            "lengthen period_us, shorten gap_us, or narrow the servos' limits",
+            "lengthen period_us, shorten gap_us, raise per_slot, or narrow the servos' limits",
         )
     return tuple(starts)

@@ -65,7 +65,8 @@ def error_of(text: str) -> str:
 
 
 def degrees(job: Job, index: int) -> list[float]:
-    return [math.degrees(angle) for angle in job.motion.poses[index].angles]
+    """The servos' angles in the first (0) or the last (1) of the two poses."""
+    return [math.degrees(angle) for angle in job.trajectory.angles[-index].tolist()]
 
 
 def test_a_job_is_what_its_file_says() -> None:

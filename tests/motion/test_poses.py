@@ -19,7 +19,7 @@ def pose(angle: float, **seconds: Fraction | int | str | bool) -> Pose:
 
 
 def run(*poses: Pose, repeat: bool = True, release_at_end: bool = False) -> JointTrajectory:
-    return trajectory(Motion(("arm",), poses, repeat, release_at_end), PERIOD, CLOCK)[0]
+    return trajectory(Motion(("arm",), poses, repeat, release_at_end), PERIOD, CLOCK).trajectory
 
 
 def column(made: JointTrajectory) -> list[float]:
@@ -70,17 +70,18 @@ def test_a_motion_that_does_not_repeat_may_end_released() -> None:
 
 def test_the_first_move_of_a_motion_that_does_not_repeat_is_not_made_and_said() -> None:
     motion = Motion(("arm",), (pose(0.0, move_s=1, hold_s="0.02"),), repeat=False)
-    made, cautions = trajectory(motion, PERIOD, CLOCK)
-    assert [each.code for each in cautions] == ["move-unused"]
-    assert made.loop_start == 1
+    made = trajectory(motion, PERIOD, CLOCK)
+    assert [each.code for each in made.warnings] == ["move-unused"]
+    assert made.trajectory.loop_start == 1
 
 
 def test_what_is_not_whole_frames_is_rounded_and_said() -> None:
     motion = Motion(("arm",), (pose(0.0, hold_s="0.055"),))
-    made, cautions = trajectory(motion, PERIOD, CLOCK)
-    assert len(made.angles) == 3
-    assert [each.code for each in cautions] == ["frames-rounded"]
-    assert "hold_s = 0.055 is not a whole number of frames: 3 frames last 0.06 s" in cautions[0].text
+    made = trajectory(motion, PERIOD, CLOCK)
+    assert len(made.trajectory.angles) == 3
+    (caution,) = made.warnings
+    assert caution.code == "frames-rounded"
+    assert "hold_s = 0.055 is not a whole number of frames: 3 frames last 0.06 s" in caution.text
 
 
 def test_a_time_shorter_than_half_a_frame_is_one_frame() -> None:

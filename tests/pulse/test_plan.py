@@ -101,7 +101,7 @@ def test_pulses_never_overlap_whatever_the_angles() -> None:
 
 
 def test_more_pulses_than_fit_a_frame_are_refused() -> None:
-    with pytest.raises(InputError, match="do not fit a frame: 9 in a row take 20250 µs"):
+    with pytest.raises(InputError, match="do not fit a frame: 9, 1 at a time, take 20250 µs"):
         made([[90] * 9], servos(*["futaba-s3001"] * 9))
 
 

@@ -1,0 +1,102 @@
+"""[leg] and [robot] of a job -> the joints that servos turn, and the end of the leg or arm.
+
+In: the checked tables and the servos. Out: `Rig`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from servogen.errors import InputError, nearest
+from servogen.job.model import JobTable, LegTable
+from servogen.job.servos import bindings_of
+from servogen.job.tip import ArmTip, LegTip, Tip
+from servogen.kinematics.leg import Leg
+from servogen.robot.binding import Binding
+from servogen.robot.model import Arm, Hexapod, Robot
+from servogen.robot.robots import robot as named_robot
+from servogen.robot.servo import Servo
+from servogen.tomlfile import Document
+
+SIGNS = {"nearest": 0, "positive": 1, "negative": -1}
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """What the servos move. `tip` is None where no point can be given: no robot, or joints without servos."""
+
+    robot: Robot | None
+    bindings: tuple[Binding, ...]
+    tip: Tip | None
+
+
+def rig_of(document: Document, table: JobTable, servos: tuple[Servo, ...]) -> Rig:
+    """Raises InputError."""
+    if table.leg is not None:
+        if table.robot is not None:
+            raise document.error(("robot",), "[leg] is a robot of its own", "take one of the two away")
+        bindings_of(document, table.servo, {})
+        tip = _leg(document, table.leg, servos)
+        return Rig(None, tip.bindings, tip)
+    if table.robot is None:
+        return Rig(None, bindings_of(document, table.servo, {}), None)
+    robot = _robot(document, table.robot.name)
+    bindings = bindings_of(document, table.servo, _joints(robot))
+    return Rig(robot, bindings, _arm_tip(robot, bindings, servos) if isinstance(robot, Arm) else None)
+
+
+def _robot(document: Document, name: str) -> Robot:
+    beside = Path(document.file).parent / name
+    try:
+        return named_robot(str(beside) if name.lower().endswith(".toml") else name)
+    except InputError as error:
+        if error.place is not None and error.place.file and error.place.file != document.file:
+            raise
+        raise document.error(("robot", "name"), error.message, error.hint) from error
+
+
+def _joints(robot: Robot) -> dict[str, bool]:
+    """The joints that a servo can turn, and whether they slide; a walking robot's carry their leg's name."""
+    if isinstance(robot, Arm):
+        return {joint.name: not joint.turning for joint in robot.joints}
+    if isinstance(robot, Hexapod):
+        return {
+            f"{mount.name}_{joint.name}": not joint.turning
+            for mount in robot.mounts
+            for joint in robot.leg.joints
+        }
+    return {}
+
+
+def _arm_tip(robot: Arm, bindings: tuple[Binding, ...], servos: tuple[Servo, ...]) -> ArmTip | None:
+    by_joint = {binding.joint: binding for binding in bindings}
+    by_name = {servo.name: servo for servo in servos}
+    if any(joint.name not in by_joint for joint in robot.joints):
+        return None
+    mine = tuple(by_joint[joint.name] for joint in robot.joints)
+    return ArmTip(robot, mine, tuple(by_name[binding.servo] for binding in mine))
+
+
+def _leg(document: Document, table: LegTable, servos: tuple[Servo, ...]) -> LegTip:
+    by_name = {servo.name: servo for servo in servos}
+    for key in ("alpha", "beta"):
+        name = getattr(table, key)
+        if name not in by_name:
+            raise document.error(("leg", key), f"there is no servo '{name}'", nearest(name, by_name))
+    if table.alpha == table.beta:
+        raise document.error(("leg", "beta"), f"'{table.beta}' is both joints' servo")
+    if table.ab_mm + table.cd_mm <= 0:
+        raise document.error(("leg", "cd_mm"), "ab_mm and cd_mm are both 0: a leg has a reach")
+    lengths = (table.ab_mm, table.bc_mm, table.cd_mm, table.df_mm)
+    return LegTip(
+        Leg(*(length / 1000 for length in lengths)),
+        (
+            Binding("alpha", table.alpha, math.radians(table.alpha_zero_deg)),
+            Binding("beta", table.beta, math.radians(table.beta_zero_deg)),
+        ),
+        (by_name[table.alpha], by_name[table.beta]),
+        SIGNS[table.beta_sign],
+        table.tolerance_mm / 1000,
+    )

@@ -1,0 +1,98 @@
+"""[[servo]] tables -> `Servo` values and the joints that they turn.
+
+In: the checked tables. Out: one servo each; InputError for two on a pin, an open drain, limits beyond travel.
+"""
+
+from __future__ import annotations
+
+import math
+
+from servogen.edges import PINS
+from servogen.errors import Place, nearest
+from servogen.job.model import ServoTable
+from servogen.pic.device import OPEN_DRAIN_PIN
+from servogen.robot.binding import Binding
+from servogen.robot.servo import Servo, servo
+from servogen.robot.servo_models import points_of, servo_model
+from servogen.tomlfile import Document
+
+
+def servos_of(document: Document, rows: tuple[ServoTable, ...]) -> tuple[Servo, ...]:
+    """All servos, in the order of the file. Raises InputError."""
+    by_name: dict[str, int] = {}
+    by_pin: dict[str, str] = {}
+    for index, row in enumerate(rows):
+        if row.name in by_name:
+            raise document.error(
+                ("servo", index, "name"),
+                f"two servos have the name '{row.name}'",
+                f"the other one is servo[{by_name[row.name] + 1}]",
+            )
+        if row.pin not in PINS:
+            raise document.error(("servo", index, "pin"), f"unknown pin '{row.pin}'", nearest(row.pin, PINS))
+        if row.pin in by_pin:
+            raise document.error(
+                ("servo", index, "pin"),
+                f"two servos are on pin {row.pin}: {by_pin[row.pin]} and {row.name}",
+                "each servo has a pin of its own",
+            )
+        if row.pin == OPEN_DRAIN_PIN and not row.open_drain:
+            raise document.error(
+                ("servo", index, "pin"),
+                f"{OPEN_DRAIN_PIN} is an open drain: without a pull-up resistor it never goes high",
+                "add a pull-up to VDD and write open_drain = true, or take another pin",
+            )
+        if row.pin != OPEN_DRAIN_PIN and row.open_drain:
+            raise document.error(
+                ("servo", index, "open_drain"), f"{row.pin} is no open drain: only {OPEN_DRAIN_PIN} is"
+            )
+        by_name[row.name], by_pin[row.pin] = index, row.name
+    return tuple(_servo(document, index, row) for index, row in enumerate(rows))
+
+
+def _servo(document: Document, index: int, row: ServoTable) -> Servo:
+    def place(key: str) -> Place:
+        return document.place("servo", index, key)
+
+    servo_model(row.model, place=place("model"))  # an unknown model is wrong whatever its supply is
+    model = servo_model(row.model, row.supply_v, row, place("supply_v" if row.supply_v else "travel_deg"))
+    return servo(
+        row.name,
+        row.pin,
+        model,
+        points=points_of(row.points, place("points")) if row.points else None,
+        limits=(
+            None if row.min_deg is None else math.radians(row.min_deg),
+            None if row.max_deg is None else math.radians(row.max_deg),
+        ),
+        trim_us=row.trim_us,
+        reverse=row.reverse,
+        place=document.place("servo", index),
+        limits_place=place("max_deg" if row.min_deg is None else "min_deg"),
+        trim_place=place("trim_us"),
+    )
+
+
+def bindings_of(
+    document: Document, rows: tuple[ServoTable, ...], sliding: dict[str, bool]
+) -> tuple[Binding, ...]:
+    """The joints that servos turn, in the order of the servos; `sliding`: the robot's joints, by name."""
+    found: list[Binding] = []
+    for index, row in enumerate(rows):
+        if row.joint is None:
+            continue
+        key = ("servo", index, "joint")
+        if not sliding:
+            raise document.error(key, "there is no robot whose joint it could be", "add [robot] name = …")
+        if row.joint not in sliding:
+            raise document.error(key, f"the robot has no joint '{row.joint}'", nearest(row.joint, sliding))
+        if row.joint in [binding.joint for binding in found]:
+            raise document.error(key, f"two servos turn the joint '{row.joint}'")
+        if sliding[row.joint] != (row.deg_per_mm is not None):
+            kind, wanted = ("slides", "deg_per_mm") if sliding[row.joint] else ("turns", "ratio")
+            raise document.error(key, f"the joint '{row.joint}' {kind}", f"give the servo's {wanted}")
+        ratio = row.ratio if row.deg_per_mm is None else math.radians(row.deg_per_mm) * 1000
+        if not ratio:
+            raise document.error(key, "a ratio of 0 moves nothing")
+        found.append(Binding(row.joint, row.name, math.radians(row.zero_deg), ratio))
+    return tuple(found)

@@ -1,0 +1,154 @@
+"""The end of a robot in a job: points of its foot or tool as servo angles, and back.
+
+In: points in metres. Out: the angles of the servos that move it. `LegTip` is the two-joint leg on two servos,
+`ArmTip` any arm whose joints all have one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from servogen.errors import InputError, Place
+from servogen.kinematics.chain import fk_position
+from servogen.kinematics.inverse import orientation_matrix, solve, why_unreachable
+from servogen.kinematics.leg import Leg
+from servogen.kinematics.unreachable import Unreachable, in_mm
+from servogen.motion.trajectory import Floats
+from servogen.robot.binding import Binding
+from servogen.robot.model import Arm
+from servogen.robot.servo import Servo
+
+
+class Tip(Protocol):
+    """What a job asks of the end of its robot; `servos` are those that move it, the columns of all angles."""
+
+    @property
+    def servos(self) -> tuple[Servo, ...]: ...
+
+    def angles(self, point: Floats, orientation: Floats | None, before: Floats, place: Place) -> Floats:
+        """The servo angles (k,) for one point, nearest to `before`. Raises InputError."""
+
+    def solutions(self, points: Floats, orientation: Floats | None) -> Floats:
+        """All servo angles (n, solutions, k) for points (n, 3), NaN where there is none."""
+
+    def where(self, angles: Floats) -> Floats:
+        """The points (n, 3) at servo angles (n, k)."""
+
+
+@dataclass(frozen=True, slots=True)
+class LegTip:
+    """A leg; `bindings` are those of α and β.
+
+    `tolerance`: how far, in metres, a foot may be from the surface that two joints reach: rounding in the
+    job, and what the leg's spring gives. `beta_sign` 1 or -1: the only sign of β that may be chosen; 0: any.
+    """
+
+    leg: Leg
+    bindings: tuple[Binding, Binding]
+    servos: tuple[Servo, Servo]
+    beta_sign: int
+    tolerance: float
+
+    def angles(self, point: Floats, orientation: Floats | None, before: Floats, place: Place) -> Floats:
+        near = np.array(self.leg.nearest(point))
+        if float(np.linalg.norm(near - point)) > self.tolerance:
+            try:
+                self.leg.ik(point)
+            except Unreachable as error:
+                raise error.at(place) from error
+        return _nearest(self._of(near[None])[0], self.servos, before, point, place)
+
+    def solutions(self, points: Floats, orientation: Floats | None) -> Floats:
+        near = np.array([self.leg.nearest(point) for point in points])
+        found = self._of(near)
+        found[np.linalg.norm(near - points, axis=1) > self.tolerance] = np.nan
+        return _within(found, self.servos)
+
+    def where(self, angles: Floats) -> Floats:
+        alpha, beta = (each.position(column) for each, column in zip(self.bindings, angles.T, strict=True))
+        return self.leg.fk(alpha, beta)
+
+    def _of(self, points: Floats) -> Floats:
+        joints = self.leg.solve(points, NEAR_SURFACE_M)
+        joints[self.beta_sign * joints[..., 1] < 0] = np.nan
+        return np.stack(
+            [each.servo_angle(joints[..., column]) for column, each in enumerate(self.bindings)], axis=-1
+        )
+
+
+NEAR_SURFACE_M = 1e-7
+"""How well the nearest point of the surface is on the surface."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArmTip:
+    """An arm; `bindings` and `servos` in the order of its joints."""
+
+    arm: Arm
+    bindings: tuple[Binding, ...]
+    servos: tuple[Servo, ...]
+
+    def angles(self, point: Floats, orientation: Floats | None, before: Floats, place: Place) -> Floats:
+        turn = None if orientation is None else self._turn(point, orientation, place)
+        joints = solve(self.arm, point, turn).q
+        if np.isnan(joints).any(axis=1).all():
+            raise why_unreachable(self.arm, point, turn).at(place)
+        return _nearest(self._bound(joints), self.servos, before, point, place)
+
+    def solutions(self, points: Floats, orientation: Floats | None) -> Floats:
+        turns = None
+        if orientation is not None:
+            turns = np.array(
+                [
+                    orientation_matrix(self.arm, point, row)
+                    for point, row in zip(points, orientation, strict=True)
+                ]
+            )
+        return _within(self._bound(solve(self.arm, points, turns).q), self.servos)
+
+    def where(self, angles: Floats) -> Floats:
+        columns = [each.position(column) for each, column in zip(self.bindings, angles.T, strict=True)]
+        return fk_position(self.arm, np.stack(columns, axis=1))
+
+    def _turn(self, point: Floats, orientation: Floats, place: Place) -> Floats:
+        try:
+            return orientation_matrix(self.arm, point, orientation)
+        except InputError as error:
+            raise InputError(error.message, place, error.hint) from error
+
+    def _bound(self, joints: Floats) -> Floats:
+        return np.stack(
+            [each.servo_angle(joints[..., column]) for column, each in enumerate(self.bindings)], axis=-1
+        )
+
+
+def _within(found: Floats, servos: Sequence[Servo]) -> Floats:
+    """`found` (…, k) with NaN where a servo's limits do not allow it."""
+    allowed = np.ones(found.shape[:-1], dtype=bool)
+    for column, servo in enumerate(servos):
+        allowed &= servo.allows_each(found[..., column])
+    return np.where(allowed[..., None], found, np.nan)
+
+
+def _nearest(found: Floats, servos: Sequence[Servo], before: Floats, point: Floats, place: Place) -> Floats:
+    """Of the solutions (s, k) the one whose farthest moving servo moves least. Raises InputError for none."""
+    allowed = _within(found, servos)
+    away = np.abs(allowed - before).max(axis=1)
+    if np.isnan(away).all():
+        shown = " or ".join(
+            ", ".join(
+                f"{servo.name} {math.degrees(angle):.1f}°" for servo, angle in zip(servos, row, strict=True)
+            )
+            for row in found[~np.isnan(found).any(axis=1)].tolist()
+        )
+        raise InputError(
+            f"the position {in_mm(point.tolist())} needs angles outside of the servos' travel: {shown}",
+            place,
+            "move it, or change the servos' angles at which the joints are 0 to how they are mounted",
+        )
+    return np.asarray(allowed[int(np.nanargmin(away))])

@@ -1,0 +1,150 @@
+"""[walk] of a job -> the servos' trajectory.
+
+In: the checked table, the robot and its bindings. Out: `Planned`, with what is good to know as notes.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from servogen.errors import Caution, InputError, nearest
+from servogen.job.model import WalkTable
+from servogen.motion import JointTrajectory, Planned, bound
+from servogen.motion.footwork import Posture
+from servogen.motion.gaits import Gait, custom, gait
+from servogen.motion.limits import Limits
+from servogen.motion.steps import Segment
+from servogen.motion.walk import Walk, one_leg, walk
+from servogen.robot.binding import Binding
+from servogen.robot.model import Hexapod, Robot
+from servogen.tomlfile import Document, exact
+from servogen.units import Clock, Cycles
+
+
+def walk_of(
+    document: Document,
+    table: WalkTable,
+    robot: Robot | None,
+    bindings: tuple[Binding, ...],
+    limits: tuple[Limits, ...],
+    period: Cycles,
+    clock: Clock,
+) -> Planned:
+    """The walk; `limits` are the joints', one a binding. Raises InputError."""
+    if not isinstance(robot, Hexapod):
+        raise document.error(("walk",), "a walk needs a walking robot", 'add [robot] name = "hexapod"')
+    whole = robot
+    if table.leg is not None:
+        names = [mount.name for mount in robot.mounts]
+        if table.leg not in names:
+            raise document.error(
+                ("walk", "leg"), f"{robot.name} has no leg '{table.leg}'", nearest(table.leg, names)
+            )
+        robot = one_leg(robot, table.leg)
+    endless = table.way[-1].cycles is None
+    if endless and not table.repeat:
+        raise document.error(
+            ("walk", "repeat"), "a way without an end never ends", "give its last part cycles = …"
+        )
+    rhythm = _gait(document, table, whole, robot)
+    frames = _frames(table, period, clock)
+    try:
+        made = walk(
+            robot,
+            rhythm,
+            [_segment(row.forward_mm, row.left_mm, row.turn_deg, row.cycles) for row in table.way],
+            _posture(table),
+            period,
+            clock,
+            frames_per_cycle=frames,
+            limits=_least(limits),
+            spring_m=None if table.spring_mm is None else table.spring_mm / 1000,
+            allow_falling=table.allow_falling,
+        )
+    except InputError as error:
+        raise document.error(("walk",), error.message, error.hint) from error
+    return Planned(
+        _ended(_bound(document, made.trajectory, bindings), table), notes=tuple(_notes(document, made, table))
+    )
+
+
+def _gait(document: Document, table: WalkTable, whole: Hexapod, robot: Hexapod) -> Gait:
+    key = "lifts" if table.lifts is not None else "gait"
+    try:
+        if table.lifts is not None:
+            if table.duty is None:
+                raise InputError("phases need a duty factor", hint="add duty = …")
+            return custom("own", table.duty, table.lifts, robot)
+        if table.duty is not None:
+            raise InputError("a duty factor needs phases", hint="add lifts = { L1 = 0.0, … }")
+        named = gait(table.gait, whole)
+    except InputError as error:
+        raise document.error(("walk", key), error.message, error.hint) from error
+    mine = {mount.name for mount in robot.mounts}
+    return Gait(named.name, named.duty, tuple(each for each in named.lifts if each[0] in mine))
+
+
+def _frames(table: WalkTable, period: Cycles, clock: Clock) -> int | None:
+    return None if table.cycle_s is None else math.ceil(exact(table.cycle_s) / clock.seconds(period))
+
+
+def _segment(forward_mm: float, left_mm: float, turn_deg: float, cycles: float | None) -> Segment:
+    return Segment(forward_mm / 1000, left_mm / 1000, math.radians(turn_deg), cycles)
+
+
+def _posture(table: WalkTable) -> Posture:
+    return Posture(
+        None if table.body_height_mm is None else table.body_height_mm / 1000,
+        None if table.stance_width_mm is None else table.stance_width_mm / 1000,
+        table.lift_mm / 1000,
+        1 if table.beta_sign == "positive" else -1,
+    )
+
+
+def _least(limits: tuple[Limits, ...]) -> Limits:
+    """What every servo can do: all joints of a walk do the same, one after the other."""
+    return Limits(
+        min((limit.speed for limit in limits), default=math.inf),
+        min((limit.acceleration for limit in limits), default=math.inf),
+    )
+
+
+def _bound(document: Document, trajectory: JointTrajectory, bindings: tuple[Binding, ...]) -> JointTrajectory:
+    missing = [joint for joint in trajectory.joints if joint not in [each.joint for each in bindings]]
+    if missing:
+        raise document.error(
+            ("walk",), f"no servo turns the joint '{missing[0]}'", f'give one joint = "{missing[0]}"'
+        )
+    try:
+        return bound(trajectory, bindings)
+    except InputError as error:
+        raise document.error(("walk",), error.message, error.hint) from error
+
+
+def _ended(trajectory: JointTrajectory, table: WalkTable) -> JointTrajectory:
+    """A walk that does not repeat stands at its end, or is released."""
+    if table.repeat:
+        return trajectory
+    last = trajectory.angles[-1:] * (np.nan if table.end == "release" else 1.0)
+    angles = np.concatenate((trajectory.angles, last))
+    return JointTrajectory(
+        trajectory.joints, trajectory.clock, trajectory.period, angles, len(trajectory.angles)
+    )
+
+
+def _notes(document: Document, made: Walk, table: WalkTable) -> list[Caution]:
+    place = document.place("walk")
+    seconds = float(made.trajectory.clock.seconds(made.trajectory.period)) * made.frames_per_cycle
+    notes = [
+        Caution("cycle", f"a cycle takes {made.frames_per_cycle} frames, {seconds:.6g} s", place),
+        Caution("spring", f"the legs' springs give up to {1000 * made.largest_correction_m:.2f} mm", place),
+        Caution("lift", f"the feet rise {1000 * made.lift_m:.1f} mm", place),
+    ]
+    if math.isfinite(made.least_margin_m):
+        text = f"the centre of mass is always {1000 * made.least_margin_m:.1f} mm inside of the feet"
+        if made.least_margin_m < 0:
+            text = f"the robot falls: {-1000 * made.least_margin_m:.1f} mm outside of its feet at worst"
+        notes.append(Caution("stability", text, place))
+    return notes

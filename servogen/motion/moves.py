@@ -1,0 +1,77 @@
+"""One move as frames: between two poses, along a path, through via points.
+
+In: where from and where to, a law, a number of frames or the joints' limits. Out: the angles of each frame of
+the move, the start exclusive and the end inclusive.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from servogen.motion.follow import Followed
+from servogen.motion.laws import law
+from servogen.motion.limits import Limits, fastest, stretch
+from servogen.motion.splines import fastest_spline, spline
+from servogen.motion.trajectory import Floats
+
+Way = Callable[[Floats], Followed]
+"""Shares of a path (n,) -> the angles of all joints there (n, joints), and how far they stray."""
+
+EXACT = 1e-9
+"""A duration this little above whole frames is whole frames."""
+
+
+def straight(start: Floats, end: Floats, name: str, frames: int) -> Floats:
+    """Straight through joint space in so many frames: all joints begin and end together."""
+    share = law(name).share(_shares(frames))[:, None]
+    return np.where(share == 1, end, start + share * (end - start))
+
+
+def fastest_straight(
+    start: Floats, end: Floats, name: str, limits: Sequence[Limits], frame_s: float
+) -> Floats:
+    """As `straight`, in as few frames as the limits allow."""
+    timing = fastest(name, (end - start).tolist(), limits)
+    frames = math.ceil(timing.duration / frame_s - EXACT)
+    share = timing.law.share(_shares(frames))[:, None]
+    return np.where(share >= 1, end, start + share * (end - start))
+
+
+def along(way: Way, name: str, frames: int) -> Followed:
+    """Along a path in so many frames; the start is among the samples, as their first."""
+    return way(law(name).share(np.concatenate(([0.0], _shares(frames)))))
+
+
+def fastest_along(
+    way: Way, name: str, limits: Sequence[Limits], frame_s: float, most: int
+) -> Followed | None:
+    """As `along`, in as few frames as the limits allow; None when that is more than `most`."""
+    frames = 1
+    while frames <= most:
+        made = along(way, name, frames)
+        slower = stretch(made.angles, frame_s, limits)
+        if slower <= 1 + EXACT:
+            return made
+        frames = max(frames + 1, math.floor(frames * min(slower, 2.0)))
+    return None
+
+
+def through(points: Floats, frames: Sequence[int], closed: bool) -> Floats:
+    """Through `points` (n, joints) without stopping, each after so many frames more (n - 1 of them)."""
+    times = np.concatenate(([0], np.cumsum(frames))).astype(float)
+    return spline(points, times, closed).at(np.arange(1, times[-1] + 1))
+
+
+def fastest_through(points: Floats, limits: Sequence[Limits], frame_s: float, closed: bool) -> Floats:
+    """As `through`, in as few frames as the limits allow."""
+    made = fastest_spline(points, limits, closed)
+    frames = max(1, math.ceil(made.duration / frame_s - EXACT))
+    return made.at(np.arange(1, frames + 1) * (made.duration / frames))
+
+
+def _shares(frames: int) -> Floats:
+    """The shares of the time at the frames of a move, from after its start to its end."""
+    return np.arange(1, frames + 1) / max(1, frames)

@@ -1,0 +1,29 @@
+"""A joint on a servo: the servo's angle as a straight line over the joint's position.
+
+In: joint positions, radians or metres. Out: servo angles in radians, and back.
+
+    servo angle = zero + ratio * joint position
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class Binding:
+    """`zero`: the servo's angle where the joint is 0; `ratio`: its radians for each unit of the joint's."""
+
+    joint: str
+    servo: str
+    zero: float = 0.0
+    ratio: float = 1.0
+
+    def servo_angle(self, position: ArrayLike) -> NDArray[np.float64]:
+        return np.asarray(self.zero + self.ratio * np.asarray(position, float))
+
+    def position(self, servo_angle: ArrayLike) -> NDArray[np.float64]:
+        return np.asarray((np.asarray(servo_angle, float) - self.zero) / self.ratio)
