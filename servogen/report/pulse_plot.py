@@ -122,7 +122,7 @@ def _draw_widths(axes: Axes, schedule: PulseSchedule, channels: list[Pulses]) ->
     axes.set_ylabel("pulse width, µs")
     axes.margins(y=0.15)
     axes.grid(alpha=0.3)
-    axes.legend(loc="upper right")
+    axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=4, frameon=False, fontsize=9)
 
 
 def _draw_frame(
