@@ -9,25 +9,68 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from servogen.simulator.machine import Machine, Stimulus
+    from servogen.simulator.forever import NoRepeat, Repeat, find_repeat
+    from servogen.simulator.machine import Machine, Observation, Stimulus
     from servogen.simulator.options import Options
+    from servogen.simulator.profiling import Profile, Spent, profile
     from servogen.simulator.run import Simulation, simulate
+    from servogen.simulator.servo_load import Position, ServoLoad
+    from servogen.simulator.sources import Button, Change, Levels, Periodic, Reset, Serial
     from servogen.simulator.state import State, Warning
-
-__all__ = ["Machine", "Options", "Simulation", "State", "Stimulus", "Warning", "simulate"]
+    from servogen.simulator.stimulus import Recorded, Stimuli, Wired, record
+    from servogen.simulator.stimulus_file import load_stimuli, parse_stimuli
+    from servogen.simulator.tracing import TraceRow, trace
 
 _HOMES = {
-    "Machine": "machine",
-    "Options": "options",
-    "Simulation": "run",
-    "State": "state",
-    "Stimulus": "machine",
-    "Warning": "state",
-    "simulate": "run",
+    "forever": ("NoRepeat", "Repeat", "find_repeat"),
+    "machine": ("Machine", "Observation", "Stimulus"),
+    "options": ("Options",),
+    "profiling": ("Profile", "Spent", "profile"),
+    "run": ("Simulation", "simulate"),
+    "servo_load": ("Position", "ServoLoad"),
+    "sources": ("Button", "Change", "Levels", "Periodic", "Reset", "Serial"),
+    "state": ("State", "Warning"),
+    "stimulus": ("Recorded", "Stimuli", "Wired", "record"),
+    "stimulus_file": ("load_stimuli", "parse_stimuli"),
+    "tracing": ("TraceRow", "trace"),
 }
+_HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "Button",
+    "Change",
+    "Levels",
+    "Machine",
+    "NoRepeat",
+    "Observation",
+    "Options",
+    "Periodic",
+    "Position",
+    "Profile",
+    "Recorded",
+    "Repeat",
+    "Reset",
+    "Serial",
+    "ServoLoad",
+    "Simulation",
+    "Spent",
+    "State",
+    "Stimuli",
+    "Stimulus",
+    "TraceRow",
+    "Warning",
+    "Wired",
+    "find_repeat",
+    "load_stimuli",
+    "parse_stimuli",
+    "profile",
+    "record",
+    "simulate",
+    "trace",
+]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
+    if name not in _HOME_OF:
         raise AttributeError(f"module {__name__} has no attribute {name}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    return getattr(import_module(f"{__name__}.{_HOME_OF[name]}"), name)

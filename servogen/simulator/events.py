@@ -101,12 +101,18 @@ def watchdog(s, edges):  # type: ignore[no-untyped-def]
 
 @njit
 def happen(s, edges, stim):  # type: ignore[no-untyped-def]
-    """Everything that was due by now, in order of cycles; a stimulus comes before what has its cycle."""
+    """Everything that was due by now, in order of cycles, a stimulus before what has its cycle; then waking."""
     while True:
         now = s[CYCLE]
         when = next_event(s, stim)
         if when > now:
-            return
+            if not (s[SLEEPING] and requested(s)):
+                return
+            s[WAKES_INTERRUPT] += 1
+            wake(s, now)
+            continue
+        if s[STIM_NEXT] == s[STIM_COUNT] and when >= s[STIM_KNOWN]:
+            return  # the host must say what comes from then on
         if s[STIM_NEXT] < s[STIM_COUNT] and stim[s[STIM_NEXT]] >> PACK_CYCLE == when:
             stimulus(s, edges, stim[s[STIM_NEXT]])
             s[STIM_NEXT] += 1
@@ -115,19 +121,13 @@ def happen(s, edges, stim):  # type: ignore[no-untyped-def]
         elif s[T0_TICK] == when:
             s[T0_TICK] = NEVER
             t0_external(s, when)
-        elif wdt_deadline(s) == when:
-            watchdog(s, edges)
         else:
-            return  # the host must say what comes from STIM_KNOWN on
+            watchdog(s, edges)
 
 
 @njit
 def attend(s, edges, stim):  # type: ignore[no-untyped-def]
-    """Between instructions, what is due having happened: wake, enter an interrupt, set `HORIZON`."""
-    if s[SLEEPING] and requested(s):
-        s[WAKES_INTERRUPT] += 1
-        wake(s, s[CYCLE])
-        happen(s, edges, stim)
+    """Between instructions, what is due having happened: enter an interrupt, set `HORIZON`."""
     now = s[CYCLE]
     if s[SLEEPING] or s[IN_RESET]:
         s[HORIZON] = next_event(s, stim)

@@ -76,6 +76,12 @@ WAITS, PERIOD_SHIFT = 1 << WAITS_BIT, WAITS_BIT + 1
 PAGE_BITS = 0x18  # of PCLATH, for CALL and GOTO: section 2.4
 
 
+@njit
+def stays(s, plain, pc):  # type: ignore[no-untyped-def]
+    """Whether the GOTO at `pc` goes to the page and the mirror image that it stands in."""
+    return s[PCLATH] & PAGE_BITS == 0 and (plain[pc & ROW_MASK] >> 8 & 0x7FF) >> 10 == pc >> 10
+
+
 def _build(observed: bool, sources: str) -> Callable[..., int]:
     """`observed` counts and traces every instruction; `sources` is in the key of numba's cache, no more."""
 
@@ -92,9 +98,9 @@ def _build(observed: bool, sources: str) -> Callable[..., int]:
                 return EDGES_FULL
             if observed and len(trace) and s[TRACE_COUNT] >= len(trace):
                 return TRACE_FULL
-            if cycle >= s[STIM_KNOWN] and s[STIM_NEXT] == s[STIM_COUNT]:
-                return NEEDS_STIMULUS
             happen(s, edges, stim)
+            if s[CYCLE] >= s[STIM_KNOWN] and s[STIM_NEXT] == s[STIM_COUNT]:
+                return NEEDS_STIMULUS
             if s[CYCLE] >= end:
                 settle_counters(s, s[CYCLE])
                 return AT_END
@@ -146,7 +152,7 @@ def _build(observed: bool, sources: str) -> Callable[..., int]:
                                     recording[depth, 3] = region
                                     depth += 1
                                     base = (region + 1) * ROW
-                    elif op == SPIN and s[PCLATH] & PAGE_BITS == 0:
+                    elif op == SPIN and stays(s, plain, pc):
                         period = word >> 8
                         cycle += (horizon - cycle) // period * period
                         if cycle >= horizon:
@@ -190,7 +196,7 @@ def _build(observed: bool, sources: str) -> Callable[..., int]:
                         if op == BTFSC or op == BTFSS:
                             r = 1
                             skip = (v & word >> 16 & 0xFF != 0) == (op == BTFSS)
-                            if not skip and word & WAITS and s[PCLATH] & PAGE_BITS == 0:
+                            if not skip and word & WAITS and stays(s, plain, pc):
                                 # the GOTO after it comes back here, and finds the same until then:
                                 limit = min(horizon, t0_flag_at(s)) if address & 127 == 0x0B else horizon
                                 period = word >> PERIOD_SHIFT

@@ -15,14 +15,16 @@ A wait is a GOTO back over NOPs and at most one bit test: it sees the same until
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from servogen.errors import InputError
 from servogen.pic.device import PROGRAM_WORDS
 from servogen.simulator.program import (
+    BREAK,
     D_BIT,
     DIRECT_BIT,
     EXIT,
@@ -93,6 +95,25 @@ def fast_code(plain: Code) -> FastCode:
         table[n, 0] = len(region.ram)
         table[n, 1 : 1 + len(region.ram)] = region.ram
     return FastCode(np.array(rows, dtype=np.int64).reshape(-1), table)
+
+
+def marked_code(code: Code, plain: Code, breakpoints: Set[int]) -> Code:
+    """`code` with `breakpoints` in it; no step may then pass over one, so what it stands in is not taken as one."""
+    if not breakpoints:
+        return code
+    code = code.copy()
+    rows = code.reshape(-1, _N)
+    waits = (rows[0] & OP_MASK == SPIN) | (rows[0] >> WAITS_BIT != 0)
+    rows[0][waits] = plain[waits]
+    for address in breakpoints:
+        if not 0 <= address < _N:
+            raise InputError(f"breakpoint at 0x{address:04X}: the program has {_N} words")
+        for region in np.flatnonzero(rows[1:, address] != EXIT):
+            heads = rows == (LOOP | region << F_SHIFT)
+            rows[heads] = np.broadcast_to(plain, rows.shape)[heads]
+    for address in breakpoints:
+        rows[0, address] = BREAK
+    return code
 
 
 def _name(word: int) -> str:

@@ -5,7 +5,8 @@ In: an `Image`, a `Clock`, `Options`, perhaps a stimulus. Out: edges as it makes
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Set
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -17,12 +18,12 @@ from servogen.pic.device import PROGRAM_WORDS
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
 from servogen.simulator.kernel import kernel
-from servogen.simulator.loops import fast_code
+from servogen.simulator.loops import fast_code, marked_code
 from servogen.simulator.memo import new_memo, new_recording
 from servogen.simulator.options import Options
-from servogen.simulator.program import BREAK, program_code
+from servogen.simulator.program import Code, program_code
 from servogen.simulator.reset_state import power_up
-from servogen.simulator.state import State, Warning, fingerprint, noted, state_of
+from servogen.simulator.state import State, Warning, fingerprint, noted, read_unwritten, state_of
 from servogen.units import Clock, Cycles
 
 EDGE_ROOM = 1 << 16
@@ -31,6 +32,22 @@ EDGE_SLACK = 4 * len(PINS)
 """Edges that one free run of instructions can add after the buffer was found not full."""
 
 Packed = npt.NDArray[np.int64]
+
+
+_RESTING = (at.AT_END, at.AT_BREAKPOINT)
+"""Why the loop came back for good."""
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """What the observed instruction loop writes: executions and cycles by address, and the trace's rows."""
+
+    counts: Packed = field(default_factory=lambda: np.zeros((PROGRAM_WORDS, 2), dtype=np.int64))
+    trace: Packed = field(default_factory=lambda: np.zeros((0, 4), dtype=np.int64))
+    """As many rows as are to be kept before they are given; none: no trace."""
+
+
+_UNOBSERVED = Observation(np.zeros((0, 2), dtype=np.int64))
 
 
 class Stimulus(Protocol):
@@ -69,8 +86,6 @@ class Machine:
         self._stim = np.zeros(0, dtype=np.int64)
         if stimulus:
             self._s[at.STIM_KNOWN] = 0
-        self._counts = np.zeros((0, 2), dtype=np.int64)
-        self._trace = np.zeros((0, 4), dtype=np.int64)
 
     @property
     def cycles(self) -> Cycles:
@@ -110,22 +125,24 @@ class Machine:
             raise InputError("run_until needs exactly one of pc, cycle and predicate")
         if cycle is not None:
             end = cycle if limit is None else min(cycle, self.cycles + limit)
-            self.run(max(0, end - self.cycles))
+            for _ in self._advance(max(end, self.cycles), fast=True, breakpoints=frozenset()):
+                pass
             return self.cycles >= cycle
         end = at.NEVER if limit is None else self.cycles + limit
         if pc is not None:
-            before, self.breakpoints = self.breakpoints, {pc}
-            try:
-                for _ in self._advance(end, fast=True):
-                    pass
-            finally:
-                self.breakpoints = before
+            for _ in self._advance(end, fast=True, breakpoints={pc}):
+                pass
             return self.pc == pc and self.cycles < end
         while self.cycles < end:
             self.step()
             if predicate is not None and predicate(self):
                 return True
         return False
+
+    @property
+    def read_unwritten(self) -> tuple[int, ...]:
+        """Addresses of the RAM bytes that were read before they were ever written."""
+        return read_unwritten(self._s)
 
     def state(self) -> State:
         return state_of(self._s, self._warnings())
@@ -134,9 +151,43 @@ class Machine:
         """Equal for two states, of the same image, clock and options and without stimulus, that will behave alike."""
         return fingerprint(self._s)
 
-    def _advance(self, end: int, fast: bool) -> Iterator[EdgeChunk]:
-        run = kernel(False)
-        code = self._with_breakpoints(self._fast.code if fast else self._plain)
+    def run_to_edge(self, pin: int, level: int, limit: int) -> Cycles | None:
+        """Run until just after the instruction that makes `pin` (its index in `PINS`) go to `level`.
+
+        The edge's cycle, or None when there is none within `limit` cycles. Breakpoints do not count here.
+        """
+        self._s[at.EDGE_LIMIT] = 1  # comes back after every instruction that makes an edge
+        try:
+            for chunk in self._advance(self.cycles + limit, fast=True, breakpoints=frozenset()):
+                found = (chunk.pin == pin) & (chunk.level == level)
+                if found.any():
+                    return Cycles(int(chunk.cycle[found][-1]))
+        finally:
+            self._s[at.EDGE_LIMIT] = EDGE_ROOM
+        return None
+
+    def observe(self, cycles: int, observation: Observation) -> Iterator[tuple[EdgeChunk, Packed]]:
+        """Like `stream`, instruction by instruction, counting in `observation`.
+
+        Gives edges and, if it traces, rows of (cycle, PC, W after, STATUS after), one an instruction.
+        """
+        end = self.cycles + cycles
+        code = marked_code(self._plain, self._plain, self.breakpoints)
+        for why in self._runs(end, code, kernel(observed=True), observation):
+            rows = observation.trace[: self._s[at.TRACE_COUNT]].copy()
+            self._s[at.TRACE_COUNT] = 0
+            if why in _RESTING or len(rows) or self._s[at.EDGE_COUNT]:
+                yield self._drain(), rows
+
+    def _advance(self, end: int, *, fast: bool, breakpoints: Set[int] | None = None) -> Iterator[EdgeChunk]:
+        stops = self.breakpoints if breakpoints is None else breakpoints
+        code = marked_code(self._fast.code if fast else self._plain, self._plain, stops)
+        for _ in self._runs(end, code, kernel(observed=False), _UNOBSERVED):
+            if self._s[at.EDGE_COUNT]:
+                yield self._drain()
+
+    def _runs(self, end: int, code: Code, run: Callable[..., int], observation: Observation) -> Iterator[int]:
+        """Call the instruction loop until the end or a breakpoint, giving why it came back each time."""
         resume = self.cycles
         while True:
             why = run(
@@ -150,26 +201,15 @@ class Machine:
                 self._memo,
                 self._recording,
                 resume,
-                self._counts,
-                self._trace,
+                observation.counts,
+                observation.trace,
             )
             if why == at.NEEDS_STIMULUS:
                 self._refill()
                 continue
-            if self._s[at.EDGE_COUNT]:
-                yield self._drain()
-            if why in (at.AT_END, at.AT_BREAKPOINT):
+            yield why
+            if why in _RESTING:
                 return
-
-    def _with_breakpoints(self, code: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-        if not self.breakpoints:
-            return code
-        code = code.copy()
-        for address in self.breakpoints:
-            if not 0 <= address < PROGRAM_WORDS:
-                raise InputError(f"breakpoint at 0x{address:04X}: the program has {PROGRAM_WORDS} words")
-            code[address::PROGRAM_WORDS] = BREAK
-        return code
 
     def _refill(self) -> None:
         until, changes = next(self._changes, (at.NEVER, None)) if self._changes else (at.NEVER, None)

@@ -79,7 +79,7 @@ def t0_sync(s, at):  # type: ignore[no-untyped-def]
     """Move the anchor up to `at`, and set T0IF if it was due by then."""
     due = t0_flag_at(s)
     if due <= at:
-        s[T0_FLAGGED] = at
+        s[T0_FLAGGED] = at - (at - due) % (256 << t0_shift(s))
         s[INTCON] |= T0IF
         note_flags(s, due)
     t0_advance(s, at)

@@ -1,4 +1,4 @@
-"""Random programs that do what programs do: count, wait, call, write ports, use the timer, sleep, take interrupts."""
+"""Random programs that do what programs do: count, wait, call, write ports, use the timer, sleep."""
 
 from __future__ import annotations
 

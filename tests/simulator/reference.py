@@ -68,7 +68,7 @@ class Chip:
         self.resets = {"mclr": 0, "mclr_in_sleep": 0, "watchdog": 0}
         self.interrupts = 0
 
-    # --- time -------------------------------------------------------------------------------------------------
+    # --- time -------------------------------------------------------------------------------------
 
     def run(self, until: int) -> None:
         """Run until a cycle at or after `until` in which an instruction (or a cycle of rest) may begin."""
@@ -107,16 +107,16 @@ class Chip:
             if self.watchdog_cycles and self.now - self.wdt_zero == self.watchdog_cycles:
                 self.wdt_zero = self.now
                 self.watchdog_period()
-        self.announce_overflow()
         if self.asleep and not self.held and self.requested():
             self.wake()
+        self.announce_overflow()
 
     def wake(self) -> None:
         self.asleep = False
         self.busy_until = self.no_sample_before = self.now + self.start_up
         self.sampled = None
 
-    # --- TMR0, prescaler, watchdog: DS35007 sections 5 and 6.10 -------------------------------------------------
+    # --- TMR0, prescaler, watchdog: DS35007 sections 5 and 6.10 -----------------------------------
 
     def timer_clocked(self) -> bool:
         """Whether the instruction clock counts in this cycle."""
@@ -148,9 +148,9 @@ class Chip:
     def announce_overflow(self) -> None:
         """T0IF is set three oscillator periods before the register rolls over: DS30430 figure 6-4, note 4."""
         self.ticking = self.timer_clocked()
-        if self.ticking and self.now + 1 > self.standing_until and self.tmr0 == 0xFF:
-            if (self.prescaler + 1) % self.ratio() == 0 or self.ratio() == 1:
-                self.intcon |= T0IF
+        counts = self.ticking and self.now + 1 > self.standing_until
+        if counts and self.tmr0 == 0xFF and (self.prescaler + 1) % self.ratio() == 0:
+            self.intcon |= T0IF
 
     def watchdog_period(self) -> None:
         if self.option & PSA:
@@ -166,7 +166,7 @@ class Chip:
             self.reset()
             self.busy_until = self.now + 1
 
-    # --- resets: DS35007 tables 6-3 and 6-4 ---------------------------------------------------------------------
+    # --- resets: DS35007 tables 6-3 and 6-4 -------------------------------------------------------
 
     def reset(self) -> None:
         self.pc = self.pclath = 0
@@ -201,7 +201,7 @@ class Chip:
             self.outside[pin] = None if level == UNDRIVEN else level
             self.look(self.now)
 
-    # --- pins: DS35007 section 4 --------------------------------------------------------------------------------
+    # --- pins: DS35007 section 4 ------------------------------------------------------------------
 
     def drives(self, pin: int) -> bool:
         return not self.tris[pin] and not (pin == 4 and self.latch[pin])
@@ -217,9 +217,9 @@ class Chip:
     def look(self, at: int) -> None:
         """The pins take their levels, and the inputs that watch them see it."""
         before, self.pins = self.pins, [self.level(pin) for pin in range(13)]
-        if before[4] != self.pins[4] and self.option & T0CS and not self.asleep and not self.held:
-            if self.pins[4] == (0 if self.option & T0SE else 1):
-                self.external_tick = at + 1
+        counted_edge = before[4] != self.pins[4] and self.pins[4] == (0 if self.option & T0SE else 1)
+        if counted_edge and self.option & T0CS and not self.asleep and not self.held:
+            self.external_tick = at + 1
         if before[5] != self.pins[5] and self.pins[5] == (1 if self.option & INTEDG else 0):
             self.intcon |= INTF
         self.mismatch()
@@ -237,7 +237,7 @@ class Chip:
                 self.shown[pin] = level
                 self.edges.append((self.now, pin, level))
 
-    # --- interrupts: DS35007 section 6.8 ------------------------------------------------------------------------
+    # --- interrupts: DS35007 section 6.8 ----------------------------------------------------------
 
     def requested(self) -> bool:
         pairs = ((T0IE, T0IF), (INTE, INTF), (RBIE, RBIF))
@@ -253,7 +253,7 @@ class Chip:
         self.sampled = None
         self.interrupts += 1
 
-    # --- EEPROM: DS35007 section 3 ------------------------------------------------------------------------------
+    # --- EEPROM: DS35007 section 3 ----------------------------------------------------------------
 
     def finish_eeprom(self) -> None:
         cell, byte = self.ee_writing
@@ -282,7 +282,7 @@ class Chip:
             self.ee_step = 1 if value == 0x55 else 0
         self.ee_step_at = self.now
 
-    # --- registers: DS35007 section 2.3 -------------------------------------------------------------------------
+    # --- registers: DS35007 section 2.3 -----------------------------------------------------------
 
     def where(self, f: int) -> int:
         """The address with its bank in bit 7; INDF through FSR (section 2.6)."""
@@ -370,7 +370,7 @@ class Chip:
         self.show()
         self.look(self.now + 1)
 
-    # --- stack: DS35007 section 2.5 -----------------------------------------------------------------------------
+    # --- stack: DS35007 section 2.5 ---------------------------------------------------------------
 
     def push(self, address: int) -> None:
         self.stack[self.sp] = address
@@ -384,7 +384,7 @@ class Chip:
         self.depth = max(0, self.depth - 1)
         return self.stack[self.sp]
 
-    # --- instructions: DS35007 section 7 ------------------------------------------------------------------------
+    # --- instructions: DS35007 section 7 ----------------------------------------------------------
 
     def flag(self, bit: int, on: bool) -> None:
         self.status = self.status | bit if on else self.status & ~bit
@@ -399,7 +399,7 @@ class Chip:
         if method is None:
             return self.on_file(name, decoded.f, decoded.d, decoded.b)  # type: ignore[union-attr]
         cycles = method(decoded)
-        if self.pc == here and not (cycles == 2):
+        if self.pc == here and cycles != 2:
             self.pc = (here + 1) % 0x2000
         return cycles
 

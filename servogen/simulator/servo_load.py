@@ -1,0 +1,72 @@
+"""A servo at a pin: pulses in, the shaft's angle out, so that a job's real motion can be seen.
+
+    width ──▶ commanded angle (straight lines between the calibration's points, the travel's ends beyond them)
+                    │
+    angle ──────────┴── moves towards it at no more than the servo's speed
+
+No current, no torque, no overshoot. A servo without pulses stays where it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from servogen.edges import HIGH, EdgeChunk
+from servogen.errors import InputError
+from servogen.units import Clock, Cycles
+
+
+class Position(NamedTuple):
+    """At the end of a pulse: what it commands, and where the shaft is. Radians."""
+
+    cycle: Cycles
+    width: Cycles
+    commanded: float
+    angle: float
+
+
+@dataclass(frozen=True, slots=True)
+class ServoLoad:
+    """A servo by its calibration and its speed limit."""
+
+    widths_us: tuple[float, ...]
+    """At least two pulse widths, rising."""
+    angles: tuple[float, ...]
+    """The angle of each, radians."""
+    speed: float
+    """Radians a second."""
+    start: float = 0.0
+    """The angle at reset, radians."""
+
+    def __post_init__(self) -> None:
+        rising = all(a < b for a, b in zip(self.widths_us, self.widths_us[1:], strict=False))
+        if len(self.widths_us) < 2 or len(self.widths_us) != len(self.angles) or not rising:
+            raise InputError("a servo load needs two or more rising pulse widths and an angle for each")
+        if self.speed <= 0:
+            raise InputError(f"a servo's speed is {self.speed} rad/s; it must be more than 0")
+
+    def positions(self, chunks: Iterable[EdgeChunk], clock: Clock, pin: int) -> Iterator[Position]:
+        """The shaft at the end of every pulse on `pin` (its index in `PINS`).
+
+        The command of a pulse holds from its end to the end of the next one.
+        """
+        per_cycle = self.speed * float(clock.cycle_us) * 1e-6
+        angle = commanded = self.start
+        since = 0
+        rise: int | None = None
+        for chunk in chunks:
+            mine = chunk.pin == pin
+            for cycle, level in zip(chunk.cycle[mine].tolist(), chunk.level[mine].tolist(), strict=True):
+                if level == HIGH:
+                    rise = cycle if rise is None else rise
+                elif rise is not None:
+                    reach = (cycle - since) * per_cycle
+                    angle += max(-reach, min(reach, commanded - angle))
+                    width = cycle - rise
+                    commanded = float(np.interp(float(clock.us(width)), self.widths_us, self.angles))
+                    since, rise = cycle, None
+                    yield Position(Cycles(cycle), Cycles(width), commanded, angle)

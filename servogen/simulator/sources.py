@@ -1,0 +1,161 @@
+"""What can drive the pins from outside: levels at times, periodic signals, buttons, serial bytes, a pressed reset.
+
+In: cycles, pins, levels. Out: each source's changes, in order, made as they are asked for, so that an endless one
+needs no memory. `stimulus.py` puts them together.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import count, islice
+from typing import NamedTuple, Protocol
+
+from servogen.edges import HIGH, LOW, PINS, UNDRIVEN
+from servogen.errors import InputError, nearest
+from servogen.simulator.layout import MCLR_PIN
+from servogen.units import Clock
+
+RELEASED = UNDRIVEN
+"""The level of a pin that is let go."""
+
+STIMULUS_PINS = (*PINS, "MCLR")
+
+
+class Change(NamedTuple):
+    """From `cycle` on the world drives `pin` (its number in `STIMULUS_PINS`) to `level`."""
+
+    cycle: int
+    pin: int
+    level: int
+
+
+class Source(Protocol):
+    """Something outside the chip."""
+
+    def changes(self, clock: Clock) -> Iterator[Change]:
+        """Its changes in order of cycles; it may never end."""
+
+
+def pin_number(name: str) -> int:
+    """The number of a pin in a stimulus. Raises InputError."""
+    if name.upper() in STIMULUS_PINS:
+        return STIMULUS_PINS.index(name.upper())
+    raise InputError(f"there is no pin '{name}'", hint=nearest(name, STIMULUS_PINS))
+
+
+@dataclass(frozen=True, slots=True)
+class Levels:
+    """Given levels from given cycles on."""
+
+    pin: int
+    at: Sequence[tuple[int, int]]
+    """(cycle, level), in order."""
+
+    def changes(self, clock: Clock) -> Iterator[Change]:
+        for cycle, level in self.at:
+            yield Change(cycle, self.pin, level)
+
+
+@dataclass(frozen=True, slots=True)
+class Periodic:
+    """High for `high` of every `period` cycles from `start` on, `times` times or for ever; low before and between.
+
+    Periods may be fractions of a cycle: each edge is rounded for itself, so that no error adds up.
+    """
+
+    pin: int
+    period: Fraction
+    high: Fraction
+    start: Fraction = Fraction(0)
+    times: int | None = None
+
+    def changes(self, clock: Clock) -> Iterator[Change]:
+        if self.start > 0:
+            yield Change(0, self.pin, LOW)
+        for n in islice(count(), self.times):
+            rise = self.start + n * self.period
+            yield Change(whole(rise), self.pin, HIGH)
+            yield Change(whole(rise + self.high), self.pin, LOW)
+
+
+@dataclass(frozen=True, slots=True)
+class Button:
+    """A button to ground with a pull-up resistor: low while pressed; its contact bounces at both ends.
+
+    After each of the two moments the level flips `bounces` times and back, at random moments (the same for the same
+    `seed`) within `bounce` cycles.
+    """
+
+    pin: int
+    pressed: int
+    released: int
+    bounces: int = 5
+    bounce: int = 5000
+    seed: int = 1
+    active: int = LOW
+
+    def changes(self, clock: Clock) -> Iterator[Change]:
+        dice = random.Random(self.seed)
+        if self.pressed > 0:
+            yield Change(0, self.pin, 1 - self.active)
+        for moment, end, level in (
+            (self.pressed, self.released, self.active),
+            (self.released, None, 1 - self.active),
+        ):
+            yield Change(moment, self.pin, level)
+            room = self.bounce if end is None else min(self.bounce, end - moment - 1)
+            flips = min(2 * self.bounces, max(0, room) // 2 * 2)
+            for n, offset in enumerate(sorted(dice.sample(range(1, room + 1), flips))):
+                yield Change(moment + offset, self.pin, level ^ (n + 1) % 2)
+
+
+@dataclass(frozen=True, slots=True)
+class Serial:
+    """Asynchronous bytes: a start bit, eight data bits (lowest first), stop bits; idle is high unless `inverted`."""
+
+    pin: int
+    data: bytes
+    baud: Fraction
+    """Bits a second as the sender means them."""
+    start: int = 0
+    baud_error: Fraction = Fraction(0)
+    """By how much the sender is too fast: 0.02 is two per cent."""
+    inverted: bool = False
+    stop_bits: int = 1
+    gap: int = 0
+    """Idle cycles between two bytes beside the stop bits."""
+
+    def changes(self, clock: Clock) -> Iterator[Change]:
+        bit = clock.cycles_per_second / (self.baud * (1 + self.baud_error))
+        idle = LOW if self.inverted else HIGH
+        level = idle
+        yield Change(0, self.pin, idle)
+        begin = Fraction(self.start)
+        for byte in self.data:
+            bits = [0, *(byte >> n & 1 for n in range(8)), *[1] * self.stop_bits]
+            for n, value in enumerate(bits):
+                wanted = idle if value else 1 - idle
+                if wanted != level:
+                    level = wanted
+                    yield Change(whole(begin + n * bit), self.pin, level)
+            begin += len(bits) * bit + self.gap
+
+
+@dataclass(frozen=True, slots=True)
+class Reset:
+    """MCLR held low from one cycle up to another."""
+
+    pressed: int
+    released: int
+
+    def changes(self, clock: Clock) -> Iterator[Change]:
+        yield Change(self.pressed, MCLR_PIN, LOW)
+        yield Change(self.released, MCLR_PIN, HIGH)
+
+
+def whole(cycles: Fraction) -> int:
+    """The nearest whole cycle; a half goes up."""
+    return (2 * cycles.numerator + cycles.denominator) // (2 * cycles.denominator)

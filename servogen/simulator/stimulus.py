@@ -1,0 +1,91 @@
+"""`Stimuli`: sources of changes, merged in order of cycles and packed for the instruction loop; record and replay.
+
+In: sources, or an edge trace to replay. Out: pieces of changes as `Machine` takes them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from heapq import merge
+from itertools import islice, takewhile
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.edges import EdgeTrace
+from servogen.errors import InputError
+from servogen.simulator.layout import MCLR_PIN, NEVER, PACK_CYCLE, PACK_PIN
+from servogen.simulator.sources import STIMULUS_PINS, Change, Source
+from servogen.units import Clock
+
+PIECE = 4096
+"""Changes in a piece at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stimuli:
+    """Everything that happens to the pins from outside. What several sources do in one cycle is in their order."""
+
+    sources: Sequence[Source]
+
+    def changes(self, clock: Clock) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
+        """Pieces: (the cycle before which they are all, the packed changes)."""
+        ordered = merge(*(source.changes(clock) for source in self.sources), key=lambda change: change.cycle)
+        ahead = next(ordered, None)
+        before = 0
+        while ahead is not None:
+            piece = [ahead, *islice(ordered, PIECE - 1)]
+            ahead = next(ordered, None)
+            while ahead is not None and ahead.cycle == piece[-1].cycle:  # a cycle is not divided
+                piece.append(ahead)
+                ahead = next(ordered, None)
+            before = _check(piece, before)
+            until = NEVER if ahead is None else ahead.cycle
+            yield until, np.array([_pack(change) for change in piece], dtype=np.int64)
+
+
+def record(stimuli: Stimuli, clock: Clock, end: int) -> tuple[Change, ...]:
+    """Every change before cycle `end`, to be kept and replayed by `Recorded`."""
+    ordered = merge(*(source.changes(clock) for source in stimuli.sources), key=lambda change: change.cycle)
+    return tuple(takewhile(lambda change: change.cycle < end, ordered))
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """Changes played again as they were."""
+
+    recording: Sequence[Change]
+
+    def changes(self, clock: Clock) -> Iterator[Change]:
+        yield from self.recording
+
+
+@dataclass(frozen=True, slots=True)
+class Wired:
+    """Pins driven as another chip, or a capture, drove its own: `wires` maps that one's pin to this one's."""
+
+    trace: EdgeTrace
+    wires: dict[int, int]
+
+    def changes(self, clock: Clock) -> Iterator[Change]:
+        for chunk in self.trace.chunks:
+            for cycle, pin, level in zip(*(column.tolist() for column in chunk), strict=True):
+                if pin in self.wires:
+                    yield Change(cycle, self.wires[pin], level)
+
+
+def _check(piece: list[Change], before: int) -> int:
+    for change in piece:
+        if change.cycle < before or not 0 <= change.pin <= MCLR_PIN or not 0 <= change.level <= 2:
+            name = STIMULUS_PINS[change.pin] if 0 <= change.pin <= MCLR_PIN else str(change.pin)
+            raise InputError(
+                f"stimulus of {name} in cycle {change.cycle}, level {change.level}: "
+                "cycles may not fall, pins are RA0 to RB7 and MCLR, levels 0, 1 and 2 (let go)"
+            )
+        before = change.cycle
+    return before
+
+
+def _pack(change: Change) -> int:
+    return change.cycle << PACK_CYCLE | change.pin << PACK_PIN | change.level

@@ -1,0 +1,164 @@
+"""A stimulus as a TOML file, with times in microseconds since reset.
+
+[[level]]       pin = "RB0"   at_us = [0, 500, 900]   level = [1, 0, 1]        # or "free": nobody drives it
+[[periodic]]    pin = "RA4"   period_us = 100   high_us = 50   from_us = 0   times = 10
+[[button]]      pin = "RB1"   pressed_us = 10_000   released_us = 90_000   bounces = 5   bounce_us = 5000
+[[serial]]      pin = "RB2"   baud = 9600   text = "go"   from_us = 0   baud_error_percent = 1.5   inverted = false
+[[reset]]       pressed_us = 1000   released_us = 2000
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from servogen.edges import HIGH, LOW
+from servogen.errors import InputError
+from servogen.simulator.sources import RELEASED, Button, Levels, Periodic, Reset, Serial, Source, pin_number
+from servogen.simulator.stimulus import Stimuli
+from servogen.tomlfile import Document, Table, exact, parse, read, validate
+from servogen.units import Clock
+
+Number = int | float
+Time = Annotated[Number, Field(ge=0)]
+Length = Annotated[Number, Field(gt=0)]
+
+
+class _Level(Table):
+    pin: str
+    at_us: tuple[Time, ...]
+    level: tuple[Literal[0, 1, "free"], ...]
+
+
+class _Periodic(Table):
+    pin: str
+    period_us: Length
+    high_us: Length
+    from_us: Time = 0
+    times: Annotated[int, Field(ge=1)] | None = None
+
+
+class _Button(Table):
+    pin: str
+    pressed_us: Time
+    released_us: Time
+    bounces: Annotated[int, Field(ge=0)] = 5
+    bounce_us: Time = 5000
+    seed: int = 1
+    pressed_level: Literal[0, 1] = 0
+
+
+class _Serial(Table):
+    pin: str
+    baud: Length
+    text: str | None = None
+    data: tuple[Annotated[int, Field(ge=0, le=255)], ...] | None = None
+    from_us: Time = 0
+    baud_error_percent: Annotated[Number, Field(gt=-50, lt=50)] = 0
+    inverted: bool = False
+    stop_bits: Annotated[int, Field(ge=1, le=2)] = 1
+    gap_us: Time = 0
+
+
+class _Reset(Table):
+    pressed_us: Time
+    released_us: Time
+
+
+class _File(Table):
+    level: tuple[_Level, ...] = ()
+    periodic: tuple[_Periodic, ...] = ()
+    button: tuple[_Button, ...] = ()
+    serial: tuple[_Serial, ...] = ()
+    reset: tuple[_Reset, ...] = ()
+
+
+def load_stimuli(path: str | Path, clock: Clock) -> Stimuli:
+    """The stimuli in a file, for a chip with that clock. Raises InputError with the place in the file."""
+    return _stimuli(read(path), clock)
+
+
+def parse_stimuli(text: str, file: str, clock: Clock) -> Stimuli:
+    """The same from the file's text."""
+    return _stimuli(parse(text, file), clock)
+
+
+def _stimuli(document: Document, clock: Clock) -> Stimuli:
+    file = validate(document, _File)
+    sources: list[Source] = []
+    for n, level in enumerate(file.level):
+        sources.append(_levels(document, n, level, clock))
+    for n, periodic in enumerate(file.periodic):
+        if periodic.high_us >= periodic.period_us:
+            raise document.error(("periodic", n, "high_us"), "is not shorter than period_us")
+        pin = _pin(document, ("periodic", n, "pin"), periodic.pin)
+        period, high, start = (
+            _exactly(us, clock) for us in (periodic.period_us, periodic.high_us, periodic.from_us)
+        )
+        sources.append(Periodic(pin, period, high, start, periodic.times))
+    for n, button in enumerate(file.button):
+        pressed, released = _span(document, ("button", n), button.pressed_us, button.released_us, clock)
+        pin = _pin(document, ("button", n, "pin"), button.pin)
+        bounce = _cycles(button.bounce_us, clock)
+        sources.append(
+            Button(pin, pressed, released, button.bounces, bounce, button.seed, button.pressed_level)
+        )
+    for n, serial in enumerate(file.serial):
+        sources.append(_serial(document, n, serial, clock))
+    for n, reset in enumerate(file.reset):
+        sources.append(Reset(*_span(document, ("reset", n), reset.pressed_us, reset.released_us, clock)))
+    return Stimuli(tuple(sources))
+
+
+def _levels(document: Document, n: int, table: _Level, clock: Clock) -> Levels:
+    if len(table.at_us) != len(table.level):
+        message = f"has {len(table.level)} values for the {len(table.at_us)} times of at_us"
+        raise document.error(("level", n, "level"), message)
+    cycles = [_cycles(at, clock) for at in table.at_us]
+    for i in range(1, len(cycles)):
+        if cycles[i] < cycles[i - 1]:
+            raise document.error(("level", n, "at_us", i), f"{table.at_us[i]} is before {table.at_us[i - 1]}")
+    levels = [RELEASED if level == "free" else (LOW, HIGH)[level] for level in table.level]
+    pin = _pin(document, ("level", n, "pin"), table.pin)
+    return Levels(pin, tuple(zip(cycles, levels, strict=True)))
+
+
+def _serial(document: Document, n: int, table: _Serial, clock: Clock) -> Serial:
+    if (table.text is None) == (table.data is None):
+        raise document.error(("serial", n), "needs either text or data")
+    return Serial(
+        _pin(document, ("serial", n, "pin"), table.pin),
+        bytes(table.data or ()) if table.text is None else table.text.encode(),
+        exact(table.baud),
+        _cycles(table.from_us, clock),
+        exact(table.baud_error_percent) / 100,
+        table.inverted,
+        table.stop_bits,
+        _cycles(table.gap_us, clock),
+    )
+
+
+def _span(
+    document: Document, key: tuple[str, int], pressed: Number, released: Number, clock: Clock
+) -> tuple[int, int]:
+    if released <= pressed:
+        raise document.error((*key, "released_us"), f"{released} is not after pressed_us = {pressed}")
+    return _cycles(pressed, clock), _cycles(released, clock)
+
+
+def _pin(document: Document, key: tuple[str | int, ...], name: str) -> int:
+    try:
+        return pin_number(name)
+    except InputError as error:
+        raise document.error(key, error.message, error.hint) from error
+
+
+def _exactly(us: Number, clock: Clock) -> Fraction:
+    return exact(us) / clock.cycle_us
+
+
+def _cycles(us: Number, clock: Clock) -> int:
+    return clock.round_us(exact(us)).cycles

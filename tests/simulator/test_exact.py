@@ -1,0 +1,157 @@
+"""Exact means exact: whatever makes the simulator fast does what single steps do, and what a second chip does.
+
+Programs are random: any words, or pieces that count, wait, sleep and take interrupts; with timers, watchdog and
+stimuli at random moments. `make test` runs some; all of them, 10 000 images:
+
+    SERVOGEN_SIMULATOR_IMAGES=10000 .venv/bin/pytest tests/simulator/test_exact.py
+"""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from servogen.pic.image import Image
+from servogen.simulator import Change, Machine, Options, Recorded, Stimuli
+from tests.simulator.helpers import CLOCK
+from tests.simulator.programs import random_stimuli, tame_image, wild_image
+from tests.simulator.reference import Chip, number
+
+IMAGES = int(os.environ.get("SERVOGEN_SIMULATOR_IMAGES", "160"))
+BATCH = 20
+CYCLES = 2500
+EEPROM_CYCLES = 50
+WATCHDOGS = (18_000, 97, 400)
+
+Edges = list[tuple[int, ...]]
+
+
+class Case:
+    """One program with its surroundings, for whoever runs it."""
+
+    def __init__(self, seed: int, image: Image) -> None:
+        self.image = image
+        self.changes = random_stimuli(seed, CYCLES - 50) if seed % 3 else []
+        self.watchdog = WATCHDOGS[seed % 3]
+        self.pull_up = bool(seed & 4)
+
+    def machine(self) -> Machine:
+        options = Options(watchdog_us=self.watchdog, eeprom_write_us=EEPROM_CYCLES, ra4_pull_up=self.pull_up)
+        recorded = Recorded([Change(*change) for change in self.changes])
+        return Machine(self.image, CLOCK, options, Stimuli([recorded]) if self.changes else None)
+
+    def reference(self) -> Chip:
+        return Chip(
+            self.image,
+            watchdog_cycles=self.watchdog,
+            eeprom_cycles=EEPROM_CYCLES,
+            ra4_pull_up=self.pull_up,
+            stimuli=self.changes,
+        )
+
+
+def cases(batch: int) -> list[Case]:
+    seeds = range(batch * BATCH, (batch + 1) * BATCH)
+    return [Case(seed, (tame_image if seed % 2 else wild_image)(seed)) for seed in seeds]
+
+
+def rows(chunk: tuple[object, ...]) -> Edges:
+    return [tuple(row) for row in zip(*(column.tolist() for column in chunk), strict=True)]  # type: ignore[attr-defined]
+
+
+def seen(machine: Machine) -> dict[str, object]:
+    """Everything that a state says, but for how often an undefined word was met first."""
+    state = machine.state()
+    names = [name for name in state.__slots__ if name != "warnings"]
+    return {name: getattr(state, name) for name in names} | {"fingerprint": machine.fingerprint()}
+
+
+@pytest.mark.parametrize("batch", range(IMAGES // BATCH))
+def test_running_fast_is_the_same_as_single_steps(batch: int) -> None:
+    for case in cases(batch):
+        fast, slow = case.machine(), case.machine()
+        fast_edges = rows(fast.run(CYCLES))
+        slow_edges: Edges = []
+        while slow.cycles < CYCLES:
+            slow_edges += rows(slow.step())
+        assert fast_edges == slow_edges
+        assert seen(fast) == seen(slow)
+
+
+@pytest.mark.parametrize("batch", range(IMAGES // BATCH))
+def test_the_simulator_is_the_same_as_a_second_chip(batch: int) -> None:
+    for case in cases(batch):
+        machine, chip = case.machine(), case.reference()
+        edges = rows(machine.run(CYCLES))
+        chip.run(CYCLES)
+        chip.begin()
+        assert edges == chip.edges
+        assert registers_of(machine) == registers_of_chip(chip)
+
+
+@pytest.mark.parametrize("batch", range(IMAGES // BATCH))
+def test_no_image_takes_the_machine_out_of_range(batch: int) -> None:
+    for case in cases(batch):
+        machine = case.machine()
+        machine.run(40 * CYCLES)
+        state = machine.state()
+        assert 0 <= state.pc < 0x2000
+        assert all(0 <= value < 256 for value in (state.w, state.status, *state.registers.values()))
+        assert all(0 <= address < 0x2000 for address in state.stack)
+        assert 0 <= state.stack_depth <= state.deepest_stack <= 8
+        assert state.cycles >= 40 * CYCLES
+
+
+@pytest.mark.parametrize("batch", range(IMAGES // BATCH))
+def test_a_run_may_be_cut_anywhere(batch: int) -> None:
+    for seed, case in enumerate(cases(batch)):
+        whole, parts = case.machine(), case.machine()
+        edges = rows(whole.run(CYCLES))
+        cut_edges: Edges = []
+        for end in (1 + seed, 300 + 7 * seed, 301 + 7 * seed, 1111, CYCLES):
+            cut_edges += rows(parts.run(max(0, end - parts.cycles)))
+        assert edges == cut_edges
+        assert seen(whole) == seen(parts)
+
+
+def registers_of(machine: Machine) -> dict[str, object]:
+    state = machine.state()
+    names = ("cycles", "pc", "w", "status", "ram", "stack", "eeprom", "stack_wraps", "interrupts", "sleeping")
+    told = {name: getattr(state, name) for name in (*names, "read_unwritten")}
+    causes = {name: count for name, count in state.resets.items() if name != "power_on"}
+    return told | dict(state.registers) | causes
+
+
+def registers_of_chip(chip: Chip) -> dict[str, object]:
+    return {
+        "cycles": max(chip.now, 0 if chip.asleep or chip.held else chip.busy_until),
+        "pc": chip.pc,
+        "w": chip.w,
+        "status": chip.status,
+        "ram": bytes(chip.ram),
+        "stack": tuple(chip.stack[(chip.sp - 1 - i) % 8] for i in range(8)),
+        "eeprom": bytes(chip.eeprom),
+        "stack_wraps": chip.wraps,
+        "interrupts": chip.interrupts,
+        "sleeping": chip.asleep,
+        "read_unwritten": tuple(sorted(chip.read_unwritten)),
+        "PCL": chip.pc & 0xFF,
+        "EECON2": 0,
+        "PORTA": number(chip.pins[:5]),
+        "PORTB": number(chip.pins[5:]),
+        "LATA": number(chip.latch[:5]),
+        "LATB": number(chip.latch[5:]),
+        "TRISA": number(chip.tris[:5]),
+        "TRISB": number(chip.tris[5:]),
+        "TMR0": chip.tmr0,
+        "STATUS": chip.status,
+        "FSR": chip.fsr,
+        "EEDATA": chip.eedata,
+        "EEADR": chip.eeadr,
+        "PCLATH": chip.pclath,
+        "INTCON": chip.intcon,
+        "OPTION_REG": chip.option,
+        "EECON1": chip.eecon1,
+        **chip.resets,
+    }
