@@ -1,4 +1,4 @@
-"""Whatever the source, the assembler answers with an image, or with errors that have a place. Its page is true."""
+"""Whatever the source, the assembler answers with an image or with errors that have a place."""
 
 from __future__ import annotations
 

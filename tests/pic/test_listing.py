@@ -28,6 +28,9 @@ def test_an_assembly_lists_each_line_with_its_words() -> None:
         "0002  3401  2       RETLW 0x01",
         "0003  3402  2       RETLW 0x02",
         "",
+        "function  start  words  bytes of RAM  deepest calls  cycles",
+        "again     0000       4             0              0  unknown",
+        "",
         "addr  bytes  variable",
         "000C      2  n",
         "2 of 68 bytes of RAM",
@@ -39,6 +42,22 @@ def test_an_assembly_lists_each_line_with_its_words() -> None:
         "0040  ----------------",
         "X used, - free",
     ]
+
+
+def routines(source: str) -> list[tuple[str, int, int]]:
+    functions = assemble(f"{source}\n end\n").listing.functions
+    return [(each.name, each.start, each.end) for each in functions]
+
+
+def test_an_assembly_lists_what_is_called_and_what_the_vectors_lead_to() -> None:
+    body = "isr retfie\nmain call sub\nagain goto again\nsub nop\n return\n dw 0x2001"
+    source = f" goto main\n org 4\n{body}\n org 0x20\nfar return"
+    assert routines(source) == [("reset", 0, 1), ("isr", 4, 5), ("main", 5, 7), ("sub", 7, 9)]
+
+
+def test_a_program_that_runs_through_the_interrupt_vector_has_no_such_routine() -> None:
+    assert routines(" nop\n nop\n nop\n nop\n nop\n goto 0") == [("reset", 0, 6)]
+    assert routines(" org 0x10\n nop") == []
 
 
 def test_functions_have_their_size_ram_stack_and_cycles() -> None:

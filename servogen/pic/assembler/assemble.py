@@ -5,6 +5,7 @@ Two passes over the same lines: the first finds where the labels are, the second
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from servogen.pic.assembler.control import CONTROL
 from servogen.pic.assembler.definitions import DEFINITIONS
 from servogen.pic.assembler.layout import LAYOUT
 from servogen.pic.assembler.messages import AssemblyError, Diagnostic
+from servogen.pic.assembler.routines import routines
 from servogen.pic.assembler.settings import SETTINGS
 from servogen.pic.assembler.source import lines_of
 from servogen.pic.assembler.state import EndOfSource, ExitMacro, Include, Pass, TooManyErrors
@@ -64,10 +66,13 @@ def assemble(
             state.log.add(Diagnostic("warning", 205, "the source has no END", place))
     if state.log.errors:
         raise AssemblyError(state.log.errors)
-    listing = Listing(_rows(state), (), _variables(state), ((file, text), *state.sources.items()))
     labels = sorted(symbols.addresses().items(), key=lambda pair: (pair[1], pair[0]))
     return Assembly(
-        state.memory.image(), listing, state.log.remarks, state.device or DEVICES[0], tuple(labels)
+        state.memory.image(),
+        _listing(state, labels, ((file, text), *state.sources.items())),
+        state.log.remarks,
+        state.device or DEVICES[0],
+        tuple(labels),
     )
 
 
@@ -84,6 +89,12 @@ def beside(directory: Path) -> Include:
         return wanted.read_text(encoding="latin-1")
 
     return read
+
+
+def _listing(state: Pass, labels: Sequence[tuple[str, int]], sources: tuple[tuple[str, str], ...]) -> Listing:
+    rows = _rows(state)
+    names = {address: name for name, address in reversed(labels)}
+    return Listing(rows, routines(rows, names), _variables(state), sources)
 
 
 def _rows(state: Pass) -> tuple[ListingRow, ...]:

@@ -96,6 +96,7 @@ class Pass:
     readers: list[Reader] = field(default_factory=list)
     turning: int = 0
     """How many WHILEs the line in hand is within."""
+    turns: int = 0
 
     # -- where expressions find their names -----------------------------------------------------------
 
