@@ -10,7 +10,8 @@ with base, rows and tool, whose forward kinematics is that of the axes.
       o_{k-1}                a_k from b_k to o_k along x_k             α_k from z_{k-1} to z_k about x_k
 
 Decided where the normal is free: parallel axes take the one through the previous origin (d = 0); collinear
-ones keep the previous frame (the last frame stands at the tool in both cases); axes that meet take the x_k that is nearer to x_{k-1}.
+ones keep the previous frame; in both cases the last frame stands at the tool. Axes that meet take the x_k
+that is nearer to x_{k-1}.
 """
 
 from __future__ import annotations

@@ -59,6 +59,33 @@ def test_there_are_27_motions_and_six_are_translations() -> None:
     assert dict(omni.directions()) == {angle: signs for signs, angle in TRANSLATIONS.items()}
 
 
+# the source's table 10.1, typed from it: three wheels (c clockwise, t counter-clockwise, 0 stop), then the
+# motion; "c small": the robot turns clockwise on a small circle, "c": on the spot, a number: goes that way
+PRINTED = """
+ccc c       | cc0 c small  | cct c large  | c0c c small  | c00 c medium | c0t 300
+ctc c large | ct0 0        | ctt t large  | 0cc c small  | 0c0 c medium | 0ct 240
+00c c medium| 000 stop     | 00t t medium | 0tc 60       | 0t0 t medium | 0tt t small
+tcc c large | tc0 180      | tct t large  | t0c 120      | t00 t medium | t0t t small
+ttc t large | tt0 t small  | ttt t
+"""
+
+
+def as_printed(row: omni.OmniMotion) -> str:
+    letters = {1: "c", 0: "0", -1: "t"}
+    wheels = "".join(letters[sign] for sign in row.signs)
+    if row.kind == "translation":
+        return f"{wheels} {row.direction_deg}"
+    turn = letters[-row.turning]
+    return {"stop": f"{wheels} stop", "turning": f"{wheels} {turn}"}.get(
+        row.kind, f"{wheels} {turn} {row.size}"
+    )
+
+
+def test_the_generated_table_is_the_printed_one() -> None:
+    printed = [" ".join(cell.split()) for cell in PRINTED.replace("\n", "|").split("|") if cell.strip()]
+    assert [as_printed(row) for row in omni.table()] == printed
+
+
 @pytest.mark.parametrize("row", omni.table(), ids=lambda row: str(row.signs))
 def test_every_motion_is_the_rule_of_the_table(row: omni.OmniMotion) -> None:
     signs = row.signs
