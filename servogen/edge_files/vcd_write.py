@@ -22,6 +22,9 @@ from servogen.edges import PINS, Changes, EdgeChunk, part
 from servogen.units import Clock, Cycles
 
 SCOPE = "chip"
+MADE, CAPTURED = "servogen", "servogen capture"
+"""What $version says of edges in cycles of a chip, and of those in samples of an analyser."""
+
 STATES = "01z"
 """VCD's values by level number: LOW, HIGH, UNDRIVEN."""
 
@@ -82,16 +85,29 @@ def wire_name(pin: str, servo: str | None) -> str:
 
 
 class VcdWriter:
-    """Writes chunks as they come to a binary file; `servos` names the pins' servos."""
+    """Writes chunks as they come to a binary file; `servos` names the pins' servos.
 
-    def __init__(self, file: IO[bytes], clock: Clock, servos: Mapping[str, str] | None = None) -> None:
+    `captured` says that the cycles are an analyser's samples, and the file says it to its readers.
+    """
+
+    def __init__(
+        self,
+        file: IO[bytes],
+        clock: Clock,
+        servos: Mapping[str, str] | None = None,
+        captured: bool = False,
+    ) -> None:
         self.times = vcd_times(clock)
         self._file = file
         self._changes = Changes()
         self._head = io.StringIO()
         comment = f"clock {clock.hz} Hz: {self.times.sentence()}"
+        if captured:
+            comment = f"captured on all channels at {float(clock.cycles_per_second):.15g} Hz"
         # An empty date, not None: pyvcd would write today's.
-        self._vcd = VCDWriter(self._head, self.times.timescale, date="", comment=comment, version="servogen")
+        self._vcd = VCDWriter(
+            self._head, self.times.timescale, date="", comment=comment, version=CAPTURED if captured else MADE
+        )
         names = servos or {}
         self._wires: list[Variable[object]] = [
             self._vcd.register_var(SCOPE, wire_name(pin, names.get(pin)), "wire", size=1, init="z")

@@ -1,0 +1,88 @@
+"""Saved captures of logic analysers: VCD, sigrok sessions (.sr), Saleae's CSV.
+
+In: a file. Out: a `Capture`: its edges in the file's own time steps, so that nothing is rounded before the
+chip's clock is known. Levels at time 0 are what the analyser found at its first sample.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+from servogen.edge_files.csv_file import HEADER as EDGES_HEADER
+from servogen.edge_files.formats import EdgeWriter
+from servogen.edge_files.lines import open_input
+from servogen.edge_files.rates import rate_in, step_clock
+from servogen.edge_files.saleae_csv import read_saleae
+from servogen.edge_files.sigrok_session import read_session
+from servogen.edge_files.vcd_read import read_header, read_vcd
+from servogen.edge_files.vcd_write import MADE, VcdWriter
+from servogen.edges import EdgeTrace
+from servogen.errors import InputError, Place
+from servogen.outputs import atomic_write
+
+SUFFIXES = (".vcd", ".sr", ".csv")
+
+_VERSION = re.compile(rb"\$version\s(.*?)\$end", re.DOTALL)
+
+
+@dataclass(frozen=True, slots=True)
+class Capture:
+    """`trace` counts time steps as cycles of a clock that is as fast; `sample` is the steps of one sample.
+
+    It is None where the file does not tell how often it was sampled.
+    """
+
+    trace: EdgeTrace
+    sample: float | None
+
+
+def read_capture(path: str | Path, wires: Mapping[str, str] | None = None) -> Capture:
+    """The capture at `path`; `wires` gives pins to channels that are not named by them, {"D0": "RB0"}."""
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix == ".vcd":
+        return _read_vcd(path, wires)
+    if suffix == ".sr":
+        return Capture(read_session(path, wires), 1.0)
+    if suffix == ".csv":
+        return Capture(read_saleae(path, wires), None)
+    hint = f"one of: {', '.join(SUFFIXES)}"
+    raise InputError(f"'{path.suffix}' is not the ending of a capture", Place(str(path)), hint)
+
+
+def is_capture(path: str | Path) -> bool:
+    """Whether the file at `path` holds an analyser's samples rather than edges in cycles of a chip."""
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix == ".csv":
+        with open_input(path) as file:
+            return file.readline().strip() != EDGES_HEADER.encode()
+    if suffix == ".vcd":
+        with open_input(path) as file:
+            version = _VERSION.search(file.read(1 << 16))
+        return version is None or version.group(1).strip() != MADE.encode()
+    return suffix in SUFFIXES
+
+
+@contextmanager
+def capture_writer(
+    path: str | Path, samples_per_second: int, servos: Mapping[str, str] | None = None
+) -> Iterator[EdgeWriter]:
+    """A writer of a capture, whose cycles are samples, to a VCD file that `read_capture` knows as one."""
+    with atomic_write(path, "wb") as file:
+        clock = step_clock(Fraction(samples_per_second), Place(str(path)))
+        yield VcdWriter(file, clock, servos, captured=True)
+
+
+def _read_vcd(path: Path, wires: Mapping[str, str] | None) -> Capture:
+    header = read_header(path, wires)
+    clock = step_clock(1 / header.step_s, Place(str(path)))
+    rates = (rate_in(comment) for comment in header.comments if "hannels at" in comment)
+    rate = next((rate for rate in rates if rate), None)
+    sample = None if rate is None else float(1 / (rate * header.step_s))
+    return Capture(read_vcd(path, clock, wires=wires), sample)
