@@ -13,7 +13,14 @@ from typing import Annotated
 import typer
 
 from servogen import __version__
-from servogen.cli import chip_commands, doctor_commands, job_commands, signal_commands
+from servogen.cli import (
+    chip_commands,
+    doctor_commands,
+    job_commands,
+    motion_commands,
+    robot_commands,
+    signal_commands,
+)
 from servogen.errors import ServogenError, ToolError
 
 INTERRUPTED = 130
@@ -44,7 +51,15 @@ def _options(
     pass
 
 
-for group in (job_commands, chip_commands, signal_commands, doctor_commands):
+GROUPS = (
+    job_commands,
+    chip_commands,
+    signal_commands,
+    robot_commands,
+    motion_commands,
+    doctor_commands,
+)
+for group in GROUPS:
     group.register(app)
 
 

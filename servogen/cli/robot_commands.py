@@ -1,0 +1,225 @@
+"""Commands of robots: robots, fk, ik, jacobian, mobility, transform.
+
+Arguments are degrees and millimetres; JSON is radians and metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import degrees
+from typing import Annotated, Any
+
+import typer
+
+from servogen.cli.options import NEGATIVE_NUMBERS, Json
+from servogen.cli.show import as_json, table
+
+RobotName = Annotated[str, typer.Argument(help="A short name of `servogen robots`, or a TOML file.")]
+JointValues = Annotated[
+    list[float] | None, typer.Argument(help="Joint positions: degrees, millimetres.", show_default=False)
+]
+Symbolic = Annotated[bool, typer.Option("--symbolic", help="In symbols, simplified.")]
+Style = Annotated[str, typer.Option("--style", help="Of symbols: text, latex or c.")]
+
+
+def register(app: typer.Typer) -> None:
+    app.command()(robots)
+    for command in (fk, ik, jacobian, transform):
+        app.command(context_settings=NEGATIVE_NUMBERS)(command)
+    app.command()(mobility)
+
+
+def robots(
+    name: Annotated[
+        str | None, typer.Argument(help="One robot, with all its facts.", show_default=False)
+    ] = None,
+    json: Json = False,
+) -> None:
+    """List the robots of the catalogue, or all there is to one of them."""
+    from servogen.kinematics import queries
+
+    if name is None:
+        found = queries.robot_list()
+        if json:
+            as_json(found)
+        else:
+            rows = [(each["name"], each["kind"], each["joints"], each["title"]) for each in found]
+            table("Robots", ("name", "kind", "joints", "title"), rows)
+        return
+    details = queries.robot_details(name)
+    if json:
+        as_json(details)
+    else:
+        _print_details(details)
+
+
+def fk(
+    name: RobotName,
+    values: JointValues = None,
+    symbolic: Symbolic = False,
+    style: Style = "text",
+    json: Json = False,
+) -> None:
+    """Forward kinematics: where the tool is at given joint positions."""
+    from servogen.kinematics import queries
+
+    if symbolic:
+        answer = queries.fk_symbolic(name, style)
+        if json:
+            as_json(answer)
+            return
+        for index, link in enumerate(answer["links"], 1):
+            print(f"link {index}:\n{link}\n")
+        print(f"product:\n{answer['product']}\n\nposition:\n{answer['position']}")
+        return
+    answer = queries.fk_answer(name, values or ())
+    if json:
+        as_json(answer)
+        return
+    for foot, point in answer.get("feet_m", {}).items():
+        print(f"{foot}: {_millimetres(point)}")
+    if "position_m" in answer:
+        print(f"position {_millimetres(answer['position_m'])}")
+        _print_matrix(answer["rotation"])
+    if answer.get("beyond_limits"):
+        print(f"beyond their limits: {', '.join(answer['beyond_limits'])}")
+
+
+def ik(
+    name: RobotName,
+    target: Annotated[
+        list[float], typer.Argument(help="x y z in mm, then the orientation in degrees if you want one.")
+    ],
+    everything: Annotated[bool, typer.Option("--all", help="Every solution, the chosen one first.")] = False,
+    json: Json = False,
+) -> None:
+    """Inverse kinematics: the joint positions that reach a target."""
+    from servogen.kinematics import queries
+    from servogen.robot.robots import arm
+
+    answer = queries.ik_answer(name, target, everything)
+    if json:
+        as_json(answer)
+        return
+    chosen = arm(name)
+    for solution in answer["solutions"]:
+        print(queries.joint_text(chosen, solution))
+    hidden = answer["found"] - len(answer["solutions"])
+    if hidden:
+        print(f"and {hidden} more: --all")
+
+
+def jacobian(
+    name: RobotName,
+    values: JointValues = None,
+    frame: Annotated[str, typer.Option("--frame", help="0 (base), n (tool), or a frame's number.")] = "0",
+    symbolic: Symbolic = False,
+    style: Style = "text",
+    json: Json = False,
+) -> None:
+    """The geometric Jacobian at joint positions, and how well the robot moves there."""
+    from servogen.kinematics import queries
+
+    wanted: Any = int(frame) if frame.isdigit() else frame
+    if symbolic:
+        answer = queries.jacobian_symbolic(name, wanted, style)
+        print(answer["jacobian"]) if not json else as_json(answer)
+        return
+    answer = queries.jacobian_answer(name, values or (), wanted)
+    if json:
+        as_json(answer)
+        return
+    _print_matrix(answer["jacobian"])
+    print(f"manipulability {answer['manipulability']:.6g}, rank {answer['rank']}")
+    if answer["singular"]:
+        print("singular: the tool cannot move along")
+        _print_matrix(answer["lost_directions"])
+
+
+def mobility(name: RobotName, json: Json = False) -> None:
+    """Mobility and manoeuvrability of a robot."""
+    from servogen.kinematics import queries
+
+    answer = queries.mobility_answer(name)
+    if json:
+        as_json(answer)
+        return
+    print(f"{answer['elements']} elements, joints: {', '.join(answer['joints'])}")
+    print(f"mobility {answer['mobility']}, manoeuvrability {answer['manoeuvrability']}: {answer['verdict']}")
+    if answer["note"]:
+        print(answer["note"])
+
+
+def transform(
+    text: Annotated[str, typer.Argument(help="A product such as 'Ry(30) Tx(50) Rz(60)', degrees.")],
+    point: Annotated[list[float] | None, typer.Argument(help="x y z of a point.", show_default=False)] = None,
+    json: Json = False,
+) -> None:
+    """The matrix of a product of turns and shifts, and where it moves a point."""
+    from servogen.kinematics import queries
+
+    answer = queries.transform_answer(text, point or ())
+    if json:
+        as_json(answer)
+        return
+    _print_matrix(answer["matrix"])
+    if "point" in answer:
+        print("point  " + "  ".join(f"{value:.4f}" for value in answer["point"]))
+
+
+def _print_matrix(rows: Sequence[Sequence[float]]) -> None:
+    for row in rows:
+        print("  ".join(f"{value + 0.0:10.5f}" for value in row))
+
+
+def _millimetres(point: Sequence[float]) -> str:
+    return "x {:.4f}  y {:.4f}  z {:.4f} mm".format(*(1000 * value + 0.0 for value in point))
+
+
+def _print_details(details: dict[str, Any]) -> None:
+    print(f"{details['name']}: {details['title']} ({details['kind']})")
+    print(f"dimensions: {details['dimensions']}; source: {details['source']}")
+    arm = details.get("leg", details)
+    if "joints" in arm:
+        table(
+            "Joints",
+            ("name", "kind", "from", "to", "home"),
+            [
+                (
+                    joint["name"],
+                    joint["kind"],
+                    *(_joint_value(joint, joint[key]) for key in ("lower", "upper", "home")),
+                )
+                for joint in arm["joints"]
+            ],
+        )
+        rows = [
+            (
+                row["joint"] or "fixed",
+                f"{degrees(row['theta']):g}°",
+                row["d"],
+                row["a"],
+                f"{degrees(row['alpha']):g}°",
+            )
+            for row in arm["rows"]
+        ]
+        table(f"DH rows ({arm['convention']})", ("joint", "theta", "d", "a", "alpha"), rows)
+        lengths = [(name, f"{1000 * value:g} mm") for name, value in arm["lengths_m"].items()]
+        if lengths:
+            table("Lengths", ("name", "value"), lengths)
+    if "mounts" in details:
+        mounts = [
+            (each["name"], _millimetres(each["position_m"]), f"{degrees(each['heading_rad']):g}°")
+            for each in details["mounts"]
+        ]
+        table("Mounts", ("leg", "position", "heading"), mounts)
+    if "table" in details:
+        rows = [
+            (", ".join(row["wheels"]), row["motion"], row["direction_deg"], row["turning"], row["size"])
+            for row in details["table"]
+        ]
+        table("Wheels at equal speed", ("wheels", "motion", "direction °", "turning", "circle"), rows)
+
+
+def _joint_value(joint: dict[str, Any], value: float) -> str:
+    return f"{degrees(value):g}°" if joint["kind"] == "turning" else f"{1000 * value:g} mm"

@@ -1,0 +1,67 @@
+"""The commands of robots print the specification's worked numbers."""
+
+import json
+from collections.abc import Callable
+from math import radians
+from typing import Any
+
+import pytest
+
+Run = Callable[..., Any]
+
+
+def test_scara_forward_kinematics(run: Run) -> None:
+    at = json.loads(run("fk", "scara", 30, 60, 200, 0, "--json").out)["position_m"]
+    assert at == pytest.approx([0.34641, 0.5, 0.25], abs=5e-6)
+
+
+def test_scara_inverse_kinematics_lists_every_solution_in_radians_and_metres(run: Run) -> None:
+    answer = json.loads(run("ik", "scara", 346.41016, 500, 250, "--all", "--json").out)
+    assert answer["solutions"][0][:3] == pytest.approx([radians(30), radians(60), 0.2], abs=1e-6)
+    assert len(answer["solutions"]) == 2
+
+
+def test_negative_numbers_need_no_dashes(run: Run) -> None:
+    positive = run("fk", "scara", 10, 20, 0, 0, "--json")
+    negative = run("fk", "scara", -10, -20, 0, 0, "--json")
+    assert (positive.code, negative.code) == (0, 0)
+    assert json.loads(negative.out)["position_m"][1] == -json.loads(positive.out)["position_m"][1]
+    assert run("ik", "rv-m1", 300, -20.5, 300).code == 0
+
+
+def test_a_product_of_transforms_moves_a_point(run: Run) -> None:
+    answer = json.loads(run("transform", "Ry(30) Tx(50) Rz(60)", 2, 4, 1, "--json").out)
+    assert answer["point"] == pytest.approx([41.6673, 3.7321, -22.9019], abs=5e-5)
+
+
+def test_mobility_of_the_scara(run: Run) -> None:
+    answer = json.loads(run("mobility", "scara", "--json").out)
+    assert (answer["elements"], answer["mobility"], answer["manoeuvrability"]) == (5, 4, -2)
+
+
+def test_each_robot_of_the_list_can_be_shown(run: Run) -> None:
+    names = [row["name"] for row in json.loads(run("robots", "--json").out)]
+    assert {"scara", "rv-m1", "irb6400c", "theta-r", "leg", "hexapod", "omni"} <= set(names)
+    assert all(run("robots", name).code == 0 for name in names)
+
+
+@pytest.mark.parametrize(
+    ("command", "says"),
+    [
+        (("fk", "scarra", "1"), "did you mean 'scara'"),
+        (("fk", "scara", "1"), "joints"),
+        (("ik", "scara", "900", "0", "250"), "nearest"),
+        (("transform", "Rq(30)"), "Rq"),
+        (("fk", "scara", "one", "2", "3", "4"), "one"),
+    ],
+)
+def test_bad_input_is_told_and_is_exit_code_2(run: Run, command: tuple[str, ...], says: str) -> None:
+    ran = run(*command)
+    assert ran.code == 2
+    assert says in ran.err and "Traceback" not in ran.err
+
+
+def test_symbols_in_three_styles(run: Run) -> None:
+    assert "q2*sin(q1)" in run("fk", "theta-r", "--symbolic").out
+    assert "\\sin" in run("fk", "theta-r", "--symbolic", "--style", "latex").out
+    assert run("jacobian", "theta-r", "--symbolic", "--frame", "n").code == 0

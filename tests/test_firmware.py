@@ -1,0 +1,32 @@
+"""`firmware/` is what the jobs make today, byte for byte."""
+
+from pathlib import Path
+
+import pytest
+
+from servogen.job import load
+from servogen.pipeline import build, differences, write
+
+ROOT = Path(__file__).parent.parent
+JOBS = sorted((ROOT / "jobs").glob("*.toml"))
+
+
+@pytest.mark.parametrize("job", JOBS, ids=lambda job: job.stem)
+def test_the_kept_firmware_is_what_the_job_makes(job: Path, tmp_path: Path) -> None:
+    write(build(load(job)), tmp_path)
+    assert differences(tmp_path, ROOT / "firmware" / job.stem) == [], "run: make firmware"
+
+
+def test_a_changed_or_missing_or_left_over_file_is_named(tmp_path: Path) -> None:
+    for folder in ("made", "kept"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "same").write_text("1\n2\n")
+        (tmp_path / folder / "other").write_text(f"1\n{folder}\n")
+    (tmp_path / "made" / "new").write_text("")
+    (tmp_path / "kept" / "old").write_text("")
+    new, old, other = sorted(
+        line.removeprefix(f"{tmp_path}/kept/") for line in differences(tmp_path / "made", tmp_path / "kept")
+    )
+    assert new == "new: is missing"
+    assert old == "old: is no longer made"
+    assert other == "other:2: is 'kept', now 'made'"
