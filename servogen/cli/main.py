@@ -66,7 +66,7 @@ for group in GROUPS:
 def main() -> None:
     """Runs one command; shows errors without a traceback and exits with the code that scripts rely on."""
     try:
-        app()
+        app(prog_name="servogen")
     except ServogenError as error:
         _say(str(error))
         sys.exit(error.exit_code)

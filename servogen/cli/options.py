@@ -11,6 +11,16 @@ import typer
 NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
 """Context settings of a command whose arguments may be negative numbers: -5 is no option."""
 
+
+def number(text: str) -> float:
+    """A number of the command line; the error names what was typed."""
+    try:
+        return float(text)
+    except ValueError:
+        kind = "option" if text.startswith("-") else "number"
+        raise typer.BadParameter(f"'{text}' is no {kind}") from None
+
+
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
 DeviceName = Annotated[str, typer.Option("--device", help="PIC16F84 or PIC16F84A.")]
 ClockHz = Annotated[int, typer.Option("--clock-hz", min=1, help="The oscillator's frequency in hertz.")]

@@ -11,12 +11,13 @@ from typing import Annotated, Any
 
 import typer
 
-from servogen.cli.options import NEGATIVE_NUMBERS, Json
+from servogen.cli.options import NEGATIVE_NUMBERS, Json, number
 from servogen.cli.show import as_json, table
 
 RobotName = Annotated[str, typer.Argument(help="A short name of `servogen robots`, or a TOML file.")]
 JointValues = Annotated[
-    list[float] | None, typer.Argument(help="Joint positions: degrees, millimetres.", show_default=False)
+    list[float] | None,
+    typer.Argument(help="Joint positions: degrees, mm.", parser=number, show_default=False),
 ]
 Symbolic = Annotated[bool, typer.Option("--symbolic", help="In symbols, simplified.")]
 Style = Annotated[str, typer.Option("--style", help="Of symbols: text, latex or c.")]
@@ -88,7 +89,7 @@ def fk(
 def ik(
     name: RobotName,
     target: Annotated[
-        list[float], typer.Argument(help="x y z in mm, then the orientation in degrees if you want one.")
+        list[float], typer.Argument(help="x y z in mm, then the orientation in degrees.", parser=number)
     ],
     everything: Annotated[bool, typer.Option("--all", help="Every solution, the chosen one first.")] = False,
     json: Json = False,
@@ -152,7 +153,9 @@ def mobility(name: RobotName, json: Json = False) -> None:
 
 def transform(
     text: Annotated[str, typer.Argument(help="A product such as 'Ry(30) Tx(50) Rz(60)', degrees.")],
-    point: Annotated[list[float] | None, typer.Argument(help="x y z of a point.", show_default=False)] = None,
+    point: Annotated[
+        list[float] | None, typer.Argument(help="x y z of a point.", parser=number, show_default=False)
+    ] = None,
     json: Json = False,
 ) -> None:
     """The matrix of a product of turns and shifts, and where it moves a point."""
