@@ -308,6 +308,17 @@ WRIST_JOINTS: Mapping[str, int] = MappingProxyType(
 )
 """How many of the last joints stay at home when a target has no orientation."""
 
+DIVISORS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "theta1-theta2": ("l1", "l2"),
+        "scara": ("l1", "l2"),
+        "anthropomorphic": ("l2", "l3"),
+        "rv-m1": ("a2", "a3"),
+        "irb6400c": ("l1",),
+    }
+)
+"""The lengths that a closed form divides by: an arm where one of them is 0 is another arm."""
+
 CLOSED_FORMS: Mapping[str, ClosedForm] = MappingProxyType(
     {
         "theta-r": _theta_r,

@@ -20,10 +20,11 @@ from numpy.typing import ArrayLike, NDArray
 from servogen.errors import InputError, nearest
 from servogen.kinematics import numerical
 from servogen.kinematics.chain import BLOCK, fk, fk_position, whole_chain
-from servogen.kinematics.closed_forms import CLOSED_FORMS, WRIST_JOINTS, Branch, Target
+from servogen.kinematics.closed_forms import CLOSED_FORMS, DIVISORS, WRIST_JOINTS, Branch, Target
 from servogen.kinematics.numerical import limits
-from servogen.kinematics.transforms import Floats, frame_matrix, inverse, rot
+from servogen.kinematics.transforms import Floats, frame_matrix, inverse, is_rotation, rot
 from servogen.kinematics.unreachable import Unreachable
+from servogen.robot import robots
 from servogen.robot.model import Arm, Frame
 
 TOLERANCE = 1e-9
@@ -31,6 +32,9 @@ TOLERANCE = 1e-9
 
 NUMERICAL_TOLERANCE = 1e-7
 """The same for the numerical method, which creeps where the arm is nearly singular."""
+
+RIGHT_HANDED = 1e-6
+"""How far o may be from a × n: a matrix that is no rotation is no orientation."""
 
 SAME = 1e-7
 """Solutions whose joints are all nearer than this (radians, metres) count once."""
@@ -59,11 +63,23 @@ class Solutions:
 
 
 def has_closed_form(arm: Arm, oriented: bool) -> bool:
-    """Whether `arm` is solved in closed form: a tool that moves the tip needs an orientation for it."""
-    if arm.closed_form is None:
+    """Whether `arm` is solved in closed form: a tool that moves the tip needs an orientation for it.
+
+    Raises InputError when `arm` claims a form that is none, or that belongs to other rows than it has.
+    """
+    form = arm.closed_form
+    if form is None:
         return False
-    if arm.closed_form not in CLOSED_FORMS:
-        raise InputError(f"no closed form '{arm.closed_form}'", hint=nearest(arm.closed_form, CLOSED_FORMS))
+    if form not in CLOSED_FORMS:
+        raise InputError(f"no closed form '{form}'", hint=nearest(form, CLOSED_FORMS))
+    owner = robots.arm(form)
+    if (arm.rows, arm.convention) != (owner.rows, owner.convention):
+        raise InputError(
+            f"the rows of '{arm.name}' are not those that the closed form '{form}' solves",
+            hint=f'write like = "{form}", or leave closed_form out: the numerical method takes any rows',
+        )
+    if any(arm.length[name] == 0.0 for name in DIVISORS.get(form, ())):
+        return False
     tool = arm.tool
     return oriented or (tool.x == tool.y == tool.z == 0.0)
 
@@ -163,6 +179,8 @@ def orientation_names(arm: Arm) -> tuple[str, ...]:
 def why_unreachable(arm: Arm, position: ArrayLike, rotation: ArrayLike | None = None) -> Unreachable:
     """The error for one target without a solution: limits, distance or orientation, and the nearest point."""
     target, turn = _checked(position, rotation)
+    if turn is not None and not is_rotation(turn, RIGHT_HANDED):
+        raise InputError("the orientation of the target is no rotation: its columns are no right-handed axes")
     if has_closed_form(arm, turn is not None):
         free = _closed(arm, target[None], None if turn is None else turn[None], TOLERANCE, hard=False)[0]
         free = free[~np.isnan(free[:, 0])]
@@ -248,10 +266,16 @@ def _gives_back(arm: Arm, q: Floats, target: Target, tolerance: float) -> NDArra
     """Whether forward kinematics gives the target: position, and two axes of the orientation."""
     chain = whole_chain(arm, [q[:, joint] for joint in range(q.shape[1])])
     right = _square_distance(chain.origin, target.p) <= tolerance**2
-    if target.n is not None and target.a is not None:
+    if target.n is not None and target.o is not None and target.a is not None:
         x, _, z = chain.axes()
         right &= _square_distance(x, target.n) + _square_distance(z, target.a) <= tolerance**2
+        right &= _square_distance(_cross(target.a, target.n), target.o) <= RIGHT_HANDED**2
     return np.asarray(np.broadcast_to(right, (q.shape[0], q.shape[2])))
+
+
+def _cross(one: tuple[Floats, ...], two: tuple[Floats, ...]) -> tuple[Floats, Floats, Floats]:
+    (a, b, c), (x, y, z) = one, two
+    return b * z - c * y, c * x - a * z, a * y - b * x
 
 
 def _square_distance(one: tuple[Floats | float, ...], two: tuple[Floats, ...]) -> Floats:

@@ -23,6 +23,8 @@ from servogen.robot.model import Arm
 
 ITERATIONS = 60
 STARTS = 40
+BATCH = 512
+"""Descents made at a time when only few targets are left."""
 BEND = 0.1
 """The part of a step at which its curvature is measured."""
 SEED = 1984
@@ -70,20 +72,25 @@ def search(
     best = np.array(start)
     best_error = np.full((2, count), np.inf)
     open_ = np.arange(count)
-    for attempt in range(starts):
-        guess = np.array(start[open_])
-        if attempt > 0:
+    left = starts
+    while left > 0 and len(open_):
+        # The first start for all; then, for those still open, as many at a time as fill a batch
+        each = 1 if left == starts else min(left, max(1, BATCH // len(open_)))
+        left -= each
+        which = np.repeat(open_, each)
+        guess = np.array(start[which])
+        if left < starts - 1:
             spread = random.uniform(lower, upper, guess.shape)
             guess[:, ~idle] = spread[:, ~idle]
-        turn = None if rotation is None else rotation[open_]
-        q = _descend(arm, guess, position[open_], turn, tolerance)
-        error = _errors(arm, q, position[open_], turn)
+        turn = None if rotation is None else rotation[which]
+        q = _descend(arm, guess, position[which], turn, tolerance)
+        error = _errors(arm, q, position[which], turn)
+        first = np.argmin(error.sum(axis=0).reshape(-1, each), axis=1) + each * np.arange(len(open_))
+        q, error = q[first], error[:, first]
         better = error.sum(axis=0) < best_error[:, open_].sum(axis=0)
         best[open_[better]] = q[better]
         best_error[:, open_[better]] = error[:, better]
         open_ = open_[~(best_error[:, open_] <= tolerance).all(axis=0)]
-        if not len(open_):
-            break
     return Found(best, best_error[0], best_error[1])
 
 

@@ -123,6 +123,16 @@ def to_quaternion(rotation: ArrayLike) -> Floats:
     return np.asarray(quaternion * _leading_sign(quaternion)[..., None])
 
 
+def from_quaternion(quaternion: ArrayLike) -> Floats:
+    """The rotation (..., 3, 3) of a quaternion (..., 4), scalar first; it need not be a unit."""
+    quaternion = np.asarray(quaternion, float)
+    square = np.sum(quaternion * quaternion, axis=-1)[..., None, None]
+    if np.any(square == 0.0):
+        raise InputError("a quaternion of length 0 is no rotation")
+    scalar, cross = quaternion[..., 0, None, None], skew(quaternion[..., 1:])
+    return np.asarray(np.eye(3) + 2 / square * (scalar * cross + cross @ cross))
+
+
 def _leading_sign(vectors: Floats) -> Floats:
     """The sign of the first component of (..., n) that is not zero to rounding."""
     seen = np.abs(vectors) > 1e-15

@@ -144,7 +144,7 @@ def length_text(length: Length) -> str:
 
 def joint_values(arm: Arm, values: Sequence[float]) -> Floats:
     """Joint positions in radians and metres from degrees and millimetres."""
-    array = joint_array(arm, np.asarray(values, float))
+    array = joint_array(arm, _finite(values))
     return np.array(
         [
             radians(value) if joint.turning else value / 1000
@@ -174,8 +174,15 @@ def _feet_answer(robot: Hexapod, values: Sequence[float]) -> Answer:
         raise InputError(
             f"{robot.name} has {count} joints, not {len(values)}", hint="alpha, beta of each leg"
         )
-    points = feet(robot, np.radians(values).reshape(-1, 2))
+    points = feet(robot, np.radians(_finite(values)).reshape(-1, 2))
     return {"feet_m": {mount.name: _plain(point) for mount, point in zip(robot.mounts, points, strict=True)}}
+
+
+def _finite(values: Sequence[float]) -> Floats:
+    array = np.asarray(values, float)
+    if not np.isfinite(array).all():
+        raise InputError(f"{', '.join(f'{value:g}' for value in values)}: every number must be finite")
+    return array
 
 
 def _beyond(arm: Arm, q: Floats) -> list[str]:
@@ -214,7 +221,7 @@ def ik_answer(name: str, values: Sequence[float], everything: bool = False) -> A
         wanted = "x y z" + (f" or {' '.join(names)}" if len(names) > 3 else "")
         raise InputError(f"{arm.name} takes {wanted}, not {len(values)} numbers", Place(key="target"))
     position = np.asarray(values[:3], float) / 1000
-    turn = orientation_matrix(arm, position, np.radians(values[3:])) if len(values) > 3 else None
+    turn = orientation_matrix(arm, position, np.radians(_finite(values[3:]))) if len(values) > 3 else None
     solutions = ik_all(arm, position, turn)
     return {
         "solutions": _plain(solutions if everything else solutions[:1]),
@@ -243,7 +250,7 @@ def transform_answer(text: str, point: Sequence[float] = ()) -> Answer:
         raise InputError(f"a point has three coordinates, not {len(point)}", Place(key="point"))
     matrix = parse(text)
     answer: Answer = {"matrix": _plain(matrix)}
-    return answer | {"point": _plain(apply(matrix, point))} if len(point) else answer
+    return answer | {"point": _plain(apply(matrix, _finite(point)))} if len(point) else answer
 
 
 def jacobian_answer(name: str, values: Sequence[float], frame: FrameName = 0) -> Answer:

@@ -260,6 +260,21 @@ def test_a_closed_form_that_is_none_is_refused() -> None:
         ik(replace(arm("rv-m1"), closed_form="rvm1"), [0.2, 0.1, 0.4])
 
 
+def test_a_closed_form_of_other_rows_is_refused() -> None:
+    with pytest.raises(InputError, match=r"rows of 'theta-r' are not those[\s\S]*like = \"scara\""):
+        ik(replace(arm("theta-r"), closed_form="scara"), [0.2, 0.1, 0.4])
+
+
+def test_an_arm_that_has_lost_a_link_is_solved_numerically() -> None:
+    robot = arm("scara").with_lengths(l2=0.0)
+    assert fk_position(robot, ik(robot, [0.4, 0.0, 0.3])) == pytest.approx([0.4, 0.0, 0.3], abs=1e-7)
+
+
+def test_an_orientation_that_is_no_rotation_is_refused() -> None:
+    with pytest.raises(InputError, match="no rotation"):
+        ik(arm("scara"), [0.5, 0.1, 0.3], np.diag([1.0, 1.0, -1.0]))
+
+
 def test_targets_that_are_no_points_are_refused() -> None:
     for wrong in ([1.0, 2.0], [np.nan, 0.0, 0.0]):
         with pytest.raises(InputError, match="three finite coordinates"):

@@ -108,6 +108,7 @@ def test_many_rotations_come_back_from_axis_and_angle_and_from_quaternions() -> 
     axis, angle = o.to_axis_angle(rotations)
     np.testing.assert_allclose(o.from_axis_angle(axis, angle), rotations, atol=1e-14)
     assert (o.to_quaternion(rotations)[:, 0] >= 0).all()
+    np.testing.assert_allclose(o.from_quaternion(3.0 * o.to_quaternion(rotations)), rotations, atol=1e-14)
 
 
 def test_the_back_formula_of_the_table_agrees_where_it_is_safe() -> None:
@@ -131,6 +132,8 @@ def test_the_configuration_vector_keeps_the_roll_in_the_length_of_the_approach()
 def test_what_has_no_direction_or_no_order_is_refused() -> None:
     with pytest.raises(InputError, match="no direction"):
         o.from_axis_angle([0, 0, 0], 1.0)
+    with pytest.raises(InputError, match="length 0 is no rotation"):
+        o.from_quaternion([0, 0, 0, 0])
     with pytest.raises(InputError, match="not zero"):
         o.from_configuration_vector([1, 2, 3, 0, 0, 0])
     with pytest.raises(InputError, match="'ZZX' is no order"):

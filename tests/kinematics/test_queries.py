@@ -78,6 +78,20 @@ def test_the_feet_of_the_six_legged_robot() -> None:
         q.fk_answer("hexapod", (0,) * 5)
 
 
+@pytest.mark.parametrize("wrong", [float("nan"), float("inf")])
+def test_numbers_that_are_none_are_refused(wrong: float) -> None:
+    for ask in (
+        lambda: q.fk_answer("scara", (wrong, 0, 0, 0)),
+        lambda: q.fk_answer("hexapod", (wrong,) * 12),
+        lambda: q.ik_answer("scara", (wrong, 0, 0)),
+        lambda: q.ik_answer("scara", (400, 0, 300, wrong)),
+        lambda: q.jacobian_answer("scara", (wrong, 0, 0, 0)),
+        lambda: q.transform_answer("Rx(1)", (wrong, 0, 0)),
+    ):
+        with pytest.raises(InputError, match="finite"):
+            ask()
+
+
 def test_ik_with_an_orientation_and_with_the_wrong_number_of_values() -> None:
     answer = q.ik_answer("rv-m1", (200, 100, 400, -60, 25), everything=True)
     assert answer["joints"] == ["q1", "q2", "q3", "q4", "q5"]
