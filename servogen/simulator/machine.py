@@ -224,7 +224,15 @@ class Machine:
         return unpack_edges(packed)
 
     def _warnings(self) -> tuple[Warning, ...]:
-        return tuple(describe(code, subject, cycle) for code, subject, cycle in noted(self._s))
+        told = [describe(code, subject, cycle) for code, subject, cycle in noted(self._s)]
+        return tuple([_NO_CONFIGURATION, *told] if self.image.config is None else told)
+
+
+_NO_CONFIGURATION = Warning(
+    Cycles(0),
+    "no-configuration",
+    "the image has no configuration word: as on an erased chip the oscillator is RC and the watchdog is on",
+)
 
 
 def unpack_edges(packed: Packed) -> EdgeChunk:
