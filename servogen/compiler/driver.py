@@ -16,6 +16,7 @@ from servogen.compiler.banks import switch_banks
 from servogen.compiler.builtins import Builtins
 from servogen.compiler.diagnostics import CompileError, Diagnostic, Fatal, Reporter
 from servogen.compiler.dialect import DIALECTS, headers, macros, named_types
+from servogen.compiler.emitter import Code
 from servogen.compiler.finish import expand_delays
 from servogen.compiler.layout import allocate, lay_out
 from servogen.compiler.optimise import optimise
@@ -25,7 +26,7 @@ from servogen.compiler.rawtext import AsmBlock
 from servogen.compiler.report import make_listing
 from servogen.compiler.rewrite import Rewritten, rewrite_tokens
 from servogen.compiler.settings import Settings
-from servogen.compiler.startup import arrange
+from servogen.compiler.startup import RESET, arrange
 from servogen.compiler.stack import check_stack
 from servogen.errors import InputError, nearest
 from servogen.pic.device import Device, device
@@ -103,10 +104,11 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
         if options.optimise:
             optimise(code)
         switch_banks(code)
+    drop_unused(codes, arrangement.roots)
     room = check_stack(codes, arrangement.roots, reporter)
     reporter.stop_on_error()
     expand_delays(codes, room)
-    memory = allocate(arrangement.roots, codes, arrangement.statics, {}, reporter)
+    memory = allocate(arrangement.roots, codes, arrangement.statics, reporter)
     layout = lay_out(arrangement.order(codes), memory, reporter, arrangement.tables)
     reporter.stop_on_error()
     image = Image(
@@ -160,6 +162,19 @@ def analyse(
         analysis.define_function(function, unit)
     analysis.finish(settings)
     return analysis
+
+
+def drop_unused(codes: dict[str, Code], roots: list[str]) -> None:
+    """Forget functions and routines that nothing calls any more."""
+    wanted = dict.fromkeys(roots)
+    waiting = list(roots)
+    while waiting:
+        for name in codes[waiting.pop()].calls():
+            if name in codes and name not in wanted:
+                wanted[name] = None
+                waiting.append(name)
+    for name in [name for name, code in codes.items() if name not in wanted and code.table is None and code.name != RESET]:
+        del codes[name]
 
 
 def _mark_shared(backend: Backend) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from servogen.compiler.coalesce import frame
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.emitter import Code
 from servogen.compiler.machine import LABEL, Byte, Ins, Reg, assembly
@@ -30,9 +31,9 @@ class Memory:
 
 
 def allocate(
-    roots: list[str], codes: dict[str, Code], statics: list[Symbol], groups: dict[str, list[list[Symbol]]], reporter: Reporter
+    roots: list[str], codes: dict[str, Code], statics: list[Symbol], reporter: Reporter
 ) -> Memory:
-    """Addresses for every variable. `groups` are, per function, sets of variables that share a place."""
+    """Addresses for every variable."""
     memory = Memory()
     taken = {
         symbol.address + each
@@ -40,7 +41,6 @@ def allocate(
         if symbol.kind == "fixed" and symbol.address is not None
         for each in range(symbol.size)
     }
-    needed = 0
     next_free = RAM_FIRST
 
     def place(size: int, start: int) -> int:
@@ -61,20 +61,19 @@ def allocate(
         base = top
         ends: dict[str, int] = {}
 
-        def frame(name: str, base: int = base, ends: dict[str, int] = ends) -> int:
+        def reserve(name: str, base: int = base, ends: dict[str, int] = ends) -> int:
             if name not in ends:
                 ends[name] = base  # guards against a loop of calls in assembly
-                at = max([base, *(frame(callee) for callee in codes[name].calls() if callee in codes)])
-                for group in groups.get(name, [[each] for each in codes[name].own]):
-                    size = max(each.size for each in group)
-                    at = place(size, at)
-                    for each in group:
-                        memory.addresses[each] = at
-                    at += size
+                at = max([base, *(reserve(callee) for callee in codes[name].calls() if callee in codes)])
+                offsets, size = frame(codes[name])
+                at = place(size, at)
+                for symbol, offset in offsets.items():
+                    memory.addresses[symbol] = at + offset
+                at += size
                 ends[name] = at
             return ends[name]
 
-        frame(root)
+        reserve(root)
         top = max([top, *ends.values()])
     fixed_ram = [each for each in taken if RAM_FIRST <= each & 0x7F <= RAM_LAST]
     outside = [each for each in fixed_ram if each & 0x7F >= top]

@@ -5,19 +5,37 @@ In: a `Code`. Out: the same, smaller. User assembly is never touched.
 
 from __future__ import annotations
 
+from servogen.compiler.coalesce import coalesce
+from servogen.compiler.deadcode import drop_dead
 from servogen.compiler.emitter import Code
 from servogen.compiler.machine import ENDS, LABEL, SKIPS, Ins
+from servogen.compiler.peephole import invert_skips, peephole
+from servogen.compiler.values import Tracker
 
 
 def optimise(code: Code) -> None:
-    """Run the passes until nothing changes."""
-    for _ in range(20):
+    """Run the passes until nothing changes. Library routines are written by hand and only lose unused jumps."""
+    data = not code.name.startswith("__") and not _jumps_by_hand(code)
+    for _ in range(30):
         before = [(ins.op, ins.f, ins.d, ins.b, ins.k, ins.target) for ins in code.ins]
         thread_jumps(code)
         drop_unreachable(code)
         drop_jumps_to_next(code)
+        invert_skips(code)
+        if data:
+            Tracker(code).run()
+            drop_dead(code)
+            peephole(code)
+            coalesce(code)
         if before == [(ins.op, ins.f, ins.d, ins.b, ins.k, ins.target) for ins in code.ins]:
             return
+
+
+def _jumps_by_hand(code: Code) -> bool:
+    """Whether assembly in it jumps, so that its flow is not known."""
+    return code.inline_asm and any(
+        ins.fixed and ins.op in ("GOTO", "CALL", "RETURN", "RETLW", "RETFIE", *SKIPS) for ins in code.ins
+    )
 
 
 def _after(ins: list[Ins], start: int) -> int:
