@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import configparser
 import re
+import struct
 import zipfile
+import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +30,18 @@ MOST_BYTES = 8
 """Of a sample: 64 probes."""
 
 BLOCK_SAMPLES = 1 << 20
+
+_DAMAGED = (
+    zipfile.BadZipFile,
+    zlib.error,
+    struct.error,
+    KeyError,
+    ValueError,
+    OSError,
+    EOFError,
+    RuntimeError,
+)
+"""What zipfile raises on archives that are damaged, encrypted or packed in a way that it does not know."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +86,12 @@ class _Session:
 
     def _blocks(self) -> Iterator[npt.NDArray[np.uint64]]:
         """The samples as integers."""
+        try:
+            yield from self._unpacked()
+        except _DAMAGED as error:
+            raise InputError(f"is damaged: {error}", Place(str(self.path))) from error
+
+    def _unpacked(self) -> Iterator[npt.NDArray[np.uint64]]:
         with zipfile.ZipFile(self.path) as archive:
             rest = b""
             for member in self.members:
@@ -98,7 +118,7 @@ def read_session(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrac
         with zipfile.ZipFile(path) as archive:
             metadata = archive.read("metadata").decode("utf-8")
             sizes = {info.filename: info.file_size for info in archive.infolist()}
-    except (zipfile.BadZipFile, KeyError, UnicodeDecodeError) as error:
+    except _DAMAGED as error:
         raise InputError("is not a sigrok session", place, "a ZIP archive with a file `metadata`") from error
     device = _device(metadata, place)
     rate = rate_in(device.get("samplerate", ""))
@@ -113,8 +133,7 @@ def read_session(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrac
     samples = sum(sizes[member] for member in members) // size
     if not samples:
         raise InputError("holds no samples of logic probes", place)
-    probes = [(key, name) for key, name in device.items() if re.fullmatch(r"probe\d+", key)]
-    pins = pins_of([(name, int(key.removeprefix("probe")) - 1) for key, name in probes], wires, place)
+    pins = pins_of(_probes(device, size), wires, place)
     return EdgeTrace(step_clock(rate, place), _Session(path, members, size, pins), Cycles(samples))
 
 
@@ -128,6 +147,13 @@ def _device(metadata: str, place: Place) -> Mapping[str, str]:
         if section.startswith("device"):
             return parser[section]
     raise InputError("has no device in its metadata", place)
+
+
+def _probes(device: Mapping[str, str], size: int) -> list[tuple[str, int]]:
+    """(name, bit) of each probe that a sample of `size` bytes has."""
+    numbered = ((name, re.fullmatch(r"probe([1-9]\d?)", key)) for key, name in device.items())
+    probes = [(name, int(found.group(1)) - 1) for name, found in numbered if found]
+    return [(name, bit) for name, bit in probes if bit < 8 * size]
 
 
 def _members(name: str, sizes: Mapping[str, int]) -> tuple[str, ...]:

@@ -15,13 +15,15 @@ _MOTION = {True: "rise", False: "fall"}
 
 
 def frame_words(frame: int, lead_in: int, loop: int) -> str:
-    """`frame 7 (of the lead-in)`, `frame 512 (frame 12 of the loop, repeat 1)`; all counted from 0."""
+    """`frame 7 (of the lead-in)`, `frame 512 (frame 12 of repeat 1 of the loop)`; all counted from 0."""
     if frame < lead_in:
         return f"frame {frame} (of the lead-in)"
-    if not loop:
+    repeat, inside = divmod(frame - lead_in, loop) if loop else (0, frame)
+    if inside == frame:
         return f"frame {frame}"
-    repeat, inside = divmod(frame - lead_in, loop)
-    return f"frame {frame} (frame {inside} of the loop, repeat {repeat})"
+    if repeat:
+        return f"frame {frame} (frame {inside} of repeat {repeat} of the loop)"
+    return f"frame {frame} (frame {inside} of the loop)"
 
 
 def difference_reason(difference: Difference, expected: Expected) -> str:

@@ -3,6 +3,7 @@
 import json
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -134,11 +135,11 @@ def test_a_chip_that_does_nothing_has_no_pins() -> None:
 
 
 def test_what_never_repeats_is_cut_and_said() -> None:
-    cycle, pulses = 0, []
-    for number in range(140_000):
-        pulses.append((cycle, 10 + number % 7, RB0))
-        cycle += 60 + number % 11
-    measurement = measured(pulses, 100_000_000)
+    number = np.arange(140_000)
+    rise = 60 * number + number**2 % 11
+    cycle = np.stack((rise, rise + 10 + number % 7), axis=1).ravel()
+    chunk = edge_chunk(cycle, np.full(len(cycle), RB0), np.tile([HIGH, LOW], len(number)))
+    measurement = measure(EdgeTrace(MHZ4, (chunk,), Cycles(100_000_000)))
     assert not measurement.complete
     assert measurement.end < 100_000_000
     assert "stopped there" in measurement_lines(measurement)[1]

@@ -121,7 +121,7 @@ def test_one_width_longer_by_one_cycle_is_one_wrong_width_with_cycle_pin_and_fra
     assert (verdict.overlap.count, verdict.overlap.longest, verdict.overlap.first) == (1, 1, fall)
     assert verdict.overlap.pins == (RB0, RB1)
     assert verdict.reasons[0] == (
-        f"first difference at cycle {fall}, RB0 (vertical), frame 17 (frame 11 of the loop, repeat 0): "
+        f"first difference at cycle {fall}, RB0 (vertical), frame 17 (frame 11 of the loop): "
         f"should fall at cycle {fall}, falls at cycle {fall + 1}, 1 cycle late"
     )
 
