@@ -8,6 +8,8 @@ from itertools import count
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from servogen.edges import HIGH, LOW, PINS, EdgeTrace, Expected, ExpectedChannel, ExpectedChunk, edge_chunk
 from servogen.units import Clock, Cycles
@@ -257,3 +259,20 @@ def test_the_lines_say_what_was_found() -> None:
     wrong = capture_lines(verdict_on(without(30), seconds=1.0))
     assert wrong[0].startswith("NOT proven")
     assert any(line.startswith("- RB0 (arm): 1 missing pulse") for line in wrong)
+
+
+ROWS = st.lists(st.tuples(st.integers(0, 30_000), st.integers(0, 12), st.integers(0, 2)), max_size=60)
+
+
+@settings(derandomize=True, deadline=None, max_examples=150)
+@given(steps=ROWS, hz=st.sampled_from([4_000_000, 400_000, 4_000_000_000]), tail=st.integers(1, 10**5))
+def test_whatever_was_captured_gets_a_verdict(steps: list[Edge], hz: int, tail: int) -> None:
+    now, rows = 0, []
+    for step, pin, level in steps:
+        now += step
+        rows.append((now, pin, level))
+    chunks = (edge_chunk(*zip(*rows, strict=True)),) if rows else ()
+    verdict = verify_capture(schedule(), EdgeTrace(Clock(hz), chunks, Cycles(now + tail)))
+    assert verdict.proven == (verdict.reasons == ())
+    assert not verdict.proven
+    assert capture_lines(verdict)
