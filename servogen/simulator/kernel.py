@@ -25,6 +25,7 @@ from servogen.simulator.layout import (
     EDGE_LIMIT,
     EDGES_FULL,
     FSR,
+    GOES_ON,
     HORIZON,
     IN_RESET,
     INTCON,
@@ -94,16 +95,19 @@ def _build(observed: bool, sources: str) -> Callable[..., int]:
             s[W] = w
             s[STATUS] = status
             s[CYCLE] = cycle
-            if s[EDGE_COUNT] >= s[EDGE_LIMIT]:
-                return EDGES_FULL
-            if observed and len(trace) and s[TRACE_COUNT] >= len(trace):
-                return TRACE_FULL
             happen(s, edges, stim)
             if s[CYCLE] >= s[STIM_KNOWN] and s[STIM_NEXT] == s[STIM_COUNT]:
                 return NEEDS_STIMULUS
+            why = GOES_ON
             if s[CYCLE] >= end:
+                why = AT_END
+            elif s[EDGE_COUNT] >= s[EDGE_LIMIT]:
+                why = EDGES_FULL
+            elif observed and len(trace) and s[TRACE_COUNT] >= len(trace):
+                why = TRACE_FULL
+            if why != GOES_ON:
                 settle_counters(s, s[CYCLE])
-                return AT_END
+                return why
             attend(s, edges, stim)
             if s[SLEEPING] or s[IN_RESET]:
                 s[CYCLE] = max(s[CYCLE], min(end, s[HORIZON]))

@@ -103,7 +103,7 @@ MCLR_PIN = 13
 """The number of the reset pin in a stimulus, after the thirteen of `edges.PINS`."""
 
 # Why the instruction loop came back to the host.
-AT_END, EDGES_FULL, AT_BREAKPOINT, NEEDS_STIMULUS, TRACE_FULL = range(5)
+GOES_ON, AT_END, EDGES_FULL, AT_BREAKPOINT, NEEDS_STIMULUS, TRACE_FULL = range(6)
 
 # What a warning is about.
 (
