@@ -10,39 +10,18 @@ Without an orientation, the joints that only it determines stay at home.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 import numpy as np
 
+from servogen.kinematics.closed_six import irb6400c, spherical, spherical_wrist
 from servogen.kinematics.leg import Leg
+from servogen.kinematics.target import ON_AXIS, Branch, Target, azimuth
 from servogen.kinematics.transforms import Floats, cos_sin
 from servogen.robot.model import Arm
 
-Branch = tuple[Floats | float, ...]
-"""One candidate a joint, arrays over the targets or one number for all."""
-
-
-@dataclass(frozen=True, slots=True)
-class Target:
-    """Components over the targets: `p` three, `n`, `o`, `a` three each or None: no orientation asked for."""
-
-    p: tuple[Floats, Floats, Floats]
-    n: tuple[Floats, Floats, Floats] | None = None
-    o: tuple[Floats, Floats, Floats] | None = None
-    a: tuple[Floats, Floats, Floats] | None = None
-
-
 ClosedForm = Callable[[Arm, Target], list[Branch]]
-
-_ON_AXIS = 1e-12
-"""A point nearer than this to the first joint's axis, in metres, leaves that joint free: it stays at home."""
-
-
-def _azimuth(y: Floats, x: Floats, home: float) -> Floats:
-    """atan2(y, x); on the axis, where any angle will do, `home`."""
-    return np.where(np.hypot(x, y) < _ON_AXIS, home, np.arctan2(y, x))
 
 
 def _two_links(x: Floats, y: Floats, first: float, second: float) -> list[tuple[Floats, Floats]]:
@@ -61,18 +40,10 @@ def _two_links(x: Floats, y: Floats, first: float, second: float) -> list[tuple[
     return [(direction - inner, bend), (direction + inner, -bend)]
 
 
-def _cosine_sine_sum(a: Floats | float, b: Floats | float, c: Floats) -> tuple[Floats, Floats]:
-    """Both x with a cos x + b sin x = c: atan2(b, a) ± acos(c / √(a² + b²))."""
-    length = np.hypot(a, b)
-    half = np.arccos(np.clip(c / np.where(length == 0.0, 1.0, length), -1.0, 1.0))
-    middle = np.arctan2(b, a)
-    return middle + half, middle - half
-
-
 def _theta_r(arm: Arm, target: Target) -> list[Branch]:
     """p = (q2 sin q1, -q2 cos q1, d1)."""
     x, y, _ = target.p
-    turn, out = _azimuth(x, -y, arm.home[0]), np.hypot(x, y)
+    turn, out = azimuth(x, -y, arm.home[0]), np.hypot(x, y)
     return [(turn, out), (turn + np.pi, -out)]
 
 
@@ -84,7 +55,7 @@ def _theta_theta(arm: Arm, target: Target) -> list[Branch]:
 def _cylindrical(arm: Arm, target: Target) -> list[Branch]:
     """p = (c1 (q3 + l4), s1 (q3 + l4), q2 + l1); n_z = sin q4, o_z = cos q4."""
     x, y, z = target.p
-    turn, out, up = _azimuth(y, x, arm.home[0]), np.hypot(x, y), z - arm.length["l1"]
+    turn, out, up = azimuth(y, x, arm.home[0]), np.hypot(x, y), z - arm.length["l1"]
     roll: Floats | float = arm.home[3]
     if target.n is not None and target.o is not None:
         roll = np.arctan2(target.n[2], target.o[2])
@@ -95,7 +66,7 @@ def _cylindrical(arm: Arm, target: Target) -> list[Branch]:
 def _cylindrical_r2p(arm: Arm, target: Target) -> list[Branch]:
     """p = (q3 c1, q3 s1, q2)."""
     x, y, z = target.p
-    turn, out = _azimuth(y, x, arm.home[0]), np.hypot(x, y)
+    turn, out = azimuth(y, x, arm.home[0]), np.hypot(x, y)
     return [(turn, z, out), (turn + np.pi, z, -out)]
 
 
@@ -126,7 +97,7 @@ def _wrist_arm(arm: Arm, target: Target) -> list[Branch]:
     the source's atan2(-a32, a31) is lost.
     """
     x, y, z = target.p
-    turn, out, up = _azimuth(y, x, arm.home[0]), np.hypot(x, y), z - arm.length["l1"]
+    turn, out, up = azimuth(y, x, arm.home[0]), np.hypot(x, y), z - arm.length["l1"]
     return [
         (turn, np.arctan2(up, out), _roll_of(arm.home[2], turn, target)),
         (turn + np.pi, np.arctan2(up, -out), _roll_of(arm.home[2], turn + np.pi, target)),
@@ -144,7 +115,7 @@ def _roll_of(home: float, turn: Floats, target: Target) -> Floats | float:
 def _anthropomorphic(arm: Arm, target: Target) -> list[Branch]:
     """p = (-K s1, K c1, l2 s2 + l3 s23), K = l2 c2 + l3 c23; K of both signs, elbow up and down."""
     x, y, z = target.p
-    turn, out = _azimuth(-x, y, arm.home[0]), np.hypot(x, y)
+    turn, out = azimuth(-x, y, arm.home[0]), np.hypot(x, y)
     second, third = arm.length["l2"], arm.length["l3"]
     return [
         (base, two, three)
@@ -166,7 +137,7 @@ def _rv_m1(arm: Arm, target: Target) -> list[Branch]:
         return _rv_m1_position(arm, target)
     a_x, a_y, a_z = target.a
     # over the first joint's axis the plane of the arm is that of the approach vector
-    turn = np.where(np.hypot(x, y) < _ON_AXIS, _azimuth(a_y, a_x, arm.home[0]), np.arctan2(y, x))
+    turn = np.where(np.hypot(x, y) < ON_AXIS, azimuth(a_y, a_x, arm.home[0]), np.arctan2(y, x))
     out, up = np.hypot(x, y), z - arm.length["d1"] + hand * -a_z
     cosine, sine = cos_sin(turn)
     lean = cosine * a_x + sine * a_y
@@ -183,119 +154,12 @@ def _rv_m1_position(arm: Arm, target: Target) -> list[Branch]:
     x, y, z = target.p
     hand, (fourth, fifth) = arm.length["d5"], arm.home[3:]
     u, v = arm.length["a3"] + hand * np.sin(fourth), -hand * np.cos(fourth)
-    turn, out = _azimuth(y, x, arm.home[0]), np.hypot(x, y)
+    turn, out = azimuth(y, x, arm.home[0]), np.hypot(x, y)
     return [
         (base, two, three - np.arctan2(v, u), fourth, fifth)
         for base, reach in ((turn, out), (turn + np.pi, -out))
         for two, three in _two_links(reach, z - arm.length["d1"], arm.length["a2"], float(np.hypot(u, v)))
     ]
-
-
-def _irb6400c(arm: Arm, target: Target) -> list[Branch]:
-    """Three joints place a point t = (u, v, w) of the third link, three turn the wrist (ZYZ).
-
-    With an orientation t is the wrist, (0, 0, l3), and its place p - l4 a; without one q4 and q5 stay
-    at home and t is the tip. Seen from the frame that turns with q1, with X = s3 (u - l2) - c3 w:
-
-        x' = X c2 + v s2      y' = l1 - c3 (u - l2) - s3 w      z' = -X s2 + v c2
-
-    |p|² gives y' and so q3; z' gives q2; q1 is the turn from (x', y') to (x, y).
-    """
-    lengths, p = arm.length, target.p
-    first, reach, hand = lengths["l1"], lengths["l3"], lengths["l4"]
-    u, v, w = 0.0, 0.0, reach
-    if target.a is not None:
-        p = (p[0] - hand * target.a[0], p[1] - hand * target.a[1], p[2] - hand * target.a[2])
-    else:
-        fourth, fifth = arm.home[3], arm.home[4]
-        u = float(hand * np.cos(fourth) * np.sin(fifth))
-        v = float(hand * np.sin(fourth) * np.sin(fifth))
-        w = float(reach + hand * np.cos(fifth))
-    x, y, z = p
-    u -= lengths["l2"]
-    across = (x * x + y * y + z * z - u * u - v * v - w * w - first**2) / (2 * first)
-    azimuth = np.arctan2(y, x)
-    branches: list[Branch] = []
-    for three in _cosine_sine_sum(u, w, -across):
-        cosine, sine = cos_sin(three)
-        forward = sine * u - cosine * w
-        for two in _cosine_sine_sum(v, -forward, z):
-            c_two, s_two = cos_sin(two)
-            one = azimuth - np.arctan2(first + across, forward * c_two + v * s_two)
-            if target.n is None or target.o is None or target.a is None:
-                branches.append((one, two, three, *arm.home[3:]))
-                continue
-            c_one, s_one = cos_sin(one)
-            side = c_two * sine, -cosine, -s_two * sine
-            up = s_two, np.zeros_like(s_two), c_two
-            on = -c_two * cosine, -sine, s_two * cosine
-            third = tuple(_turned(c_one, s_one, axis) for axis in (side, up, on))
-            branches += [(one, two, three, *wrist) for wrist in _zyz(third, target, arm.home[3])]
-    return branches
-
-
-def _turned(cosine: Floats, sine: Floats, axis: Sequence[Floats]) -> tuple[Floats, Floats, Floats]:
-    """An axis turned about z."""
-    return cosine * axis[0] - sine * axis[1], sine * axis[0] + cosine * axis[1], axis[2]
-
-
-def _zyz(frame: Sequence[Sequence[Floats]], target: Target, home: float) -> list[Branch]:
-    """Both (q4, q5, q6) of a wrist that turns `frame` (its x, y, z axes) into the target, ZYZ.
-
-    Stretched (sin q5 = 0) only q4 ± q6 is determined: q4 stays at home.
-    """
-    if target.n is None or target.o is None or target.a is None:
-        return []
-    x, y, _ = frame
-    a = [_dot(axis, target.a) for axis in frame]
-    stretched = np.hypot(a[0], a[1]) < 1e-12
-    branches: list[Branch] = []
-    for half_turn in (0.0, np.pi):
-        four = np.where(stretched, home, np.arctan2(a[1], a[0]) + half_turn)
-        cosine, sine = cos_sin(four)
-        five = np.arctan2(cosine * a[0] + sine * a[1], a[2])
-        six = np.arctan2(
-            cosine * _dot(y, target.n) - sine * _dot(x, target.n),
-            cosine * _dot(y, target.o) - sine * _dot(x, target.o),
-        )
-        branches.append((four, five, six))
-    return branches
-
-
-def _dot(one: Sequence[Floats], two: Sequence[Floats]) -> Floats:
-    return np.asarray(one[0] * two[0] + one[1] * two[1] + one[2] * two[2])
-
-
-def _spherical(arm: Arm, target: Target) -> list[Branch]:
-    """p = q3 (c1 s2, s1 s2, c2): both halves of the turn, the slide forwards and backwards."""
-    x, y, z = target.p
-    turn, across = _azimuth(y, x, arm.home[0]), np.hypot(x, y)
-    lean, out = np.arctan2(across, z), np.hypot(across, z)
-    return [
-        (turn, lean, out),
-        (turn + np.pi, -lean, out),
-        (turn, lean + np.pi, -out),
-        (turn + np.pi, np.pi - lean, -out),
-    ]
-
-
-def _spherical_wrist(arm: Arm, target: Target) -> list[Branch]:
-    """The spherical arm, then a wrist ZYZ whose axes meet at p."""
-    branches: list[Branch] = []
-    for one, two, out in _spherical(arm, target):
-        if target.a is None:
-            branches.append((one, two, out, *arm.home[3:]))
-            continue
-        c_one, s_one = cos_sin(np.asarray(one))
-        c_two, s_two = cos_sin(np.asarray(two))
-        nothing = np.zeros_like(c_one)
-        frame = (
-            (c_one * c_two, s_one * c_two, -s_two),
-            (-s_one, c_one, nothing),
-            (c_one * s_two, s_one * s_two, c_two),
-        )
-        branches += [(one, two, out, *wrist) for wrist in _zyz(frame, target, arm.home[3])]
-    return branches
 
 
 def _leg(arm: Arm, target: Target) -> list[Branch]:
@@ -330,9 +194,9 @@ CLOSED_FORMS: Mapping[str, ClosedForm] = MappingProxyType(
         "wrist-arm": _wrist_arm,
         "anthropomorphic": _anthropomorphic,
         "rv-m1": _rv_m1,
-        "irb6400c": _irb6400c,
-        "spherical": _spherical,
-        "spherical-wrist": _spherical_wrist,
+        "irb6400c": irb6400c,
+        "spherical": spherical,
+        "spherical-wrist": spherical_wrist,
         "leg": _leg,
     }
 )

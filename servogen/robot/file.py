@@ -11,96 +11,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import inf, radians
 from pathlib import Path
-from typing import Annotated, Any, Literal
-
-from pydantic import BeforeValidator, Field
 
 from servogen import tomlfile
-from servogen.errors import nearest
+from servogen.errors import InputError, nearest
 from servogen.robot.model import Arm, DHRow, Frame, Hexapod, Joint, Length, Mount, OmniBase, Robot
-from servogen.tomlfile import Document, Table
+from servogen.robot.tables import FrameTable, JointTable, MountTable, RobotTable, RowTable
+from servogen.tomlfile import Document
 
 Find = Callable[[str], Robot]
 """Gives the catalogue's robot of a name, or raises InputError."""
-
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
-
-
-def _as_text(value: Any) -> Any:
-    return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
-
-
-LengthText = Annotated[str, BeforeValidator(_as_text)]
-"""A number of millimetres, or a sum of named lengths: 40, "l2", "l2 + l3", "-l2"."""
-
-
-class JointTable(Table):
-    name: Name
-    kind: Literal["turning", "sliding"] | None = None
-    lower_deg: float | None = None
-    upper_deg: float | None = None
-    home_deg: float | None = None
-    speed_deg_s: float | None = Field(default=None, gt=0)
-    lower_mm: float | None = None
-    upper_mm: float | None = None
-    home_mm: float | None = None
-    speed_mm_s: float | None = Field(default=None, gt=0)
-
-
-class RowTable(Table):
-    joint: Name | None = None
-    ratio: float = 1.0
-    theta_deg: float = 0.0
-    d_mm: LengthText = "0"
-    a_mm: LengthText = "0"
-    alpha_deg: float = 0.0
-
-
-class FrameTable(Table):
-    x_mm: float = 0.0
-    y_mm: float = 0.0
-    z_mm: float = 0.0
-    rx_deg: float = 0.0
-    ry_deg: float = 0.0
-    rz_deg: float = 0.0
-
-
-class MountTable(Table):
-    name: Name
-    x_mm: float
-    y_mm: float
-    z_mm: float = 0.0
-    heading_deg: float = 0.0
-    mirrored: bool = False
-
-
-class RobotTable(Table):
-    """The whole file; which keys belong together is checked after the types."""
-
-    name: Name
-    title: str = ""
-    aliases: tuple[str, ...] = ()
-    kind: Literal["arm", "hexapod", "omni"] = "arm"
-    like: str | None = None
-    convention: Literal["standard", "modified"] | None = None
-    closed_form: str | None = None
-    orientation: tuple[Literal["roll", "pitch", "rpy"], ...] = ()
-    dimensions: Literal["source", "manufacturer", "example", "user"] = "user"
-    source: str = ""
-    lengths_mm: dict[str, float] = Field(default_factory=dict)
-    joint: tuple[JointTable, ...] = ()
-    row: tuple[RowTable, ...] = ()
-    base: FrameTable | None = None
-    tool: FrameTable | None = None
-    leg: str = "leg"
-    mount: tuple[MountTable, ...] = ()
-    centre_of_mass_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    wheel_diameter_mm: float | None = Field(default=None, gt=0)
-    wheel_distance_mm: float | None = Field(default=None, gt=0)
-    gear: float = Field(default=1.0, gt=0)
-    counts_per_turn: int = Field(default=1, gt=0)
-    sensors: int = Field(default=0, ge=0)
-
 
 # Which keys a kind of robot takes beside the common ones.
 _COMMON = {"name", "title", "aliases", "kind", "dimensions", "source"}
@@ -209,8 +128,6 @@ def _kind(robot: Robot) -> str:
 
 
 def _found(document: Document, key: str, name: str, find: Find) -> Robot:
-    from servogen.errors import InputError
-
     try:
         return find(name)
     except InputError as error:
