@@ -139,10 +139,10 @@ DEVICES = (
 
 
 def device(name: str) -> Device:
-    """The device by name, with or without the "PIC", in any case. Raises InputError."""
-    wanted = name.upper() if name.upper().startswith("PIC") else f"PIC{name.upper()}"
+    """The device by name, with "PIC", "P" or nothing in front, in any case. Raises InputError."""
+    wanted = name.upper().removeprefix("PIC").removeprefix("P")
     for candidate in DEVICES:
-        if candidate.name == wanted:
+        if candidate.short_name == wanted:
             return candidate
     raise InputError(f"unknown device '{name}'", hint=nearest(name, (each.name for each in DEVICES)))
 

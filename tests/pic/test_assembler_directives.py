@@ -27,6 +27,16 @@ def test_a_label_after_column_1_needs_a_colon_and_is_warned_of(asm: Any) -> None
     assert asm.remarks("  here: goto here") == ["1:3 207"]
 
 
+def test_an_indented_word_alone_or_before_an_operation_is_a_label_and_is_warned_of(asm: Any) -> None:
+    assert asm.words("  start\n again nop\n goto start\n goto again") == [0, 0x2800, 0x2800]
+    assert asm.remarks("  start\n again nop") == ["1:3 207", "2:2 207"]
+
+
+def test_an_operation_with_a_slip_of_the_pen_is_no_label(asm: Any) -> None:
+    assert asm.errors(" retrun\n end") == ["1:2 122 unknown operation 'retrun'"]
+    assert asm.errors(" mvlw 3\n end") == ["1:2 122 unknown operation 'mvlw'"]
+
+
 def test_an_instruction_in_column_1_is_warned_of(asm: Any) -> None:
     assert asm.words("nop") == [0]
     assert asm.remarks("nop") == ["1:1 203"]
@@ -222,8 +232,8 @@ def test_an_endless_while_ends_with_an_error(asm: Any) -> None:
         (" org\n end", 128),
         (" org 1, 2\n end", 127),
         (" code\n end", 149),
-        (" frobnicate\n end", 122),
-        (" ? nop\n end", 122),
+        (" frobnicate 1\n end", 122),
+        (" clrff\n end", 122),
         (" 5 nop\n end", 101),
     ],
 )

@@ -108,7 +108,7 @@ def test_the_oscillator_setting_follows_the_clock(hz: int, oscillator: str) -> N
     assert oscillator_for(hz) == oscillator
 
 
-@pytest.mark.parametrize("name", ["PIC16F84", "pic16f84", "16F84", "16f84"])
+@pytest.mark.parametrize("name", ["PIC16F84", "pic16f84", "16F84", "16f84", "P16F84"])
 def test_a_device_is_found_with_or_without_pic(name: str) -> None:
     found = device.device(name)
     assert found.name == "PIC16F84"

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Protocol
 
 from servogen.errors import InputError, Place, nearest
@@ -84,6 +85,7 @@ SPECIAL: dict[str, tuple[int, int, tuple[Step, ...], tuple[Step, ...]]] = {
 }
 
 
+@cache
 def mnemonics() -> frozenset[str]:
     """Every mnemonic that assembly may write, upper case."""
     return frozenset((*by_mnemonic(), *SPECIAL))

@@ -7,8 +7,8 @@ operation and operand field.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 from servogen.errors import Place
 from servogen.pic.assembler.messages import SourceError
@@ -61,13 +61,25 @@ class Statement:
         return self.line.place(self.column)
 
 
-def statement(line: SourceLine, is_operation: Callable[[str], bool]) -> Statement:
-    """The parts of a line; `is_operation` tells mnemonics, directives and macros from labels."""
+class Vocabulary(Protocol):
+    """What tells an operation from a label."""
+
+    def is_operation(self, word: str) -> bool:
+        """Whether the word is a mnemonic, a directive or a macro."""
+        ...
+
+    def is_almost_operation(self, word: str) -> bool:
+        """Whether the word is so near to one that it is a slip of the pen."""
+        ...
+
+
+def statement(line: SourceLine, vocabulary: Vocabulary) -> Statement:
+    """The parts of a line."""
     text = line.text.without_comment()
     label, label_column = None, 1
     rest = text.strip()
     match = IDENTIFIER.match(rest.chars)
-    if match and _is_label(text, rest, match, is_operation):
+    if match and _is_label(text, rest, match, vocabulary):
         label, label_column = match[0], rest.column(0)
         end = match.end() + (rest.chars[match.end() : match.end() + 1] == ":")
         rest = rest[end:].strip()
@@ -83,10 +95,19 @@ def statement(line: SourceLine, is_operation: Callable[[str], bool]) -> Statemen
 _DEFINING = re.compile(r"\s+(?:equ|set|macro)\b|\s*=(?!=)", re.IGNORECASE)
 
 
-def _is_label(text: Text, rest: Text, match: re.Match[str], is_operation: Callable[[str], bool]) -> bool:
-    """Whether the first word is a label: in column 1, with a colon, or in front of EQU, SET, MACRO or =."""
+def _is_label(text: Text, rest: Text, match: re.Match[str], vocabulary: Vocabulary) -> bool:
+    """Whether the first word is a label: in column 1, with a colon, or in front of EQU, SET, MACRO or =.
+
+    As in MPASM, an indented word that is no operation is a label too, alone or in front of an operation.
+    """
     after = rest.chars[match.end() :]
     if after.startswith(":") or _DEFINING.match(after):
         return True
-    in_column_one = not text.chars[:1].isspace()
-    return in_column_one and not is_operation(match[0])
+    if vocabulary.is_operation(match[0]):
+        return False
+    if not text.chars[:1].isspace():
+        return True
+    following = _OPERATION.match(after.strip())
+    if following is None:
+        return not after.strip() and not vocabulary.is_almost_operation(match[0])
+    return vocabulary.is_operation(following[0])

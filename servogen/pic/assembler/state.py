@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 
 from servogen.errors import Place
 from servogen.pic.assembler import instructions
@@ -146,9 +147,9 @@ class Pass:
 
     def _line(self, line: SourceLine) -> None:
         if self.active:
-            self._statement(statement(self.substituted(line), self.is_operation))
+            self._statement(statement(self.substituted(line), self))
             return
-        found = statement(line, self.is_operation)
+        found = statement(line, self)
         if found.operation in CONDITIONAL:
             self.directives[found.operation](self, found)
 
@@ -200,6 +201,11 @@ class Pass:
         """Whether a word in column 1 is no label."""
         known = word.lower() in self.directives or word.upper() in instructions.mnemonics()
         return known or word in self.macros
+
+    def is_almost_operation(self, word: str) -> bool:
+        """Whether a word is so near to an operation that it is a slip of the pen."""
+        known = (*self.directives, *(name.lower() for name in instructions.mnemonics()), *self.macros)
+        return bool(get_close_matches(word.lower(), known, n=1, cutoff=0.8))
 
     # -- instructions and macro calls -----------------------------------------------------------------
 
