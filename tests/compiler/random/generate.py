@@ -1,0 +1,294 @@
+"""A random program from a seed: the same seed, the same program.
+
+In: a seed and a dialect. Out: a `Program` that has no undefined behaviour in C, ends after a bounded number of
+operations and leaves a checksum of all that it computed.
+"""
+
+from __future__ import annotations
+
+import random
+
+from tests.compiler.random.program import (
+    BIT,
+    BOOL,
+    S8,
+    S16,
+    S24,
+    S32,
+    U8,
+    U16,
+    U24,
+    U32,
+    AddressOf,
+    Array,
+    Element,
+    Expr,
+    Function,
+    Int,
+    Loop,
+    Member,
+    MemberOf,
+    Out,
+    Pointer,
+    Program,
+    Return,
+    Stmt,
+    Struct,
+    Var,
+    Variable,
+)
+from tests.compiler.random.scope import Scope
+from tests.compiler.random.statements import Statements
+from tests.compiler.random.touch import CHECKSUM, Touch
+
+_PROFILES: tuple[tuple[float, tuple[Int, ...]], ...] = (
+    (4, (U8,)),
+    (3, (U8, U8, S8)),
+    (5, (U8, U8, U16, S16)),
+    (4, (U8, S8, U16, S16, BOOL)),
+    (1.5, (U8, U16, S16, BIT)),
+    (1.5, (U8, S16, U32, S32)),
+    (1, (U8, S16, U24, S24)),
+    (1, (U8, S8, U16, S16, U24, S24, U32, S32, BOOL, BIT)),
+)
+_RAM = 26
+"""Bytes of global variables at most, and about as much for locals."""
+
+
+class Generator(Statements):
+    """Makes one program."""
+
+    def __init__(self, seed: int, dialect: str) -> None:
+        rng = random.Random(f"{seed} {dialect}")
+        types = rng.choices([each for _, each in _PROFILES], [weight for weight, _ in _PROFILES])[0]
+        super().__init__(rng, dialect, types)
+        self.seed = seed
+        self.globals: list[Variable] = []
+        self.structs: list[Struct] = []
+        self.functions: list[Function] = []
+        self.used = 0
+
+    def program(self) -> Program:
+        self._globals()
+        interrupt = self.chance(0.12)
+        count = self.rng.choice((0, 1, 1, 2, 2, 3))
+        for number in range(count):
+            self._function(number)
+        self._main()
+        return Program(
+            self.seed, self.dialect, tuple(self.structs), tuple(self.globals), tuple(self.functions), interrupt
+        )
+
+    # data
+
+    def value(self, kind: Int) -> int:
+        if kind.kind != "int":
+            return self.rng.randrange(2)
+        edge = (0, 1, 2, 5, 100, 127, 128, 255, kind.wrap(-1), 1 << kind.bits - 1, (1 << kind.bits - 1) - 1)
+        return kind.wrap(self.rng.choice(edge) if self.chance(0.5) else self.rng.getrandbits(kind.bits))
+
+    def stored(self) -> Int:
+        """A type that arrays and members may have."""
+        return self.rng.choice([each for each in self.types if each != BIT] or [U8])
+
+    def add(self, variable: Variable) -> None:
+        if variable.storage != "const":
+            if self.used + variable.type.size > _RAM:
+                return
+            self.used += variable.type.size
+        self.globals.append(variable)
+
+    def _globals(self) -> None:
+        rng = self.rng
+        for number in range(rng.randrange(2, 6)):
+            kind = self.type()
+            initial = (self.value(kind),) if self.chance(0.6) and kind != BIT else None
+            self.add(Variable(f"g{number}", kind, "global", initial))
+        for number in range(rng.choice((0, 1, 1, 2))):
+            kind = self.stored()
+            dims = (rng.choice((2, 3, 4, 4, 5, 8)),) if kind.bits == 8 else (rng.choice((2, 3, 4)),)
+            if self.chance(0.15) and kind.bits == 8:
+                dims = (2, rng.choice((2, 3)))
+            array = Array(kind, dims)
+            initial = tuple(self.value(kind) for _ in range(array.count)) if self.chance(0.5) else None
+            self.add(Variable(f"a{number}", array, "global", initial))
+        for number in range(rng.choice((0, 0, 1, 1, 2))):
+            kind = self.stored()
+            dims = (rng.choice((3, 4, 8, 10, 16)),) if self.chance(0.8) else (rng.choice((2, 4)), rng.choice((3, 4)))
+            table = Array(kind, dims)
+            self.add(Variable(f"t{number}", table, "const", tuple(self.value(kind) for _ in range(table.count))))
+        if self.chance(0.35):
+            self._structures()
+
+    def _structures(self) -> None:
+        rng = self.rng
+        members: list[Member] = []
+        for number in range(rng.randrange(2, 5)):
+            if self.chance(0.3):
+                members.append(Member(f"f{number}", U8, rng.choice((1, 1, 2, 3, 4, 7))))
+            elif self.chance(0.15):
+                members.append(Member(f"m{number}", Array(U8, (2,))))
+            else:
+                members.append(Member(f"m{number}", self.stored()))
+        self.structs.append(Struct("S0", tuple(members)))
+        if self.chance(0.3):
+            whole = (Member("w", U16), Member("b", Array(U8, (2,))))
+            self.structs.append(Struct("U0", whole, union=True))
+        for number in range(rng.choice((1, 2, 2))):
+            kind = rng.choice(self.structs)
+            if self.chance(0.2):
+                self.add(Variable(f"r{number}", Array(kind, (2,)), "global"))
+            else:
+                self.add(Variable(f"s{number}", kind, "global"))
+
+    # functions
+
+    def pointees(self, *, const: bool) -> dict[Int | Struct, tuple[Variable, ...]]:
+        """The globals that a pointer may point to, by the type it points at."""
+        found: dict[Int | Struct, list[Variable]] = {}
+        for each in self.globals:
+            kind = each.type
+            if each.storage == "const" and not const:
+                continue
+            if isinstance(kind, Array) and len(kind.dims) == 1:
+                found.setdefault(kind.element, []).append(each)
+            elif isinstance(kind, (Int, Struct)) and kind != BIT:
+                found.setdefault(kind, []).append(each)
+        return {kind: tuple(objects) for kind, objects in found.items()}
+
+    def pointer(self, name: str, storage: str) -> Variable | None:
+        const = self.chance(0.4)
+        choices = self.pointees(const=const)
+        if not choices:
+            return None
+        kind = self.rng.choice(list(choices))
+        if isinstance(kind, Int) and kind.kind != "int":
+            return None
+        start = self.rng.choice(choices[kind])
+        initial = AddressOf(start) if storage == "local" else None
+        return Variable(name, Pointer(kind, const), storage, initial, choices[kind])
+
+    def _function(self, number: int) -> None:
+        rng = self.rng
+        parameters: list[Variable] = []
+        for each in range(rng.choice((0, 1, 1, 2, 2, 3))):
+            kind = rng.random()
+            found: Variable | None = None
+            if kind < 0.2:
+                found = self.pointer(f"q{each}", "param")
+            elif kind < 0.25 and any(isinstance(one.type, Struct) for one in self.globals):
+                struct = rng.choice([one.type for one in self.globals if isinstance(one.type, Struct)])
+                found = Variable(f"q{each}", struct, "param")
+            parameters.append(found or Variable(f"q{each}", self.type(), "param"))
+        result = self.type() if self.chance(0.75) else None
+        called = [each for each in self.functions if self.chance(0.6)]
+        self.scope = Scope([*self.globals, *parameters], called, result)
+        locals_ = self._locals(rng.choice((0, 1, 1, 2)))
+        body = self.body(2, rng.randrange(1, 5))
+        if result:
+            body = (*body, Return(self.full(2)))
+        self._finish(f"f{number}", result, tuple(parameters), locals_, body)
+
+    def _finish(
+        self, name: str, result: Int | None, parameters: tuple[Variable, ...], locals_: list[Variable], body: tuple[Stmt, ...]
+    ) -> None:
+        scope = self.scope
+        outside = {*self.globals, CHECKSUM, *(each for each in scope.locals if each.storage == "static")}
+        for function in scope.callable:
+            outside |= function.reads | function.writes
+        touched = scope.touched
+        counters = [each for each in scope.locals if each not in locals_]
+        self.functions.append(
+            Function(
+                name,
+                result,
+                parameters,
+                (*locals_, *counters),
+                body,
+                frozenset(touched.reads & outside),
+                frozenset(touched.writes & outside),
+                scope.cost + 1,
+            )
+        )
+
+    def _locals(self, count: int) -> list[Variable]:
+        found: list[Variable] = []
+        for number in range(count):
+            made: Variable | None
+            choice = self.rng.random()
+            if choice < 0.25:
+                made = self.pointer(f"p{number}", "local")
+            elif choice < 0.4:
+                kind = self.type()
+                made = Variable(f"v{number}", kind, "static", (self.value(kind),) if kind != BIT else None)
+            elif choice < 0.5:
+                kind = self.stored()
+                array = Array(kind, (self.rng.choice((2, 3, 4)),))
+                made = Variable(f"v{number}", array, "local", tuple(self.value(kind) for _ in range(array.count)))
+            else:
+                touch = Touch()
+                initial: Expr = self.pure(1, touch)
+                self.settle(touch)
+                made = Variable(f"v{number}", self.type(), "local", initial)
+            if made is not None and self.scope.local_bytes() + made.type.size <= 8:
+                found.append(made)
+                self.scope.locals.append(made)
+                self.scope.visible.append(made)
+        return found
+
+    def _main(self) -> None:
+        self.scope = Scope(list(self.globals), list(self.functions))
+        locals_ = self._locals(self.rng.choice((0, 1, 2)))
+        body: list[Stmt] = []
+        for function in self.functions:
+            body += self.body(1, 1)
+            touch = Touch()
+            call = self.call(1, touch, function)
+            if call is not None:
+                from tests.compiler.random.program import ExprStmt
+
+                body.append(Out(call) if function.result else ExprStmt(call))
+        body += self.body(3, self.rng.randrange(2, 7))
+        for variable in self.globals:
+            if variable.storage != "const":
+                body += self._shown(variable)
+        self._finish("main", None, (), locals_, tuple(body))
+
+    def _shown(self, variable: Variable) -> list[Stmt]:
+        kind = variable.type
+        if isinstance(kind, Int):
+            return [Out(Var(variable))]
+        if isinstance(kind, Struct):
+            return [Out(each) for each in _members(Var(variable), kind)]
+        assert isinstance(kind, Array)
+        counters = [self.counter(size) for size in kind.dims]
+        counters = []
+        for size in kind.dims:
+            counters.append(self.counter(size))
+            self.scope.loops += 1
+        self.scope.loops -= len(kind.dims)
+        element = Element(Var(variable), tuple(Var(each) for each in counters))
+        inner: tuple[Stmt, ...] = (Out(element),)
+        if isinstance(kind.element, Struct):
+            inner = tuple(Out(each) for each in _members(element, kind.element))
+        for counter, size in reversed(list(zip(counters, kind.dims, strict=True))):
+            inner = (Loop("up", counter, size, inner),)
+        return list(inner)
+
+
+def _members(base: Var | Element, kind: Struct) -> list[Expr]:
+    from tests.compiler.random.program import Num
+
+    found: list[Expr] = []
+    for member in kind.members:
+        place = MemberOf(base, member)
+        if isinstance(member.type, Array):
+            found += [Element(place, (Num(index),)) for index in range(member.type.count)]
+        else:
+            found.append(place)
+    return found
+
+
+def generate(seed: int, dialect: str) -> Program:
+    """The program of a seed."""
+    return Generator(seed, dialect).program()

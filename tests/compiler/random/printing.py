@@ -1,0 +1,252 @@
+"""What both spellings of a program share: statements, loops, and how indices, divisors and counts are guarded.
+
+In: statements. Out: lines of C. The guards are decided here, from the program alone, so that both spellings
+always agree and no cut or replaced part can make behaviour undefined.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+from tests.compiler.random.program import (
+    Again,
+    Array,
+    Block,
+    CopyStruct,
+    Expr,
+    ExprStmt,
+    Function,
+    If,
+    Int,
+    Jump,
+    Leave,
+    Loop,
+    Num,
+    Out,
+    Place,
+    Point,
+    Pointer,
+    Program,
+    Return,
+    SetBit,
+    Skip,
+    Stmt,
+    Struct,
+    Switch,
+    Type,
+    Var,
+    Variable,
+    Walk,
+)
+
+
+class Printer(ABC):
+    """Prints a program; a subclass spells types, expressions and whatever needs them."""
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+        self.dialect = program.dialect
+        self.result: Int | None = None
+
+    # what a spelling decides
+
+    @abstractmethod
+    def base(self, kind: Type) -> str:
+        """The name of an integer or structure type."""
+
+    @abstractmethod
+    def name(self, variable: Variable) -> str: ...
+
+    @abstractmethod
+    def expr(self, expr: Expr) -> str: ...
+
+    @abstractmethod
+    def place(self, expr: Expr) -> str: ...
+
+    @abstractmethod
+    def pointer(self, expr: Expr) -> str: ...
+
+    @abstractmethod
+    def converted(self, expr: Expr, kind: Int) -> str:
+        """The expression as something of a type is initialised with it, or a result returned."""
+
+    @abstractmethod
+    def out(self, expr: Expr, pad: str) -> str: ...
+
+    @abstractmethod
+    def set_bit(self, stmt: SetBit) -> str: ...
+
+    @abstractmethod
+    def move_in(self, pointer: Variable, value: Expr, element: Int) -> str:
+        """`*p++ = value;`"""
+
+    @abstractmethod
+    def move_out(self, pointer: Variable, target: Place) -> str:
+        """`target = *p++;`"""
+
+    # declarations
+
+    def struct(self, struct: Struct) -> str:
+        members = "".join(
+            f" {self.declarator(each.type, each.name)}{f' : {each.width}' if each.width else ''};"
+            for each in struct.members
+        )
+        return f"{self.base(struct)} {{{members} }};"
+
+    def declarator(self, kind: Type, name: str) -> str:
+        if isinstance(kind, Array):
+            return f"{self.base(kind.element)} {name}" + "".join(f"[{each}]" for each in kind.dims)
+        if isinstance(kind, Pointer):
+            return f"{'const ' if kind.const else ''}{self.base(kind.target)} *{name}"
+        return f"{self.base(kind)} {name}"
+
+    def declaration(self, variable: Variable) -> str:
+        storage = "static " if variable.storage == "static" else "const " if variable.storage == "const" else ""
+        return f"{storage}{self.declarator(variable.type, self.name(variable))}{self.initial(variable)};"
+
+    def initial(self, variable: Variable) -> str:
+        value, kind = variable.initial, variable.type
+        if value is None:
+            return ""
+        if isinstance(value, tuple):
+            if isinstance(kind, Array):
+                assert isinstance(kind.element, Int)
+                return f" = {nested([self.number(each, kind.element) for each in value], kind.dims)}"
+            if isinstance(kind, Struct):
+                return " = {" + ", ".join(map(str, value)) + "}"
+            assert isinstance(kind, Int)
+            return f" = {self.number(value[0], kind)}"
+        if isinstance(kind, Pointer):
+            return f" = {self.pointer(value)}"
+        assert isinstance(kind, Int)
+        return f" = {self.converted(value, kind)}"
+
+    def number(self, value: int, kind: Int) -> str:
+        return str(value)
+
+    def body(self, function: Function) -> list[str]:
+        self.result = function.result
+        return [f"    {self.declaration(each)}" for each in function.locals] + self.statements(function.body, 1)
+
+    # guards
+
+    def reduction(self, index: Expr, size: int) -> str:
+        """How an index is kept inside an array: "plain", "mask" or "remainder"."""
+        if isinstance(index, Num) and index.value < size:
+            return "plain"
+        if isinstance(index, Var) and index.variable.storage == "counter" and 0 < index.variable.limit <= size:
+            return "plain"
+        return "mask" if size & (size - 1) == 0 else "remainder"
+
+    # statements
+
+    def statements(self, body: tuple[Stmt, ...], depth: int) -> list[str]:
+        return [line for each in body for line in self.statement(each, depth)]
+
+    def braces(self, head: str, body: tuple[Stmt, ...], depth: int, tail: str = "") -> list[str]:
+        pad = "    " * depth
+        return [f"{pad}{head} {{", *self.statements(body, depth + 1), f"{pad}}}{tail}"]
+
+    def statement(self, stmt: Stmt, depth: int) -> list[str]:
+        pad = "    " * depth
+        match stmt:
+            case ExprStmt(expr):
+                return [f"{pad}{self.expr(expr)};"]
+            case Out(expr):
+                return [self.out(expr, pad)]
+            case If(condition, yes, no):
+                lines = self.braces(f"if ({self.expr(condition)})", yes, depth)
+                return lines + self.braces("else", no, depth) if no else lines
+            case Loop():
+                return self.loop(stmt, depth)
+            case Walk():
+                return self.walk(stmt, depth)
+            case Switch():
+                return self.switch(stmt, depth)
+            case Jump(kind):
+                return [f"{pad}{kind};"]
+            case Skip(condition, label, body):
+                lines = [f"{pad}if ({self.expr(condition)}) goto {label};", *self.statements(body, depth)]
+                return [*lines, f"{pad}{label}: ;"]
+            case Leave(label):
+                return [f"{pad}goto {label};"]
+            case Again(label, counter, rounds, body):
+                head = [f"{pad}{counter.name} = {rounds};", f"{pad}{label}: ;"]
+                return [*head, *self.statements(body, depth), f"{pad}if (--{counter.name}) goto {label};"]
+            case Block(variables, body):
+                inner = [f"{pad}    {self.declaration(each)}" for each in variables]
+                return [f"{pad}{{", *inner, *self.statements(body, depth + 1), f"{pad}}}"]
+            case Point(pointer, to):
+                return [f"{pad}{pointer.name} = {self.pointer(to)};"]
+            case CopyStruct(target, source):
+                return [f"{pad}{self.place(target)} = {self.place(source)};"]
+            case SetBit():
+                return [pad + self.set_bit(stmt)]
+            case Return(None):
+                return [f"{pad}return;"]
+            case Return(expr):
+                assert self.result is not None and expr is not None
+                return [f"{pad}return {self.converted(expr, self.result)};"]
+        raise TypeError(stmt)
+
+    def loop(self, stmt: Loop, depth: int) -> list[str]:
+        pad, name, rounds = "    " * depth, stmt.counter.name, stmt.rounds
+        more = f" && ({self.expr(stmt.condition)})" if stmt.condition is not None else ""
+        first = f"({self.expr(stmt.condition)}) && " if stmt.condition is not None else ""
+        match stmt.form:
+            case "up":
+                return self.braces(f"for ({name} = 0; {name} < {rounds}{more}; {name}++)", stmt.body, depth)
+            case "down":
+                return self.braces(f"for ({name} = {rounds}; {name}{more}; {name}--)", stmt.body, depth)
+            case "while":
+                lines = self.braces(f"while ({first}{name} < {rounds})", stmt.body, depth)
+                lines.insert(1, f"{pad}    {name}++;")
+                return [f"{pad}{name} = 0;", *lines]
+            case "countdown":
+                return [f"{pad}{name} = {rounds};", *self.braces(f"while ({name}--{more})", stmt.body, depth)]
+            case "do":
+                return [f"{pad}{name} = {rounds};", *self.braces("do", stmt.body, depth, f" while (--{name}{more});")]
+        raise TypeError(stmt.form)
+
+    def walk(self, stmt: Walk, depth: int) -> list[str]:
+        pad, p, name = "    " * depth, stmt.pointer.name, stmt.counter.name
+        assert isinstance(stmt.array.type, Array)
+        head = f"for ({name} = 0; {name} < {stmt.array.type.dims[0]}; {name}++"
+        start = f"{pad}{p} = {self.name(stmt.array)};"
+        if stmt.value is None and stmt.target is None:
+            return [start, *self.braces(head + f", {p}++)", stmt.body, depth), start]
+        if stmt.value is not None:
+            assert isinstance(stmt.array.type.element, Int)
+            move = self.move_in(stmt.pointer, stmt.value, stmt.array.type.element)
+        else:
+            assert stmt.target is not None
+            move = self.move_out(stmt.pointer, stmt.target)
+        body = self.statements(stmt.body, depth + 1)
+        return [start, f"{pad}{head}) {{", *body, f"{pad}    {move}", f"{pad}}}", start]
+
+    def switch(self, stmt: Switch, depth: int) -> list[str]:
+        pad = "    " * depth
+        lines = [f"{pad}switch ({self.expr(stmt.value)}) {{"]
+        for case in stmt.cases:
+            lines += [f"{pad}case {value}:" for value in case.values]
+            lines += [f"{pad}default:"] if case.default else []
+            lines += [f"{pad}    {{", *self.statements(case.body, depth + 2), f"{pad}    }}"]
+            lines += [] if case.falls else [f"{pad}    break;"]
+        return [*lines, f"{pad}}}"]
+
+
+def count_mask(kind: Int) -> int:
+    """What a shift count is cut to: below the number of bits."""
+    return {8: 7, 16: 15, 24: 15, 32: 31}[kind.bits]
+
+
+def nested(values: list[str], dims: tuple[int, ...]) -> str:
+    """Initialisers in braces."""
+    if len(dims) == 1:
+        return "{" + ", ".join(values) + "}"
+    step = len(values) // dims[0]
+    rows = [nested(values[at : at + step], dims[1:]) for at in range(0, len(values), step)]
+    return "{" + ", ".join(rows) + "}"
+
+
+

@@ -1,0 +1,286 @@
+"""A program as C of a dialect, ending with its checksum at fixed addresses of the RAM.
+
+In: a `Program`. Out: source text. The bytes: two running sums at 0x4D and 0x4E, the count at 0x4F, and 0xA5 at
+0x4C when main has come to its end.
+"""
+
+from __future__ import annotations
+
+from tests.compiler.random.printing import Printer, count_mask
+from tests.compiler.random.program import (
+    AddressOf,
+    Array,
+    Assign,
+    Binary,
+    Call,
+    Cast,
+    Choice,
+    Comma,
+    Deref,
+    Divide,
+    Element,
+    Expr,
+    Function,
+    Int,
+    Logic,
+    MemberOf,
+    Num,
+    Place,
+    SetBit,
+    Shift,
+    SizeOf,
+    Step,
+    Struct,
+    TestBit,
+    Type,
+    Unary,
+    Update,
+    Var,
+    Variable,
+)
+from tests.compiler.random.typing_rules import common, place_type, promote, type_of
+
+DONE, CHECK = 0x4C, 0x4D
+FINISHED = 0xA5
+
+NAMES = {
+    "xc8": {
+        "U8": "unsigned char",
+        "S8": "signed char",
+        "U16": "unsigned int",
+        "S16": "int",
+        "U24": "unsigned short long",
+        "S24": "short long",
+        "U32": "unsigned long",
+        "S32": "long",
+        "BOOL": "bool",
+        "BIT": "bit",
+    },
+    "c2c": {
+        "U8": "char",
+        "S8": "signed char",
+        "U16": "int",
+        "S16": "signed int",
+        "U24": "uint24_t",
+        "S24": "int24_t",
+        "U32": "uint32_t",
+        "S32": "int32_t",
+        "BOOL": "bool",
+        "BIT": "bit",
+    },
+}
+
+_OUT = """
+unsigned char check0 @ 0x4D;
+unsigned char check1 @ 0x4E;
+unsigned char check2 @ 0x4F;
+unsigned char done @ 0x4C;
+void out(unsigned char v) {
+    check0 = (unsigned char)(check0 << 1 | check0 >> 7) ^ v;
+    check1 += check0;
+    check2++;
+}
+"""
+_WIDER = {
+    2: "void out2(uint16_t v) { out((unsigned char)v); out((unsigned char)(v >> 8)); }\n",
+    3: "void out3(uint24_t v) { out((unsigned char)v); out((unsigned char)(v >> 8)); out((unsigned char)(v >> 16)); }\n",
+    4: "void out4(uint32_t v) { out((unsigned char)v); out((unsigned char)(v >> 8)); "
+    "out((unsigned char)(v >> 16)); out((unsigned char)(v >> 24)); }\n",
+}
+
+_INTERRUPT = {
+    "xc8": """
+unsigned char beats, beat_table[2];
+unsigned int beat_sum;
+void __interrupt() beat(void) {
+    T0IF = 0;
+    beats++;
+    beat_sum = beat_sum * 3 + beat_table[beats & 1] / 5;
+    beat_table[beats & 1] = (unsigned char)(beat_sum >> (beats & 7));
+}
+""",
+    "c2c": """
+char beats, beat_table[2];
+int beat_sum;
+void interrupt(void) {
+    clear_bit(INTCON, T0IF);
+    beats++;
+    beat_sum = beat_sum * 3 + beat_table[beats & 1] / 5;
+    beat_table[beats & 1] = beat_sum >> (beats & 7);
+}
+""",
+}
+_ARM = "    OPTION_REG = 0xD0; INTCON = 0xA0;"
+
+
+class TargetC(Printer):
+    """Prints one program."""
+
+    def text(self) -> str:
+        program = self.program
+        heads = [self.head(each) for each in program.functions[:-1]]
+        order = list(program.functions)
+        if program.seed % 2:
+            order.reverse()
+        prototypes = [f"{head};" for head in heads] if program.seed % 2 and self.dialect == "xc8" else []
+        bodies = [self.function(each) for each in order]
+        helpers = "".join(text for size, text in _WIDER.items() if any(f"out{size}(" in each for each in bodies))
+        parts = ["#include <xc.h>" if self.dialect == "xc8" else "", "#include <stdint.h>", _OUT + helpers]
+        parts += [self.struct(each) for each in program.structs]
+        parts += [self.declaration(each) for each in program.globals]
+        parts += [_INTERRUPT[self.dialect]] if program.interrupt else []
+        return "\n".join(parts + prototypes + bodies) + "\n"
+
+    def head(self, function: Function) -> str:
+        parameters = ", ".join(self.declarator(each.type, each.name) for each in function.parameters) or "void"
+        return f"{self.base(function.result) if function.result else 'void'} {function.name}({parameters})"
+
+    def function(self, function: Function) -> str:
+        lines = self.body(function)
+        if function is self.program.functions[-1]:
+            at = len(function.locals)
+            start = ["    check0 = check1 = check2 = 0;", *([_ARM] if self.program.interrupt else [])]
+            lines = [*lines[:at], *start, *lines[at:], f"    done = 0x{FINISHED:X};", "    while (1);"]
+        return "\n".join([self.head(function) + " {", *lines, "}"])
+
+    def base(self, kind: Type) -> str:
+        if isinstance(kind, Int):
+            return NAMES[self.dialect][kind.name]
+        assert isinstance(kind, Struct)
+        return f"{'union' if kind.union else 'struct'} {kind.tag}"
+
+    def name(self, variable: Variable) -> str:
+        return variable.name
+
+    def number(self, value: int, kind: Int) -> str:
+        return str(kind.wrap(value))
+
+    def converted(self, expr: Expr, kind: Int) -> str:
+        return self.expr(expr)
+
+    def place(self, expr: Expr) -> str:
+        match expr:
+            case Var(variable):
+                return variable.name
+            case Element(array, indices):
+                kind = place_type(array)
+                assert isinstance(kind, Array)
+                pairs = zip(indices, kind.dims, strict=True)
+                return self.place(array) + "".join(f"[{self.index(each, size)}]" for each, size in pairs)
+            case MemberOf(Deref(pointer), member):
+                return f"{pointer.name}->{member.name}"
+            case MemberOf(base, member):
+                return f"{self.place(base)}.{member.name}"
+            case Deref(pointer, indexed):
+                return f"{pointer.name}[0]" if indexed else f"(*{pointer.name})"
+        raise TypeError(expr)
+
+    def index(self, index: Expr, size: int) -> str:
+        how = self.reduction(index, size)
+        if how == "plain":
+            return self.expr(index)
+        if how == "mask":
+            return f"{self.expr(index)} & {size - 1}"
+        return f"(unsigned char){self.expr(index)} % {size}"
+
+    def expr(self, expr: Expr) -> str:
+        match expr:
+            case Num():
+                return self.literal(expr)
+            case Var() | Element() | MemberOf() | Deref():
+                return self.place(expr)
+            case Unary(op, operand):
+                return f"({op}{self.expr(operand)})"
+            case Binary(op, left, right) | Logic(op, left, right):
+                return f"({self.expr(left)} {op} {self.expr(right)})"
+            case Divide(op, left, right):
+                return f"({self.expr(left)} {op} {self.divisor(right, type_of(expr, self.dialect))})"
+            case Shift(op, left, right):
+                return f"({self.expr(left)} {op} {self.count(right, type_of(expr, self.dialect))})"
+            case Choice(condition, yes, no):
+                return f"({self.expr(condition)} ? {self.expr(yes)} : {self.expr(no)})"
+            case Comma(first, second):
+                return f"({self.expr(first)}, {self.expr(second)})"
+            case Cast(kind, operand):
+                return f"(({self.base(kind)}){self.expr(operand)})"
+            case SizeOf(kind):
+                return f"sizeof({self.base(kind)})"
+            case Assign(target, value):
+                return f"({self.place(target)} = {self.expr(value)})"
+            case Update(op, target, value):
+                return self.update(op, target, value)
+            case Step(op, target, prefix):
+                return f"({op}{self.place(target)})" if prefix else f"({self.place(target)}{op})"
+            case Call(function, arguments):
+                given = ", ".join(self.argument(each) for each in arguments)
+                return f"{function.name}({given})"
+            case TestBit():
+                return self.test_bit(expr)
+            case AddressOf():
+                return self.pointer(expr)
+        raise TypeError(expr)
+
+    def literal(self, num: Num) -> str:
+        if num.base == 16:
+            return f"0x{num.value:X}{num.suffix}"
+        if num.base == 2:
+            return f"0b{num.value:b}" if self.dialect == "xc8" else f"{num.value:08b}b"
+        return f"{num.value}{num.suffix}"
+
+    def argument(self, expr: Expr) -> str:
+        return self.pointer(expr) if isinstance(expr, AddressOf) else self.expr(expr)
+
+    def pointer(self, expr: Expr) -> str:
+        match expr:
+            case Var(variable):
+                return variable.name
+            case AddressOf(variable, None):
+                return variable.name if isinstance(variable.type, Array) else f"&{variable.name}"
+            case AddressOf(variable, index):
+                assert isinstance(variable.type, Array) and index is not None
+                return f"&{variable.name}[{self.index(index, variable.type.dims[0])}]"
+        raise TypeError(expr)
+
+    def divisor(self, right: Expr, kind: Int) -> str:
+        if isinstance(right, Num) and kind.wrap(right.value):
+            return self.expr(right)
+        return f"({self.expr(right)} | 1)"
+
+    def count(self, right: Expr, kind: Int) -> str:
+        if isinstance(right, Num) and right.value < kind.bits:
+            return self.expr(right)
+        return f"({self.expr(right)} & {count_mask(kind)})"
+
+    def update(self, op: str, target: Place, value: Expr) -> str:
+        kind = type_of(target, self.dialect)
+        if op in ("<<", ">>"):
+            right = self.count(value, promote(kind, self.dialect))
+        elif op in "/%":
+            right = self.divisor(value, common(kind, type_of(value, self.dialect), self.dialect))
+        else:
+            right = self.expr(value)
+        return f"({self.place(target)} {op}= {right})"
+
+    def test_bit(self, expr: TestBit) -> str:
+        name = self.place(expr.target)
+        if self.dialect == "xc8":
+            return f"((bit)(({name} >> {expr.bit}) & 1))"
+        return f"{name}.{expr.bit}" if expr.bit % 2 and expr.bit < 8 else f"test_bit({name}, {expr.bit})"
+
+    def out(self, expr: Expr, pad: str) -> str:
+        size = type_of(expr, self.dialect).size
+        return f"{pad}out{size if size > 1 else ''}({self.expr(expr)});"
+
+    def set_bit(self, stmt: SetBit) -> str:
+        name = self.place(stmt.target)
+        if self.dialect == "c2c":
+            return f"{stmt.what}_bit({name}, {stmt.bit});"
+        one = f"(1UL << {stmt.bit})" if stmt.bit > 15 else f"(1U << {stmt.bit})"
+        return {"set": f"{name} |= {one};", "clear": f"{name} &= ~{one};", "toggle": f"{name} ^= {one};"}[stmt.what]
+
+    def move_in(self, pointer: Variable, value: Expr, element: Int) -> str:
+        return f"*{pointer.name}++ = {self.expr(value)};"
+
+    def move_out(self, pointer: Variable, target: Place) -> str:
+        return f"{self.place(target)} = *{pointer.name}++;"
+
