@@ -61,6 +61,8 @@ class Conditions(Generator):
                 pass
             case Cast(operand) if isinstance(expr.type, IntType) and self._same_truth(expr):
                 self.jump(operand, sense, label)
+            case Cast(operand) if isinstance(expr.type, IntType) and expr.type.is_bit:
+                self._lowest_bit(operand, sense, label)
             case Ref() | Deref() if expr.width == 1:
                 self._bit(expr, sense, label)
             case Update() if self._counted(expr, sense, label):
@@ -71,6 +73,15 @@ class Conditions(Generator):
                 self.goto_if(Z, not sense, label)
             case _:
                 self._nonzero(expr, sense, label)
+
+    def _lowest_bit(self, operand: Expr, sense: bool, label: str) -> None:
+        """A conversion to `bit` keeps the lowest bit alone."""
+        byte = self.value(operand, 1)[0]
+        if isinstance(byte, Imm):
+            held = self.temp()[0]
+            self.move_all([held], [byte])
+            byte = held
+        self.goto_if(0, sense, label, self.bit_source(byte))
 
     def _same_truth(self, expr: Cast) -> bool:
         """A conversion that keeps the value keeps its truth."""

@@ -76,6 +76,8 @@ class Declarations(Expressions):
                 return self._qualified(PointerType(target), node.quals or [])
             case c_ast.ArrayDecl():
                 return self._array(node)
+            case c_ast.Struct() | c_ast.Union() | c_ast.Enum():
+                return self._specified(node, node)
             case c_ast.FuncDecl():
                 return FuncType(self.declared_type(node.type), self._parameters(node))
         raise self.fail(f"this type is not supported ({type(node).__name__})", node)
