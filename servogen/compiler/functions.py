@@ -11,7 +11,7 @@ from collections.abc import Callable
 from servogen.compiler.arith import imms
 from servogen.compiler.conditions import Conditions
 from servogen.compiler.ctypes import IntType, VoidType
-from servogen.compiler.emitter import Code
+from servogen.compiler.emitter import ISR_SUFFIX, Code
 from servogen.compiler.fold import has_effect, interval
 from servogen.compiler.generate import calls_something, width_of
 from servogen.compiler.inline_asm import assemble_line
@@ -402,7 +402,7 @@ class FunctionGenerator(Conditions):
             self.load(index[0])
             if step:
                 self.emit("ADDLW", k=step)
-            self.emit("CALL", target=table_name(symbol))
+            self.emit("CALL", target=table_name(symbol) + (ISR_SUFFIX if self.isr else ""))
             self.code.ins[-1].table = symbol
             return
         pointer: list[Loc] = self.temp(2)
@@ -449,7 +449,8 @@ class FunctionGenerator(Conditions):
             case "delay_variable":
                 assert isinstance(expr.data, int)
                 code = self.library("delay", (expr.data,))
-                self.to_w(expr.arguments[0])
+                self.load(self.value(expr.arguments[0], 1)[0])
+                self.code.ins[-1].fixed = True  # the load is part of the time
                 self.emit("CALL", target=code.name)
             case "eeprom_read":
                 code = self.library("eeprom_read", ())

@@ -778,8 +778,6 @@ class Generator(Arithmetic):
         """A variable: in place where that is safe, else through a temporary."""
         multi_port = len(locs) > 1 and isinstance(locs[0], Reg)
         symbol_locs = [Byte(target.symbol, 0)] if isinstance(locs[0], Byte) else locs
-        if target.symbol.volatile and len(locs) >= 1 and not self._operand_ready(value) and len(locs) > 1:
-            multi_port = True
         if not multi_port and (self._in_place(value, locs) or not touches(value, symbol_locs)):
             self.into(value, locs)
             return

@@ -70,23 +70,37 @@ def thread_jumps(code: Code) -> None:
 
 
 def drop_unreachable(code: Code) -> None:
-    """Instructions that nothing reaches, and labels that nothing names."""
-    used = {each.target for each in code.ins if each.op in ("GOTO", "CALL")}
-    out: list[Ins] = []
-    reached = True
-    for each in code.ins:
-        if each.op == LABEL:
-            if each.target in used or each.fixed:
-                reached = True
-                out.append(each)
-            continue
-        if not reached and not each.fixed:
-            continue
-        skipped = bool(out) and out[-1].op in SKIPS
-        out.append(each)
-        if each.op in ENDS and not skipped:
-            reached = False
-    code.ins = out
+    """Instructions that nothing reaches, and labels that nothing names. Assembly is taken as reached."""
+    ins = code.ins
+    where = {each.target: number for number, each in enumerate(ins) if each.op == LABEL}
+    reached = [each.fixed for each in ins]
+    waiting = [0, *(number + 1 for number, each in enumerate(ins) if each.fixed)]
+    while waiting:
+        at = waiting.pop()
+        first = True
+        while at < len(ins) and (first or not reached[at]):
+            first = False
+            reached[at] = True
+            each = ins[at]
+            if each.op == "GOTO" and each.target in where and not reached[where[each.target]]:
+                waiting.append(where[each.target])
+            before = _before(ins, at)
+            if each.op in ENDS and not (before is not None and ins[before].op in SKIPS):
+                break
+            at += 1
+    used = {each.target for each, here in zip(ins, reached, strict=True) if here and each.op in ("GOTO", "CALL")}
+    code.ins = [
+        each
+        for each, here in zip(ins, reached, strict=True)
+        if here and (each.op != LABEL or each.target in used or each.fixed)
+    ]
+
+
+def _before(ins: list[Ins], at: int) -> int | None:
+    at -= 1
+    while at >= 0 and ins[at].op == LABEL:
+        at -= 1
+    return at if at >= 0 else None
 
 
 def drop_jumps_to_next(code: Code) -> None:

@@ -12,16 +12,14 @@ from dataclasses import dataclass, field
 from servogen.compiler.backend import Backend
 from servogen.compiler.ctypes import U8
 from servogen.compiler.diagnostics import Reporter
-from servogen.compiler.emitter import Code
-from servogen.compiler.machine import FSR, PCLATH, STATUS, Byte, Ins
+from servogen.compiler.emitter import ISR_SUFFIX, Code
+from servogen.compiler.machine import FSR, INDF, PCLATH, STATUS, Byte, Ins
 from servogen.compiler.settings import Settings
-from servogen.compiler.tables import add_tables, table_name
+from servogen.compiler.tables import add_tables
 from servogen.compiler.tree import Data, Program, Symbol
 from servogen.pic.device import INTERRUPT_VECTOR
 
 RESET, START = "__reset", "__start"
-_CLEAR_LOOP_FROM = 6
-"""From this many bytes on a loop clears variables in fewer words than a CLRF each."""
 
 
 @dataclass(slots=True)
@@ -50,11 +48,15 @@ def arrange(backend: Backend, program: Program, settings: Settings, reporter: Re
     if backend.handler:
         codes[RESET] = Code(RESET, [Ins("GOTO", target=START)])
         handler = codes[backend.handler]
-        _save_context(handler)
+        isr = [handler, *(codes[name] for name in codes if name.endswith(ISR_SUFFIX) or name in backend.isr)]
+        fsr = any(ins.f in (FSR, INDF) for code in isr for ins in code.ins)
+        pclath = any(ins.f == PCLATH or ins.table is not None for code in isr for ins in code.ins)
+        asm = any(code.inline_asm for code in isr)
+        _save_context(handler, fsr=fsr or asm, pclath=pclath or asm)
         found.roots.append(handler.name)
         found.first = [RESET, handler.name]
     found.tables = add_tables(codes, statics)
-    found.first += [START, "main", *(table_name(symbol) for symbol in found.tables)]
+    found.first += [START, "main", *(name for name, code in codes.items() if code.table is not None)]
     return found
 
 
@@ -74,37 +76,31 @@ def _initialise(statics: list[Symbol]) -> list[Ins]:
     return out
 
 
-def _save_context(code: Code) -> None:
-    """W, STATUS, FSR and PCLATH are kept around the interrupt (DS35007 section 6.9, "Context saving").
+def _save_context(code: Code, *, fsr: bool, pclath: bool) -> None:
+    """W, STATUS and what the interrupt uses of FSR and PCLATH are kept (DS35007 section 6.9, "Context saving").
 
     SWAPF moves STATUS without changing its flags. Bank 0 is selected for the function itself.
     """
-    kept = {name: Symbol(f"saved_{name}", U8, "temp", function=code.name, pinned=True) for name in ("w", "status", "fsr", "pclath")}
-    code.own += kept.values()
-    w, status, fsr, pclath = (Byte(symbol, 0) for symbol in kept.values())
+
+    def kept(name: str) -> Byte:
+        symbol = Symbol(f"saved_{name}", U8, "temp", function=code.name, pinned=True)
+        code.own.append(symbol)
+        return Byte(symbol, 0)
+
+    w, status = kept("w"), kept("status")
     before = [
         Ins("ORG", k=INTERRUPT_VECTOR),
         Ins("MOVWF", w),
         Ins("SWAPF", STATUS, 0),
         Ins("MOVWF", status),
         Ins("CLRF", STATUS),
-        Ins("MOVF", FSR, 0),
-        Ins("MOVWF", fsr),
-        Ins("MOVF", PCLATH, 0),
-        Ins("MOVWF", pclath),
-        Ins("CLRF", PCLATH),
     ]
-    after = [
-        Ins("MOVF", pclath, 0),
-        Ins("MOVWF", PCLATH),
-        Ins("MOVF", fsr, 0),
-        Ins("MOVWF", FSR),
-        Ins("SWAPF", status, 0),
-        Ins("MOVWF", STATUS),
-        Ins("SWAPF", w, 1),
-        Ins("SWAPF", w, 0),
-        Ins("RETFIE"),
-    ]
+    after = [Ins("SWAPF", status, 0), Ins("MOVWF", STATUS), Ins("SWAPF", w, 1), Ins("SWAPF", w, 0), Ins("RETFIE")]
+    for register, wanted in ((FSR, fsr), (PCLATH, pclath)):
+        if wanted:
+            held = kept("fsr" if register == FSR else "pclath")
+            before += [Ins("MOVF", register, 0), Ins("MOVWF", held)]
+            after = [Ins("MOVF", held, 0), Ins("MOVWF", register), *after]
     for each in (*before, *after):
         each.fixed = True
     body = code.ins

@@ -21,28 +21,46 @@ def table_name(symbol: Symbol) -> str:
     return f"__table.{symbol.name}@{place.file}:{place.line}:{place.column}"
 
 
-def data_label(symbol: Symbol) -> str:
-    """The label of a flash object's first byte."""
-    return table_name(symbol) + ".data"
+def data_label(name: str) -> str:
+    """The label of the first byte of the table with that name."""
+    return name + ".data"
 
 
 def add_tables(codes: dict[str, Code], statics: list[Symbol]) -> dict[Symbol, str]:
-    """Make a Code for every flash object that is named, and give the labels of their first bytes."""
+    """Make a Code for every flash object that is named, and give the labels of their first bytes.
+
+    A table that the interrupt reads and main too exists twice: its routine keeps the index in a byte.
+    """
     found: dict[Symbol, str] = {}
-    waiting = [ins.k.symbol for code in codes.values() for ins in code.ins if isinstance(ins.k, AddressByte)]
-    waiting += [each.symbol for symbol in statics for each in (symbol.initial or {}).values() if isinstance(each, AddressByte)]
-    called = {ins.table for code in codes.values() for ins in code.ins if ins.table is not None}
-    waiting += sorted(called, key=table_name)
+    called: dict[str, Symbol] = {}
+    waiting: list[Symbol] = []
+    for code in codes.values():
+        for ins in code.ins:
+            if ins.table is not None:
+                called[ins.target] = ins.table
+            elif isinstance(ins.k, AddressByte):
+                waiting.append(ins.k.symbol)
+    waiting += [
+        each.symbol for symbol in statics for each in (symbol.initial or {}).values() if isinstance(each, AddressByte)
+    ]
+    for name, symbol in called.items():
+        held = Symbol("index", U8, "temp", function=name)
+        codes[name] = Code(name, own=[held], table=symbol, w_parameter=held)
+        found.setdefault(symbol, data_label(name))
+        waiting += _named(symbol)
     while waiting:
         symbol = waiting.pop(0)
-        if symbol.kind != "flash" or symbol in found:
-            continue
-        found[symbol] = data_label(symbol)
-        held = Symbol("index", U8, "temp", function=table_name(symbol))
-        codes[table_name(symbol)] = Code(table_name(symbol), own=[held] if symbol in called else [], table=symbol)
-        codes[table_name(symbol)].w_parameter = held if symbol in called else None
-        waiting += [each.symbol for each in (symbol.initial or {}).values() if isinstance(each, AddressByte)]
+        if symbol.kind == "flash" and symbol not in found:
+            name = table_name(symbol)
+            codes[name] = Code(name, table=symbol)
+            found[symbol] = data_label(name)
+            waiting += _named(symbol)
     return found
+
+
+def _named(symbol: Symbol) -> list[Symbol]:
+    """The objects whose addresses a flash object holds."""
+    return [each.symbol for each in (symbol.initial or {}).values() if isinstance(each, AddressByte)]
 
 
 def table_code(code: Code, address: int, *, only_first_page: bool) -> list[Ins] | None:
@@ -50,22 +68,22 @@ def table_code(code: Code, address: int, *, only_first_page: bool) -> list[Ins] 
     symbol = code.table
     assert symbol is not None
     data = [Ins("RETLW", k=(symbol.initial or {}).get(each, 0), fixed=True) for each in range(symbol.size)]
-    label = Ins(LABEL, target=data_label(symbol), fixed=True)
+    label = Ins(LABEL, target=data_label(code.name), fixed=True)
     if code.w_parameter is None:
         return [label, *data]
     last = address + len(data)
     if only_first_page:
         return [Ins("ADDWF", PCL, 1), label, *data] if last < _PAGE else None
     held = Byte(code.w_parameter, 0)
-    base = AddressByte(symbol, 0, 0)
-    page = AddressByte(symbol, 0, 1)
-    front = [Ins("MOVWF", held), Ins("MOVLW", k=page), Ins("MOVWF", PCLATH)]
     start = address + 5
-    if start // _PAGE == (start + len(data) - 1) // _PAGE:
+    crosses = start // _PAGE != (start + len(data) - 1) // _PAGE
+    start = address + 8 if crosses else start
+    front = [Ins("MOVWF", held), Ins("MOVLW", k=start // _PAGE), Ins("MOVWF", PCLATH)]
+    if not crosses:
         return [*front, Ins("MOVF", held, 0), Ins("ADDWF", PCL, 1), label, *data]
     return [
         *front,
-        Ins("MOVLW", k=base),
+        Ins("MOVLW", k=start % _PAGE),
         Ins("ADDWF", held, 0),
         Ins("BTFSC", STATUS, b=C),
         Ins("INCF", PCLATH, 1),
