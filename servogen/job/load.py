@@ -12,9 +12,11 @@ import numpy as np
 
 from servogen import tomlfile
 from servogen.errors import InputError
+from servogen.job.drives import drive_of
 from servogen.job.job import Firmware, Job
-from servogen.job.model import JobTable, MotionTable
+from servogen.job.model import JobTable, MotionTable, WalkTable
 from servogen.job.poses import poses_of
+from servogen.job.programs import program_of
 from servogen.job.robots import Rig, rig_of
 from servogen.job.servos import servos_of
 from servogen.job.walks import walk_of
@@ -25,7 +27,10 @@ from servogen.pulse.slots import Frame, rises
 from servogen.robot.model import Arm, Hexapod
 from servogen.robot.servo import Servo
 from servogen.tomlfile import Document, exact
-from servogen.units import Clock
+from servogen.units import Clock, Cycles
+
+PARTS = ("motion", "walk", "program", "drive")
+"""The sections that say what the servos do."""
 
 
 def load(path: str | Path) -> Job:
@@ -92,34 +97,52 @@ def _motion(
     document: Document, table: JobTable, servos: tuple[Servo, ...], rig: Rig, frame: Frame, clock: Clock
 ) -> Planned:
     """The one section that says what the servos do."""
-    if (table.motion is None) == (table.walk is None):
-        key = ("walk",) if table.walk else ()
+    given = [part for part in PARTS if getattr(table, part) is not None]
+    if len(given) != 1:
         raise document.error(
-            key, "a job has one of [motion] and [walk]", "add [motion] poses = [ … ]" if not key else None
+            (given[1],) if given else (),
+            "a job has one of " + ", ".join(f"[{part}]" for part in PARTS),
+            None if given else "add [motion] poses = [ … ]",
         )
-    part = "motion" if table.motion is not None else "walk"
+    part = given[0]
     if document.data[part].get("repeat", True) and "end" in document.data[part]:
         raise document.error(
             (part, "end"), "a motion that repeats has no end", "write repeat = false, or leave end away"
         )
-    limits = _limits(servos, rig)
+    limits, period = _limits(servos, rig), frame.period.cycles
     if table.motion is not None:
-        return trajectory(_poses(document, table.motion, servos, rig, limits), frame.period.cycles, clock)
+        return trajectory(_poses(document, table.motion, servos, rig, limits), period, clock)
     if table.walk is not None:
-        by_name = dict(zip([servo.name for servo in servos], limits, strict=True))
-        joints = tuple(
-            Limits(limit.speed / abs(each.ratio), limit.acceleration / abs(each.ratio))
-            for each in rig.bindings
-            for limit in (by_name[each.servo],)
-        )
-        order = [each.servo for each in rig.bindings]
-        for index, servo in enumerate(servos):
-            if servo.name not in order:
-                raise document.error(
-                    ("servo", index), f"{servo.name} turns no joint of the robot", "say which: joint = …"
-                )
-        return walk_of(document, table.walk, rig.robot, rig.bindings, joints, frame.period.cycles, clock)
+        return _walk(document, table.walk, servos, rig, limits, period, clock)
+    if table.program is not None:
+        return program_of(document, table.program, rig.robot, rig.bindings, servos, limits, period, clock)
+    if table.drive is not None:
+        return drive_of(document, table.drive, rig.robot, servos, period, clock)
     raise document.error((), "the job has no motion")
+
+
+def _walk(
+    document: Document,
+    table: WalkTable,
+    servos: tuple[Servo, ...],
+    rig: Rig,
+    limits: tuple[Limits, ...],
+    period: Cycles,
+    clock: Clock,
+) -> Planned:
+    by_name = dict(zip([servo.name for servo in servos], limits, strict=True))
+    joints = tuple(
+        Limits(limit.speed / abs(each.ratio), limit.acceleration / abs(each.ratio))
+        for each in rig.bindings
+        for limit in (by_name[each.servo],)
+    )
+    order = [each.servo for each in rig.bindings]
+    for index, servo in enumerate(servos):
+        if servo.name not in order:
+            raise document.error(
+                ("servo", index), f"{servo.name} turns no joint of the robot", "say which: joint = …"
+            )
+    return walk_of(document, table, rig.robot, rig.bindings, joints, period, clock)
 
 
 def _poses(
@@ -159,7 +182,7 @@ def _limits(servos: tuple[Servo, ...], rig: Rig) -> tuple[Limits, ...]:
 
 def _check_travel(document: Document, planned: Planned, servos: tuple[Servo, ...]) -> None:
     """A spline or a walk may lead a servo beyond its limits though no pose does."""
-    part = "motion" if "motion" in document.data else "walk"
+    part = next(part for part in PARTS if part in document.data)
     for servo, column in zip(servos, planned.trajectory.angles.T, strict=True):
         if not np.isnan(column).all():
             for angle in (float(np.nanmin(column)), float(np.nanmax(column))):

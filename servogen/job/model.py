@@ -130,6 +130,40 @@ class WalkTable(Table):
     end: Literal["hold", "release"] | None = None
 
 
+class HandTable(Table):
+    """[program] hand: the hand's servo and its two angles."""
+
+    servo: str
+    open_deg: float
+    closed_deg: float
+
+
+class ProgramTable(Table):
+    """[program]: a file of the arm command language, beside the job."""
+
+    file: str
+    hand: HandTable | None = None
+    inputs: tuple[str, ...] = ()
+    """seconds=value of the input port."""
+    most_commands: int = Field(default=100_000, ge=1)
+    most_s: float = Field(default=3600.0, gt=0, le=MOST_S)
+    repeat: bool = True
+    end: Literal["hold", "release"] | None = None
+
+
+class DriveTable(Table):
+    """[drive]: a closed contour of the omni base."""
+
+    wheels: tuple[str, str, str]
+    corners_mm: tuple[tuple[Coordinate, Coordinate], ...] = Field(min_length=2)
+    speed_mm_s: float = Field(gt=0, le=MOST_MM)
+    directions: Literal["any", "six"] = "any"
+    pause_s: Seconds = 0.0
+    ramp_s: Seconds = 0.0
+    repeat: bool = True
+    end: Literal["hold", "release"] | None = None
+
+
 class FrameTable(Table):
     """[frame]"""
 
@@ -155,5 +189,7 @@ class JobTable(Table):
     robot: RobotTable | None = None
     motion: MotionTable | None = None
     walk: WalkTable | None = None
+    program: ProgramTable | None = None
+    drive: DriveTable | None = None
     frame: FrameTable = FrameTable()
     firmware: FirmwareTable = FirmwareTable()

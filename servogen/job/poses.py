@@ -26,6 +26,11 @@ from servogen.tomlfile import Document, exact, shown, unknown_key
 ANGLE = "_deg"
 
 
+def _key_of(servo: Servo) -> str:
+    """What a pose calls the servo's angle, or the speed of one that turns for ever."""
+    return servo.name + (ANGLE + "_s" if servo.model.continuous else ANGLE)
+
+
 @dataclass(frozen=True, slots=True)
 class _State:
     """After a pose: every servo's angle, and the orientation that was asked of the tip."""
@@ -72,7 +77,7 @@ class _Reader:
             for servo in tip.servos:
                 if servo.name in named:
                     raise self.document.error(
-                        (*key, servo.name + ANGLE),
+                        (*key, _key_of(servo)),
                         f"{servo.name}'s angle follows from {name} already",
                         "give one of the two",
                     )
@@ -87,7 +92,7 @@ class _Reader:
                 raise self.document.error(
                     key,
                     f"the first pose does not say where {servo.name} is",
-                    f"add {servo.name}{ANGLE} = … (later poses may leave it away: it stays)",
+                    f"add {_key_of(servo)} = … (later poses may leave it away: it stays)",
                 )
         return _State(angles, orientation)
 
@@ -122,7 +127,7 @@ class _Reader:
 
     def _named(self, key: Key, row: PoseTable) -> dict[str, float]:
         """The angles that a pose gives for servos by name."""
-        by_key = {servo.name + ANGLE: servo for servo in self.servos}
+        by_key = {_key_of(servo): servo for servo in self.servos}
         angles: dict[str, float] = {}
         for word, value in (row.model_extra or {}).items():
             here = (*key, word)
@@ -134,8 +139,8 @@ class _Reader:
         return angles
 
     def _unknown(self, key: Key, word: str, by_key: Mapping[str, Servo]) -> InputError:
-        if word.endswith(ANGLE):
-            name, names = word[: -len(ANGLE)], [servo.name for servo in self.servos]
+        name, names = word.removesuffix(ANGLE), [servo.name for servo in self.servos]
+        if name != word and name not in names:
             return self.document.error(key, f"there is no servo '{name}'", nearest(name, names))
         return unknown_key(self.document, key, [*PoseTable.model_fields, *by_key])
 

@@ -56,11 +56,16 @@ def _servo(document: Document, index: int, row: ServoTable) -> Servo:
 
     servo_model(row.model, place=place("model"))  # an unknown model is wrong whatever its supply is
     model = servo_model(row.model, row.supply_v, row, place("supply_v" if row.supply_v else "travel_deg"))
+    for name in ("joint", "min_deg", "max_deg"):
+        if model.continuous and getattr(row, name) is not None:
+            raise document.error(
+                ("servo", index, name), f"{row.name} turns for ever: it has no angle that {name} could mean"
+            )
     return servo(
         row.name,
         row.pin,
         model,
-        points=points_of(row.points, place("points")) if row.points else None,
+        points=points_of(row.points, place("points"), model.continuous) if row.points else None,
         limits=(
             None if row.min_deg is None else math.radians(row.min_deg),
             None if row.max_deg is None else math.radians(row.max_deg),

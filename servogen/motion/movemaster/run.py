@@ -6,8 +6,10 @@ first frame stands at home; the last pose is held when the program has ended, or
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
+
+import numpy as np
 
 from servogen.errors import Caution, InputError, Place
 from servogen.motion.movemaster.arm import Manipulator
@@ -18,6 +20,9 @@ from servogen.motion.movemaster.parse import Source, Statement
 from servogen.motion.movemaster.ports import Input, InputPort, Output
 from servogen.motion.trajectory import JointTrajectory
 from servogen.units import Clock, Cycles
+
+SAME = 1e-9
+"""Joint positions (radians, metres) this near are the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,20 +58,25 @@ def run(
 ) -> Run:
     """Runs the file: direct lines at once, the program at RN, or at the end of a file without RN.
 
-    With `repeat` the direct lines before the program are its lead-in, and the program is the loop: its second
-    pass must end as the first did. Raises InputError with the place of the line that cannot be carried out.
+    With `repeat` the program is the loop and what moves before it the lead-in, its first pass too where the
+    second moves otherwise; the second must end as the first did. Raises InputError with the place of the line
+    that cannot be carried out.
     """
     period_s = clock.seconds(period)
     mover = Mover(arm, hand, period_s, int(budget.seconds / period_s))
     controller = Controller(mover, InputPort(inputs, period_s), budget.commands)
     start = _once(controller, source)
-    loop_start = _repeated(controller, source, start, inputs) if repeat else mover.frame
-    if not repeat:
+    if repeat:
+        first, loop_start, end = _repeated(controller, source, start, inputs)
+    else:
+        first, loop_start, end = 0, mover.frame, mover.frame + 1
         mover.stand(1)
     joints = (*arm.joints, hand.name) if hand else arm.joints
     return Run(
-        JointTrajectory(joints, clock, period, mover.samples, loop_start),
-        tuple(controller.steps),
+        JointTrajectory(joints, clock, period, mover.samples[first:end], loop_start - first),
+        tuple(
+            replace(step, frame=step.frame - first) for step in controller.steps if first <= step.frame < end
+        ),
         tuple(controller.outputs),
         dict(sorted(controller.memory.positions.items())),
         dict(sorted(controller.memory.counters.items())),
@@ -104,8 +114,14 @@ def _once(controller: Controller, source: Source) -> _Start | None:
     return start
 
 
-def _repeated(controller: Controller, source: Source, start: _Start | None, inputs: tuple[Input, ...]) -> int:
-    """Runs the program until a pass ends as it began; gives the frame at which that pass begins."""
+def _repeated(
+    controller: Controller, source: Source, start: _Start | None, inputs: tuple[Input, ...]
+) -> tuple[int, int, int]:
+    """Runs the program twice: the first frame that is needed, that of the loop, and the end.
+
+    When the second pass moves as the first did, the first is the loop already; what stands still before it,
+    where the loop ends, is not needed.
+    """
     place = Place(source.file)
     if start is None:
         raise InputError("there is no program to repeat", place, "give the lines numbers, or repeat = false")
@@ -120,10 +136,7 @@ def _repeated(controller: Controller, source: Source, start: _Start | None, inpu
         raise start.statement.error(
             "a program that is repeated is run by one RN, the last line", "or write repeat = false"
         )
-    after = controller.kept()
-    if start.kept == after:
-        return _begin(controller, start.frame)
-    second = controller.mover.frame
+    after, second = controller.kept(), controller.mover.frame
     if start.statement is None:
         controller.run_program(min(controller.program), None)
     else:
@@ -134,14 +147,14 @@ def _repeated(controller: Controller, source: Source, start: _Start | None, inpu
             place,
             "set speeds and counters at its beginning, end where it began, or write repeat = false",
         )
-    return _begin(controller, second)
-
-
-def _begin(controller: Controller, frame: int) -> int:
-    """A loop has at least one frame."""
-    if frame == controller.mover.frame:
+    if second == controller.mover.frame:  # a loop has at least one frame
         controller.mover.stand(1)
-    return frame
+    samples = controller.mover.samples
+    loop, again = samples[start.frame : second], samples[second:]
+    if loop.shape != again.shape or not np.allclose(loop, again, rtol=0, atol=SAME):
+        return 0, second, len(samples)
+    still = np.allclose(samples[: start.frame], loop[-1], rtol=0, atol=SAME)
+    return start.frame if still else 0, start.frame, second
 
 
 def _is_run(statement: Statement) -> bool:

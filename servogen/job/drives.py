@@ -1,0 +1,138 @@
+"""[drive] of a job -> the wheel servos' trajectory: a contour that the omni base drives without turning.
+
+In: the checked table, the base, the servos. Out: `Planned`; its notes say the routines, their motor turns and
+encoder counts, and how well the contour closes when the pulses are whole cycles.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from servogen.errors import Caution, InputError, nearest
+from servogen.job.model import DriveTable
+from servogen.motion import JointTrajectory, Planned
+from servogen.motion.omni import Drive, contour, drive, positions
+from servogen.motion.trajectory import Floats
+from servogen.robot.model import OmniBase, Robot
+from servogen.robot.servo import Servo
+from servogen.tomlfile import Document, exact
+from servogen.units import Clock, Cycles
+
+
+def drive_of(
+    document: Document,
+    table: DriveTable,
+    robot: Robot | None,
+    servos: Sequence[Servo],
+    period: Cycles,
+    clock: Clock,
+) -> Planned:
+    """The drive along the contour. Raises InputError."""
+    if not isinstance(robot, OmniBase):
+        raise document.error(("drive",), "a drive needs an omni base", 'add [robot] name = "omni"')
+    wheels = _wheels(document, table, servos)
+    try:
+        made = drive(
+            robot,
+            contour(robot, [(x / 1000, y / 1000) for x, y in table.corners_mm], table.directions),
+            table.speed_mm_s / 1000,
+            period,
+            clock,
+            wheels=table.wheels,
+            pause_s=exact(table.pause_s),
+            ramp_s=exact(table.ramp_s),
+            repeat=table.repeat,
+        )
+    except InputError as error:
+        raise document.error(("drive", "corners_mm"), error.message, error.hint) from error
+    _check_speeds(document, table, made, wheels)
+    notes = (*_routines(document, made), _closing(document, robot, made, wheels, clock))
+    order = [table.wheels.index(servo.name) for servo in servos]
+    angles = made.trajectory.angles[:, order]
+    if table.end == "release":
+        angles[-1] = np.nan
+    names = tuple(servo.name for servo in servos)
+    return Planned(JointTrajectory(names, clock, period, angles, made.trajectory.loop_start), notes=notes)
+
+
+def _wheels(document: Document, table: DriveTable, servos: Sequence[Servo]) -> tuple[Servo, ...]:
+    """The servos of the wheels 1, 2 and 3: three, continuous, and all that there are."""
+    by_name = {servo.name: servo for servo in servos}
+    for index, name in enumerate(table.wheels):
+        key = ("drive", "wheels", index)
+        if name not in by_name:
+            raise document.error(key, f"there is no servo '{name}'", nearest(name, by_name))
+        if name in table.wheels[:index]:
+            raise document.error(key, f"'{name}' is two wheels' servo")
+        if not by_name[name].model.continuous:
+            raise document.error(
+                key, f"'{name}' does not turn for ever", 'a wheel needs model = "continuous" or the like'
+            )
+    for index, servo in enumerate(servos):
+        if servo.name not in table.wheels:
+            raise document.error(("servo", index), f"{servo.name} turns no wheel: the base has three")
+    return tuple(by_name[name] for name in table.wheels)
+
+
+def _check_speeds(document: Document, table: DriveTable, made: Drive, wheels: Sequence[Servo]) -> None:
+    """No wheel faster than its servo."""
+    for servo, column in zip(wheels, made.trajectory.angles.T, strict=True):
+        for speed in (float(column.min()), float(column.max())):
+            if not servo.allows(speed):
+                end = servo.limits[0 if speed < 0 else 1]
+                fits = math.floor(table.speed_mm_s * end / speed)
+                raise document.error(
+                    ("drive", "speed_mm_s"),
+                    f"{servo.name} would have to turn at {math.degrees(speed):.0f}°/s: "
+                    f"its speeds are {servo.model.shown(servo.limits[0])} to "
+                    f"{servo.model.shown(servo.limits[1])}",
+                    f"at most {fits} mm/s on this contour",
+                )
+
+
+def _routines(document: Document, made: Drive) -> list[Caution]:
+    """A note for each stretch: where it goes, how far the wheels turn, how long it takes."""
+    period_s = float(made.trajectory.clock.seconds(made.trajectory.period))
+    notes = []
+    for index, (each, frames) in enumerate(zip(made.stretches, made.frames, strict=True)):
+        where = f"stretch {index + 1}: {1000 * each.length:.1f} mm"
+        took = f"{frames} frames, {frames * period_s:g} s"
+        if each.travel is None:
+            angle = math.degrees(math.atan2(each.way[1], each.way[0])) % 360
+            text = f"{where} at {angle:.1f}°, three wheels, {took}"
+        else:
+            turns, counts = each.travel.motor_turns, each.travel.counts
+            text = (
+                f"{where} at {each.direction_deg}°, two wheels, {took}; with the base's gear and encoder "
+                f"{turns:.3f} motor turns, {counts:.0f} counts"
+            )
+        notes.append(Caution("stretch", text, document.place("drive", "corners_mm")))
+    return notes
+
+
+def _closing(
+    document: Document, base: OmniBase, made: Drive, wheels: Sequence[Servo], clock: Clock
+) -> Caution:
+    """How far from its beginning one round ends, when every pulse is whole cycles."""
+    columns = zip(wheels, made.trajectory.angles.T, strict=True)
+    speeds = np.stack([_achieved(servo, column, clock) for servo, column in columns], axis=1)
+    period_s = float(clock.seconds(made.trajectory.period))
+    x, y, turn = positions(base, speeds, period_s)[-1].tolist()
+    return Caution(
+        "closing",
+        f"with pulses of whole cycles a round ends {1000 * math.hypot(x, y):.2f} mm and "
+        f"{math.degrees(turn):.3f}° from its beginning",
+        document.place("drive"),
+    )
+
+
+def _achieved(servo: Servo, speeds: Floats, clock: Clock) -> Floats:
+    """The speeds that whole cycles of pulse width give."""
+    distinct, back = np.unique(speeds, return_inverse=True)
+    given = [
+        servo.angle(float(clock.round_us(servo.width_us(speed)).achieved_us)) for speed in distinct.tolist()
+    ]
+    return np.array(given)[back]

@@ -1,0 +1,153 @@
+"""[program] of a job -> the servos' trajectory: an arm, its hand, and a file of the arm command language.
+
+In: the checked table, the arm and its bindings, what each servo can do. Out: `Planned`. The arm's joints stay
+where their servos can turn them, so that a position out of a servo's reach is refused at its program line.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from servogen.errors import Caution, InputError, nearest
+from servogen.job.model import ProgramTable
+from servogen.motion import JointTrajectory, Planned, bound
+from servogen.motion.limits import Limits
+from servogen.motion.movemaster import Budget, Hand, Manipulator, Run, input_of, manipulator, read, run
+from servogen.robot.binding import Binding
+from servogen.robot.model import Arm, Robot
+from servogen.robot.servo import Servo
+from servogen.tomlfile import Document, exact
+from servogen.units import Clock, Cycles
+
+HAND = "the hand"
+"""The hand's column of a run; no joint has this name, which is none."""
+
+
+def program_of(
+    document: Document,
+    table: ProgramTable,
+    robot: Robot | None,
+    bindings: Sequence[Binding],
+    servos: Sequence[Servo],
+    limits: Sequence[Limits],
+    period: Cycles,
+    clock: Clock,
+) -> Planned:
+    """The program run; `limits` are the servos', one each. Raises InputError, also at the program's lines."""
+    if not isinstance(robot, Arm):
+        raise document.error(("program",), "a program moves an arm", 'add [robot] name = "rv-m1"')
+    hand = _hand(document, table, servos, bindings)
+    arm = _reachable(document, robot, bindings, servos)
+    source = read(Path(document.file).parent / table.file)
+    done = run(
+        source,
+        _manipulator(document, arm, bindings, servos, limits),
+        period,
+        clock,
+        hand=hand,
+        inputs=tuple(
+            input_of(text, document.place("program", "inputs", index))
+            for index, text in enumerate(table.inputs)
+        ),
+        repeat=table.repeat,
+        budget=Budget(table.most_commands, exact(table.most_s)),
+    )
+    return Planned(_on_servos(document, done, table, bindings, servos), done.warnings, _notes(document, done))
+
+
+def _hand(
+    document: Document, table: ProgramTable, servos: Sequence[Servo], bindings: Sequence[Binding]
+) -> Hand | None:
+    if table.hand is None:
+        return None
+    by_name = {servo.name: servo for servo in servos}
+    name, key = table.hand.servo, ("program", "hand", "servo")
+    if name not in by_name:
+        raise document.error(key, f"there is no servo '{name}'", nearest(name, by_name))
+    if name in [binding.servo for binding in bindings]:
+        raise document.error(key, f"'{name}' turns a joint of the arm already")
+    if by_name[name].model.continuous:
+        raise document.error(key, f"'{name}' turns for ever: a hand needs angles")
+    opened, closed = math.radians(table.hand.open_deg), math.radians(table.hand.closed_deg)
+    for end, angle in (("open_deg", opened), ("closed_deg", closed)):
+        by_name[name].width_us(angle, document.place("program", "hand", end))
+    return Hand(HAND, opened, closed, by_name[name].model.speed)
+
+
+def _reachable(document: Document, arm: Arm, bindings: Sequence[Binding], servos: Sequence[Servo]) -> Arm:
+    """The arm with its joints' limits narrowed to what their servos can turn."""
+    by_name = {servo.name: servo for servo in servos}
+    by_joint = {binding.joint: binding for binding in bindings}
+    joints = []
+    for joint in arm.joints:
+        if joint.name not in by_joint:
+            raise document.error(
+                ("program",), f"no servo turns the joint '{joint.name}'", f'give one joint = "{joint.name}"'
+            )
+        binding = by_joint[joint.name]
+        ends = sorted(binding.position(by_name[binding.servo].limits).tolist())
+        lower, upper = max(joint.lower, ends[0]), min(joint.upper, ends[1])
+        slack = 1e-9
+        if not lower - slack <= joint.home <= upper + slack:
+            factor, unit = (math.degrees(1), "°") if joint.turning else (1000, " mm")
+            raise document.error(
+                ("servo", list(by_name).index(binding.servo), "zero_deg"),
+                f"{binding.servo} cannot bring {joint.name} to its home of {joint.home * factor:g}{unit}: "
+                f"it reaches {ends[0] * factor:g}{unit} to {ends[1] * factor:g}{unit}",
+                "a program begins at home: change zero_deg or ratio",
+            )
+        joints.append(replace(joint, lower=min(lower, joint.home), upper=max(upper, joint.home)))
+    return replace(arm, joints=tuple(joints))
+
+
+def _manipulator(
+    document: Document,
+    arm: Arm,
+    bindings: Sequence[Binding],
+    servos: Sequence[Servo],
+    limits: Sequence[Limits],
+) -> Manipulator:
+    """The arm with the speeds that its joints and their servos both can."""
+    by_servo = {servo.name: limit.speed for servo, limit in zip(servos, limits, strict=True)}
+    by_joint = {binding.joint: by_servo[binding.servo] / abs(binding.ratio) for binding in bindings}
+    speeds = tuple(None if math.isinf(by_joint[joint.name]) else by_joint[joint.name] for joint in arm.joints)
+    try:
+        return manipulator(arm, speeds)
+    except InputError as error:
+        raise document.error(("program",), error.message, error.hint) from error
+
+
+def _on_servos(
+    document: Document, done: Run, table: ProgramTable, bindings: Sequence[Binding], servos: Sequence[Servo]
+) -> JointTrajectory:
+    """The joints' columns as the servos', in their order; released at the end if that is wanted."""
+    by_servo = {binding.servo: binding for binding in bindings}
+    if table.hand is not None:
+        by_servo[table.hand.servo] = Binding(HAND, table.hand.servo)
+    for index, servo in enumerate(servos):
+        if servo.name not in by_servo:
+            raise document.error(
+                ("servo", index),
+                f"{servo.name} turns no joint of the arm",
+                'say which: joint = …, or make it the hand: [program] hand = { servo = "…", … }',
+            )
+    made = bound(done.trajectory, [by_servo[servo.name] for servo in servos])
+    if table.end == "release":
+        made.angles[-1] = np.nan
+    return made
+
+
+def _notes(document: Document, done: Run) -> tuple[Caution, ...]:
+    place = document.place("program")
+    trajectory = done.trajectory
+    seconds = float(trajectory.clock.seconds(len(trajectory.angles) * trajectory.period))
+    notes = [Caution("program", f"the program takes {len(trajectory.angles)} frames, {seconds:g} s", place)]
+    if done.outputs:
+        text = f"the program writes its output port {len(done.outputs)} times: firmware makes pulses only"
+        notes.append(Caution("output-port", text, place))
+    return tuple(notes)
