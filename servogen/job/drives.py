@@ -78,19 +78,22 @@ def _wheels(document: Document, table: DriveTable, servos: Sequence[Servo]) -> t
 
 
 def _check_speeds(document: Document, table: DriveTable, made: Drive, wheels: Sequence[Servo]) -> None:
-    """No wheel faster than its servo."""
-    for servo, column in zip(wheels, made.trajectory.angles.T, strict=True):
-        for speed in (float(column.min()), float(column.max())):
-            if not servo.allows(speed):
-                end = servo.limits[0 if speed < 0 else 1]
-                fits = math.floor(table.speed_mm_s * end / speed)
-                raise document.error(
-                    ("drive", "speed_mm_s"),
-                    f"{servo.name} would have to turn at {math.degrees(speed):.0f}°/s: "
-                    f"its speeds are {servo.model.shown(servo.limits[0])} to "
-                    f"{servo.model.shown(servo.limits[1])}",
-                    f"at most {fits} mm/s on this contour",
-                )
+    """No wheel faster than its servo; the wheel that is most so is named."""
+    asked = [
+        (servo, speed, servo.limits[0 if speed < 0 else 1])
+        for servo, column in zip(wheels, made.trajectory.angles.T, strict=True)
+        for speed in (float(column.min()), float(column.max()))
+        if not servo.allows(speed)
+    ]
+    if not asked:
+        return
+    servo, speed, limit = min(asked, key=lambda each: each[2] / each[1])
+    low, high = (servo.model.shown(end) for end in servo.limits)
+    raise document.error(
+        ("drive", "speed_mm_s"),
+        f"{servo.name} would have to turn at {math.degrees(speed):.0f}°/s: its speeds are {low} to {high}",
+        f"at most {math.floor(table.speed_mm_s * limit / speed)} mm/s on this contour",
+    )
 
 
 def _routines(document: Document, made: Drive) -> list[Caution]:

@@ -74,10 +74,8 @@ def run(
     joints = (*arm.joints, hand.name) if hand else arm.joints
     return Run(
         JointTrajectory(joints, clock, period, mover.samples[first:end], loop_start - first),
-        tuple(
-            replace(step, frame=step.frame - first) for step in controller.steps if first <= step.frame < end
-        ),
-        tuple(controller.outputs),
+        tuple(replace(step, frame=step.frame - first) for step in controller.steps if step.frame >= first),
+        tuple(replace(each, frame=each.frame - first) for each in controller.outputs if each.frame >= first),
         dict(sorted(controller.memory.positions.items())),
         dict(sorted(controller.memory.counters.items())),
         tuple(controller.cautions),
@@ -137,6 +135,7 @@ def _repeated(
             "a program that is repeated is run by one RN, the last line", "or write repeat = false"
         )
     after, second = controller.kept(), controller.mover.frame
+    steps, outputs = len(controller.steps), len(controller.outputs)
     if start.statement is None:
         controller.run_program(min(controller.program), None)
     else:
@@ -153,6 +152,7 @@ def _repeated(
     loop, again = samples[start.frame : second], samples[second:]
     if loop.shape != again.shape or not np.allclose(loop, again, rtol=0, atol=SAME):
         return 0, second, len(samples)
+    del controller.steps[steps:], controller.outputs[outputs:]
     still = np.allclose(samples[: start.frame], loop[-1], rtol=0, atol=SAME)
     return start.frame if still else 0, start.frame, second
 
