@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from servogen.errors import Place
+from servogen.pic.assembler.blocks import EndOfSource, ExitMacro, TooManyErrors
 from servogen.pic.assembler.control import CONTROL
 from servogen.pic.assembler.definitions import DEFINITIONS
 from servogen.pic.assembler.layout import LAYOUT
@@ -17,7 +18,7 @@ from servogen.pic.assembler.messages import AssemblyError, Diagnostic
 from servogen.pic.assembler.routines import routines
 from servogen.pic.assembler.settings import SETTINGS
 from servogen.pic.assembler.source import lines_of
-from servogen.pic.assembler.state import EndOfSource, ExitMacro, Include, Pass, TooManyErrors
+from servogen.pic.assembler.state import Include, Pass
 from servogen.pic.assembler.symbols import Symbols
 from servogen.pic.device import DEVICES, PROGRAM_WORDS, RAM_FIRST, RAM_LAST, Device
 from servogen.pic.image import Image

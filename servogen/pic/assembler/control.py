@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 
+from servogen.pic.assembler.blocks import Condition, EndOfSource, ExitMacro, Macro
 from servogen.pic.assembler.header import header_device, header_text
 from servogen.pic.assembler.messages import Diagnostic, SourceError
 from servogen.pic.assembler.source import Statement, lines_of
-from servogen.pic.assembler.state import Condition, Directive, EndOfSource, ExitMacro, Macro, Pass
+from servogen.pic.assembler.state import Directive, Pass
 from servogen.pic.assembler.text import IDENTIFIER
 
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Protocol
 
-from servogen.errors import InputError, Place, nearest
-from servogen.pic.assembler.expressions import Expression, Name, Number, Parser, Scope, evaluate
+from servogen.errors import InputError, Place
+from servogen.pic.assembler.expressions import Expression, Name, Number, Parser, Scope, evaluate, suggestion
 from servogen.pic.assembler.messages import Diagnostic, Level, SourceError
 from servogen.pic.assembler.text import IDENTIFIER, Text
 from servogen.pic.device import PROGRAM_WORDS
@@ -109,7 +109,7 @@ def parse_line(line: str, place: Place, radix: int = DEFAULT_RADIX) -> ParsedLin
         match = IDENTIFIER.match(text.chars)
         word = match[0] if match else text.chars.split()[0]
         if word.upper() not in mnemonics():
-            hint = nearest(word, mnemonics())
+            hint = suggestion(word, mnemonics())
             raise SourceError(f"unknown instruction '{word}'", text.column(0), hint)
         fields = Parser.of(text[len(word) :], radix).fields()
         at = replace(place, column=text.column(0))

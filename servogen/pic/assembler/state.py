@@ -7,13 +7,12 @@ In: the lines of the source, and the `Symbols` of the pass before. Out: the word
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 
-from servogen.errors import Place
 from servogen.pic.assembler import instructions
+from servogen.pic.assembler.blocks import Condition, ExitMacro, Macro, Placed, Reader, TooManyErrors
 from servogen.pic.assembler.expressions import Expression, Parser, evaluate, parse_expression, suggestion
 from servogen.pic.assembler.memory import Memory
 from servogen.pic.assembler.messages import MOST_ERRORS, Diagnostic, Level, Log, SourceError
@@ -33,47 +32,10 @@ DEEPEST_NESTING = 100
 """Macro calls and include files within each other; more are taken for endless."""
 
 
-@dataclass(frozen=True, slots=True)
-class Macro:
-    name: str
-    parameters: tuple[str, ...]
-    body: tuple[SourceLine, ...]
-
-
-@dataclass(slots=True)
-class Condition:
-    """An open IF: whether its lines count, whether a branch was taken, and where it began."""
-
-    active: bool
-    taken: bool
-    place: Place
-    seen_else: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Placed:
-    """A word that a line made; `is_code` tells an instruction from data."""
-
-    address: int
-    word: int
-    line: SourceLine
-    is_code: bool
-
-
-class EndOfSource(Exception):
-    """END was met."""
-
-
-class ExitMacro(Exception):
-    """EXITM was met."""
-
-
-class TooManyErrors(Exception):
-    """The rest of the source would say nothing new."""
-
-
 @dataclass(slots=True)
 class Pass:
+    """What one pass knows. It is the `Scope` of its expressions and the `Vocabulary` of its lines."""
+
     symbols: Symbols
     include: Include
     directives: dict[str, Directive]
@@ -317,33 +279,6 @@ class Pass:
         self.log.add(Diagnostic(level, number, text, line.place(column), notes or None))
         if len(self.log.errors) >= MOST_ERRORS:
             raise TooManyErrors
-
-
-class Reader:
-    """The lines that are still to do at one level of nesting."""
-
-    def __init__(self, lines: Sequence[SourceLine]) -> None:
-        self._lines = lines
-        self._index = 0
-
-    def next(self) -> SourceLine | None:
-        if self._index == len(self._lines):
-            return None
-        self._index += 1
-        return self._lines[self._index - 1]
-
-    def block(self, begin: str, end: str, opened: Statement) -> list[SourceLine]:
-        """The lines up to the matching `end`, which is consumed; blocks of the same kind nest."""
-        taken: list[SourceLine] = []
-        depth = 1
-        pattern = re.compile(rf"(?:[^\s;\"']+\s+|\s+)?({begin}|{end})\b(?!\s*[:=])", re.IGNORECASE)
-        while (line := self.next()) is not None:
-            if found := pattern.match(line.text.chars):
-                depth += 1 if found[1].lower() == begin else -1
-                if depth == 0:
-                    return taken
-            taken.append(line)
-        raise SourceError(f"{opened.operation.upper()} without {end.upper()}", opened.column, number=129)
 
 
 _CONDITIONS = ("if", "ifdef", "ifndef", "elif", "elifdef", "elifndef", "else", "endif")
