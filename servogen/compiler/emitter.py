@@ -86,7 +86,7 @@ class Emitter:
 
     def new_label(self, hint: str = "L") -> str:
         self._labels += 1
-        return f"{self.code.name}.{hint}{self._labels}"
+        return f"{self.code.name}.{hint}.{self._labels}"
 
     def goto(self, label: str) -> None:
         self.emit("GOTO", target=label)
