@@ -31,6 +31,10 @@ LEAST_SWING = 4
 """Frames of a swing; with fewer the foot would hardly be seen in the air."""
 
 
+MOST_FRAMES_A_CYCLE = 3000
+"""A minute of 20 ms; slower than that is a mistake."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Walk:
     """`trajectory` has the joints `<leg>_alpha` and `<leg>_beta`, leg by leg; the arrays have a row a frame.
@@ -92,6 +96,8 @@ def walk(
     if frames_per_cycle is None and math.isinf(limits.speed):
         raise InputError("nothing says how fast the cycle may be", hint="give its time, or a speed limit")
     plan = footwork(robot, gait, posture)
+    names = tuple(mount.name for mount in robot.mounts)
+    joints = tuple(f"{name}_{joint.name}" for name in names for joint in robot.leg.joints)
     least = math.ceil(LEAST_SWING / gait.swing)
     if frames_per_cycle is not None and frames_per_cycle < least:
         raise InputError(
@@ -104,17 +110,21 @@ def walk(
             [plan.frames(segment, count) for segment in segments], segments[-1].cycles is None, count
         )
         angles = frames.angles.reshape(len(frames.angles), -1)
+        _check_limits(robot, joints, angles)
         around = np.concatenate((angles, angles[loop_start : loop_start + 3]))
         slower = stretch(around, float(clock.seconds(period)), [limits] * angles.shape[1])
         if frames_per_cycle is not None or slower <= 1:
             break
         count = _whole(gait, max(count + 1, math.ceil(count * min(slower, 2.0))))
-    names = tuple(mount.name for mount in robot.mounts)
-    joints = tuple(f"{name}_{joint.name}" for name in names for joint in robot.leg.joints)
+        if count > MOST_FRAMES_A_CYCLE:
+            raise InputError(
+                "the limits of the servos ask for a cycle of more than a minute",
+                hint="shorten the stride, or raise the limits",
+            )
     trajectory = JointTrajectory(joints, clock, period, angles, loop_start)
     margins = _margins(robot, frames)
     made = Walk(trajectory, names, frames.feet, frames.ground, frames.corrections, margins, count)
-    _refuse(robot, made, spring_m, allow_falling)
+    _refuse(made, spring_m, allow_falling)
     return made
 
 
@@ -150,11 +160,10 @@ def _margins(robot: Hexapod, frames: Frames) -> Floats:
     return np.array([margin(feet[down], centre) for feet, down in zip(stand, frames.ground, strict=True)])
 
 
-def _refuse(robot: Hexapod, made: Walk, spring_m: float | None, allow_falling: bool) -> None:
-    for column, name in enumerate(made.trajectory.joints):
-        joint = robot.leg.joints[column % 2]
-        angles = made.trajectory.angles[:, column]
-        low, high = float(angles.min()), float(angles.max())
+def _check_limits(robot: Hexapod, joints: Sequence[str], angles: Floats) -> None:
+    for index, (name, column) in enumerate(zip(joints, angles.T, strict=True)):
+        joint = robot.leg.joints[index % 2]
+        low, high = float(column.min()), float(column.max())
         if low < joint.lower or high > joint.upper:
             shown, allowed = (
                 " to ".join(f"{math.degrees(end):.1f}°" for end in pair)
@@ -164,6 +173,9 @@ def _refuse(robot: Hexapod, made: Walk, spring_m: float | None, allow_falling: b
                 f"{name} would have to turn from {shown}: its limits are {allowed}",
                 hint="shorten the stride, or lift the feet less",
             )
+
+
+def _refuse(made: Walk, spring_m: float | None, allow_falling: bool) -> None:
     worst = made.largest_correction_m
     if spring_m is not None and worst > spring_m:
         raise InputError(
