@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from servogen.cli.files import read_image, read_source
+from servogen.cli.files import dialect_of, read_image, read_source
 from servogen.cli.options import DeviceName, Dialect, Json, Output
 from servogen.cli.show import as_json, warn
 
@@ -43,7 +43,7 @@ def compile_c(
     from servogen.pic.device import device as device_named
 
     texts = [Source(read_source(path), str(path)) for path in sources]
-    spoken = dialect.value if dialect else _dialect_of([source.text for source in texts])
+    spoken = dialect.value if dialect else dialect_of([source.text for source in texts])
     options = Options(dialect=spoken, device=device_named(device), clock_hz=clock_hz)
     compilation = compile_sources(texts, options)
     target = output or sources[0].with_suffix(".hex")
@@ -98,12 +98,6 @@ def disassemble(
         write_text(output, text)
     else:
         print(text, end="")
-
-
-def _dialect_of(texts: list[str]) -> str:
-    return (
-        "xc8" if any("<xc.h>" in text or "<pic.h>" in text or "<htc.h>" in text for text in texts) else "c2c"
-    )
 
 
 def _write(target: Path, image: Image, listing: Path | None, rows: Listing) -> None:

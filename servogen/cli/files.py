@@ -1,7 +1,8 @@
-"""What commands read: source texts and HEX images, with an error that names the file."""
+"""What commands read: source texts, HEX images, programs in any language, schedules; errors name the file."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,23 @@ from servogen.errors import InputError, Place
 
 if TYPE_CHECKING:
     from servogen.pic.image import Image
+    from servogen.pic.listing import Listing
     from servogen.pulse import PulseSchedule
+    from servogen.units import Clock
+
+C_SUFFIX = ".c"
+ASSEMBLY_SUFFIXES = (".asm", ".s", ".src")
+HEX_SUFFIXES = (".hex", ".ihx", ".h8", ".obj")
+PROGRAM_SUFFIXES = (C_SUFFIX, *ASSEMBLY_SUFFIXES, *HEX_SUFFIXES)
+
+
+@dataclass(frozen=True)
+class Program:
+    """A program to run: a HEX file has no listing, and only C may say its clock."""
+
+    image: Image
+    listing: Listing | None = None
+    clock: Clock | None = None
 
 
 def read_source(path: Path) -> str:
@@ -29,6 +46,32 @@ def read_image(path: Path) -> Image:
     from servogen.pic.image import from_hex
 
     return from_hex(read_source(path), str(path))
+
+
+def read_program(path: Path, device_name: str = "PIC16F84") -> Program:
+    """A HEX file, or a C or assembly file, which is compiled or assembled. Raises InputError."""
+    from servogen.pic.device import device
+
+    if path.suffix.lower() == C_SUFFIX:
+        from servogen.compiler import Options, Source, compile_sources
+
+        text = read_source(path)
+        options = Options(dialect=dialect_of([text]), device=device(device_name))
+        made = compile_sources([Source(text, str(path))], options)
+        return Program(made.image, made.listing, made.clock)
+    if path.suffix.lower() in ASSEMBLY_SUFFIXES:
+        from servogen.pic.assembler import assemble
+
+        assembly = assemble(read_source(path), str(path), device(device_name))
+        return Program(assembly.image, assembly.listing)
+    return Program(read_image(path))
+
+
+def dialect_of(texts: list[str]) -> str:
+    """XC8 where a source includes that compiler's header, else C2C."""
+    return (
+        "xc8" if any("<xc.h>" in text or "<pic.h>" in text or "<htc.h>" in text for text in texts) else "c2c"
+    )
 
 
 def read_schedule(path: Path) -> PulseSchedule:

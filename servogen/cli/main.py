@@ -20,6 +20,7 @@ from servogen.cli import (
     motion_commands,
     robot_commands,
     signal_commands,
+    simulate_commands,
 )
 from servogen.errors import ServogenError, ToolError
 
@@ -54,6 +55,7 @@ def _options(
 GROUPS = (
     job_commands,
     chip_commands,
+    simulate_commands,
     signal_commands,
     robot_commands,
     motion_commands,

@@ -24,6 +24,7 @@ def number(text: str) -> float:
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
 DeviceName = Annotated[str, typer.Option("--device", help="PIC16F84 or PIC16F84A.")]
 ClockHz = Annotated[int, typer.Option("--clock-hz", min=1, help="The oscillator's frequency in hertz.")]
+Seconds = Annotated[float | None, typer.Option("--seconds", min=0, help="How long, in simulated seconds.")]
 Output = Annotated[Path | None, typer.Option("--output", "-o", help="Where to write it.")]
 
 

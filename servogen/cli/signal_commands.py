@@ -1,90 +1,58 @@
-"""Commands of signals: simulate, verify, measure, plot."""
+"""Commands of signals: verify, measure, plot."""
 
 from __future__ import annotations
 
-from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from servogen.cli.files import read_image, read_schedule
-from servogen.cli.options import ClockHz, Json
-from servogen.cli.show import as_json, progress, warn
+from servogen.cli.files import PROGRAM_SUFFIXES, read_program, read_schedule
+from servogen.cli.options import ClockHz, Json, Seconds
+from servogen.cli.show import as_json, warn
+from servogen.errors import InputError, Place
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from servogen.edges import EdgeChunk, EdgeTrace
-    from servogen.pic.image import Image
+    from servogen.edges import EdgeTrace
     from servogen.pulse import PulseSchedule
-    from servogen.simulator import State
     from servogen.units import Clock, Cycles
 
-HEX_SUFFIXES = (".hex", ".ihx", ".h")
-DEFAULT_SECONDS = 1.0
 MEASURED_SECONDS = 20.0
 """Two rounds of the printed lab programs."""
 
-Seconds = Annotated[float | None, typer.Option("--seconds", min=0, help="How long, in simulated seconds.")]
+FOREVER_SECONDS = 3600.0
+"""How far a repeat of the machine's state is looked for."""
+
+SignalFile = Annotated[
+    Path, typer.Argument(help="A HEX, C or assembly file, or edges: CSV, JSONL, VCD.", show_default=False)
+]
 
 
 def register(app: typer.Typer) -> None:
-    app.command()(simulate)
     app.command()(verify)
     app.command()(measure)
     app.command()(plot)
 
 
-def simulate(
-    file: Annotated[Path, typer.Argument(help="An Intel HEX file.", show_default=False)],
+def verify(
+    file: SignalFile,
+    against: Annotated[Path, typer.Option("--against", help="The schedule.json it should follow.")],
     seconds: Seconds = None,
-    cycles: Annotated[int | None, typer.Option("--cycles", min=0, help="How long, in cycles.")] = None,
-    edges: Annotated[
-        Path | None, typer.Option("--edges", help="Write the pins' changes: .csv, .jsonl or .vcd.")
-    ] = None,
-    vcd: Annotated[Path | None, typer.Option("--vcd", help="Write the pins' changes as VCD.")] = None,
-    clock_hz: ClockHz = 4_000_000,
-    ra4_pull_up: Annotated[
-        bool, typer.Option("--ra4-pull-up", help="RA4, an open drain, has a pull-up resistor.")
+    forever: Annotated[
+        bool, typer.Option("--forever", help="Prove it for all time, by a repeat of the chip's whole state.")
     ] = False,
     json: Json = False,
 ) -> None:
-    """Run a HEX file from reset on the simulator (default: for one second)."""
-    from servogen.edge_files import edge_writer, recorded
-    from servogen.edges import EdgeTrace
-    from servogen.simulator import Machine, Options
-    from servogen.units import Clock
-
-    image = read_image(file)
-    clock = Clock(clock_hz)
-    span = _span(clock, seconds, cycles)
-    machine = Machine(image, clock, Options(ra4_pull_up=ra4_pull_up))
-    paths = [path for path in (edges, vcd) if path]
-    with progress("simulating", span) as tell, ExitStack() as files:
-        writers = [files.enter_context(edge_writer(path, clock)) for path in paths]
-        trace = EdgeTrace(clock, _told(machine.stream(span), tell), span)
-        changes = sum(len(chunk.cycle) for chunk in recorded(trace, writers).driven())
-    state = machine.state()
-    for warning in state.warnings:
-        warn(str(warning))
-    if json:
-        as_json(_state_as_dict(state, changes))
-    else:
-        _print_state(state, clock, changes)
-
-
-def verify(
-    file: Annotated[Path, typer.Argument(help="A HEX, VCD, CSV or JSONL file.", show_default=False)],
-    against: Annotated[Path, typer.Option("--against", help="The schedule.json it should follow.")],
-    seconds: Seconds = None,
-    json: Json = False,
-) -> None:
-    """Hold every edge of a HEX or of recorded edges against a schedule (default: the motion three times)."""
+    """Hold every edge of a program or of a file against a schedule (default: the motion three times)."""
+    from servogen.edge_files.captures import is_capture
     from servogen.pipeline import checked_cycles, prove
     from servogen.verify import verdict_lines
 
     schedule = read_schedule(against)
+    if forever:
+        raise typer.Exit(_verify_forever(file, schedule, seconds, json))
+    if not _is_program(file) and is_capture(file):
+        raise typer.Exit(_verify_capture(file, schedule, json))
     span = checked_cycles(schedule) if seconds is None else schedule.clock.round_seconds(seconds)
     verdict = prove(schedule, _trace(file, schedule, span), span)
     if json:
@@ -94,8 +62,39 @@ def verify(
     raise typer.Exit(0 if verdict.proven else 1)
 
 
+def _verify_forever(file: Path, schedule: PulseSchedule, seconds: float | None, json: bool) -> int:
+    from servogen.pipeline.forever import prove_forever
+    from servogen.verify import verdict_lines
+
+    if not _is_program(file):
+        raise InputError("only a program can be proven for all time, not edges", Place(str(file)))
+    limit = schedule.clock.round_seconds(FOREVER_SECONDS if seconds is None else seconds)
+    found = prove_forever(schedule, read_program(file).image, limit)
+    if json:
+        as_json(found.to_json())
+    else:
+        print(found.text())
+        print("\n".join(verdict_lines(found.verdict)))
+    return 0 if found.proven else 1
+
+
+def _verify_capture(file: Path, schedule: PulseSchedule, json: bool) -> int:
+    """What a logic analyser saw: its own clock, the crystal's error and the samples' grid are allowed for."""
+    from servogen.edge_files.captures import read_capture
+    from servogen.pulse.expected import expected
+    from servogen.verify import Tolerances, capture_lines, verify_capture
+
+    capture = read_capture(file)
+    verdict = verify_capture(expected(schedule), capture.trace, Tolerances(), capture.sample)
+    if json:
+        as_json(verdict.to_json())
+    else:
+        print("\n".join(capture_lines(verdict)))
+    return 0 if verdict.proven else 1
+
+
 def measure(
-    file: Annotated[Path, typer.Argument(help="A HEX, VCD, CSV or JSONL file.", show_default=False)],
+    file: SignalFile,
     seconds: Seconds = None,
     servo: Annotated[
         list[str] | None,
@@ -104,7 +103,7 @@ def measure(
     clock_hz: ClockHz = 4_000_000,
     json: Json = False,
 ) -> None:
-    """Say what pulses a HEX or recorded edges make on each pin, and what is doubtful about them."""
+    """Say what pulses a program or recorded edges make on each pin, and what is doubtful about them."""
     from servogen.edge_files import read_edges
     from servogen.pipeline.measuring import cautions, servos_named
     from servogen.units import Clock
@@ -113,8 +112,8 @@ def measure(
 
     models = servos_named(servo or [])
     clock = Clock(clock_hz)
-    if file.suffix.lower() in HEX_SUFFIXES:
-        trace = _run(read_image(file), clock, clock.round_seconds(seconds or MEASURED_SECONDS))
+    if _is_program(file):
+        trace = _running(file, clock, clock.round_seconds(seconds or MEASURED_SECONDS))
     else:
         trace = read_edges(file, clock, None if seconds is None else clock.round_seconds(seconds))
     measurement = measured(trace)
@@ -129,12 +128,12 @@ def measure(
 
 
 def plot(
-    file: Annotated[Path, typer.Argument(help="A HEX, VCD, CSV or JSONL file.", show_default=False)],
+    file: SignalFile,
     against: Annotated[Path, typer.Option("--against", help="The schedule.json that names its channels.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="A .png, .svg or .pdf file.")],
     seconds: Seconds = None,
 ) -> None:
-    """Draw the pulses of a HEX or of recorded edges (default: the motion once)."""
+    """Draw the pulses of a program or of recorded edges (default: the motion once)."""
     from servogen.pipeline import motion_cycles
     from servogen.report.pulse_plot import pulse_plot
 
@@ -145,63 +144,23 @@ def plot(
     print(f"{output}: pulses of {file}")
 
 
+def _is_program(file: Path) -> bool:
+    return file.suffix.lower() in PROGRAM_SUFFIXES
+
+
 def _trace(file: Path, schedule: PulseSchedule, span: Cycles) -> EdgeTrace:
-    """The edges of a HEX file, running, or those that a file holds."""
+    """The edges of a program, running, or those that a file holds."""
     from servogen.edge_files import read_edges
     from servogen.pipeline import running
 
-    if file.suffix.lower() in HEX_SUFFIXES:
-        return running(schedule, read_image(file), span)
+    if _is_program(file):
+        return running(schedule, read_program(file).image, span)
     return read_edges(file, schedule.clock)
 
 
-def _run(image: Image, clock: Clock, span: Cycles) -> EdgeTrace:
-    """The edges of a HEX file of which nothing is known."""
+def _running(file: Path, clock: Clock, span: Cycles) -> EdgeTrace:
+    """The edges of a program of which nothing is known."""
     from servogen.edges import EdgeTrace
     from servogen.simulator import Machine
 
-    return EdgeTrace(clock, Machine(image, clock).stream(span), span)
-
-
-def _span(clock: Clock, seconds: float | None, cycles: int | None) -> Cycles:
-    from servogen.errors import InputError
-    from servogen.units import Cycles
-
-    if seconds is not None and cycles is not None:
-        raise InputError("--seconds and --cycles say the same thing: give one")
-    if cycles is not None:
-        return Cycles(cycles)
-    return clock.round_seconds(DEFAULT_SECONDS if seconds is None else seconds)
-
-
-def _told(chunks: Iterator[EdgeChunk], tell: Callable[[int], None]) -> Iterator[EdgeChunk]:
-    for chunk in chunks:
-        if len(chunk.cycle):
-            tell(int(chunk.cycle[-1]))
-        yield chunk
-
-
-def _state_as_dict(state: State, edges: int) -> dict[str, object]:
-    return {
-        "cycles": state.cycles,
-        "pc": state.pc,
-        "w": state.w,
-        "status": state.status,
-        "ram": list(state.ram),
-        "registers": dict(state.registers),
-        "eeprom": list(state.eeprom),
-        "resets": dict(state.resets),
-        "stack_wraps": state.stack_wraps,
-        "deepest_stack": state.deepest_stack,
-        "edges": edges,
-        "sleeping": state.sleeping,
-        "warnings": [str(warning) for warning in state.warnings],
-    }
-
-
-def _print_state(state: State, clock: Clock, edges: int) -> None:
-    print(f"{state.cycles} cycles, {float(clock.seconds(state.cycles)):g} s, {edges} edges")
-    print(f"PC 0x{state.pc:03X}  W 0x{state.w:02X}  STATUS 0x{state.status:02X}")
-    print("  ".join(f"{name} 0x{value:02X}" for name, value in state.registers.items()))
-    resets = ", ".join(f"{count} {cause}" for cause, count in state.resets.items() if count)
-    print(f"resets: {resets}; deepest stack {state.deepest_stack} of 8, {state.stack_wraps} wraps")
+    return EdgeTrace(clock, Machine(read_program(file).image, clock).stream(span), span)

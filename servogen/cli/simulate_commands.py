@@ -1,0 +1,229 @@
+"""The command `simulate`: a program on the simulator, and what is to be seen of it."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from servogen.cli.files import read_program
+from servogen.cli.options import DeviceName, Json, Seconds
+from servogen.cli.show import as_json, progress, table, warn
+from servogen.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from servogen.cli.files import Program
+    from servogen.edges import EdgeChunk
+    from servogen.simulator import Options, Profile, State, Stimuli
+    from servogen.units import Clock, Cycles
+
+DEFAULT_SECONDS = 1.0
+DEFAULT_CLOCK_HZ = 4_000_000
+MOST_LINES = 20
+"""Of the profile's source lines, the dearest."""
+
+
+def register(app: typer.Typer) -> None:
+    app.command()(simulate)
+
+
+def simulate(
+    file: Annotated[Path, typer.Argument(help="A HEX, C or assembly file.", show_default=False)],
+    seconds: Seconds = None,
+    cycles: Annotated[int | None, typer.Option("--cycles", min=0, help="How long, in cycles.")] = None,
+    edges: Annotated[
+        Path | None, typer.Option("--edges", help="Write the pins' changes: .csv, .jsonl or .vcd.")
+    ] = None,
+    vcd: Annotated[Path | None, typer.Option("--vcd", help="Write the pins' changes as VCD.")] = None,
+    stimulus: Annotated[
+        Path | None, typer.Option("--stimulus", help="What happens to the pins from outside (TOML).")
+    ] = None,
+    trace: Annotated[
+        Path | None, typer.Option("--trace", help="Write every instruction, with its source line.")
+    ] = None,
+    profile: Annotated[bool, typer.Option("--profile", help="Show what the cycles went to.")] = False,
+    eeprom: Annotated[
+        Path | None, typer.Option("--eeprom", help="Write the image with its data EEPROM as left (.hex).")
+    ] = None,
+    clock_hz: Annotated[
+        int | None, typer.Option("--clock-hz", min=1, help="Default: what the C says, else 4 MHz.")
+    ] = None,
+    device: DeviceName = "PIC16F84",
+    ra4_pull_up: Annotated[
+        bool, typer.Option("--ra4-pull-up", help="RA4, an open drain, has a pull-up resistor.")
+    ] = False,
+    watchdog_us: Annotated[
+        int, typer.Option("--watchdog-us", help="The watchdog's period: 7000 to 33000.")
+    ] = 18_000,
+    eeprom_write_us: Annotated[
+        int, typer.Option("--eeprom-write-us", help="One EEPROM write; at most 20000.")
+    ] = 4_000,
+    power_up: Annotated[
+        bool, typer.Option("--power-up", help="Count the power-up and the oscillator's start-up time.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Run a program from reset on the simulator (default: for one second)."""
+    from servogen.edge_files import edge_writer, recorded
+    from servogen.edges import EdgeTrace
+    from servogen.simulator import Machine, Options, load_stimuli
+
+    program = read_program(file, device)
+    clock = _clock(program, clock_hz)
+    span = _span(clock, seconds, cycles)
+    board = Options(
+        ra4_pull_up=ra4_pull_up,
+        watchdog_us=watchdog_us,
+        eeprom_write_us=eeprom_write_us,
+        power_up=power_up,
+    )
+    stimuli = load_stimuli(stimulus, clock) if stimulus else None
+    machine = Machine(program.image, clock, board, stimuli)
+    paths = [path for path in (edges, vcd) if path]
+    with progress("simulating", span) as tell, ExitStack() as files:
+        writers = [files.enter_context(edge_writer(path, clock)) for path in paths]
+        told = EdgeTrace(clock, _told(machine.stream(span), tell), span)
+        changes = sum(len(chunk.cycle) for chunk in recorded(told, writers).driven())
+    state = machine.state()
+    if trace:
+        _write_trace(trace, program, clock, board, stimuli, span)
+    if eeprom:
+        _write_eeprom(eeprom, program, state)
+    for warning in state.warnings:
+        warn(str(warning))
+    found = _profiled(program, clock, board, stimuli, span) if profile else None
+    if json:
+        as_json(_state_as_dict(state, changes) | ({"profile": _profile_as_dict(found)} if found else {}))
+        return
+    _print_state(state, clock, changes)
+    if found:
+        _print_profile(found)
+
+
+def _clock(program: Program, clock_hz: int | None) -> Clock:
+    from servogen.units import Clock
+
+    if clock_hz is not None:
+        return Clock(clock_hz)
+    return program.clock or Clock(DEFAULT_CLOCK_HZ)
+
+
+def _span(clock: Clock, seconds: float | None, cycles: int | None) -> Cycles:
+    from servogen.units import Cycles
+
+    if seconds is not None and cycles is not None:
+        raise InputError("--seconds and --cycles say the same thing: give one")
+    if cycles is not None:
+        return Cycles(cycles)
+    return clock.round_seconds(DEFAULT_SECONDS if seconds is None else seconds)
+
+
+def _told(chunks: Iterator[EdgeChunk], tell: Callable[[int], None]) -> Iterator[EdgeChunk]:
+    for chunk in chunks:
+        if len(chunk.cycle):
+            tell(int(chunk.cycle[-1]))
+        yield chunk
+
+
+def _write_trace(
+    path: Path, program: Program, clock: Clock, board: Options, stimuli: Stimuli | None, span: Cycles
+) -> None:
+    from servogen.outputs import atomic_write
+    from servogen.simulator import Machine
+    from servogen.simulator import trace as traced
+
+    machine = Machine(program.image, clock, board, stimuli)
+    with atomic_write(path) as file:
+        file.writelines(f"{row}\n" for row in traced(machine, span, program.listing))
+
+
+def _write_eeprom(path: Path, program: Program, state: State) -> None:
+    from dataclasses import replace
+
+    from servogen.outputs import write_text
+    from servogen.pic.image import to_hex
+
+    write_text(path, to_hex(replace(program.image, eeprom=dict(enumerate(state.eeprom)))))
+
+
+def _profiled(
+    program: Program, clock: Clock, board: Options, stimuli: Stimuli | None, span: Cycles
+) -> Profile:
+    from servogen.simulator import Machine
+    from servogen.simulator import profile as profiled
+
+    return profiled(Machine(program.image, clock, board, stimuli), span, program.listing)
+
+
+def _state_as_dict(state: State, edges: int) -> dict[str, object]:
+    return {
+        "cycles": state.cycles,
+        "pc": state.pc,
+        "w": state.w,
+        "status": state.status,
+        "ram": list(state.ram),
+        "registers": dict(state.registers),
+        "eeprom": list(state.eeprom),
+        "resets": dict(state.resets),
+        "stack_wraps": state.stack_wraps,
+        "deepest_stack": state.deepest_stack,
+        "edges": edges,
+        "sleeping": state.sleeping,
+        "warnings": [str(warning) for warning in state.warnings],
+    }
+
+
+def _print_state(state: State, clock: Clock, edges: int) -> None:
+    print(f"{state.cycles} cycles, {float(clock.seconds(state.cycles)):g} s, {edges} edges")
+    print(f"PC 0x{state.pc:03X}  W 0x{state.w:02X}  STATUS 0x{state.status:02X}")
+    print("  ".join(f"{name} 0x{value:02X}" for name, value in state.registers.items()))
+    resets = ", ".join(f"{count} {cause}" for cause, count in state.resets.items() if count)
+    print(f"resets: {resets}; deepest stack {state.deepest_stack} of 8, {state.stack_wraps} wraps")
+
+
+def _profile_as_dict(profile: Profile) -> dict[str, object]:
+    return {
+        "cycles": profile.cycles,
+        "idle_cycles": profile.idle,
+        "coverage": profile.coverage,
+        "unexecuted": list(profile.unexecuted),
+        "functions": {name: spent.cycles for name, spent in profile.functions.items()},
+        "lines": [
+            {"file": file, "line": line, "cycles": spent.cycles, "executions": spent.executions}
+            for (file, line), spent in profile.lines.items()
+        ],
+        "deepest_stack": profile.deepest_stack,
+        "ram_high_water": profile.ram_high_water,
+        "read_unwritten": list(profile.read_unwritten),
+    }
+
+
+def _print_profile(profile: Profile) -> None:
+    def share(cycles: int) -> str:
+        return f"{100 * cycles / max(profile.cycles, 1):.2f}"
+
+    dearest = sorted(profile.functions.items(), key=lambda item: -item[1].cycles)
+    table(
+        "Functions",
+        ("function", "cycles", "%"),
+        [(name or "-", spent.cycles, share(spent.cycles)) for name, spent in dearest],
+    )
+    lines = sorted(profile.lines.items(), key=lambda item: -item[1].cycles)[:MOST_LINES]
+    if lines:
+        table(
+            "Lines",
+            ("line", "cycles", "%", "executions"),
+            [
+                (f"{Path(file).name}:{line}", spent.cycles, share(spent.cycles), spent.executions)
+                for (file, line), spent in lines
+            ],
+        )
+    print(f"{100 * profile.coverage:.1f} % of the program's words were executed")
+    print(f"deepest stack {profile.deepest_stack} of 8, {profile.ram_high_water} bytes of RAM written")
+    if profile.read_unwritten:
+        where = ", ".join(f"0x{address:02X}" for address in profile.read_unwritten)
+        print(f"read before they were written: {where}")
