@@ -20,8 +20,8 @@ from servogen.units import Clock, Cycles
 NO_PULSE = 0
 """The width, in the arrays of this package, of a frame without a pulse."""
 
-PICOSECONDS = 10**6
-"""Widths are asked for in whole picoseconds: what floating point adds below is not the user's."""
+PARTS = 10**4
+"""Widths are asked for in ten-thousandths of a µs: what floating point adds below is not the user's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ def quantise(
     cycles_of: list[int] = []
     rows: dict[Fraction, Quantised] = {}
     for angle, count in zip(distinct.tolist(), counts.tolist(), strict=True):
-        width = Fraction(round(servo.width_us(angle) * PICOSECONDS), PICOSECONDS)
+        width = Fraction(round(servo.width_us(angle) * PARTS), PARTS)
         rounded = clock.round_us(width)
         if rounded.cycles < 1:
             raise InputError(

@@ -233,3 +233,21 @@ def test_what_the_template_comments_out_is_right_too() -> None:
         assert f"# {comment} = " in text
         text = text.replace(f"# {comment} = ", f"{comment} = ")
     assert loads(text, "new.toml").servos[0].limits == pytest.approx((math.radians(10), math.radians(170)))
+
+
+def test_a_foot_on_a_straight_line_strays_by_what_its_spring_gives() -> None:
+    # On the ground (beta = 0) the foot goes on a circle of 65 mm: 65 - 60 = 5 mm off a chord of 50 mm.
+    text = changed(
+        ("arm_deg = 30, hand_deg = 0", "foot_mm = [25, 60, -100]"),
+        ("arm_deg = 90, hold_s = 5", 'foot_mm = [-25, 60, -100], path = "line", move_s = 0.4'),
+    )
+    assert "the path leaves what can be reached at" in error_of(text)
+    job = loads(text + "tolerance_mm = 5.01\n", "job.toml")
+    (note,) = job.notes
+    assert note.code == "chord-error"
+    assert 4.9 < float(note.text.split()[-2]) < 5.01
+    turned = job.trajectory.angles[99:120, 0] - math.pi / 2
+    # Each frame goes the same way along the line: tan(alpha) = -x / 60.
+    assert [60 * math.tan(angle) for angle in turned] == pytest.approx(
+        [-25 + 2.5 * k for k in range(21)], abs=1e-4
+    )

@@ -48,8 +48,8 @@ def test_45_degrees_of_each_servo() -> None:
 def test_every_width_says_what_was_asked_for_and_what_it_became() -> None:
     rows = made([[30], [30], [90]], servos("futaba-s3001")).widths
     assert [(row.channel, row.cycles, row.frames) for row in rows] == [("s0", 1167, 2), ("s0", 1500, 1)]
-    assert rows[0].requested_us == pytest.approx(1166.666667, abs=1e-6)
-    assert rows[0].error_us == pytest.approx(1 / 3, abs=1e-6)
+    assert rows[0].requested_us == pytest.approx(1166.6667, abs=1e-9)
+    assert rows[0].error_us == pytest.approx(0.3333, abs=1e-9)
     assert rows[1].requested_us == rows[1].achieved_us == 1500
 
 
@@ -114,7 +114,7 @@ def test_a_stated_slot_must_hold_the_pulse() -> None:
         plan(angles, group, Frame(period, slot_us=Fraction(2000)))
 
 
-def test_floating_point_below_a_picosecond_does_not_decide_a_rounding() -> None:
+def test_floating_point_noise_does_not_decide_a_rounding() -> None:
     # 90.09 degrees of the S3001 are 1500.5 µs: a half goes up, whatever the angle's last bits are.
     angle = math.radians(90.09)
     for nudged in (angle, np.nextafter(angle, 0), np.nextafter(angle, 4)):
