@@ -16,6 +16,9 @@ import numpy as np
 from servogen.motion.laws import Law, law
 from servogen.motion.trajectory import Floats
 
+STILL = 1e-9
+"""Less than this (radians, metres) is no move: inverse kinematics gives the present joints back so well."""
+
 
 @cache
 def _law() -> tuple[Law, float]:
@@ -35,7 +38,7 @@ def sampled(points: Floats, speeds: Floats, period_s: Fraction, even: bool = Fal
     if even:
         times = np.full_like(times, times.max(initial=0.0))
     total = float(times.sum())
-    if total <= 0.0:
+    if legs.max(initial=0.0) < STILL:
         return np.empty((0, points.shape[1]))
     shape, peak = _law()
     frames = math.ceil(total * peak / float(period_s) - 1e-9)

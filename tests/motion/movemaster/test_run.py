@@ -195,3 +195,7 @@ def test_pitch_and_roll_are_those_of_the_specification(q: tuple[float, ...]) -> 
 def test_an_input_between_two_frames_counts_from_the_next_one(ran: Ran) -> None:
     (step,) = ran("10 IN", inputs=(Input(input_of("0.301=1").at_s, 1),)).steps
     assert step.frame + step.frames == 16
+
+
+def test_a_move_to_where_the_arm_is_takes_no_frame(ran: Ran) -> None:
+    assert not ran("10 DW 0, 0, 0\n20 HE 1\n30 MO 1\n40 MS 1, 5\n50 MC 1, 1\n60 NT").steps
