@@ -46,7 +46,8 @@ class Builtins(Statements):
     def head(self, unit: Any) -> Function:
         """Declare the function that a definition defines."""
         kind = self.declared_type(unit.decl.type)
-        assert isinstance(kind, FuncType)
+        if not isinstance(kind, FuncType):
+            raise self.fail(f"'{unit.decl.name}' is not a function but has a body", unit)
         if unit.param_decls:
             raise self.fail("parameters are declared inside the parentheses", unit.param_decls[0])
         return self.declare_function(unit.decl, kind, define=True)

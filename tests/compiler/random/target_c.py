@@ -26,6 +26,7 @@ from tests.compiler.random.program import (
     MemberOf,
     Num,
     Place,
+    Return,
     SetBit,
     Shift,
     SizeOf,
@@ -141,6 +142,8 @@ class TargetC(Printer):
             at = len(function.locals)
             start = ["    check0 = check1 = check2 = 0;", *([_ARM] if self.program.interrupt else [])]
             lines = [*lines[:at], *start, *lines[at:], f"    done = 0x{FINISHED:X};", "    while (1);"]
+        elif function.result and not (function.body and isinstance(function.body[-1], Return)):
+            lines.append("    return 0;")
         return "\n".join([self.head(function) + " {", *lines, "}"])
 
     def base(self, kind: Type) -> str:
