@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from servogen.cli.files import dialect_of, read_image, read_source
+from servogen.cli.files import dialect_of, read_assembly, read_image, read_source
 from servogen.cli.options import DeviceName, Dialect, Json, Output
 from servogen.cli.show import as_json, warn
 
@@ -69,13 +69,17 @@ def assemble(
     source: Annotated[Path, typer.Argument(help="An assembly file.", show_default=False)],
     output: Output = None,
     listing: ListingFile = None,
-    device: DeviceName = "PIC16F84",
+    device: Annotated[
+        str | None, typer.Option("--device", help="Default: the chip that the source names, else PIC16F84.")
+    ] = None,
 ) -> None:
     """Assemble MPASM source to Intel HEX (default: the file's name with .hex)."""
     from servogen.pic.assembler import assemble as assembled
+    from servogen.pic.assembler import beside
     from servogen.pic.device import device as device_named
 
-    assembly = assembled(read_source(source), str(source), device_named(device))
+    chip = device_named(device) if device else None
+    assembly = assembled(read_assembly(source), str(source), chip, beside(source.parent))
     for warning in assembly.warnings:
         warn(str(warning))
     target = output or source.with_suffix(".hex")

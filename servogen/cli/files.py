@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from servogen.cli.show import warn
 from servogen.errors import InputError, Place
 
 if TYPE_CHECKING:
@@ -41,11 +42,22 @@ def read_source(path: Path) -> str:
         return raw.decode("latin-1")
 
 
-def read_image(path: Path) -> Image:
-    """The image in a HEX file. Raises InputError."""
-    from servogen.pic.image import from_hex
+def read_assembly(path: Path) -> str:
+    """An assembly file: each byte is a character, as in the assemblers of the time. Raises InputError."""
+    try:
+        return path.read_bytes().decode("latin-1")
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", Place(str(path))) from error
 
-    return from_hex(read_source(path), str(path))
+
+def read_image(path: Path) -> Image:
+    """The image in a HEX file; what is odd about the file is said. Raises InputError."""
+    from servogen.pic.image import read_hex
+
+    file = read_hex(read_source(path), str(path))
+    for remark in file.remarks:
+        warn(str(remark))
+    return file.image
 
 
 def read_program(path: Path, device_name: str = "PIC16F84") -> Program:
@@ -60,9 +72,9 @@ def read_program(path: Path, device_name: str = "PIC16F84") -> Program:
         made = compile_sources([Source(text, str(path))], options)
         return Program(made.image, made.listing, made.clock)
     if path.suffix.lower() in ASSEMBLY_SUFFIXES:
-        from servogen.pic.assembler import assemble
+        from servogen.pic.assembler import assemble, beside
 
-        assembly = assemble(read_source(path), str(path), device(device_name))
+        assembly = assemble(read_assembly(path), str(path), device(device_name), beside(path.parent))
         return Program(assembly.image, assembly.listing)
     return Program(read_image(path))
 

@@ -43,9 +43,9 @@ def verify(
     ] = False,
     json: Json = False,
 ) -> None:
-    """Hold every edge of a program or of a file against a schedule (default: the motion three times)."""
+    """Hold every edge of a program or of a file against a schedule (default: the motion, three times)."""
     from servogen.edge_files.captures import is_capture
-    from servogen.pipeline import checked_cycles, prove
+    from servogen.pipeline import checked_cycles, held, prove
     from servogen.verify import verdict_lines
 
     schedule = read_schedule(against)
@@ -54,7 +54,10 @@ def verify(
     if not _is_program(file) and is_capture(file):
         raise typer.Exit(_verify_capture(file, schedule, json))
     span = checked_cycles(schedule) if seconds is None else schedule.clock.round_seconds(seconds)
-    verdict = prove(schedule, _trace(file, schedule, span), span)
+    trace = _trace(file, schedule, span)
+    if seconds is None and not _is_program(file):
+        trace, span = held(schedule, trace)
+    verdict = prove(schedule, trace, span)
     if json:
         as_json(verdict.to_json())
     else:

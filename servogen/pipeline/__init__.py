@@ -2,7 +2,7 @@
 
 from servogen.pipeline.build import Build, Program, build, report, write
 from servogen.pipeline.differences import differences
-from servogen.pipeline.proof import LOOPS_CHECKED, checked_cycles, motion_cycles, prove, running
+from servogen.pipeline.proof import LOOPS_CHECKED, checked_cycles, held, motion_cycles, prove, running
 
 __all__ = [
     "LOOPS_CHECKED",
@@ -11,6 +11,7 @@ __all__ = [
     "build",
     "checked_cycles",
     "differences",
+    "held",
     "motion_cycles",
     "prove",
     "report",

@@ -1,0 +1,196 @@
+"""simulate, verify, measure, plot and the language commands, on small programs and on the lab exercise."""
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Run = Callable[..., Any]
+
+ROOT = Path(__file__).parent.parent.parent
+
+SQUARE = """\
+    list p=16f84
+    include <p16f84.inc>
+    org 0
+    clrf PORTB
+    bsf STATUS, RP0
+    clrf PORTB          ; TRISB
+    bcf STATUS, RP0
+again
+    bsf PORTB, 0
+    nop
+    bcf PORTB, 0
+    goto again
+    end
+"""
+"""By the data sheet's cycles: RB0 rises in cycle 4, falls in 6, rises again in 9 (GOTO takes two)."""
+
+
+@pytest.fixture
+def square(run: Run, tmp_path: Path) -> Path:
+    source = tmp_path / "square.asm"
+    source.write_text(SQUARE)
+    assert run("assemble", source, "-o", tmp_path / "square.hex").code == 0
+    return tmp_path / "square.hex"
+
+
+@pytest.fixture(scope="module")
+def lab8(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    from servogen.job import load
+    from servogen.pipeline import build, write
+
+    folder = tmp_path_factory.mktemp("lab8")
+    write(build(load(ROOT / "jobs" / "lab8-exercise.toml")), folder)
+    return folder
+
+
+def test_an_edge_is_at_the_cycle_in_which_the_port_was_written(
+    run: Run, square: Path, tmp_path: Path
+) -> None:
+    assert run("simulate", square, "--cycles", 14, "--edges", tmp_path / "edges.csv").code == 0
+    with (tmp_path / "edges.csv").open() as file:
+        rows = [tuple(row.values()) for row in csv.DictReader(file)]
+    assert rows == [("4", "RB0", "1"), ("6", "RB0", "0"), ("9", "RB0", "1"), ("11", "RB0", "0")]
+
+
+def test_the_json_of_a_simulation_has_the_machine_in_it(run: Run, square: Path) -> None:
+    state = json.loads(run("simulate", square, "--cycles", 14, "--json").out)
+    assert (state["cycles"], state["pc"], state["edges"], state["stack_wraps"]) == (14, 4, 4, 0)
+    assert len(state["ram"]) == 68
+    assert {"w", "status", "resets"} <= set(state)
+
+
+def test_seconds_and_cycles_are_one_thing(run: Run, square: Path) -> None:
+    one = json.loads(run("simulate", square, "--seconds", 0.25, "--clock-hz", 8_000_000, "--json").out)
+    assert one["cycles"] == 500_000
+    assert run("simulate", square, "--seconds", 1, "--cycles", 1).code == 2
+
+
+def test_disassembling_and_assembling_gives_the_same_hex(run: Run, square: Path, tmp_path: Path) -> None:
+    assert run("disassemble", square, "-o", tmp_path / "again.asm").code == 0
+    assert run("assemble", tmp_path / "again.asm", "-o", tmp_path / "again.hex").code == 0
+    assert (tmp_path / "again.hex").read_text() == square.read_text()
+
+
+def test_c_and_assembly_run_without_a_hex_file(run: Run, square: Path, tmp_path: Path) -> None:
+    by_hex = json.loads(run("simulate", square, "--cycles", 100, "--json").out)
+    by_source = json.loads(run("simulate", tmp_path / "square.asm", "--cycles", 100, "--json").out)
+    assert by_hex == by_source
+
+
+def test_a_stimulus_reaches_the_pins(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "copy.asm").write_text(
+        SQUARE.replace("clrf PORTB          ;", "movlw 2\n    movwf PORTB         ;").replace(
+            "bsf PORTB, 0\n    nop\n    bcf PORTB, 0",
+            "btfsc PORTB, 1\n    bsf PORTB, 0\n    btfss PORTB, 1\n    bcf PORTB, 0",
+        )
+    )
+    (tmp_path / "in.toml").write_text('[[level]]\npin = "RB1"\nat_us = [0, 500]\nlevel = [1, 0]\n')
+    edges = tmp_path / "edges.csv"
+    ran = run(
+        "simulate",
+        tmp_path / "copy.asm",
+        "--cycles",
+        1000,
+        "--stimulus",
+        tmp_path / "in.toml",
+        "--edges",
+        edges,
+    )
+    assert ran.code == 0
+    rows = [line.split(",") for line in edges.read_text().split()[1:]]
+    at = [int(cycle) for cycle, pin, _ in rows if pin == "RB0"]
+    assert at[0] < 20 and 500 <= at[1] < 520 and len(at) == 2
+
+
+def test_a_trace_names_every_instruction_and_its_line(run: Run, square: Path, tmp_path: Path) -> None:
+    assert run("simulate", tmp_path / "square.asm", "--cycles", 9, "--trace", tmp_path / "t.txt").code == 0
+    lines = (tmp_path / "t.txt").read_text().splitlines()
+    assert [line.split()[0] for line in lines] == ["0", "1", "2", "3", "4", "5", "6", "7"]
+    assert "square.asm:9" in lines[4]
+
+
+def test_a_profile_adds_up(run: Run, square: Path, tmp_path: Path) -> None:
+    answer = json.loads(run("simulate", tmp_path / "square.asm", "--cycles", 1004, "--profile", "--json").out)
+    profile = answer["profile"]
+    assert sum(line["cycles"] for line in profile["lines"]) == profile["cycles"] == 1004
+    assert profile["coverage"] == 1
+
+
+def test_verify_takes_every_kind_of_file_that_a_build_makes(run: Run, lab8: Path) -> None:
+    for name in ("main.hex", "main.xc8.hex", "main.c2c.c", "main.xc8.c", "edges.csv", "main.vcd"):
+        ran = run("verify", lab8 / name, "--against", lab8 / "schedule.json")
+        assert ran.code == 0 and ran.out.startswith("proven"), (name, ran)
+
+
+def test_verify_says_no_to_another_jobs_hex_with_exit_code_1(run: Run, square: Path, lab8: Path) -> None:
+    ran = run("verify", square, "--against", lab8 / "schedule.json", "--json")
+    assert ran.code == 1
+    assert json.loads(ran.out)["proven"] is False
+
+
+def test_a_torn_edge_file_is_not_proven(run: Run, lab8: Path, tmp_path: Path) -> None:
+    rows = (lab8 / "edges.csv").read_text().splitlines(keepends=True)
+    (tmp_path / "torn.csv").write_text("".join(rows[:800]))
+    ran = run("verify", tmp_path / "torn.csv", "--against", lab8 / "schedule.json")
+    assert ran.code == 1 and "trace ends" in ran.out
+
+
+def test_an_edge_file_of_one_round_is_held_to_one_round(run: Run, lab8: Path, tmp_path: Path) -> None:
+    rows = (lab8 / "edges.csv").read_text().splitlines(keepends=True)
+    (tmp_path / "one.csv").write_text("".join(rows[: 1 + 2 * 500]))
+    ran = run("verify", tmp_path / "one.csv", "--against", lab8 / "schedule.json")
+    assert ran.code == 0 and "500 frames" in ran.out
+
+
+def test_the_exercise_is_proven_for_all_time(run: Run, lab8: Path) -> None:
+    ran = run("verify", lab8 / "main.hex", "--against", lab8 / "schedule.json", "--forever")
+    assert ran.code == 0
+    assert ran.out.startswith("proven for all time: lead-in ")
+    assert "loop 500 frames" in ran.out
+
+
+def test_edges_cannot_be_proven_for_all_time(run: Run, lab8: Path) -> None:
+    ran = run("verify", lab8 / "edges.csv", "--against", lab8 / "schedule.json", "--forever")
+    assert ran.code == 2 and "only a program" in ran.err
+
+
+def test_a_repeat_beyond_reach_is_no_proof_and_says_what_was_covered(run: Run, lab8: Path) -> None:
+    ran = run("verify", lab8 / "main.hex", "--against", lab8 / "schedule.json", "--forever", "--seconds", 5)
+    assert ran.code == 1
+    assert "NOT proven for all time" in ran.out and "covered" in ran.out
+
+
+def test_measuring_the_printed_programs(run: Run) -> None:
+    """1 ms and 2 ms and the statements; lab 9: 500 us, 43 ms, and 150 us between its frames."""
+    labs = ROOT / "tests" / "labs"
+    first = json.loads(run("measure", labs / "servo.c", "--servo", "futaba-s3001", "--json").out)
+    widths = [row["cycles"] for row in first["pins"][0]["widths"]]
+    assert len(widths) == 2
+    assert 1000 <= widths[0] < 1010 and 2000 <= widths[1] < 2010
+    second = run("measure", labs / "PICIOR.c", "--servo", "mpx-tiny-s")
+    assert "frames differ by 150 µs" in second.out
+    assert "outside of the servo's 1250 µs to 1750 µs" in second.err
+    assert "outside of 18 to 20 ms" in second.err
+
+
+def test_the_printed_programs_are_small(run: Run, tmp_path: Path) -> None:
+    for name, most in (("servo.c", 96), ("PICIOR.c", 128)):
+        ran = run("compile", ROOT / "tests" / "labs" / name, "-o", tmp_path / "out.hex", "--json")
+        assert json.loads(ran.out)["words"] <= most
+
+
+def test_a_picture_is_drawn_and_another_ending_refused(run: Run, lab8: Path, tmp_path: Path) -> None:
+    schedule = lab8 / "schedule.json"
+    for folder in ("one", "two"):
+        (tmp_path / folder).mkdir()
+        assert (
+            run("plot", lab8 / "main.hex", "--against", schedule, "-o", tmp_path / folder / "p.png").code == 0
+        )
+    one, two = ((tmp_path / folder / "p.png").read_bytes() for folder in ("one", "two"))
+    assert one.startswith(b"\x89PNG") and one == two
+    assert run("plot", lab8 / "main.hex", "--against", schedule, "-o", tmp_path / "p.doc").code == 2
