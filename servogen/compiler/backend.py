@@ -29,6 +29,7 @@ from servogen.compiler.tree import (
 
     Symbol,
 )
+from servogen.errors import Place
 
 
 def called(function: Function) -> dict[str, Call]:
@@ -88,8 +89,6 @@ class Backend:
         """Errors of the call graph: no main, several interrupts, undefined functions, recursion."""
         functions = self.program.functions
         if "main" not in functions or functions["main"].body is None:
-            from servogen.errors import Place
-
             file = next(iter(self.reporter.texts), None)
             self.reporter.error("there is no function 'main'", Place(file))
             return
@@ -144,6 +143,9 @@ class Backend:
             def asm_symbol(self, name: str) -> Symbol | None:
                 return backend.asm_symbols.get(name)
 
+            def asm_error(self, error: AsmError, place: Place) -> None:
+                backend.reporter.error(f"assembly: {error.message}", place, error.hint)
+
         function = self.program.functions[name]
         generator = Generator(
             function,
@@ -152,10 +154,7 @@ class Backend:
             lambda symbol: self._symbol(symbol, isr=isr),
             lambda kind, key: self._library(kind, key, isr=isr),
         )
-        try:
-            generator.generate()
-        except AsmError as error:
-            self.reporter.error(f"assembly: {error.message}", generator.place or function.place, error.hint)
+        generator.generate()
 
     def _symbol(self, symbol: Symbol, *, isr: bool) -> Symbol:
         """The interrupt's own copy of a local of a shared function."""

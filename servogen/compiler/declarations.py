@@ -54,6 +54,7 @@ class Declarations(Expressions):
         super().__init__(*arguments)
         self.externals: dict[str, Symbol | Function] = {}
         self._read: dict[Any, CType] = {}
+        self._defined: set[Function] = set()
         self.pending: list[ExprStmt] = []
         """Initialisations of the locals being declared."""
 
@@ -539,8 +540,9 @@ class Declarations(Expressions):
             self._same_signature(known, kind, node, define=define)
         self.scopes.stack[0].names[name] = known
         if define:
-            if known.body is not None:
+            if known in self._defined:
                 raise self.fail(f"the function '{name}' is defined twice", node, hint=f"first at {known.place}")
+            self._defined.add(known)
             known.parameters = self._parameter_symbols(node, kind, known.name)
             known.place = place
             known.prototyped = True

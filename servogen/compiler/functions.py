@@ -14,7 +14,7 @@ from servogen.compiler.ctypes import IntType, VoidType
 from servogen.compiler.emitter import ISR_SUFFIX, Code
 from servogen.compiler.fold import has_effect, interval
 from servogen.compiler.generate import calls_something, width_of
-from servogen.compiler.inline_asm import assemble_line
+from servogen.compiler.inline_asm import AsmError, assemble_line
 from servogen.compiler.tables import table_name
 from servogen.compiler.machine import Byte, Imm, Ins, Loc, Operand, Z
 from servogen.compiler.tree import (
@@ -39,6 +39,7 @@ from servogen.compiler.tree import (
     Switch,
     Symbol,
 )
+from servogen.errors import Place
 
 
 class FunctionGenerator(Conditions):
@@ -217,9 +218,17 @@ class FunctionGenerator(Conditions):
         labels: dict[str, str] = {}
         for place, text in node.lines:
             self.place = place
-            for ins in assemble_line(text, place, self._asm_name(node), self._asm_label(labels)):
+            try:
+                found = assemble_line(text, place, self._asm_name(node), self._asm_label(labels))
+            except AsmError as error:
+                self.asm_error(error, place)
+                continue
+            for ins in found:
                 ins.place, ins.fixed = place, True
                 self.code.ins.append(ins)
+
+    def asm_error(self, error: AsmError, place: Place) -> None:
+        raise NotImplementedError
 
     def _asm_name(self, node: Asm) -> Callable[[str], Symbol | None]:
         def find(name: str) -> Symbol | None:

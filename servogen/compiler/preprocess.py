@@ -155,12 +155,11 @@ def preprocess(
     return Preprocessed(tokens, pcpp.pragmas, macros)
 
 
-_JOINING = re.compile(r"[0-9]\w*$")
-
-
 def _belongs(before: str, text: str) -> bool:
-    """Whether pcpp has split one token: 0b1, 12UL, and ^= (its lexer lacks that one)."""
-    return (_JOINING.match(before) is not None and re.match(r"\w", text) is not None) or (before, text) == ("^", "=")
+    """Whether pcpp has split one token: 0b1, 12UL, 1.5, and ^= (its lexer lacks that one)."""
+    if (before, text) == ("^", "="):
+        return True
+    return before[0].isdigit() and (text == "." or re.match(r"\w", text) is not None)
 
 
 def _placed(stream: Iterator[Any], reporter: Reporter, starts: dict[str, list[int]]) -> Iterator[PToken]:

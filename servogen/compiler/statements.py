@@ -82,6 +82,7 @@ class Statements(Declarations):
                 self._item(node, out)
             except Fatal:
                 self.pending.clear()
+                continue
             if _leaves(node):
                 ended = True
             elif _can_be_reached(node):

@@ -37,6 +37,8 @@ class Stated:
     """The comments of a file."""
 
     dialect: str
+    first: int = 0
+    """The first line that states nothing."""
     clock: int | None = None
     values: dict[str, int] = field(default_factory=dict)
     words: int | None = None
@@ -56,6 +58,7 @@ def stated(path: Path, text: str) -> Stated:
         below = next(
             (at for at in range(number + 1, len(lines) + 1) if not re.match(r"\s*// \w+: ", lines[at - 1])), number
         )
+        found.first = found.first or below
         if key == "dialect":
             found.dialect = value
         elif key == "clock":
@@ -81,9 +84,9 @@ def said(diagnostics: tuple[Diagnostic, ...], wanted: Stated) -> list[tuple[str,
     return [
         (
             each.severity,
-            each.place.line or 0,
+            each.place.line or wanted.first,
             each.message,
-            each.hint if (each.severity, each.place.line or 0, each.message) in with_hint else None,
+            each.hint if (each.severity, each.place.line or wanted.first, each.message) in with_hint else None,
         )
         for each in diagnostics
     ]

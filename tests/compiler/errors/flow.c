@@ -1,0 +1,15 @@
+void main(void) {
+  // error: 'break' outside a loop or switch
+  break;
+  // error: 'continue' outside a loop
+  continue;
+  // error: 'case' outside a switch
+  case 1: ;
+  switch (PORTB) {
+    case 1:
+    // error: the case 1 is there twice
+    case 1: break;
+  }
+  // error: 'main' returns void, not a value
+  return 1;
+}

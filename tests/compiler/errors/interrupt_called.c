@@ -1,0 +1,6 @@
+char n;
+void interrupt(void) { n++; }
+void main(void) {
+  // error: the interrupt function 'interrupt' cannot be called
+  interrupt();
+}

@@ -1,0 +1,3 @@
+// error: there is no function 'main'
+char n;
+void start(void) { n = 1; }

@@ -1,0 +1,23 @@
+// dialect: xc8
+unsigned char a, i;
+int b;
+void main(void) {
+  // warning: 300 does not fit 'unsigned char' and becomes 44
+  a = 300;
+  // warning: this comparison is always true
+  // hint: the left side lies in 0 … 255, the right side in 255 … 255
+  for (i = 0; i <= 255; i++) b++;
+  // warning: an assignment as a condition
+  // hint: '==' compares; '((a = b) != 0)' says it is meant
+  if (a = 3) b = 1;
+  // warning: this statement has no effect
+  a + 1;
+  // warning: this comparison does nothing
+  // hint: '=' assigns, '==' compares
+  a == 2;
+  // warning: shift by 20 of 'int', which has 16 bits
+  b = b << 20;
+  return;
+  // warning: this is never reached
+  a = 1;
+}
