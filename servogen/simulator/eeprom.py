@@ -6,7 +6,7 @@ later, WR in the cycle after that, with WREN already set.
 
 from __future__ import annotations
 
-from numba import njit
+from servogen.simulator.compiled import Vector, compiled
 
 from servogen.simulator.interrupts import EEIF, note_flags
 from servogen.simulator.layout import (
@@ -33,8 +33,8 @@ KEY_TO_KEY, KEY_TO_WR = 2, 1
 """Cycles between the writes of the sequence: MOVLW stands between the keys, nothing before WR."""
 
 
-@njit
-def eecon2_write(s, at, value):  # type: ignore[no-untyped-def]
+@compiled
+def eecon2_write(s: Vector, at: int, value: int) -> None:
     if value == SECOND_KEY and s[EE_STEP] == 1 and at == s[EE_STEP_AT] + KEY_TO_KEY:
         s[EE_STEP] = 2
     elif value == FIRST_KEY:
@@ -44,8 +44,8 @@ def eecon2_write(s, at, value):  # type: ignore[no-untyped-def]
     s[EE_STEP_AT] = at
 
 
-@njit
-def eecon1_write(s, at, value):  # type: ignore[no-untyped-def]
+@compiled
+def eecon1_write(s: Vector, at: int, value: int) -> None:
     """WR and RD can be set, not cleared, by software (section 3, register EECON1)."""
     before = s[EECON1]
     now = (value & (EEIF | WRERR | WREN)) | (before & WR)
@@ -64,16 +64,16 @@ def eecon1_write(s, at, value):  # type: ignore[no-untyped-def]
     note_flags(s, at + 1)
 
 
-@njit
-def cell_read(s):  # type: ignore[no-untyped-def]
+@compiled
+def cell_read(s: Vector) -> int:
     if s[EEADR] >= CELLS:
         warn(s, WARN_EE_ADDRESS, s[EEADR])
         return 0
     return s[EEPROM + s[EEADR]]
 
 
-@njit
-def write_done(s):  # type: ignore[no-untyped-def]
+@compiled
+def write_done(s: Vector) -> None:
     """The write that was under way is complete, in the cycle `EE_DONE_AT`."""
     at = s[EE_DONE_AT]
     s[EE_DONE_AT] = NEVER
@@ -85,8 +85,8 @@ def write_done(s):  # type: ignore[no-untyped-def]
     note_flags(s, at)
 
 
-@njit
-def reset_eecon1(s):  # type: ignore[no-untyped-def]
+@compiled
+def reset_eecon1(s: Vector) -> None:
     """A reset ends a write under way and says so in WRERR; the cell keeps its old value here."""
     broken = WRERR if s[EE_DONE_AT] != NEVER else s[EECON1] & WRERR
     s[EE_DONE_AT] = NEVER

@@ -6,7 +6,7 @@ start anything here could be due. An instruction that changes what could be due 
 
 from __future__ import annotations
 
-from numba import njit
+from servogen.simulator.compiled import Vector, compiled
 
 from servogen.simulator.eeprom import write_done
 from servogen.simulator.interrupts import GIE, LATENCY, T0IE, T0IF, note_flags, requested
@@ -45,8 +45,8 @@ from servogen.simulator.timer import t0_external, t0_flag_at, t0_sync, wdt_deadl
 INTERRUPT_VECTOR = 0x004
 
 
-@njit
-def next_event(s, stim):  # type: ignore[no-untyped-def]
+@compiled
+def next_event(s: Vector, stim: Vector) -> int:
     """The first cycle at which something not caused by an instruction happens, interrupts aside."""
     when = s[STIM_KNOWN]
     if s[STIM_NEXT] < s[STIM_COUNT]:
@@ -57,8 +57,8 @@ def next_event(s, stim):  # type: ignore[no-untyped-def]
     return min(when, wdt_deadline(s))
 
 
-@njit
-def stimulus(s, edges, packed):  # type: ignore[no-untyped-def]
+@compiled
+def stimulus(s: Vector, edges: Vector, packed: int) -> None:
     """One change from outside: of a pin, or of MCLR, which holds the chip in reset while low."""
     at = packed >> PACK_CYCLE
     pin = packed >> PACK_PIN & 0xF
@@ -74,8 +74,8 @@ def stimulus(s, edges, packed):  # type: ignore[no-untyped-def]
         s[CYCLE] = at + FETCH
 
 
-@njit
-def wake(s, at):  # type: ignore[no-untyped-def]
+@compiled
+def wake(s: Vector, at: int) -> None:
     """The instruction after SLEEP executes when the oscillator runs again; what woke us is sampled then."""
     s[SLEEPING] = 0
     s[CYCLE] = at + s[START_UP]
@@ -85,8 +85,8 @@ def wake(s, at):  # type: ignore[no-untyped-def]
     note_flags(s, s[CYCLE])
 
 
-@njit
-def watchdog(s, edges):  # type: ignore[no-untyped-def]
+@compiled
+def watchdog(s: Vector, edges: Vector) -> None:
     """A time-out wakes a sleeping chip (STATUS uuu0 0uuu) and resets a running one: DS35007 table 6-3."""
     at = wdt_deadline(s)
     wdt_sync(s, at)
@@ -99,8 +99,8 @@ def watchdog(s, edges):  # type: ignore[no-untyped-def]
         s[CYCLE] = at + FETCH
 
 
-@njit
-def happen(s, edges, stim):  # type: ignore[no-untyped-def]
+@compiled
+def happen(s: Vector, edges: Vector, stim: Vector) -> None:
     """Everything that was due by now, in order of cycles, a stimulus before what has its cycle; then waking."""
     while True:
         now = s[CYCLE]
@@ -125,8 +125,8 @@ def happen(s, edges, stim):  # type: ignore[no-untyped-def]
             watchdog(s, edges)
 
 
-@njit
-def attend(s, edges, stim):  # type: ignore[no-untyped-def]
+@compiled
+def attend(s: Vector, edges: Vector, stim: Vector) -> None:
     """Between instructions, what is due having happened: enter an interrupt, set `HORIZON`."""
     now = s[CYCLE]
     if s[SLEEPING] or s[IN_RESET]:

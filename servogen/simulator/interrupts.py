@@ -7,7 +7,7 @@ in cycle s + 3, whatever the length of the former. `IRQ_AT` is that s, or NEVER.
 
 from __future__ import annotations
 
-from numba import njit
+from servogen.simulator.compiled import Vector, compiled
 
 from servogen.simulator.layout import AWAKE_AT, EECON1, INTCON, IRQ_AT, NEVER
 
@@ -16,8 +16,8 @@ EEIF = 0x10  # of EECON1
 LATENCY = 3
 
 
-@njit
-def requested(s):  # type: ignore[no-untyped-def]
+@compiled
+def requested(s: Vector) -> bool:
     """Whether an enabled flag is set, GIE aside: what wakes the chip."""
     intcon = s[INTCON]
     if (intcon >> 3) & intcon & 7:
@@ -25,8 +25,8 @@ def requested(s):  # type: ignore[no-untyped-def]
     return (intcon & EEIE) != 0 and (s[EECON1] & EEIF) != 0
 
 
-@njit
-def note_flags(s, at):  # type: ignore[no-untyped-def]
+@compiled
+def note_flags(s: Vector, at: int) -> None:
     """Flags or enables are as they are from cycle `at`; what was sampled before stands."""
     at = max(at, s[AWAKE_AT])  # a chip that starts up samples nothing
     if s[INTCON] & GIE and requested(s):

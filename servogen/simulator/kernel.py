@@ -1,4 +1,4 @@
-"""The instruction loop. Compiled, once with and once without observation, and kept across processes.
+"""The instruction loop. Compiled, once with and once without observation.
 
 In: the state vector, the program, what is coming from outside. Out: the state vector later, edges in a buffer, and why
 it came back. Instructions and cycles: DS35007 section 7, table 7-2; STATUS as a destination: section 2.3.1; PCL as a
@@ -7,13 +7,9 @@ destination: section 2.4; INDF and FSR: section 2.6.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
-from functools import cache
-from pathlib import Path
-from typing import Any
 
-from numba import njit
+from servogen.simulator.compiled import Vector, compiled
 
 from servogen.simulator.events import attend, happen
 from servogen.simulator.interrupts import GIE, note_flags, requested
@@ -21,6 +17,7 @@ from servogen.simulator.layout import (
     AT_BREAKPOINT,
     AT_END,
     CYCLE,
+    DEEPEST_RECORDING,
     EDGE_COUNT,
     EDGE_LIMIT,
     EDGES_FULL,
@@ -34,6 +31,7 @@ from servogen.simulator.layout import (
     PC,
     PCLATH,
     READ_UNWRITTEN,
+    RECORD,
     SLEEPING,
     STATUS,
     STIM_COUNT,
@@ -41,11 +39,12 @@ from servogen.simulator.layout import (
     STIM_NEXT,
     TRACE_COUNT,
     TRACE_FULL,
+    TRACE_ROOM,
     W,
     WARN_ERASED,
     WARN_UNDEFINED,
 )
-from servogen.simulator.memo import DEEPEST_RECORDING, lookup, pack_registers, recall, remember
+from servogen.simulator.memo import lookup, pack_registers, recall, remember
 from servogen.simulator.ports import A, B, tris_write
 from servogen.simulator.program import BREAK, ERASED, EXIT, LOOP, OPS, SPIN, UNDEFINED, WAITS_BIT
 from servogen.simulator.registers import read_register, write_option, write_register
@@ -77,18 +76,29 @@ WAITS, PERIOD_SHIFT = 1 << WAITS_BIT, WAITS_BIT + 1
 PAGE_BITS = 0x18  # of PCLATH, for CALL and GOTO: section 2.4
 
 
-@njit
-def stays(s, plain, pc):  # type: ignore[no-untyped-def]
+@compiled
+def stays(s: Vector, plain: Vector, pc: int) -> bool:
     """Whether the GOTO at `pc` goes to the page and the mirror image that it stands in."""
     return s[PCLATH] & PAGE_BITS == 0 and (plain[pc & ROW_MASK] >> 8 & 0x7FF) >> 10 == pc >> 10
 
 
-def _build(observed: bool, sources: str) -> Callable[..., int]:
-    """`observed` counts and traces every instruction; `sources` is in the key of numba's cache, no more."""
+def instruction_loop(observed: bool) -> Callable[..., int]:
+    """The loop as a Python function to be compiled; `observed` counts and traces every instruction."""
 
-    @njit(cache=True)
-    def run(s, end, edges, stim, code, plain, regions, memo, recording, resume, counts, trace):  # type: ignore[no-untyped-def]
-        _ = sources
+    def run(
+        s: Vector,
+        end: int,
+        edges: Vector,
+        stim: Vector,
+        code: Vector,
+        plain: Vector,
+        regions: Vector,
+        memo: Vector,
+        recording: Vector,
+        resume: int,
+        counts: Vector,
+        trace: Vector,
+    ) -> int:
         pc, w, status, cycle = s[PC], s[W], s[STATUS], s[CYCLE]
         while True:
             s[PC] = pc
@@ -103,7 +113,7 @@ def _build(observed: bool, sources: str) -> Callable[..., int]:
                 why = AT_END
             elif s[EDGE_COUNT] >= s[EDGE_LIMIT]:
                 why = EDGES_FULL
-            elif observed and len(trace) and s[TRACE_COUNT] >= len(trace):
+            elif observed and s[TRACE_ROOM] and s[TRACE_COUNT] >= s[TRACE_ROOM]:
                 why = TRACE_FULL
             if why != GOES_ON:
                 settle_counters(s, s[CYCLE])
@@ -127,7 +137,7 @@ def _build(observed: bool, sources: str) -> Callable[..., int]:
                     if op == EXIT:  # the region that is being recorded is left
                         depth -= 1
                         remember(s, memo, recording, depth, regions, cycle, pc, w, status)
-                        base = (recording[depth - 1, 3] + 1) * ROW if depth else 0
+                        base = (recording[3 + RECORD * (depth - 1)] + 1) * ROW if depth else 0
                         continue
                     if op == BREAK:
                         if cycle != resume:
@@ -142,18 +152,18 @@ def _build(observed: bool, sources: str) -> Callable[..., int]:
                                 key = pc << 16 | w << 8 | status
                                 slot = lookup(memo, key, registers)
                                 if slot >= 0:
-                                    if cycle + memo[slot, 2] <= horizon:
-                                        cycle += memo[slot, 2]
+                                    if cycle + memo[slot + 2] <= horizon:
+                                        cycle += memo[slot + 2]
                                         recall(s, memo, slot, regions, region)
-                                        after = memo[slot, 3]
+                                        after = memo[slot + 3]
                                         pc, w, status = after >> 16, after >> 8 & 0xFF, after & 0xFF
                                         bank = (status & RP0) << 2
                                         continue
                                 elif depth < DEEPEST_RECORDING:
-                                    recording[depth, 0] = key
-                                    recording[depth, 1] = registers
-                                    recording[depth, 2] = cycle
-                                    recording[depth, 3] = region
+                                    recording[0 + RECORD * depth] = key
+                                    recording[1 + RECORD * depth] = registers
+                                    recording[2 + RECORD * depth] = cycle
+                                    recording[3 + RECORD * depth] = region
                                     depth += 1
                                     base = (region + 1) * ROW
                     elif op == SPIN and stays(s, plain, pc):
@@ -346,22 +356,18 @@ def _build(observed: bool, sources: str) -> Callable[..., int]:
                         w ^= word >> 8 & 0xFF
                     status = status & ~Z | (Z if w == 0 else 0)
                 if observed:
-                    counts[at & ROW_MASK, 0] += 1
-                    counts[at & ROW_MASK, 1] += cycle - start
-                    if len(trace):
+                    counts[2 * (at & ROW_MASK) + 0] += 1
+                    counts[2 * (at & ROW_MASK) + 1] += cycle - start
+                    if s[TRACE_ROOM]:
                         i = s[TRACE_COUNT]
-                        trace[i, 0], trace[i, 1], trace[i, 2], trace[i, 3] = start, at, w, status
+                        trace[4 * i + 0], trace[4 * i + 1], trace[4 * i + 2], trace[4 * i + 3] = (
+                            start,
+                            at,
+                            w,
+                            status,
+                        )
                         s[TRACE_COUNT] = i + 1
-                        if i + 1 == len(trace):
+                        if i + 1 == s[TRACE_ROOM]:
                             break
 
     return run
-
-
-@cache
-def kernel(observed: bool) -> Callable[..., Any]:
-    """The compiled loop; from numba's cache when none of this package's sources has changed."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(path.read_bytes())
-    return _build(observed, digest.hexdigest())

@@ -85,8 +85,9 @@ RAM_SLOTS = 128
     EDGE_COUNT,
     EDGE_LIMIT,
     TRACE_COUNT,
+    TRACE_ROOM,
     WARN_COUNT,
-) = range(RAM_SLOTS, RAM_SLOTS + 61)
+) = range(RAM_SLOTS, RAM_SLOTS + 62)
 
 STACK = 192  # 8 levels: DS35007 section 2.5
 EEPROM = 200  # 64 bytes: DS35007 section 3
@@ -101,6 +102,14 @@ SLOTS = READ_UNWRITTEN + RAM_SLOTS
 PACK_CYCLE, PACK_PIN, PACK_LEVELS = 8, 2, 3
 MCLR_PIN = 13
 """The number of the reset pin in a stimulus, after the thirteen of `edges.PINS`."""
+
+# The memory of regions (memo.py), one vector of rows; and the regions being recorded, one inside the other.
+MEMO_ROWS, MEMO_COLUMNS = 1 << 12, 5
+UNKNOWN = -1
+DEEPEST_RECORDING, RECORD = 8, 4
+REGION_BYTES = 7
+"""RAM bytes of a region at most: they are a memory's key, in 63 bits."""
+REGION = 1 + REGION_BYTES
 
 # Why the instruction loop came back to the host.
 GOES_ON, AT_END, EDGES_FULL, AT_BREAKPOINT, NEEDS_STIMULUS, TRACE_FULL = range(6)

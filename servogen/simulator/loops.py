@@ -23,6 +23,7 @@ import numpy.typing as npt
 
 from servogen.errors import InputError
 from servogen.pic.device import PROGRAM_WORDS
+from servogen.simulator.layout import REGION, REGION_BYTES
 from servogen.simulator.program import (
     BREAK,
     D_BIT,
@@ -39,8 +40,6 @@ from servogen.simulator.program import (
     Code,
 )
 
-REGION_BYTES = 7
-"""RAM bytes of a region at most: they are a memory's key, in 63 bits."""
 LONGEST_WAIT = 64
 """Words of a wait at most."""
 STATUS_ADDRESS, FLAG_BITS = 3, 0b111
@@ -90,11 +89,11 @@ def fast_code(plain: Code) -> FastCode:
     for region in regions:
         inner = {a: words[a] if a in region.heads else marks.get(a, words[a]) for a in region.members}
         rows.append([inner.get(a, EXIT) for a in range(_N)])
-    table = np.zeros((max(1, len(regions)), 1 + REGION_BYTES), dtype=np.int64)
+    table = np.zeros((max(1, len(regions)), REGION), dtype=np.int64)
     for n, region in enumerate(regions):
         table[n, 0] = len(region.ram)
         table[n, 1 : 1 + len(region.ram)] = region.ram
-    return FastCode(np.array(rows, dtype=np.int64).reshape(-1), table)
+    return FastCode(np.array(rows, dtype=np.int64).reshape(-1), table.reshape(-1))
 
 
 def marked_code(code: Code, plain: Code, breakpoints: Set[int]) -> Code:

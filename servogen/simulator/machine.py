@@ -17,9 +17,8 @@ from servogen.errors import InputError
 from servogen.pic.device import PROGRAM_WORDS
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
-from servogen.simulator.kernel import kernel
 from servogen.simulator.loops import fast_code, marked_code
-from servogen.simulator.memo import new_memo, new_recording
+from servogen.simulator.native import Loop, loop
 from servogen.simulator.options import Options
 from servogen.simulator.program import Code, program_code
 from servogen.simulator.reset_state import power_up
@@ -30,6 +29,9 @@ EDGE_ROOM = 1 << 16
 """Edges that a chunk holds at most."""
 EDGE_SLACK = 4 * len(PINS)
 """Edges that one free run of instructions can add after the buffer was found not full."""
+
+SLICE = 1 << 28
+"""Cycles that are run without coming back to Python, so that an interrupt from the keyboard is heard."""
 
 Packed = npt.NDArray[np.int64]
 
@@ -78,8 +80,8 @@ class Machine:
         self._s = power_up(image, clock, options)
         self._plain = program_code(image)
         self._fast = fast_code(self._plain)
-        self._memo = new_memo()
-        self._recording = new_recording()
+        self._memo = np.full(at.MEMO_ROWS * at.MEMO_COLUMNS, at.UNKNOWN, dtype=np.int64)
+        self._recording = np.zeros(at.DEEPEST_RECORDING * at.RECORD, dtype=np.int64)
         self._edges = np.zeros(EDGE_ROOM + EDGE_SLACK, dtype=np.int64)
         self._s[at.EDGE_LIMIT] = EDGE_ROOM
         self._changes = stimulus.changes(clock) if stimulus else None
@@ -173,7 +175,8 @@ class Machine:
         """
         end = self.cycles + cycles
         code = marked_code(self._plain, self._plain, self.breakpoints)
-        for why in self._runs(end, code, kernel(observed=True), observation):
+        self._s[at.TRACE_ROOM] = len(observation.trace)
+        for why in self._runs(end, code, loop(observed=True), observation):
             rows = observation.trace[: self._s[at.TRACE_COUNT]].copy()
             self._s[at.TRACE_COUNT] = 0
             if why in _RESTING or len(rows) or self._s[at.EDGE_COUNT]:
@@ -182,28 +185,30 @@ class Machine:
     def _advance(self, end: int, *, fast: bool, breakpoints: Set[int] | None = None) -> Iterator[EdgeChunk]:
         stops = self.breakpoints if breakpoints is None else breakpoints
         code = marked_code(self._fast.code if fast else self._plain, self._plain, stops)
-        for _ in self._runs(end, code, kernel(observed=False), _UNOBSERVED):
+        for _ in self._runs(end, code, loop(observed=False), _UNOBSERVED):
             if self._s[at.EDGE_COUNT]:
                 yield self._drain()
 
-    def _runs(self, end: int, code: Code, run: Callable[..., int], observation: Observation) -> Iterator[int]:
+    def _runs(self, end: int, code: Code, run: Loop, observation: Observation) -> Iterator[int]:
         """Call the instruction loop until the end or a breakpoint, giving why it came back each time."""
         resume = self.cycles
         while True:
             why = run(
-                self._s,
-                end,
-                self._edges,
-                self._stim,
-                code,
-                self._plain,
-                self._fast.regions,
-                self._memo,
-                self._recording,
+                self._s.ctypes.data,
+                min(end, self.cycles + SLICE),
+                self._edges.ctypes.data,
+                self._stim.ctypes.data,
+                code.ctypes.data,
+                self._plain.ctypes.data,
+                self._fast.regions.ctypes.data,
+                self._memo.ctypes.data,
+                self._recording.ctypes.data,
                 resume,
-                observation.counts,
-                observation.trace,
+                observation.counts.ctypes.data,
+                observation.trace.ctypes.data,
             )
+            if why == at.AT_END and self.cycles < end:
+                continue
             if why == at.NEEDS_STIMULUS:
                 self._refill()
                 continue

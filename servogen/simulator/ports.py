@@ -7,7 +7,7 @@ weak pull-ups when RBPU is 0 (section 4.2), else `FLOATING`.
 
 from __future__ import annotations
 
-from numba import njit
+from servogen.simulator.compiled import Vector, compiled
 
 from servogen.simulator.interrupts import INTF, RBIF, note_flags
 from servogen.simulator.layout import (
@@ -47,8 +47,8 @@ T0CKI_DELAY = 1
 """Cycles from an edge of T0CKI to its count: 3 to 7 oscillator periods (DS30430 figure 6-5)."""
 
 
-@njit
-def settle(s, at):  # type: ignore[no-untyped-def]
+@compiled
+def settle(s: Vector, at: int) -> None:
     """The pins are as latches, directions and the world outside make them, from cycle `at`."""
     driven = ~s[TRIS] & (A | B)
     if s[LATCH] & RA4:
@@ -69,8 +69,8 @@ def settle(s, at):  # type: ignore[no-untyped-def]
         react(s, at, changed)
 
 
-@njit
-def react(s, at, changed):  # type: ignore[no-untyped-def]
+@compiled
+def react(s: Vector, at: int, changed: int) -> None:
     """What T0CKI, INT and the change interrupt make of pins that changed: DS35007 sections 5, 6.8.1 and 4.2."""
     rising = changed & s[PINS]
     if (
@@ -87,22 +87,22 @@ def react(s, at, changed):  # type: ignore[no-untyped-def]
     note_flags(s, at)
 
 
-@njit
-def compare(s):  # type: ignore[no-untyped-def]
+@compiled
+def compare(s: Vector) -> None:
     """RBIF is set as long as an input of RB4 to RB7 differs from what was last read: DS35007 section 4.2."""
     if (s[PINS] ^ s[RB_OLD]) & s[TRIS] & RB4_TO_7:
         s[INTCON] |= RBIF
 
 
-@njit
-def contention(s, bits):  # type: ignore[no-untyped-def]
+@compiled
+def contention(s: Vector, bits: int) -> None:
     for pin in range(PIN_COUNT):
         if bits >> pin & 1:
             warn(s, WARN_CONTENTION, pin)
 
 
-@njit
-def emit(s, edges, at):  # type: ignore[no-untyped-def]
+@compiled
+def emit(s: Vector, edges: Vector, at: int) -> None:
     """Note every change of what the chip drives, in order of pins: the instruction of cycle `at` made it."""
     driven = ~s[TRIS] & (A | B)
     if s[LATCH] & RA4 and not s[RA4_PULLED_UP]:
@@ -126,8 +126,8 @@ def emit(s, edges, at):  # type: ignore[no-untyped-def]
     s[EDGE_COUNT] = count
 
 
-@njit
-def port_write(s, edges, at, port, value):  # type: ignore[no-untyped-def]
+@compiled
+def port_write(s: Vector, edges: Vector, at: int, port: int, value: int) -> None:
     """An instruction in cycle `at` writes a port's latch; `port` is A or B. A write of port B reads it too."""
     s[LATCH_WRITTEN] |= port
     if port == A:
@@ -139,8 +139,8 @@ def port_write(s, edges, at, port, value):  # type: ignore[no-untyped-def]
     settle(s, at + 1)
 
 
-@njit
-def tris_write(s, edges, at, port, value):  # type: ignore[no-untyped-def]
+@compiled
+def tris_write(s: Vector, edges: Vector, at: int, port: int, value: int) -> None:
     """An instruction in cycle `at` writes a port's direction: 0 makes a pin an output."""
     before = s[TRIS]
     if port == A:
@@ -158,8 +158,8 @@ def tris_write(s, edges, at, port, value):  # type: ignore[no-untyped-def]
     note_flags(s, at + 1)
 
 
-@njit
-def outside(s, at, pin, level):  # type: ignore[no-untyped-def]
+@compiled
+def outside(s: Vector, at: int, pin: int, level: int) -> None:
     """The world drives a pin from cycle `at`: level 0 or 1, or 2 to let it go."""
     bit = 1 << pin
     s[EXT_MASK] &= ~bit

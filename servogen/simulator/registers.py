@@ -6,7 +6,7 @@ own; unimplemented addresses and EECON2 read as 0. A read happens in Q2 of its c
 
 from __future__ import annotations
 
-from numba import njit
+from servogen.simulator.compiled import Vector, compiled
 
 from servogen.simulator.eeprom import eecon1_write, eecon2_write
 from servogen.simulator.interrupts import note_flags
@@ -28,8 +28,8 @@ from servogen.simulator.timer import option_write, t0_read, t0_sync, t0_write
 BANK_1 = 0x80
 
 
-@njit
-def read_register(s, address, at):  # type: ignore[no-untyped-def]
+@compiled
+def read_register(s: Vector, address: int, at: int) -> int:
     low = address & 0x7F
     if low == 0x06:
         if address & BANK_1:
@@ -54,8 +54,8 @@ def read_register(s, address, at):  # type: ignore[no-untyped-def]
     return 0
 
 
-@njit
-def write_register(s, edges, address, at, value):  # type: ignore[no-untyped-def]
+@compiled
+def write_register(s: Vector, edges: Vector, address: int, at: int, value: int) -> bool:
     """Returns whether events or interrupts may have moved, so that the loop must look at them anew."""
     low = address & 0x7F
     if low == 0x04:
@@ -91,8 +91,8 @@ def write_register(s, edges, address, at, value):  # type: ignore[no-untyped-def
     return True
 
 
-@njit
-def write_option(s, at, value):  # type: ignore[no-untyped-def]
+@compiled
+def write_option(s: Vector, at: int, value: int) -> None:
     """OPTION_REG, in either way to write it: prescaler, timer and port B's pull-ups change in the next cycle."""
     option_write(s, at + 1, value)
     settle(s, at + 1)

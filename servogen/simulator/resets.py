@@ -6,7 +6,7 @@ until it is written.
 
 from __future__ import annotations
 
-from numba import njit
+from servogen.simulator.compiled import Vector, compiled
 
 from servogen.simulator.eeprom import reset_eecon1
 from servogen.simulator.layout import (
@@ -41,8 +41,8 @@ FETCH = 1
 """Cycles from the end of a reset to the instruction at 0000h: its fetch."""
 
 
-@njit
-def enter_reset(s, edges, at):  # type: ignore[no-untyped-def]
+@compiled
+def enter_reset(s: Vector, edges: Vector, at: int) -> None:
     """What every reset but power-up does, in cycle `at`."""
     t0_advance(s, at)
     s[PC] = 0
@@ -66,15 +66,15 @@ def enter_reset(s, edges, at):  # type: ignore[no-untyped-def]
     compare(s)
 
 
-@njit
-def watchdog_reset(s, edges, at):  # type: ignore[no-untyped-def]
+@compiled
+def watchdog_reset(s: Vector, edges: Vector, at: int) -> None:
     s[STATUS] = (s[STATUS] & KEPT_STATUS) | PD
     s[RESETS_WDT] += 1
     enter_reset(s, edges, at)
 
 
-@njit
-def mclr_reset(s, edges, at):  # type: ignore[no-untyped-def]
+@compiled
+def mclr_reset(s: Vector, edges: Vector, at: int) -> None:
     if s[SLEEPING]:
         s[STATUS] = (s[STATUS] & KEPT_STATUS) | TO
         s[RESETS_MCLR_SLEEP] += 1

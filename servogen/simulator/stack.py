@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from numba import njit
+from servogen.simulator.compiled import Vector, compiled
 
 from servogen.simulator.layout import (
     DEEPEST,
@@ -19,8 +19,8 @@ from servogen.simulator.warn import warn
 LEVELS = 8
 
 
-@njit
-def push(s, address):  # type: ignore[no-untyped-def]
+@compiled
+def push(s: Vector, address: int) -> None:
     s[STACK + s[SP]] = address
     s[SP] = (s[SP] + 1) & (LEVELS - 1)
     if s[DEPTH] == LEVELS:
@@ -31,8 +31,8 @@ def push(s, address):  # type: ignore[no-untyped-def]
         s[DEEPEST] = max(s[DEEPEST], s[DEPTH])
 
 
-@njit
-def pop(s):  # type: ignore[no-untyped-def]
+@compiled
+def pop(s: Vector) -> int:
     s[SP] = (s[SP] - 1) & (LEVELS - 1)
     if s[DEPTH] == 0:
         s[UNDERFLOWS] += 1

@@ -13,7 +13,7 @@ T0IF is set by the clock that takes TMR0 from FFh to 00h, three oscillator perio
 
 from __future__ import annotations
 
-from numba import njit
+from servogen.simulator.compiled import Vector, compiled
 
 from servogen.simulator.interrupts import T0IF, note_flags
 from servogen.simulator.layout import (
@@ -38,21 +38,21 @@ FLAG_AHEAD = 1
 """Cycles by which T0IF is seen before TMR0 is read as 00h."""
 
 
-@njit
-def t0_shift(s):  # type: ignore[no-untyped-def]
+@compiled
+def t0_shift(s: Vector) -> int:
     """log2 of the prescaler's division of the timer's clock: DS35007 section 5.1."""
     option = s[OPTION]
     return 0 if option & PSA else (option & PS) + 1
 
 
-@njit
-def t0_runs(s):  # type: ignore[no-untyped-def]
+@compiled
+def t0_runs(s: Vector) -> bool:
     """Whether the instruction clock counts; in SLEEP there is none."""
     return (s[OPTION] & T0CS) == 0 and s[SLEEPING] == 0
 
 
-@njit
-def t0_read(s, at):  # type: ignore[no-untyped-def]
+@compiled
+def t0_read(s: Vector, at: int) -> int:
     """What an instruction in cycle `at` reads from TMR0."""
     if not t0_runs(s) or at <= s[T0_AT]:
         return s[T0_VALUE]
@@ -61,8 +61,8 @@ def t0_read(s, at):  # type: ignore[no-untyped-def]
     return (s[T0_VALUE] + (ticks >> shift)) & 0xFF
 
 
-@njit
-def t0_flag_at(s):  # type: ignore[no-untyped-def]
+@compiled
+def t0_flag_at(s: Vector) -> int:
     """The cycle in which T0IF is next seen set by the internal clock, or NEVER."""
     if not t0_runs(s):
         return NEVER
@@ -74,8 +74,8 @@ def t0_flag_at(s):  # type: ignore[no-untyped-def]
     return due
 
 
-@njit
-def t0_sync(s, at):  # type: ignore[no-untyped-def]
+@compiled
+def t0_sync(s: Vector, at: int) -> None:
     """Move the anchor up to `at`, and set T0IF if it was due by then."""
     due = t0_flag_at(s)
     if due <= at:
@@ -85,8 +85,8 @@ def t0_sync(s, at):  # type: ignore[no-untyped-def]
     t0_advance(s, at)
 
 
-@njit
-def t0_advance(s, at):  # type: ignore[no-untyped-def]
+@compiled
+def t0_advance(s: Vector, at: int) -> None:
     """Move the anchor up to `at`; T0IF is not looked at."""
     if not t0_runs(s) or at <= s[T0_AT]:
         return
@@ -97,8 +97,8 @@ def t0_advance(s, at):  # type: ignore[no-untyped-def]
     s[T0_AT] = at
 
 
-@njit
-def t0_write(s, at, value):  # type: ignore[no-untyped-def]
+@compiled
+def t0_write(s: Vector, at: int, value: int) -> None:
     """An instruction in cycle `at` writes TMR0: DS35007 section 5, "increment is inhibited"."""
     t0_sync(s, at)
     s[T0_VALUE] = value
@@ -108,8 +108,8 @@ def t0_write(s, at, value):  # type: ignore[no-untyped-def]
         s[PRESCALER] = 0
 
 
-@njit
-def t0_external(s, at):  # type: ignore[no-untyped-def]
+@compiled
+def t0_external(s: Vector, at: int) -> None:
     """An edge of T0CKI, counted in cycle `at`; one that comes while the timer stands still is lost."""
     if at <= s[T0_HELD]:
         return
@@ -124,8 +124,8 @@ def t0_external(s, at):  # type: ignore[no-untyped-def]
         note_flags(s, at)
 
 
-@njit
-def wdt_deadline(s):  # type: ignore[no-untyped-def]
+@compiled
+def wdt_deadline(s: Vector) -> int:
     """The cycle of the next watchdog time-out, or NEVER: DS35007 section 6.10."""
     if s[WDT_PERIOD] == 0:
         return NEVER
@@ -136,8 +136,8 @@ def wdt_deadline(s):  # type: ignore[no-untyped-def]
     return s[WDT_AT] + periods * s[WDT_PERIOD]
 
 
-@njit
-def wdt_sync(s, at):  # type: ignore[no-untyped-def]
+@compiled
+def wdt_sync(s: Vector, at: int) -> None:
     """Account for the watchdog's periods up to `at`, which the prescaler counts when it is assigned."""
     if s[WDT_PERIOD] == 0:
         return
@@ -147,24 +147,24 @@ def wdt_sync(s, at):  # type: ignore[no-untyped-def]
         s[PRESCALER] = (s[PRESCALER] + periods) & 0xFF
 
 
-@njit
-def settle_counters(s, at):  # type: ignore[no-untyped-def]
+@compiled
+def settle_counters(s: Vector, at: int) -> None:
     """Make the slots say what the counters hold in cycle `at`, for the host to read."""
     t0_sync(s, at)
     if at < wdt_deadline(s):
         wdt_sync(s, at)
 
 
-@njit
-def wdt_clear(s, at):  # type: ignore[no-untyped-def]
+@compiled
+def wdt_clear(s: Vector, at: int) -> None:
     """CLRWDT or SLEEP: the watchdog starts anew at `at`, its prescaler at 0 when assigned to it."""
     s[WDT_AT] = at
     if s[OPTION] & PSA:
         s[PRESCALER] = 0
 
 
-@njit
-def option_write(s, at, value):  # type: ignore[no-untyped-def]
+@compiled
+def option_write(s: Vector, at: int, value: int) -> None:
     """OPTION_REG holds `value` from cycle `at`; the shared prescaler keeps its count when it changes hands."""
     t0_sync(s, at - 1)
     t0_advance(s, at)

@@ -5,13 +5,13 @@ Compiled: called from the instruction loop, but rarely.
 
 from __future__ import annotations
 
-from numba import njit
+from servogen.simulator.compiled import Vector, compiled
 
 from servogen.simulator.layout import CYCLE, WARN_COUNT, WARNING_SLOTS, WARNINGS
 
 
-@njit
-def warn(s, code, subject):  # type: ignore[no-untyped-def]
+@compiled
+def warn(s: Vector, code: int, subject: int) -> None:
     """Note `code` about `subject` (a pin, an address), unless it is noted already or the table is full."""
     key = code << 16 | subject
     count = s[WARN_COUNT]

@@ -1,0 +1,147 @@
+"""The instruction loop as machine code that is kept across processes.
+
+numba compiles the loop once for this processor (about ten seconds); what it made is kept as an object file, so that
+a later process loads that through llvmlite in milliseconds, without numba and its start-up time. The file's name is
+a digest of the sources, the versions and the processor: any change makes a new one.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import re
+import tempfile
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import llvmlite  # type: ignore[import-untyped]
+from llvmlite import binding as llvm
+
+from servogen.errors import ToolError
+from servogen.simulator.program import OPS
+
+ENTRY = "servogen_run"
+SIGNATURE = "pipppppppipp"
+"""The arguments of `kernel.instruction_loop`: pointers to int64 (p) and int64 (i)."""
+
+Loop = Callable[..., int]
+
+
+@cache
+def loop(observed: bool) -> Loop:
+    """The compiled loop, with or without observation: takes addresses of vectors, gives why it came back."""
+    name = f"simulator-{'observed' if observed else 'plain'}-{_digest()}.o"
+    for folder in _folders():
+        path = folder / name
+        if path.is_file():
+            return _load(path.read_bytes())
+    code = _compile(observed)
+    _keep(name, code)
+    return _load(code)
+
+
+def _digest() -> str:
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    digest.update(repr(OPS).encode())  # the numbers of the instructions come from pic.isa
+    machine = (llvm.get_process_triple(), llvm.get_host_cpu_name(), _features(), llvmlite.__version__)
+    digest.update(repr(machine).encode())
+    return digest.hexdigest()[:24]
+
+
+def _features() -> str:
+    return str(llvm.get_host_cpu_features().flatten())
+
+
+def _folders() -> Iterator[Path]:
+    """Where object files are kept: beside the sources, or where the user may write."""
+    yield Path(__file__).parent / "__pycache__"
+    base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or Path.home() / ".cache"
+    yield Path(base) / "servogen"
+
+
+def _keep(name: str, code: bytes) -> None:
+    """Write the object file where it can be written first; a process that cannot compiles each time."""
+    for folder in _folders():
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.NamedTemporaryFile(dir=folder, delete=False) as file:
+                file.write(code)
+            Path(file.name).replace(folder / name)
+            for old in folder.glob(f"{name.rpartition('-')[0]}-*.o"):
+                if old.name != name:
+                    old.unlink()
+        except OSError:
+            continue
+        return
+
+
+def _compile(observed: bool) -> bytes:
+    """An object file with the loop as the function ENTRY, in numba's way to call: (result, error, arguments)."""
+    from numba import cfunc, types
+
+    from servogen.simulator.kernel import instruction_loop
+
+    kinds = {"p": types.CPointer(types.int64), "i": types.int64}  # type: ignore[no-untyped-call]
+    signature = types.int64(*(kinds[kind] for kind in SIGNATURE))
+    made = cfunc(signature, error_model="numpy")(instruction_loop(observed))
+    text = _alone(made.inspect_llvm(), made.native_name.removeprefix("cfunc."))
+    module = llvm.parse_assembly(text)
+    return bytes(_target().emit_object(module))
+
+
+def _alone(text: str, name: str) -> str:
+    """The module without numba's wrappers, which need numba to run, and with the loop under our name."""
+    text = re.sub(
+        r"^define [^\n]*@\"?(?:cfunc|cpython|_ZN7cpython)[^\n]*\{\n.*?^\}\n", "", text, flags=re.M | re.S
+    )
+    text = text.replace(f"@{name}", f"@{ENTRY}").replace(f'@"{name}"', f"@{ENTRY}")
+    for declared in re.findall(r"^declare [^\n]*@\"?([\w.]+)", text, flags=re.M):
+        if not declared.startswith("llvm.") and len(re.findall(rf"@\"?{re.escape(declared)}\b", text)) > 1:
+            raise ToolError(f"the compiled simulator needs '{declared}', which only numba has")
+    return text
+
+
+def _target() -> Any:
+    """This process's machine, with the code model and relocations that numba uses for code made at run time."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    target = llvm.Target.from_triple(llvm.get_process_triple())
+    return target.create_target_machine(
+        cpu=llvm.get_host_cpu_name(),
+        features=_features(),
+        opt=3,
+        reloc="static" if target.name.startswith("x86") else "default",
+        codemodel="jitdefault",
+        jit=True,
+    )
+
+
+_ENGINES: list[Any] = []
+"""Machine code lives as long as its engine."""
+
+
+def _load(code: bytes) -> Loop:
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    _ENGINES.append(engine)
+    address = engine.get_function_address(ENTRY)
+    if not address:
+        raise ToolError(
+            "the compiled simulator cannot be loaded", hint="this is a defect of servogen; report it"
+        )
+    arguments = [ctypes.c_void_p if kind == "p" else ctypes.c_int64 for kind in SIGNATURE]
+    function = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, *arguments)(address)
+
+    def call(*values: int) -> int:
+        result, error = ctypes.c_int64(), ctypes.c_void_p()
+        if function(ctypes.addressof(result), ctypes.addressof(error), *values) != 0:
+            raise ToolError("the compiled simulator failed", hint="this is a defect of servogen; report it")
+        return result.value
+
+    return call
