@@ -156,7 +156,7 @@ class DriveTable(Table):
 
     wheels: tuple[str, str, str]
     corners_mm: tuple[tuple[Coordinate, Coordinate], ...] = Field(min_length=2)
-    speed_mm_s: float = Field(gt=0, le=MOST_MM)
+    speed_mm_s: float = Field(ge=0.001, le=MOST_MM)
     directions: Literal["any", "six"] = "any"
     pause_s: Seconds = 0.0
     ramp_s: Seconds = 0.0

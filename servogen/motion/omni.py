@@ -137,6 +137,8 @@ def drive(
     """
     period_s = clock.seconds(period)
     pause, ramp = (round(seconds / period_s) for seconds in (pause_s, ramp_s))
+    if not speed * float(period_s) > 0:
+        raise InputError(f"a speed is more than 0, not {speed:g} m/s")
     asked = [each.length / (speed * float(period_s)) for each in stretches]
     if sum(asked) + len(asked) * (2 * ramp + pause + 1) > MOST_FRAMES:
         raise InputError(f"the drive is more than {MOST_FRAMES} frames long", hint="raise its speed")

@@ -164,6 +164,8 @@ def test_without_repeat_the_wheels_stop_for_ever_at_the_end() -> None:
 def test_a_drive_without_end_is_refused() -> None:
     with pytest.raises(InputError, match="frames long"):
         driven((routine(BASE, 0, 1e6),), 1e-3)
+    with pytest.raises(InputError, match="a speed is more than 0"):
+        driven((routine(BASE, 0, 1.0),), 0.0)
 
 
 def test_equal_wheels_turn_the_base_on_the_spot() -> None:

@@ -49,12 +49,14 @@ class Mover:
     """Where arm and hand are, and every frame since the beginning, when they stood at home, open."""
 
     def __init__(
-        self, manipulator: Manipulator, hand: Hand | None, period_s: Fraction, most_frames: int
+        self, manipulator: Manipulator, hand: Hand | None, period_s: Fraction, most_s: Fraction
     ) -> None:
         self.manipulator = manipulator
         self.hand = hand
         self.period_s = period_s
-        self.most_frames = most_frames
+        self.most_s = most_s
+        self.uncounted = 1
+        """Frames that are not the program's: the first, and those of its first pass."""
         self.q: Floats = np.array(manipulator.arm.home)
         self.hand_state = OPEN
         self.speed = FIRST_SPEED
@@ -180,9 +182,9 @@ class Mover:
             )
 
     def _allowed(self, frames: int) -> int:
-        if self.frame + frames > self.most_frames:
+        if (self.frame + frames - self.uncounted) * self.period_s > self.most_s:
             raise InputError(
-                f"the program would take longer than {float(self.most_frames * self.period_s):g} s",
+                f"the program would take longer than {float(self.most_s):g} s",
                 hint="end it with ED; what should go on for ever is repeated by its job; or allow more time",
             )
         return frames

@@ -63,13 +63,14 @@ def run(
     that cannot be carried out.
     """
     period_s = clock.seconds(period)
-    mover = Mover(arm, hand, period_s, int(budget.seconds / period_s))
+    mover = Mover(arm, hand, period_s, budget.seconds)
     controller = Controller(mover, InputPort(inputs, period_s), budget.commands)
     start = _once(controller, source)
     if repeat:
         first, loop_start, end = _repeated(controller, source, start, inputs)
     else:
         first, loop_start, end = 0, mover.frame, mover.frame + 1
+        mover.uncounted += 1
         mover.stand(1)
     joints = (*arm.joints, hand.name) if hand else arm.joints
     return Run(
@@ -136,6 +137,8 @@ def _repeated(
         )
     after, second = controller.kept(), controller.mover.frame
     steps, outputs = len(controller.steps), len(controller.outputs)
+    controller.commands = 0  # each pass has the whole budget
+    controller.mover.uncounted += second + 1
     if start.statement is None:
         controller.run_program(min(controller.program), None)
     else:

@@ -146,6 +146,16 @@ def test_a_program_that_does_not_end_is_stopped_after_so_much_time(refused: Refu
     assert said.startswith("a.rvm:1:4: program line 10: the program would take longer than 60 s\n")
 
 
+@pytest.mark.parametrize("repeat", [False, True])
+def test_a_program_may_take_all_of_its_time_and_commands(ran: Ran, refused: Refused, repeat: bool) -> None:
+    budget = Budget(commands=3, seconds=Fraction(1))
+    ran("10 TI 4\n20 TI 5\n30 TI 1", budget=budget, repeat=repeat)
+    assert "would take longer than 1 s" in refused("10 TI 11", budget=budget, repeat=repeat)
+    assert "after 3 commands" in refused("10 IC 1\n20 IC 1\n30 IC 1\n40 IC 1", budget=budget, repeat=repeat)
+    tiny = Budget(seconds=Fraction(1, 1000))
+    assert refused("10 TI 1", budget=tiny).startswith("a.rvm:1:4: program line 10: ")
+
+
 # Pallets -------------------------------------------------------------------------------------------------
 
 PALLET = (
