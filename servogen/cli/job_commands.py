@@ -99,10 +99,11 @@ def demo(
 ) -> None:
     """Build and prove several jobs, each in a folder of its own, and print one table."""
     from servogen.job import load
+    from servogen.pipeline import DoesNotFit, differences, write
     from servogen.pipeline import build as built
-    from servogen.pipeline import differences, write
 
-    done = []
+    done: list[Build] = []
+    refused: list[str] = []
     with status("reading") as tell:
         for job in jobs:
             loaded = load(job)
@@ -110,9 +111,15 @@ def demo(
             def progress(step: str, name: str = loaded.name) -> None:
                 tell(f"{name}: {step}")
 
-            done.append(built(loaded, progress))
+            try:
+                done.append(built(loaded, progress))
+            except DoesNotFit as error:
+                refused.append(error.message)
+                continue
             write(done[-1], output / loaded.name)
     _program_table(done)
+    for message in refused:
+        print(message)
     wrong = not all(each.proven for each in done)
     if against:
         different = [

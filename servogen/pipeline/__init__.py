@@ -3,10 +3,12 @@
 from servogen.pipeline.build import Build, Program, build, report, write
 from servogen.pipeline.differences import differences
 from servogen.pipeline.proof import LOOPS_CHECKED, checked_cycles, held, motion_cycles, prove, running
+from servogen.pipeline.tuning import DoesNotFit
 
 __all__ = [
     "LOOPS_CHECKED",
     "Build",
+    "DoesNotFit",
     "Program",
     "build",
     "checked_cycles",

@@ -13,10 +13,10 @@ from itertools import islice
 
 import numpy as np
 
-from servogen.compiler import Compilation, Options, Source, compile_sources
+from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
 from servogen.csource import Overheads, Path, Sequence, render, sequence
 from servogen.edges import EdgeChunk, EdgeTrace
-from servogen.errors import ServogenError
+from servogen.errors import InputError, ServogenError
 from servogen.pic.device import Device
 from servogen.pipeline.proof import board_of
 from servogen.pulse import PulseSchedule
@@ -27,6 +27,10 @@ ROUNDS = 3
 """One to measure, one to confirm; a third where the first delays were too short to be waited."""
 
 SLACK_FRAMES = 4
+
+
+class DoesNotFit(InputError):
+    """The job's motion is more than its engine can put on the chip: planned, but not built."""
 
 
 class TuningError(ServogenError):
@@ -47,20 +51,31 @@ class Firmware:
 def tune(schedule: PulseSchedule, dialect: str, device: Device, title: str) -> Firmware:
     """The firmware of a schedule with every delay corrected.
 
-    Raises InputError where a delay has no time left or the program does not fit the chip, TuningError where
-    the overheads do not settle.
+    Raises InputError where a delay has no time left, DoesNotFit where the chip is too small, TuningError
+    where the overheads do not settle.
     """
     overheads = Overheads()
     for _ in range(ROUNDS):
         program = sequence(schedule, overheads)
         file = f"main.{dialect}.c"
         text = render(program, dialect, device, title)
-        compilation = compile_sources([Source(text, file)], Options(dialect=dialect, device=device))
+        compilation = _compiled(text, file, Options(dialect=dialect, device=device), title)
         measured = measure(program, compilation)
         if measured == overheads:
             return Firmware(dialect, file, text, compilation, overheads)
         overheads = measured
     raise TuningError(f"{file}: the cycles between the delays did not settle in {ROUNDS} rounds")
+
+
+def _compiled(text: str, file: str, options: Options, title: str) -> Compilation:
+    """The compiler refuses a program of the templates only where the chip is too small for it."""
+    try:
+        return compile_sources([Source(text, file)], options)
+    except CompileError as error:
+        raise DoesNotFit(
+            f"{title}: planned, but more than the sequence engine can hold: {error.message}",
+            hint="fewer positions, shorter moves between them, or holds in place of moves",
+        ) from error
 
 
 def measure(program: Sequence, compilation: Compilation) -> Overheads:
