@@ -1,4 +1,6 @@
-"""The PIC16F84 C compiler: `compile_sources` takes C of the C2C or XC8 dialect and gives an image and a listing."""
+"""The PIC16F84 C compiler: `compile_sources` takes C of the C2C or XC8 dialect and gives an image and
+a listing.
+"""
 
 from servogen.compiler.diagnostics import CompileError, Diagnostic
 from servogen.compiler.driver import Compilation, Options, Source, compile_sources

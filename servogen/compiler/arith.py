@@ -1,10 +1,11 @@
 """Arithmetic on operands of one to four bytes, byte by byte, low byte first.
 
-In: target bytes and operand bytes of the same number. Out: instructions. A target may be the left operand itself
-(then the operation happens in place); where it overlaps otherwise the caller has put a copy in between.
+In: target bytes and operand bytes of the same number. Out: instructions. A target may be the left operand
+itself (then the operation happens in place); where it overlaps otherwise the caller has put a copy in
+between.
 
-The middle bytes of an addition use INCFSZ on the operand with the carry: when operand + carry is 256 the byte stays
-as it is and the carry stays set, so that skipping the ADDWF is exactly right.
+The middle bytes of an addition use INCFSZ on the operand with the carry: when operand + carry is 256 the
+byte stays as it is and the carry stays set, so that skipping the ADDWF is exactly right.
 """
 
 from __future__ import annotations
@@ -169,7 +170,7 @@ class Arithmetic(Emitter):
             self._count_down(t)
             return
         bytes_ = imms(value, len(t))
-        low = bytes_[0].value
+        low = value & 0xFF
         if len(t) == 1 and not isinstance(a[0], Imm) and low in (1, 0xFF):
             op = "INCF" if low == 1 else "DECF"
             self.emit(op, a[0], self.result(t[0], a[0]))
@@ -323,6 +324,7 @@ class Arithmetic(Emitter):
         if rest == 1 and not whole and not any(isinstance(each, Imm) for each in operand):
             self.emit("BCF", STATUS, b=C)
             for t, a in zip(target, operand, strict=True):
+                assert not isinstance(a, Imm)
                 self.emit("RLF", a, self.result(t, a))
                 self.finish(t, a)
             return
@@ -377,6 +379,7 @@ class Arithmetic(Emitter):
         elif rest == 1 and not whole and not signed and not any(isinstance(each, Imm) for each in operand):
             self.emit("BCF", STATUS, b=C)
             for t, a in zip(reversed(target), reversed(operand), strict=True):
+                assert not isinstance(a, Imm)
                 self.emit("RRF", a, self.result(t, a))
                 self.finish(t, a)
             return

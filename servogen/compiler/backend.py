@@ -1,7 +1,7 @@
 """From the typed tree to code of every function that is reached: main's, the interrupt's, the library's.
 
-In: a Program. Out: `Code` by name. Functions that both main and the interrupt reach are made twice, each with its
-own variables, so that an interrupt in the middle of one cannot change it.
+In: a Program. Out: `Code` by name. Functions that both main and the interrupt reach are made twice, each
+with its own variables, so that an interrupt in the middle of one cannot change it.
 """
 
 from __future__ import annotations
@@ -20,13 +20,11 @@ from servogen.compiler.tree import (
     Asm,
     Block,
     Call,
-
     Expr,
     ExprStmt,
     Function,
     Program,
     Ref,
-
     Symbol,
 )
 from servogen.errors import Place
@@ -95,7 +93,9 @@ class Backend:
         handlers = [function for function in functions.values() if function.interrupt]
         for extra in handlers[1:]:
             self.reporter.error(
-                "there is a second interrupt function", extra.place, hint=f"the first is '{handlers[0].name}' at {handlers[0].place}"
+                "there is a second interrupt function",
+                extra.place,
+                hint=f"the first is '{handlers[0].name}' at {handlers[0].place}",
             )
         for handler in handlers:
             if handler.parameters or not isinstance(handler.result, VoidType):
@@ -176,7 +176,13 @@ class Backend:
                 if result.size == 1 and result.scalar:
                     code.returns_w = True
                 else:
-                    code.result = Symbol(f"{full}.result", result, "result", function=name, pinned=not isinstance(result, IntType))
+                    code.result = Symbol(
+                        f"{full}.result",
+                        result,
+                        "result",
+                        function=name,
+                        pinned=not isinstance(result, IntType),
+                    )
                     code.own.append(code.result)
             one_byte = [each for each in code.parameters if each.size == 1 and each.type.scalar]
             code.w_parameter = one_byte[-1] if one_byte else None
@@ -209,5 +215,3 @@ def globals_of(program: Program, names: list[str]) -> set[Symbol]:
             elif isinstance(expr, AddressOf):
                 found.add(expr.target.symbol)
     return found
-
-

@@ -1,8 +1,9 @@
 """Bank switching: RP0 is set for the registers of bank 1 and cleared again behind them.
 
-In: a function's instructions. Out: the same with BSF and BCF of RP0 where they are needed. A program that switches
-by itself keeps its own switches, and none is added inside its bracket. Variables need none: RAM is the same in
-both banks (DS35007 section 2.2). The code generator never puts a skip before or on a register of bank 1.
+In: a function's instructions. Out: the same with BSF and BCF of RP0 where they are needed. A program that
+switches by itself keeps its own switches, and none is added inside its bracket. Variables need none: RAM
+is the same in both banks (DS35007 section 2.2). The code generator never puts a skip before or on a
+register of bank 1.
 """
 
 from __future__ import annotations
@@ -92,5 +93,3 @@ def _states(ins: list[Ins]) -> list[int | None]:
                 break
             number += 1
     return state
-
-

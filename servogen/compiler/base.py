@@ -1,6 +1,7 @@
 """What the parts of the semantic analysis share: the dialect, the scopes, errors, and conversions.
 
-In: typed operands. Out: operands converted as ISO C 6.3 says, constants folded, with warnings for what is lost.
+In: typed operands. Out: operands converted as ISO C 6.3 says, constants folded, with warnings for what is
+lost.
 """
 
 from __future__ import annotations
@@ -158,7 +159,9 @@ class Base:
         if isinstance(kind, IntType) and isinstance(expr.type, PointerType):
             if kind.is_bool:
                 return self.cast(expr, kind)
-            self.reporter.warn(f"{what} makes '{kind}' of the pointer '{expr.type}' without a cast", expr.place)
+            self.reporter.warn(
+                f"{what} makes '{kind}' of the pointer '{expr.type}' without a cast", expr.place
+            )
             return self.cast(expr, kind)
         raise self.fail(f"{what} needs '{kind}', this is '{expr.type}'", expr)
 
@@ -171,12 +174,16 @@ class Base:
             shown = kind.wrap(expr.value)
             self.reporter.warn(f"{expr.value} does not fit '{kind}' and becomes {shown}", expr.place)
         elif self.c2c and expr.value < 0 and kind == C2C_INT:
-            self.reporter.warn(f"{expr.value} does not fit '{kind}' and becomes {kind.wrap(expr.value)}", expr.place)
+            self.reporter.warn(
+                f"{expr.value} does not fit '{kind}' and becomes {kind.wrap(expr.value)}", expr.place
+            )
 
     def _to_pointer(self, expr: Expr, kind: PointerType, what: str) -> Expr:
         if isinstance(expr, Num) and isinstance(expr.type, IntType):
             if expr.value != 0:
-                self.reporter.warn(f"{what} makes a pointer of the number {expr.value} without a cast", expr.place)
+                self.reporter.warn(
+                    f"{what} makes a pointer of the number {expr.value} without a cast", expr.place
+                )
             return self.cast(expr, kind)
         if not isinstance(expr.type, PointerType):
             if isinstance(expr.type, IntType):

@@ -19,7 +19,19 @@ from servogen.compiler.rewrite import CONFIG_NAME, EEPROM_NAME, Rewritten
 from servogen.compiler.scopes import Constant, Scopes
 from servogen.compiler.settings import Settings
 from servogen.compiler.statements import Statements
-from servogen.compiler.tree import Function, Assign, Binary, Builtin, Cast, Deref, Expr, Num, Ref, Unary, Update
+from servogen.compiler.tree import (
+    Assign,
+    Binary,
+    Builtin,
+    Cast,
+    Deref,
+    Expr,
+    Function,
+    Num,
+    Ref,
+    Unary,
+    Update,
+)
 from servogen.errors import Place
 from servogen.pic.device import EEPROM_BYTES, RAM_LAST, register_bits, registers
 from servogen.units import Clock
@@ -176,7 +188,9 @@ def _bit_function(self: Builtins, name: str, node: Any, arguments: list[Any]) ->
         work = base.type.plain()
         assert isinstance(work, IntType)
         if name == "test_bit":
-            return Binary("!=", Binary("&", base, mask, work, place), Num(0, work, place), self.int_type, place)
+            return Binary(
+                "!=", Binary("&", base, mask, work, place), Num(0, work, place), self.int_type, place
+            )
         self.assignable(base, node)
         op = {"set_bit": "|", "clear_bit": "&", "toggle_bit": "^"}[name]
         value = Unary("~", mask, work, place) if name == "clear_bit" else mask
@@ -198,7 +212,11 @@ def _port_write(self: Builtins, name: str, node: Any, arguments: list[Any]) -> E
         "set_option": "OPTION_REG",
     }[name]
     value = self.convert(self.expr(arguments[0]), U8, f"the argument of '{name}'")
-    return Cast(Assign(self.register_ref(register, self.place(node)), value, U8, self.place(node)), VOID, self.place(node))
+    return Cast(
+        Assign(self.register_ref(register, self.place(node)), value, U8, self.place(node)),
+        VOID,
+        self.place(node),
+    )
 
 
 def _port_read(self: Builtins, name: str, node: Any, arguments: list[Any]) -> Expr:
@@ -213,15 +231,21 @@ def _port_bit(self: Builtins, name: str, node: Any, arguments: list[Any]) -> Exp
 
 def _interrupt_bit(self: Builtins, name: str, node: Any, arguments: list[Any]) -> Expr:
     register = c_ast.ID("INTCON", node.coord)
-    return _bit_function(self, "set_bit" if name.startswith("enable") else "clear_bit", node, [register, arguments[0]])
+    return _bit_function(
+        self, "set_bit" if name.startswith("enable") else "clear_bit", node, [register, arguments[0]]
+    )
 
 
 def _global_interrupts(self: Builtins, name: str, node: Any, arguments: list[Any]) -> Expr:
-    return Cast(self.set_bit(self.chip_bit("GIE", self.place(node)), int(name == "ei")), VOID, self.place(node))
+    return Cast(
+        self.set_bit(self.chip_bit("GIE", self.place(node)), int(name == "ei")), VOID, self.place(node)
+    )
 
 
 def _instruction(self: Builtins, name: str, node: Any, arguments: list[Any]) -> Expr:
-    mnemonic = {"nop": "NOP", "clear_wdt": "CLRWDT", "clrwdt": "CLRWDT", "sleep": "SLEEP"}.get(name.lower().strip("_"), "")
+    mnemonic = {"nop": "NOP", "clear_wdt": "CLRWDT", "clrwdt": "CLRWDT", "sleep": "SLEEP"}.get(
+        name.lower().strip("_"), ""
+    )
     return Builtin("instruction", [], VOID, self.place(node), mnemonic)
 
 
@@ -247,7 +271,9 @@ def _xc8_delay(self: Builtins, name: str, node: Any, arguments: list[Any]) -> Ex
     value = self.constant_us(arguments[0])
     if value is None:
         raise self.fail(
-            f"'{name}' needs a constant argument", arguments[0], hint="call it in a loop that counts the variable"
+            f"'{name}' needs a constant argument",
+            arguments[0],
+            hint="call it in a loop that counts the variable",
         )
     if name == "_delay":
         cycles = int(value)
@@ -320,22 +346,19 @@ def _bit_cycles(self: Builtins, baud: int, node: Any) -> int:
 
 _BOTH, _C, _X = (C2C, XC8), (C2C,), (XC8,)
 _TABLE: dict[str, tuple[tuple[str, ...], int, _Handler]] = {
-    **{name: (_C, 2, _bit_function) for name in ("set_bit", "clear_bit", "test_bit", "toggle_bit")},
-    **{
-        name: (_C, 1, _port_write)
-        for name in ("set_tris_a", "set_tris_b", "output_port_a", "output_port_b", "set_option")
-    },
-    **{name: (_C, 0, _port_read) for name in ("input_port_a", "input_port_b")},
-    **{
-        f"output_{level}_port_{port}": (_C, 1, _port_bit) for level in ("high", "low") for port in ("a", "b")
-    },
+    **dict.fromkeys(("set_bit", "clear_bit", "test_bit", "toggle_bit"), (_C, 2, _bit_function)),
+    **dict.fromkeys(
+        ("set_tris_a", "set_tris_b", "output_port_a", "output_port_b", "set_option"), (_C, 1, _port_write)
+    ),
+    **dict.fromkeys(("input_port_a", "input_port_b"), (_C, 0, _port_read)),
+    **{f"output_{level}_port_{port}": (_C, 1, _port_bit) for level in ("high", "low") for port in ("a", "b")},
     "enable_interrupt": (_C, 1, _interrupt_bit),
     "disable_interrupt": (_C, 1, _interrupt_bit),
-    **{name: (_C, 0, _instruction) for name in ("nop", "clear_wdt", "sleep")},
-    **{name: (_X, 0, _instruction) for name in ("NOP", "CLRWDT", "SLEEP", "__nop")},
-    **{name: (_X, 0, _global_interrupts) for name in ("ei", "di")},
-    **{name: (_C, 1, _delay) for name in _UNITS_US},
-    **{name: (_X, 1, _xc8_delay) for name in ("__delay_us", "__delay_ms", "_delay")},
+    **dict.fromkeys(("nop", "clear_wdt", "sleep"), (_C, 0, _instruction)),
+    **dict.fromkeys(("NOP", "CLRWDT", "SLEEP", "__nop"), (_X, 0, _instruction)),
+    **dict.fromkeys(("ei", "di"), (_X, 0, _global_interrupts)),
+    **dict.fromkeys(_UNITS_US, (_C, 1, _delay)),
+    **dict.fromkeys(("__delay_us", "__delay_ms", "_delay"), (_X, 1, _xc8_delay)),
     "eeprom_read": (_X, 1, _eeprom_read),
     "eeprom_write": (_X, 2, _eeprom_write),
     "putchar": (_C, 1, _serial),

@@ -13,7 +13,7 @@ from servogen.compiler.tree import Symbol
 
 def interference(code: Code, live: Liveness) -> dict[Byte, int]:
     """For each private byte, the bit set of the bytes that are alive where it is written."""
-    found = {byte: 0 for byte in live.number}
+    found = dict.fromkeys(live.number, 0)
     for at, ins in enumerate(code.ins):
         after = live.after[at]
         if ins.op == "CALL":
@@ -85,8 +85,8 @@ def coalesce(code: Code) -> bool:
 def _safe_outside(code: Code, live: Liveness, gone: Byte, kept: Byte) -> bool:
     """Whether a temporary may live in another function's byte.
 
-    The frames of two functions that are called one after the other overlap: while a byte of one is wanted, nothing
-    may be written into the other.
+    The frames of two functions that are called one after the other overlap: while a byte of one is wanted,
+    nothing may be written into the other.
     """
     own = {id(symbol) for symbol in code.own}
     others = 0
@@ -112,7 +112,10 @@ def frame(code: Code) -> tuple[dict[Symbol, int], int]:
     offsets: dict[Symbol, int] = {}
     for symbol in sorted(conflicts, key=lambda each: -each.size):
         busy = {
-            offsets[other] + each for other in conflicts[symbol] if other in offsets for each in range(other.size)
+            offsets[other] + each
+            for other in conflicts[symbol]
+            if other in offsets
+            for each in range(other.size)
         }
         at = 0
         while any(at + each in busy for each in range(symbol.size)):
@@ -147,10 +150,12 @@ def symbol_conflicts(code: Code) -> dict[Symbol, set[Symbol]]:
             if other.symbol is not byte.symbol and other.symbol in conflicts and mask & live.bit(other):
                 conflicts[byte.symbol].add(other.symbol)
                 conflicts[other.symbol].add(byte.symbol)
-    for symbol in own:
-        everywhere = symbol.pinned or symbol.volatile
+    for variable in own:
+        everywhere = variable.pinned or variable.volatile
         for other in own:
-            if other is not symbol and (everywhere or (symbol in code.parameters and other in code.parameters)):
-                conflicts[symbol].add(other)
-                conflicts[other].add(symbol)
+            if other is not symbol and (
+                everywhere or (symbol in code.parameters and other in code.parameters)
+            ):
+                conflicts[variable].add(other)
+                conflicts[other].add(variable)
     return conflicts

@@ -67,7 +67,9 @@ class Conditions(Generator):
                 self._bit(expr, sense, label)
             case Update() if self._counted(expr, sense, label):
                 pass
-            case Assign(target, value) if not target.width and isinstance(target, Ref) and self.direct(target):
+            case Assign(target, value) if (
+                not target.width and isinstance(target, Ref) and self.direct(target)
+            ):
                 self.effect(expr)
                 self.zero_test(list(self.ref_locs(target)))
                 self.goto_if(Z, not sense, label)
@@ -329,4 +331,21 @@ class Conditions(Generator):
             self.emit("XORWF", one, 0)
 
 
-_SETS_Z = frozenset("ADDLW ANDLW IORLW XORLW SUBLW ADDWF ANDWF IORWF XORWF SUBWF MOVF COMF INCF DECF".split())
+_SETS_Z = frozenset(
+    [
+        "ADDLW",
+        "ANDLW",
+        "IORLW",
+        "XORLW",
+        "SUBLW",
+        "ADDWF",
+        "ANDWF",
+        "IORWF",
+        "XORWF",
+        "SUBWF",
+        "MOVF",
+        "COMF",
+        "INCF",
+        "DECF",
+    ]
+)

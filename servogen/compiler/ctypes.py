@@ -1,7 +1,7 @@
 """The C types of this chip: sizes in bytes, little endian, no padding.
 
-A pointer to RAM is one byte (an FSR value). A pointer to `const` is two: it may point to flash (bit 15 set, the
-word address below) or to RAM (the address alone), so that one function takes both.
+A pointer to RAM is one byte (an FSR value). A pointer to `const` is two: it may point to flash (bit 15
+set, the word address below) or to RAM (the address alone), so that one function takes both.
 """
 
 from __future__ import annotations

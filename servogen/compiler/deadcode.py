@@ -11,8 +11,31 @@ from servogen.compiler.machine import LABEL, SKIPS, STATUS, Byte, Ins
 
 _FLAG_LETTERS = {"C": FLAG_BITS[0], "D": FLAG_BITS[1], "Z": FLAG_BITS[2]}
 _PURE = frozenset(
-    "MOVF MOVWF MOVLW CLRF CLRW ADDWF ANDWF IORWF XORWF SUBWF INCF DECF COMF RLF RRF SWAPF "
-    "ADDLW ANDLW IORLW XORLW SUBLW BCF BSF".split()
+    [
+        "MOVF",
+        "MOVWF",
+        "MOVLW",
+        "CLRF",
+        "CLRW",
+        "ADDWF",
+        "ANDWF",
+        "IORWF",
+        "XORWF",
+        "SUBWF",
+        "INCF",
+        "DECF",
+        "COMF",
+        "RLF",
+        "RRF",
+        "SWAPF",
+        "ADDLW",
+        "ANDLW",
+        "IORLW",
+        "XORLW",
+        "SUBLW",
+        "BCF",
+        "BSF",
+    ]
 )
 
 

@@ -112,7 +112,9 @@ class Declarations(Expressions):
                 # declarators that share a specifier share its node: it is read once
                 if node not in self._read:
                     structure = not isinstance(node, c_ast.Enum)
-                    self._read[node] = StructType(self._structure(node)) if structure else self._enumeration(node)
+                    self._read[node] = (
+                        StructType(self._structure(node)) if structure else self._enumeration(node)
+                    )
                 return self._read[node]
         raise self.fail("this type is not supported", where)
 
@@ -172,7 +174,11 @@ class Declarations(Expressions):
                     offset, bit = offset + (bit > 0), 0
                 if width == 0:
                     continue
-                small = BIT if width == 1 and not kind.signed else (U8 if not kind.signed else self.types["int8_t"])
+                small = (
+                    BIT
+                    if width == 1 and not kind.signed
+                    else (U8 if not kind.signed else self.types["int8_t"])
+                )
                 if decl.name is not None:
                     layout.members[decl.name] = Member(decl.name, small, offset, bit, width)
                 bit += width
@@ -204,8 +210,14 @@ class Declarations(Expressions):
             return found.type
         value, values = -1, []
         for each in node.values.enumerators:
-            value = self.constant(each.value, "an enumeration constant") if each.value is not None else value + 1
-            kind = self.int_type if -32768 <= value <= 32767 else self.literal_type(value & 0xFFFFFFFF, "", False)
+            value = (
+                self.constant(each.value, "an enumeration constant") if each.value is not None else value + 1
+            )
+            kind = (
+                self.int_type
+                if -32768 <= value <= 32767
+                else self.literal_type(value & 0xFFFFFFFF, "", False)
+            )
             self._declare(each.name, Constant(value, kind), each)
             values.append(value)
         small = all(0 <= each <= 255 for each in values)
@@ -219,7 +231,11 @@ class Declarations(Expressions):
     def _declare(self, name: str, meaning: Any, node: Any) -> None:
         if name in self.scopes.here.names:
             before = self.scopes.here.names[name]
-            if isinstance(before, TypeName) and isinstance(meaning, TypeName) and same(before.type, meaning.type):
+            if (
+                isinstance(before, TypeName)
+                and isinstance(meaning, TypeName)
+                and same(before.type, meaning.type)
+            ):
                 return
             where = getattr(before, "place", None)
             raise self.fail(f"'{name}' is already declared", node, hint=f"at {where}" if where else None)
@@ -270,8 +286,10 @@ class Declarations(Expressions):
                     at = self.constant(inner, "an index")
                 at += 1
                 length = max(length, at)
-            if isinstance(kind.element, ArrayType) and init.exprs and not isinstance(
-                init.exprs[0], (c_ast.InitList, c_ast.NamedInitializer, c_ast.Constant)
+            if (
+                isinstance(kind.element, ArrayType)
+                and init.exprs
+                and not isinstance(init.exprs[0], (c_ast.InitList, c_ast.NamedInitializer, c_ast.Constant))
             ):
                 length = -(-length // (kind.element.length or 1))
             return replace(kind, length=max(length, 1))
@@ -308,7 +326,9 @@ class Declarations(Expressions):
                 self.scopes.here.names[name] = known
         if known is not None:
             if not isinstance(known, Symbol) or not same(known.type, kind):
-                raise self.fail(f"'{name}' is already declared", node, hint=f"at {getattr(known, 'place', '')}")
+                raise self.fail(
+                    f"'{name}' is already declared", node, hint=f"at {getattr(known, 'place', '')}"
+                )
             if isinstance(known.type, ArrayType) and known.type.length is None:
                 known.type = kind
             symbol = known
@@ -408,7 +428,11 @@ class Declarations(Expressions):
                 data[at + number] = byte
 
     def _bytes(self, expr: Expr, size: int, node: Any) -> list[Data]:
-        while isinstance(expr, Cast) and expr.type.size <= expr.operand.type.size and not isinstance(expr.type, VoidType):
+        while (
+            isinstance(expr, Cast)
+            and expr.type.size <= expr.operand.type.size
+            and not isinstance(expr.type, VoidType)
+        ):
             expr = expr.operand
         if isinstance(expr, Num):
             return [expr.value >> 8 * each & 0xFF for each in range(size)]
@@ -417,7 +441,11 @@ class Declarations(Expressions):
         if isinstance(expr, Binary) and isinstance(expr.left, AddressOf) and isinstance(expr.right, Num):
             move = expr.right.value if expr.op == "+" else -expr.right.value
             target = expr.left.target
-            expr = AddressOf(Ref(target.symbol, target.offset + move, target.index, target.type, target.place), expr.type, expr.place)
+            expr = AddressOf(
+                Ref(target.symbol, target.offset + move, target.index, target.type, target.place),
+                expr.type,
+                expr.place,
+            )
         if isinstance(expr, AddressOf) and expr.target.index is None:
             target = expr.target
             return [AddressByte(target.symbol, target.offset, part) for part in range(size)]
@@ -451,7 +479,13 @@ class Declarations(Expressions):
         out.append((offset, kind, init))
 
     def _aggregate(
-        self, kind: ArrayType | StructType, items: list[Any], offset: int, out: list[tuple[int, CType, Any]], *, braced: bool
+        self,
+        kind: ArrayType | StructType,
+        items: list[Any],
+        offset: int,
+        out: list[tuple[int, CType, Any]],
+        *,
+        braced: bool,
     ) -> None:
         """Take from `items` what the elements of one array or structure need."""
         slots: list[tuple[int, CType]] = _elements(kind)
@@ -472,8 +506,10 @@ class Declarations(Expressions):
                     raise self.fail("nested designators are not supported", item)
                 items[0] = item = item.expr
             where, element = slots[at]
-            if isinstance(element, (ArrayType, StructType)) and not isinstance(item, c_ast.InitList) and not (
-                isinstance(item, c_ast.Constant) and item.type == "string"
+            if (
+                isinstance(element, (ArrayType, StructType))
+                and not isinstance(item, c_ast.InitList)
+                and not (isinstance(item, c_ast.Constant) and item.type == "string")
             ):
                 self._aggregate(element, items, offset + where, out, braced=False)
             else:
@@ -541,7 +577,9 @@ class Declarations(Expressions):
         self.scopes.stack[0].names[name] = known
         if define:
             if known in self._defined:
-                raise self.fail(f"the function '{name}' is defined twice", node, hint=f"first at {known.place}")
+                raise self.fail(
+                    f"the function '{name}' is defined twice", node, hint=f"first at {known.place}"
+                )
             self._defined.add(known)
             known.parameters = self._parameter_symbols(node, kind, known.name)
             known.place = place
@@ -549,7 +587,9 @@ class Declarations(Expressions):
         return known
 
     def _same_signature(self, known: Function, kind: FuncType, node: Any, *, define: bool) -> None:
-        both = FuncType(known.result, tuple(each.type for each in known.parameters) if known.prototyped else None)
+        both = FuncType(
+            known.result, tuple(each.type for each in known.parameters) if known.prototyped else None
+        )
         if not same(both, kind):
             raise self.fail(
                 f"'{node.name}' is declared differently before: '{both}', now '{kind}'",
@@ -589,5 +629,3 @@ def _scalars(kind: CType, offset: int) -> list[tuple[int, CType]]:
     if isinstance(kind, (ArrayType, StructType)):
         return [leaf for at, element in _elements(kind) for leaf in _scalars(element, offset + at)]
     return [(offset, kind)]
-
-

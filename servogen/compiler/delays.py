@@ -2,14 +2,14 @@
 
 In: a number of instruction cycles. Out: a `Plan`: nested loops and a filler, or the instructions of one.
 
-     MOVLW c2        Two families of the same size, of which the better is taken. With the inner counter in memory
-     MOVWF t2        a pass takes 3 cycles (DECFSZ, GOTO), with the inner counter in W it takes 4 (ADDLW, BTFSS,
-     MOVLW c1        GOTO) and needs a byte less. Every counter but the first run of each starts at 0, which counts
-    (MOVWF t1)       256. With F the cycles of a whole inner loop, one more pass of the outer takes S = 3 + F.
-   L DECFSZ t1,F
-     GOTO L          cycles = set-up + inner(c1) + (c2 - 1) S2 + 2 + (c3 - 1) S3 + 2 + …
-     DECFSZ t2,F
-     GOTO L
+    MOVLW c2      Two families of loops of the same size; the better is taken. With the inner counter in
+    MOVWF t2      memory a pass takes 3 cycles (DECFSZ, GOTO), with the inner counter in W it takes 4
+    MOVLW c1      (ADDLW, BTFSS, GOTO) and needs a byte less. After their first run the counters start at 0,
+    MOVWF t1      which counts 256. With F the cycles of a whole inner loop, one more pass of the outer
+ L: DECFSZ t1,F   one takes S = 3 + F.
+    GOTO L
+    DECFSZ t2,F   cycles = set-up + inner(c1) + (c2 - 1) S2 + 2 + (c3 - 1) S3 + 2 + ...
+    GOTO L
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ MAX_LEVELS = 5
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Loop counters, the innermost first (none: no loop), whether it counts in W, and the cycles left over."""
+    """Loop counters, the innermost first (none: no loop), whether it counts in W, and the cycles left
+    over.
+    """
 
     counts: tuple[int, ...]
     in_w: bool

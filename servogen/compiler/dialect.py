@@ -78,10 +78,9 @@ _SPELLINGS: Mapping[tuple[str, ...], tuple[IntType, IntType]] = {
 }
 _SPELLINGS_C2C: Mapping[tuple[str, ...], tuple[IntType, IntType]] = {
     **_SPELLINGS,
-    **{
-        words: (C2C_SIGNED, C2C_INT)
-        for words in (("short",), ("int", "short"), ("int",), (), ("long",), ("int", "long"))
-    },
+    **dict.fromkeys(
+        (("short",), ("int", "short"), ("int",), (), ("long",), ("int", "long")), (C2C_SIGNED, C2C_INT)
+    ),
 }
 
 
@@ -198,7 +197,15 @@ def macros(dialect: str, device: Device) -> Mapping[str, str]:
     part = device.name.removeprefix("PIC")
     found = {"__SERVOGEN__": "1", f"_{part}": "1", f"__{part}": "1", f"__{part}__": "1"}
     if dialect == XC8:
-        return {**found, "__XC8": "1", "__XC8__": "1", "__XC": "1", "__XC__": "1", "_PIC14": "1", "__PICC__": "1"}
+        return {
+            **found,
+            "__XC8": "1",
+            "__XC8__": "1",
+            "__XC": "1",
+            "__XC__": "1",
+            "_PIC14": "1",
+            "__PICC__": "1",
+        }
     return {**found, "_C2C_": "1", "__C2C__": "1", "_BOOSTC": "1"}
 
 

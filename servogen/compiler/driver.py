@@ -26,8 +26,8 @@ from servogen.compiler.rawtext import AsmBlock
 from servogen.compiler.report import make_listing
 from servogen.compiler.rewrite import Rewritten, rewrite_tokens
 from servogen.compiler.settings import Settings
-from servogen.compiler.startup import RESET, arrange
 from servogen.compiler.stack import check_stack
+from servogen.compiler.startup import RESET, arrange
 from servogen.errors import InputError, nearest
 from servogen.pic.device import Device, device
 from servogen.pic.image import Image
@@ -112,7 +112,9 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
     layout = lay_out(arrangement.order(codes), memory, reporter, arrangement.tables)
     reporter.stop_on_error()
     image = Image(
-        {word.address: word.value for word in layout.words}, settings.config_word(clock), analysis.program.eeprom
+        {word.address: word.value for word in layout.words},
+        settings.config_word(clock),
+        analysis.program.eeprom,
     )
     listing = make_listing(layout, memory, codes, arrangement.statics, reporter)
     return Compilation(image, listing, clock, len(layout.words), memory.used, reporter.ordered())
@@ -173,7 +175,11 @@ def drop_unused(codes: dict[str, Code], roots: list[str]) -> None:
             if name in codes and name not in wanted:
                 wanted[name] = None
                 waiting.append(name)
-    for name in [name for name, code in codes.items() if name not in wanted and code.table is None and code.name != RESET]:
+    for name in [
+        name
+        for name, code in codes.items()
+        if name not in wanted and code.table is None and code.name != RESET
+    ]:
         del codes[name]
 
 

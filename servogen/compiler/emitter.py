@@ -1,7 +1,7 @@
 """The base of the code generator: emits instructions of one function, makes labels and temporaries.
 
-In: a function of the typed tree. Out: `Code`, its list of instructions. Arithmetic, expressions and statements
-are added by the modules that build on this one.
+In: a function of the typed tree. Out: `Code`, its list of instructions. Arithmetic, expressions and
+statements are added by the modules that build on this one.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from servogen.compiler.ctypes import ArrayType, U8
+from servogen.compiler.ctypes import U8, ArrayType
 from servogen.compiler.machine import DELAY, LABEL, STATUS, Byte, Imm, Ins, Loc, Operand, Reg
 from servogen.compiler.tree import AddressByte, Function, Symbol
 from servogen.errors import Place
@@ -159,7 +159,9 @@ class Emitter:
         pending = [(t, o) for t, o in zip(targets, operands, strict=True) if t != o]
         while pending:
             free = [
-                pair for pair in pending if not any(pair[0] == other for t, other in pending if (t, other) != pair)
+                pair
+                for pair in pending
+                if not any(pair[0] == other for t, other in pending if (t, other) != pair)
             ]
             if not free:
                 held = self.temp()[0]

@@ -19,7 +19,6 @@ from servogen.compiler.ctypes import (
     VOID,
     ArrayType,
     CType,
-    FuncType,
     IntType,
     PointerType,
     StructType,
@@ -52,7 +51,20 @@ from servogen.compiler.tree import (
 )
 from servogen.errors import Place, nearest
 
-_ESCAPES = {"n": 10, "t": 9, "r": 13, "0": 0, "a": 7, "b": 8, "f": 12, "v": 11, "\\": 92, "'": 39, '"': 34, "?": 63}
+_ESCAPES = {
+    "n": 10,
+    "t": 9,
+    "r": 13,
+    "0": 0,
+    "a": 7,
+    "b": 8,
+    "f": 12,
+    "v": 11,
+    "\\": 92,
+    "'": 39,
+    '"': 34,
+    "?": 63,
+}
 
 
 class Expressions(Base):
@@ -97,7 +109,9 @@ class Expressions(Base):
         value = int(digits, 8 if octal else 0)
         if value > 0xFFFFFFFF:
             raise self.fail(f"{digits} does not fit 32 bits", node)
-        return Num(value, self.literal_type(value, match[2].lower(), digits[0] != "0" or digits == "0"), place)
+        return Num(
+            value, self.literal_type(value, match[2].lower(), digits[0] != "0" or digits == "0"), place
+        )
 
     def characters(self, text: str, place: Place) -> list[int]:
         """The codes of a string or character literal with its quotes; adjacent strings already joined."""
@@ -157,7 +171,7 @@ class Expressions(Base):
         if symbol.kind == "flash" and kind.scalar and symbol.initial is not None:
             data = [symbol.initial.get(offset, 0) for offset in range(kind.size)]
             if all(isinstance(each, int) for each in data) and isinstance(kind, IntType):
-                value = sum(each << 8 * index for index, each in enumerate(data))  # type: ignore[operator]
+                value = sum(each << 8 * index for index, each in enumerate(data) if isinstance(each, int))
                 return ConstNum(symbol, kind.wrap(value), kind.plain(), place)
         if isinstance(kind, IntType) and kind.is_bit:
             return Ref(symbol, 0, None, kind, place, 0, 1)
@@ -196,8 +210,12 @@ class Expressions(Base):
         if isinstance(index, Num):
             length = base.type.length
             if length is not None and not 0 <= index.value < max(length, 1):
-                self.reporter.warn(f"index {index.value} is outside the array of {length} elements", index.place)
-            return self._lvalue(Ref(base.symbol, base.offset + index.value * element.size, base.index, element, place))
+                self.reporter.warn(
+                    f"index {index.value} is outside the array of {length} elements", index.place
+                )
+            return self._lvalue(
+                Ref(base.symbol, base.offset + index.value * element.size, base.index, element, place)
+            )
         base.symbol.pinned = True
         offset = self._scaled(index, element.size, U8 if base.symbol.type.size <= 256 else U16)
         if base.index is not None:
@@ -219,8 +237,10 @@ class Expressions(Base):
         ):
             data = [target.symbol.initial.get(target.offset + each, 0) for each in range(target.type.size)]
             if all(isinstance(each, int) for each in data):
-                value = sum(each << 8 * number for number, each in enumerate(data))  # type: ignore[operator]
-                return ConstNum(target.symbol, target.type.wrap(value), target.type.plain(), target.place, target.offset)
+                value = sum(each << 8 * number for number, each in enumerate(data) if isinstance(each, int))
+                return ConstNum(
+                    target.symbol, target.type.wrap(value), target.type.plain(), target.place, target.offset
+                )
         return target
 
     def _scaled(self, index: Expr, size: int, kind: IntType) -> Expr:
@@ -235,8 +255,14 @@ class Expressions(Base):
         if isinstance(pointer, AddressOf) and op == "+" and not isinstance(index, Num):
             target = pointer.target
             step = self._scaled(index, kind.target.size, U8 if target.symbol.size <= 256 else U16)
-            whole = step if target.index is None else self.binary("+", target.index, step, step.type, pointer.place)
-            return AddressOf(Ref(target.symbol, target.offset, whole, target.type, target.place), kind, pointer.place)
+            whole = (
+                step
+                if target.index is None
+                else self.binary("+", target.index, step, step.type, pointer.place)
+            )
+            return AddressOf(
+                Ref(target.symbol, target.offset, whole, target.type, target.place), kind, pointer.place
+            )
         if isinstance(pointer, AddressOf) and isinstance(index, Num):
             target = pointer.target
             move = index.value * kind.target.size * (1 if op == "+" else -1)
@@ -252,10 +278,12 @@ class Expressions(Base):
             base = self.decay(base)
             if not isinstance(base.type, PointerType):
                 raise self.fail(f"'->' needs a pointer to a structure, this is '{base.type}'", node)
+            kind = base.type.target
             if isinstance(base, AddressOf):
-                base = base.target
+                found_at = base.target
+                base = Ref(found_at.symbol, found_at.offset, found_at.index, kind, base.place)
             else:
-                base = Deref(base, 0, base.type.target, base.place)
+                base = Deref(base, 0, kind, base.place)
         if name.startswith(BIT_MEMBER):
             return self.bit_of(base, int(name[len(BIT_MEMBER) :]), node)
         if isinstance(base.type, IntType) and isinstance(base, (Ref, Deref)):
@@ -442,7 +470,10 @@ class Expressions(Base):
     def _BinaryOp(self, node: Any) -> Expr:
         op, place = node.op, self.place(node)
         if op in ("&&", "||"):
-            left, right = self.truth(self.condition_operand(node.left)), self.truth(self.condition_operand(node.right))
+            left, right = (
+                self.truth(self.condition_operand(node.left)),
+                self.truth(self.condition_operand(node.right)),
+            )
             return self._logic(op, left, right, place)
         left, right = self.rvalue(self.expr(node.left)), self.rvalue(self.expr(node.right))
         if isinstance(left.type, PointerType) or isinstance(right.type, PointerType):
@@ -451,7 +482,9 @@ class Expressions(Base):
             left, right = self.promoted(left), self.promoted(right)
             assert isinstance(left.type, IntType)
             if isinstance(right, Num) and not 0 <= right.value < 8 * left.type.size:
-                self.reporter.warn(f"shift by {right.value} of '{left.type}', which has {8 * left.type.size} bits", place)
+                self.reporter.warn(
+                    f"shift by {right.value} of '{left.type}', which has {8 * left.type.size} bits", place
+                )
             return self.binary(op, left, right, left.type, place)
         left, right, kind = self.balance(left, right)
         if op in COMPARISONS:
@@ -533,7 +566,9 @@ class Expressions(Base):
         if isinstance(yes.type, IntType) and isinstance(no.type, IntType):
             kind: CType = common(yes.type, no.type, c2c=self.c2c)
         elif isinstance(yes.type, PointerType):
-            kind = yes.type if yes.type.size >= no.type.size or not isinstance(no.type, PointerType) else no.type
+            kind = (
+                yes.type if yes.type.size >= no.type.size or not isinstance(no.type, PointerType) else no.type
+            )
         elif isinstance(no.type, PointerType):
             kind = no.type
         elif same(yes.type, no.type):
@@ -568,6 +603,7 @@ class Expressions(Base):
             if isinstance(value, Num) and not 0 <= value.value < 8 * work.size:
                 self.reporter.warn(f"shift by {value.value} of '{kind}'", place)
         else:
+            assert isinstance(value.type, IntType)
             work = common(kind, value.type, c2c=self.c2c)
             value = self.cast(value, work)
         if op in "/%" and isinstance(value, Num) and value.value == 0:
@@ -584,7 +620,11 @@ class Expressions(Base):
             if same(kind, operand.type):
                 return operand
             raise self.fail(f"'{operand.type}' cannot be cast to '{kind}'", node)
-        if isinstance(operand, AddressOf) and isinstance(kind, PointerType) and kind.size == operand.type.size:
+        if (
+            isinstance(operand, AddressOf)
+            and isinstance(kind, PointerType)
+            and kind.size == operand.type.size
+        ):
             return AddressOf(operand.target, kind.plain(), operand.place)
         return self.cast(operand, kind)
 
@@ -598,7 +638,9 @@ class Expressions(Base):
             return
         if isinstance(expr, Binary) and expr.op == "==":
             self.reporter.warn(
-                "this comparison does nothing", expr.place, hint="'=' assigns, '==' compares" if expr.op == "==" else None
+                "this comparison does nothing",
+                expr.place,
+                hint="'=' assigns, '==' compares" if expr.op == "==" else None,
             )
         elif not has_effect(expr):
             self.reporter.warn("this statement has no effect", expr.place)

@@ -37,7 +37,12 @@ def expand_delays(codes: dict[str, Code], room_for_call: dict[str, bool]) -> Non
             and times * plan(cycles).words > times + plan(cycles - _CALL_AND_RETURN).words + 1
         }
         for code in list(group):
-            _expand(code, shared if room_for_call.get(code.name, False) else set(), ISR_SUFFIX if isr else "", codes)
+            _expand(
+                code,
+                shared if room_for_call.get(code.name, False) else set(),
+                ISR_SUFFIX if isr else "",
+                codes,
+            )
 
 
 def _expand(code: Code, shared: set[int], suffix: str, codes: dict[str, Code]) -> None:
@@ -79,5 +84,3 @@ def _routine(name: str, cycles: int) -> Code:
     code = Code(name)
     code.ins = [*_inline(code, cycles, f"{name}.loop"), Ins("RETURN", fixed=True)]
     return code
-
-

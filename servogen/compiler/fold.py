@@ -13,11 +13,11 @@ from servogen.compiler.tree import (
     Cast,
     Choice,
     Comma,
+    Deref,
     Expr,
     Logic,
     Num,
     Ref,
-    Deref,
     Unary,
     Update,
 )
@@ -168,4 +168,8 @@ def has_effect(expr: Expr) -> bool:
         case Choice(condition, yes, no):
             return has_effect(condition) or has_effect(yes) or has_effect(no)
     target = getattr(expr, "target", None)
-    return not (type(expr).__name__ == "AddressOf" and target is not None and (target.index is None or not has_effect(target.index)))
+    return not (
+        type(expr).__name__ == "AddressOf"
+        and target is not None
+        and (target.index is None or not has_effect(target.index))
+    )

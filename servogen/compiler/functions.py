@@ -1,7 +1,7 @@
 """Code for statements, calls and whole functions.
 
-In: a function of the typed tree. Out: its `Code`. Arguments go into the callee's own bytes; the last argument of
-one byte goes in W. A result of one byte comes back in W, wider ones in the callee's result bytes.
+In: a function of the typed tree. Out: its `Code`. Arguments go into the callee's own bytes; the last
+argument of one byte goes in W. A result of one byte comes back in W, wider ones in the callee's result bytes.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from servogen.compiler.emitter import ISR_SUFFIX, Code
 from servogen.compiler.fold import has_effect, interval
 from servogen.compiler.generate import calls_something, width_of
 from servogen.compiler.inline_asm import AsmError, assemble_line
-from servogen.compiler.tables import table_name
 from servogen.compiler.machine import Byte, Imm, Ins, Loc, Operand, Z
+from servogen.compiler.tables import table_name
 from servogen.compiler.tree import (
     AddressByte,
     Asm,
@@ -202,7 +202,11 @@ class FunctionGenerator(Conditions):
             if isinstance(node.value.type, VoidType):
                 self.effect(node.value)
             elif self.code.returns_w:
-                if isinstance(node.value.type, IntType) and node.value.type.is_bool and not isinstance(node.value, Num):
+                if (
+                    isinstance(node.value.type, IntType)
+                    and node.value.type.is_bool
+                    and not isinstance(node.value, Num)
+                ):
                     self.into(node.value, held := self.temp())
                     self.load(held[0])
                 else:
@@ -264,7 +268,10 @@ class FunctionGenerator(Conditions):
             later = any(calls_something(each) or has_effect(each) for each in arguments[number + 1 :])
             if calls_something(argument) or (later and not isinstance(argument, Num)):
                 if not any(calls_something(each) for each in arguments[number + 1 :]) and not later:
-                    if len([each for each in ready if each is None]) == len(arguments) and len(arguments) == 1:
+                    if (
+                        len([each for each in ready if each is None]) == len(arguments)
+                        and len(arguments) == 1
+                    ):
                         continue
                 held: list[Loc] = self.temp(parameter.size)
                 self.into(argument, held)
@@ -326,7 +333,7 @@ class FunctionGenerator(Conditions):
             return
         (a, b), (c, d) = interval(left), interval(right)
         small = min(a, c) >= 0 and max(b, d) <= 0xFF
-        width = 1 if small and size <= 2 or size == 1 else size
+        width = 1 if (small and size <= 2) or size == 1 else size
         code = self.library("mul", (width, size))
         one, two = self.pair(left, right, width)
         result = self.library_call(code, [one, two])
@@ -369,7 +376,9 @@ class FunctionGenerator(Conditions):
             if expr.op == "/":
                 self.shift_right(part, operand, shift, signed=False)
             else:
-                self.bitwise("&", part, operand, [Imm(expr.right.value - 1 >> 8 * each & 0xFF) for each in range(size)])
+                self.bitwise(
+                    "&", part, operand, [Imm(expr.right.value - 1 >> 8 * each & 0xFF) for each in range(size)]
+                )
             if work is target:
                 self.move_all(target[size:], [Imm(0)] * (len(target) - size))
             else:
@@ -474,4 +483,3 @@ class FunctionGenerator(Conditions):
 
 def _bool_cast(expr: Expr) -> bool:
     return isinstance(expr.type, IntType) and expr.type.is_bool and not isinstance(expr, Num)
-

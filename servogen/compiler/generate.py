@@ -1,14 +1,15 @@
 """Code for expressions: values into bytes, into W, into jumps, or for their effect only.
 
-In: typed expressions. Out: instructions. Arithmetic is done in the fewest bytes that give the same result: the
-low bytes of a sum depend on the low bytes of its operands only, and comparisons, divisions and right shifts are
-as wide as the ranges of their operands ask.
+In: typed expressions. Out: instructions. Arithmetic is done in the fewest bytes that give the same result:
+the low bytes of a sum depend on the low bytes of its operands only, and comparisons, divisions and right
+shifts are as wide as the ranges of their operands ask.
 """
 
 from __future__ import annotations
 
 from servogen.compiler.arith import Arithmetic, imms
 from servogen.compiler.ctypes import IntType, StructType, VoidType
+from servogen.compiler.emitter import Code
 from servogen.compiler.fold import COMPARISONS, has_effect, interval
 from servogen.compiler.machine import FSR, INDF, Byte, Imm, Loc, Operand, Reg, Z
 from servogen.compiler.tree import (
@@ -133,7 +134,9 @@ class Generator(Arithmetic):
 
     def _address_operands(self, target: Ref, have: int, size: int) -> list[Operand]:
         symbol = self.symbol(target.symbol)
-        found: list[Operand] = [Imm(AddressByte(symbol, target.offset, part)) for part in range(min(have, size))]
+        found: list[Operand] = [
+            Imm(AddressByte(symbol, target.offset, part)) for part in range(min(have, size))
+        ]
         return found + imms(0, size - len(found))
 
     def extended(self, operands: list[Operand], expr: Expr, size: int) -> list[Operand]:
@@ -337,7 +340,7 @@ class Generator(Arithmetic):
     def builtin(self, expr: Builtin) -> None:
         raise NotImplementedError
 
-    def call(self, expr: Call) -> object:
+    def call(self, expr: Call) -> Code:
         raise NotImplementedError
 
     # binary operators
@@ -436,9 +439,9 @@ class Generator(Arithmetic):
     def binary_w(self, expr: Binary) -> None:
         """W = the low byte of a sum, difference or bitwise operation."""
         left, right, op = expr.left, expr.right, expr.op
-        if op != "-" and self._simple_operand(left) and not self._simple_operand(right):
-            left, right = right, left
-        elif op != "-" and self._constant(left):
+        if (op != "-" and self._simple_operand(left) and not self._simple_operand(right)) or (
+            op != "-" and self._constant(left)
+        ):
             left, right = right, left
         if self._constant(right):
             value = self.value(right, 1)[0]
@@ -505,8 +508,9 @@ class Generator(Arithmetic):
             self._unary_w(inner)
         elif isinstance(inner, Call):
             code = self.call(inner)
-            if not code.returns_w:  # type: ignore[attr-defined]
-                self.load(Byte(code.result, 0))  # type: ignore[attr-defined]
+            if not code.returns_w:
+                assert code.result is not None
+                self.load(Byte(code.result, 0))
         elif isinstance(inner, Builtin):
             self.builtin(inner)
         elif isinstance(inner, (Ref, Deref)) and self._one_byte_indirect(inner):
@@ -565,7 +569,9 @@ class Generator(Arithmetic):
         if work is not target:
             self.move_all(target, list(work[: len(target)]))
 
-    def _variable_shift(self, expr: Binary, target: list[Loc], size: int, *, left: bool, signed: bool) -> None:
+    def _variable_shift(
+        self, expr: Binary, target: list[Loc], size: int, *, left: bool, signed: bool
+    ) -> None:
         held: list[Loc] = self.temp(size)
         count = self.temp()[0]
         if has_effect(expr.left) or calls_something(expr.right) or has_effect(expr.right):
@@ -777,7 +783,7 @@ class Generator(Arithmetic):
     def _assign_direct(self, locs: list[Loc], target: Ref, value: Expr) -> None:
         """A variable: in place where that is safe, else through a temporary."""
         multi_port = len(locs) > 1 and isinstance(locs[0], Reg)
-        symbol_locs = [Byte(target.symbol, 0)] if isinstance(locs[0], Byte) else locs
+        symbol_locs: list[Loc] = [Byte(target.symbol, 0)] if isinstance(locs[0], Byte) else locs
         if not multi_port and (self._in_place(value, locs) or not touches(value, symbol_locs)):
             self.into(value, locs)
             return
@@ -828,7 +834,11 @@ class Generator(Arithmetic):
             old = Cast(target, expr.work, place)
         right = expr.value
         if expr.op not in ("<<", ">>") and right.type.plain() != expr.work:
-            right = Num(right.value, expr.work, place) if isinstance(right, Num) else Cast(right, expr.work, place)
+            right = (
+                Num(right.value, expr.work, place)
+                if isinstance(right, Num)
+                else Cast(right, expr.work, place)
+            )
         whole: Expr = Binary(expr.op, old, right, expr.work, place)
         if expr.op in "*/" and isinstance(right, Num) and right.value == 1:
             return
@@ -976,4 +986,3 @@ def _is_condition(expr: Expr) -> bool:
     if isinstance(expr, (Ref, Deref)) and expr.width == 1 and isinstance(expr.type, IntType):
         return not expr.type.signed
     return isinstance(expr, Binary) and expr.op in COMPARISONS
-

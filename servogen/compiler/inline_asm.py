@@ -1,7 +1,7 @@
 """One line of inline assembly to instructions.
 
-In: a line as C2C or XC8 programs write it: a label, a mnemonic of the chip, operands that name registers, bits,
-C variables (`_name`, `_name_function`) and numbers. Out: symbolic instructions.
+In: a line as C2C or XC8 programs write it: a label, a mnemonic of the chip, operands that name registers,
+bits, C variables (`_name`, `_name_function`) and numbers. Out: symbolic instructions.
 """
 
 from __future__ import annotations
@@ -57,7 +57,10 @@ def assemble_line(text: str, place: Place, names: Names, label: Callable[[str], 
     rows = by_mnemonic()
     if mnemonic not in rows:
         if not match and not text[:1].isspace() and (not rest or rest.split()[0].upper() in rows):
-            return [Ins(LABEL, target=label(words[0]), place=place), *assemble_line(" " + rest, place, names, label)]
+            return [
+                Ins(LABEL, target=label(words[0]), place=place),
+                *assemble_line(" " + rest, place, names, label),
+            ]
         raise AsmError(f"'{words[0]}' is not an instruction of this chip", nearest(mnemonic, rows))
     operands = [each.strip() for each in rest.split(",")] if rest else []
     out.append(_instruction(mnemonic, operands, place, names, label))
@@ -73,7 +76,9 @@ def _instruction(
     if "d" in fields and len(operands) == 1:
         operands = [*operands, "F"]
     if len(operands) != len(fields):
-        raise AsmError(f"{mnemonic} takes {len(fields)} operand{'s' * (len(fields) != 1)}, not {len(operands)}")
+        raise AsmError(
+            f"{mnemonic} takes {len(fields)} operand{'s' * (len(fields) != 1)}, not {len(operands)}"
+        )
     for field, text in zip(fields, operands, strict=True):
         if field == "f":
             ins.f = _file(text, names)
@@ -173,5 +178,3 @@ def _literal(text: str, names: Names) -> int | AddressByte:
     if not -128 <= value <= 255:
         raise AsmError(f"the literal {text} is not 0 to 255")
     return value & 0xFF
-
-

@@ -30,9 +30,7 @@ class Memory:
     used: int = 0
 
 
-def allocate(
-    roots: list[str], codes: dict[str, Code], statics: list[Symbol], reporter: Reporter
-) -> Memory:
+def allocate(roots: list[str], codes: dict[str, Code], statics: list[Symbol], reporter: Reporter) -> Memory:
     """Addresses for every variable."""
     memory = Memory()
     taken = {
@@ -82,7 +80,8 @@ def allocate(
     if needed > RAM_BYTES or top > RAM_LAST + 1:
         file = next(iter(reporter.texts), None)
         raise reporter.fatal(
-            f"the program needs {max(needed, top - RAM_FIRST)} bytes of RAM, the chip has {RAM_BYTES}", Place(file)
+            f"the program needs {max(needed, top - RAM_FIRST)} bytes of RAM, the chip has {RAM_BYTES}",
+            Place(file),
         )
     return memory
 
@@ -151,7 +150,9 @@ def _place(order: list[Code], *, only_first_page: bool) -> Layout | None:
     return Layout(words, labels, starts, address)
 
 
-def _encode(word: Word, labels: dict[str, int], memory: Memory, tables: dict[Symbol, str], reporter: Reporter) -> int:
+def _encode(
+    word: Word, labels: dict[str, int], memory: Memory, tables: dict[Symbol, str], reporter: Reporter
+) -> int:
     ins = word.ins
     fields: dict[str, int] = {}
     operands = by_mnemonic()[ins.op].operands
@@ -175,7 +176,9 @@ def file_address(ins: Ins, memory: Memory) -> int:
     raise ValueError(assembly(ins))
 
 
-def _literal(word: Word, labels: dict[str, int], memory: Memory, tables: dict[Symbol, str], reporter: Reporter) -> int:
+def _literal(
+    word: Word, labels: dict[str, int], memory: Memory, tables: dict[Symbol, str], reporter: Reporter
+) -> int:
     ins = word.ins
     if ins.op in ("GOTO", "CALL"):
         if ins.target.startswith("$"):
@@ -196,5 +199,3 @@ def address_byte(k: AddressByte, labels: dict[str, int], memory: Memory, tables:
         return where & 0xFF if k.part == 0 else where >> 8 | FLASH_FLAG
     where = memory.addresses[k.symbol] + k.offset
     return where >> 8 * k.part & 0xFF
-
-

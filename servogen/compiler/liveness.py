@@ -1,14 +1,16 @@
 """Which bytes, W and flags are still needed behind each instruction of a function.
 
-In: a `Code`. Out: per instruction a bit set of what is live after it. Only private bytes are followed: parameters,
-results, locals and temporaries that nothing can reach but by name; everything else is always needed. Bytes of
-other functions (parameters being filled, results being fetched) are used and changed by every CALL.
+In: a `Code`. Out: per instruction a bit set of what is live after it. Only private bytes are followed:
+parameters, results, locals and temporaries that nothing can reach but by name; everything else is always
+needed. Bytes of other functions (parameters being filled, results being fetched) are used and changed by
+every CALL.
 """
 
 from __future__ import annotations
 
 from servogen.compiler.emitter import Code
 from servogen.compiler.machine import (
+    DC,
     DELAY,
     ENDS,
     LABEL,
@@ -17,7 +19,6 @@ from servogen.compiler.machine import (
     STATUS,
     Byte,
     C,
-    DC,
     Ins,
     Z,
     uses_carry,
@@ -33,7 +34,12 @@ _PRIVATE = ("local", "param", "result", "temp")
 
 def is_private(loc: object) -> bool:
     """Whether a byte is only reached by its name."""
-    return isinstance(loc, Byte) and loc.symbol.kind in _PRIVATE and not loc.symbol.pinned and not loc.symbol.volatile
+    return (
+        isinstance(loc, Byte)
+        and loc.symbol.kind in _PRIVATE
+        and not loc.symbol.pinned
+        and not loc.symbol.volatile
+    )
 
 
 class Liveness:
@@ -46,7 +52,7 @@ class Liveness:
         own = set(map(id, code.own))
         for ins in self.ins:
             if is_private(ins.f) and ins.f not in self.number:
-                self.number[ins.f] = len(self.number)  # type: ignore[index,arg-type]
+                self.number[ins.f] = len(self.number)  # type: ignore[index]
         if code.result is not None:
             for offset in range(code.result.size):
                 self.number.setdefault(Byte(code.result, offset), len(self.number))

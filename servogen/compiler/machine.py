@@ -1,6 +1,7 @@
 """Instructions before they have addresses: symbolic operands, labels, delays as one instruction each.
 
-In: nothing; the code generator makes these values, the optimiser rewrites them, the layout turns them into words.
+In: nothing; the code generator makes these values, the optimiser rewrites them, the layout turns them into
+words.
 What an instruction does to W and the flags comes from `pic.isa`.
 """
 
@@ -8,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import NamedTuple, Union
+from typing import NamedTuple
 
 from servogen.compiler.tree import AddressByte, Symbol
 from servogen.errors import Place
@@ -35,8 +36,8 @@ class Reg(NamedTuple):
     address: int
 
 
-Loc = Union[Byte, Reg]
-Operand = Union[Imm, Byte, Reg]
+Loc = Byte | Reg
+Operand = Imm | Byte | Reg
 
 _SFR = registers()
 INDF, PCL, STATUS, FSR, PCLATH, INTCON = (
@@ -105,11 +106,43 @@ class Ins:
 
 
 _BYTE_ORIENTED = frozenset(
-    "ADDWF ANDWF COMF DECF DECFSZ INCF INCFSZ IORWF MOVF RLF RRF SUBWF SWAPF XORWF".split()
+    [
+        "ADDWF",
+        "ANDWF",
+        "COMF",
+        "DECF",
+        "DECFSZ",
+        "INCF",
+        "INCFSZ",
+        "IORWF",
+        "MOVF",
+        "RLF",
+        "RRF",
+        "SUBWF",
+        "SWAPF",
+        "XORWF",
+    ]
 )
-_TO_W = frozenset("ADDLW ANDLW IORLW MOVLW SUBLW XORLW RETLW CLRW CALL DELAY".split())
+_TO_W = frozenset(["ADDLW", "ANDLW", "IORLW", "MOVLW", "SUBLW", "XORLW", "RETLW", "CLRW", "CALL", "DELAY"])
 _FROM_W = frozenset(
-    "ADDWF ANDWF IORWF SUBWF XORWF MOVWF ADDLW ANDLW IORLW SUBLW XORLW OPTION TRIS CALL RETURN RETFIE".split()
+    [
+        "ADDWF",
+        "ANDWF",
+        "IORWF",
+        "SUBWF",
+        "XORWF",
+        "MOVWF",
+        "ADDLW",
+        "ANDLW",
+        "IORLW",
+        "SUBLW",
+        "XORLW",
+        "OPTION",
+        "TRIS",
+        "CALL",
+        "RETURN",
+        "RETFIE",
+    ]
 )
 
 

@@ -14,7 +14,9 @@ from servogen.compiler.values import Tracker
 
 
 def optimise(code: Code) -> None:
-    """Run the passes until nothing changes. Library routines are written by hand and only lose unused jumps."""
+    """Run the passes until nothing changes. Library routines are written by hand and only lose unused
+    jumps.
+    """
     data = not code.name.startswith("__") and not _jumps_by_hand(code)
     for _ in range(30):
         before = [(ins.op, ins.f, ins.d, ins.b, ins.k, ins.target) for ins in code.ins]
@@ -60,7 +62,12 @@ def thread_jumps(code: Code) -> None:
             if at >= len(ins):
                 break
             target = ins[at]
-            if target.op == "GOTO" and not target.fixed and target.target != each.target and target is not each:
+            if (
+                target.op == "GOTO"
+                and not target.fixed
+                and target.target != each.target
+                and target is not each
+            ):
                 each.target = target.target
             elif target.op in ("RETURN", "RETFIE") and not target.fixed:
                 each.op, each.target = target.op, ""
@@ -88,7 +95,9 @@ def drop_unreachable(code: Code) -> None:
             if each.op in ENDS and not (before is not None and ins[before].op in SKIPS):
                 break
             at += 1
-    used = {each.target for each, here in zip(ins, reached, strict=True) if here and each.op in ("GOTO", "CALL")}
+    used = {
+        each.target for each, here in zip(ins, reached, strict=True) if here and each.op in ("GOTO", "CALL")
+    }
     code.ins = [
         each
         for each, here in zip(ins, reached, strict=True)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from functools import cache
 from typing import Any, NoReturn
 
-from pycparser import c_ast, c_lexer
+from pycparser import c_lexer
 from pycparser.c_parser import CParser, ParseError, _TokenStream
 
 from servogen.compiler.diagnostics import Reporter
@@ -25,10 +25,54 @@ _INTEGER = re.compile(r"(?:0[xX][0-9a-fA-F]+|[0-9]+)([uUlL]*)")
 def _punctuators() -> dict[str, str]:
     lexer = c_lexer.CLexer(_no_error)
     found = {}
-    for text in (
-        "... <<= >>= ++ -- -> && || << >> <= >= == != *= /= %= += -= &= |= ^= = + - * / % | & ~ ^ ! < > ? "
-        "( ) [ ] , . ; : { }"
-    ).split():
+    for text in [
+        "...",
+        "<<=",
+        ">>=",
+        "++",
+        "--",
+        "->",
+        "&&",
+        "||",
+        "<<",
+        ">>",
+        "<=",
+        ">=",
+        "==",
+        "!=",
+        "*=",
+        "/=",
+        "%=",
+        "+=",
+        "-=",
+        "&=",
+        "|=",
+        "^=",
+        "=",
+        "+",
+        "-",
+        "*",
+        "/",
+        "%",
+        "|",
+        "&",
+        "~",
+        "^",
+        "!",
+        "<",
+        ">",
+        "?",
+        "(",
+        ")",
+        "[",
+        "]",
+        ",",
+        ".",
+        ";",
+        ":",
+        "{",
+        "}",
+    ]:
         lexer.input(text)
         token = lexer.token()
         found[text] = token.type if token else ""
@@ -42,7 +86,9 @@ def _no_error(message: str, line: int, column: int) -> None:
 @cache
 def _keywords() -> dict[str, str]:
     unwanted = {"offsetof", "_Complex", "_Atomic", "_Thread_local", "__int128", "__builtin_va_arg"}
-    return {word: kind for word, kind in c_lexer.CLexer(_no_error)._keyword_map.items() if word not in unwanted}
+    return {
+        word: kind for word, kind in c_lexer.CLexer(_no_error)._keyword_map.items() if word not in unwanted
+    }
 
 
 class _Feed:
@@ -78,7 +124,9 @@ class _Parser(CParser):  # type: ignore[misc]
     def index(self) -> int:
         return int(self._tokens.mark())
 
-    def units(self, tokens: list[c_lexer.Token], typedefs: Iterable[str], fault: Callable[..., int]) -> list[Any]:
+    def units(
+        self, tokens: list[c_lexer.Token], typedefs: Iterable[str], fault: Callable[..., int]
+    ) -> list[Any]:
         """Parse the whole file; `fault` reports an error and says at which token to go on."""
         self.clex.tokens = tokens
         self._scope_stack = [dict.fromkeys(typedefs, True)]
@@ -150,7 +198,12 @@ def place_of(coord: Any) -> Place:
 
 
 def _report(
-    error: Exception, stream: list[c_lexer.Token], tokens: list[PToken], start: int, at: int, reporter: Reporter
+    error: Exception,
+    stream: list[c_lexer.Token],
+    tokens: list[PToken],
+    start: int,
+    at: int,
+    reporter: Reporter,
 ) -> None:
     """One sentence at the place where the parser stopped."""
     message = str(error)
@@ -170,7 +223,11 @@ def _report(
         hint = f"the '{opened.text}' at {opened.place} is not closed" if opened else None
         reporter.error("syntax error: the file ends in the middle of a declaration", where, hint)
         return
-    detail = "" if message.startswith(("before:", "At end")) or not isinstance(error, SyntaxFault) else f" ({message[0].lower() + message[1:]})"
+    detail = (
+        ""
+        if message.startswith(("before:", "At end")) or not isinstance(error, SyntaxFault)
+        else f" ({message[0].lower() + message[1:]})"
+    )
     reporter.error(f"syntax error before '{tokens[index].text}'{detail}", tokens[index].place)
 
 
@@ -185,8 +242,33 @@ def _index_of(tokens: list[PToken], coord: Any, start: int, at: int) -> int:
 
 _ENDS = re.compile(r"[\w$)\]\"']$")
 _STATEMENT_WORDS = frozenset(
-    "if while do for switch return break continue goto case default int char void unsigned signed long short "
-    "const static struct union enum bit }".split()
+    [
+        "if",
+        "while",
+        "do",
+        "for",
+        "switch",
+        "return",
+        "break",
+        "continue",
+        "goto",
+        "case",
+        "default",
+        "int",
+        "char",
+        "void",
+        "unsigned",
+        "signed",
+        "long",
+        "short",
+        "const",
+        "static",
+        "struct",
+        "union",
+        "enum",
+        "bit",
+        "}",
+    ]
 )
 
 

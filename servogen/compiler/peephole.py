@@ -1,7 +1,7 @@
 """Short sequences that have a shorter form.
 
-In: a `Code` and its liveness. Out: an operation on a byte in place instead of through W, CLRF for a stored zero,
-one skip instead of a skip and two jumps.
+In: a `Code` and its liveness. Out: an operation on a byte in place instead of through W, CLRF for a stored
+zero, one skip instead of a skip and two jumps.
 """
 
 from __future__ import annotations
@@ -10,7 +10,9 @@ from servogen.compiler.emitter import Code
 from servogen.compiler.liveness import W_BIT, Z_BIT, Liveness
 from servogen.compiler.machine import LABEL, SKIPS, Ins
 
-_IN_PLACE = frozenset("ADDWF ANDWF IORWF XORWF SUBWF INCF DECF COMF RLF RRF SWAPF".split())
+_IN_PLACE = frozenset(
+    ["ADDWF", "ANDWF", "IORWF", "XORWF", "SUBWF", "INCF", "DECF", "COMF", "RLF", "RRF", "SWAPF"]
+)
 _COMMUTING = {"ADDLW": "ADDWF", "ANDLW": "ANDWF", "IORLW": "IORWF", "XORLW": "XORWF"}
 
 
@@ -56,7 +58,13 @@ def _match(ins: list[Ins], at: int, live: Liveness) -> tuple[list[Ins], int] | N
     if three is not None and not three.fixed and three.op == "MOVWF" and not live.after[at + 2] & W_BIT:
         if one.op == "MOVF" and one.d == 0 and one.f == three.f and two.op in _COMMUTING:
             return [Ins("MOVLW", k=two.k), Ins(_COMMUTING[two.op], one.f, 1)], 3
-        if one.op == "MOVF" and one.d == 0 and two.f == three.f and two.op in _COMMUTING.values() and two.d == 0:
+        if (
+            one.op == "MOVF"
+            and one.d == 0
+            and two.f == three.f
+            and two.op in _COMMUTING.values()
+            and two.d == 0
+        ):
             return [one, Ins(two.op, two.f, 1)], 3
         if (
             one.op == "MOVF"
@@ -73,7 +81,14 @@ def _match(ins: list[Ins], at: int, live: Liveness) -> tuple[list[Ins], int] | N
 def _flags(ins: list[Ins], at: int) -> tuple[list[Ins], int] | None:
     """IORLW 0 behind what has set Z already; MOVF x,W only for Z."""
     one, two = ins[at], ins[at + 1]
-    if two.op == "IORLW" and two.k == 0 and "Z" in one.flags and one.d == 0 and one.writes_w and one.op != "CALL":
+    if (
+        two.op == "IORLW"
+        and two.k == 0
+        and "Z" in one.flags
+        and one.d == 0
+        and one.writes_w
+        and one.op != "CALL"
+    ):
         return [one], 2
     return None
 

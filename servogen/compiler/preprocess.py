@@ -1,7 +1,7 @@
 """The C preprocessor: source text to tokens that know their file, line and column.
 
-In: a source file and the dialect's predefined macros. Out: tokens for the parser, the `#pragma` lines, and the
-values of macros that the compiler itself reads (`_CLOCK_FREQ`, `_XTAL_FREQ`). pcpp does the work.
+In: a source file and the dialect's predefined macros. Out: tokens for the parser, the `#pragma` lines, and
+the values of macros that the compiler itself reads (`_CLOCK_FREQ`, `_XTAL_FREQ`). pcpp does the work.
 """
 
 from __future__ import annotations
@@ -48,7 +48,11 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
     """pcpp with its files, errors and pragmas led to this compiler."""
 
     def __init__(
-        self, reporter: Reporter, headers: Mapping[str, str], resolver: Resolver | None, blocks: list[AsmBlock]
+        self,
+        reporter: Reporter,
+        headers: Mapping[str, str],
+        resolver: Resolver | None,
+        blocks: list[AsmBlock],
     ) -> None:
         super().__init__()
         self.reporter = reporter

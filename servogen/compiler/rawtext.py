@@ -1,7 +1,7 @@
 """Rewrites what the C preprocessor cannot read, in the source text itself, line for line.
 
-In: the text of a source file. Out: text of the same lines in which binary constants are hexadecimal ones padded
-to the same columns, and each block of assembly that is not an `asm("…")` is a numbered marker.
+In: the text of a source file. Out: text of the same lines in which binary constants are hexadecimal ones
+padded to the same columns, and each block of assembly that is not an `asm("…")` is a numbered marker.
 """
 
 from __future__ import annotations
@@ -46,7 +46,11 @@ def rewrite(text: str, file: str, blocks: list[AsmBlock]) -> str:
             out.append(_marker(blocks, file, start, inside) + "\n" * match["hash"].count("\n"))
         elif match["asm"]:
             body_start, end = _asm_extent(text, position)
-            inside = text[body_start:end].strip("{}") if text[body_start : body_start + 1] == "{" else text[body_start:end]
+            inside = (
+                text[body_start:end].strip("{}")
+                if text[body_start : body_start + 1] == "{"
+                else text[body_start:end]
+            )
             start = text.count("\n", 0, body_start) + 1
             out.append(_marker(blocks, file, start, inside) + "\n" * text.count("\n", position, end))
             position = end

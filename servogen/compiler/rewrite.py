@@ -17,8 +17,22 @@ from servogen.errors import Place
 EEPROM_NAME = "__servogen_eeprom"
 CONFIG_NAME = "__servogen_config"
 BIT_MEMBER = "__servogen_bit"
-_DROPPED = frozenset("near far __near __far persistent __persistent __reentrant reentrant __ram rom __rom".split())
-_TYPE_WORDS = frozenset("void int char unsigned signed long short static".split())
+_DROPPED = frozenset(
+    [
+        "near",
+        "far",
+        "__near",
+        "__far",
+        "persistent",
+        "__persistent",
+        "__reentrant",
+        "reentrant",
+        "__ram",
+        "rom",
+        "__rom",
+    ]
+)
+_TYPE_WORDS = frozenset(["void", "int", "char", "unsigned", "signed", "long", "short", "static"])
 
 
 @dataclass(slots=True)
@@ -68,7 +82,9 @@ class _Rewriter:
             self.out.interrupts.add(token.text)
             self.pending_interrupt = False
         if self.pending_address is not None and is_name and self.text(1) in (";", "=", "[", ","):
-            self.out.addresses[(token.place.file, token.place.line, token.place.column)] = self.pending_address
+            self.out.addresses[(token.place.file, token.place.line, token.place.column)] = (
+                self.pending_address
+            )
             self.pending_address = None
         self.out.tokens.append(token)
         self.at += 1
@@ -239,6 +255,8 @@ _HANDLERS = {
 }
 
 
-def rewrite_tokens(tokens: list[PToken], blocks: list[AsmBlock], reporter: Reporter, serial: int) -> Rewritten:
+def rewrite_tokens(
+    tokens: list[PToken], blocks: list[AsmBlock], reporter: Reporter, serial: int
+) -> Rewritten:
     """Plain C of the tokens of one file; `serial` keeps the made-up names of several files apart."""
     return _Rewriter(tokens, blocks, reporter, serial).run()

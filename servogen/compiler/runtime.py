@@ -1,4 +1,5 @@
-"""The library: multiplication, division, tables, variable delays, EEPROM, serial; each routine made on demand.
+"""The library: multiplication, division, tables, variable delays, EEPROM, serial; each routine made on
+demand.
 
 In: the name of a routine and its sizes. Out: its `Code`, with parameters and result like any function's.
 """
@@ -17,7 +18,9 @@ from servogen.pic.device import register_bits, registers
 
 Library = Callable[[str, tuple[int, ...]], Code]
 _UNSIGNED: tuple[IntType, ...] = (U8, U16, U24, U32)
-_EEDATA, _EEADR, _EECON1, _EECON2 = (Reg(registers()[name].address) for name in ("EEDATA", "EEADR", "EECON1", "EECON2"))
+_EEDATA, _EEADR, _EECON1, _EECON2 = (
+    Reg(registers()[name].address) for name in ("EEDATA", "EEADR", "EECON1", "EECON2")
+)
 _GIE, _RD, _WR, _WREN = (register_bits()[name][1] for name in ("GIE", "RD", "WR", "WREN"))
 
 
@@ -246,7 +249,9 @@ def _eeprom_read(r: Routine, key: tuple[int, ...], library: Library) -> None:
 
 
 def _eeprom_write(r: Routine, key: tuple[int, ...], library: Library) -> None:
-    """DS35007 section 3.2: no interrupt may come between 0x55 and 0xAA; it waits until the byte is written."""
+    """DS35007 section 3.2: no interrupt may come between 0x55 and 0xAA; it waits until the byte is
+    written.
+    """
     address, value = r.parameter("address", 1)[0], r.parameter("value", 1, in_w=True)[0]
     enabled = r.variable("enabled", 1)[0]
     del value

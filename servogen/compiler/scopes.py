@@ -93,5 +93,3 @@ class Scopes:
     def known(self) -> list[str]:
         names = [name for scope in self.stack for name in scope.names]
         return names + [name for name in chip_registers() if name.isupper()]
-
-

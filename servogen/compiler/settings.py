@@ -1,7 +1,7 @@
 """What the source says about the chip: the clock, the configuration word, the serial port.
 
-In: pragmas, macros, `__CONFIG` values, the options. Out: a `Clock` or none, the configuration word, settings by
-name; contradictions are reported.
+In: pragmas, macros, `__CONFIG` values, the options. Out: a `Clock` or none, the configuration word,
+settings by name; contradictions are reported.
 """
 
 from __future__ import annotations
@@ -21,7 +21,20 @@ from servogen.pic.device import (
 from servogen.units import Clock
 
 CODE_PROTECT_MASK = 0x3FF0  # DS35007 section 6.1
-_IGNORED = frozenset("warning switch inline regsused addrqual message interrupt_level printf_check pack once".split())
+_IGNORED = frozenset(
+    [
+        "warning",
+        "switch",
+        "inline",
+        "regsused",
+        "addrqual",
+        "message",
+        "interrupt_level",
+        "printf_check",
+        "pack",
+        "once",
+    ]
+)
 
 
 class Settings:
@@ -43,7 +56,9 @@ class Settings:
             case "CLOCK_FREQ":
                 value = number(rest)
                 if value is None or value <= 0:
-                    self.reporter.error(f"#pragma CLOCK_FREQ needs a frequency in hertz, not '{rest}'", pragma.place)
+                    self.reporter.error(
+                        f"#pragma CLOCK_FREQ needs a frequency in hertz, not '{rest}'", pragma.place
+                    )
                 else:
                     self.clock_pragma = (value, pragma.place)
             case "CONFIG":
@@ -63,7 +78,9 @@ class Settings:
                 continue
             name, value = match[1].upper(), match[2].upper()
             if name not in _VALUES:
-                self.reporter.error(f"unknown configuration setting '{match[1]}'", place, nearest(name, _VALUES))
+                self.reporter.error(
+                    f"unknown configuration setting '{match[1]}'", place, nearest(name, _VALUES)
+                )
             elif value not in _VALUES[name]:
                 self.reporter.error(
                     f"'{match[2]}' is not a value of {name}", place, nearest(value, _VALUES[name])
@@ -82,7 +99,9 @@ class Settings:
             if value is None:
                 value = config_names().get(name.upper())
             if value is None:
-                self.reporter.error(f"'{name}' is not a configuration mask", place, nearest(name.upper(), config_names()))
+                self.reporter.error(
+                    f"'{name}' is not a configuration mask", place, nearest(name.upper(), config_names())
+                )
                 return
             total &= value
         self.config_mask = (total, place)
@@ -114,7 +133,8 @@ class Settings:
                 )
         if first[1] > self.device.max_clock_hz:
             self.reporter.error(
-                f"{first[1]} Hz is too fast: the {self.device.name} goes to {self.device.max_clock_hz} Hz", first[2]
+                f"{first[1]} Hz is too fast: the {self.device.name} goes to {self.device.max_clock_hz} Hz",
+                first[2],
             )
         return Clock(first[1])
 
@@ -127,7 +147,9 @@ class Settings:
         if oscillator is None:
             oscillator = oscillator_for(clock.hz) if clock is not None else "XT"
         oscillator = {"EXTRC": "RC"}.get(oscillator, oscillator)
-        word = config_word(oscillator, watchdog=chosen.get("WDTE") == "ON", power_up_timer=chosen.get("PWRTE") != "OFF")
+        word = config_word(
+            oscillator, watchdog=chosen.get("WDTE") == "ON", power_up_timer=chosen.get("PWRTE") != "OFF"
+        )
         return word & ~CODE_PROTECT_MASK if chosen.get("CP") == "ON" else word
 
 
@@ -151,4 +173,3 @@ def number(text: str) -> int | None:
             return None
         total *= int(match[1].replace("_", ""), 16 if match[1][:2].lower() == "0x" else 10)
     return total
-

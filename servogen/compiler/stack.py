@@ -1,7 +1,7 @@
 """The depth of calls: the chip's stack has eight levels, and an interrupt takes one wherever main is.
 
-In: the code of every function. Out: for each, whether one more call from it still fits; an error with the path
-when the program itself does not.
+In: the code of every function. Out: for each, whether one more call from it still fits; an error with the
+path when the program itself does not.
 """
 
 from __future__ import annotations
@@ -41,7 +41,9 @@ def check_stack(codes: dict[str, Code], roots: list[str], reporter: Reporter) ->
     total = sum(levels) + (len(roots) - 1)  # the interrupt itself takes a level
     if total > STACK_LEVELS:
         path = " → ".join(chains[roots[0]])
-        also = f", and the interrupt's {' → '.join(chains[roots[1]]) or 'own level'}" if len(roots) > 1 else ""
+        also = (
+            f", and the interrupt's {' → '.join(chains[roots[1]]) or 'own level'}" if len(roots) > 1 else ""
+        )
         reporter.error(
             f"calls go {total} levels deep, the chip's stack has {STACK_LEVELS}: {path}{also}",
             Place(next(iter(reporter.texts), None)),

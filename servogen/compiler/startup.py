@@ -1,8 +1,10 @@
-"""The frame of a program: vectors, start-up, saving of registers around the interrupt, tables, their order in flash.
+"""The frame of a program: vectors, start-up, saving of registers around the interrupt, tables, their order
+in flash.
 
 In: the generated functions and the program's variables. Out: an `Arrangement`: which code comes where.
 
-Address 0 holds a GOTO to the start-up when there is an interrupt function; without one, the start-up stands there.
+Address 0 holds a GOTO to the start-up when there is an interrupt function; without one, the start-up
+stands there.
 """
 
 from __future__ import annotations
@@ -77,7 +79,8 @@ def _initialise(statics: list[Symbol]) -> list[Ins]:
 
 
 def _save_context(code: Code, *, fsr: bool, pclath: bool) -> None:
-    """W, STATUS and what the interrupt uses of FSR and PCLATH are kept (DS35007 section 6.9, "Context saving").
+    """W, STATUS and what the interrupt uses of FSR and PCLATH are kept (DS35007 section 6.9, "Context
+    saving").
 
     SWAPF moves STATUS without changing its flags. Bank 0 is selected for the function itself.
     """
@@ -95,7 +98,13 @@ def _save_context(code: Code, *, fsr: bool, pclath: bool) -> None:
         Ins("MOVWF", status),
         Ins("CLRF", STATUS),
     ]
-    after = [Ins("SWAPF", status, 0), Ins("MOVWF", STATUS), Ins("SWAPF", w, 1), Ins("SWAPF", w, 0), Ins("RETFIE")]
+    after = [
+        Ins("SWAPF", status, 0),
+        Ins("MOVWF", STATUS),
+        Ins("SWAPF", w, 1),
+        Ins("SWAPF", w, 0),
+        Ins("RETFIE"),
+    ]
     for register, wanted in ((FSR, fsr), (PCLATH, pclath)):
         if wanted:
             held = kept("fsr" if register == FSR else "pclath")

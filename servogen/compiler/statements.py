@@ -65,7 +65,9 @@ class Statements(Declarations):
         for label, where in self.body.gotos:
             if label not in self.body.labels:
                 hint = nearest(label, self.body.labels) if self.body.labels else None
-                self.reporter.error(f"there is no label '{label}' in '{function.name}'", self.place(where), hint)
+                self.reporter.error(
+                    f"there is no label '{label}' in '{function.name}'", self.place(where), hint
+                )
         self.scopes.pop()
         function.body = block
         self.function = None
@@ -127,7 +129,9 @@ class Statements(Declarations):
         names: dict[str, Any] = {}
         if self.function is not None:
             for scope in self.scopes.stack[1:]:
-                names.update({f"_{name}": what for name, what in scope.names.items() if hasattr(what, "asm_name")})
+                names.update(
+                    {f"_{name}": what for name, what in scope.names.items() if hasattr(what, "asm_name")}
+                )
         return Asm(lines, names, place)
 
     def _effect(self, node: Any) -> Expr:
@@ -139,7 +143,9 @@ class Statements(Declarations):
     def condition(self, node: Any) -> Expr:
         if isinstance(node, c_ast.Assignment) and node.op == "=":
             self.reporter.warn(
-                "an assignment as a condition", self.place(node), hint="'==' compares; '((a = b) != 0)' says it is meant"
+                "an assignment as a condition",
+                self.place(node),
+                hint="'==' compares; '((a = b) != 0)' says it is meant",
             )
         return self.truth(self.condition_operand(node))
 
@@ -172,9 +178,16 @@ class Statements(Declarations):
         condition = self.condition(node.cond)
         if isinstance(node.iftrue, c_ast.EmptyStatement) and node.iffalse is None:
             self.reporter.warn("this 'if' controls an empty statement", self.place(node.iftrue))
-        return If(condition, self._nested(node.iftrue), self._nested(node.iffalse) if node.iffalse else None, self.place(node))
+        return If(
+            condition,
+            self._nested(node.iftrue),
+            self._nested(node.iffalse) if node.iffalse else None,
+            self.place(node),
+        )
 
-    def _loop(self, node: Any, condition: Expr | None, step: Expr | None, post: bool, body: Any = None) -> Stmt:
+    def _loop(
+        self, node: Any, condition: Expr | None, step: Expr | None, post: bool, body: Any = None
+    ) -> Stmt:
         self.body.loops += 1
         self.body.breakable += 1
         inside = self._nested(node.stmt)
@@ -296,7 +309,7 @@ def _can_be_reached(node: Any) -> bool:
     if isinstance(node, (c_ast.Label, c_ast.Case, c_ast.Default, c_ast.Decl, c_ast.Typedef)):
         return True
     if isinstance(node, c_ast.Node):
-        return any(_can_be_reached(child) for _, child in node.children() if not isinstance(child, c_ast.Decl))
+        return any(
+            _can_be_reached(child) for _, child in node.children() if not isinstance(child, c_ast.Decl)
+        )
     return False
-
-

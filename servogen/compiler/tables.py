@@ -1,8 +1,8 @@
 """Constants in flash: tables of RETLW, and the few instructions in front that jump into them.
 
-In: flash objects that the code names. Out: a `Code` each. A table whose program lies in the first 256 words with
-all others needs only ADDWF PCL; elsewhere PCLATH is set, and a carry is added where a table crosses a page of 256
-words (DS35007 section 2.4; "Implementing a Table Read", Microchip AN556).
+In: flash objects that the code names. Out: a `Code` each. A table whose program lies in the first 256
+words with all others needs only ADDWF PCL; elsewhere PCLATH is set, and a carry is added where a table
+crosses a page of 256 words (DS35007 section 2.4; "Implementing a Table Read", Microchip AN556).
 """
 
 from __future__ import annotations
@@ -41,7 +41,10 @@ def add_tables(codes: dict[str, Code], statics: list[Symbol]) -> dict[Symbol, st
             elif isinstance(ins.k, AddressByte):
                 waiting.append(ins.k.symbol)
     waiting += [
-        each.symbol for symbol in statics for each in (symbol.initial or {}).values() if isinstance(each, AddressByte)
+        each.symbol
+        for symbol in statics
+        for each in (symbol.initial or {}).values()
+        if isinstance(each, AddressByte)
     ]
     for name, symbol in called.items():
         held = Symbol("index", U8, "temp", function=name)

@@ -1,13 +1,12 @@
 """The typed tree: what the program means, every conversion explicit, names resolved, constants folded.
 
-In: nothing; this is the value that passes from the semantic analysis to the code generator. Every expression has
-a type and a place. Addresses inside an object are byte offsets.
+In: nothing; this is the value that passes from the semantic analysis to the code generator. Every
+expression has a type and a place. Addresses inside an object are byte offsets.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Union
 
 from servogen.compiler.ctypes import CType, IntType
 from servogen.errors import Place
@@ -26,9 +25,11 @@ class Symbol:
     address: int | None = None
     bank1: bool = False
     pinned: bool = False
-    """Reached through a pointer, an index or assembly: its bytes stay together and are never kept elsewhere."""
+    """Reached through a pointer, an index or assembly: its bytes stay together and are never kept
+    elsewhere.
+    """
     volatile: bool = False
-    initial: dict[int, "Data"] | None = None
+    initial: dict[int, Data] | None = None
     """What it starts with: a byte each, by offset."""
     read: bool = False
     written: bool = False
@@ -55,7 +56,7 @@ class AddressByte:
     part: int
 
 
-Data = Union[int, AddressByte]
+Data = int | AddressByte
 
 
 @dataclass(slots=True)
@@ -71,7 +72,7 @@ class Ref:
 
     symbol: Symbol
     offset: int
-    index: "Expr | None"
+    index: Expr | None
     type: CType
     place: Place
     bit: int | None = None
@@ -83,7 +84,7 @@ class Ref:
 class Deref:
     """What a pointer points to, `offset` bytes on."""
 
-    pointer: "Expr"
+    pointer: Expr
     offset: int
     type: CType
     place: Place
@@ -102,7 +103,7 @@ class AddressOf:
 
 @dataclass(slots=True)
 class Cast:
-    operand: "Expr"
+    operand: Expr
     type: CType
     place: Place
 
@@ -112,18 +113,20 @@ class Unary:
     """`-`, `~`, or `!` (whose type is int)."""
 
     op: str
-    operand: "Expr"
+    operand: Expr
     type: CType
     place: Place
 
 
 @dataclass(slots=True)
 class Binary:
-    """Arithmetic on operands of the result's type; comparisons on operands of one type; shifts by any integer."""
+    """Arithmetic on operands of the result's type; comparisons on operands of one type; shifts by any
+    integer.
+    """
 
     op: str
-    left: "Expr"
-    right: "Expr"
+    left: Expr
+    right: Expr
     type: CType
     place: Place
 
@@ -133,8 +136,8 @@ class Logic:
     """`&&` or `||`."""
 
     op: str
-    left: "Expr"
-    right: "Expr"
+    left: Expr
+    right: Expr
     type: CType
     place: Place
 
@@ -143,25 +146,25 @@ class Logic:
 class Choice:
     """`? :`"""
 
-    condition: "Expr"
-    yes: "Expr"
-    no: "Expr"
+    condition: Expr
+    yes: Expr
+    no: Expr
     type: CType
     place: Place
 
 
 @dataclass(slots=True)
 class Comma:
-    first: "Expr"
-    second: "Expr"
+    first: Expr
+    second: Expr
     type: CType
     place: Place
 
 
 @dataclass(slots=True)
 class Assign:
-    target: "Ref | Deref"
-    value: "Expr"
+    target: Ref | Deref
+    value: Expr
     type: CType
     place: Place
 
@@ -171,8 +174,8 @@ class Update:
     """`target op= value`, computed in the type `work`; `post` gives the value from before."""
 
     op: str
-    target: "Ref | Deref"
-    value: "Expr"
+    target: Ref | Deref
+    value: Expr
     work: IntType
     post: bool
     type: CType
@@ -182,25 +185,40 @@ class Update:
 @dataclass(slots=True)
 class Call:
     function: str
-    arguments: list["Expr"]
+    arguments: list[Expr]
     type: CType
     place: Place
 
 
 @dataclass(slots=True)
 class Builtin:
-    """An operation of the chip or the library; `name` says which, `data` carries what is not an expression."""
+    """An operation of the chip or the library; `name` says which, `data` carries what is not an
+    expression.
+    """
 
     name: str
-    arguments: list["Expr"]
+    arguments: list[Expr]
     type: CType
     place: Place
     data: object = None
 
 
-Expr = Union[
-    Num, Ref, Deref, AddressOf, Cast, Unary, Binary, Logic, Choice, Comma, Assign, Update, Call, Builtin
-]
+Expr = (
+    Num
+    | Ref
+    | Deref
+    | AddressOf
+    | Cast
+    | Unary
+    | Binary
+    | Logic
+    | Choice
+    | Comma
+    | Assign
+    | Update
+    | Call
+    | Builtin
+)
 
 
 @dataclass(slots=True)
@@ -210,23 +228,25 @@ class ExprStmt:
 
 @dataclass(slots=True)
 class Block:
-    body: list["Stmt"]
+    body: list[Stmt]
 
 
 @dataclass(slots=True)
 class If:
     condition: Expr
-    yes: "Stmt"
-    no: "Stmt | None"
+    yes: Stmt
+    no: Stmt | None
     place: Place
 
 
 @dataclass(slots=True)
 class Loop:
-    """`while`, `for` and `do`: the test comes first unless `post`; `step` runs before the test is repeated."""
+    """`while`, `for` and `do`: the test comes first unless `post`; `step` runs before the test is
+    repeated.
+    """
 
     condition: Expr | None
-    body: "Stmt"
+    body: Stmt
     step: Expr | None
     post: bool
     place: Place
@@ -235,9 +255,9 @@ class Loop:
 @dataclass(slots=True)
 class Switch:
     value: Expr
-    cases: list[tuple[int, "CaseLabel"]]
-    default: "CaseLabel | None"
-    body: "Stmt"
+    cases: list[tuple[int, CaseLabel]]
+    default: CaseLabel | None
+    body: Stmt
     place: Place
 
 
@@ -276,7 +296,7 @@ class Asm:
     place: Place
 
 
-Stmt = Union[ExprStmt, Block, If, Loop, Switch, CaseLabel, Jump, LabelStmt, Return, Asm]
+Stmt = ExprStmt | Block | If | Loop | Switch | CaseLabel | Jump | LabelStmt | Return | Asm
 
 
 @dataclass(eq=False, slots=True)

@@ -1,8 +1,8 @@
 """Follows what W and bytes hold, so that nothing is loaded, stored or tested twice.
 
 In: a `Code`. Out: loads of what W already holds are dropped, operands whose value is known become constants,
-temporaries that are copies give way to their originals. Knowledge flows forward; where ways meet only what all of
-them know is kept, and where a loop comes back nothing.
+temporaries that are copies give way to their originals. Knowledge flows forward; where ways meet only what
+all of them know is kept, and where a loop comes back nothing.
 """
 
 from __future__ import annotations
@@ -17,7 +17,24 @@ Value = Imm | int
 State = dict[object, Value]
 _W = "W"
 _TO_LITERAL = {"ADDWF": "ADDLW", "ANDWF": "ANDLW", "IORWF": "IORLW", "XORWF": "XORLW", "SUBWF": "SUBLW"}
-_READERS = frozenset("MOVF ADDWF ANDWF IORWF XORWF SUBWF COMF INCF DECF SWAPF RLF RRF BTFSC BTFSS".split())
+_READERS = frozenset(
+    [
+        "MOVF",
+        "ADDWF",
+        "ANDWF",
+        "IORWF",
+        "XORWF",
+        "SUBWF",
+        "COMF",
+        "INCF",
+        "DECF",
+        "SWAPF",
+        "RLF",
+        "RRF",
+        "BTFSC",
+        "BTFSS",
+    ]
+)
 
 
 def trackable(loc: object) -> bool:
@@ -142,7 +159,11 @@ class Tracker:
     def _forget_aliases(self, loc: Loc | None, state: State) -> None:
         """Fixed-address variables may lie over one another."""
         if isinstance(loc, Byte) and loc.symbol.kind == "fixed":
-            for each in [each for each in state if isinstance(each, Byte) and each.symbol.kind == "fixed" and each != loc]:
+            for each in [
+                each
+                for each in state
+                if isinstance(each, Byte) and each.symbol.kind == "fixed" and each != loc
+            ]:
                 del state[each]
 
     # what an instruction can become
@@ -177,11 +198,18 @@ class Tracker:
                 ins.op, ins.f, ins.k = _TO_LITERAL[ins.op], None, known.value
                 self.changed = True
                 return
-        if ins.op in _READERS and not ins.writes_f and isinstance(ins.f, Byte) and ins.f.symbol.kind == "temp":
+        if (
+            ins.op in _READERS
+            and not ins.writes_f
+            and isinstance(ins.f, Byte)
+            and ins.f.symbol.kind == "temp"
+        ):
             self._original(ins, state)
 
     def _near(self, loc: Byte) -> bool:
-        """A variable of this function or a global: another function's bytes are only good right behind its call."""
+        """A variable of this function or a global: another function's bytes are only good right
+        behind its call.
+        """
         return loc.symbol.static or id(loc.symbol) in self.own
 
     def _original(self, ins: Ins, state: State) -> None:
@@ -200,5 +228,3 @@ class Tracker:
 
 def _common(one: State, two: State) -> State:
     return {loc: value for loc, value in one.items() if two.get(loc) == value}
-
-
