@@ -11,7 +11,7 @@ READY  := $(VENV)/.installed
 help:
 	@echo "make demo      install into $(VENV), build and prove every job under jobs/, print one table"
 	@echo "make test      the tests"
-	@echo "make check     format, lint, types, tests, and firmware/ made anew and compared"
+	@echo "make check     format, lint, types and the tests, which also make firmware/ anew"
 	@echo "make firmware  make firmware/ anew"
 	@echo "make bench     measure speeds and print ratios"
 	@echo "make clean     remove what was made"
@@ -33,7 +33,6 @@ check: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
-	$(BIN)/servogen demo $(JOBS) --output build/firmware --against firmware
 	$(BIN)/pytest
 
 firmware: $(READY)

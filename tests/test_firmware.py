@@ -1,11 +1,12 @@
 """`firmware/` is what the jobs make today, byte for byte."""
 
+from itertools import zip_longest
 from pathlib import Path
 
 import pytest
 
 from servogen.job import load
-from servogen.pipeline import DoesNotFit, build, differences, write
+from servogen.pipeline import DoesNotFit, build, write
 
 ROOT = Path(__file__).parent.parent
 JOBS = sorted((ROOT / "jobs").glob("*.toml"))
@@ -41,3 +42,23 @@ def test_a_changed_or_missing_or_left_over_file_is_named(tmp_path: Path) -> None
     assert new == "new: is missing"
     assert old == "old: is no longer made"
     assert other == "other:2: is 'kept', now 'made'"
+
+
+def differences(made: Path, kept: Path) -> list[str]:
+    """A line for each file that is missing, left over or different; none when both folders are the same."""
+    names = sorted({path.name for folder in (made, kept) if folder.is_dir() for path in folder.iterdir()})
+    return [line for name in names if (line := _difference(made / name, kept / name))]
+
+
+def _difference(made: Path, kept: Path) -> str | None:
+    if not kept.is_file():
+        return f"{kept}: is missing"
+    if not made.is_file():
+        return f"{kept}: is no longer made"
+    if made.read_bytes() == kept.read_bytes():
+        return None
+    pairs = zip_longest(made.read_text().splitlines(), kept.read_text().splitlines())
+    for number, (new, old) in enumerate(pairs, 1):
+        if new != old:
+            return f"{kept}:{number}: is '{old}', now '{new}'"
+    return f"{kept}: differs in its line ends"

@@ -1,7 +1,6 @@
 """The rooms put together: from a job to proven HEX files."""
 
 from servogen.pipeline.build import Build, Program, build, report, write
-from servogen.pipeline.differences import differences
 from servogen.pipeline.proof import LOOPS_CHECKED, checked_cycles, held, motion_cycles, prove, running
 from servogen.pipeline.tuning import DoesNotFit
 
@@ -12,7 +11,6 @@ __all__ = [
     "Program",
     "build",
     "checked_cycles",
-    "differences",
     "held",
     "motion_cycles",
     "prove",

@@ -1,0 +1,201 @@
+/*
+ * lab9-exercise: servo pulses for the PIC16F84 at 4 MHz (C2C).
+ * Generated from the job by servogen: change the job, not this file.
+ *
+ * RB0  vertical: 1500, 1602 us
+ * RB1  horizontal: 1437, 1450, 1462, 1475, 1487, 1500, 1513, 1525, 1538, 1550, 1563 us
+ *
+ * A frame takes 20000 us, an instruction cycle 1 us. Each delay is shorter than
+ * the time in its comment by the cycles of the statements around it.
+ */
+#pragma CLOCK_FREQ 4000000
+
+/* vertical 1500 us, horizontal 1437 us */
+void position_1(unsigned char frames)
+{
+    while (1) {
+        PORTB = 0x01;   /* vertical high for 1500 us */
+        delay_ms(1); delay_10us(49); delay_us(9);
+        PORTB = 0x00;   /* vertical low */
+        delay_10us(49); delay_us(8);
+        PORTB = 0x02;   /* horizontal high for 1437 us */
+        delay_ms(1); delay_10us(43); delay_us(6);
+        PORTB = 0x00;   /* horizontal low */
+        delay_ms(16); delay_10us(49); delay_us(9);   /* the rest of the frame */
+        if (--frames == 0)
+            return;
+        delay_10us(5); delay_us(7);   /* as long as the way from one position to the next */
+    }
+}
+
+/* vertical 1500 us, horizontal 1563 us */
+void position_2(unsigned char frames)
+{
+    while (1) {
+        PORTB = 0x01;   /* vertical high for 1500 us */
+        delay_ms(1); delay_10us(49); delay_us(9);
+        PORTB = 0x00;   /* vertical low */
+        delay_10us(49); delay_us(8);
+        PORTB = 0x02;   /* horizontal high for 1563 us */
+        delay_ms(1); delay_10us(56); delay_us(2);
+        PORTB = 0x00;   /* horizontal low */
+        delay_ms(16); delay_10us(37); delay_us(3);   /* the rest of the frame */
+        if (--frames == 0)
+            return;
+        delay_10us(5); delay_us(7);   /* as long as the way from one position to the next */
+    }
+}
+
+/* vertical 1602 us, horizontal 1563 us */
+void position_3(unsigned char frames)
+{
+    while (1) {
+        PORTB = 0x01;   /* vertical high for 1602 us */
+        delay_ms(1); delay_10us(60); delay_us(1);
+        PORTB = 0x00;   /* vertical low */
+        delay_10us(39); delay_us(6);
+        PORTB = 0x02;   /* horizontal high for 1563 us */
+        delay_ms(1); delay_10us(56); delay_us(2);
+        PORTB = 0x00;   /* horizontal low */
+        delay_ms(16); delay_10us(37); delay_us(3);   /* the rest of the frame */
+        if (--frames == 0)
+            return;
+        delay_10us(5); delay_us(7);   /* as long as the way from one position to the next */
+    }
+}
+
+/* vertical 1602 us, horizontal 1437 us */
+void position_4(unsigned char frames)
+{
+    while (1) {
+        PORTB = 0x01;   /* vertical high for 1602 us */
+        delay_ms(1); delay_10us(60); delay_us(1);
+        PORTB = 0x00;   /* vertical low */
+        delay_10us(39); delay_us(6);
+        PORTB = 0x02;   /* horizontal high for 1437 us */
+        delay_ms(1); delay_10us(43); delay_us(6);
+        PORTB = 0x00;   /* horizontal low */
+        delay_ms(16); delay_10us(49); delay_us(9);   /* the rest of the frame */
+        if (--frames == 0)
+            return;
+        delay_10us(5); delay_us(7);   /* as long as the way from one position to the next */
+    }
+}
+
+void main(void)
+{
+    PORTB = 0x00;
+    set_bit(STATUS, RP0);
+    TRISB = 0xFC;
+    clear_bit(STATUS, RP0);
+    delay_ms(19); delay_10us(99);   /* all low for one frame */
+
+    while (1) {
+
+        /* vertical 1500 us, horizontal 1437 us, for 0.1 s */
+        position_1(5);
+        delay_10us(5); delay_us(8);
+
+        /* vertical 1500 us, horizontal 1450 us */
+        PORTB = 0x01;   /* vertical high for 1500 us */
+        delay_ms(1); delay_10us(49); delay_us(9);
+        PORTB = 0x00;   /* vertical low */
+        delay_10us(49); delay_us(8);
+        PORTB = 0x02;   /* horizontal high for 1450 us */
+        delay_ms(1); delay_10us(44); delay_us(9);
+        PORTB = 0x00;   /* horizontal low */
+        delay_ms(16); delay_10us(54); delay_us(8);
+
+        /* vertical 1500 us, horizontal 1462 us */
+        PORTB = 0x01;   /* vertical high for 1500 us */
+        delay_ms(1); delay_10us(49); delay_us(9);
+        PORTB = 0x00;   /* vertical low */
+        delay_10us(49); delay_us(8);
+        PORTB = 0x02;   /* horizontal high for 1462 us */
+        delay_ms(1); delay_10us(46); delay_us(1);
+        PORTB = 0x00;   /* horizontal low */
+        delay_ms(16); delay_10us(53); delay_us(6);
+
+        /* vertical 1500 us, horizontal 1475 us */
+        PORTB = 0x01;   /* vertical high for 1500 us */
+        delay_ms(1); delay_10us(49); delay_us(9);
+        PORTB = 0x00;   /* vertical low */
+        delay_10us(49); delay_us(8);
+        PORTB = 0x02;   /* horizontal high for 1475 us */
+        delay_ms(1); delay_10us(47); delay_us(4);
+        PORTB = 0x00;   /* horizontal low */
+        delay_ms(16); delay_10us(52); delay_us(3);
+
+        /* vertical 1500 us, horizontal 1487 us */
+        PORTB = 0x01;   /* vertical high for 1500 us */
+        delay_ms(1); delay_10us(49); delay_us(9);
+        PORTB = 0x00;   /* vertical low */
+        delay_10us(49); delay_us(8);
+        PORTB = 0x02;   /* horizontal high for 1487 us */
+        delay_ms(1); delay_10us(48); delay_us(6);
+        PORTB = 0x00;   /* horizontal low */
+        delay_ms(16); delay_10us(51); delay_us(1);
+
+        /* vertical 1500 us, horizontal 1500 us */
+        PORTB = 0x01;   /* vertical high for 1500 us */
+        delay_ms(1); delay_10us(49); delay_us(9);
+        PORTB = 0x00;   /* vertical low */
+        delay_10us(49); delay_us(8);
+        PORTB = 0x02;   /* horizontal high for 1500 us */
+        delay_ms(1); delay_10us(49); delay_us(9);
+        PORTB = 0x00;   /* horizontal low */
+        delay_ms(16); delay_10us(49); delay_us(8);
+
+        /* vertical 1500 us, horizontal 1513 us */
+        PORTB = 0x01;   /* vertical high for 1500 us */
+        delay_ms(1); delay_10us(49); delay_us(9);
+        PORTB = 0x00;   /* vertical low */
+        delay_10us(49); delay_us(8);
+        PORTB = 0x02;   /* horizontal high for 1513 us */
+        delay_ms(1); delay_10us(51); delay_us(2);
+        PORTB = 0x00;   /* horizontal low */
+        delay_ms(16); delay_10us(48); delay_us(5);
+
+        /* vertical 1500 us, horizontal 1525 us */
+        PORTB = 0x01;   /* vertical high for 1500 us */
+        delay_ms(1); delay_10us(49); delay_us(9);
+        PORTB = 0x00;   /* vertical low */
+        delay_10us(49); delay_us(8);
+        PORTB = 0x02;   /* horizontal high for 1525 us */
+        delay_ms(1); delay_10us(52); delay_us(4);
+        PORTB = 0x00;   /* horizontal low */
+        delay_ms(16); delay_10us(47); delay_us(3);
+
+        /* vertical 1500 us, horizontal 1538 us */
+        PORTB = 0x01;   /* vertical high for 1500 us */
+        delay_ms(1); delay_10us(49); delay_us(9);
+        PORTB = 0x00;   /* vertical low */
+        delay_10us(49); delay_us(8);
+        PORTB = 0x02;   /* horizontal high for 1538 us */
+        delay_ms(1); delay_10us(53); delay_us(7);
+        PORTB = 0x00;   /* horizontal low */
+        delay_ms(16); delay_10us(46);
+
+        /* vertical 1500 us, horizontal 1550 us */
+        PORTB = 0x01;   /* vertical high for 1500 us */
+        delay_ms(1); delay_10us(49); delay_us(9);
+        PORTB = 0x00;   /* vertical low */
+        delay_10us(49); delay_us(8);
+        PORTB = 0x02;   /* horizontal high for 1550 us */
+        delay_ms(1); delay_10us(54); delay_us(9);
+        PORTB = 0x00;   /* horizontal low */
+        delay_ms(16); delay_10us(44); delay_us(4);
+
+        /* vertical 1500 us, horizontal 1563 us, for 0.12 s */
+        position_2(6);
+        delay_10us(5); delay_us(4);
+
+        /* vertical 1602 us, horizontal 1563 us, for 0.1 s */
+        position_3(5);
+        delay_10us(5); delay_us(4);
+
+        /* vertical 1602 us, horizontal 1437 us, for 0.1 s */
+        position_4(5);
+        delay_10us(5); delay_us(2);
+    }
+}
