@@ -17,8 +17,9 @@ from servogen.pic.device import registers
 from servogen.pic.isa import by_mnemonic
 
 
-class Imm(NamedTuple):
-    """A constant byte."""
+@dataclass(frozen=True, slots=True)
+class Imm:
+    """A constant byte. No tuple, for a number must not equal the register of that address."""
 
     value: int | AddressByte
 
@@ -30,7 +31,8 @@ class Byte(NamedTuple):
     offset: int
 
 
-class Reg(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Reg:
     """A special function register, bit 7 of the address being the bank."""
 
     address: int
