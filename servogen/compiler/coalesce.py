@@ -152,10 +152,10 @@ def symbol_conflicts(code: Code) -> dict[Symbol, set[Symbol]]:
                 conflicts[other.symbol].add(byte.symbol)
     for variable in own:
         everywhere = variable.pinned or variable.volatile
-        for other in own:
-            if other is not symbol and (
-                everywhere or (symbol in code.parameters and other in code.parameters)
+        for rival in own:
+            if rival is not variable and (
+                everywhere or (variable in code.parameters and rival in code.parameters)
             ):
-                conflicts[variable].add(other)
-                conflicts[other].add(variable)
+                conflicts[variable].add(rival)
+                conflicts[rival].add(variable)
     return conflicts

@@ -12,7 +12,7 @@ from servogen.compiler.arith import imms
 from servogen.compiler.conditions import Conditions
 from servogen.compiler.ctypes import IntType, VoidType
 from servogen.compiler.emitter import ISR_SUFFIX, Code
-from servogen.compiler.fold import has_effect, interval
+from servogen.compiler.fold import COMPARISONS, compare, has_effect, interval
 from servogen.compiler.generate import calls_something, width_of
 from servogen.compiler.inline_asm import AsmError, assemble_line
 from servogen.compiler.machine import Byte, Imm, Ins, Loc, Operand, Z
@@ -20,11 +20,13 @@ from servogen.compiler.tables import table_name
 from servogen.compiler.tree import (
     AddressByte,
     Asm,
+    Assign,
     Binary,
     Block,
     Builtin,
     Call,
     CaseLabel,
+    Cast,
     Deref,
     Expr,
     ExprStmt,
@@ -88,8 +90,18 @@ class FunctionGenerator(Conditions):
         getattr(self, "_stmt_" + type(node).__name__)(node)
 
     def _stmt_Block(self, node: Block) -> None:
+        before: Stmt | None = None
         for each in node.body:
-            self.statement(each)
+            if (
+                isinstance(each, Loop)
+                and not each.post
+                and before is not None
+                and _holds_at_first(each, before)
+            ):
+                self._loop(each, entered=True)
+            else:
+                self.statement(each)
+            before = each
 
     def _stmt_ExprStmt(self, node: ExprStmt) -> None:
         self.effect(node.expr)
@@ -115,19 +127,24 @@ class FunctionGenerator(Conditions):
         self.label(end)
 
     def _stmt_Loop(self, node: Loop) -> None:
+        self._loop(node, entered=False)
+
+    def _loop(self, node: Loop, *, entered: bool) -> None:
+        """The test stands in front, or at the end when it surely holds at first."""
         self.place = node.place
-        top, again, end = self.new_label("top"), self.new_label(), self.new_label("end")
+        top, again, end = (self.new_label(hint) for hint in ("top", "again", "end"))
         self._break.append(end)
         self._continue.append(again)
         self.label(top)
-        if node.condition is not None and not node.post:
+        in_front = node.condition is not None and not node.post and not entered
+        if node.condition is not None and in_front:
             self.jump(node.condition, False, end)
         self.statement(node.body)
         self.label(again)
         if node.step is not None:
             self.effect(node.step)
         self.place = node.place
-        if node.condition is not None and node.post:
+        if node.condition is not None and not in_front:
             self.jump(node.condition, True, top)
         else:
             self.goto(top)
@@ -479,6 +496,30 @@ class FunctionGenerator(Conditions):
                 code = self.library(expr.name, tuple(int(each) for each in data))
                 operands = [self.value(each, 1) for each in expr.arguments]
                 self.library_call(code, operands)
+
+
+def _holds_at_first(loop: Loop, before: Stmt) -> bool:
+    """Whether a loop's test surely holds at first: `for (i = 0; i < 8; i++)`."""
+    if not isinstance(before, ExprStmt) or not isinstance(before.expr, Assign):
+        return False
+    target, value, test = before.expr.target, before.expr.value, loop.condition
+    if not isinstance(target, Ref) or not isinstance(value, Num) or target.symbol.volatile:
+        return False
+    if not isinstance(test, Binary) or test.op not in COMPARISONS or not isinstance(test.right, Num):
+        return False
+    left = test.left
+    while isinstance(left, Cast) and isinstance(left.type, IntType):
+        if not left.type.low <= value.value <= left.type.high:
+            return False
+        left = left.operand
+    if not isinstance(left, Ref) or (left.symbol, left.offset, left.index) != (
+        target.symbol,
+        target.offset,
+        None,
+    ):
+        return False
+    same = left.type.size == target.type.size and not left.width and not target.width and target.index is None
+    return same and compare(test.op, value.value, test.right.value)
 
 
 def _bool_cast(expr: Expr) -> bool:

@@ -42,6 +42,26 @@ def width_of(low: int, high: int) -> tuple[int, bool]:
     return size, signed
 
 
+def changes(expr: Expr) -> bool:
+    """Whether evaluating it may change a variable; reading a volatile one does not count."""
+    match expr:
+        case Num():
+            return False
+        case Ref(index=index):
+            return index is not None and changes(index)
+        case Deref(pointer):
+            return changes(pointer)
+        case AddressOf(target):
+            return changes(target)
+        case Cast(operand) | Unary(_, operand):
+            return changes(operand)
+        case Binary(_, left, right) | Logic(_, left, right) | Comma(left, right):
+            return changes(left) or changes(right)
+        case Choice(condition, yes, no):
+            return changes(condition) or changes(yes) or changes(no)
+    return True
+
+
 def calls_something(expr: Expr) -> bool:
     """Whether evaluating it may call a function or a library routine."""
     match expr:
@@ -428,9 +448,9 @@ class Generator(Arithmetic):
     def _through_w(self, expr: Binary, target: Loc) -> bool:
         """One byte: compute in W, store once. True when it was done that way."""
         left, right = expr.left, expr.right
-        if self.direct(left) and self.value(left, 1)[0] == target:
+        if self._simple_operand(left) and self.value(left, 1)[0] == target:
             return False
-        if self.direct(right) and expr.op != "-" and self.value(right, 1)[0] == target:
+        if expr.op != "-" and self._simple_operand(right) and self.value(right, 1)[0] == target:
             return False
         self.binary_w(expr)
         self.store(target)
@@ -464,7 +484,7 @@ class Generator(Arithmetic):
         mnemonic = {"+": "ADDWF", "-": "SUBWF", "&": "ANDWF", "|": "IORWF", "^": "XORWF"}[op]
         if op == "-":
             # f - W: the left operand must be in memory, the right one in W
-            if self._simple_operand(left) and not has_effect(right):
+            if self._simple_operand(left) and not changes(right):
                 self.to_w(right)
                 self.emit(mnemonic, self.value(left, 1)[0], 0)  # type: ignore[arg-type]
                 return
@@ -473,7 +493,7 @@ class Generator(Arithmetic):
             self.to_w(right)
             self.emit(mnemonic, held, 0)
             return
-        if self._simple_operand(right) and not has_effect(left):
+        if self._simple_operand(right) and not changes(left):
             self.to_w(left)
             self.emit(mnemonic, self.value(right, 1)[0], 0)  # type: ignore[arg-type]
             return

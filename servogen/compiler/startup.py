@@ -15,13 +15,15 @@ from servogen.compiler.backend import Backend
 from servogen.compiler.ctypes import U8
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.emitter import ISR_SUFFIX, Code
-from servogen.compiler.machine import FSR, INDF, PCLATH, STATUS, Byte, Ins
+from servogen.compiler.machine import FSR, INDF, LABEL, PCLATH, STATUS, Byte, Ins, Z
 from servogen.compiler.settings import Settings
 from servogen.compiler.tables import add_tables
-from servogen.compiler.tree import Data, Program, Symbol
+from servogen.compiler.tree import AddressByte, Data, Program, Symbol
 from servogen.pic.device import INTERRUPT_VECTOR
 
 RESET, START = "__reset", "__start"
+_CLEAR_LOOP_WORDS = 8
+"""The loop that clears variables has so many words; a CLRF each is shorter up to as many bytes."""
 
 
 @dataclass(slots=True)
@@ -42,7 +44,7 @@ class Arrangement:
 def arrange(backend: Backend, program: Program, settings: Settings, reporter: Reporter) -> Arrangement:
     """Add the start-up code and the interrupt's frame to the codes."""
     codes = backend.codes
-    statics = [symbol for symbol in program.symbols if symbol.kind in ("global", "fixed")]
+    statics = used_statics([each for each in program.symbols if each.kind in ("global", "fixed")], codes)
     found = Arrangement([START], statics)
     start = Code(START, falls_into="main")
     start.ins += _initialise(statics)
@@ -63,19 +65,74 @@ def arrange(backend: Backend, program: Program, settings: Settings, reporter: Re
 
 
 def _initialise(statics: list[Symbol]) -> list[Ins]:
-    """Start values: constants stored, the rest cleared."""
+    """Start values: constants stored; what starts as zero is cleared, in a loop where that is shorter."""
     out: list[Ins] = []
+    zero = [symbol for symbol in statics if symbol.kind == "global" and not symbol.initial]
+    together = all(symbol.kind == "global" for symbol in statics)
+    if together and sum(symbol.size for symbol in zero) > _CLEAR_LOOP_WORDS:
+        out += _clear_loop(zero)
+    else:
+        zero = []
     for symbol in statics:
-        if symbol.kind == "fixed" and symbol.initial is None:
+        if symbol in zero or (symbol.kind == "fixed" and symbol.initial is None):
             continue
         data: dict[int, Data] = symbol.initial or {}
-        for offset in range(symbol.size):
-            value = data.get(offset, 0)
+        bytes_ = [(data.get(offset, 0), offset) for offset in range(symbol.size)]
+        loaded: Data | None = None
+        for value, offset in sorted(bytes_, key=lambda pair: (pair[0] != 0, repr(pair[0]), pair[1])):
             if value == 0:
                 out.append(Ins("CLRF", Byte(symbol, offset)))
-            else:
-                out += [Ins("MOVLW", k=value), Ins("MOVWF", Byte(symbol, offset))]
+                continue
+            if value != loaded:
+                out.append(Ins("MOVLW", k=value))
+            out.append(Ins("MOVWF", Byte(symbol, offset)))
+            loaded = value
     return out
+
+
+def _clear_loop(zero: list[Symbol]) -> list[Ins]:
+    """Clear variables that lie one behind the other."""
+    first, last = AddressByte(zero[0], 0, 0), AddressByte(zero[-1], zero[-1].size, 0)
+    label = f"{START}.clear"
+    return [
+        Ins("MOVLW", k=first),
+        Ins("MOVWF", FSR),
+        Ins(LABEL, target=label),
+        Ins("CLRF", INDF),
+        Ins("INCF", FSR, 1),
+        Ins("MOVLW", k=last),
+        Ins("XORWF", FSR, 0),
+        Ins("BTFSS", STATUS, b=Z),
+        Ins("GOTO", target=label),
+    ]
+
+
+def used_statics(statics: list[Symbol], codes: dict[str, Code]) -> list[Symbol]:
+    """Variables that some instruction or start value names; those that start as zero come first."""
+    named: set[Symbol] = set()
+    for code in codes.values():
+        for ins in code.ins:
+            if isinstance(ins.f, Byte):
+                named.add(ins.f.symbol)
+            if isinstance(ins.k, AddressByte):
+                named.add(ins.k.symbol)
+        if code.table is not None:
+            named |= {
+                each.symbol for each in (code.table.initial or {}).values() if isinstance(each, AddressByte)
+            }
+    grown = True
+    while grown:
+        more = {
+            each.symbol
+            for symbol in statics
+            if symbol in named
+            for each in (symbol.initial or {}).values()
+            if isinstance(each, AddressByte)
+        }
+        grown = not more <= named
+        named |= more
+    found = [symbol for symbol in statics if symbol in named or symbol.kind == "fixed"]
+    return sorted(found, key=lambda symbol: bool(symbol.initial))
 
 
 def _save_context(code: Code, *, fsr: bool, pclath: bool) -> None:
