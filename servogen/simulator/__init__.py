@@ -1,6 +1,7 @@
 """A cycle-accurate PIC16F84 and PIC16F84A: `Image` (and stimulus) in, `EdgeTrace` and `State` out.
 
-The names are loaded when they are first used: the instruction loop needs numba, which takes its time to import.
+The names are loaded when they are first used: the instruction loop needs numba, which takes its time to
+import.
 """
 
 from __future__ import annotations
@@ -16,10 +17,11 @@ if TYPE_CHECKING:
     from servogen.simulator.run import Simulation, simulate
     from servogen.simulator.servo_load import Position, ServoLoad
     from servogen.simulator.sources import Button, Change, Levels, Periodic, Reset, Serial
-    from servogen.simulator.state import State, Warning
+    from servogen.simulator.state import State
     from servogen.simulator.stimulus import Recorded, Stimuli, Wired, record
     from servogen.simulator.stimulus_file import load_stimuli, parse_stimuli
     from servogen.simulator.tracing import TraceRow, trace
+    from servogen.simulator.warnings import Warning
 
 _HOMES = {
     "forever": ("NoRepeat", "Repeat", "find_repeat"),
@@ -29,10 +31,11 @@ _HOMES = {
     "run": ("Simulation", "simulate"),
     "servo_load": ("Position", "ServoLoad"),
     "sources": ("Button", "Change", "Levels", "Periodic", "Reset", "Serial"),
-    "state": ("State", "Warning"),
+    "state": ("State",),
     "stimulus": ("Recorded", "Stimuli", "Wired", "record"),
     "stimulus_file": ("load_stimuli", "parse_stimuli"),
     "tracing": ("TraceRow", "trace"),
+    "warnings": ("Warning",),
 }
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 

@@ -1,13 +1,12 @@
 """The data EEPROM: EECON1, EECON2's two keys, and a write that takes its time. Compiled.
 
-DS35007 section 3. A write starts only by the sequence of section 3.2, to the cycle: 55h to EECON2, AAh two cycles
-later, WR in the cycle after that, with WREN already set.
+DS35007 section 3. A write starts only by the sequence of section 3.2, to the cycle: 55h to EECON2, AAh two
+cycles later, WR in the cycle after that, with WREN already set.
 """
 
 from __future__ import annotations
 
 from servogen.simulator.compiled import Vector, compiled
-
 from servogen.simulator.interrupts import EEIF, note_flags
 from servogen.simulator.layout import (
     EE_BYTE,

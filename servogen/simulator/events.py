@@ -1,13 +1,14 @@
-"""What comes from outside the instructions: stimuli, time-outs, interrupts, resets, sleep; and when. Compiled.
+"""What comes from outside the instructions: stimuli, time-outs, interrupts, resets, sleep; and when.
+Compiled.
 
-Between two calls of `attend` the instruction loop runs freely, up to the cycle in `HORIZON`: the first cycle at whose
-start anything here could be due. An instruction that changes what could be due ends the free run itself.
+Between two calls of `attend` the instruction loop runs freely, up to the cycle in `HORIZON`: the first
+cycle at whose start anything here could be due. An instruction that changes what could be due ends the free
+run itself.
 """
 
 from __future__ import annotations
 
 from servogen.simulator.compiled import Vector, compiled
-
 from servogen.simulator.eeprom import write_done
 from servogen.simulator.interrupts import GIE, LATENCY, T0IE, T0IF, note_flags, requested
 from servogen.simulator.layout import (
@@ -40,7 +41,7 @@ from servogen.simulator.layout import (
 from servogen.simulator.ports import outside
 from servogen.simulator.resets import FETCH, PD, TO, mclr_reset, watchdog_reset
 from servogen.simulator.stack import push
-from servogen.simulator.timer import t0_external, t0_flag_at, t0_sync, wdt_deadline, wdt_sync
+from servogen.simulator.timer import t0_external, t0_flag_at, t0_sync, wdt_clear, wdt_deadline, wdt_sync
 
 INTERRUPT_VECTOR = 0x004
 
@@ -76,8 +77,12 @@ def stimulus(s: Vector, edges: Vector, packed: int) -> None:
 
 @compiled
 def wake(s: Vector, at: int) -> None:
-    """The instruction after SLEEP executes when the oscillator runs again; what woke us is sampled then."""
+    """The instruction after SLEEP executes when the oscillator runs again; what woke us is sampled then.
+
+    Whatever woke the chip, the watchdog starts anew: DS35007 section 6.11.2.
+    """
     s[SLEEPING] = 0
+    wdt_clear(s, at)
     s[CYCLE] = at + s[START_UP]
     s[T0_AT] = max(s[T0_AT], s[CYCLE])
     s[AWAKE_AT] = s[CYCLE]
@@ -101,7 +106,7 @@ def watchdog(s: Vector, edges: Vector) -> None:
 
 @compiled
 def happen(s: Vector, edges: Vector, stim: Vector) -> None:
-    """Everything that was due by now, in order of cycles, a stimulus before what has its cycle; then waking."""
+    """All that was due by now, in order of cycles, a stimulus before what has its cycle; then waking."""
     while True:
         now = s[CYCLE]
         when = next_event(s, stim)

@@ -1,8 +1,9 @@
-"""Proof for all time: a machine that comes back to a state that it was in before does the same again, for ever.
+"""Proof for all time: a machine that comes back to a state that it was in before does the same again, for
+ever.
 
-In: an image, a clock, and how to tell where a frame starts. Out: a `Repeat` (lead-in and loop), or a `NoRepeat` that says
-why not and how much time was covered. The states of two frame starts are compared byte for byte, by Brent's method,
-which keeps one of them in memory however long the search takes.
+In: an image, a clock, and how to tell where a frame starts. Out: a `Repeat` (lead-in and loop), or a
+`NoRepeat` that says why not and how much time was covered. The states of two frame starts are compared byte
+for byte, by Brent's method, which keeps one of them in memory however long the search takes.
 """
 
 from __future__ import annotations
@@ -50,8 +51,9 @@ def find_repeat(
 ) -> Repeat | NoRepeat:
     """The first repeat of the machine's complete state at a frame start, within `limit` cycles from reset.
 
-    The first frame starts with the first rising edge of `pin` (its index in `PINS`); the others every `period` cycles
-    after it, or without a period at every rising edge of that pin. There is no stimulus: it would have to repeat too.
+    The first frame starts with the first rising edge of `pin` (its index in `PINS`); the others every
+    `period` cycles after it, or without a period at every rising edge of that pin. There is no stimulus: it
+    would have to repeat too.
     """
 
     def walk() -> _Walk:

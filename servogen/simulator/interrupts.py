@@ -1,14 +1,13 @@
 """Interrupt flags, enables and the moment at which they are sampled. Compiled.
 
-DS35007 section 6.8 (INTCON, section 2.3.4), timing DS30430 figures 6-4 and 8-17: the flags are sampled in Q1
-of every cycle. Sampled true in cycle s, the instruction of cycle s still executes, and the one at 0004h executes
-in cycle s + 3, whatever the length of the former. `IRQ_AT` is that s, or NEVER.
+DS35007 section 6.8 (INTCON, section 2.3.3), timing DS30430 figures 6-4 and 8-17: the flags are sampled in Q1
+of every cycle. Sampled true in cycle s, the instruction of cycle s still executes, and the one at 0004h
+executes in cycle s + 3, whatever the length of the former. `IRQ_AT` is that s, or NEVER.
 """
 
 from __future__ import annotations
 
 from servogen.simulator.compiled import Vector, compiled
-
 from servogen.simulator.layout import AWAKE_AT, EECON1, INTCON, IRQ_AT, NEVER
 
 GIE, EEIE, T0IE, T0IF, INTF, RBIF = 0x80, 0x40, 0x20, 0x04, 0x02, 0x01

@@ -1,8 +1,9 @@
+# ruff: noqa: SIM109 - in compiled code two comparisons are what they are; a tuple is an object
 """The instruction loop. Compiled, once with and once without observation.
 
-In: the state vector, the program, what is coming from outside. Out: the state vector later, edges in a buffer, and why
-it came back. Instructions and cycles: DS35007 section 7, table 7-2; STATUS as a destination: section 2.3.1; PCL as a
-destination: section 2.4; INDF and FSR: section 2.6.
+In: the state vector, the program, what is coming from outside. Out: the state vector later, edges in a
+buffer, and why it came back. Instructions and cycles: DS35007 section 7, table 7-2; STATUS as a
+destination: section 2.3.1; PCL as a destination: section 2.4; INDF and FSR: section 2.5.
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from servogen.simulator.compiled import Vector, compiled
-
 from servogen.simulator.events import attend, happen
 from servogen.simulator.interrupts import GIE, note_flags, requested
 from servogen.simulator.layout import (
@@ -40,9 +40,9 @@ from servogen.simulator.layout import (
     TRACE_COUNT,
     TRACE_FULL,
     TRACE_ROOM,
-    W,
     WARN_ERASED,
     WARN_UNDEFINED,
+    W,
 )
 from servogen.simulator.memo import lookup, pack_registers, recall, remember
 from servogen.simulator.ports import A, B, tris_write
@@ -329,7 +329,7 @@ def instruction_loop(observed: bool) -> Callable[..., int]:
                     horizon = 0
                 elif op == SLEEP:
                     t0_sync(s, start)
-                    if not requested(s):  # else it is a NOP: DS35007 section 6.12.2
+                    if not requested(s):  # else it is a NOP: DS35007 section 6.11.3
                         wdt_clear(s, cycle)
                         status = status & ~PD | TO
                         t0_advance(s, cycle)

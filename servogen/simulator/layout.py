@@ -89,7 +89,7 @@ RAM_SLOTS = 128
     WARN_COUNT,
 ) = range(RAM_SLOTS, RAM_SLOTS + 62)
 
-STACK = 192  # 8 levels: DS35007 section 2.5
+STACK = 192  # 8 levels: DS35007 section 2.4.1
 EEPROM = 200  # 64 bytes: DS35007 section 3
 WARNINGS = 264
 WARNING_SLOTS = 64

@@ -1,9 +1,10 @@
 """Finding what the instruction loop can take in one step: regions that only count, and waits that only look.
 
-In: decoded program. Out: code with the places marked. A region is a strongly connected set of instructions that
-touch nothing but W, STATUS's flags and a few bytes of RAM: what it does, and how long it takes, depends on these
-alone, so the loop remembers it (`memo.py`). A region inside another one, past the other's heads, is one of its own.
-A wait is a GOTO back over NOPs and at most one bit test: it sees the same until something happens.
+In: decoded program. Out: code with the places marked. A region is a strongly connected set of instructions
+that touch nothing but W, STATUS's flags and a few bytes of RAM: what it does, and how long it takes,
+depends on these alone, so the loop remembers it (`memo.py`). A region inside another one, past the other's
+heads, is one of its own. A wait is a GOTO back over NOPs and at most one bit test: it sees the same until
+something happens.
 
     outer  MOVLW 200        head of region 0: outer .. GOTO outer
            MOVWF a
@@ -44,8 +45,8 @@ LONGEST_WAIT = 64
 """Words of a wait at most."""
 STATUS_ADDRESS, FLAG_BITS = 3, 0b111
 POLLED = (0x05, 0x06, 0x08, 0x0B)
-"""Registers that stay the same until something happens: ports, EECON1 (and, in the other banks, TRIS and EEDATA),
-INTCON."""
+"""Registers that stay the same until something happens: ports, EECON1 (and, in the other banks, TRIS and
+EEDATA), INTCON."""
 
 _N = PROGRAM_WORDS
 _NAMES = {number: name for name, number in OPS.items()}
@@ -97,7 +98,7 @@ def fast_code(plain: Code) -> FastCode:
 
 
 def marked_code(code: Code, plain: Code, breakpoints: Set[int]) -> Code:
-    """`code` with `breakpoints` in it; no step may then pass over one, so what it stands in is not taken as one."""
+    """`code` with `breakpoints`; what one of them stands in is then not taken in one step."""
     if not breakpoints:
         return code
     code = code.copy()
@@ -209,7 +210,7 @@ def _uses_file(word: int) -> bool:
 
 
 def _components(graph: Graph, nodes: set[int]) -> list[frozenset[int]]:
-    """The strongly connected sets of `nodes` that contain a way round, by Tarjan's method without recursion."""
+    """The strongly connected sets of `nodes` with a way round in them, by Tarjan's method, not recursive."""
     index: dict[int, int] = {}
     low: dict[int, int] = {}
     open_nodes: list[int] = []

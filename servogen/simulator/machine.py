@@ -1,6 +1,7 @@
 """`Machine`: a PIC16F84 that runs.
 
-In: an `Image`, a `Clock`, `Options`, perhaps a stimulus. Out: edges as it makes them, and its `State` at any time.
+In: an `Image`, a `Clock`, `Options`, perhaps a stimulus. Out: edges as it makes them, and its `State` at
+any time.
 """
 
 from __future__ import annotations
@@ -17,12 +18,14 @@ from servogen.errors import InputError
 from servogen.pic.device import PROGRAM_WORDS
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
+from servogen.simulator.fingerprint import fingerprint
 from servogen.simulator.loops import fast_code, marked_code
 from servogen.simulator.native import Loop, loop
 from servogen.simulator.options import Options
 from servogen.simulator.program import Code, program_code
 from servogen.simulator.reset_state import power_up
-from servogen.simulator.state import State, Warning, fingerprint, noted, read_unwritten, state_of
+from servogen.simulator.state import State, read_unwritten, state_of
+from servogen.simulator.warnings import warnings_of
 from servogen.units import Clock, Cycles
 
 EDGE_ROOM = 1 << 16
@@ -56,7 +59,8 @@ class Stimulus(Protocol):
     """What happens to the pins from outside."""
 
     def changes(self, clock: Clock) -> Iterator[tuple[int, Packed]]:
-        """Pieces of the changes, in order: (the cycle before which they are all, cycle << 8 | pin << 2 | level).
+        """Pieces of the changes, in order: (the cycle before which they are all, cycle << 8 | pin << 2 |
+        level).
 
         Pin 13 is MCLR. Level 2 lets a pin go. After the last piece nothing comes any more.
         """
@@ -99,7 +103,7 @@ class Machine:
         return int(self._s[at.PC])
 
     def run(self, cycles: int) -> EdgeChunk:
-        """Run for `cycles` (the last instruction may end one later), or up to a breakpoint; the edges made."""
+        """Run for `cycles` (the last instruction may end one later) or to a breakpoint; the edges made."""
         return join(self.stream(cycles))
 
     def stream(self, cycles: int) -> Iterator[EdgeChunk]:
@@ -118,10 +122,12 @@ class Machine:
         predicate: Callable[[Machine], bool] | None = None,
         limit: int | None = None,
     ) -> bool:
-        """Run until the next instruction is at `pc`, or `cycle` is reached, or `predicate` holds between instructions.
+        """Run until the next instruction is at `pc`, or `cycle` is reached, or `predicate` holds between
+        instructions.
 
-        At least one instruction executes. `limit` is the number of cycles after which to give up; the answer is
-        whether what was waited for has come. A predicate is asked after every instruction, which is slow.
+        At least one instruction executes. `limit` is the number of cycles after which to give up; the
+        answer is whether what was waited for has come. A predicate is asked after every instruction, which
+        is slow.
         """
         if (pc is None) + (cycle is None) + (predicate is None) != 2:
             raise InputError("run_until needs exactly one of pc, cycle and predicate")
@@ -147,10 +153,10 @@ class Machine:
         return read_unwritten(self._s)
 
     def state(self) -> State:
-        return state_of(self._s, self._warnings())
+        return state_of(self._s, warnings_of(self._s, self.image))
 
     def fingerprint(self) -> bytes:
-        """Equal for two states, of the same image, clock and options and without stimulus, that will behave alike."""
+        """Equal bytes for two states of one image, clock and options that will behave alike, unstimulated."""
         return fingerprint(self._s)
 
     def run_to_edge(self, pin: int, level: int, limit: int) -> Cycles | None:
@@ -228,47 +234,8 @@ class Machine:
         self._s[at.EDGE_COUNT] = 0
         return unpack_edges(packed)
 
-    def _warnings(self) -> tuple[Warning, ...]:
-        told = [describe(code, subject, cycle) for code, subject, cycle in noted(self._s)]
-        return tuple([_NO_CONFIGURATION, *told] if self.image.config is None else told)
-
-
-_NO_CONFIGURATION = Warning(
-    Cycles(0),
-    "no-configuration",
-    "the image has no configuration word: as on an erased chip the oscillator is RC and the watchdog is on",
-)
-
 
 def unpack_edges(packed: Packed) -> EdgeChunk:
     """Edges as the instruction loop writes them, as columns."""
     pins = (packed >> at.PACK_PIN) & 0x3F
     return edge_chunk(packed >> at.PACK_CYCLE, pins, packed & at.PACK_LEVELS)
-
-
-def describe(code: int, subject: int, cycle: int) -> Warning:
-    """A noted warning in words."""
-    kind, text = _WORDS[code]
-    pin = PINS[subject] if subject < len(PINS) else ""
-    return Warning(Cycles(cycle), kind, text.format(pin=pin, address=f"0x{subject:03X}"))
-
-
-_WORDS = {
-    at.WARN_DRIVEN_UNWRITTEN: (
-        "driven-before-written",
-        "{pin} is made an output before its port was ever written; the latch, unknown at power-up, is taken as 0",
-    ),
-    at.WARN_CONTENTION: ("contention", "{pin} is an output and is driven the other way from outside"),
-    at.WARN_UNDEFINED: (
-        "undefined-word",
-        "the word at {address} is no instruction of the data sheet; it was executed as NOP",
-    ),
-    at.WARN_ERASED: ("erased-word", "the program ran into the unprogrammed word at {address} (ADDLW 0xFF)"),
-    at.WARN_STACK_OVERFLOW: ("stack-overflow", "a ninth return address was pushed: the stack wrapped"),
-    at.WARN_STACK_UNDERFLOW: ("stack-underflow", "a return with an empty stack: the stack wrapped"),
-    at.WARN_EE_SEQUENCE: (
-        "eeprom-sequence",
-        "WR was set without WREN or without the sequence 55h, AAh, WR just before: nothing is written",
-    ),
-    at.WARN_EE_ADDRESS: ("eeprom-address", "EEADR is {address}; the EEPROM ends at 0x03F"),
-}

@@ -1,8 +1,8 @@
 """What regions that only count did before, by everything that they depend on. Compiled.
 
-A row of the memory: key (PC, W, STATUS), registers before, cycles taken, PC, W and STATUS after, registers after. A
-region is taken in one step only when it ends before anything else can happen, so that the step is what the single
-instructions would have done.
+A row of the memory: key (PC, W, STATUS), registers before, cycles taken, PC, W and STATUS after, registers
+after. A region is taken in one step only when it ends before anything else can happen, so that the step is
+what the single instructions would have done.
 """
 
 from __future__ import annotations

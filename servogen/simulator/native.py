@@ -1,8 +1,8 @@
 """The instruction loop as machine code that is kept across processes.
 
-numba compiles the loop once for this processor (about ten seconds); what it made is kept as an object file, so that
-a later process loads that through llvmlite in milliseconds, without numba and its start-up time. The file's name is
-a digest of the sources, the versions and the processor: any change makes a new one.
+numba compiles the loop once for this processor (about ten seconds); what it made is kept as an object file,
+so that a later process loads that through llvmlite in milliseconds, without numba and its start-up time.
+The file's name is a digest of the sources, the versions and the processor: any change makes a new one.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def _keep(name: str, code: bytes) -> None:
 
 
 def _compile(observed: bool) -> bytes:
-    """An object file with the loop as the function ENTRY, in numba's way to call: (result, error, arguments)."""
+    """An object file with the loop as ENTRY, in numba's way to call: (result, error, arguments)."""
     from numba import cfunc, types
 
     from servogen.simulator.kernel import instruction_loop
@@ -107,7 +107,7 @@ def _alone(text: str, name: str) -> str:
 
 
 def _target() -> Any:
-    """This process's machine, with the code model and relocations that numba uses for code made at run time."""
+    """This process's machine, with the code model and relocations that numba uses at run time."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     target = llvm.Target.from_triple(llvm.get_process_triple())

@@ -12,18 +12,18 @@ class Options:
     """Times in microseconds. The defaults are the data sheet's typical values."""
 
     ra4_pull_up: bool = False
-    """Whether RA4, an open drain, has a pull-up resistor: with it a latch of 1 is HIGH (DS35007 section 4.1)."""
+    """Whether RA4, an open drain, has a pull-up: with it a latch of 1 is HIGH (DS35007 section 4.1)."""
     watchdog_us: int = 18_000
     """The watchdog's period without postscaler: 7000 to 33 000 (DS35007 section 9, parameter 31)."""
     eeprom_write_us: int = 4_000
-    """One EEPROM write: PIC16F84A 4000, at most 8000 (DS35007 section 9, D122); PIC16F84 10 000, at most 20 000."""
+    """One EEPROM write (parameter D122): PIC16F84A 4000, at most 8000; PIC16F84 10 000, at most 20 000."""
     power_up: bool = False
-    """Whether cycle counts include the power-up timer (if the configuration word has it on) and the oscillator
-    start-up timer: DS35007 sections 6.5 and 6.6."""
+    """Whether cycle counts include the power-up timer (if the configuration word has it on) and the
+    oscillator start-up timer: DS35007 sections 6.5 and 6.6."""
     power_up_us: int = 72_000
     """The power-up timer: 28 000 to 132 000 (DS35007 section 9, parameter 33)."""
     oscillator_start_up: bool = True
-    """Whether a wake-up from SLEEP waits 1024 oscillator periods, as all but RC oscillators do (section 6.12)."""
+    """Whether a wake-up from SLEEP waits 1024 oscillator periods, as all but RC oscillators do (6.11)."""
     floating: int = 0
     """How an undriven pin without pull-up reads: 0 or 1."""
     ram: int = 0

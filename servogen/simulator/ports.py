@@ -1,14 +1,13 @@
 """Ports A and B: output latches, direction, what the pins carry, and the edges that come of it. Compiled.
 
-DS35007 section 4. A latch and a pin are two things: an instruction reads the pin, and writes the latch. RA4 is an
-open drain (section 4.1): with its latch at 1 nothing drives it. Levels of pins that nobody drives: port B's
-weak pull-ups when RBPU is 0 (section 4.2), else `FLOATING`.
+DS35007 section 4. A latch and a pin are two things: an instruction reads the pin, and writes the latch. RA4
+is an open drain (section 4.1): with its latch at 1 nothing drives it. Levels of pins that nobody drives:
+port B's weak pull-ups when RBPU is 0 (section 4.2), else `FLOATING`.
 """
 
 from __future__ import annotations
 
 from servogen.simulator.compiled import Vector, compiled
-
 from servogen.simulator.interrupts import INTF, RBIF, note_flags
 from servogen.simulator.layout import (
     DRIVEN,
@@ -71,7 +70,7 @@ def settle(s: Vector, at: int) -> None:
 
 @compiled
 def react(s: Vector, at: int, changed: int) -> None:
-    """What T0CKI, INT and the change interrupt make of pins that changed: DS35007 sections 5, 6.8.1 and 4.2."""
+    """What T0CKI, INT and the change interrupt make of changed pins: DS35007 sections 5, 6.8.1, 6.8.3."""
     rising = changed & s[PINS]
     if (
         changed & RA4
@@ -128,7 +127,7 @@ def emit(s: Vector, edges: Vector, at: int) -> None:
 
 @compiled
 def port_write(s: Vector, edges: Vector, at: int, port: int, value: int) -> None:
-    """An instruction in cycle `at` writes a port's latch; `port` is A or B. A write of port B reads it too."""
+    """An instruction in cycle `at` writes a latch; `port` is A or B. A write of port B reads it too."""
     s[LATCH_WRITTEN] |= port
     if port == A:
         s[LATCH] = (s[LATCH] & B) | (value & A)

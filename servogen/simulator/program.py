@@ -19,8 +19,8 @@ OPS = {row.mnemonic: number for number, row in enumerate((*INSTRUCTIONS, *LEGACY
 """The number of each instruction: its place in the table."""
 
 UNDEFINED, ERASED, EXIT, LOOP, SPIN, BREAK = range(len(OPS), len(OPS) + 6)
-"""What else can stand in a place: a word that no data sheet defines; a word never programmed (DS35007 section 2.1);
-and what `loops.py` and breakpoints put in an instruction's stead."""
+"""What else can stand in a place: a word that no data sheet defines; a word never programmed (DS35007
+section 2.1); and what `loops.py` and breakpoints put in an instruction's stead."""
 
 OP_MASK = 0x3F
 D_BIT, FLAGS_BIT, F_SHIFT, DIRECT_BIT, MASK_SHIFT, WAITS_BIT, K_SHIFT = 6, 7, 8, 15, 16, 24, 8

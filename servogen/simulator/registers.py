@@ -1,13 +1,12 @@
 """Reads and writes of the special function registers that are more than a byte. Compiled.
 
-DS35007 section 2.3, table 2-1. Addresses have the bank in bit 7. PCL, STATUS and INDF are the instruction loop's
-own; unimplemented addresses and EECON2 read as 0. A read happens in Q2 of its cycle, a write in Q4.
+DS35007 section 2.3, table 2-1. Addresses have the bank in bit 7. PCL, STATUS and INDF are the instruction
+loop's own; unimplemented addresses and EECON2 read as 0. A read happens in Q2 of its cycle, a write in Q4.
 """
 
 from __future__ import annotations
 
 from servogen.simulator.compiled import Vector, compiled
-
 from servogen.simulator.eeprom import eecon1_write, eecon2_write
 from servogen.simulator.interrupts import note_flags
 from servogen.simulator.layout import (
@@ -93,6 +92,6 @@ def write_register(s: Vector, edges: Vector, address: int, at: int, value: int) 
 
 @compiled
 def write_option(s: Vector, at: int, value: int) -> None:
-    """OPTION_REG, in either way to write it: prescaler, timer and port B's pull-ups change in the next cycle."""
+    """OPTION_REG, by either instruction: prescaler, timer and pull-ups change in the next cycle."""
     option_write(s, at + 1, value)
     settle(s, at + 1)

@@ -1,13 +1,12 @@
 """What a reset puts into the registers, and what it leaves. Compiled.
 
-DS35007 section 6.4, tables 6-3 and 6-4. "x" (unknown at power-up) is 0 here, but for the RAM, whose reads are noted
-until it is written.
+DS35007 section 6.4, tables 6-3 and 6-4. "x" (unknown at power-up) is 0 here, but for the RAM, whose reads
+are noted until it is written.
 """
 
 from __future__ import annotations
 
 from servogen.simulator.compiled import Vector, compiled
-
 from servogen.simulator.eeprom import reset_eecon1
 from servogen.simulator.layout import (
     AWAKE_AT,

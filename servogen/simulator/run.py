@@ -8,7 +8,8 @@ from servogen.edges import EdgeTrace
 from servogen.pic.image import Image
 from servogen.simulator.machine import Machine, Stimulus
 from servogen.simulator.options import Options
-from servogen.simulator.state import State, Warning
+from servogen.simulator.state import State
+from servogen.simulator.warnings import Warning
 from servogen.units import Clock, Cycles
 
 

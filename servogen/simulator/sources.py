@@ -1,7 +1,8 @@
-"""What can drive the pins from outside: levels at times, periodic signals, buttons, serial bytes, a pressed reset.
+"""What can drive the pins from outside: levels at times, periodic signals, buttons, serial bytes, a pressed
+reset.
 
-In: cycles, pins, levels. Out: each source's changes, in order, made as they are asked for, so that an endless one
-needs no memory. `stimulus.py` puts them together.
+In: cycles, pins, levels. Out: each source's changes, in order, made as they are asked for, so that an
+endless one needs no memory. `stimulus.py` puts them together.
 """
 
 from __future__ import annotations
@@ -61,7 +62,8 @@ class Levels:
 
 @dataclass(frozen=True, slots=True)
 class Periodic:
-    """High for `high` of every `period` cycles from `start` on, `times` times or for ever; low before and between.
+    """High for `high` of every `period` cycles from `start` on, `times` times or for ever; low before and
+    between.
 
     Periods may be fractions of a cycle: each edge is rounded for itself, so that no error adds up.
     """
@@ -85,8 +87,8 @@ class Periodic:
 class Button:
     """A button to ground with a pull-up resistor: low while pressed; its contact bounces at both ends.
 
-    After each of the two moments the level flips `bounces` times and back, at random moments (the same for the same
-    `seed`) within `bounce` cycles.
+    After each of the two moments the level flips `bounces` times and back, at random moments (the same for
+    the same `seed`) within `bounce` cycles.
     """
 
     pin: int
@@ -114,7 +116,7 @@ class Button:
 
 @dataclass(frozen=True, slots=True)
 class Serial:
-    """Asynchronous bytes: a start bit, eight data bits (lowest first), stop bits; idle is high unless `inverted`."""
+    """Asynchronous bytes: start bit, eight data bits (lowest first), stop bits; idle high or `inverted`."""
 
     pin: int
     data: bytes

@@ -1,9 +1,8 @@
-"""The hardware stack: eight levels in a ring, which wraps without a sign. Compiled. DS35007 section 2.5."""
+"""The hardware stack: eight levels in a ring, which wraps without a sign. Compiled. DS35007 section 2.4.1."""
 
 from __future__ import annotations
 
 from servogen.simulator.compiled import Vector, compiled
-
 from servogen.simulator.layout import (
     DEEPEST,
     DEPTH,

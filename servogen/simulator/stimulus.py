@@ -1,4 +1,5 @@
-"""`Stimuli`: sources of changes, merged in order of cycles and packed for the instruction loop; record and replay.
+"""`Stimuli`: sources of changes, merged in order of cycles and packed for the instruction loop; record and
+replay.
 
 In: sources, or an edge trace to replay. Out: pieces of changes as `Machine` takes them.
 """
@@ -25,7 +26,7 @@ PIECE = 4096
 
 @dataclass(frozen=True, slots=True)
 class Stimuli:
-    """Everything that happens to the pins from outside. What several sources do in one cycle is in their order."""
+    """All that happens to the pins from outside. What sources do in one cycle is in the sources' order."""
 
     sources: Sequence[Source]
 

@@ -1,8 +1,8 @@
 """TMR0, its prescaler and the watchdog that shares it. Compiled.
 
 DS35007 section 5 and 6.10; timing DS30430 figures 6-2 to 6-4. Nothing counts cycle by cycle: `T0_VALUE` and
-`PRESCALER` are what the counters held at the anchor `T0_AT`, and with the internal clock the rest follows from
-the cycle. Before the anchor (the two cycles after a write) the timer stands still.
+`PRESCALER` are what the counters held at the anchor `T0_AT`, and with the internal clock the rest follows
+from the cycle. Before the anchor (the two cycles after a write) the timer stands still.
 
     write in cycle c      c+1   c+2   c+3   c+4     an instruction reads NT0 in three cycles and then NT0 + 1,
     TMR0 read     NT0 ->  NT0   NT0   NT0   NT0+1   so the anchor is c + 3 (DS30430 figures 6-2 and 6-3)
@@ -14,7 +14,6 @@ T0IF is set by the clock that takes TMR0 from FFh to 00h, three oscillator perio
 from __future__ import annotations
 
 from servogen.simulator.compiled import Vector, compiled
-
 from servogen.simulator.interrupts import T0IF, note_flags
 from servogen.simulator.layout import (
     INTCON,
@@ -31,7 +30,7 @@ from servogen.simulator.layout import (
     WDT_PERIOD,
 )
 
-T0CS, T0SE, PSA, PS = 0x20, 0x10, 0x08, 0x07  # of OPTION_REG: DS35007 section 2.3.3
+T0CS, T0SE, PSA, PS = 0x20, 0x10, 0x08, 0x07  # of OPTION_REG: DS35007 section 2.3.2
 INHIBITED = 3
 """Cycles from a write of TMR0 to the cycle that counts as its anchor."""
 FLAG_AHEAD = 1
@@ -40,7 +39,7 @@ FLAG_AHEAD = 1
 
 @compiled
 def t0_shift(s: Vector) -> int:
-    """log2 of the prescaler's division of the timer's clock: DS35007 section 5.1."""
+    """log2 of the prescaler's division of the timer's clock: DS35007 section 5.2."""
     option = s[OPTION]
     return 0 if option & PSA else (option & PS) + 1
 
@@ -165,7 +164,7 @@ def wdt_clear(s: Vector, at: int) -> None:
 
 @compiled
 def option_write(s: Vector, at: int, value: int) -> None:
-    """OPTION_REG holds `value` from cycle `at`; the shared prescaler keeps its count when it changes hands."""
+    """OPTION_REG holds `value` from cycle `at`; the prescaler keeps its count when it changes hands."""
     t0_sync(s, at - 1)
     t0_advance(s, at)
     wdt_sync(s, at - 1)

@@ -6,7 +6,6 @@ Compiled: called from the instruction loop, but rarely.
 from __future__ import annotations
 
 from servogen.simulator.compiled import Vector, compiled
-
 from servogen.simulator.layout import CYCLE, WARN_COUNT, WARNING_SLOTS, WARNINGS
 
 

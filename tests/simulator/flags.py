@@ -1,8 +1,8 @@
 """A second model of the arithmetic, bit by bit with full adders, on arrays: independent of the simulator's.
 
-Each function takes arrays of the same shape: the operand from the file register (or the literal), W, and C before;
-and gives the result and STATUS's flags C, DC and Z, None where the instruction leaves the flag alone. The flags that
-an instruction changes are those of DS35007 table 7-2.
+Each function takes arrays of the same shape: the operand from the file register (or the literal), W, and C
+before; and gives the result and STATUS's flags C, DC and Z, None where the instruction leaves the flag
+alone. The flags that an instruction changes are those of DS35007 table 7-2.
 """
 
 from __future__ import annotations

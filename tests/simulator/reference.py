@@ -1,8 +1,8 @@
 """A second PIC16F84, written for clarity alone: one object, one cycle at a time, nothing foreseen or skipped.
 
-Everything counts as the chip does, tick by tick, where the simulator computes from anchors; so that the two agree
-only if both are right. Times are DS30430's: inputs and timers change as a cycle begins, flags are sampled in Q1,
-registers are read in Q2 and written in Q4.
+Everything counts as the chip does, tick by tick, where the simulator computes from anchors; so that the two
+agree only if both are right. Times are DS30430's: inputs and timers change as a cycle begins, flags are
+sampled in Q1, registers are read in Q2 and written in Q4.
 """
 
 from __future__ import annotations
@@ -113,6 +113,9 @@ class Chip:
 
     def wake(self) -> None:
         self.asleep = False
+        self.wdt_zero = self.now
+        if self.option & PSA:
+            self.prescaler = 0
         self.busy_until = self.no_sample_before = self.now + self.start_up
         self.sampled = None
 
@@ -285,7 +288,7 @@ class Chip:
     # --- registers: DS35007 section 2.3 -----------------------------------------------------------
 
     def where(self, f: int) -> int:
-        """The address with its bank in bit 7; INDF through FSR (section 2.6)."""
+        """The address with its bank in bit 7; INDF through FSR (section 2.5)."""
         return self.fsr if f == 0 else f | (0x80 if self.status & RP0 else 0)
 
     def read(self, f: int) -> int:
@@ -370,7 +373,7 @@ class Chip:
         self.show()
         self.look(self.now + 1)
 
-    # --- stack: DS35007 section 2.5 ---------------------------------------------------------------
+    # --- stack: DS35007 section 2.4.1 ---------------------------------------------------------------
 
     def push(self, address: int) -> None:
         self.stack[self.sp] = address

@@ -1,7 +1,8 @@
-"""Exact means exact: whatever makes the simulator fast does what single steps do, and what a second chip does.
+"""Exact means exact: whatever makes the simulator fast does what single steps do, and what a second chip
+does.
 
-Programs are random: any words, or pieces that count, wait, sleep and take interrupts; with timers, watchdog and
-stimuli at random moments. `make test` runs some; all of them, 10 000 images:
+Programs are random: any words, or pieces that count, wait, sleep and take interrupts; with timers, watchdog
+and stimuli at random moments. `make test` runs some; all of them, 10 000 images:
 
     SERVOGEN_SIMULATOR_IMAGES=10000 .venv/bin/pytest tests/simulator/test_exact.py
 """

@@ -1,6 +1,8 @@
-"""Each instruction: program counter, cycles, W, STATUS and destination together (DS35007 section 7, table 7-2).
+"""Each instruction: program counter, cycles, W, STATUS and destination together (DS35007 section 7, table
+7-2).
 
-The arithmetic ones run over every pair of operands, and with C at 0 and at 1, against the adders of `flags.py`.
+The arithmetic ones run over every pair of operands, and with C at 0 and at 1, against the adders of
+`flags.py`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
-"""Interrupts, their latency, and SLEEP: DS35007 sections 6.8 and 6.12, timing by DS30430 figures 6-4 and 8-17."""
+"""Interrupts, latency, SLEEP: DS35007 sections 6.8 and 6.11, timing by DS30430 figures 6-4 and 8-17."""
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import pytest
 
@@ -127,18 +129,16 @@ def test_clearing_gie_as_the_interrupt_is_sampled_does_not_prevent_it_section_6_
 
 
 def test_a_pending_flag_is_served_again_right_after_retfie() -> None:
-    """GIE is set in RETFIE's first cycle, so its second is the one that is sampled: DS33023 section 29, RETFIE."""
+    """GIE is set in RETFIE's first cycle, so its second is sampled: DS33023 section 29, RETFIE."""
     source = " goto start\n org 4\n bsf PORTB, 7\n bcf PORTB, 7\n retfie\n"
     source += (
         "start bsf STATUS, RP0\n bcf TRISB, 7\n bcf STATUS, RP0\n movlw 0x92\n movwf INTCON\n" + " nop\n" * 30
     )
     times = entered(machine(source), 40)
-    assert [later - earlier for earlier, later in zip(times, times[1:], strict=False)] == [6] * (
-        len(times) - 1
-    )
+    assert {later - earlier for earlier, later in pairwise(times)} == {6}
 
 
-def test_a_wake_up_with_gie_executes_one_instruction_and_then_the_routine_section_6_12_1() -> None:
+def test_a_wake_up_with_gie_executes_one_instruction_and_then_the_routine_section_6_11_2() -> None:
     source = program(" clrf 0x31\n sleep\n incf 0x31, f\n incf 0x31, f\n nop\n")
     chip = machine(source, changes=[(0, "RB0", LOW), (100, "RB0", HIGH)])
     assert entered(chip) == [100 + 256 + 3]
@@ -148,7 +148,7 @@ def test_a_wake_up_with_gie_executes_one_instruction_and_then_the_routine_sectio
     assert stopped.state().status & 0x18 == 0x10
 
 
-def test_a_wake_up_without_gie_goes_on_in_line_section_6_12_1() -> None:
+def test_a_wake_up_without_gie_goes_on_in_line_section_6_11_2() -> None:
     source = program(" clrf 0x31\n sleep\n incf 0x31, f\n goto $\n", INT_ON & 0x7F)
     chip = machine(source, changes=[(0, "RB0", LOW), (100, "RB0", HIGH)])
     assert entered(chip, 600) == []
@@ -156,13 +156,13 @@ def test_a_wake_up_without_gie_goes_on_in_line_section_6_12_1() -> None:
     assert chip.state().wakes["interrupt"] == 1
 
 
-def test_sleep_is_a_nop_when_an_enabled_flag_is_set_section_6_12_2() -> None:
+def test_sleep_is_a_nop_when_an_enabled_flag_is_set_section_6_11_3() -> None:
     chip = steps(machine(" bsf INTCON, INTE\n bsf INTCON, INTF\n sleep\n nop\n"), 4)
     assert not chip.state().sleeping
     assert chip.state().status & 0x18 == 0x18
 
 
-def test_port_changes_wake_the_chip_section_6_12_1() -> None:
+def test_port_changes_wake_the_chip_section_6_11_2() -> None:
     source = " movf PORTB, w\n movlw 0x08\n movwf INTCON\n sleep\n incf 0x20, f\n goto $\n"
     chip = machine(source, changes=[(0, "RB6", LOW), (500, "RB6", HIGH)])
     chip.run(1000)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
 
 from servogen.pic.assembler import assemble
@@ -97,7 +99,7 @@ def test_a_long_trace_is_given_in_pieces_without_a_gap() -> None:
     chip, _ = observed()
     cycles = [row.cycle for row in trace(chip, 60_000)]
     assert len(cycles) > 2 << 14
-    assert all(0 < b - a <= 2 for a, b in zip(cycles, cycles[1:], strict=False))
+    assert all(0 < b - a <= 2 for a, b in pairwise(cycles))
 
 
 def test_breakpoints_hold_while_observing() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import pytest
 
@@ -31,7 +32,7 @@ def test_the_commanded_angle_is_linear_in_the_width_and_stops_at_the_travels_end
 
 def test_the_shaft_moves_no_faster_than_the_servos_speed() -> None:
     found = angles([2000] * 120)
-    steps = [b - a for a, b in zip(found, found[1:], strict=False)]
+    steps = [b - a for a, b in pairwise(found)]
     assert max(steps) == pytest.approx(1.8 * 0.02)
     assert found[-1] == pytest.approx(math.pi)
     assert found[1] - found[0] == pytest.approx(1.8 * 0.02)

@@ -137,7 +137,8 @@ def test_a_recording_plays_again_as_it_was() -> None:
 
 
 def test_one_chips_pins_can_drive_anothers() -> None:
-    sender = " clrf PORTB\n bsf STATUS, RP0\n clrf TRISB\n bcf STATUS, RP0\nl bsf PORTB, 3\n bcf PORTB, 3\n goto l\n"
+    sender = " clrf PORTB\n bsf STATUS, RP0\n clrf TRISB\n bcf STATUS, RP0\n"
+    sender += "l bsf PORTB, 3\n bcf PORTB, 3\n goto l\n"
     trace = simulate(image(sender), CLOCK, 1000).edges
     receiver = image(" bsf STATUS, RP0\n movlw 0xEF\n movwf OPTION_REG\n bcf STATUS, RP0\n goto $\n")
     wired = Stimuli([Wired(trace, {PINS.index("RB3"): RA4})])

@@ -33,14 +33,14 @@ def test_with_a_prescaler_of_two_it_is_read_four_times_figure_6_3() -> None:
 
 
 def test_a_read_modify_write_of_tmr0_loses_the_two_inhibited_cycles_section_5() -> None:
-    """ADDWF TMR0, F: of what would have been counted, three cycles are missing (its own and the two inhibited)."""
+    """ADDWF TMR0, F: three cycles of counting are missing, its own and the two inhibited."""
     source = option(0x88) + " clrf TMR0\n movlw 0\n nop\n nop\n nop\n addwf TMR0, f\n"
     before = reads(source.removesuffix(" addwf TMR0, f\n"), 10, 1)[0]
     assert reads(source, 11, 5) == [before] * 3 + [before + 1, before + 2]
 
 
 @pytest.mark.parametrize("ps", range(8))
-def test_the_prescaler_divides_by_a_power_of_two_section_5_1(ps: int) -> None:
+def test_the_prescaler_divides_by_a_power_of_two_section_5_2(ps: int) -> None:
     source = option(0x80 | ps) + " clrf TMR0\nloop btfss INTCON, T0IF\n goto loop\n bsf 0x20, 0\n goto $\n"
     chip = machine(source)
     chip.run_until(pc=8)
@@ -49,7 +49,7 @@ def test_the_prescaler_divides_by_a_power_of_two_section_5_1(ps: int) -> None:
     assert due <= chip.cycles - 2 < due + 3  # the loop looks every third cycle, and the skip takes two
 
 
-def test_writing_tmr0_clears_the_prescaler_when_it_has_it_section_5_1() -> None:
+def test_writing_tmr0_clears_the_prescaler_when_it_has_it_section_5_2() -> None:
     source = (
         option(0x87)
         + " nop\n" * 100
@@ -61,7 +61,7 @@ def test_writing_tmr0_clears_the_prescaler_when_it_has_it_section_5_1() -> None:
     assert written + 3 + 256 <= chip.cycles <= written + 3 + 256 + 6
 
 
-def test_t0if_comes_at_the_overflow_and_stays_until_cleared_section_5_2() -> None:
+def test_t0if_comes_at_the_overflow_and_stays_until_cleared_section_5_3() -> None:
     source = option(0x88) + " movlw 0xF0\n movwf TMR0\n nop\n"
     chip = steps(machine(source + " nop\n" * 60), 7)
     chip.run_until(predicate=lambda m: m.state().registers["INTCON"] & 4 != 0)
@@ -81,14 +81,14 @@ def test_tmr0_counts_edges_of_t0cki_when_t0cs_is_set_section_5() -> None:
     assert rising.state().registers["TMR0"] == 6
 
 
-def test_t0cki_goes_through_the_prescaler_section_5_1() -> None:
+def test_t0cki_goes_through_the_prescaler_section_5_2() -> None:
     changes = [(10 * n + 15, "RA4", (n + 1) % 2) for n in range(40)]
     chip = machine(option(0xE1) + " clrf TMR0\n" + " nop\n" * 600, changes=changes)
     chip.run(500)
     assert chip.state().registers["TMR0"] == 20 // 4
 
 
-def test_tmr0_stands_still_in_sleep_section_6_12() -> None:
+def test_tmr0_stands_still_in_sleep_section_6_11() -> None:
     chip = machine(option(0x88) + " clrf TMR0\n sleep\n")
     chip.run(1000)
     asleep = chip.state().registers["TMR0"]
@@ -96,7 +96,7 @@ def test_tmr0_stands_still_in_sleep_section_6_12() -> None:
     assert chip.state().registers["TMR0"] == asleep == 0
 
 
-def test_the_prescaler_given_to_the_watchdog_leaves_tmr0_undivided_section_5_1() -> None:
+def test_the_prescaler_given_to_the_watchdog_leaves_tmr0_undivided_section_5_2() -> None:
     source = option(0x8F) + " clrf TMR0\n nop\n nop\n"
     assert reads(source, 8, 3) == [0, 1, 2]
 
@@ -134,8 +134,8 @@ def test_without_its_bit_in_the_configuration_word_the_watchdog_is_off_section_6
     assert chip.state().resets["watchdog"] == 0
 
 
-def test_handing_the_prescaler_over_without_clrwdt_keeps_its_count_section_5_1() -> None:
-    """The trap of section 5.1: the watchdog inherits the count, so its first period is a part of what it should be."""
+def test_handing_the_prescaler_over_without_clrwdt_keeps_its_count_section_5_2_1() -> None:
+    """The watchdog inherits the count, so its first period is a part of what it should be."""
     source = option(0x87) + " clrf TMR0\n" + " nop\n" * 125 + option(0x8F) + " goto $\n"
     chip = machine(source, Options(watchdog_us=1000), config=WATCHDOG_ON)
     chip.run(128_000)
@@ -151,7 +151,7 @@ def test_a_watchdog_time_out_in_sleep_wakes_and_clears_to_and_pd_table_6_3() -> 
     source += " sleep\n bsf PORTB, 0\n goto $\n"
     chip = machine(source, config=WATCHDOG_ON)
     slept_from = 6 + 1
-    woken = slept_from + 18_000 + 256  # the oscillator's start-up, 1024 periods: section 6.12
+    woken = slept_from + 18_000 + 256  # the oscillator's start-up, 1024 periods: section 6.11
     assert [edge for edge in edges(chip, 20_000, "RB0") if edge[2] == HIGH] == [(woken, "RB0", HIGH)]
     assert chip.state().status & 0x18 == 0
     assert chip.state().wakes["watchdog"] == 1
@@ -171,3 +171,13 @@ def test_long_waits_on_t0if_are_exact() -> None:
         slow.step()
     assert ram(fast, 0x20) == ram(slow, 0x20) == 4
     assert fast.fingerprint() == slow.fingerprint()
+
+
+def test_any_wake_up_starts_the_watchdog_anew_section_6_11_2() -> None:
+    source = " bsf INTCON, INTE\n sleep\n bcf INTCON, INTF\n goto $\n"
+    changes = [(0, "RB0", 0), (17_000, "RB0", 1)]
+    chip = machine(" clrwdt\n" + option(0xC8) + source, changes=changes, config=WATCHDOG_ON)
+    chip.run(17_000 + 18_000 - 1)
+    assert (chip.state().wakes["interrupt"], chip.state().resets["watchdog"]) == (1, 0)
+    chip.run(1)
+    assert chip.state().resets["watchdog"] == 1

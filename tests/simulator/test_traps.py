@@ -105,18 +105,18 @@ def test_the_high_bits_of_short_registers_read_as_zero_table_2_1() -> None:
     assert chip.state().registers["TRISA"] == 0x1F
 
 
-def test_indf_through_fsr_bit_7_reaches_bank_1_section_2_6() -> None:
+def test_indf_through_fsr_bit_7_reaches_bank_1_section_2_5() -> None:
     chip = steps(machine(" movlw 0x86\n movwf FSR\n clrf INDF\n movf INDF, w\n"), 3)
     assert chip.state().registers["TRISB"] == 0
 
 
-def test_indf_pointing_at_itself_reads_zero_and_writes_nothing_section_2_6() -> None:
+def test_indf_pointing_at_itself_reads_zero_and_writes_nothing_section_2_5() -> None:
     for fsr in (0x00, 0x80):
         chip = steps(machine(f" movlw {fsr}\n movwf FSR\n movlw 9\n movwf INDF\n movf INDF, w\n"), 5)
         assert (chip.state().w, chip.state().registers["FSR"], chip.state().ram_written) == (0, fsr, ())
 
 
-def test_indf_does_not_look_at_rp0_section_2_6() -> None:
+def test_indf_does_not_look_at_rp0_section_2_5() -> None:
     chip = steps(machine(" movlw 6\n movwf FSR\n bsf STATUS, RP0\n clrf INDF\n movf INDF, w\n"), 4)
     assert chip.state().registers["TRISB"] == 0xFF
 
@@ -145,7 +145,7 @@ def test_status_as_a_destination_of_an_instruction_without_flags_takes_all_but_t
     assert state.status == 0xB9  # 0x1B swapped is 0xB1, with TO and PD kept
 
 
-# Program counter and stack: DS35007 sections 2.4, 2.5 -----------------------------------------------
+# Program counter and stack: DS35007 sections 2.4 and 2.4.1 -----------------------------------------------
 
 
 def test_a_write_of_pcl_takes_pclath_and_two_cycles_section_2_4() -> None:
@@ -198,7 +198,7 @@ def test_an_undefined_word_does_nothing_and_is_reported_table_7_2() -> None:
     assert (chip.state().pc, chip.state().cycles) == (2, 2)
 
 
-def test_the_stack_has_eight_levels_and_wraps_section_2_5() -> None:
+def test_the_stack_has_eight_levels_and_wraps_section_2_4_1() -> None:
     nine = "".join(f" call n{i}\nn{i}\n" for i in range(9))
     chip = steps(machine(nine), 9)
     state = chip.state()
@@ -207,7 +207,7 @@ def test_the_stack_has_eight_levels_and_wraps_section_2_5() -> None:
     assert "stack-overflow" in kinds(chip)
 
 
-def test_a_return_without_a_call_takes_what_the_ring_holds_and_is_reported_section_2_5() -> None:
+def test_a_return_without_a_call_takes_what_the_ring_holds_and_is_reported_section_2_4_1() -> None:
     chip = steps(machine(" return\n"), 1)
     assert (chip.state().pc, chip.state().stack_wraps) == (0, 1)
     assert "stack-underflow" in kinds(chip)

@@ -1,0 +1,67 @@
+"""The fingerprint: everything that a machine's future depends on, as bytes.
+
+In: the state vector. Out: bytes that are equal for two states exactly when the machine will behave alike
+from both, given the same program, clock and options, and no stimulus. The proof for all time (`forever.py`)
+stands on it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.pic.device import EEPROM_BYTES, RAM_FIRST, RAM_LAST, STACK_LEVELS
+from servogen.simulator import layout as at
+
+
+def fingerprint(s: npt.NDArray[np.int64]) -> bytes:
+    """Everything that the machine's future depends on, the time of day left out: equal means alike for ever.
+
+    Times are counted from now; the stack's ring is turned so that its top is first; what only reports are
+    made of is left out. RAM that was never written counts by the value that it happens to have.
+    """
+    now = int(s[at.CYCLE])
+    ram = s[RAM_FIRST : RAM_LAST + 1] & 0xFF
+    ring = np.roll(s[at.STACK : at.STACK + STACK_LEVELS], -int(s[at.SP]))
+    plain = s[[*_PLAIN]]
+    times = [_after(int(s[slot]), now) for slot in _TIMES]
+    times.append(max(int(s[at.T0_AT]) - now, 0))
+    times.append(int(s[at.T0_FLAGGED] == now))
+    times.append(max(int(s[at.T0_HELD]) - now, 0))
+    times.append(now - int(s[at.WDT_AT]) if s[at.WDT_PERIOD] else 0)
+    if s[at.EE_STEP]:
+        times.append(min(now - int(s[at.EE_STEP_AT]), 3))
+    parts = (ram, ring, plain, np.array(times, dtype=np.int64), s[at.EEPROM : at.EEPROM + EEPROM_BYTES])
+    return b"".join(part.astype(np.int64).tobytes() for part in parts)
+
+
+_PLAIN = (
+    at.PC,
+    at.W,
+    at.STATUS,
+    at.FSR,
+    at.PCLATH,
+    at.INTCON,
+    at.OPTION,
+    at.SLEEPING,
+    at.IN_RESET,
+    at.T0_VALUE,
+    at.PRESCALER,
+    at.LATCH,
+    at.TRIS,
+    at.PINS,
+    at.RB_OLD,
+    at.EXT_MASK,
+    at.EXT_LEVEL,
+    at.EEDATA,
+    at.EEADR,
+    at.EECON1,
+    at.EE_STEP,
+    at.EE_CELL,
+    at.EE_BYTE,
+)
+_TIMES = (at.IRQ_AT, at.T0_TICK, at.EE_DONE_AT)
+
+
+def _after(when: int, now: int) -> int:
+    return -1 if when == at.NEVER else when - now
