@@ -18,6 +18,7 @@ from servogen.cli import (
     doctor_commands,
     job_commands,
     motion_commands,
+    plan_commands,
     robot_commands,
     signal_commands,
     simulate_commands,
@@ -59,6 +60,7 @@ GROUPS = (
     signal_commands,
     robot_commands,
     motion_commands,
+    plan_commands,
     doctor_commands,
 )
 for group in GROUPS:

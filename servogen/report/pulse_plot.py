@@ -14,23 +14,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from servogen.edges import HIGH, PINS, EdgeTrace, join
-from servogen.errors import InputError, Place, ToolError
-from servogen.outputs import atomic_write
 from servogen.pulse import Channel, PulseSchedule
+from servogen.report.pictures import check_suffix, new_figure, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_FRAMES_SHOWN = 6
-SUFFIXES = (".png", ".svg", ".pdf")
 MARGIN_US = 300.0
-DOTS_PER_INCH = 110
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,32 +44,17 @@ def pulse_plot(schedule: PulseSchedule, trace: EdgeTrace, span: int, path: Path,
 
     Raises InputError for an unknown ending, ToolError without matplotlib.
     """
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(
-            f"'{path.suffix}' is no picture that can be written",
-            Place(str(path)),
-            f"one of: {', '.join(SUFFIXES)}",
-        )
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ToolError("pictures need matplotlib", hint="pip install 'servogen[plot]'") from error
+    check_suffix(path)
     channels = observed_pulses(schedule, trace, span)
     frames = _distinct_frames(schedule, channels)
-    figure = Figure(figsize=(9, 2.6 + 0.8 * max(2, len(frames))), layout="constrained")
-    FigureCanvasAgg(figure)
-    figure.suptitle(title, x=0.01, ha="left")
+    figure = new_figure(9, 2.6 + 0.8 * max(2, len(frames)), title)
     axes = figure.subplots(1 + len(frames), 1, height_ratios=[2.6, *[0.8] * len(frames)], squeeze=False)[:, 0]
     _draw_widths(axes[0], schedule, channels)
     for panel, (start, label) in zip(axes[1:], frames, strict=True):
         _draw_frame(panel, schedule, channels, start, label)
         panel.tick_params(labelbottom=panel is axes[-1])
     axes[-1].set_xlabel("time in the frame, ms")
-    # Without a date or a version, the same picture is the same file.
-    metadata: dict[str, Any] = {"Software": None} if path.suffix.lower() == ".png" else {"Date": None}
-    with atomic_write(path, "wb") as file:
-        figure.savefig(file, format=path.suffix[1:].lower(), dpi=DOTS_PER_INCH, metadata=metadata)
+    save(figure, path)
 
 
 def observed_pulses(schedule: PulseSchedule, trace: EdgeTrace, span: int) -> list[Pulses]:

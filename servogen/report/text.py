@@ -1,4 +1,4 @@
-"""`report.txt`: the job, its wiring, every pulse width with its error, the programs and their proof.
+"""`report.txt`: job, wiring, every pulse width with its error, what that is in mm, programs and their proof.
 
 In: the values of a build. Out: text, the same for the same build.
 """
@@ -15,6 +15,8 @@ from servogen.errors import Caution
 from servogen.job import Job
 from servogen.pic.device import OPEN_DRAIN_PIN, PACKAGE, PROGRAM_WORDS, RAM_BYTES, oscillator_for
 from servogen.pulse.plan import PulsePlan
+from servogen.report.tool_error import ERROR_COLUMNS, error_rows, errors_of, worst_of
+from servogen.report.tracks import tracks_of
 from servogen.robot.servo import Servo
 from servogen.verify import Verdict, verdict_lines
 
@@ -57,14 +59,18 @@ def _lines(facts: BuildFacts) -> Iterator[str]:
         ("Wiring", _wiring(facts)),
         ("Pulses", _pulses(facts)),
         ("Motion", _motion(facts)),
+        ("Paths", _paths(facts)),
         ("Programs", _programs(facts)),
         ("Proof", _proof(facts)),
         ("Warnings", _warnings(facts)),
     ):
+        lines = list(section)
+        if not lines:
+            continue
         yield ""
         yield title
         yield "-" * len(title)
-        yield from section
+        yield from lines
 
 
 def _chip(facts: BuildFacts) -> Iterator[str]:
@@ -132,6 +138,18 @@ def _motion(facts: BuildFacts) -> Iterator[str]:
         if frames:
             seconds = _number(schedule.clock.seconds(frames * schedule.period))
             yield f"{name}: {frames} frames, {seconds} s"
+
+
+def _paths(facts: BuildFacts) -> Iterator[str]:
+    """What whole cycles do to the foot, tool or base; nothing for servos that move none."""
+    schedule = facts.plan.schedule
+    errors = errors_of(tracks_of(facts.job, schedule))
+    if errors:
+        frame_s = float(schedule.clock.seconds(schedule.period))
+        worst = worst_of(errors)
+        away = f"{1000 * worst.worst_m:.3f} mm"
+        yield f"Pulses of whole cycles put {worst.name} up to {away} from where it was planned."
+        yield from _table(ERROR_COLUMNS, list(error_rows(errors, frame_s)))
 
 
 def _programs(facts: BuildFacts) -> Iterator[str]:

@@ -1,0 +1,47 @@
+"""Every frame of a plan as CSV: time, servo angles, pulse widths, the points of feet, tool or base.
+
+In: a `Job`, its schedule and tracks. Out: lines of text, one a frame; without a pulse a cell is empty.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from servogen.job import Job
+from servogen.motion.trajectory import Floats
+from servogen.pulse import PulseSchedule
+from servogen.report.tracks import Track
+
+
+def frame_lines(job: Job, schedule: PulseSchedule, tracks: Sequence[Track]) -> Iterator[str]:
+    """The header, then a line a frame: seconds, degrees (°/s of a wheel), µs, mm.
+
+    Angles and points are as planned; widths are as made, whole cycles. One foot or tool has the columns
+    x_mm, y_mm, z_mm; of several each is named.
+    """
+    angles = [f"{servo.name}_deg{'_s' if servo.model.continuous else ''}" for servo in job.servos]
+    widths = [f"{servo.name}_width_us" for servo in job.servos]
+    names = [f"{track.name}_" if len(tracks) > 1 else "" for track in tracks]
+    points = [f"{name}{axis}_mm" for name in names for axis in "xyz"]
+    yield ",".join(("time_s", *angles, *widths, *points))
+    frame_s = schedule.clock.seconds(schedule.period)
+    blocks = [np.degrees(job.trajectory.angles), widths_us(schedule)]
+    blocks += [1000 * track.planned for track in tracks]
+    decimals = [4] * len(angles) + [3] * len(widths) + [4] * len(points)
+    for frame, row in enumerate(np.hstack(blocks)):
+        cells = (
+            "" if value != value else f"{round(value, places) + 0.0:.{places}f}"
+            for value, places in zip(row.tolist(), decimals, strict=True)
+        )
+        yield ",".join((f"{float(frame * frame_s):.6f}", *cells))
+
+
+def widths_us(schedule: PulseSchedule) -> Floats:
+    """The widths (frames, servos) in microseconds; NaN without a pulse."""
+    runs = (*schedule.lead_in, *schedule.loop)
+    us = [
+        [float(schedule.clock.us(pulse.width)) if pulse else np.nan for pulse in run.pulses] for run in runs
+    ]
+    return np.repeat(np.array(us), [run.frames for run in runs], axis=0)

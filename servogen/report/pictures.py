@@ -1,0 +1,64 @@
+"""Pictures of all kinds: matplotlib only when one is drawn (the extra "plot"), and files that do not change.
+
+In: a path, a figure that was drawn. Out: the file, the same for the same picture.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from servogen.errors import InputError, Place, ToolError
+from servogen.outputs import atomic_write
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SUFFIXES = (".png", ".svg", ".pdf")
+DOTS_PER_INCH = 110
+
+
+def check_suffix(path: Path, suffixes: tuple[str, ...] = SUFFIXES, what: str = "picture") -> None:
+    """Raises InputError for an ending that is none of `suffixes`."""
+    if path.suffix.lower() not in suffixes:
+        raise InputError(
+            f"'{path.suffix}' is no {what} that can be written",
+            Place(str(path)),
+            f"one of: {', '.join(suffixes)}",
+        )
+
+
+def new_figure(width: float, height: float, title: str) -> Figure:
+    """An empty figure of that many inches. Raises ToolError without matplotlib."""
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise ToolError("pictures need matplotlib", hint="pip install 'servogen[plot]'") from error
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(title, x=0.01, ha="left")
+    return figure
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Writes the picture: without a date or a version, so that the same picture is the same file."""
+    check_suffix(path)
+    import matplotlib
+
+    kind = path.suffix[1:].lower()
+    metadata: dict[str, Any] = {"png": {"Software": None}, "svg": {"Date": None}}.get(
+        kind, {"CreationDate": None}
+    )
+    with matplotlib.rc_context({"svg.hashsalt": "servogen"}), atomic_write(path, "wb") as file:
+        figure.savefig(file, format=kind, dpi=DOTS_PER_INCH, metadata=metadata)
+
+
+def plane(axes: Axes, x: str, y: str, title: str) -> None:
+    """Axes of a plane in space: millimetres, the same scale both ways."""
+    axes.set_xlabel(f"{x}, mm")
+    axes.set_ylabel(f"{y}, mm")
+    axes.set_title(title, fontsize=10)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.grid(alpha=0.3)

@@ -1,0 +1,168 @@
+"""From pulses back: where a job's feet, tool or base are, as planned and with pulses of whole cycles.
+
+In: a `Job` and its `PulseSchedule`. Out: one `Track` for each end: its points frame by frame as planned, as
+made (direct calculation), and the difference to first order (the Jacobian).
+
+    angle asked ──▶ forward kinematics ──────────────────────────▶ planned
+      │ whole cycles
+    angle made ───▶ forward kinematics ──────────────────────────▶ made
+    made - asked ─▶ J ───────────────────────────────────────────▶ shift, made - planned to first order
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from servogen.job import Job
+from servogen.job.tip import ArmTip, LegTip
+from servogen.kinematics.chain import fk_position
+from servogen.kinematics.hexapod import mount_matrix
+from servogen.kinematics.jacobian import jacobian
+from servogen.kinematics.omni import body_speed
+from servogen.motion.omni import positions
+from servogen.motion.trajectory import Floats
+from servogen.pulse import PulseSchedule
+from servogen.robot.binding import Binding
+from servogen.robot.model import Arm, Hexapod, OmniBase
+from servogen.robot.robots import arm as named_arm
+from servogen.robot.servo import Servo
+
+Kind = Literal["foot", "tool", "base"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class End:
+    """A foot or tool: an `arm` placed by the matrix `place` (4, 4); `columns`: the servos of its joints."""
+
+    name: str
+    kind: Kind
+    arm: Arm
+    place: Floats
+    columns: tuple[int, ...]
+    bindings: tuple[Binding, ...]
+
+    def joints(self, angles: Floats) -> Floats:
+        """Joint positions (n, joints) of the angles (n, servos) of all servos."""
+        return np.stack(
+            [
+                each.position(angles[:, column])
+                for each, column in zip(self.bindings, self.columns, strict=True)
+            ],
+            axis=1,
+        )
+
+    def points(self, angles: Floats) -> Floats:
+        """Where it is (n, 3), metres."""
+        return fk_position(self.arm, self.joints(angles)) @ self.place[:3, :3].T + self.place[:3, 3]
+
+    def shift(self, angles: Floats, change: Floats) -> Floats:
+        """By how much (n, 3) a small `change` of the servos' angles moves it: J · change of the joints."""
+        slope = self.place[:3, :3] @ jacobian(self.arm, self.joints(angles))[:, :3, :]
+        ratios = np.array([each.ratio for each in self.bindings])
+        return np.einsum("nij,nj->ni", slope, change[:, list(self.columns)] / ratios)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """`planned`, `made` and `shift`, (frames, 3) each, metres; NaN where a servo has no pulse.
+
+    Of the base (`kind` "base") the points are x, y and 0, from where it begins.
+    """
+
+    name: str
+    kind: Kind
+    planned: Floats
+    made: Floats
+    shift: Floats
+
+    @property
+    def error(self) -> Floats:
+        """How far (frames,) the whole cycles put it from where it was planned, by direct calculation."""
+        return np.asarray(np.linalg.norm(self.made - self.planned, axis=1))
+
+    @property
+    def first_order(self) -> Floats:
+        """The same through the Jacobian."""
+        return np.asarray(np.linalg.norm(self.shift, axis=1))
+
+
+def ends_of(job: Job) -> tuple[End, ...]:
+    """The feet or the tool whose joints all have a servo; none for servos that move no robot."""
+    column = {servo.name: index for index, servo in enumerate(job.servos)}
+    by_joint = {binding.joint: binding for binding in job.bindings}
+
+    def end(name: str, kind: Kind, arm: Arm, place: Floats, bindings: Sequence[Binding]) -> End:
+        return End(name, kind, arm, place, tuple(column[each.servo] for each in bindings), tuple(bindings))
+
+    if isinstance(job.tip, LegTip):
+        leg = job.tip.leg
+        arm = named_arm("leg").with_lengths(ab=leg.ab, bc=leg.bc, cd=leg.cd, df=leg.df)
+        return (end("foot", "foot", arm, np.eye(4), job.tip.bindings),)
+    if isinstance(job.tip, ArmTip):
+        return (end("tool", "tool", job.tip.arm, np.eye(4), job.tip.bindings),)
+    if not isinstance(job.robot, Hexapod):
+        return ()
+    found = []
+    for mount in job.robot.mounts:
+        names = [f"{mount.name}_{joint.name}" for joint in job.robot.leg.joints]
+        if all(name in by_joint for name in names):
+            bindings = [by_joint[name] for name in names]
+            found.append(end(mount.name, "foot", job.robot.leg, mount_matrix(mount), bindings))
+    return tuple(found)
+
+
+def tracks_of(job: Job, schedule: PulseSchedule) -> tuple[Track, ...]:
+    """The tracks of all ends of the job; those of a drive are its base's."""
+    asked = job.trajectory.angles
+    ends = ends_of(job)
+    based = isinstance(job.robot, OmniBase) and all(servo.model.continuous for servo in job.servos)
+    if not ends and not based:
+        return ()
+    made = made_angles(schedule, job.servos)
+    if isinstance(job.robot, OmniBase):
+        return (_base(job.robot, asked, made, float(schedule.clock.seconds(schedule.period))),)
+    return tuple(_track(end, asked, made) for end in ends)
+
+
+def made_angles(schedule: PulseSchedule, servos: Sequence[Servo]) -> Floats:
+    """The angles (frames, servos) that the schedule's whole cycles ask for; NaN without a pulse."""
+    runs = (*schedule.lead_in, *schedule.loop)
+    rows = [[pulse.width if pulse else 0 for pulse in run.pulses] for run in runs]
+    cycles = np.repeat(np.array(rows, np.int64), [run.frames for run in runs], axis=0)
+    angles = np.empty(cycles.shape)
+    for index, servo in enumerate(servos):
+        widths, back = np.unique(cycles[:, index], return_inverse=True)
+        of_width = [
+            servo.angle(float(schedule.clock.us(width))) if width else np.nan for width in widths.tolist()
+        ]
+        angles[:, index] = np.array(of_width)[back]
+    return angles
+
+
+def _track(end: End, asked: Floats, made: Floats) -> Track:
+    """Each distinct pose is calculated once: a job may stand still for hours."""
+    mine = list(end.columns)
+    pulsed = ~np.isnan(asked[:, mine]).any(axis=1)
+    _, first, back = np.unique(asked[pulsed][:, mine], axis=0, return_index=True, return_inverse=True)
+    before, after = asked[pulsed][first], made[pulsed][first]
+    found = [np.full((len(asked), 3), np.nan) for _ in range(3)]
+    points = end.points(before), end.points(after), end.shift(before, after - before)
+    for whole, part in zip(found, points, strict=True):
+        whole[pulsed] = part[back.reshape(-1)]
+    return Track(end.name, end.kind, *found)
+
+
+def _base(base: OmniBase, asked: Floats, made: Floats, period_s: float) -> Track:
+    """The base after each frame; a wheel without a pulse stands. Its shift is that of a base at heading 0."""
+    asked, made = np.nan_to_num(asked), np.nan_to_num(made)
+    planned, driven = (positions(base, speeds, period_s)[1:] for speeds in (asked, made))
+    vx, vy, _ = np.moveaxis(body_speed(base, asked), -1, 0) * period_s
+    dx, dy, turn = np.moveaxis(body_speed(base, made - asked), -1, 0) * period_s
+    heading = np.cumsum(turn) - turn / 2
+    moved = np.cumsum(np.stack([dx - heading * vy, dy + heading * vx], axis=1), axis=0)
+    flat = [np.column_stack([part[:, :2], np.zeros(len(part))]) for part in (planned, driven, moved)]
+    return Track("base", "base", *flat)
