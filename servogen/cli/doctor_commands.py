@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import platform
 import shutil
-from importlib.metadata import PackageNotFoundError, requires, version
 
 import typer
 
@@ -65,6 +64,8 @@ def doctor(json: Json = False) -> None:
 
 def _libraries() -> dict[str, str]:
     """Version of each library that servogen needs, by name."""
+    from importlib.metadata import PackageNotFoundError, requires, version
+
     names = [
         line.split(";")[0].split(">")[0].strip() for line in requires("servogen") or () if "extra" not in line
     ]

@@ -7,7 +7,6 @@ failed, 130 interrupted.
 from __future__ import annotations
 
 import sys
-import traceback
 from typing import Annotated
 
 import typer
@@ -80,6 +79,8 @@ def main() -> None:
         _say(f"{error.filename}: {error.strerror}" if error.filename else str(error))
         sys.exit(2)
     except Exception:  # a defect of servogen: never the exit code of a verdict
+        import traceback
+
         traceback.print_exc()
         _say("this is a defect of servogen itself; please report it with the lines above")
         sys.exit(ToolError.exit_code)
