@@ -14,6 +14,7 @@ from pycparser import c_ast
 from servogen.compiler.backend import Backend, globals_of
 from servogen.compiler.banks import switch_banks
 from servogen.compiler.builtins import Builtins
+from servogen.compiler.checks import check_program
 from servogen.compiler.diagnostics import CompileError, Diagnostic, Fatal, Reporter
 from servogen.compiler.dialect import DIALECTS, headers, macros, named_types
 from servogen.compiler.emitter import Code
@@ -96,6 +97,7 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
     backend = Backend(analysis.program, reporter, analysis.asm_symbols)
     backend.check()
     reporter.stop_on_error()
+    check_program(backend, reporter)
     _mark_shared(backend)
     codes = backend.generate()
     reporter.stop_on_error()
