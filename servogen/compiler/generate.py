@@ -862,7 +862,8 @@ class Generator(Arithmetic):
         whole: Expr = Binary(expr.op, old, right, expr.work, place)
         if expr.op in "*/" and isinstance(right, Num) and right.value == 1:
             return
-        if not target.width and not (isinstance(target, Ref) and self.direct(target)) and kind.size == 1:
+        plain = not target.width and not (isinstance(kind, IntType) and kind.is_bool)
+        if plain and kind.size == 1 and not (isinstance(target, Ref) and self.direct(target)):
             if self._update_indirect(expr.op, target, right):
                 return
         if isinstance(kind, IntType):
