@@ -38,7 +38,7 @@ def loop(observed: bool) -> Loop:
         path = folder / name
         if path.is_file():
             return _load(path.read_bytes())
-    code = _compile(observed)
+    code = compile_loop(observed)
     _keep(name, code)
     return _load(code)
 
@@ -80,7 +80,7 @@ def _keep(name: str, code: bytes) -> None:
         return
 
 
-def _compile(observed: bool) -> bytes:
+def compile_loop(observed: bool) -> bytes:
     """An object file with the loop as ENTRY, in numba's way to call: (result, error, arguments)."""
     from numba import cfunc, types
 
