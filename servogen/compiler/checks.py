@@ -1,7 +1,7 @@
 """Warnings about the whole program: what is legal C and bites on this chip.
 
-In: the typed tree. Out: warnings for a read-modify-write of a pin that stays an input, and for variables of several
-bytes that main and the interrupt share while interrupts are on.
+In: the typed tree. Out: warnings for a read-modify-write of a pin that stays an input, and for variables of
+several bytes that main and the interrupt share while interrupts are on.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def _changed_bits(expr: Assign | Update, port: str) -> list[int]:
 def _shared(backend: Backend, reporter: Reporter) -> None:
     program = backend.program
     isr_reads, isr_writes = _uses(program, backend.isr, masked=False)
-    main_reads, main_writes = _uses(program, [name for name in backend.main], masked=True)
+    main_reads, main_writes = _uses(program, list(backend.main), masked=True)
     for symbol in program.symbols:
         if symbol.kind != "global" or symbol.size < 2 or not symbol.type.scalar:
             continue

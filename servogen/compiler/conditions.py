@@ -174,9 +174,9 @@ class Conditions(Generator):
         """W = a one-byte value and Z = whether it is zero."""
         self.to_w(expr)
         last = self.code.ins[-1]
-        if last.op == "MOVF" or (last.op in _SETS_Z and last.d == 0 and last.writes_w):
-            if not self._skipped_last():
-                return
+        sets_zero = last.op in _SETS_Z and last.d == 0 and last.writes_w
+        if sets_zero and not self._skipped_last():
+            return
         self.emit("IORLW", k=0)
 
     def _skipped_last(self) -> bool:

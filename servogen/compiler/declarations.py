@@ -534,9 +534,9 @@ class Declarations(Expressions):
         if node.args is None:
             return None
         params = node.args.params
-        if len(params) == 1 and isinstance(params[0], c_ast.Typename) and params[0].name is None:
-            if isinstance(self.declared_type(params[0]), VoidType):
-                return ()
+        unnamed = len(params) == 1 and isinstance(params[0], c_ast.Typename) and params[0].name is None
+        if unnamed and isinstance(self.declared_type(params[0]), VoidType):
+            return ()
         found = []
         for each in params:
             if isinstance(each, c_ast.EllipsisParam):

@@ -29,6 +29,7 @@ from servogen.compiler.rewrite import Rewritten, rewrite_tokens
 from servogen.compiler.settings import Settings
 from servogen.compiler.stack import check_stack
 from servogen.compiler.startup import RESET, arrange
+from servogen.compiler.timing import all_times
 from servogen.errors import InputError, nearest
 from servogen.pic.device import Device, device
 from servogen.pic.image import Image
@@ -109,6 +110,7 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
     drop_unused(codes, arrangement.roots)
     room = check_stack(codes, arrangement.roots, reporter)
     reporter.stop_on_error()
+    times = all_times(codes)
     expand_delays(codes, room)
     memory = allocate(arrangement.roots, codes, arrangement.statics, reporter)
     layout = lay_out(arrangement.order(codes), memory, reporter, arrangement.tables)
@@ -118,7 +120,7 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
         settings.config_word(clock),
         analysis.program.eeprom,
     )
-    listing = make_listing(layout, memory, codes, arrangement.statics, reporter)
+    listing = make_listing(layout, memory, codes, times, reporter)
     return Compilation(image, listing, clock, len(layout.words), memory.used, reporter.ordered())
 
 
@@ -183,6 +185,9 @@ def drop_unused(codes: dict[str, Code], roots: list[str]) -> None:
         if name not in wanted and code.table is None and code.name != RESET
     ]:
         del codes[name]
+    for name, code in codes.items():
+        if code.table is not None and name not in wanted:  # only its address is used
+            code.w_parameter, code.own = None, []
 
 
 def _mark_shared(backend: Backend) -> None:

@@ -283,13 +283,8 @@ class FunctionGenerator(Conditions):
         ready: list[list[Operand] | None] = [None] * len(arguments)
         for number, (parameter, argument) in enumerate(zip(parameters, arguments, strict=True)):
             later = any(calls_something(each) or has_effect(each) for each in arguments[number + 1 :])
-            if calls_something(argument) or (later and not isinstance(argument, Num)):
-                if not any(calls_something(each) for each in arguments[number + 1 :]) and not later:
-                    if (
-                        len([each for each in ready if each is None]) == len(arguments)
-                        and len(arguments) == 1
-                    ):
-                        continue
+            calls = calls_something(argument) and len(arguments) > 1
+            if calls or (later and not isinstance(argument, Num)):
                 held: list[Loc] = self.temp(parameter.size)
                 self.into(argument, held)
                 ready[number] = list(held)

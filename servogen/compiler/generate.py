@@ -807,11 +807,10 @@ class Generator(Arithmetic):
         if not multi_port and (self._in_place(value, locs) or not touches(value, symbol_locs)):
             self.into(value, locs)
             return
-        if len(locs) == 1:
-            if isinstance(value.type, IntType) or value.type.scalar:
-                self.to_w(value)
-                self.store(locs[0])
-                return
+        if len(locs) == 1 and (isinstance(value.type, IntType) or value.type.scalar):
+            self.to_w(value)
+            self.store(locs[0])
+            return
         held: list[Loc] = self.temp(len(locs))
         self.into(value, held)
         self.move_all(locs, list(held))
@@ -863,9 +862,9 @@ class Generator(Arithmetic):
         if expr.op in "*/" and isinstance(right, Num) and right.value == 1:
             return
         plain = not target.width and not (isinstance(kind, IntType) and kind.is_bool)
-        if plain and kind.size == 1 and not (isinstance(target, Ref) and self.direct(target)):
-            if self._update_indirect(expr.op, target, right):
-                return
+        behind = plain and kind.size == 1 and not (isinstance(target, Ref) and self.direct(target))
+        if behind and self._update_indirect(expr.op, target, right):
+            return
         if isinstance(kind, IntType):
             whole = whole if kind.plain() == expr.work else Cast(whole, kind.plain(), place)
         self._assign(target, whole)

@@ -140,12 +140,11 @@ def drop_jumps_to_next(code: Code) -> None:
             and not ins[number + 2].fixed
             and ins[number + 2].op != "DELAY"
             and _leads_to(ins, number + 3, follower.target)
-        ):
-            if not (out and out[-1].op in SKIPS):
-                each.op = "BTFSC" if each.op == "BTFSS" else "BTFSS"
-                out += [each, ins[number + 2]]
-                number += 3
-                continue
+        ) and not (out and out[-1].op in SKIPS):
+            each.op = "BTFSC" if each.op == "BTFSS" else "BTFSS"
+            out += [each, ins[number + 2]]
+            number += 3
+            continue
         out.append(each)
         number += 1
     code.ins = out

@@ -54,9 +54,9 @@ def _match(ins: list[Ins], at: int, live: Liveness) -> tuple[list[Ins], int] | N
             return [Ins("CLRF", two.f)], 2
         if one.op == "MOVF" and one.d == 0 and one.f == two.f and not after_two & Z_BIT:
             return [], 2
-    if one.op == "MOVLW" and two.op == "ADDWF" and two.d == 1 and one.k in (1, 0xFF):
-        if not after_two & (W_BIT | C_BIT | D_BIT):
-            return [Ins("INCF" if one.k == 1 else "DECF", two.f, 1)], 2
+    counted = one.op == "MOVLW" and two.op == "ADDWF" and two.d == 1 and one.k in (1, 0xFF)
+    if counted and not after_two & (W_BIT | C_BIT | D_BIT):
+        return [Ins("INCF" if one.k == 1 else "DECF", two.f, 1)], 2
     three = ins[at + 2] if at + 2 < len(ins) else None
     if three is not None and not three.fixed and three.op == "MOVWF" and not live.after[at + 2] & W_BIT:
         if one.op == "MOVF" and one.d == 0 and one.f == three.f and two.op in _COMMUTING:

@@ -5,25 +5,33 @@ In: the layout. Out: `pic.listing.Listing`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.emitter import Code
 from servogen.compiler.layout import Layout, Memory, Word, file_address
 from servogen.compiler.stack import depths
-from servogen.compiler.tree import Symbol
+from servogen.compiler.timing import Times
 from servogen.pic.device import RAM_FIRST, RAM_LAST, registers
 from servogen.pic.isa import by_mnemonic
 from servogen.pic.listing import ListedFunction, Listing, ListingRow
 
 
 def make_listing(
-    layout: Layout, memory: Memory, codes: dict[str, Code], statics: list[Symbol], reporter: Reporter
+    layout: Layout, memory: Memory, codes: dict[str, Code], times: Mapping[str, Times], reporter: Reporter
 ) -> Listing:
     """The listing of a program."""
-    at = {address: name for name, address in sorted(layout.labels.items(), reverse=True)}
-    rows = tuple(_row(word, memory, at) for word in layout.words)
+    rows = tuple(_row(word, memory) for word in layout.words)
     chains = depths(codes)
     functions = tuple(
-        ListedFunction(name, start, end, sum(each.size for each in codes[name].own), len(chains[name]))
+        ListedFunction(
+            name,
+            start,
+            end,
+            sum(each.size for each in codes[name].own),
+            len(chains[name]),
+            *times.get(name, (None, None)),
+        )
         for name, (start, end) in layout.starts.items()
         if end > start
     )
@@ -36,7 +44,7 @@ def make_listing(
     return Listing(rows, functions, variables, tuple(reporter.texts.items()))
 
 
-def _row(word: Word, memory: Memory, at: dict[int, str]) -> ListingRow:
+def _row(word: Word, memory: Memory) -> ListingRow:
     ins = word.ins
     row = by_mnemonic()[ins.op]
     parts = []
