@@ -39,7 +39,9 @@ firmware: $(READY)
 	$(BIN)/servogen demo $(JOBS) --output firmware
 
 bench: $(READY)
-	$(BIN)/python -m bench
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[bench]'
+	$(BIN)/python bench/simulator.py
+	$(BIN)/python bench/kinematics.py
 
 clean:
 	rm -rf build .pytest_cache .mypy_cache .ruff_cache .hypothesis
