@@ -1,4 +1,4 @@
-"""The listing tells of each function the words, the stack and the shortest and longest time; the chip agrees."""
+"""The listing tells of each function the stack and the shortest and longest time; the chip agrees."""
 
 from __future__ import annotations
 

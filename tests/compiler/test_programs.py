@@ -1,4 +1,5 @@
-"""Each C file beside this module states in comments what it is to do; this harness compiles, runs and compares.
+"""Each C file beside this module states in comments what it is to do; this harness compiles, runs and
+compares.
 
     // dialect: c2c            when it is not the name of its directory
     // clock: 8000000          --clock-hz
@@ -17,6 +18,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -56,7 +58,8 @@ def stated(path: Path, text: str) -> Stated:
             continue
         key, value = match[1], match[2].rstrip()
         below = next(
-            (at for at in range(number + 1, len(lines) + 1) if not re.match(r"\s*// \w+: ", lines[at - 1])), number
+            (at for at in range(number + 1, len(lines) + 1) if not re.match(r"\s*// \w+: ", lines[at - 1])),
+            number,
         )
         found.first = found.first or below
         if key == "dialect":
@@ -80,13 +83,17 @@ def stated(path: Path, text: str) -> Stated:
 
 def said(diagnostics: tuple[Diagnostic, ...], wanted: Stated) -> list[tuple[str, int, str, str | None]]:
     """The diagnostics in the shape of the statements; a hint counts only where one is stated."""
-    with_hint = {(kind, line, message) for kind, line, message, hint in wanted.diagnostics if hint is not None}
+    with_hint = {
+        (kind, line, message) for kind, line, message, hint in wanted.diagnostics if hint is not None
+    }
     return [
         (
             each.severity,
             each.place.line or wanted.first,
             each.message,
-            each.hint if (each.severity, each.place.line or wanted.first, each.message) in with_hint else None,
+            each.hint
+            if (each.severity, each.place.line or wanted.first, each.message) in with_hint
+            else None,
         )
         for each in diagnostics
     ]
@@ -102,7 +109,9 @@ def test_a_program_does_what_its_comments_state(path: Path) -> None:
     except CompileError as error:
         assert sorted(said(error.diagnostics, wanted)) == sorted(wanted.diagnostics), str(error)
         return
-    assert not [each for each in wanted.diagnostics if each[0] == "error"], "it compiles, but errors are stated"
+    assert not [each for each in wanted.diagnostics if each[0] == "error"], (
+        "it compiles, but errors are stated"
+    )
     assert sorted(said(found.diagnostics, wanted)) == sorted(wanted.diagnostics)
     if wanted.words is not None:
         assert found.words <= wanted.words
@@ -124,10 +133,14 @@ def run(found: Compilation, wanted: Stated) -> None:
     mask = {name: (1 << 8 * where[name][1]) - 1 for name in wanted.values}
     assert got == {name: value & mask[name] for name, value in wanted.values.items()}
     if wanted.cycles:
-        check_cycles(found, wanted, [int(cycle) for cycle, pin in zip(edges.cycle, edges.pin, strict=True) if PINS[pin] == "RB0"])
+        check_cycles(
+            found,
+            wanted,
+            [int(cycle) for cycle, pin in zip(edges.cycle, edges.pin, strict=True) if PINS[pin] == "RB0"],
+        )
 
 
 def check_cycles(found: Compilation, wanted: Stated, edges: list[int]) -> None:
     """Times between changes of RB0, which each measured statement turns over."""
-    differences = [after - before for before, after in zip(edges[1:], edges[2:], strict=False)]
+    differences = [after - before for before, after in pairwise(edges[1:])]
     assert differences[: len(wanted.cycles)] == [wanted.cycles[line] for line in sorted(wanted.cycles)]
