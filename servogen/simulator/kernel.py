@@ -46,7 +46,7 @@ from servogen.simulator.layout import (
 )
 from servogen.simulator.memo import lookup, pack_registers, recall, remember
 from servogen.simulator.ports import A, B, tris_write
-from servogen.simulator.program import BREAK, ERASED, EXIT, LOOP, OPS, SPIN, UNDEFINED, WAITS_BIT
+from servogen.simulator.program import BREAK, ERASED, EXIT, FILE_OPS, LOOP, OPS, SPIN, UNDEFINED, WAITS_BIT
 from servogen.simulator.registers import read_register, write_option, write_register
 from servogen.simulator.resets import PD, TO
 from servogen.simulator.stack import pop, push
@@ -176,7 +176,7 @@ def instruction_loop(observed: bool) -> Callable[..., int]:
                     op = word & 63
                 pc = (pc + 1) & PC_MASK
                 cycle += 1
-                if op <= BTFSS and op != CLRW and op != NOP:
+                if op < FILE_OPS:
                     # 1: the operand's place, and what is read there
                     slot = NO_SLOT
                     skip = False

@@ -1,6 +1,6 @@
 """The program memory as the instruction loop reads it: each word decoded once into fields of an integer.
 
-In: an `Image`. Out: an int64 array of 1024, in the instructions' order of `pic.isa`.
+In: an `Image`. Out: an int64 array of 1024, numbered from the table of `pic.isa`.
 
     bit   0-5  6  7      8-14  15      16-23      24     25-     and in place of f and what follows: 8-18
           op   d  flags  f     direct  mask of b  waits  period                                     k
@@ -15,8 +15,13 @@ from servogen.pic.device import PROGRAM_WORDS, RAM_FIRST, RAM_LAST
 from servogen.pic.image import Image
 from servogen.pic.isa import INSTRUCTIONS, LEGACY, Decoded, decode
 
-OPS = {row.mnemonic: number for number, row in enumerate((*INSTRUCTIONS, *LEGACY))}
-"""The number of each instruction: its place in the table."""
+_ON_FILES = [row.mnemonic for row in INSTRUCTIONS if "f" in row.operands]
+_OTHERS = [row.mnemonic for row in (*INSTRUCTIONS, *LEGACY) if row.mnemonic not in _ON_FILES]
+OPS = {mnemonic: number for number, mnemonic in enumerate((*_ON_FILES, *_OTHERS))}
+"""The number of each instruction: those on file registers come first, else in the table's order."""
+
+FILE_OPS = len(_ON_FILES)
+"""The numbers below are those of instructions on file registers."""
 
 UNDEFINED, ERASED, EXIT, LOOP, SPIN, BREAK = range(len(OPS), len(OPS) + 6)
 """What else can stand in a place: a word that no data sheet defines; a word never programmed (DS35007
