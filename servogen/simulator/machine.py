@@ -7,7 +7,7 @@ any time.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Set
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -154,6 +154,10 @@ class Machine:
 
     def state(self) -> State:
         return state_of(self._s, warnings_of(self._s, self.image))
+
+    def contents(self) -> Image:
+        """What is on the chip now: the image, with the EEPROM as the program has left it."""
+        return replace(self.image, eeprom=dict(enumerate(self.state().eeprom)))
 
     def fingerprint(self) -> bytes:
         """Equal bytes for two states of one image, clock and options that will behave alike, unstimulated."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from servogen.edges import HIGH, LOW
+from servogen.pic.image import from_hex, to_hex
 from servogen.simulator import Machine, Options
 from tests.simulator.helpers import machine, steps
 
@@ -105,6 +106,14 @@ def test_addresses_beyond_63_reach_nothing_section_3() -> None:
     chip.run(10_000)
     assert chip.state().eeprom == bytes([0xFF] * 64)
     assert "eeprom-address" in {w.kind for w in chip.state().warnings}
+
+
+def test_what_the_program_wrote_is_in_the_chips_contents_and_goes_into_a_file() -> None:
+    chip = machine(write())
+    chip.run(10_000)
+    again = from_hex(to_hex(chip.contents()))
+    assert (again.eeprom[5], again.eeprom[6]) == (0x3C, 0xFF)
+    assert (again.program, again.config) == (chip.image.program, chip.image.config)
 
 
 def test_the_image_fills_the_eeprom() -> None:
