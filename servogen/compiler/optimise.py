@@ -10,6 +10,7 @@ from servogen.compiler.deadcode import drop_dead
 from servogen.compiler.emitter import Code
 from servogen.compiler.machine import ENDS, LABEL, SKIPS, Ins
 from servogen.compiler.peephole import invert_skips, peephole
+from servogen.compiler.tails import merge_tails, tail_calls
 from servogen.compiler.values import Tracker
 
 
@@ -18,7 +19,7 @@ def optimise(code: Code) -> None:
     jumps.
     """
     data = not code.name.startswith("__") and not _jumps_by_hand(code)
-    for _ in range(30):
+    for _ in range(60):
         before = [(ins.op, ins.f, ins.d, ins.b, ins.k, ins.target) for ins in code.ins]
         thread_jumps(code)
         drop_unreachable(code)
@@ -30,7 +31,12 @@ def optimise(code: Code) -> None:
             peephole(code)
             coalesce(code)
         if before == [(ins.op, ins.f, ins.d, ins.b, ins.k, ins.target) for ins in code.ins]:
-            return
+            if data and merge_tails(code):
+                continue
+            break
+    if data and code.name != "main":
+        tail_calls(code)
+        drop_unreachable(code)
 
 
 def _jumps_by_hand(code: Code) -> bool:
