@@ -58,12 +58,15 @@ def check(job: JobFile, json: Json = False) -> None:
                 "loop_frames": schedule.loop_frames,
                 "widths": _widths(planned.widths),
                 "warnings": [{"code": warning.code, "text": str(warning)} for warning in warnings],
+                "notes": [{"code": note.code, "text": note.text} for note in loaded.notes],
             }
         )
         return
     for warning in warnings:
         warn(str(warning))
     _width_table(planned.widths)
+    for note in loaded.notes:
+        print(note.text)
     seconds = float(schedule.clock.seconds(schedule.loop_frames * schedule.period))
     print(f"{job}: {len(loaded.servos)} servo(s), loop of {schedule.loop_frames} frames, {seconds:g} s")
 

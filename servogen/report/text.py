@@ -138,6 +138,7 @@ def _motion(facts: BuildFacts) -> Iterator[str]:
         if frames:
             seconds = _number(schedule.clock.seconds(frames * schedule.period))
             yield f"{name}: {frames} frames, {seconds} s"
+    yield from (note.text for note in facts.job.notes)
 
 
 def _paths(facts: BuildFacts) -> Iterator[str]:
