@@ -18,17 +18,23 @@ def report(program: Program, outcome: Outcome, *, cut: bool) -> str:
     """A failure with the seed, the smallest program that shows it, and both results."""
     if cut:
         program, outcome = shrink(program, outcome)
-    head = f"seed {program.seed} {program.dialect}: {outcome.kind}; gcc {outcome.expected}, chip {outcome.got}"
+    head = (
+        f"seed {program.seed} {program.dialect}: {outcome.kind}; gcc {outcome.expected}, chip {outcome.got}"
+    )
     return f"{head} {outcome.message}\n{TargetC(program).text()}"
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.compiler.random", description=__doc__)
-    parser.add_argument("--seeds", type=int, default=1000, help="how many programs, half of them of each dialect")
+    parser.add_argument(
+        "--seeds", type=int, default=1000, help="how many programs, half of them of each dialect"
+    )
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--batch", type=int, default=200, help="programs in a call of gcc")
     parser.add_argument("--plain", action="store_true", help="without the compiler's optimiser")
-    parser.add_argument("--whole", action="store_true", help="print failing programs as they are, without shrinking")
+    parser.add_argument(
+        "--whole", action="store_true", help="print failing programs as they are, without shrinking"
+    )
     parser.add_argument("--failures", type=int, default=5, help="stop after so many")
     arguments = parser.parse_args()
     kinds: Counter[str] = Counter()

@@ -23,7 +23,17 @@ from tests.compiler.random.target_c import CHECK, DONE, FINISHED, TargetC
 CLOCK = Clock(4_000_000)
 MAX_CYCLES = 8_000_000
 GCC = ("gcc", "-O0", "-fwrapv", "-fno-strict-aliasing", "-w")
-TOO_BIG = ("words of flash", "too large", "too big", "does not fit", "bytes of RAM", "program words", "levels", "too deep", "deep")
+TOO_BIG = (
+    "words of flash",
+    "too large",
+    "too big",
+    "does not fit",
+    "bytes of RAM",
+    "program words",
+    "levels",
+    "too deep",
+    "deep",
+)
 Check = tuple[int, int, int]
 
 
@@ -67,7 +77,9 @@ def target(program: Program, expected: Check | None, *, optimise: bool = True) -
         found = compiled(program, optimise=optimise)
     except CompileError as error:
         message = next(each.message for each in error.diagnostics if each.severity == "error")
-        return Outcome("too big" if any(each in message for each in TOO_BIG) else "refused", expected, message=message)
+        return Outcome(
+            "too big" if any(each in message for each in TOO_BIG) else "refused", expected, message=message
+        )
     except Exception:
         return Outcome("crash", expected, message=traceback.format_exc(limit=-2))
     machine = Machine(found.image, CLOCK)

@@ -83,7 +83,9 @@ class Expressions:
             suffix = "U" if value <= 0xFFFF else suffix
         return Num(value, suffix, base)
 
-    def place(self, touch: Touch, depth: int, *, write: bool, accept: Callable[[Int], bool] | None = None) -> Place | None:
+    def place(
+        self, touch: Touch, depth: int, *, write: bool, accept: Callable[[Int], bool] | None = None
+    ) -> Place | None:
         """A place that may be touched now; its indices go to `touch`, itself does not yet."""
         candidates = [each for each in self.scope.visible if not write or writable(each)]
         self.rng.shuffle(candidates)
@@ -158,7 +160,17 @@ class Expressions:
         if depth <= 0 or self.chance(0.2):
             return self.leaf(touch, depth)
         kind = self.pick(
-            {"binary": 6, "shift": 1.5, "divide": 0.7, "compare": 1.2, "unary": 1.2, "cast": 1, "choice": 0.6, "logic": 0.5, "bit": 0.4}
+            {
+                "binary": 6,
+                "shift": 1.5,
+                "divide": 0.7,
+                "compare": 1.2,
+                "unary": 1.2,
+                "cast": 1,
+                "choice": 0.6,
+                "logic": 0.5,
+                "bit": 0.4,
+            }
         )
         return self.operator(kind, depth, touch, self.pure)
 
@@ -168,8 +180,20 @@ class Expressions:
             return self.leaf(touch, depth)
         kind = self.pick(
             {
-                "binary": 6, "shift": 1.5, "divide": 0.8, "compare": 1.4, "unary": 1.2, "cast": 1, "choice": 0.7,
-                "logic": 0.8, "bit": 0.3, "comma": 0.15, "assign": 0.3, "update": 0.3, "step": 0.5, "call": 1.2,
+                "binary": 6,
+                "shift": 1.5,
+                "divide": 0.8,
+                "compare": 1.4,
+                "unary": 1.2,
+                "cast": 1,
+                "choice": 0.7,
+                "logic": 0.8,
+                "bit": 0.3,
+                "comma": 0.15,
+                "assign": 0.3,
+                "update": 0.3,
+                "step": 0.5,
+                "call": 1.2,
                 "sizeof": 0.05,
             }  # fmt: skip
         )
@@ -187,7 +211,11 @@ class Expressions:
                 return self.comparison(low, touch, inner)
             case "shift":
                 count: Expr = Num(self.rng.choice((0, 1, 1, 2, 3, 4, 5, 7, 8, 9, 12, 15)))
-                return Shift(self.rng.choice(("<<", ">>")), inner(low, touch), count if self.chance(0.65) else inner(low, touch))
+                return Shift(
+                    self.rng.choice(("<<", ">>")),
+                    inner(low, touch),
+                    count if self.chance(0.65) else inner(low, touch),
+                )
             case "divide":
                 right = self.number(small=True) if self.chance(0.5) else inner(low, touch)
                 return Divide(self.rng.choice("/%"), inner(low, touch), right)
@@ -219,7 +247,9 @@ class Expressions:
     def condition(self, depth: int, touch: Touch, inner: Callable[[int, Touch], Expr]) -> Expr:
         return self.comparison(depth, touch, inner) if self.chance(0.6) else inner(depth, touch)
 
-    def sequenced(self, depth: int, touch: Touch, inner: Callable[[int, Touch], Expr], count: int) -> list[Expr]:
+    def sequenced(
+        self, depth: int, touch: Touch, inner: Callable[[int, Touch], Expr], count: int
+    ) -> list[Expr]:
         """Parts with a sequence point between them: each must only agree with what is around all of them."""
         before, found = touch.copy(), []
         for _ in range(count):
@@ -232,7 +262,10 @@ class Expressions:
         found = [
             each
             for each in self.scope.visible
-            if isinstance(each.type, Int) and each.type.kind == "int" and each.storage != "const" and touch.may_read((each,))
+            if isinstance(each.type, Int)
+            and each.type.kind == "int"
+            and each.storage != "const"
+            and touch.may_read((each,))
         ]
         if not found:
             return self.leaf(touch)
@@ -312,4 +345,3 @@ def base_of(place: Expr) -> Variable:
         case Element(inner, _) | MemberOf(inner, _):
             return base_of(inner)
     raise TypeError(place)
-

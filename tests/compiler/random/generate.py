@@ -76,7 +76,12 @@ class Generator(Statements):
             self._function(number)
         self._main()
         return Program(
-            self.seed, self.dialect, tuple(self.structs), tuple(self.globals), tuple(self.functions), interrupt
+            self.seed,
+            self.dialect,
+            tuple(self.structs),
+            tuple(self.globals),
+            tuple(self.functions),
+            interrupt,
         )
 
     # data
@@ -114,9 +119,15 @@ class Generator(Statements):
             self.add(Variable(f"a{number}", array, "global", initial))
         for number in range(rng.choice((0, 0, 1, 1, 2))):
             kind = self.stored()
-            dims = (rng.choice((3, 4, 8, 10, 16)),) if self.chance(0.8) else (rng.choice((2, 4)), rng.choice((3, 4)))
+            dims = (
+                (rng.choice((3, 4, 8, 10, 16)),)
+                if self.chance(0.8)
+                else (rng.choice((2, 4)), rng.choice((3, 4)))
+            )
             table = Array(kind, dims)
-            self.add(Variable(f"t{number}", table, "const", tuple(self.value(kind) for _ in range(table.count))))
+            self.add(
+                Variable(f"t{number}", table, "const", tuple(self.value(kind) for _ in range(table.count)))
+            )
         if self.chance(0.35):
             self._structures()
 
@@ -190,7 +201,12 @@ class Generator(Statements):
         self._finish(f"f{number}", result, tuple(parameters), locals_, body)
 
     def _finish(
-        self, name: str, result: Int | None, parameters: tuple[Variable, ...], locals_: list[Variable], body: tuple[Stmt, ...]
+        self,
+        name: str,
+        result: Int | None,
+        parameters: tuple[Variable, ...],
+        locals_: list[Variable],
+        body: tuple[Stmt, ...],
     ) -> None:
         scope = self.scope
         outside = {*self.globals, CHECKSUM, *(each for each in scope.locals if each.storage == "static")}
@@ -224,7 +240,9 @@ class Generator(Statements):
             elif choice < 0.5:
                 kind = self.stored()
                 array = Array(kind, (self.rng.choice((2, 3, 4)),))
-                made = Variable(f"v{number}", array, "local", tuple(self.value(kind) for _ in range(array.count)))
+                made = Variable(
+                    f"v{number}", array, "local", tuple(self.value(kind) for _ in range(array.count))
+                )
             else:
                 touch = Touch()
                 initial: Expr = self.pure(1, touch)

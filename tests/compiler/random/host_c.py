@@ -100,7 +100,9 @@ class HostC(Printer):
         return f"{self.prefix}main"
 
     def function(self, function: Function) -> str:
-        parameters = ", ".join(self.declarator(each.type, each.name) for each in function.parameters) or "void"
+        parameters = (
+            ", ".join(self.declarator(each.type, each.name) for each in function.parameters) or "void"
+        )
         result = self.base(function.result) if function.result else "void"
         head = f"static {result} {self.prefix}{function.name}({parameters})"
         return "\n".join([head + " {", *self.body(function), "    return 0;" if function.result else "", "}"])
@@ -173,7 +175,9 @@ class HostC(Printer):
                 return f"(V)(({self.expr(left)}) {op} ({self.expr(right)}))"
             case Choice(condition, yes, no):
                 kind = type_of(expr, d)
-                return f"(({self.expr(condition)}) ? {self.converted(yes, kind)} : {self.converted(no, kind)})"
+                return (
+                    f"(({self.expr(condition)}) ? {self.converted(yes, kind)} : {self.converted(no, kind)})"
+                )
             case Comma(first, second):
                 return f"({self.expr(first)}, {self.expr(second)})"
             case Cast(kind, operand):
@@ -282,4 +286,6 @@ def batch(programs: list[Program]) -> str:
         'printf("%d %d %d\\n", check0, check1, check2); fflush(stdout);\n'
         for each in printers
     )
-    return PRELUDE + "".join(each.text() for each in printers) + f"int main(void) {{\n{calls}    return 0;\n}}\n"
+    return (
+        PRELUDE + "".join(each.text() for each in printers) + f"int main(void) {{\n{calls}    return 0;\n}}\n"
+    )

@@ -101,7 +101,9 @@ class Printer(ABC):
         return f"{self.base(kind)} {name}"
 
     def declaration(self, variable: Variable) -> str:
-        storage = "static " if variable.storage == "static" else "const " if variable.storage == "const" else ""
+        storage = (
+            "static " if variable.storage == "static" else "const " if variable.storage == "const" else ""
+        )
         return f"{storage}{self.declarator(variable.type, self.name(variable))}{self.initial(variable)};"
 
     def initial(self, variable: Variable) -> str:
@@ -126,7 +128,9 @@ class Printer(ABC):
 
     def body(self, function: Function) -> list[str]:
         self.result = function.result
-        return [f"    {self.declaration(each)}" for each in function.locals] + self.statements(function.body, 1)
+        return [f"    {self.declaration(each)}" for each in function.locals] + self.statements(
+            function.body, 1
+        )
 
     # guards
 
@@ -134,7 +138,11 @@ class Printer(ABC):
         """How an index is kept inside an array: "plain", "mask" or "remainder"."""
         if isinstance(index, Num) and index.value < size:
             return "plain"
-        if isinstance(index, Var) and index.variable.storage == "counter" and 0 < index.variable.limit <= size:
+        if (
+            isinstance(index, Var)
+            and index.variable.storage == "counter"
+            and 0 < index.variable.limit <= size
+        ):
             return "plain"
         return "mask" if size & (size - 1) == 0 else "remainder"
 
@@ -205,7 +213,10 @@ class Printer(ABC):
             case "countdown":
                 return [f"{pad}{name} = {rounds};", *self.braces(f"while ({name}--{more})", stmt.body, depth)]
             case "do":
-                return [f"{pad}{name} = {rounds};", *self.braces("do", stmt.body, depth, f" while (--{name}{more});")]
+                return [
+                    f"{pad}{name} = {rounds};",
+                    *self.braces("do", stmt.body, depth, f" while (--{name}{more});"),
+                ]
         raise TypeError(stmt.form)
 
     def walk(self, stmt: Walk, depth: int) -> list[str]:
@@ -247,6 +258,3 @@ def nested(values: list[str], dims: tuple[int, ...]) -> str:
     step = len(values) // dims[0]
     rows = [nested(values[at : at + step], dims[1:]) for at in range(0, len(values), step)]
     return "{" + ", ".join(rows) + "}"
-
-
-

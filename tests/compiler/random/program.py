@@ -40,7 +40,7 @@ BOOL, BIT = Int("BOOL", 8, False, "bool"), Int("BIT", 1, False, "bit")
 
 @dataclass(frozen=True)
 class Array:
-    element: "Int | Struct"
+    element: Int | Struct
     dims: tuple[int, ...]
 
     @property
@@ -60,7 +60,7 @@ class Member:
     """`width` is 0, or that of a bit-field."""
 
     name: str
-    type: "Int | Array"
+    type: Int | Array
     width: int = 0
 
 
@@ -81,7 +81,7 @@ class Struct:
 class Pointer:
     """To elements of one type; `const` ones may point to flash."""
 
-    target: "Int | Struct"
+    target: Int | Struct
     const: bool = False
 
     @property
@@ -103,8 +103,8 @@ class Variable:
     name: str
     type: Type
     storage: str
-    initial: "tuple[int, ...] | Expr | None" = None
-    pointees: "tuple[Variable, ...]" = ()
+    initial: tuple[int, ...] | Expr | None = None
+    pointees: tuple[Variable, ...] = ()
     limit: int = 0
 
     def __repr__(self) -> str:
@@ -129,13 +129,13 @@ class Var:
 class Element:
     """An array's element, also of a member array: indices are masked or reduced where they are printed."""
 
-    array: "Var | MemberOf"
-    indices: "tuple[Expr, ...]"
+    array: Var | MemberOf
+    indices: tuple[Expr, ...]
 
 
 @dataclass(frozen=True)
 class MemberOf:
-    base: "Var | Element | Deref"
+    base: Var | Element | Deref
     member: Member
 
 
@@ -150,7 +150,7 @@ class Deref:
 @dataclass(frozen=True)
 class Unary:
     op: str
-    operand: "Expr"
+    operand: Expr
 
 
 @dataclass(frozen=True)
@@ -158,8 +158,8 @@ class Binary:
     """Operators that are defined for all values: + - * & | ^ and comparisons."""
 
     op: str
-    left: "Expr"
-    right: "Expr"
+    left: Expr
+    right: Expr
 
 
 @dataclass(frozen=True)
@@ -167,8 +167,8 @@ class Divide:
     """/ or %; a divisor that is no constant is printed with `| 1`."""
 
     op: str
-    left: "Expr"
-    right: "Expr"
+    left: Expr
+    right: Expr
 
 
 @dataclass(frozen=True)
@@ -176,34 +176,34 @@ class Shift:
     """<< or >>; a count that is no constant in range is printed masked."""
 
     op: str
-    left: "Expr"
-    right: "Expr"
+    left: Expr
+    right: Expr
 
 
 @dataclass(frozen=True)
 class Logic:
     op: str
-    left: "Expr"
-    right: "Expr"
+    left: Expr
+    right: Expr
 
 
 @dataclass(frozen=True)
 class Choice:
-    condition: "Expr"
-    yes: "Expr"
-    no: "Expr"
+    condition: Expr
+    yes: Expr
+    no: Expr
 
 
 @dataclass(frozen=True)
 class Comma:
-    first: "Expr"
-    second: "Expr"
+    first: Expr
+    second: Expr
 
 
 @dataclass(frozen=True)
 class Cast:
     type: Int
-    operand: "Expr"
+    operand: Expr
 
 
 @dataclass(frozen=True)
@@ -217,7 +217,7 @@ Place = Union[Var, Element, MemberOf, Deref]
 @dataclass(frozen=True)
 class Assign:
     target: Place
-    value: "Expr"
+    value: Expr
 
 
 @dataclass(frozen=True)
@@ -226,7 +226,7 @@ class Update:
 
     op: str
     target: Place
-    value: "Expr"
+    value: Expr
 
 
 @dataclass(frozen=True)
@@ -243,13 +243,13 @@ class AddressOf:
     """Where a pointer is to point: an element of an array (or the array itself), or a scalar."""
 
     variable: Variable
-    index: "Expr | None" = None
+    index: Expr | None = None
 
 
 @dataclass(frozen=True)
 class Call:
-    function: "Function"
-    arguments: "tuple[Expr, ...]"
+    function: Function
+    arguments: tuple[Expr, ...]
 
 
 @dataclass(frozen=True)
@@ -281,8 +281,8 @@ class Out:
 @dataclass(frozen=True)
 class If:
     condition: Expr
-    yes: "tuple[Stmt, ...]"
-    no: "tuple[Stmt, ...]" = ()
+    yes: tuple[Stmt, ...]
+    no: tuple[Stmt, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -292,7 +292,7 @@ class Loop:
     form: str
     counter: Variable
     rounds: int
-    body: "tuple[Stmt, ...]"
+    body: tuple[Stmt, ...]
     condition: Expr | None = None
 
 
@@ -303,7 +303,7 @@ class Walk:
     pointer: Variable
     array: Variable
     counter: Variable
-    body: "tuple[Stmt, ...]"
+    body: tuple[Stmt, ...]
     value: Expr | None = None
     target: Place | None = None
 
@@ -311,7 +311,7 @@ class Walk:
 @dataclass(frozen=True)
 class Case:
     values: tuple[int, ...]
-    body: "tuple[Stmt, ...]"
+    body: tuple[Stmt, ...]
     default: bool = False
     falls: bool = False
 
@@ -335,7 +335,7 @@ class Skip:
 
     condition: Expr
     label: str
-    body: "tuple[Stmt, ...]"
+    body: tuple[Stmt, ...]
 
 
 @dataclass(frozen=True)
@@ -352,13 +352,13 @@ class Again:
     label: str
     counter: Variable
     rounds: int
-    body: "tuple[Stmt, ...]"
+    body: tuple[Stmt, ...]
 
 
 @dataclass(frozen=True)
 class Block:
     locals: tuple[Variable, ...]
-    body: "tuple[Stmt, ...]"
+    body: tuple[Stmt, ...]
 
 
 @dataclass(frozen=True)
@@ -371,8 +371,8 @@ class Point:
 
 @dataclass(frozen=True)
 class CopyStruct:
-    target: "Var | Element | Deref"
-    source: "Var | Element | Deref"
+    target: Var | Element | Deref
+    source: Var | Element | Deref
 
 
 @dataclass(frozen=True)

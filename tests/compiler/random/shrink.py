@@ -113,17 +113,25 @@ def candidates(program: Program) -> Iterator[Program]:
         for body in _cut_bodies(function.body):
             yield _with(program, function, body=body)
         for variable in function.locals:
-            if variable.initial is not None and not isinstance(variable.initial, tuple) and isinstance(variable.type, Int):
+            if (
+                variable.initial is not None
+                and not isinstance(variable.initial, tuple)
+                and isinstance(variable.type, Int)
+            ):
                 yield _renamed(program, function, variable)
     for function in reversed(program.functions):
         for number, stmt in enumerate(function.body):
             for smaller in _smaller(stmt):
-                yield _with(program, function, body=(*function.body[:number], smaller, *function.body[number + 1 :]))
+                yield _with(
+                    program, function, body=(*function.body[:number], smaller, *function.body[number + 1 :])
+                )
 
 
 def _with(program: Program, function: Function, **changes: Any) -> Program:
     """The program with one function changed, in every call as well."""
-    new = Function(**{each.name: changes.get(each.name, getattr(function, each.name)) for each in fields(function)})
+    new = Function(
+        **{each.name: changes.get(each.name, getattr(function, each.name)) for each in fields(function)}
+    )
     swapped = {function: new}
     functions: list[Function] = []
     for each in program.functions:
@@ -144,14 +152,18 @@ def _with(program: Program, function: Function, **changes: Any) -> Program:
 def _renamed(program: Program, function: Function, variable: Variable) -> Program:
     """A local that starts as 0 in place of an expression."""
     new = replace_variable(variable, initial=(0,))
-    changed = _with(program, function, locals=tuple(new if each is variable else each for each in function.locals))
+    changed = _with(
+        program, function, locals=tuple(new if each is variable else each for each in function.locals)
+    )
     target_function = next(each for each in changed.functions if each.name == function.name)
     target_function.body = _replaced(target_function.body, {variable: new})
     return changed
 
 
 def replace_variable(variable: Variable, **changes: Any) -> Variable:
-    return Variable(**{each.name: changes.get(each.name, getattr(variable, each.name)) for each in fields(variable)})
+    return Variable(
+        **{each.name: changes.get(each.name, getattr(variable, each.name)) for each in fields(variable)}
+    )
 
 
 def _replaced(node: Any, swapped: dict[Any, Any]) -> Any:
@@ -216,7 +228,9 @@ def _without_unused(program: Program) -> Iterator[Program]:
     if len(globals_) < len(program.globals):
         yield replace(program, globals=tuple(globals_))
     kinds = {each for variable in program.globals for each in _structs(variable.type)}
-    kinds |= {kind for function in program.functions for each in function.parameters for kind in _structs(each.type)}
+    kinds |= {
+        kind for function in program.functions for each in function.parameters for kind in _structs(each.type)
+    }
     structs = tuple(each for each in program.structs if each in kinds)
     if len(structs) < len(program.structs):
         yield replace(program, structs=structs)
@@ -264,7 +278,11 @@ def _cut_bodies(body: tuple[Any, ...]) -> Iterator[tuple[Any, ...]]:
                         changed = (*cases[:number], replace(case, body=inner), *cases[number + 1 :])
                         yield (*body[:at], Switch(value, changed), *body[at + 1 :])
                     if len(case.values) > 1:
-                        changed = (*cases[:number], replace(case, values=case.values[:1]), *cases[number + 1 :])
+                        changed = (
+                            *cases[:number],
+                            replace(case, values=case.values[:1]),
+                            *cases[number + 1 :],
+                        )
                         yield (*body[:at], Switch(value, changed), *body[at + 1 :])
         if is_dataclass(stmt) and not isinstance(stmt, Switch):
             for each in fields(stmt):
@@ -299,7 +317,11 @@ def _smaller(node: Any) -> Iterator[Any]:
     """The same statement or expression with one expression in it replaced by something smaller."""
     for each in fields(node):
         old = getattr(node, each.name)
-        if each.name == "target" and not isinstance(node, Walk) or each.name in ("function", "variable", "pointer"):
+        if (each.name == "target" and not isinstance(node, Walk)) or each.name in (
+            "function",
+            "variable",
+            "pointer",
+        ):
             if _is_value(old) and isinstance(old, Element):
                 for smaller in _smaller(old):
                     yield replace(node, **{each.name: smaller})

@@ -143,14 +143,18 @@ class Statements(Expressions):
         found = [
             each
             for each in self.scope.visible
-            if isinstance(each.type, Int) and each.type.kind == "int" and each.storage not in ("const", "counter")
+            if isinstance(each.type, Int)
+            and each.type.kind == "int"
+            and each.storage not in ("const", "counter")
         ]
         if not found:
             return None
         target = self.rng.choice(found)
         assert isinstance(target.type, Int)
         self.scope.touched.add(Touch({target}, {target}))
-        return SetBit(self.rng.choice(("set", "clear", "toggle")), Var(target), self.rng.randrange(target.type.bits))
+        return SetBit(
+            self.rng.choice(("set", "clear", "toggle")), Var(target), self.rng.randrange(target.type.bits)
+        )
 
     def _jump(self, depth: int) -> Stmt | None:
         kinds = ["break"] * (self.scope.breakable > 0) + ["continue"] * (self.scope.continuable > 0)
@@ -180,7 +184,9 @@ class Statements(Expressions):
             self.scope.locals.append(Variable(name, kind, "local", (0,)))
         return Variable(name, kind, "counter", limit=limit)
 
-    def repeated(self, counter: Variable, rounds: int, depth: int, count: int, *, loop: bool = True) -> tuple[Stmt, ...]:
+    def repeated(
+        self, counter: Variable, rounds: int, depth: int, count: int, *, loop: bool = True
+    ) -> tuple[Stmt, ...]:
         """A body that runs `rounds` times, with its counter in sight."""
         scope = self.scope
         scope.visible.append(counter)
@@ -206,7 +212,13 @@ class Statements(Expressions):
         rounds = self.rounds()
         condition = self.test(1) if self.chance(0.3) else None
         counter = self.counter(rounds if form in ("up", "countdown") else rounds + 1)
-        return Loop(form, counter, rounds, self.repeated(counter, rounds, depth - 1, self.rng.choice((1, 2, 3))), condition)
+        return Loop(
+            form,
+            counter,
+            rounds,
+            self.repeated(counter, rounds, depth - 1, self.rng.choice((1, 2, 3))),
+            condition,
+        )
 
     def _again(self, depth: int) -> Stmt | None:
         if self.scope.loops >= 2:

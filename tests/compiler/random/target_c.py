@@ -125,7 +125,9 @@ class TargetC(Printer):
             order.reverse()
         prototypes = [f"{head};" for head in heads] if program.seed % 2 and self.dialect == "xc8" else []
         bodies = [self.function(each) for each in order]
-        helpers = "".join(text for size, text in _WIDER.items() if any(f"out{size}(" in each for each in bodies))
+        helpers = "".join(
+            text for size, text in _WIDER.items() if any(f"out{size}(" in each for each in bodies)
+        )
         parts = ["#include <xc.h>" if self.dialect == "xc8" else "", "#include <stdint.h>", _OUT + helpers]
         parts += [self.struct(each) for each in program.structs]
         parts += [self.declaration(each) for each in program.globals]
@@ -133,7 +135,9 @@ class TargetC(Printer):
         return "\n".join(parts + prototypes + bodies) + "\n"
 
     def head(self, function: Function) -> str:
-        parameters = ", ".join(self.declarator(each.type, each.name) for each in function.parameters) or "void"
+        parameters = (
+            ", ".join(self.declarator(each.type, each.name) for each in function.parameters) or "void"
+        )
         return f"{self.base(function.result) if function.result else 'void'} {function.name}({parameters})"
 
     def function(self, function: Function) -> str:
@@ -278,12 +282,14 @@ class TargetC(Printer):
         name = self.place(stmt.target)
         if self.dialect == "c2c":
             return f"{stmt.what}_bit({name}, {stmt.bit});"
-        one = f"(1UL << {stmt.bit})" if stmt.bit > 15 else f"(1U << {stmt.bit})"
-        return {"set": f"{name} |= {one};", "clear": f"{name} &= ~{one};", "toggle": f"{name} ^= {one};"}[stmt.what]
+        wide = type_of(stmt.target, self.dialect).bits > 16
+        one = f"(1{'UL' if wide else 'U'} << {stmt.bit})"
+        return {"set": f"{name} |= {one};", "clear": f"{name} &= ~{one};", "toggle": f"{name} ^= {one};"}[
+            stmt.what
+        ]
 
     def move_in(self, pointer: Variable, value: Expr, element: Int) -> str:
         return f"*{pointer.name}++ = {self.expr(value)};"
 
     def move_out(self, pointer: Variable, target: Place) -> str:
         return f"{self.place(target)} = *{pointer.name}++;"
-

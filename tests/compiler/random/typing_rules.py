@@ -127,7 +127,9 @@ def type_of(expr: Expr, dialect: str) -> Int:
 
 
 def is_pointer(expr: Expr) -> bool:
-    return isinstance(expr, AddressOf) or (isinstance(expr, Var) and isinstance(expr.variable.type, (Pointer, Array)))
+    return isinstance(expr, AddressOf) or (
+        isinstance(expr, Var) and isinstance(expr.variable.type, (Pointer, Array))
+    )
 
 
 def is_struct(expr: Expr) -> bool:
