@@ -63,7 +63,8 @@ class Base:
         self.asm_symbols: dict[str, Symbol] = {}
         self.addresses: dict[tuple[str | None, int | None, int | None], int] = {}
         self.interrupts: set[str] = set()
-        self.serial = 0
+        self.reading_config = False
+        """Inside __CONFIG(…), where the masks' names are known."""
 
     @property
     def int_type(self) -> IntType:

@@ -28,6 +28,7 @@ from servogen.compiler.ctypes import (
 )
 from servogen.compiler.dialect import int_type
 from servogen.compiler.expressions import Expressions
+from servogen.compiler.rewrite import CONFIG_NAME
 from servogen.compiler.scopes import Constant, TypeName
 from servogen.compiler.tree import (
     AddressByte,
@@ -210,6 +211,7 @@ class Declarations(Expressions):
             return found.type
         value, values = -1, []
         for each in node.values.enumerators:
+            self.reading_config = each.name.startswith(CONFIG_NAME)
             value = (
                 self.constant(each.value, "an enumeration constant") if each.value is not None else value + 1
             )
@@ -220,6 +222,7 @@ class Declarations(Expressions):
             )
             self._declare(each.name, Constant(value, kind), each)
             values.append(value)
+        self.reading_config = False
         small = all(0 <= each <= 255 for each in values)
         chosen = U8 if small else self.int_type
         if node.name:

@@ -27,7 +27,7 @@ from servogen.compiler.ctypes import (
     promote,
     same,
 )
-from servogen.compiler.dialect import ChipBit
+from servogen.compiler.dialect import ChipBit, config_names
 from servogen.compiler.fold import COMPARISONS, compare, fold, has_effect, interval
 from servogen.compiler.rewrite import BIT_MEMBER
 from servogen.compiler.scopes import Constant, TypeName
@@ -160,6 +160,8 @@ class Expressions(Base):
         register_symbol = self.scopes.chip(match[1]) if match else None
         if isinstance(register_symbol, Symbol):
             return Ref(register_symbol, 0, None, StructType(_register_layout(match[1])), place)  # type: ignore[index]
+        if self.reading_config and node.name in config_names():
+            return Num(config_names()[node.name], self.int_type, place)
         raise self.fail(f"'{node.name}' is not declared", node, hint=self._suggest(node.name))
 
     def _suggest(self, name: str) -> str | None:

@@ -40,7 +40,7 @@ def check_stack(codes: dict[str, Code], roots: list[str], reporter: Reporter) ->
     levels = [len(chains[root]) for root in roots]
     total = sum(levels) + (len(roots) - 1)  # the interrupt itself takes a level
     if total > STACK_LEVELS:
-        path = " → ".join(chains[roots[0]])
+        path = " → ".join([codes[roots[0]].falls_into, *chains[roots[0]]])
         also = (
             f", and the interrupt's {' → '.join(chains[roots[1]]) or 'own level'}" if len(roots) > 1 else ""
         )

@@ -66,7 +66,14 @@ def _common(ins: list[Ins], one: int, two: int) -> int:
 def _same(one: Ins, two: Ins) -> bool:
     if one.op in (LABEL, DELAY) or one.op in ENDS or one.fixed or two.fixed:
         return False
-    return (one.op, one.f, one.d, one.b, one.k, one.target) == (two.op, two.f, two.d, two.b, two.k, two.target)
+    return (one.op, one.f, one.d, one.b, one.k, one.target) == (
+        two.op,
+        two.f,
+        two.d,
+        two.b,
+        two.k,
+        two.target,
+    )
 
 
 def _merge(code: Code, at: int, rival: int, length: int) -> None:

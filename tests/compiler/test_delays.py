@@ -1,0 +1,90 @@
+"""A delay takes exactly the cycles that it says, whatever its length, unit and clock."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+
+from servogen.compiler import Options, Source, compile_sources
+from servogen.edges import PINS
+from servogen.simulator import Machine
+
+WRITE = 1
+"""Cycles of the BSF or BCF that ends a delay."""
+
+
+def measured(delays: list[str], dialect: str, clock: int, total: int) -> list[int]:
+    """The cycles between changes of RB0 with one of the delays before each."""
+    body = "".join(
+        f"{delay}; {'RB0 = 0' if number % 2 else 'RB0 = 1'};\n" for number, delay in enumerate(delays)
+    )
+    text = f"unsigned char n;\nvoid main(void) {{ TRISB = 0; RB0 = 1; RB0 = 0;\n{body} }}\n"
+    found = compile_sources([Source(text, "delays.c")], Options(dialect=dialect, clock_hz=clock))
+    assert found.clock is not None
+    edges = Machine(found.image, found.clock).run(total + 3000)
+    times = [int(cycle) for cycle, pin in zip(edges.cycle, edges.pin, strict=True) if PINS[pin] == "RB0"]
+    return [after - before - WRITE for before, after in pairwise(times[2:])]
+
+
+def check(counts: list[int], delays: list[str], dialect: str, clock: int) -> None:
+    assert measured(delays, dialect, clock, sum(counts) + 2 * len(counts)) == counts
+
+
+@pytest.mark.parametrize("start", range(0, 1200, 60))
+def test_every_short_count_of_cycles(start: int) -> None:
+    counts = list(range(start, start + 60))
+    check(counts, [f"_delay({count})" for count in counts], "xc8", 4_000_000)
+
+
+@pytest.mark.parametrize(
+    "counts",
+    [
+        [1023, 1024, 1025, 1026, 1027, 4095, 65535, 65536, 65537, 99_999],
+        [197_119, 197_120, 197_121, 197_122, 197_123, 262_657, 262_658, 262_659, 263_680],
+        [1_000_003, 5_000_000, 50_463_237, 50_463_240],
+    ],
+)
+def test_counts_around_the_ends_of_the_loops_ranges(counts: list[int]) -> None:
+    check(counts, [f"_delay({count})" for count in counts], "xc8", 4_000_000)
+
+
+UNITS = {"delay_us": 1, "delay_10us": 10, "delay_ms": 1000, "delay_s": 1_000_000}
+
+
+@pytest.mark.parametrize("clock", [4_000_000, 8_000_000, 20_000_000])
+@pytest.mark.parametrize("function", ["delay_us", "delay_10us", "delay_ms"])
+@pytest.mark.parametrize("start", range(0, 256, 64))
+def test_every_argument_of_the_units(function: str, clock: int, start: int) -> None:
+    arguments = range(start, start + 64)
+    counts = [argument * UNITS[function] * clock // 4_000_000 for argument in arguments]
+    check(counts, [f"{function}({argument})" for argument in arguments], "c2c", clock)
+
+
+@pytest.mark.parametrize("argument", [1, 2, 100, 255])
+def test_seconds(argument: int) -> None:
+    check([argument * 1_000_000], [f"delay_s({argument})"], "c2c", 4_000_000)
+
+
+LEAST = {1: 22, 2: 10, 3: 4, 4: 3, 5: 3, 10: 2, 20: 1, 1000: 1}
+"""docs/compiler.md: the least argument that is exact, by cycles a unit."""
+
+
+@pytest.mark.parametrize(
+    ("function", "clock"),
+    [("delay_us", hz) for hz in (4_000_000, 8_000_000, 12_000_000, 16_000_000, 20_000_000)]
+    + [("delay_10us", 4_000_000), ("delay_10us", 8_000_000), ("delay_ms", 4_000_000)],
+)
+def test_a_variable_argument_is_exact_from_its_least_value_on(function: str, clock: int) -> None:
+    unit = UNITS[function] * clock // 4_000_000
+    arguments = [
+        each for each in (LEAST[unit], LEAST[unit] + 1, 25, 100, 254, 255) if unit < 1000 or each < 30
+    ]
+    # the assignment of n is two cycles: MOVLW and MOVWF
+    counts = [argument * unit + 2 for argument in arguments]
+    check(counts, [f"n = {argument}; {function}(n)" for argument in arguments], "c2c", clock)
+
+
+def test_a_variable_argument_of_zero_returns_at_once() -> None:
+    assert measured(["n = 0; delay_us(n)"] * 2, "c2c", 4_000_000, 200)[0] == 7 + 1  # CLRF and the way through
+    assert measured(["n = 0; delay_ms(n)"] * 2, "c2c", 4_000_000, 200)[0] == 7 + 1
