@@ -107,6 +107,7 @@ def instruction_loop(observed: bool) -> Callable[..., int]:
             s[CYCLE] = cycle
             happen(s, edges, stim)
             if s[CYCLE] >= s[STIM_KNOWN] and s[STIM_NEXT] == s[STIM_COUNT]:
+                settle_counters(s, min(s[CYCLE], s[STIM_KNOWN]))
                 return NEEDS_STIMULUS
             why = GOES_ON
             if s[CYCLE] >= end:

@@ -27,6 +27,8 @@ ENTRY = "servogen_run"
 SIGNATURE = "pipppppppipp"
 """The arguments of `kernel.instruction_loop`: pointers to int64 (p) and int64 (i)."""
 
+DIGEST_BYTES = hashlib.sha256().digest_size
+
 Loop = Callable[..., int]
 
 
@@ -35,9 +37,9 @@ def loop(observed: bool) -> Loop:
     """The compiled loop, with or without observation: takes addresses of vectors, gives why it came back."""
     name = f"simulator-{'observed' if observed else 'plain'}-{_digest()}.o"
     for folder in _folders():
-        path = folder / name
-        if path.is_file():
-            return _load(path.read_bytes())
+        kept = _kept(folder / name)
+        if kept is not None:
+            return _load(kept)
     code = compile_loop(observed)
     _keep(name, code)
     return _load(code)
@@ -64,13 +66,25 @@ def _folders() -> Iterator[Path]:
     yield Path(base) / "servogen"
 
 
+def _kept(path: Path) -> bytes | None:
+    """The machine code in a file, if it is there whole: a digest stands before it."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    code = content[DIGEST_BYTES:]
+    return code if hashlib.sha256(code).digest() == content[:DIGEST_BYTES] else None
+
+
 def _keep(name: str, code: bytes) -> None:
     """Write the object file where it can be written first; a process that cannot compiles each time."""
+    content = hashlib.sha256(code).digest() + code
     for folder in _folders():
         try:
             folder.mkdir(parents=True, exist_ok=True)
             with tempfile.NamedTemporaryFile(dir=folder, delete=False) as file:
-                file.write(code)
+                file.write(content)
+            Path(file.name).chmod(0o644)
             Path(file.name).replace(folder / name)
             for old in folder.glob(f"{name.rpartition('-')[0]}-*.o"):
                 if old.name != name:
