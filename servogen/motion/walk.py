@@ -185,8 +185,9 @@ def _refuse(made: Walk, spring_m: float | None, allow_falling: bool) -> None:
     if made.least_margin_m < 0 and not allow_falling:
         frame = int(np.argmin(made.margins))
         feet = ", ".join(leg for leg, down in zip(made.legs, made.ground[frame], strict=True) if down)
+        outside = f"its centre of mass is {-1000 * made.least_margin_m:.1f} mm outside of the feet {feet}"
         raise InputError(
-            f"the robot falls over in frame {frame}: its centre of mass is "
-            f"{-1000 * made.least_margin_m:.1f} mm outside of the feet {feet or '(none)'}",
-            hint="take a gait with more feet on the ground or a shorter stride, or allow it explicitly",
+            f"the robot falls over in frame {frame}: {outside if feet else 'no foot is on the ground'}",
+            hint="take a gait with more feet on the ground or a shorter stride, or allow falling "
+            "(allow_falling = true in a job, --allow-falling)",
         )
