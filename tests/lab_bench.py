@@ -1,7 +1,7 @@
-"""A lab's bench: a program compiled and run with what is connected to the pins, and instruments to look at them.
+"""A lab's bench: a program compiled and run with what is connected to its pins, and instruments.
 
-In: a C file, sources of a stimulus. Out: `Pins`, and what decoders make of them: bytes of a serial line, text on
-a display. The instruments know the devices' own data sheets and nothing of the compiler.
+In: a C file, sources of a stimulus. Out: `Pins`, and what decoders make of them: bytes of a serial line, text
+on a display. The instruments know the devices' own data sheets and nothing of the compiler.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def run(path: Path, dialect: str, cycles: int, *outside: Outside | Keypad) -> Pi
 
 
 class Keypad:
-    """A keypad with one key held: a column's line, which the chip drives, joined with a row's, which rests high.
+    """A keypad with one key held: it joins a column, which the chip drives, with a row, which rests high.
 
     It looks at the chip every few cycles, so a row follows its column as late as contacts and lines make it.
     """
