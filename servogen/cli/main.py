@@ -15,6 +15,7 @@ from servogen import __version__
 from servogen.cli import (
     chip_commands,
     doctor_commands,
+    gait_commands,
     job_commands,
     motion_commands,
     plan_commands,
@@ -61,6 +62,7 @@ GROUPS = (
     motion_commands,
     plan_commands,
     doctor_commands,
+    gait_commands,
 )
 for group in GROUPS:
     group.register(app)

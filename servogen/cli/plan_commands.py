@@ -1,4 +1,4 @@
-"""Commands of planned motion: plan, gait."""
+"""Commands of planned motion: plan."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from servogen.cli.options import Json
-from servogen.cli.show import as_json, table, warn
+from servogen.cli.show import as_json, status, table, warn
 
 if TYPE_CHECKING:
     from servogen.job import Job
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from servogen.report.tracks import Track
 
 Plot = Annotated[Path | None, typer.Option("--plot", help="Draw it: .png, .svg or .pdf.")]
+Animate = Annotated[Path | None, typer.Option("--animate", help="Film the robot: .gif or .mp4 (ffmpeg).")]
 Csv = Annotated[Path | None, typer.Option("--csv", help="Write a row a frame.")]
 
 
@@ -30,6 +31,7 @@ def plan(
     job: Annotated[Path, typer.Argument(help="A job file (TOML).", show_default=False)],
     picture: Plot = None,
     csv: Csv = None,
+    animate: Animate = None,
     json: Json = False,
 ) -> None:
     """Say what a job will do without building it: frames, servos, paths, the error of the pulses."""
@@ -51,6 +53,12 @@ def plan(
         from servogen.report.motion_plot import motion_plot
 
         motion_plot(loaded, made.schedule, tracks, picture)
+    if animate:
+        from servogen.report.film import film
+        from servogen.report.scenes import job_scene
+
+        with status(f"filming {animate}"):
+            film(job_scene(loaded), animate)
     facts, errors = facts_of(loaded), errors_of(tracks)
     if json:
         as_json(_plan_dict(loaded, made, facts, tracks, errors))

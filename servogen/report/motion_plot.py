@@ -39,9 +39,10 @@ def motion_plot(job: Job, schedule: PulseSchedule, tracks: Sequence[Track], path
     check_suffix(path)
     shown = [track for track in tracks if not np.isnan(track.planned).all()]
     figure = new_figure(13 if shown else 9, 8 if shown else 5.5, f"{job.name}: the planned motion")
-    left, *right = figure.subfigures(1, 2, width_ratios=[1.7, 1]) if shown else (figure,)
+    panes = figure.subfigures(1, 2, width_ratios=[1.7, 1]).tolist() if shown else [figure]
+    left = panes[0]
     frame_s = float(schedule.clock.seconds(schedule.period))
-    times = np.arange(len(job.trajectory.angles) + 1) * frame_s
+    times = frame_s * np.arange(len(job.trajectory.angles) + 1, dtype=np.float64)
     rows = left.subplots(3 if shown else 2, 1, sharex=True)
     speeds = all(servo.model.continuous for servo in job.servos)
     _draw_servos(rows[0], job, times, np.degrees(job.trajectory.angles))
@@ -50,7 +51,7 @@ def motion_plot(job: Job, schedule: PulseSchedule, tracks: Sequence[Track], path
     rows[1].set_ylabel("pulse width, µs")
     if shown:
         _draw_error(rows[2], shown, times)
-        _draw_planes(right[0], shown, job.trajectory.loop_start)
+        _draw_planes(panes[1], shown, job.trajectory.loop_start)
     for axes in rows:
         axes.grid(alpha=0.3)
         axes.set_xlim(-0.01 * times[-1], 1.01 * times[-1])

@@ -57,13 +57,18 @@ class End:
 
     def points(self, angles: Floats) -> Floats:
         """Where it is (n, 3), metres."""
-        return fk_position(self.arm, self.joints(angles)) @ self.place[:3, :3].T + self.place[:3, 3]
+        return to_place(self.place, fk_position(self.arm, self.joints(angles)))
 
     def shift(self, angles: Floats, change: Floats) -> Floats:
         """By how much (n, 3) a small `change` of the servos' angles moves it: J · change of the joints."""
         slope = self.place[:3, :3] @ jacobian(self.arm, self.joints(angles))[:, :3, :]
         ratios = np.array([each.ratio for each in self.bindings])
         return np.einsum("nij,nj->ni", slope, change[:, list(self.columns)] / ratios)
+
+
+def to_place(place: Floats, points: Floats) -> Floats:
+    """Points (..., 3) of an arm's own frame where the matrix `place` (4, 4) puts them."""
+    return np.asarray(points @ place[:3, :3].T + place[:3, 3])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

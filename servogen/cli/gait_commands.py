@@ -1,0 +1,289 @@
+"""Commands of walking robots: gait."""
+
+from __future__ import annotations
+
+from math import cos, degrees, radians, sin
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from servogen.cli.options import Json
+from servogen.cli.show import as_json, status, table
+
+if TYPE_CHECKING:
+    from servogen.motion.gaits import Gait
+    from servogen.motion.walk import Walk
+    from servogen.report.gait_facts import GaitFacts
+    from servogen.robot.model import Hexapod
+
+CLOCK_HZ = 4_000_000
+"""A cycle of it is a microsecond, so that a frame's microseconds are its cycles."""
+
+
+def register(app: typer.Typer) -> None:
+    app.command()(gait)
+
+
+def gait(
+    robot: Annotated[str, typer.Argument(help="A walking robot's short name or TOML file.")] = "hexapod",
+    name: Annotated[str, typer.Option("--gait", help="tripod, ripple or wave.")] = "tripod",
+    duty: Annotated[
+        float | None, typer.Option("--duty", help="Your own gait: the share of a cycle on the ground.")
+    ] = None,
+    lifts: Annotated[
+        str | None, typer.Option("--lifts", help="When each leg lifts: L1=0,L2=0.5,… or 0,0.5,… in order.")
+    ] = None,
+    stride_mm: Annotated[float, typer.Option("--stride-mm", help="The way of the body in a cycle.")] = 40.0,
+    direction_deg: Annotated[
+        float, typer.Option("--direction-deg", help="Which way: 0 forward, 90 to the left.")
+    ] = 0.0,
+    turn_deg: Annotated[float, typer.Option("--turn-deg", help="A cycle's turn, counter-clockwise.")] = 0.0,
+    lift_mm: Annotated[float, typer.Option("--lift-mm", help="How far a foot rises.")] = 20.0,
+    clearance_mm: Annotated[
+        float | None, typer.Option("--clearance-mm", help="Refuse less free height under the robot.")
+    ] = None,
+    body_height_mm: Annotated[
+        float | None,
+        typer.Option("--body-height-mm", help="Of the body (default: as high as the legs reach)."),
+    ] = None,
+    stance_width_mm: Annotated[
+        float | None,
+        typer.Option("--stance-width-mm", help="Left to right feet (default: least correction)."),
+    ] = None,
+    beta_sign: Annotated[
+        int, typer.Option("--beta-sign", help="1: lifted feet go rearwards, -1: to the front.")
+    ] = 1,
+    cycles: Annotated[
+        float | None, typer.Option("--cycles", min=0, help="Start, so many cycles, stop (default: for ever).")
+    ] = None,
+    cycle_s: Annotated[
+        float | None, typer.Option("--cycle-s", min=0, help="A cycle's time (default: as fast as the servo).")
+    ] = None,
+    servo: Annotated[
+        str, typer.Option("--servo", help="The joints' servo model: its speed is the limit.")
+    ] = "mpx-tiny-s",
+    period_us: Annotated[int, typer.Option("--period-us", min=1000, help="One frame.")] = 20_000,
+    leg: Annotated[str | None, typer.Option("--leg", help="This leg only.")] = None,
+    spring_mm: Annotated[
+        float | None, typer.Option("--spring-mm", min=0, help="Refuse more than a leg's spring can give.")
+    ] = None,
+    allow_falling: Annotated[
+        bool,
+        typer.Option("--allow-falling", help="Plan a walk with a negative stability margin all the same."),
+    ] = False,
+    picture: Annotated[Path | None, typer.Option("--plot", help="Draw it: .png, .svg or .pdf.")] = None,
+    csv: Annotated[Path | None, typer.Option("--csv", help="Write a row a frame.")] = None,
+    animate: Annotated[Path | None, typer.Option("--animate", help="Film it: .gif or .mp4 (ffmpeg).")] = None,
+    json: Json = False,
+) -> None:
+    """Plan a walk: the gait's table, stability, what the springs give, what the joints do."""
+    from fractions import Fraction
+
+    from servogen.errors import InputError, Place
+    from servogen.motion.footwork import Posture
+    from servogen.motion.limits import Limits
+    from servogen.motion.steps import Segment
+    from servogen.motion.walk import walk
+    from servogen.report.gait_facts import facts_of
+    from servogen.robot.servo_models import servo_model
+    from servogen.units import Clock, Cycles
+
+    chosen = _robot(robot)
+    rhythm, walker = _gait(chosen, name, duty, lifts, leg)
+    if beta_sign not in (1, -1):
+        raise InputError(f"the sign of β is 1 or -1, not {beta_sign}", Place(key="--beta-sign"))
+    direction = radians(direction_deg)
+    way = Segment(
+        stride_mm / 1000 * cos(direction), stride_mm / 1000 * sin(direction), radians(turn_deg), cycles
+    )
+    period, clock = Cycles(period_us), Clock(CLOCK_HZ)
+    frames = (
+        None if cycle_s is None else -(-Fraction(cycle_s).limit_denominator(10**6) // clock.seconds(period))
+    )
+    made = walk(
+        walker,
+        rhythm,
+        [way],
+        Posture(_metres(body_height_mm), _metres(stance_width_mm), lift_mm / 1000, beta_sign),
+        period,
+        clock,
+        frames_per_cycle=frames,
+        limits=Limits(servo_model(servo).speed or float("inf")),
+        spring_m=_metres(spring_mm),
+        allow_falling=allow_falling,
+    )
+    facts = facts_of(walker, made)
+    if clearance_mm is not None and 1000 * facts.clearance < clearance_mm:
+        raise InputError(
+            f"{1000 * facts.clearance:.1f} mm are free under the robot, not {clearance_mm:g} mm",
+            Place(key="--clearance-mm"),
+            "raise the body, or take legs with a longer foot part",
+        )
+    _write(walker, rhythm, made, facts, picture, csv, animate)
+    if json:
+        as_json(_as_dict(walker, rhythm, made, facts))
+    else:
+        _show(walker, rhythm, made, facts)
+
+
+def _metres(millimetres: float | None) -> float | None:
+    return None if millimetres is None else millimetres / 1000
+
+
+def _robot(name: str) -> Hexapod:
+    from servogen.errors import InputError
+    from servogen.robot.model import Hexapod
+    from servogen.robot.robots import robot
+
+    found = robot(name)
+    if not isinstance(found, Hexapod):
+        raise InputError(f"{found.name} does not walk", hint='hexapod does, and a file with kind = "hexapod"')
+    return found
+
+
+def _gait(
+    robot: Hexapod, name: str, duty: float | None, lifts: str | None, leg: str | None
+) -> tuple[Gait, Hexapod]:
+    """The gait, and the robot with the legs that walk."""
+    from servogen.errors import InputError, Place
+    from servogen.motion.gaits import Gait, custom
+    from servogen.motion.gaits import gait as named
+    from servogen.motion.walk import one_leg
+
+    if (duty is None) != (lifts is None):
+        raise InputError(
+            "your own gait needs a duty factor and the phase of each leg",
+            Place(key="--lifts" if lifts is None else "--duty"),
+            "give both: --duty 0.5 --lifts L1=0,L2=0.5,…",
+        )
+    rhythm = (
+        named(name, robot) if duty is None or lifts is None else custom("own", duty, _phases(lifts), robot)
+    )
+    if leg is None:
+        return rhythm, robot
+    walker = one_leg(robot, leg)
+    return Gait(rhythm.name, rhythm.duty, tuple(each for each in rhythm.lifts if each[0] == leg)), walker
+
+
+def _phases(text: str) -> dict[str, float] | list[float]:
+    """`L1=0,L2=0.5` by name, or `0,0.5` in the order of the legs."""
+    from servogen.errors import InputError, Place
+
+    parts = [part.strip() for part in text.split(",")]
+    try:
+        if "=" not in text:
+            return [float(part) for part in parts]
+        pairs = [part.split("=") for part in parts]
+        return {leg.strip(): float(phase) for leg, phase in pairs}
+    except ValueError:
+        raise InputError(
+            f"'{text}' is no table of phases", Place(key="--lifts"), "write L1=0,L2=0.5,… or 0,0.5,…"
+        ) from None
+
+
+def _write(
+    robot: Hexapod,
+    rhythm: Gait,
+    made: Walk,
+    facts: GaitFacts,
+    picture: Path | None,
+    csv: Path | None,
+    animate: Path | None,
+) -> None:
+    from servogen.outputs import write_text
+
+    if csv:
+        from servogen.report.gait_table import frame_lines
+
+        write_text(csv, "".join(f"{line}\n" for line in frame_lines(made)))
+    if picture:
+        from servogen.report.gait_plot import gait_plot
+
+        gait_plot(robot, rhythm, made, facts, picture)
+    if animate:
+        from servogen.report.film import film
+        from servogen.report.scenes import walk_scene
+
+        with status(f"filming {animate}"):
+            film(walk_scene(robot, made), animate)
+
+
+def _show(robot: Hexapod, rhythm: Gait, made: Walk, facts: GaitFacts) -> None:
+    from servogen.report.gait_facts import diagram
+
+    lines = diagram(rhythm)
+    table(
+        f"Gait '{rhythm.name}', duty {rhythm.duty}",
+        ("leg", "lifts at", "lands at", "one cycle, ▔ in the air"),
+        [(leg, str(lift), str((lift + rhythm.swing) % 1), lines[leg]) for leg, lift in rhythm.lifts],
+    )
+    table(
+        "Joints",
+        ("joint", "from °", "to °", "limits °", "peak °/s"),
+        [
+            (
+                each.name,
+                f"{degrees(each.least):.2f}",
+                f"{degrees(each.greatest):.2f}",
+                f"{degrees(each.limits[0]):g} to {degrees(each.limits[1]):g}",
+                f"{degrees(each.speed):.1f}",
+            )
+            for each in facts.joints
+        ],
+    )
+    frames, loop = len(made.trajectory.angles), len(made.trajectory.angles) - made.trajectory.loop_start
+    print(f"a cycle: {made.frames_per_cycle} frames, {facts.cycle_s:g} s")
+    again = f"the last {loop} of them for ever" if loop < frames else "start and stop included, and again"
+    print(f"the walk: {frames} frames, {again}")
+    if facts.margin is not None:
+        feet, frame = ", ".join(facts.margin_feet), facts.margin_frame
+        least = f"at least {1000 * facts.margin:.2f} mm (frame {frame}, on {feet})"
+        print(f"stability margin: {least if feet else f'none, no foot is on the ground in frame {frame}'}")
+    if facts.correction > 0:
+        where = f"{facts.correction_leg}, frame {facts.correction_frame}"
+        print(f"springs: they give up to {1000 * facts.correction:.2f} mm ({where})")
+    print(
+        f"feet rise {1000 * facts.lift:.1f} mm, body {1000 * facts.body_height:.1f} mm above the ground, "
+        f"{1000 * facts.clearance:.1f} mm free under it and its legs"
+    )
+
+
+def _as_dict(robot: Hexapod, rhythm: Gait, made: Walk, facts: GaitFacts) -> dict[str, object]:
+    """Metres, radians and seconds."""
+    return {
+        "robot": robot.name,
+        "gait": rhythm.name,
+        "duty": float(rhythm.duty),
+        "lifts": {leg: float(lift) for leg, lift in rhythm.lifts},
+        "frames": len(made.trajectory.angles),
+        "loop_start": made.trajectory.loop_start,
+        "frames_per_cycle": made.frames_per_cycle,
+        "cycle_s": facts.cycle_s,
+        "stability": None
+        if facts.margin is None
+        else {
+            "least_m": facts.margin if facts.margin_feet else None,
+            "frame": facts.margin_frame,
+            "feet": list(facts.margin_feet),
+        },
+        "spring": {
+            "largest_m": facts.correction,
+            "leg": facts.correction_leg,
+            "frame": facts.correction_frame,
+        },
+        "lift_m": facts.lift,
+        "clearance_m": facts.clearance,
+        "body_height_m": facts.body_height,
+        "joints": [
+            {
+                "name": each.name,
+                "least": each.least,
+                "greatest": each.greatest,
+                "lower_limit": each.limits[0],
+                "upper_limit": each.limits[1],
+                "peak_speed": each.speed,
+            }
+            for each in facts.joints
+        ],
+    }

@@ -1,0 +1,111 @@
+"""What is to be known of a walk: stability and where it is least, what the springs give, what the joints do.
+
+In: a robot, its gait and its `Walk`. Out: `GaitFacts`, and the gait as a diagram of text.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from servogen.kinematics.hexapod import mount_matrix
+from servogen.motion.gaits import Gait
+from servogen.motion.trajectory import Floats
+from servogen.motion.walk import Walk
+from servogen.report.sticks import stick
+from servogen.report.tracks import to_place
+from servogen.robot.model import Hexapod
+
+COLUMNS = 12
+"""Of a diagram, about; as many as make every lift and landing fall on one where that is possible."""
+
+SAME_DIGITS = 9
+"""Of metres: values nearer than a nanometre are one, so that the first of them is named on every machine."""
+
+
+@dataclass(frozen=True, slots=True)
+class JointFacts:
+    """The range of a joint of the walk and its limits, radians; its top speed, radians a second."""
+
+    name: str
+    least: float
+    greatest: float
+    limits: tuple[float, float]
+    speed: float
+
+
+@dataclass(frozen=True, slots=True)
+class GaitFacts:
+    """Metres and seconds. `margin` is None for a robot of one or two legs, which stands on something else.
+
+    `margin_frame` and `margin_feet`: where the margin is least; `correction_leg`, `correction_frame`: where a
+    spring gives most; `clearance`: the least height above the ground of all that is no foot.
+    """
+
+    cycle_s: float
+    margin: float | None
+    margin_frame: int
+    margin_feet: tuple[str, ...]
+    correction: float
+    correction_leg: str
+    correction_frame: int
+    lift: float
+    clearance: float
+    body_height: float
+    joints: tuple[JointFacts, ...]
+
+
+def facts_of(robot: Hexapod, made: Walk) -> GaitFacts:
+    """Of a whole walk, its start and stop included."""
+    frame_s = float(made.trajectory.clock.seconds(made.trajectory.period))
+    worst = int(np.argmin(np.round(made.margins, SAME_DIGITS)))
+    springs = np.linalg.norm(made.corrections, axis=2)
+    at, leg = np.unravel_index(int(np.argmax(np.round(springs, SAME_DIGITS))), springs.shape)
+    ground = float(made.feet[:, :, 2].min())
+    higher = min(float(part[:, :-1, 2].min()) for part in leg_sticks(robot, made))
+    return GaitFacts(
+        frame_s * made.frames_per_cycle,
+        None if made.least_margin_m == math.inf else made.least_margin_m,
+        worst,
+        tuple(name for name, down in zip(made.legs, made.ground[worst], strict=True) if down),
+        made.largest_correction_m,
+        made.legs[int(leg)],
+        int(at),
+        made.lift_m,
+        higher - ground,
+        -ground,
+        _joints(robot, made, frame_s),
+    )
+
+
+def _joints(robot: Hexapod, made: Walk, frame_s: float) -> tuple[JointFacts, ...]:
+    angles, loop = made.trajectory.angles, made.trajectory.loop_start
+    speeds = np.abs(np.diff(angles, axis=0, append=angles[loop : loop + 1])).max(axis=0) / frame_s
+    own = [joint for _ in robot.mounts for joint in robot.leg.joints]
+    return tuple(
+        JointFacts(name, float(column.min()), float(column.max()), (joint.lower, joint.upper), float(speed))
+        for name, column, joint, speed in zip(made.trajectory.joints, angles.T, own, speeds, strict=True)
+    )
+
+
+def leg_sticks(robot: Hexapod, made: Walk) -> tuple[Floats, ...]:
+    """The corners (frames, 5, 3) of each leg in the body's frame."""
+    angles = made.trajectory.angles.reshape(len(made.trajectory.angles), -1, 2)
+    return tuple(
+        to_place(mount_matrix(mount), stick(robot.leg, angles[:, index]))
+        for index, mount in enumerate(robot.mounts)
+    )
+
+
+def diagram(gait: Gait) -> dict[str, str]:
+    """For each leg a line over one cycle: ▔ in the air, ▁ on the ground."""
+    columns = gait.grain * max(1, COLUMNS // gait.grain) if gait.grain <= 2 * COLUMNS else COLUMNS
+    return {
+        leg: "".join(
+            "▔" if (column / columns - float(lift) + 1e-9) % 1 < float(gait.swing) - 1e-9 else "▁"
+            for column in range(columns)
+        )
+        for leg, lift in gait.lifts
+    }

@@ -1,0 +1,65 @@
+"""Robots as stick figures: joint positions frame by frame -> the corners of their links.
+
+In: an `Arm` and joint positions (n, joints). Out: points (n, corners, 3) in metres; the last is the end.
+
+    leg, seen from outside      any other arm: along each row's z, then its x
+    A───B                       (modified convention: along x, then z)
+        │ C───D
+         ╲│   │    β turns BC, D F stays vertical
+          ╵   F
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from servogen.kinematics.chain import link_frames
+from servogen.kinematics.leg import Leg
+from servogen.motion.trajectory import Floats
+from servogen.robot.model import Arm, OmniBase
+
+
+def stick(arm: Arm, joints: Floats) -> Floats:
+    """The corners of the arm or leg in its own frame, from its base to its end."""
+    return _leg(Leg.of(arm.length), joints) if arm.closed_form == "leg" else _rows(arm, joints)
+
+
+def _leg(leg: Leg, joints: Floats) -> Floats:
+    alpha, beta = joints.T
+    zero = np.zeros_like(alpha)
+    outward = np.stack([-np.sin(alpha), np.cos(alpha), zero], axis=1)
+    forward = np.stack([np.cos(alpha), np.sin(alpha), zero], axis=1)
+    down = np.array([0.0, 0.0, -1.0])
+    a = np.zeros_like(outward)
+    b = a + leg.ab * outward
+    c = b - leg.bc * np.sin(beta)[:, None] * forward + leg.bc * np.cos(beta)[:, None] * down
+    d = c + leg.cd * outward
+    return np.stack([a, b, c, d, d + leg.df * down], axis=1)
+
+
+def _rows(arm: Arm, joints: Floats) -> Floats:
+    frames = link_frames(arm, joints)
+    points = [np.zeros((len(joints), 3)), frames[:, 0, :3, 3]]
+    for index in range(len(arm.rows)):
+        before, after = frames[:, index], frames[:, index + 1]
+        way = after[:, :3, 3] - before[:, :3, 3]
+        if arm.convention == "modified":
+            axis = after[:, :3, 2]
+            corner = after[:, :3, 3] - (way * axis).sum(axis=1, keepdims=True) * axis
+        else:
+            axis = before[:, :3, 2]
+            corner = before[:, :3, 3] + (way * axis).sum(axis=1, keepdims=True) * axis
+        points += [corner, after[:, :3, 3]]
+    return np.stack([*points, frames[:, -1, :3, 3]], axis=1)
+
+
+def base_outline(base: OmniBase, at: Floats) -> tuple[Floats, ...]:
+    """Of the omni base at places (n, 3), x, y, heading: rim, front and three wheels; (n, corners, 3) each."""
+    out, half = base.wheel_distance, 1j * base.wheel_radius
+    shapes = [out * np.exp(1j * np.linspace(0, 2 * np.pi, 49)), np.array([0, 0.8 * out])]
+    shapes += [turn * np.array([out - half, out + half]) for turn in np.exp(1j * np.radians([60, 180, 300]))]
+    found = []
+    for shape in shapes:
+        points = np.exp(1j * at[:, 2:]) * shape + at[:, :1] + 1j * at[:, 1:2]
+        found.append(np.stack([points.real, points.imag, np.zeros(points.shape)], axis=-1))
+    return tuple(found)

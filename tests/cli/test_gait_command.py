@@ -1,0 +1,246 @@
+"""`gait` as a user runs it: what it says, what it refuses, what it writes."""
+
+import csv
+import json
+import math
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Run = Callable[..., Any]
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+def moved(rows: list[dict[str, str]], key: str, ground: str) -> list[float]:
+    """How much `key` changes from frame to frame while a leg stands in the steady walk."""
+    steady = rows[len(rows) // 2 :]
+    return [
+        float(after[key]) - float(before[key])
+        for before, after in pairwise(steady)
+        if before[ground] == after[ground] == "1"
+    ]
+
+
+def told(run: Run, *options: object) -> Any:
+    done = run("gait", "hexapod", *options, "--json")
+    assert done.code == 0, done.err
+    return json.loads(done.out)
+
+
+def test_a_tripod_lifts_two_threes_of_legs_by_turns(run: Run) -> None:
+    found = told(run)
+    assert found["duty"] == 0.5
+    assert {leg for leg, lift in found["lifts"].items() if lift == 0} == {"L1", "R2", "L3"}
+    assert {leg for leg, lift in found["lifts"].items() if lift == 0.5} == {"R1", "L2", "R3"}
+
+
+def test_the_table_shows_each_leg_in_the_air_for_its_share_of_the_cycle(run: Run) -> None:
+    lines = run("gait", "hexapod", "--gait", "wave").out.splitlines()
+    cycle = [line.split()[-1] for line in lines if line.split()[:1] in (["L1"], ["R3"])]
+    assert cycle == ["▁▁▁▁▔▔▁▁▁▁▁▁", "▁▁▁▁▁▁▔▔▁▁▁▁"]  # L1 lifts at 2/6, R3 at 3/6, each for 1/6
+
+
+@pytest.mark.parametrize(("name", "duty"), [("tripod", 1 / 2), ("ripple", 2 / 3), ("wave", 5 / 6)])
+def test_every_named_gait_keeps_the_centre_of_mass_inside_of_the_feet(
+    run: Run, name: str, duty: float
+) -> None:
+    found = told(run, "--gait", name, "--stride-mm", 40)
+    assert found["duty"] == pytest.approx(duty)
+    assert found["stability"]["least_m"] > 0.03
+
+
+def test_the_tripods_least_margin_is_that_of_the_triangle_when_its_feet_are_behind_most(run: Run) -> None:
+    """R1, L2, R3 stand at x = 90, 0, -90 and y = ±99, and go back to 8 mm behind that on the last frame with
+    three feet on the ground: the least distance is that of (0, 0) from the side R1 L2.
+    """
+    found = told(run, "--stride-mm", 40)
+    assert found["frames_per_cycle"] == 20
+    x1, y1, x2, y2 = 90 - 8, -99, -8, 99  # y within half a millimetre
+    area = x1 * y2 - x2 * y1
+    assert 1000 * found["stability"]["least_m"] == pytest.approx(area / math.hypot(x2 - x1, y2 - y1), abs=0.5)
+
+
+def test_the_springs_correction_of_a_straight_stance_is_the_sagitta_shared_out(run: Run) -> None:
+    """Stance 20 mm on a circle of ρ = 50 mm: c² / 16 ρ = 0.5 mm on either side."""
+    spring = told(run, "--stride-mm", 40)["spring"]
+    assert 1000 * spring["largest_m"] == pytest.approx(20**2 / (16 * 50), abs=0.01)
+
+
+def test_body_height_and_clearance_follow_from_the_legs_lengths(run: Run) -> None:
+    """Straight down the leg is 60 + 80 mm; its knee is 80 mm above the foot."""
+    found = told(run)
+    assert found["body_height_m"] == pytest.approx(0.140)
+    assert found["clearance_m"] == pytest.approx(0.080)
+    assert found["lift_m"] == pytest.approx(0.020)
+    low = told(run, "--body-height-mm", 130, "--lift-mm", 10)
+    assert (low["body_height_m"], low["lift_m"]) == pytest.approx((0.130, 0.010))
+
+
+def test_no_joint_is_faster_than_the_servo(run: Run) -> None:
+    found = told(run, "--servo", "futaba-s3001")
+    assert max(joint["peak_speed"] for joint in found["joints"]) <= 1.8 * (1 + 1e-9)
+    slow = told(run, "--cycle-s", 2)
+    assert slow["cycle_s"] == 2
+    assert slow["frames_per_cycle"] == 100
+
+
+def test_ones_own_gait_by_duty_factor_and_phases(run: Run) -> None:
+    """The tripod by its table is the tripod."""
+    by_name = told(run, "--duty", 0.5, "--lifts", "L1=0,R2=0,L3=0,R1=0.5,L2=0.5,R3=0.5")
+    in_order = told(run, "--duty", 0.5, "--lifts", "0,0.5,0,0.5,0,0.5")
+    tripod = told(run)
+    for found in (by_name, in_order):
+        assert found.pop("gait") == "own"
+        assert found == {key: value for key, value in tripod.items() if key != "gait"}
+
+
+def test_walking_sideways_and_turning_move_the_feet_so(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "walk.csv"
+    told(run, "--stride-mm", 0, "--turn-deg", 10, "--csv", path)
+    turned = moved(rows_of(path), "L2_x_mm", "L2_ground")
+    assert turned and all(x > 0 for x in turned)  # turning left, a left foot goes forward under the body
+    told(run, "--stride-mm", 20, "--direction-deg", 90, "--csv", path)
+    sideways = moved(rows_of(path), "R2_alpha_deg", "R2_ground")
+    assert (
+        sideways and max(map(abs, sideways)) < 1e-3
+    )  # α of a middle leg does not turn: its spring gives way
+
+
+def test_a_walk_of_some_cycles_starts_and_stops_without_a_jump(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "walk.csv"
+    found = told(run, "--cycles", 2, "--csv", path)
+    rows = rows_of(path)
+    assert len(rows) == found["frames"]
+    assert found["loop_start"] == 0
+    joints = [key for key in rows[0] if key.endswith("_deg")]
+    for key in joints:
+        assert float(rows[0][key]) == pytest.approx(float(rows[-1][key]), abs=1e-4)
+    steps = [abs(float(b[key]) - float(a[key])) for a, b in pairwise(rows) for key in joints]
+    assert max(steps) <= 750 * 0.02 + 1e-3
+
+
+def test_the_csv_says_which_feet_are_on_the_ground_and_the_margin(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "walk.csv"
+    found = told(run, "--csv", path)
+    rows = rows_of(path)
+    least = min(rows, key=lambda row: float(row["margin_mm"]))
+    assert float(least["margin_mm"]) == pytest.approx(1000 * found["stability"]["least_m"], abs=1e-4)
+    named = rows[found["stability"]["frame"]]
+    assert named["margin_mm"] == least["margin_mm"]
+    legs = ("L1", "L2", "L3", "R1", "R2", "R3")
+    assert [leg for leg in legs if named[f"{leg}_ground"] == "1"] == found["stability"]["feet"]
+
+
+def test_one_leg_on_the_bench_has_no_stability(run: Run) -> None:
+    found = told(run, "--leg", "L2")
+    assert found["stability"] is None
+    assert [joint["name"] for joint in found["joints"]] == ["L2_alpha", "L2_beta"]
+
+
+UNSTABLE = ("--duty", 0.5, "--lifts", "L1=0,L2=0,L3=0,R1=0.5,R2=0.5,R3=0.5")
+
+
+def test_a_gait_that_falls_over_is_refused_with_why(run: Run) -> None:
+    done = run("gait", "hexapod", *UNSTABLE)
+    assert done.code == 2
+    assert "falls over in frame" in done.err
+    assert "mm outside of the feet R1, R2, R3" in done.err
+    assert "--allow-falling" in done.err
+
+
+def test_it_is_planned_when_that_is_asked_for(run: Run) -> None:
+    assert told(run, *UNSTABLE, "--allow-falling")["stability"]["least_m"] < -0.09
+
+
+def test_a_robot_in_the_air_has_no_margin_at_all(run: Run) -> None:
+    done = run("gait", "hexapod", "--duty", 0.4, "--lifts", "0,0,0,0,0,0")
+    assert done.code == 2
+    assert "no foot is on the ground" in done.err
+    assert (
+        told(run, "--duty", 0.4, "--lifts", "0,0,0,0,0,0", "--allow-falling")["stability"]["least_m"] is None
+    )
+
+
+def test_an_unknown_gait_names_the_nearest(run: Run) -> None:
+    done = run("gait", "hexapod", "--gait", "tripodd")
+    assert done.code == 2
+    assert "did you mean 'tripod'?" in done.err
+
+
+def test_a_robot_that_does_not_walk_is_refused(run: Run) -> None:
+    done = run("gait", "scara")
+    assert done.code == 2
+    assert "scara does not walk" in done.err
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--duty", 0.5), "the phase of each leg"),
+        (("--lifts", "0,0,0,0,0,0"), "a duty factor"),
+        (("--duty", 0.5, "--lifts", "L1=x"), "is no table of phases"),
+        (("--duty", 0.5, "--lifts", "L1=0"), "the phase of the leg L2 is missing"),
+        (("--duty", 0.5, "--lifts", "0,0"), "2 phases for 6 legs"),
+        (("--duty", 1.5, "--lifts", "0,0,0,0,0,0"), "between 0 and 1"),
+        (("--beta-sign", 2), "1 or -1"),
+        (("--clearance-mm", 90), "80.0 mm are free under the robot"),
+        (("--spring-mm", 0.1), "they give 0.1 mm at most"),
+        (("--stride-mm", 4000), "limits"),
+        (("--lift-mm", 0), "does not take the foot off the ground"),
+        (("--body-height-mm", 300), "cannot stand"),
+        (("--cycle-s", 0.04), "too short"),
+        (("--cycles", 0), "more than none"),
+        (("--leg", "L4"), "no leg 'L4'"),
+        (("--servo", "tiny"), "unknown servo"),
+    ],
+)
+def test_what_cannot_be_walked_is_refused_with_why(
+    run: Run, options: tuple[object, ...], message: str
+) -> None:
+    done = run("gait", "hexapod", *options)
+    assert done.code == 2, done.out
+    assert message in done.err
+
+
+def test_gait_draws_the_same_picture_twice(run: Run, tmp_path: Path) -> None:
+    for name in ("a.png", "b.png"):
+        told(run, "--plot", tmp_path / name)
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_a_leg_and_a_falling_robot_can_be_drawn_too(run: Run, tmp_path: Path) -> None:
+    told(run, "--leg", "L2", "--plot", tmp_path / "leg.png")
+    told(run, "--duty", 0.4, "--lifts", "0,0,0,0,0,0", "--allow-falling", "--plot", tmp_path / "air.png")
+    assert (tmp_path / "leg.png").stat().st_size > 10_000
+    assert (tmp_path / "air.png").stat().st_size > 10_000
+
+
+def test_a_film_has_a_picture_a_frame_of_the_loop(run: Run, tmp_path: Path) -> None:
+    from PIL import Image
+
+    path = tmp_path / "walk.gif"
+    found = told(run, "--leg", "L2", "--animate", path)
+    with Image.open(path) as film:
+        assert film.n_frames == found["frames"] - found["loop_start"]
+        assert film.info["duration"] == 20
+
+
+def test_an_mp4_needs_ffmpeg(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    done = run("gait", "hexapod", "--animate", tmp_path / "walk.mp4")
+    assert done.code == 3
+    assert "ffmpeg" in done.err
+    assert not (tmp_path / "walk.mp4").exists()
+
+
+def test_a_film_of_unknown_kind_is_refused(run: Run, tmp_path: Path) -> None:
+    done = run("gait", "hexapod", "--animate", tmp_path / "walk.avi")
+    assert done.code == 2
+    assert ".gif, .mp4" in done.err
