@@ -80,6 +80,17 @@ def test_running_fast_is_the_same_as_single_steps(batch: int) -> None:
         assert seen(fast) == seen(slow)
 
 
+def test_the_random_programs_reach_what_is_taken_in_one_step() -> None:
+    """The memory of regions is a detail; but without it in use the tests here would show little."""
+    used = 0
+    tame = [case for batch in range(4) for case in cases(batch)][1::2]
+    for case in tame:
+        machine = case.machine()
+        machine.run(CYCLES)
+        used += bool((machine._memo != -1).any())
+    assert used > len(tame) // 3
+
+
 @pytest.mark.parametrize("batch", range(IMAGES // BATCH))
 def test_the_simulator_is_the_same_as_a_second_chip(batch: int) -> None:
     for case in cases(batch):
