@@ -6,8 +6,9 @@ In: an expression and where to jump when it is true (or false). Out: instruction
 from __future__ import annotations
 
 from servogen.compiler.ctypes import IntType
+from servogen.compiler.effects import stripped, width_of
 from servogen.compiler.fold import COMPARISONS, interval
-from servogen.compiler.generate import Generator, _stripped, width_of
+from servogen.compiler.generate import Generator
 from servogen.compiler.machine import INDF, Byte, C, Imm, Operand, Reg, Z
 from servogen.compiler.tree import (
     AddressOf,
@@ -115,9 +116,9 @@ class Conditions(Generator):
 
     def _bit_test(self, expr: Binary, sense: bool, label: str) -> bool:
         """`x & 0x10` as a test of one bit."""
-        left, right = _stripped(expr.left), expr.right
+        left, right = stripped(expr.left), expr.right
         if isinstance(expr.left, Num):
-            left, right = _stripped(expr.right), expr.left
+            left, right = stripped(expr.right), expr.left
         if not isinstance(right, Num) or not self.direct(left) or not isinstance(left, Ref):
             return False
         mask = right.value & (1 << 8 * expr.type.size) - 1
@@ -259,12 +260,12 @@ class Conditions(Generator):
                 self.to_w_with_zero(left)
                 self.goto_if(Z, not at_least, label)
                 return
-            elif bound == 0x80 and self.direct(_stripped(left)):
+            elif bound == 0x80 and self.direct(stripped(left)):
                 top = self.value(left, 1)[0]
                 assert not isinstance(top, Imm)
                 self.goto_if(7, at_least, label, self.bit_source(top))
                 return
-            elif self.direct(_stripped(left)):
+            elif self.direct(stripped(left)):
                 operand = self.value(left, 1)[0]
                 assert not isinstance(operand, Imm)
                 self.emit("MOVLW", k=bound)

@@ -1,34 +1,26 @@
-"""Code for statements, calls and whole functions.
+"""Code for statements and whole functions.
 
-In: a function of the typed tree. Out: its `Code`. Arguments go into the callee's own bytes; the last
-argument of one byte goes in W. A result of one byte comes back in W, wider ones in the callee's result bytes.
+In: a function of the typed tree. Out: its `Code`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from servogen.compiler.arith import imms
-from servogen.compiler.conditions import Conditions
 from servogen.compiler.ctypes import IntType, VoidType
-from servogen.compiler.emitter import ISR_SUFFIX, Code
-from servogen.compiler.fold import COMPARISONS, compare, has_effect, interval
-from servogen.compiler.generate import calls_something, width_of
+from servogen.compiler.effects import width_of
+from servogen.compiler.emitter import Code
+from servogen.compiler.flash import Flash
+from servogen.compiler.fold import COMPARISONS, compare, interval
 from servogen.compiler.inline_asm import AsmError, assemble_line
-from servogen.compiler.machine import Byte, Imm, Ins, Loc, Operand, Z
-from servogen.compiler.tables import table_name
+from servogen.compiler.machine import Byte, Imm, Z
 from servogen.compiler.tree import (
-    AddressByte,
     Asm,
     Assign,
     Binary,
     Block,
-    Builtin,
-    Call,
     CaseLabel,
     Cast,
-    Deref,
-    Expr,
     ExprStmt,
     If,
     Jump,
@@ -44,7 +36,7 @@ from servogen.compiler.tree import (
 from servogen.errors import Place
 
 
-class FunctionGenerator(Conditions):
+class FunctionGenerator(Flash):
     """Makes the code of one function."""
 
     def __init__(
@@ -57,12 +49,15 @@ class FunctionGenerator(Conditions):
     ) -> None:
         super().__init__(function, signature, isr)  # type: ignore[arg-type]
         self._map = symbol
-        self.library = library
+        self._library = library
         self._break: list[str] = []
         self._continue: list[str] = []
         self._cases: dict[CaseLabel, str] = {}
         self._user_labels: dict[str, str] = {}
         self._end = self.new_label("end")
+
+    def library(self, kind: str, key: tuple[int, ...]) -> Code:
+        return self._library(kind, key)
 
     def symbol(self, symbol: Symbol) -> Symbol:
         return self._map(symbol)
@@ -83,8 +78,6 @@ class FunctionGenerator(Conditions):
         else:
             self.emit("RETURN")
         return self.code
-
-    # statements
 
     def statement(self, node: Stmt) -> None:
         getattr(self, "_stmt_" + type(node).__name__)(node)
@@ -267,231 +260,6 @@ class FunctionGenerator(Conditions):
 
         return find
 
-    # calls
-
-    def call(self, expr: Call) -> Code:
-        name = expr.function
-        code = self.signature(name)
-        self._arguments(code, expr.arguments)
-        self.place = expr.place if expr.place.line else self.place
-        self.emit("CALL", target=code.name)
-        return code
-
-    def _arguments(self, code: Code, arguments: list[Expr]) -> None:
-        """Arguments that call something go through temporaries, because calls use the callee's bytes."""
-        parameters = code.parameters
-        ready: list[list[Operand] | None] = [None] * len(arguments)
-        for number, (parameter, argument) in enumerate(zip(parameters, arguments, strict=True)):
-            later = any(calls_something(each) or has_effect(each) for each in arguments[number + 1 :])
-            calls = calls_something(argument) and len(arguments) > 1
-            if calls or (later and not isinstance(argument, Num)):
-                held: list[Loc] = self.temp(parameter.size)
-                self.into(argument, held)
-                ready[number] = list(held)
-        w_number = None
-        for number, (parameter, argument) in enumerate(zip(parameters, arguments, strict=True)):
-            if parameter is code.w_parameter:
-                w_number = number
-                continue
-            target: list[Loc] = [Byte(parameter, each) for each in range(parameter.size)]
-            done = ready[number]
-            if done is not None:
-                self.move_all(target, done)
-            elif len(arguments) == 1 and calls_something(argument):
-                held = self.temp(parameter.size)
-                self.into(argument, held)
-                self.move_all(target, list(held))
-            else:
-                self.into(argument, target)
-        if w_number is not None:
-            done = ready[w_number]
-            if done is not None:
-                self.load(done[0])
-            else:
-                self._argument_to_w(arguments[w_number])
-
-    def _argument_to_w(self, argument: Expr) -> None:
-        self.to_w(argument) if not _bool_cast(argument) else self._bool_to_w(argument)
-
-    def _bool_to_w(self, argument: Expr) -> None:
-        held = self.temp()
-        self.into(argument, held)
-        self.load(held[0])
-
-    def library_call(self, code: Code, operands: list[list[Operand]]) -> list[Loc]:
-        """Call a library routine with operands that are ready; gives its result bytes."""
-        w_operand: Operand | None = None
-        for parameter, values in zip(code.parameters, operands, strict=True):
-            if parameter is code.w_parameter:
-                w_operand = values[0]
-                continue
-            for number, each in enumerate(values):
-                self.move(Byte(parameter, number), each)
-        if w_operand is not None:
-            self.load(w_operand)
-        self.emit("CALL", target=code.name)
-        if code.result is None:
-            return []
-        return [Byte(code.result, each) for each in range(code.result.size)]
-
-    # multiplication and division
-
-    def multiply(self, expr: Binary, target: list[Loc]) -> None:
-        size = len(target)
-        left, right = expr.left, expr.right
-        if isinstance(left, Num):
-            left, right = right, left
-        if isinstance(right, Num) and self._multiply_constant(left, right.value, target):
-            return
-        (a, b), (c, d) = interval(left), interval(right)
-        small = min(a, c) >= 0 and max(b, d) <= 0xFF
-        width = 1 if (small and size <= 2) or size == 1 else size
-        code = self.library("mul", (width, size))
-        one, two = self.pair(left, right, width)
-        result = self.library_call(code, [one, two])
-        self.move_all(target, list(result[:size]))
-
-    def _multiply_constant(self, left: Expr, value: int, target: list[Loc]) -> bool:
-        """By a power of two, or a sum of two: shifts and an addition."""
-        size = len(target)
-        value &= (1 << 8 * size) - 1
-        bits = [bit for bit in range(8 * size) if value >> bit & 1]
-        if not bits:
-            self.effect(left)
-            self.move_all(target, [Imm(0)] * size)
-            return True
-        if len(bits) == 1:
-            operand = self.apart(target, self.value(left, size))
-            self.shift_left(target, operand, bits[0])
-            return True
-        if len(bits) == 2 and bits[1] <= 3 and size <= 2:
-            operand = self.kept(self.value(left, size))
-            held: list[Loc] = self.temp(size)
-            self.shift_left(held, operand, bits[1] - bits[0])
-            self.add(held, list(held), operand)
-            if bits[0]:
-                self.shift_left(held, list(held), bits[0])
-            self.move_all(target, list(held))
-            return True
-        return False
-
-    def divide(self, expr: Binary, target: list[Loc]) -> None:
-        (a, b), (c, d) = interval(expr.left), interval(expr.right)
-        full = width_of(*interval(expr))[0] if min(a, c) < 0 else 1
-        size, signed = width_of(min(a, c), max(b, d))
-        size = min(max(size, full), expr.type.size)
-        if isinstance(expr.right, Num) and not signed and expr.right.value.bit_count() == 1:
-            shift = expr.right.value.bit_length() - 1
-            work = target if len(target) >= size else self.temp(size)
-            part = work[:size]
-            operand = self.apart(part, self.value(expr.left, size))
-            if expr.op == "/":
-                self.shift_right(part, operand, shift, signed=False)
-            else:
-                self.bitwise(
-                    "&", part, operand, [Imm(expr.right.value - 1 >> 8 * each & 0xFF) for each in range(size)]
-                )
-            if work is target:
-                self.move_all(target[size:], [Imm(0)] * (len(target) - size))
-            else:
-                self.move_all(target, list(work[: len(target)]))
-            return
-        code = self.library("sdivide" if signed else "divide", (size,))
-        holder = self.library("divide", (size,)) if signed else code
-        result_symbol = next(
-            each for each in holder.own if each.name == ("quotient" if expr.op == "/" else "remainder")
-        )
-        one, two = self.pair(expr.left, expr.right, size)
-        self.library_call(code, [one, two])
-        have = min(len(target), size)
-        self.move_all(target[:have], [Byte(result_symbol, each) for each in range(have)])
-        if len(target) > have:
-            self.widen(target, have, signed=signed)
-
-    # flash
-
-    def flash_byte(self, expr: Ref) -> None:
-        """W = one byte of a table."""
-        held = self._flash_index(expr)
-        self._flash_call(expr.symbol, held, 0)
-
-    def _flash_index(self, expr: Ref) -> list[Operand]:
-        """The byte's number in its table: one byte, or two for large tables."""
-        size = 1 if expr.symbol.size <= 256 else 2
-        if expr.index is None:
-            return [Imm(expr.offset >> 8 * each & 0xFF) for each in range(size)]
-        index = expr.index
-        if expr.offset:
-            kind = index.type
-            index = Binary("+", index, Num(expr.offset, kind, expr.place), kind, expr.place)
-        return self.value(index, size)
-
-    def _flash_call(self, symbol: Symbol, index: list[Operand], step: int) -> None:
-        """W = byte index + step of a flash object."""
-        if len(index) == 1:
-            self.load(index[0])
-            if step:
-                self.emit("ADDLW", k=step)
-            self.emit("CALL", target=table_name(symbol) + (ISR_SUFFIX if self.isr else ""))
-            self.code.ins[-1].table = symbol
-            return
-        pointer: list[Loc] = self.temp(2)
-        self.add(pointer, index, [Imm(AddressByte(symbol, step, 0)), Imm(AddressByte(symbol, step, 1))])
-        self._read_pointer(pointer)
-
-    def _read_pointer(self, pointer: list[Loc]) -> None:
-        code = self.library("flash", ())
-        self.library_call(code, [[pointer[1]], [pointer[0]]])
-
-    def _from_flash(self, expr: Ref, target: list[Loc]) -> None:
-        size = min(len(target), expr.type.size)
-        index = self._flash_index(expr)
-        if size > 1:
-            index = self.kept(index)
-        for number in range(size):
-            self._flash_call(expr.symbol, index, number)
-            self.store(target[number])
-        if len(target) > size:
-            self.widen(target, size, signed=self.negative_possible(expr))
-
-    def _wide_load(self, expr: Deref, target: list[Loc]) -> None:
-        size = min(len(target), expr.type.size)
-        pointer: list[Loc] = self.temp(2)
-        self.into(expr.pointer, pointer)
-        if expr.offset:
-            self.add(pointer, list(pointer), imms(expr.offset, 2))
-        for number in range(size):
-            if number:
-                self._count_up(pointer)
-            self._read_pointer(pointer)
-            self.store(target[number])
-        if len(target) > size:
-            self.widen(target, size, signed=self.negative_possible(expr))
-
-    def builtin(self, expr: Builtin) -> None:
-        self.place = expr.place if expr.place.line else self.place
-        match expr.name:
-            case "instruction":
-                self.code.ins.append(Ins(str(expr.data), place=self.place, fixed=True))
-            case "delay":
-                assert isinstance(expr.data, int)
-                self.delay(expr.data)
-            case "delay_variable":
-                assert isinstance(expr.data, int)
-                code = self.library("delay", (expr.data,))
-                self.load(self.value(expr.arguments[0], 1)[0])
-                self.code.ins[-1].fixed = True  # the load is part of the time
-                self.emit("CALL", target=code.name)
-            case "eeprom_read":
-                code = self.library("eeprom_read", ())
-                self.to_w(expr.arguments[0])
-                self.emit("CALL", target=code.name)
-            case "eeprom_write" | "putchar" | "getchar":
-                data = expr.data if isinstance(expr.data, tuple) else ()
-                code = self.library(expr.name, tuple(int(each) for each in data))
-                operands = [self.value(each, 1) for each in expr.arguments]
-                self.library_call(code, operands)
-
 
 def _holds_at_first(loop: Loop, before: Stmt) -> bool:
     """Whether a loop's test surely holds at first: `for (i = 0; i < 8; i++)`."""
@@ -515,7 +283,3 @@ def _holds_at_first(loop: Loop, before: Stmt) -> bool:
         return False
     same = left.type.size == target.type.size and not left.width and not target.width and target.index is None
     return same and compare(test.op, value.value, test.right.value)
-
-
-def _bool_cast(expr: Expr) -> bool:
-    return isinstance(expr.type, IntType) and expr.type.is_bool and not isinstance(expr, Num)

@@ -1,0 +1,216 @@
+"""Semantic analysis of initialisers: bytes for what is constant, assignments for what is not.
+
+In: pycparser initialisers and the type that they fill. Out: bytes by offset, or assignments of the
+locals' parts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from pycparser import c_ast
+
+from servogen.compiler.ctypes import (
+    U8,
+    ArrayType,
+    CType,
+    IntType,
+    StructType,
+    VoidType,
+)
+from servogen.compiler.tree import (
+    AddressByte,
+    AddressOf,
+    Assign,
+    Binary,
+    Cast,
+    Data,
+    Expr,
+    ExprStmt,
+    Num,
+    Ref,
+    Symbol,
+)
+from servogen.compiler.typenames import TypeNames
+from servogen.errors import Place
+
+
+class Initialisers(TypeNames):
+    """Adds `initialise`."""
+
+    def _complete(self, kind: CType, node: Any) -> CType:
+        """An array without a length takes it from its initialiser."""
+        if not isinstance(kind, ArrayType) or kind.length is not None:
+            return kind
+        init = node.init
+        if isinstance(init, c_ast.InitList):
+            length, at = 0, 0
+            for each in init.exprs:
+                if isinstance(each, c_ast.NamedInitializer):
+                    designator = each.name[0]
+                    inner = getattr(designator, "expr", designator)
+                    at = self.constant(inner, "an index")
+                at += 1
+                length = max(length, at)
+            if (
+                isinstance(kind.element, ArrayType)
+                and init.exprs
+                and not isinstance(init.exprs[0], (c_ast.InitList, c_ast.NamedInitializer, c_ast.Constant))
+            ):
+                length = -(-length // (kind.element.length or 1))
+            return replace(kind, length=max(length, 1))
+        if isinstance(init, c_ast.Constant) and init.type == "string":
+            return replace(kind, length=len(self.characters(init.value, self.place(init))) + 1)
+        if "extern" in (node.storage or []):
+            known = self.externals.get(node.name)
+            return known.type if isinstance(known, Symbol) else kind
+        raise self.fail(f"the size of the array '{node.name}' is missing", node)
+
+    def _fill(self, symbol: Symbol, kind: CType, init: Any, offset: int, place: Place) -> None:
+        """Assignments for an array or structure in RAM whose initialiser may not be constant."""
+        leaves: list[tuple[int, CType, Any]] = []
+        self._leaves(kind, init, offset, leaves)
+        given = {at: (leaf, value) for at, leaf, value in leaves}
+        for at, leaf in _scalars(kind, offset):
+            found = given.get(at)
+            place_here = self.place(found[1]) if found and not isinstance(found[1], int) else place
+            if found is None:
+                value: Expr = Num(0, leaf, place)
+            elif isinstance(found[1], int):
+                value = Num(found[1], leaf, place)
+            else:
+                value = self.convert(self.expr(found[1]), leaf, "the initialiser")
+            target = Ref(symbol, at, None, leaf.plain(), place_here)
+            self.pending.append(ExprStmt(Assign(target, value, leaf.plain(), place_here)))
+
+    def initialise(self, data: dict[int, Data], kind: CType, init: Any, offset: int) -> None:
+        """The bytes of a constant initialiser."""
+        leaves: list[tuple[int, CType, Any]] = []
+        self._leaves(kind, init, offset, leaves)
+        for at, leaf, value in leaves:
+            if isinstance(value, int):
+                data[at] = value & 0xFF
+                continue
+            expr = self.convert(self.expr(value), leaf, "the initialiser")
+            for number, byte in enumerate(self._bytes(expr, leaf.size, value)):
+                data[at + number] = byte
+
+    def _bytes(self, expr: Expr, size: int, node: Any) -> list[Data]:
+        while (
+            isinstance(expr, Cast)
+            and expr.type.size <= expr.operand.type.size
+            and not isinstance(expr.type, VoidType)
+        ):
+            expr = expr.operand
+        if isinstance(expr, Num):
+            return [expr.value >> 8 * each & 0xFF for each in range(size)]
+        if isinstance(expr, Cast) and isinstance(expr.operand, AddressOf):
+            expr = expr.operand
+        if isinstance(expr, Binary) and isinstance(expr.left, AddressOf) and isinstance(expr.right, Num):
+            move = expr.right.value if expr.op == "+" else -expr.right.value
+            target = expr.left.target
+            expr = AddressOf(
+                Ref(target.symbol, target.offset + move, target.index, target.type, target.place),
+                expr.type,
+                expr.place,
+            )
+        if isinstance(expr, AddressOf) and expr.target.index is None:
+            target = expr.target
+            return [AddressByte(target.symbol, target.offset, part) for part in range(size)]
+        raise self.fail("the initialiser must be a constant", node)
+
+    def _leaves(self, kind: CType, init: Any, offset: int, out: list[tuple[int, CType, Any]]) -> None:
+        """The scalars of an initialiser as (offset, type, node or byte), braces left out or not."""
+        if isinstance(kind, ArrayType) and isinstance(kind.element, IntType) and kind.element.size == 1:
+            inner = init
+            if isinstance(init, c_ast.InitList) and len(init.exprs) == 1:
+                inner = init.exprs[0]
+            if isinstance(inner, c_ast.Constant) and inner.type == "string":
+                values = self.characters(inner.value, self.place(inner))
+                length = kind.length or 0
+                if len(values) > length:
+                    raise self.fail(f"the string of {len(values)} characters does not fit {length}", inner)
+                out += [(offset + at, kind.element, value) for at, value in enumerate([*values, 0][:length])]
+                return
+        if isinstance(kind, (ArrayType, StructType)):
+            if not isinstance(init, c_ast.InitList):
+                raise self.fail(f"'{kind}' needs an initialiser in braces", init)
+            items = list(init.exprs)
+            self._aggregate(kind, items, offset, out, braced=True)
+            if items:
+                raise self.fail(f"too many initialisers for '{kind}'", items[0])
+            return
+        if isinstance(init, c_ast.InitList):
+            if len(init.exprs) != 1:
+                raise self.fail(f"'{kind}' takes one initialiser, {len(init.exprs)} are given", init)
+            init = init.exprs[0]
+        out.append((offset, kind, init))
+
+    def _aggregate(
+        self,
+        kind: ArrayType | StructType,
+        items: list[Any],
+        offset: int,
+        out: list[tuple[int, CType, Any]],
+        *,
+        braced: bool,
+    ) -> None:
+        """Take from `items` what the elements of one array or structure need."""
+        slots: list[tuple[int, CType]] = _elements(kind)
+        names = list(kind.layout.members) if isinstance(kind, StructType) else []
+        if isinstance(kind, StructType) and kind.layout.union:
+            slots = slots[:1]
+        at = 0
+        while items and (at < len(slots) or isinstance(items[0], c_ast.NamedInitializer)):
+            item = items[0]
+            if isinstance(item, c_ast.NamedInitializer):
+                if not braced:
+                    return
+                at = self._designated(kind, item, names)
+                slots = _elements(kind)
+                if at >= len(slots):
+                    raise self.fail("this element does not exist", item)
+                if len(item.name) > 1:
+                    raise self.fail("nested designators are not supported", item)
+                items[0] = item = item.expr
+            where, element = slots[at]
+            if (
+                isinstance(element, (ArrayType, StructType))
+                and not isinstance(item, c_ast.InitList)
+                and not (isinstance(item, c_ast.Constant) and item.type == "string")
+            ):
+                self._aggregate(element, items, offset + where, out, braced=False)
+            else:
+                items.pop(0)
+                if isinstance(element, IntType) and element.is_bit:
+                    raise self.fail("bit-fields cannot be initialised; assign them", item)
+                self._leaves(element, item, offset + where, out)
+            at += 1
+
+    def _designated(self, kind: CType, item: Any, names: list[str]) -> int:
+        designator = item.name[0]
+        inner = getattr(designator, "expr", designator)
+        if isinstance(kind, StructType):
+            if not isinstance(inner, c_ast.ID) or inner.name not in names:
+                raise self.fail(f"'{kind}' has no such member", item)
+            return names.index(inner.name)
+        return self.constant(inner, "an index")
+
+
+def _elements(kind: ArrayType | StructType) -> list[tuple[int, CType]]:
+    """(offset, type) of each element or member."""
+    if isinstance(kind, ArrayType):
+        return [(number * kind.element.size, kind.element) for number in range(kind.length or 0)]
+    return [(member.offset, member.type) for member in kind.layout.members.values()]
+
+
+def _scalars(kind: CType, offset: int) -> list[tuple[int, CType]]:
+    """(offset, type) of everything in an object that is not made of parts."""
+    if isinstance(kind, StructType) and any(member.width for member in kind.layout.members.values()):
+        return [(offset + each, U8) for each in range(kind.size)]
+    if isinstance(kind, StructType) and kind.layout.union:
+        return [(offset + each, U8) for each in range(kind.size)]
+    if isinstance(kind, (ArrayType, StructType)):
+        return [leaf for at, element in _elements(kind) for leaf in _scalars(element, offset + at)]
+    return [(offset, kind)]

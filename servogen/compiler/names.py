@@ -1,0 +1,221 @@
+"""Semantic analysis of primary expressions: literals, strings, names of variables, registers and bits.
+
+In: pycparser nodes and the names in scope. Out: typed expressions; const objects of known value are numbers.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from servogen.compiler.base import Base
+from servogen.compiler.ctypes import (
+    BIT,
+    CType,
+    IntType,
+    StructType,
+    VoidType,
+)
+from servogen.compiler.dialect import ChipBit, config_names
+from servogen.compiler.fold import has_effect
+from servogen.compiler.scopes import Constant, TypeName
+from servogen.compiler.tree import (
+    Binary,
+    Cast,
+    Choice,
+    Comma,
+    Expr,
+    Function,
+    Logic,
+    Num,
+    Ref,
+    Symbol,
+    Unary,
+)
+from servogen.errors import Place, nearest
+
+_ESCAPES = {
+    "n": 10,
+    "t": 9,
+    "r": 13,
+    "0": 0,
+    "a": 7,
+    "b": 8,
+    "f": 12,
+    "v": 11,
+    "\\": 92,
+    "'": 39,
+    '"': 34,
+    "?": 63,
+}
+
+
+class Names(Base):
+    """Adds `expr` for what has no operands."""
+
+    def declared_type(self, node: Any) -> CType:
+        """The type of a declarator or type name."""
+        raise NotImplementedError
+
+    def builtin(self, name: str, node: Any, arguments: list[Any]) -> Expr | None:
+        """A built-in function's meaning; None when there is none of that name."""
+        raise NotImplementedError
+
+    def builtin_names(self) -> list[str]:
+        raise NotImplementedError
+
+    def expr(self, node: Any) -> Expr:
+        method = getattr(self, "_" + type(node).__name__, None)
+        if method is None:
+            raise self.fail(f"{type(node).__name__} is not supported", node)
+        found: Expr = method(node)
+        return found
+
+    def constant(self, node: Any, what: str) -> int:
+        """The value of a constant expression."""
+        expr = self.arithmetic(self.expr(node))
+        if not isinstance(expr, Num):
+            raise self.fail(f"{what} must be a constant", node)
+        return expr.value
+
+    def _Constant(self, node: Any) -> Expr:
+        place = self.place(node)
+        if node.type == "string":
+            return self.string([*self.characters(node.value, place), 0], place)
+        if node.type == "char":
+            values = self.characters(node.value, place)
+            if len(values) != 1:
+                raise self.fail("a character constant holds one character", node)
+            return self.number(values[0], self.int_type, place)
+        match = re.fullmatch(r"(0[xX][0-9a-fA-F]+|[0-9]+)([uUlL]*)", node.value)
+        if not match:
+            raise self.fail(f"'{node.value}' is not an integer", node)
+        digits = match[1]
+        octal = len(digits) > 1 and digits[0] == "0" and digits[1] not in "xX"
+        value = int(digits, 8 if octal else 0)
+        if value > 0xFFFFFFFF:
+            raise self.fail(f"{digits} does not fit 32 bits", node)
+        return Num(
+            value, self.literal_type(value, match[2].lower(), digits[0] != "0" or digits == "0"), place
+        )
+
+    def characters(self, text: str, place: Place) -> list[int]:
+        """The codes of a string or character literal with its quotes; adjacent strings already joined."""
+        found = []
+        for match in re.finditer(r"\\x([0-9a-fA-F]+)|\\([0-7]{1,3})|\\(.)|([^\\])", text[1:-1], re.DOTALL):
+            if match[1]:
+                found.append(int(match[1], 16) & 0xFF)
+            elif match[2]:
+                found.append(int(match[2], 8) & 0xFF)
+            elif match[3]:
+                if match[3] not in _ESCAPES:
+                    self.reporter.warn(f"unknown escape '\\{match[3]}'", place)
+                found.append(_ESCAPES.get(match[3], ord(match[3]) & 0xFF))
+            else:
+                encoded = match[4].encode("latin-1", "replace")
+                if match[4] != "?" and encoded == b"?":
+                    self.reporter.warn(f"the character '{match[4]}' is not in Latin-1 and becomes '?'", place)
+                found.append(encoded[0])
+        return found
+
+    def _ID(self, node: Any) -> Expr:
+        return self.name(node, as_bit=not self.c2c)
+
+    def name(self, node: Any, *, as_bit: bool) -> Expr:
+        """What a name stands for; that of a register's bit is the bit, or in C2C its number."""
+        meaning = self.scopes.find(node.name)
+        place = self.place(node)
+        match meaning:
+            case Symbol():
+                return self.use(meaning, place)
+            case Constant(value, kind):
+                return Num(value, kind, place)
+            case ChipBit(register, bit):
+                if not as_bit:
+                    return Num(bit, self.int_type, place)
+                return Ref(self.scopes.register(register), 0, None, BIT, place, bit, 1)
+            case Function():
+                raise self.fail(
+                    f"'{node.name}' is a function; function pointers are not supported",
+                    node,
+                    hint=f"to call it, write {node.name}()",
+                )
+            case TypeName():
+                raise self.fail(f"'{node.name}' is a type, not a value", node)
+        match = re.fullmatch(r"(\w+)bits", node.name)
+        register_symbol = self.scopes.chip(match[1]) if match else None
+        if isinstance(register_symbol, Symbol):
+            return Ref(register_symbol, 0, None, StructType(_register_layout(match[1])), place)  # type: ignore[index]
+        if self.reading_config and node.name in config_names():
+            return Num(config_names()[node.name], self.int_type, place)
+        raise self.fail(f"'{node.name}' is not declared", node, hint=self._suggest(node.name))
+
+    def _suggest(self, name: str) -> str | None:
+        hint = nearest(name, self.scopes.known())
+        return hint if hint.startswith("did you") else None
+
+    def use(self, symbol: Symbol, place: Place) -> Expr:
+        kind = symbol.type
+        if symbol.kind == "flash" and kind.scalar and symbol.initial is not None:
+            data = [symbol.initial.get(offset, 0) for offset in range(kind.size)]
+            if all(isinstance(each, int) for each in data) and isinstance(kind, IntType):
+                value = sum(each << 8 * index for index, each in enumerate(data) if isinstance(each, int))
+                return ConstNum(symbol, kind.wrap(value), kind.plain(), place)
+        if isinstance(kind, IntType) and kind.is_bit:
+            return Ref(symbol, 0, None, kind, place, 0, 1)
+        return Ref(symbol, 0, None, kind, place)
+
+    def _ExprList(self, node: Any) -> Expr:
+        *before, last = node.exprs
+        found = self.expr(last)
+        for each in reversed(before):
+            first = self.expr(each)
+            self.warn_unused(first)
+            found = Comma(first, found, found.type, self.place(each))
+        return found
+
+    def warn_unused(self, expr: Expr) -> None:
+        """A warning for a statement that does nothing."""
+        if isinstance(expr, Cast) and isinstance(expr.type, VoidType):
+            return
+        if isinstance(expr, (Choice, Logic, Comma)) and has_effect(expr):
+            return
+        if isinstance(expr, Binary) and expr.op == "==":
+            self.reporter.warn(
+                "this comparison does nothing",
+                expr.place,
+                hint="'=' assigns, '==' compares" if expr.op == "==" else None,
+            )
+        elif not has_effect(expr):
+            self.reporter.warn("this statement has no effect", expr.place)
+        elif isinstance(expr, (Binary, Unary, Cast)) and has_effect(expr):
+            self.reporter.warn("the result of this expression is not used", expr.place)
+
+
+class ConstNum(Num):
+    """The known value of a const object: a number that remembers where it lies, for `&`."""
+
+    __slots__ = ("offset", "symbol")
+
+    def __init__(self, symbol: Symbol, value: int, kind: CType, place: Place, offset: int = 0) -> None:
+        super().__init__(value, kind, place)
+        self.symbol = symbol
+        self.offset = offset
+
+    def reference(self) -> Ref:
+        from dataclasses import replace
+
+        return Ref(self.symbol, self.offset, None, replace(self.type, const=True), self.place)
+
+
+def _register_layout(name: str) -> Any:
+    from servogen.compiler.ctypes import Layout, Member
+    from servogen.compiler.dialect import chip_bits, chip_registers
+
+    register = chip_registers()[name]
+    members = {
+        bit_name: Member(bit_name, BIT, 0, bit.bit, 1)
+        for bit_name, bit in chip_bits().items()
+        if bit.register is register
+    }
+    return Layout(f"{register.name}bits", False, members, 1)
