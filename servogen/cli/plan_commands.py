@@ -82,7 +82,7 @@ def _show_plan(
     if errors:
         _show_ends(tracks, errors, frame_s)
     for note in job.notes:
-        print(f"note: {note}")
+        print(note.text)
     schedule = made.schedule
     if errors:
         worst = worst_of(errors)
@@ -202,7 +202,7 @@ def _plan_dict(
             }
             for each in errors
         ],
-        "notes": [{"code": note.code, "text": str(note)} for note in job.notes],
+        "notes": [{"code": note.code, "text": note.text} for note in job.notes],
         "warnings": [
             {"code": warning.code, "text": str(warning)} for warning in (*job.warnings, *made.warnings)
         ],

@@ -46,7 +46,7 @@ def film(scene: Scene, path: Path) -> None:
         return [*lines, clock]
 
     made = animation.FuncAnimation(figure, show, frames=scene.count, init_func=lambda: lines)
-    rate = 1 / scene.picture_s
+    rate: Any = 1 / scene.picture_s
     writer: Any = animation.PillowWriter(fps=rate) if kind == ".gif" else animation.FFMpegWriter(fps=rate)
     with tempfile.TemporaryDirectory() as folder:
         # The writers take a name, not a file: the film is whole before it takes the name that was asked for.

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -34,7 +34,8 @@ def gait_plot(robot: Hexapod, gait: Gait, made: Walk, facts: GaitFacts, path: Pa
     """Draws to `path`. Raises InputError for an unknown ending, ToolError without matplotlib."""
     check_suffix(path)
     figure = new_figure(13, 8, f"{robot.name}: the gait '{gait.name}', duty factor {gait.duty}")
-    left, right = figure.subfigures(1, 2, width_ratios=[1.2, 1]).tolist()
+    panes: Any = figure.subfigures(1, 2, width_ratios=[1.2, 1])
+    left, right = panes
     frames = len(made.trajectory.angles)
     times = facts.cycle_s / made.frames_per_cycle * np.arange(frames + 1, dtype=np.float64)
     rows = left.subplots(3, 1, sharex=True)

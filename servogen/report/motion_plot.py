@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -39,7 +39,7 @@ def motion_plot(job: Job, schedule: PulseSchedule, tracks: Sequence[Track], path
     check_suffix(path)
     shown = [track for track in tracks if not np.isnan(track.planned).all()]
     figure = new_figure(13 if shown else 9, 8 if shown else 5.5, f"{job.name}: the planned motion")
-    panes = figure.subfigures(1, 2, width_ratios=[1.7, 1]).tolist() if shown else [figure]
+    panes: Any = figure.subfigures(1, 2, width_ratios=[1.7, 1]) if shown else (figure,)
     left = panes[0]
     frame_s = float(schedule.clock.seconds(schedule.period))
     times = frame_s * np.arange(len(job.trajectory.angles) + 1, dtype=np.float64)

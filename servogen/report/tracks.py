@@ -47,13 +47,8 @@ class End:
 
     def joints(self, angles: Floats) -> Floats:
         """Joint positions (n, joints) of the angles (n, servos) of all servos."""
-        return np.stack(
-            [
-                each.position(angles[:, column])
-                for each, column in zip(self.bindings, self.columns, strict=True)
-            ],
-            axis=1,
-        )
+        bound = zip(self.bindings, self.columns, strict=True)
+        return np.stack([each.position(angles[:, column]) for each, column in bound], axis=1)
 
     def points(self, angles: Floats) -> Floats:
         """Where it is (n, 3), metres."""
@@ -63,7 +58,8 @@ class End:
         """By how much (n, 3) a small `change` of the servos' angles moves it: J · change of the joints."""
         slope = self.place[:3, :3] @ jacobian(self.arm, self.joints(angles))[:, :3, :]
         ratios = np.array([each.ratio for each in self.bindings])
-        return np.einsum("nij,nj->ni", slope, change[:, list(self.columns)] / ratios)
+        moved: Floats = np.einsum("nij,nj->ni", slope, change[:, list(self.columns)] / ratios)
+        return moved
 
 
 def to_place(place: Floats, points: Floats) -> Floats:

@@ -226,7 +226,7 @@ def test_a_film_has_a_picture_a_frame_of_the_loop(run: Run, tmp_path: Path) -> N
     from PIL import Image
 
     path = tmp_path / "walk.gif"
-    found = told(run, "--leg", "L2", "--animate", path)
+    found = told(run, "--leg", "L2", "--gait", "wave", "--cycle-s", 0.48, "--animate", path)
     with Image.open(path) as film:
         assert film.n_frames == found["frames"] - found["loop_start"]
         assert film.info["duration"] == 20

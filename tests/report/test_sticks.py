@@ -1,0 +1,85 @@
+"""Stick figures and scenes: what films show."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from servogen.errors import InputError
+from servogen.job import load
+from servogen.kinematics.chain import fk_position
+from servogen.kinematics.leg import Leg
+from servogen.report.film import film
+from servogen.report.scenes import MOST_PICTURES, job_scene
+from servogen.report.sticks import base_outline, stick
+from servogen.robot.model import Arm, OmniBase
+from servogen.robot.robots import arm, names, robot
+
+JOBS = Path(__file__).parents[2] / "jobs"
+ARMS = [name for name in names() if isinstance(robot(name), Arm)]
+TURNING = [name for name in ARMS if all(joint.turning for joint in arm(name).joints)]
+
+
+def somewhere(found: Arm) -> np.ndarray:
+    low, high = (np.array([getattr(joint, end) for joint in found.joints]) for end in ("lower", "upper"))
+    return low + np.array([[0.2], [0.5], [0.7]]) * (high - low)
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_a_stick_figure_ends_where_the_tool_is(name: str) -> None:
+    found = arm(name)
+    joints = somewhere(found)
+    assert stick(found, joints)[:, -1] == pytest.approx(fk_position(found, joints), abs=1e-12)
+
+
+@pytest.mark.parametrize("name", TURNING)
+def test_a_link_between_two_joints_that_turn_keeps_its_length(name: str) -> None:
+    """A DH row shifts along z by d and along x by a: the corner between them divides the link so."""
+    found = arm(name)
+    corners = stick(found, somewhere(found))
+    lengths = np.linalg.norm(np.diff(corners, axis=1), axis=2)
+    assert lengths == pytest.approx(np.tile(lengths[:1], (3, 1)), abs=1e-12)
+
+
+def test_the_legs_parts_have_its_lengths() -> None:
+    found = arm("leg")
+    leg = Leg.of(found.length)
+    lengths = np.linalg.norm(np.diff(stick(found, somewhere(found)), axis=1), axis=2)
+    assert lengths == pytest.approx(np.tile([leg.ab, leg.bc, leg.cd, leg.df], (3, 1)))
+
+
+def test_the_wheels_of_the_base_are_at_60_300_and_180_degrees() -> None:
+    base = robot("omni")
+    assert isinstance(base, OmniBase)
+    _, _, *wheels = base_outline(base, np.zeros((1, 3)))
+    middles = [wheel[0].mean(axis=0) for wheel in wheels]
+    angles = [round(float(np.degrees(np.arctan2(y, x))) % 360) for x, y, _ in middles]
+    assert angles == [60, 180, 300]
+    assert np.linalg.norm(middles, axis=1) == pytest.approx(base.wheel_distance)
+
+
+@pytest.mark.parametrize(
+    "name", ("lab9-exercise", "scara-pick", "rvm1-program", "hexapod-tripod", "omni-square")
+)
+def test_a_film_of_a_job_lasts_as_long_as_its_loop(name: str) -> None:
+    job = load(JOBS / f"{name}.toml")
+    scene = job_scene(job)
+    frame_s = float(job.clock.seconds(job.trajectory.period))
+    loop_s = frame_s * (len(job.trajectory.angles) - job.trajectory.loop_start)
+    assert {len(part.frames) for part in scene.parts} == {scene.count}
+    assert scene.count <= MOST_PICTURES
+    assert scene.count * scene.picture_s == pytest.approx(loop_s, abs=scene.picture_s)
+
+
+def test_servos_that_move_no_robot_cannot_be_filmed() -> None:
+    with pytest.raises(InputError, match="nothing to film"):
+        job_scene(load(JOBS / "lab8-exercise.toml"))
+
+
+def test_the_same_film_is_the_same_file(tmp_path: Path) -> None:
+    whole = job_scene(load(JOBS / "lab9-exercise.toml"))
+    scene = replace(whole, parts=tuple(replace(part, frames=part.frames[::10]) for part in whole.parts))
+    for name in ("a.gif", "b.gif"):
+        film(scene, tmp_path / name)
+    assert (tmp_path / "a.gif").read_bytes() == (tmp_path / "b.gif").read_bytes()
