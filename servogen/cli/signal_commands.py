@@ -9,7 +9,7 @@ import typer
 
 from servogen.cli.files import PROGRAM_SUFFIXES, read_program, read_schedule
 from servogen.cli.options import ClockHz, Json, Seconds
-from servogen.cli.show import as_json, warn
+from servogen.cli.show import as_json, status, warn
 from servogen.errors import InputError, Place
 
 if TYPE_CHECKING:
@@ -57,7 +57,8 @@ def verify(
     trace = _trace(file, schedule, span)
     if seconds is None and not _is_program(file):
         trace, span = held(schedule, trace)
-    verdict = prove(schedule, trace, span)
+    with status("comparing every edge"):
+        verdict = prove(schedule, trace, span)
     if json:
         as_json(verdict.to_json())
     else:
@@ -72,7 +73,8 @@ def _verify_forever(file: Path, schedule: PulseSchedule, seconds: float | None, 
     if not _is_program(file):
         raise InputError("only a program can be proven for all time, not edges", Place(str(file)))
     limit = schedule.clock.round_seconds(FOREVER_SECONDS if seconds is None else seconds)
-    found = prove_forever(schedule, read_program(file).image, limit)
+    with status("looking for a repeat of the chip's state"):
+        found = prove_forever(schedule, read_program(file).image, limit)
     if json:
         as_json(found.to_json())
     else:
@@ -119,7 +121,8 @@ def measure(
         trace = _running(file, clock, clock.round_seconds(seconds or MEASURED_SECONDS))
     else:
         trace = read_edges(file, clock, None if seconds is None else clock.round_seconds(seconds))
-    measurement = measured(trace)
+    with status("measuring"):
+        measurement = measured(trace)
     found = cautions(measurement, models)
     if json:
         warnings = [{"code": each.code, "text": each.text} for each in found]
