@@ -30,7 +30,7 @@ from servogen.compiler.settings import Settings
 from servogen.compiler.stack import check_stack
 from servogen.compiler.startup import RESET, arrange
 from servogen.compiler.timing import all_times
-from servogen.errors import InputError, nearest
+from servogen.errors import InputError, Place, nearest
 from servogen.pic.device import Device, device
 from servogen.pic.image import Image
 from servogen.pic.listing import Listing
@@ -80,6 +80,13 @@ def compile_sources(sources: Sequence[Source], options: Options | None = None) -
     try:
         return _compile(sources, options, reporter)
     except Fatal:
+        raise CompileError(reporter.ordered()) from None
+    except RecursionError:
+        reporter.error(
+            "something in the program is nested too deeply",
+            Place(sources[0].file),
+            hint="look for parentheses or braces that are never closed, or divide the expression",
+        )
         raise CompileError(reporter.ordered()) from None
 
 

@@ -1,0 +1,28 @@
+"""Wrong sources get diagnostics, never a traceback; the command `python -m tests.compiler.fuzz` tries many more."""
+
+import pytest
+
+from servogen.compiler import CompileError, Options, Source, compile_sources
+from tests.compiler.fuzz.__main__ import verdict
+from tests.compiler.fuzz.mutate import Corpus
+
+
+@pytest.mark.parametrize("first", range(0, 60, 15))
+def test_a_mutated_source_has_a_program_or_diagnostics(first: int) -> None:
+    for seed in range(first, first + 15):
+        text, dialect = Corpus.of_tests().mutated(seed)
+        kind, said = verdict(text, dialect, limit=False)
+        assert kind in ("program", "diagnostics"), f"seed {seed}: {said}"
+
+
+def test_the_same_seed_is_the_same_source() -> None:
+    corpus = Corpus.of_tests()
+    assert corpus.mutated(5) == corpus.mutated(5) != corpus.mutated(6)
+
+
+@pytest.mark.parametrize("opening", ["(", "-", "{", "if (1) ", "x = ", "(char)"])
+def test_deep_nesting_is_an_error_that_says_so(opening: str) -> None:
+    text = f"char x;\nvoid main(void) {{ {opening * 5000}x; }}"
+    with pytest.raises(CompileError) as caught:
+        compile_sources([Source(text, "deep.c")], Options(dialect="xc8"))
+    assert str(caught.value.diagnostics[-1]).startswith("deep.c")

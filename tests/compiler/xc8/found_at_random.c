@@ -1,0 +1,59 @@
+// expect: sixth == 6
+// expect: cleared == 0
+// expect: odd == 1
+// expect: flag == 1
+// expect: rounds == 6
+// expect: once == 1
+// expect: sum == 30
+// expect: masked == 0xFF7F
+// What random programs once showed, each smaller than it was found.
+#include <stdint.h>
+
+struct pair { uint8_t a; uint16_t b; };       // declared alone at file level
+union both { uint16_t whole; uint8_t part[2]; };
+
+uint8_t sixth, odd, rounds, once, sum;
+uint16_t words[2] = {0x8000, 0x1234}, cleared;
+bool flags[3] = {0, 1, 0}, flag;
+const uint8_t table[4] = {3, 7, 9, 11};
+union both two;
+uint32_t masked = 0x1234FFFF;
+
+static uint8_t added(const uint8_t *from, uint8_t count)
+{
+    uint8_t found = 0;
+    while (count--)
+        found += *from++;
+    return found;
+}
+
+static uint8_t never(uint8_t index)
+{
+    switch (0) {
+    case 8:
+        return table[index];
+    }
+    return 0;
+}
+
+void main(void)
+{
+    uint8_t index = 0, turns = 6, inner;
+
+    EEADR = 4;                                 // the number of FSR: a constant is no register
+    FSR = 4;
+    sixth = FSR + 2;
+    two.whole = 0x0101;
+    words[index & 1] = 0;                      // both bytes through INDF, which is register 0
+    cleared = words[0];
+    odd = (bit)(two.whole + 2);
+    flags[two.part[0]] |= 4;                   // a bool stays 0 or 1
+    flags[two.part[1]] -= 0;
+    flag = flags[1];
+L1: rounds++;                                  // not a label of the compiler's own
+    for (inner = 0; inner < 2; inner++)
+        once = (flag || 0) + (0 ^ (inner > 5));
+    if (--turns) goto L1;
+    sum = added(table, 4) + never(index);      // read by address only, for the other reading is dropped
+    masked &= ~(1U << 7);                      // 16 bits wide, so the upper ones go
+}
