@@ -16,6 +16,7 @@ from servogen.cli import (
     chip_commands,
     doctor_commands,
     gait_commands,
+    grade_commands,
     job_commands,
     motion_commands,
     plan_commands,
@@ -63,6 +64,7 @@ GROUPS = (
     plan_commands,
     doctor_commands,
     gait_commands,
+    grade_commands,
 )
 for group in GROUPS:
     group.register(app)

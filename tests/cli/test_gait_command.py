@@ -222,14 +222,20 @@ def test_a_leg_and_a_falling_robot_can_be_drawn_too(run: Run, tmp_path: Path) ->
     assert (tmp_path / "air.png").stat().st_size > 10_000
 
 
-def test_a_film_has_a_picture_a_frame_of_the_loop(run: Run, tmp_path: Path) -> None:
+def test_a_film_lasts_as_long_as_the_loop_in_as_many_pictures_as_are_allowed(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from PIL import Image
 
+    from servogen.report import scenes
+
+    monkeypatch.setattr(scenes, "MOST_PICTURES", 5)
     path = tmp_path / "walk.gif"
-    found = told(run, "--leg", "L2", "--gait", "wave", "--cycle-s", 0.48, "--animate", path)
+    found = told(run, "--leg", "L2", "--animate", path)
+    assert found["frames_per_cycle"] == 20
     with Image.open(path) as film:
-        assert film.n_frames == found["frames"] - found["loop_start"]
-        assert film.info["duration"] == 20
+        assert film.n_frames == 5
+        assert film.info["duration"] == 80
 
 
 def test_an_mp4_needs_ffmpeg(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
