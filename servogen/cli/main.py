@@ -16,7 +16,6 @@ from servogen.cli import (
     chip_commands,
     doctor_commands,
     gait_commands,
-    grade_commands,
     job_commands,
     motion_commands,
     plan_commands,
@@ -64,7 +63,6 @@ GROUPS = (
     plan_commands,
     doctor_commands,
     gait_commands,
-    grade_commands,
 )
 for group in GROUPS:
     group.register(app)
