@@ -13,9 +13,11 @@ import typer
 
 from servogen import __version__
 from servogen.cli import (
+    bench_commands,
     chip_commands,
     doctor_commands,
     gait_commands,
+    grade_commands,
     job_commands,
     motion_commands,
     plan_commands,
@@ -62,7 +64,9 @@ GROUPS = (
     motion_commands,
     plan_commands,
     doctor_commands,
+    bench_commands,
     gait_commands,
+    grade_commands,
 )
 for group in GROUPS:
     group.register(app)

@@ -1,0 +1,146 @@
+"""The check of a watched program against its lab: pulses and facts of the chip go in, a `Grade` comes out.
+
+Where a lab allows several pins or has several right ways, the program is held to each; it passes when one of
+them is right, and is told what is wrong with the one that it comes nearest to.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import product
+
+from servogen.edges import PINS
+from servogen.grade.chip import ChipFacts, cause, clock_words, silent_reasons
+from servogen.grade.grade import Grade, Row
+from servogen.grade.lab import Lab, Way
+from servogen.grade.order import order, order_reasons, sequence
+from servogen.grade.times import (
+    Stay,
+    end_reason,
+    pause_reasons,
+    period_reasons,
+    period_remark,
+    stays,
+    travel_reasons,
+)
+from servogen.grade.visits import visits, without_moves
+from servogen.grade.watch import PinPulses, Watched
+
+MOST_WIRINGS = 64
+
+
+def judge(lab: Lab, watched: Watched, chip: ChipFacts) -> Grade:
+    """The grade of a program that was watched."""
+    seconds = float(watched.clock.seconds(watched.end))
+    why = cause(lab, watched, chip)
+    if why is not None:
+        return Grade(lab.name, False, (why,), watched_s=seconds)
+    silent = tuple(silent_reasons(lab, watched, chip))
+    if silent:
+        return Grade(lab.name, False, silent, watched_s=seconds)
+    grades = [
+        _judge_way(lab, way, watched, pins, chip) for pins in _wirings(lab, watched) for way in lab.ways
+    ]
+    return min(grades, key=lambda grade: (not grade.passed, len(grade.reasons)))
+
+
+def _wirings(lab: Lab, watched: Watched) -> Iterator[tuple[int, ...]]:
+    """The pins that the servos may be on: the lab's own where it has pulses, else each allowed that has."""
+    choices = []
+    for each in lab.servos:
+        active = [PINS.index(pin) for pin in each.pins if PINS.index(pin) in watched.pins]
+        choices.append(active[:1] if PINS[active[0]] == each.pins[0] else active)
+    made = 0
+    for pins in product(*choices):
+        if len(set(pins)) == len(pins) and made < MOST_WIRINGS:
+            made += 1
+            yield pins
+
+
+def _judge_way(lab: Lab, way: Way, watched: Watched, numbers: tuple[int, ...], chip: ChipFacts) -> Grade:
+    pins = [watched.pins[number] for number in numbers]
+    names = [PINS[number] for number in numbers]
+    everything = visits(watched, pins, [each.servo for each in lab.servos], way.positions)
+    longest_move = int(lab.longest_move_s * watched.clock.cycles_per_second)
+    found = without_moves(everything, longest_move)
+    placed = order(found, way)
+    right = stays(watched, pins, found, placed.asked, placed.right)
+    ending = end_reason(lab, watched, pins, found, way)
+    reasons = (
+        *order_reasons(found, placed, lab, way),
+        *pause_reasons(lab, way, right),
+        *travel_reasons(lab, watched, pins, everything, right, way),
+        *period_reasons(lab, watched, names, pins, way, right),
+        *([ending] if ending else []),
+    )
+    clock = clock_words(lab, chip)
+    if reasons and clock:  # all else that is wrong is a consequence
+        reasons = (clock,)
+    return Grade(
+        lab=lab.name,
+        passed=not reasons,
+        reasons=reasons,
+        remarks=tuple(_remarks(lab, way, watched, numbers, pins, chip)),
+        pins=tuple((each.servo.name, name) for each, name in zip(lab.servos, names, strict=True)),
+        rows=tuple(_rows(way, watched, pins, right, len(lab.servos))),
+        seen=sequence(found, way),
+        watched_s=float(watched.clock.seconds(watched.end)),
+        for_ever=not reasons and chip.repeats,
+    )
+
+
+def _remarks(
+    lab: Lab, way: Way, watched: Watched, numbers: Sequence[int], pins: Sequence[PinPulses], chip: ChipFacts
+) -> Iterator[str]:
+    for each, number in zip(lab.servos, numbers, strict=True):
+        if PINS[number] != each.pins[0]:
+            yield (
+                f"the servo '{each.servo.name}' is on {PINS[number]}, not on the lab's {each.pins[0]}: "
+                "wire it there"
+            )
+    others = [PINS[pin] for pin in sorted(watched.pins) if pin not in numbers]
+    if others:
+        yield f"there are pulses on {', '.join(others)}, too, where no servo is"
+    if len(lab.ways) > 1 and way.name:
+        yield f"held to: {way.name}"
+    period = period_remark(watched, pins)
+    if period:
+        yield period
+    if not chip.configured:
+        yield "the program has no configuration word: an erased chip has its watchdog on"
+
+
+def _rows(
+    way: Way, watched: Watched, pins: Sequence[PinPulses], found: Sequence[Stay], servos: int
+) -> Iterator[Row]:
+    """What was measured at each position of the task."""
+    ms = float(watched.clock.cycle_us) / 1000
+    for number, position in enumerate(way.positions):
+        own = [stay for stay in found if stay.position == number]
+        told = [told for stay in own for told in stay.visit.told]
+        periods = [
+            value * ms
+            for stay in own
+            for pin in pins
+            for value in pin.periods(stay.visit.begin, stay.visit.end).tolist()
+        ]
+        whole = [stay for stay in own if stay.whole]
+        yield Row(
+            name=position.name,
+            visits=len(own),
+            widths_us=tuple(
+                _ends([each.widths_us[servo] for each in told]) for servo in range(servos) if told
+            ),
+            angles_deg=tuple(
+                _ends([math.degrees(each.angles[servo]) for each in told]) for servo in range(servos) if told
+            ),
+            periods_ms=_ends(periods) if periods else None,
+            stays_s=_ends([stay.stays_s for stay in whole]) if whole else None,
+            silent_s=_ends([stay.silent_s for stay in whole]) if whole else None,
+            pause_s=position.pause_s,
+        )
+
+
+def _ends(values: Sequence[float]) -> tuple[float, float]:
+    return min(values), max(values)

@@ -1,0 +1,206 @@
+"""A lab's task as data: `labs/*.toml` -> `Lab`.
+
+In: a lab's name, or the path of a TOML file. Out: its positions in order with what is allowed around them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from importlib.resources import as_file, files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+
+from pydantic import Field
+
+from servogen import tomlfile
+from servogen.edges import PINS
+from servogen.errors import InputError, Place, nearest
+from servogen.robot.servo import Servo, servo
+from servogen.robot.servo_models import servo_model
+from servogen.tomlfile import Document, Table
+from servogen.units import Clock
+
+SLACK_DEG = 4.0
+"""A servo's range in a lab's file may go so far beyond its travel: what a loop adds to a width."""
+
+
+class PositionTable(Table):
+    """One of a way's positions: for each servo the least and the greatest angle that is right."""
+
+    name: str
+    angles_deg: dict[str, tuple[float, float]] = Field(min_length=1)
+    pause_s: float | None = Field(default=None, gt=0)
+
+
+class WayTable(Table):
+    """[[way]]: one right way to do it."""
+
+    name: str = ""
+    positions: tuple[PositionTable, ...] = Field(min_length=2)
+
+
+class ServoTable(Table):
+    """[[servo]]: its model, the lab's pin and those on which it is right, too."""
+
+    name: str
+    model: str
+    pin: str
+    other_pins: tuple[str, ...] = ()
+
+
+class PeriodTable(Table):
+    """[period]"""
+
+    range_ms: tuple[float, float]
+    spread_us: float = Field(gt=0)
+
+
+class LabTable(Table):
+    """A whole lab file."""
+
+    title: str
+    task: str
+    clock_hz: int = Field(gt=0)
+    watch_s: float = Field(gt=0, le=3600)
+    rounds: int = Field(ge=1)
+    pause_tolerance_percent: float = Field(default=5.0, gt=0)
+    longest_move_s: float = Field(default=0.0, ge=0)
+    servo: tuple[ServoTable, ...] = Field(min_length=1)
+    period: PeriodTable
+    way: tuple[WayTable, ...] = Field(min_length=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Position:
+    """`ranges`: (least, greatest) right angle of each servo, radians, in the order of the lab's servos."""
+
+    name: str
+    ranges: tuple[tuple[float, float], ...]
+    pause_s: float | None
+
+    def holds(self, angles: tuple[float, ...]) -> bool:
+        return all(low <= angle <= high for angle, (low, high) in zip(angles, self.ranges, strict=True))
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """One right way: positions in order, again and again."""
+
+    name: str
+    positions: tuple[Position, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class LabServo:
+    """A servo of the task: on `pins[0]` in the lab, right on each of `pins`."""
+
+    servo: Servo
+    pins: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Lab:
+    """A task. Times in the unit of their name."""
+
+    name: str
+    title: str
+    task: str
+    clock: Clock
+    watch_s: float
+    rounds: int
+    pause_tolerance: float
+    """A share of the pause."""
+    longest_move_s: float
+    period_ms: tuple[float, float]
+    spread_us: float
+    servos: tuple[LabServo, ...]
+    ways: tuple[Way, ...]
+
+
+def names() -> tuple[str, ...]:
+    """The labs that come with servogen."""
+    return tuple(sorted(entry.name.removesuffix(".toml") for entry in _folder().iterdir()))
+
+
+def load_lab(name: str) -> Lab:
+    """The lab of that name, or in that .toml file. Raises InputError."""
+    if name.endswith(".toml"):
+        return _lab(Path(name).stem, *tomlfile.load(name, LabTable))
+    if name not in names():
+        hint = f"{nearest(name, names())} A lab of your own is a file that ends in .toml"
+        raise InputError(f"unknown lab '{name}'", Place(key="LAB"), hint)
+    with as_file(_folder() / f"{name}.toml") as path:
+        return _lab(name, *tomlfile.load(path, LabTable))
+
+
+def _folder() -> Traversable:
+    return files("servogen.grade") / "labs"
+
+
+def _lab(name: str, document: Document, table: LabTable) -> Lab:
+    low, high = table.period.range_ms
+    if not 0 < low < high:
+        raise document.error(("period", "range_ms"), "does not rise from a time to a longer one")
+    servos = tuple(_servo(document, index, each) for index, each in enumerate(table.servo))
+    known = [each.servo.name for each in servos]
+    for index, word in enumerate(known):
+        if word in known[:index]:
+            raise document.error(("servo", index, "name"), f"two servos have the name {word}")
+    ways = tuple(
+        Way(
+            way.name,
+            tuple(
+                _position(document, ("way", at, "positions", number), position, servos)
+                for number, position in enumerate(way.positions)
+            ),
+        )
+        for at, way in enumerate(table.way)
+    )
+    return Lab(
+        name=name,
+        title=table.title,
+        task=table.task,
+        clock=Clock(table.clock_hz),
+        watch_s=table.watch_s,
+        rounds=table.rounds,
+        pause_tolerance=table.pause_tolerance_percent / 100,
+        longest_move_s=table.longest_move_s,
+        period_ms=(low, high),
+        spread_us=table.period.spread_us,
+        servos=servos,
+        ways=ways,
+    )
+
+
+def _servo(document: Document, index: int, table: ServoTable) -> LabServo:
+    pins = (table.pin, *table.other_pins)
+    for pin in pins:
+        if pin not in PINS:
+            key = "pin" if pin == table.pin else "other_pins"
+            raise document.error(("servo", index, key), f"unknown pin '{pin}'", nearest(pin, PINS))
+    model = servo_model(table.model, place=document.place("servo", index, "model"))
+    return LabServo(servo(table.name, table.pin, model), pins)
+
+
+def _position(
+    document: Document, key: tuple[str | int, ...], table: PositionTable, servos: tuple[LabServo, ...]
+) -> Position:
+    known = [each.servo.name for each in servos]
+    for name in table.angles_deg:
+        if name not in known:
+            raise document.error((*key, "angles_deg", name), f"unknown servo '{name}'", nearest(name, known))
+    ranges = []
+    for each in servos:
+        name = each.servo.name
+        if name not in table.angles_deg:
+            raise document.error((*key, "angles_deg"), f"'{name}' is missing")
+        low, high = table.angles_deg[name]
+        least, greatest = (math.degrees(limit) for limit in each.servo.limits)
+        if not least - SLACK_DEG <= low < high <= greatest + SLACK_DEG:
+            raise document.error(
+                (*key, "angles_deg", name),
+                f"{low:g}° to {high:g}° is no range within the servo's {least:g}° to {greatest:g}°",
+            )
+        ranges.append((math.radians(low), math.radians(high)))
+    return Position(table.name, tuple(ranges), table.pause_s)

@@ -1,0 +1,58 @@
+"""`servogen grade`: table, JSON, pages and exit codes."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+PROGRAMS = Path(__file__).parents[1] / "grade" / "programs"
+
+Run = Callable[..., Any]
+
+
+def test_a_right_program_passes_with_exit_code_0(run: Run) -> None:
+    ran = run("grade", "lab8-exercise", PROGRAMS / "lab8-right" / "delays.c")
+    assert ran.code == 0
+    assert "1 of 1 passed" in ran.out
+
+
+def test_a_folder_is_graded_in_parallel_with_a_page_for_each(run: Run, tmp_path: Path) -> None:
+    for folder, name in (("lab8-right", "held.c"), ("lab8-wrong", "pause.c"), ("lab8-wrong", "syntax.c")):
+        (tmp_path / "class" / name[0]).mkdir(parents=True)
+        shutil.copy(PROGRAMS / folder / name, tmp_path / "class" / name[0] / "main.c")
+    ran = run("grade", "lab8-exercise", tmp_path / "class", "--json", "--pages", tmp_path / "pages")
+    assert ran.code == 1
+    programs = json.loads(ran.out)["programs"]
+    assert [(each["program"], each["passed"]) for each in programs] == [
+        ("h/main.c", True),
+        ("p/main.c", False),
+        ("s/main.c", False),
+    ]
+    pages = {path.name: path.read_text() for path in (tmp_path / "pages").iterdir()}
+    assert sorted(pages) == ["h-main.c.md", "p-main.c.md", "s-main.c.md"]
+    assert pages["h-main.c.md"].startswith("# h/main.c: passed")
+    assert "for ever." in pages["h-main.c.md"].splitlines()[-1]
+    assert "- after 90° there are no pulses for 4.02 s" in pages["p-main.c.md"]
+    assert "syntax error before 'for'" in pages["s-main.c.md"]
+
+
+def test_a_hex_file_beside_its_source_is_not_graded_twice(run: Run, tmp_path: Path) -> None:
+    shutil.copy(PROGRAMS / "lab8-right" / "delays.c", tmp_path / "ana.c")
+    (tmp_path / "ana.hex").write_text(":00000001FF\n")
+    ran = run("grade", "lab8-exercise", tmp_path, "--json")
+    assert ran.code == 0
+    assert "ana.hex: not graded, as its source stands beside it" in ran.err
+
+
+def test_an_empty_folder_and_an_unknown_lab_are_bad_input(run: Run, tmp_path: Path) -> None:
+    assert run("grade", "lab8-exercise", tmp_path).code == 2
+    assert run("grade", "lab7", PROGRAMS / "lab8-right").code == 2
+
+
+def test_a_file_that_is_not_there_fails_alone(run: Run, tmp_path: Path) -> None:
+    ran = run("grade", "lab8-exercise", tmp_path / "none.c", PROGRAMS / "lab8-right" / "delays.c", "--json")
+    assert ran.code == 1
+    first, second = json.loads(ran.out)["programs"]
+    assert "cannot be read" in first["reasons"][0]
+    assert second["passed"]

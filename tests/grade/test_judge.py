@@ -1,0 +1,149 @@
+"""The judge on pulses written down by hand, one fault at a time, without a compiler or a chip."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from servogen.edges import PINS, EdgeTrace, edge_chunk
+from servogen.grade import ChipFacts, Grade, judge, load_lab
+from servogen.grade.watch import MOST_EDGES, watch
+from servogen.units import Clock, Cycles
+
+LAB = load_lab("lab8-exercise")
+END = 100_000_000
+RB0 = PINS.index("RB0")
+W30, W90, W120 = 1167, 1500, 1667
+
+Step = tuple[int, int, int, int]
+"""Pulses, their width, their period, the pause behind them: in cycles of 1 µs."""
+
+
+def pulses(steps: Sequence[Step], end: int = END, again: bool = True) -> tuple[list[int], list[int]]:
+    rises, widths, now = [], [], 1000
+    while now < end:
+        for count, width, period, pause in steps:
+            for _ in range(count):
+                if now + width < end:
+                    rises.append(now)
+                    widths.append(width)
+                now += period
+            now += pause
+        if not again:
+            break
+    return rises, widths
+
+
+def grade(steps: Sequence[Step], pin: int = RB0, again: bool = True, chip: ChipFacts | None = None) -> Grade:
+    rises, widths = pulses(steps, again=again)
+    cycle = np.column_stack((rises, np.add(rises, widths))).ravel()
+    level = np.tile([1, 0], len(rises))
+    chunk = edge_chunk(cycle, np.full(len(cycle), pin), level)
+    return judge(LAB, watch(EdgeTrace(Clock(4_000_000), (chunk,), Cycles(END))), chip or ChipFacts())
+
+
+RIGHT: tuple[Step, ...] = ((100, W30, 20_000, 0), (250, W90, 20_000, 0), (150, W120, 20_000, 0))
+
+
+def changed(index: int, step: Step) -> list[Step]:
+    steps = list(RIGHT)
+    steps[index] = step
+    return steps
+
+
+def test_pulses_through_the_pauses_are_right() -> None:
+    assert grade(RIGHT).passed
+
+
+def test_pauses_without_pulses_are_right() -> None:
+    assert grade(
+        [(50, W30, 20_000, 2_000_000), (50, W90, 20_000, 5_000_000), (50, W120, 20_000, 3_000_000)]
+    ).passed
+
+
+def test_a_round_may_begin_anywhere() -> None:
+    assert grade([RIGHT[1], RIGHT[2], RIGHT[0]]).passed
+
+
+@pytest.mark.parametrize("percent", [-4.9, 4.9])
+def test_a_pause_within_the_tolerance_is_right(percent: float) -> None:
+    frames = round(250 * (1 + percent / 100))
+    assert grade(changed(1, (frames, W90, 20_000, 0))).passed
+
+
+@pytest.mark.parametrize("frames", [235, 265])
+def test_a_pause_outside_the_tolerance_is_told_with_its_length(frames: int) -> None:
+    (reason,) = grade(changed(1, (frames, W90, 20_000, 0))).reasons
+    assert reason == f"it stays at 90°, with pulses, for {frames * 0.02:.2f} s; asked for is a pause of 5 s"
+
+
+def test_one_wrong_pause_among_many_right_ones_is_found() -> None:
+    steps = [*RIGHT * 5, *changed(1, (150, W90, 20_000, 0)), *RIGHT * 5]
+    assert "for 3.00 s; asked for is a pause of 5 s" in grade(steps).reasons[0]
+
+
+@pytest.mark.parametrize(("width", "right"), [(1145, True), (1188, True), (1142, False), (1192, False)])
+def test_an_angle_is_right_within_four_degrees(width: int, right: bool) -> None:
+    """Four degrees of the S3001 are 4 × 1000 / 180 = 22.2 µs."""
+    assert grade(changed(0, (100, width, 20_000, 0))).passed is right
+
+
+def test_one_strange_pulse_is_found() -> None:
+    steps = [*RIGHT * 3, (100, W30, 20_000, 0), (1, 1900, 20_000, 0), *RIGHT[1:], *RIGHT * 3]
+    found = grade(steps)
+    assert not found.passed
+    assert any("1900 µs, which is 162.0°" in reason for reason in found.reasons)
+
+
+def test_a_missed_position_is_an_order_that_is_wrong() -> None:
+    assert grade(RIGHT[:2]).reasons[0].startswith("the order is 30° → 90° → 30°")
+
+
+def test_a_wandering_period_is_told() -> None:
+    steps = [(10, W30, 19_000 + 100 * step, 0) for step in range(10)] + list(RIGHT[1:])
+    (reason,) = grade(steps).reasons
+    assert reason.startswith("the period on RB0 drifts at 30°: 19.000 to 19.900 ms")
+
+
+def test_frames_of_two_lengths_are_told() -> None:
+    steps = [(1, W30, 19_000 + 900 * (step % 2), 0) for step in range(100)] + list(RIGHT[1:])
+    (reason,) = grade(steps).reasons
+    assert reason.startswith("the period on RB0 varies at 30°")
+
+
+def test_a_program_that_ends_is_told_when() -> None:
+    (reason,) = grade(RIGHT * 2, again=False).reasons
+    assert "only 1 whole round in 100 s" in reason
+    assert "the pulses end after 20.0 s" in reason
+
+
+def test_pulses_on_a_pin_that_is_not_allowed_are_told() -> None:
+    (reason,) = grade(RIGHT, pin=PINS.index("RA4")).reasons
+    assert "the pulses are on RA4, which is an open drain" in reason
+
+
+def test_a_watchdog_reset_is_the_one_cause() -> None:
+    (reason,) = grade(RIGHT[:1], chip=ChipFacts(watchdog_resets=7)).reasons
+    assert reason.startswith("the watchdog resets the chip 7 times in 100 s: turn it off")
+
+
+def test_a_pin_that_races_is_given_up_and_told() -> None:
+    cycle = np.arange(MOST_EDGES + 10) * 10
+    chunk = edge_chunk(cycle, np.full(len(cycle), RB0), 1 - np.arange(len(cycle)) % 2)
+    watched = watch(EdgeTrace(Clock(4_000_000), (chunk,), Cycles(END)))
+    assert watched.end < END
+    (reason,) = judge(LAB, watched, ChipFacts()).reasons
+    assert "these are no pulses for a servo" in reason
+
+
+def test_a_pin_that_never_moves_is_told_the_likely_cause() -> None:
+    nothing = watch(EdgeTrace(Clock(4_000_000), (), Cycles(END)))
+    for chip, words in (
+        (ChipFacts(inputs=frozenset({RB0})), "its bit in TRISB (bank 1) must be 0"),
+        (ChipFacts(sleeping=True), "the chip sleeps"),
+        (ChipFacts(lost=True), "it needs an endless loop"),
+        (ChipFacts(stack_wraps=3), "deeper than the chip's 8 levels"),
+        (ChipFacts(), "the program hangs before that"),
+    ):
+        (reason,) = judge(LAB, nothing, chip).reasons
+        assert words in reason

@@ -1,0 +1,74 @@
+"""A lab's file is checked: what is wrong in it is named with its line."""
+
+from pathlib import Path
+
+import pytest
+
+from servogen.errors import InputError
+from servogen.grade import load_lab, names
+
+LAB = """
+title = "A lab"
+task = "Left and right."
+clock_hz = 4_000_000
+watch_s = 10
+rounds = 2
+[period]
+range_ms = [18, 20]
+spread_us = 100
+[[servo]]
+name = "arm"
+model = "futaba-s3001"
+pin = "RB0"
+[[way]]
+positions = [
+    { name = "left", angles_deg = { arm = [0, 4] }, pause_s = 1 },
+    { name = "right", angles_deg = { arm = [176, 180] }, pause_s = 1 },
+]
+"""
+
+
+def test_the_labs_that_come_with_servogen_load() -> None:
+    assert names() == ("lab8-exercise", "lab9-exercise")
+    assert [position.pause_s for position in load_lab("lab8-exercise").ways[0].positions] == [2, 5, 3]
+    assert len(load_lab("lab9-exercise").ways) == 2
+
+
+def test_an_unknown_lab_is_told_which_are_known() -> None:
+    with pytest.raises(InputError, match="lab8-exercise"):
+        load_lab("lab8-exercize")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message", "line"),
+    [
+        ('pin = "RB0"', 'pin = "RB8"', "unknown pin 'RB8'", 13),
+        ('model = "futaba-s3001"', 'model = "futaba"', "unknown servo model", 12),
+        ("arm = [0, 4]", "leg = [0, 4]", "unknown servo 'leg'", 16),
+        ("arm = [0, 4]", "arm = [4, 0]", "4° to 0° is no range", 16),
+        (
+            "arm = [176, 180]",
+            "arm = [176, 190]",
+            "176° to 190° is no range within the servo's 0° to 180°",
+            17,
+        ),
+        ("range_ms = [18, 20]", "range_ms = [20, 18]", "does not rise", 8),
+        ("watch_s = 10", "watch_s = 0", "out of range", 5),
+        ("rounds = 2", "round = 2", "unknown key 'round'", 6),
+    ],
+)
+def test_what_is_wrong_in_a_lab_file_is_named(
+    tmp_path: Path, old: str, new: str, message: str, line: int
+) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(LAB.replace(old, new))
+    with pytest.raises(InputError) as caught:
+        load_lab(str(path))
+    assert message in str(caught.value)
+    assert caught.value.place is not None and caught.value.place.line == line
+
+
+def test_a_lab_of_ones_own_is_loaded_by_its_path(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(LAB)
+    assert load_lab(str(path)).name == "mine"

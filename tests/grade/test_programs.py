@@ -1,0 +1,120 @@
+"""Programs that do an exercise in different ways, right and wrong: each verdict is right and says why."""
+
+from pathlib import Path
+
+import pytest
+
+from servogen.cli.files import read_program
+from servogen.grade import Grade
+from servogen.pipeline.grading import grade_file
+
+PROGRAMS = Path(__file__).parent / "programs"
+ROOT = Path(__file__).parents[2]
+
+
+def graded(lab: str, file: Path) -> Grade:
+    done = grade_file(file, lab, read_program)
+    assert not done.defect
+    return done.grade
+
+
+LAB8_RIGHT = ("delays.c", "held.c", "interrupt.c", "loops.asm", "other_pin.c", "ramp.c", "timer.asm")
+
+
+@pytest.mark.parametrize("name", LAB8_RIGHT)
+def test_a_right_program_of_exercise_8_4_passes(name: str) -> None:
+    grade = graded("lab8-exercise", PROGRAMS / "lab8-right" / name)
+    assert grade.passed, grade.reasons
+    assert [row.name for row in grade.rows] == ["30°", "90°", "120°"]
+    assert all(row.visits >= 3 for row in grade.rows)
+
+
+def test_every_program_of_the_folders_is_asked_for() -> None:
+    assert sorted(path.name for path in (PROGRAMS / "lab8-right").iterdir()) == sorted(LAB8_RIGHT)
+    for lab, wrong in (("lab8", LAB8_WRONG), ("lab9", LAB9_WRONG)):
+        assert sorted(path.name for path in (PROGRAMS / f"{lab}-wrong").iterdir()) == sorted(wrong)
+
+
+LAB8_WRONG = {
+    "angle.c": (
+        "where 30° is asked for, 'arm' gets pulses of 1334 µs",
+        "the width is that of the Multiplex Tiny-S",
+    ),
+    "crystal.c": ("written for a crystal of 8 MHz, the board has 4 MHz",),
+    "drift.c": ("the period on RB0 drifts at",),
+    "few.c": ("the pulses for 90° last 0.18 s", "needs 0.58 s to get there"),
+    "hangs.c": ("there are no pulses for the servo 'arm' on RB0", "the program hangs before that"),
+    "hangs_later.c": ("no whole round in 100 s", "from 3.9 s on it stays where it is"),
+    "inputs.c": ("there are no pulses for the servo 'arm' on RB0: the pin is still an input", "TRISB"),
+    "no_config.asm": ("the watchdog resets the chip", "no configuration word, so the watchdog is on"),
+    "once.c": ("no whole round", "the pulses end after 12.8 s; it must go on for ever"),
+    "open_drain.c": ("the pulses are on RA4, which is an open drain and needs a pull-up resistor",),
+    "order.c": ("the order is 30° → 120° → 90° → 30°", "asked for is 30° → 90° → 120°"),
+    "pause.c": ("after 90° there are no pulses for 4.02 s; asked for is a pause of 5 s",),
+    "period.c": ("the period on RB0 at", "42.", "right is 17.5 to 20.5 ms"),
+    "stuck.c": ("RB0 goes high", "stays high: a pulse must end"),
+    "syntax.c": ("the program cannot be run", "syntax.c:11", "error: syntax error before 'for'"),
+    "too_wide.c": ("gets pulses of 301 µs; the Futaba S3001 takes 1000 to 2000 µs",),
+    "two.c": ("the order is 30° → 90° → 30° → 90°",),
+    "watchdog.asm": ("the watchdog resets the chip", "turn it off"),
+}
+
+
+@pytest.mark.parametrize("name", LAB8_WRONG)
+def test_a_wrong_program_of_exercise_8_4_is_told_what_is_wrong(name: str) -> None:
+    grade = graded("lab8-exercise", PROGRAMS / "lab8-wrong" / name)
+    assert not grade.passed
+    # One fault has one reason: what only follows from it is not told.
+    assert len(grade.reasons) == 1, grade.reasons
+    for words in LAB8_WRONG[name]:
+        assert words in grade.reasons[0]
+
+
+LAB9_WRONG = {
+    "backwards.c": ("the order is down and front → up and front → up and back → down and back",),
+    "one_servo.c": ("there are no pulses for the servo 'horizontal' on RB1",),
+    "other_pins.c": ("no pulses for the servo 'vertical' on RB0: the pulses are on RB4 and RB5",),
+    "swapped.c": ("the order is",),
+    "too_quick.c": ("the pulses for up and back last 0.02 s: a Multiplex Tiny-S needs 0.12 s",),
+}
+
+
+@pytest.mark.parametrize("name", LAB9_WRONG)
+def test_a_wrong_program_of_exercise_9_5_is_told_what_is_wrong(name: str) -> None:
+    grade = graded("lab9-exercise", PROGRAMS / "lab9-wrong" / name)
+    assert not grade.passed
+    for words in LAB9_WRONG[name]:
+        assert words in grade.reasons[0]
+
+
+def test_a_right_program_of_exercise_9_5_passes() -> None:
+    assert graded("lab9-exercise", PROGRAMS / "lab9-right" / "leg.c").passed
+
+
+def test_the_printed_program_of_lab_9_has_a_width_that_the_servo_does_not_take() -> None:
+    reasons = graded("lab9-exercise", ROOT / "tests" / "labs" / "PICIOR.c").reasons
+    assert any("502 µs; the Multiplex Tiny-S takes 1250 to 1750 µs" in reason for reason in reasons)
+
+
+@pytest.mark.parametrize("lab", ["lab8-exercise", "lab9-exercise"])
+@pytest.mark.parametrize("hex_file", ["main.hex", "main.xc8.hex"])
+def test_servogens_own_firmware_passes(lab: str, hex_file: str) -> None:
+    grade = graded(lab, ROOT / "firmware" / lab / hex_file)
+    assert grade.passed, grade.reasons
+    assert grade.for_ever
+
+
+def test_another_pin_is_right_and_remarked() -> None:
+    grade = graded("lab8-exercise", PROGRAMS / "lab8-right" / "other_pin.c")
+    assert grade.pins == (("arm", "RB3"),)
+    assert grade.remarks == ("the servo 'arm' is on RB3, not on the lab's RB0: wire it there",)
+
+
+def test_what_is_measured_is_what_the_program_does() -> None:
+    """delays.c: 1167 µs, low for 18 ms, then 2 s without pulses, and the cycles of its loops."""
+    row = graded("lab8-exercise", PROGRAMS / "lab8-right" / "delays.c").rows[0]
+    assert all(1167 <= width <= 1172 for width in row.widths_us[0])
+    assert row.periods_ms is not None and row.silent_s is not None and row.stays_s is not None
+    assert all(19.167 <= period <= 19.2 for period in row.periods_ms)
+    assert all(2.018 <= silent <= 2.019 for silent in row.silent_s)
+    assert all(3.91 <= stay <= 3.93 for stay in row.stays_s)
