@@ -72,7 +72,8 @@ UNWRITABLE = TO | PD
 RAM_FIRST, RAM_END = 0x0C, 0x50
 PCL_ADDRESS, STATUS_ADDRESS = 2, 3
 NO_SLOT = -1
-WAITS, PERIOD_SHIFT = 1 << WAITS_BIT, WAITS_BIT + 1
+WAITS, PERIOD_SHIFT, CLEARS_SHIFT = 1 << WAITS_BIT, WAITS_BIT + 1, WAITS_BIT + 9
+PERIOD_MASK, SPIN_CLEARS_SHIFT = 0xFF, 16
 PAGE_BITS = 0x18  # of PCLATH, for CALL and GOTO: section 2.4
 
 
@@ -168,8 +169,12 @@ def instruction_loop(observed: bool) -> Callable[..., int]:
                                     depth += 1
                                     base = (region + 1) * ROW
                     elif op == SPIN and stays(s, plain, pc):
-                        period = word >> 8
-                        cycle += (horizon - cycle) // period * period
+                        period = word >> 8 & PERIOD_MASK
+                        turns = (horizon - cycle) // period
+                        if word >> SPIN_CLEARS_SHIFT and turns:
+                            wdt_clear(s, cycle + (turns - 1) * period + 2 + (word >> SPIN_CLEARS_SHIFT))
+                            status |= UNWRITABLE
+                        cycle += turns * period
                         if cycle >= horizon:
                             break
                         start = cycle
@@ -214,9 +219,12 @@ def instruction_loop(observed: bool) -> Callable[..., int]:
                             if not skip and word & WAITS and stays(s, plain, pc):
                                 # the GOTO after it comes back here, and finds the same until then:
                                 limit = min(horizon, t0_flag_at(s)) if address & 127 == 0x0B else horizon
-                                period = word >> PERIOD_SHIFT
-                                if limit > start:
-                                    cycle += (limit - 1 - start) // period * period
+                                period = word >> PERIOD_SHIFT & PERIOD_MASK
+                                turns = max(0, limit - 1 - start) // period
+                                if word >> CLEARS_SHIFT and turns:
+                                    wdt_clear(s, start + (turns - 1) * period + 3 + (word >> CLEARS_SHIFT))
+                                    status |= UNWRITABLE
+                                cycle += turns * period
                         elif op == BCF:
                             r = v & ~(word >> 16) & 0xFF
                         elif op == BSF:
@@ -325,9 +333,8 @@ def instruction_loop(observed: bool) -> Callable[..., int]:
                     w = (v - w) & 0xFF
                     status = status & ~Z | (Z if w == 0 else 0)
                 elif op == CLRWDT:
-                    wdt_clear(s, cycle)
+                    wdt_clear(s, cycle)  # the deadline only moves away, so the horizon holds
                     status |= UNWRITABLE
-                    horizon = 0
                 elif op == SLEEP:
                     t0_sync(s, start)
                     if not requested(s):  # else it is a NOP: DS35007 section 6.11.3

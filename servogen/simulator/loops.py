@@ -3,8 +3,8 @@
 In: decoded program. Out: code with the places marked. A region is a strongly connected set of instructions
 that touch nothing but W, STATUS's flags and a few bytes of RAM: what it does, and how long it takes,
 depends on these alone, so the loop remembers it (`memo.py`). A region inside another one, past the other's
-heads, is one of its own. A wait is a GOTO back over NOPs and at most one bit test: it sees the same until
-something happens.
+heads, is one of its own. A wait
+is a GOTO back over NOPs, CLRWDTs and at most one bit test: it sees the same until something happens.
 
     outer  MOVLW 200        head of region 0: outer .. GOTO outer
            MOVWF a
@@ -51,6 +51,7 @@ EEDATA), INTCON."""
 _N = PROGRAM_WORDS
 _NAMES = {number: name for name, number in OPS.items()}
 _TESTS = ("BTFSC", "BTFSS")
+_IDLE = ("NOP", "CLRWDT")
 _SKIPS = (*_TESTS, "DECFSZ", "INCFSZ")
 _LITERAL = ("MOVLW", "ADDLW", "SUBLW", "ANDLW", "IORLW", "XORLW", "CLRW", "NOP", "GOTO")
 _IN_FILE = ("ADDWF", "ANDWF", "CLRF", "COMF", "DECF", "INCF", "IORWF", "MOVF", "MOVWF", "RLF", "RRF", "SUBWF")
@@ -168,12 +169,14 @@ def _waits(words: list[int]) -> dict[int, int]:
             continue
         body = [_name(words[a]) for a in range(target, address)]
         period = length + 2
-        if all(name == "NOP" for name in body):
-            marked[address] = SPIN | period << F_SHIFT
-        elif (
-            body[-1] in _TESTS and all(name == "NOP" for name in body[:-1]) and _is_polled(words[address - 1])
-        ):
-            marked[address - 1] = words[address - 1] | 1 << WAITS_BIT | period << (WAITS_BIT + 1)
+        clears = max((n + 1 for n, name in enumerate(body) if name == "CLRWDT"), default=0)
+        tested = words[address - 1]
+        if all(name in _IDLE for name in body):
+            marked[address] = SPIN | period << F_SHIFT | clears << (F_SHIFT + 8)
+        elif body[-1] in _TESTS and all(name in _IDLE for name in body[:-1]) and _is_polled(tested):
+            marked[address - 1] = (
+                tested | 1 << WAITS_BIT | period << (WAITS_BIT + 1) | clears << (WAITS_BIT + 9)
+            )
     return marked
 
 

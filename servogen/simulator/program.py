@@ -2,8 +2,11 @@
 
 In: an `Image`. Out: an int64 array of 1024, numbered from the table of `pic.isa`.
 
-    bit   0-5  6  7      8-14  15      16-23      24     25-     and in place of f and what follows: 8-18
-          op   d  flags  f     direct  mask of b  waits  period                                     k
+    bit   0-5  6  7      8-14  15      16-23      24     25-32   33-
+          op   d  flags  f     direct  mask of b  waits  period  clears
+
+A literal k stands in bits 8 to 18 instead of f and the rest; so do, from bit 8 on, a region's number, or a
+wait's period and clears, in the words that `loops.py` puts in an instruction's stead.
 """
 
 from __future__ import annotations

@@ -125,8 +125,12 @@ def _wait(rng: random.Random, here: int) -> list[int]:
         return [encode("NOP"), encode("BTFSC", f=6, b=rng.randrange(8)), encode("GOTO", k=here)]
     if kind == 2:
         return [encode("BTFSS", f=rng.choice(_RAM), b=rng.randrange(8)), encode("GOTO", k=here)]
-    if kind == 3 and rng.random() < 0.2:
-        return [encode("GOTO", k=here)]
+    if kind == 3 and rng.random() < 0.4:
+        clear = [encode("CLRWDT")] if rng.random() < 0.5 else []
+        return [*clear, encode("GOTO", k=here)]
+    if kind == 4:
+        body = rng.choices([encode("CLRWDT"), encode("NOP")], k=rng.randrange(1, 4))
+        return [*body, encode("BTFSS", f=rng.choice((0x0B, *_RAM)), b=2), encode("GOTO", k=here)]
     return [encode("CLRWDT")]
 
 

@@ -47,7 +47,8 @@ def test_regions_are_what_touches_only_w_flags_and_ram(source: str, heads: list[
         ("l btfss 0x20, 3\n goto l\n", [0]),
         ("l btfss FSR, 3\n goto l\n", []),
         ("l btfss TMR0, 3\n goto l\n", []),
-        ("l clrwdt\n goto l\n", []),
+        ("l nop\n clrwdt\n goto l\n", [2]),
+        ("l clrwdt\n btfss INTCON, T0IF\n goto l\n", [1]),
     ],
 )
 def test_waits_are_what_sees_the_same_until_something_happens(source: str, waits: list[int]) -> None:
