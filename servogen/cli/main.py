@@ -13,7 +13,6 @@ import typer
 
 from servogen import __version__
 from servogen.cli import (
-    bench_commands,
     chip_commands,
     doctor_commands,
     gait_commands,
@@ -64,7 +63,6 @@ GROUPS = (
     motion_commands,
     plan_commands,
     doctor_commands,
-    bench_commands,
     gait_commands,
     grade_commands,
 )
