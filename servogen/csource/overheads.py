@@ -15,7 +15,8 @@ class Path:
     """A way through the program from one edge to the next that has a delay of its own.
 
     `kind` is "start" (from reset to the first edge), "in" (inside a frame, after its edge `edge`),
-    "again" (from a frame to the same frame again) or "after" (from step `owner` to the next one).
+    "again" (from a frame to the same frame again), "turn" (from a call of step `owner` to its next call)
+    or "after" (from step `owner` to the next one).
     """
 
     kind: str

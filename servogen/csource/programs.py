@@ -11,7 +11,8 @@ overheads can be measured.
     └─ again                   └─ …
 
 The way back to the same frame and the way on to the next step differ in cycles; `gap` stops short of both by
-`MARGIN`, and `again` and the step's own wait make up what is left of each.
+`MARGIN`, and `again` and the step's own wait make up what is left of each. A run that is longer than a byte
+counts is a loop of calls, whose way back has a wait of its own (`turn`).
 """
 
 from __future__ import annotations
@@ -29,8 +30,11 @@ from servogen.units import Cycles
 MARGIN = Cycles(64)
 """More than any compiler's loop, return and call take between two frames."""
 
-MOST_FRAMES_A_CALL = 255
-"""A frame counter is one byte: its cycles do not depend on its value."""
+MOST_COUNTED = 255
+"""A counter of frames or calls is one byte: its cycles do not depend on its value."""
+
+FEW_FRAMES_A_CALL = 100
+"""A long run is made of equal calls of no fewer frames, if it can be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,13 +77,22 @@ class Position:
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """A step: `frames` times a position, or once a frame of its own (`position` None); then `after`."""
+    """A step: `frames` times a position, or once a frame of its own (`position` None); then `after`.
+
+    All of it `turns` times, with `turn` between two of them in place of `after`.
+    """
 
     number: int
     frame: Frame
     position: Position | None
     frames: int
+    turns: int
+    turn: Cycles
     after: Cycles
+
+    @property
+    def all_frames(self) -> int:
+        return self.turns * self.frames
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,15 +123,17 @@ class Sequence:
             if isinstance(step, Pause):
                 asked = Cycles(asked + step.wait)
                 continue
-            for again in reversed(range(step.frames)):
+            gap = step.position.gap if step.position else Cycles(0)
+            for left in reversed(range(step.all_frames)):
                 for index, edge in enumerate(step.frame.edges):
                     yield path, asked
                     path, asked = Path("in", _owner(step), index), edge.wait
-                gap = step.position.gap if step.position else Cycles(0)
-                if again and step.position:
-                    path, asked = Path("again", _owner(step)), Cycles(gap + step.position.again)
-                else:
+                if left == 0:
                     path, asked = Path("after", step.number), Cycles(gap + step.after)
+                elif left % step.frames == 0:
+                    path, asked = Path("turn", step.number), Cycles(gap + step.turn)
+                elif step.position:
+                    path, asked = Path("again", _owner(step)), Cycles(gap + step.position.again)
 
     def _steps(self) -> Iterator[Step]:
         yield from self.lead_in
@@ -134,7 +149,8 @@ def _owner(step: Hold) -> int:
 def sequence(schedule: PulseSchedule, overheads: Overheads) -> Sequence:
     """The program of a schedule. Raises InputError where the schedule leaves a delay no time."""
     lead_in, loop = _split(schedule.lead_in), _split(schedule.loop)
-    runs = (*lead_in, *loop)
+    parts = (*lead_in, *loop)
+    runs = tuple(part.run for part in parts)
     pulsed = [run for run in runs if _pulsed(run)]
     if not pulsed:
         raise InputError("the schedule has no pulse")
@@ -151,23 +167,45 @@ def sequence(schedule: PulseSchedule, overheads: Overheads) -> Sequence:
         number: _position(schedule, number, frames, owners, exits, overheads) for number in numbers.values()
     }
     steps = tuple(
-        Pause(run.frames, Cycles(run.frames * schedule.period))
+        Pause(part.run.frames, Cycles(part.run.frames * schedule.period))
         if frame is None
-        else _hold(step, frame, positions.get(owners[step]), exits[step], overheads)
-        for step, (run, frame) in enumerate(zip(runs, frames, strict=True))
+        else _hold(schedule, step, part, frame, positions.get(owners[step]), exits[step], overheads)
+        for step, (part, frame) in enumerate(zip(parts, frames, strict=True))
     )
     start = _delay(schedule.period, START, overheads, "from reset to the first edge")
     return Sequence(schedule, start, tuple(positions.values()), steps[: len(lead_in)], steps[len(lead_in) :])
 
 
-def _split(runs: tuple[Run, ...]) -> tuple[Run, ...]:
-    """The same frames in runs that a one-byte counter can count."""
-    parts = []
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """A run that is made `turns` times."""
+
+    run: Run
+    turns: int = 1
+
+
+def _split(runs: tuple[Run, ...]) -> tuple[_Part, ...]:
+    """The same frames in parts whose frames and turns one byte each can count."""
+    parts: list[_Part] = []
     for run in runs:
-        whole, rest = divmod(run.frames, MOST_FRAMES_A_CALL) if _pulsed(run) else (0, run.frames)
-        parts += [Run(MOST_FRAMES_A_CALL, run.pulses)] * whole
-        parts += [Run(rest, run.pulses)] if rest else []
+        if not _pulsed(run):
+            parts.append(_Part(run))
+            continue
+        left = run.frames
+        while left > MOST_COUNTED:
+            size, turns = _equal_calls(left)
+            parts.append(_Part(Run(size, run.pulses), turns))
+            left -= size * turns
+        parts += [_Part(Run(left, run.pulses))] if left else []
     return tuple(parts)
+
+
+def _equal_calls(frames: int) -> tuple[int, int]:
+    """(frames a call, calls) for all of `frames`, or for as many as that can do."""
+    for size in range(MOST_COUNTED, FEW_FRAMES_A_CALL, -1):
+        if frames % size == 0 and frames // size <= MOST_COUNTED:
+            return size, frames // size
+    return MOST_COUNTED, min(frames // MOST_COUNTED, MOST_COUNTED)
 
 
 def _pulsed(run: Run) -> bool:
@@ -231,7 +269,7 @@ def _position(
 ) -> Position:
     mine = [step for step, owner in enumerate(owners) if owner == number]
     frame = next(frame for step in mine if (frame := frames[step]))
-    around = schedule.period - frame.last + frame.first
+    around = _around(schedule, frame)
     gap = _checked(
         min([around, *(leave for step in mine if (leave := exits[step]))]) - MARGIN, "between frames"
     )
@@ -239,14 +277,27 @@ def _position(
     return Position(number, frame, gap, again)
 
 
+def _around(schedule: PulseSchedule, frame: Frame) -> Cycles:
+    """From a frame's last edge to the first of the same frame again."""
+    return Cycles(schedule.period - frame.last + frame.first)
+
+
 def _hold(
-    step: int, frame: Frame, position: Position | None, leave: Cycles | None, overheads: Overheads
+    schedule: PulseSchedule,
+    step: int,
+    part: _Part,
+    frame: Frame,
+    position: Position | None,
+    leave: Cycles | None,
+    overheads: Overheads,
 ) -> Hold:
-    after = Cycles(0)
+    gap = position.gap if position else 0
+    turn = after = Cycles(0)
+    if part.turns > 1:
+        turn = _delay(_around(schedule, frame) - gap, Path("turn", step), overheads, "between frames")
     if leave is not None:
-        gap = position.gap if position else 0
         after = _delay(leave - gap, Path("after", step), overheads, "between frames")
-    return Hold(step, frame, position, frame.run.frames, after)
+    return Hold(step, frame, position, part.run.frames, part.turns, turn, after)
 
 
 def _delay(cycles: int, path: Path, overheads: Overheads, where: str) -> Cycles:

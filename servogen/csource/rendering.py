@@ -15,7 +15,7 @@ from traceback import walk_tb
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError, TemplateSyntaxError
 
-from servogen.csource.programs import Frame, Pause, Sequence, Step
+from servogen.csource.programs import Frame, Hold, Pause, Sequence, Step
 from servogen.csource.waits import CALLS
 from servogen.errors import Place, ServogenError
 from servogen.pic.device import Device, oscillator_for
@@ -59,6 +59,9 @@ def render(program: Sequence, dialect: str, device: Device, title: str) -> str:
                     for position in program.positions
                 ],
                 lead_in=[_step(step, program.schedule, dialect) for step in program.lead_in],
+                counts_turns=any(
+                    isinstance(step, Hold) and step.turns > 1 for step in (*program.lead_in, *program.loop)
+                ),
                 loop=[_step(step, program.schedule, dialect) for step in program.loop],
             )
         )
@@ -112,12 +115,14 @@ class _PositionText:
 
 @dataclass(frozen=True, slots=True)
 class _StepText:
-    """A call of a position, a frame of its own (`lines`) or a pause."""
+    """A call of a position (`turns` times, if that is not 0), a frame of its own (`lines`) or a pause."""
 
     call: str
     lines: tuple[_LineText, ...]
     comment: str
     after: str
+    turns: int = 0
+    turn: str = ""
 
 
 def _channels(schedule: PulseSchedule) -> Iterator[_ChannelText]:
@@ -164,9 +169,10 @@ def _step(step: Step, schedule: PulseSchedule, dialect: str) -> _StepText:
     after = _calls(step.after, dialect, clock)
     comment = _frame_text(step.frame, schedule)
     if step.position:
-        seconds = _number(clock.seconds(step.frames * schedule.period))
+        seconds = _number(clock.seconds(step.all_frames * schedule.period))
         call = f"position_{step.position.number}({step.frames});"
-        return _StepText(call, (), f"{comment}, for {seconds} s", after)
+        turns, turn = (step.turns, _calls(step.turn, dialect, clock)) if step.turns > 1 else (0, "")
+        return _StepText(call, (), f"{comment}, for {seconds} s", after, turns, turn)
     return _StepText("", _lines(step.frame, schedule, dialect), comment, after)
 
 

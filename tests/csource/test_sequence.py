@@ -89,10 +89,17 @@ def test_without_the_overheads_the_edges_are_off_by_them() -> None:
 
 
 def test_a_run_longer_than_a_byte_counts_is_split_and_keeps_its_period() -> None:
-    schedule = schedule_of([], [(1000, [1500])])
-    program = sequence(schedule, Overheads())
-    assert [step.frames for step in program.loop] == [255, 255, 255, 235]
-    assert ran(schedule, {}, 1, 2400) == expected_times(schedule, 2400)
+    for frames, calls in ((1000, [(250, 4)]), (256, [(128, 2)]), (257, [(255, 1), (2, 1)])):
+        schedule = schedule_of([], [(frames, [1500])])
+        program = sequence(schedule, Overheads())
+        assert [(step.frames, step.turns) for step in program.loop] == calls
+        assert ran(schedule, {Path("turn", 0): 9}, 1, 2400) == expected_times(schedule, 2400)
+
+
+def test_a_day_of_the_same_frame_is_a_few_steps() -> None:
+    program = sequence(schedule_of([], [(4_320_000, [1500])]), Overheads())
+    assert sum(step.all_frames for step in program.loop) == 4_320_000
+    assert len(program.loop) < 70
 
 
 def test_edges_closer_than_their_statements_are_refused() -> None:
