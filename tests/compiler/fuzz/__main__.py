@@ -1,4 +1,6 @@
-"""python -m tests.compiler.fuzz: mutated sources. The compiler must answer each with a program or with diagnostics."""
+"""python -m tests.compiler.fuzz: mutated sources. The compiler must answer each with a program or with
+diagnostics.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Broken programs: whole ones with tokens or bytes taken out, doubled, exchanged or put in.
 
-In: the C files of the tests, and a seed. Out: a text and the dialect in which it is to be compiled; the same seed,
-the same text.
+In: the C files of the tests, and a seed. Out: a text and the dialect in which it is to be compiled; the
+same seed, the same text.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""Wrong sources get diagnostics, never a traceback; the command `python -m tests.compiler.fuzz` tries many more."""
+"""Wrong sources get diagnostics, never a traceback; the command `python -m tests.compiler.fuzz` tries many
+more.
+"""
 
 import pytest
 

@@ -1,6 +1,7 @@
 """The same programs on the host and on the simulated chip.
 
-In: programs. Out: for each an `Outcome`: what gcc's and our compiler's code left, or why there is nothing to compare.
+In: programs. Out: for each an `Outcome`: what gcc's and our compiler's code left, or why there is nothing
+to compare.
 """
 
 from __future__ import annotations
@@ -39,7 +40,9 @@ Check = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class Outcome:
-    """`kind`: "same", "different", "refused" (an error for a correct program), "too big", "crash", "endless"."""
+    """`kind`: "same", "different", "refused" (an error for a correct program), "too big", "crash",
+    "endless".
+    """
 
     kind: str
     expected: Check | None = None

@@ -47,6 +47,27 @@ EDGES = (0, 1, 2, 3, 7, 8, 10, 15, 16, 31, 63, 64, 100, 127, 128, 129, 200, 254,
 WIDE_EDGES = (256, 257, 511, 1000, 0x7F00, 0x7FFF, 0x8000, 0x8001, 0xFF00, 0xFFFE, 0xFFFF)
 WIDEST_EDGES = (0x10000, 0xFFFFFF, 0x800000, 100000, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 0x12345678)
 MAX_CALL_COST = 4000
+_PURE = dict[str, float](
+    binary=6, shift=1.5, divide=0.7, compare=1.2, unary=1.2, cast=1, choice=0.6, logic=0.5, bit=0.4
+)
+_EXPR = dict[str, float](
+    binary=6,
+    shift=1.5,
+    divide=0.8,
+    compare=1.4,
+    unary=1.2,
+    cast=1,
+    choice=0.7,
+    logic=0.8,
+    bit=0.3,
+    comma=0.15,
+    assign=0.3,
+    update=0.3,
+    step=0.5,
+    call=1.2,
+    sizeof=0.05,
+)
+"""How often each kind of expression is made; pure ones have no side effects."""
 
 
 class Expressions:
@@ -159,45 +180,13 @@ class Expressions:
         """Without side effects."""
         if depth <= 0 or self.chance(0.2):
             return self.leaf(touch, depth)
-        kind = self.pick(
-            {
-                "binary": 6,
-                "shift": 1.5,
-                "divide": 0.7,
-                "compare": 1.2,
-                "unary": 1.2,
-                "cast": 1,
-                "choice": 0.6,
-                "logic": 0.5,
-                "bit": 0.4,
-            }
-        )
-        return self.operator(kind, depth, touch, self.pure)
+        return self.operator(self.pick(_PURE), depth, touch, self.pure)
 
     def expr(self, depth: int, touch: Touch) -> Expr:
         """Perhaps with side effects."""
         if depth <= 0 or self.chance(0.15):
             return self.leaf(touch, depth)
-        kind = self.pick(
-            {
-                "binary": 6,
-                "shift": 1.5,
-                "divide": 0.8,
-                "compare": 1.4,
-                "unary": 1.2,
-                "cast": 1,
-                "choice": 0.7,
-                "logic": 0.8,
-                "bit": 0.3,
-                "comma": 0.15,
-                "assign": 0.3,
-                "update": 0.3,
-                "step": 0.5,
-                "call": 1.2,
-                "sizeof": 0.05,
-            }  # fmt: skip
-        )
-        return self.operator(kind, depth, touch, self.expr)
+        return self.operator(self.pick(_EXPR), depth, touch, self.expr)
 
     def operator(self, kind: str, depth: int, touch: Touch, inner: Callable[[int, Touch], Expr]) -> Expr:
         low = depth - 1

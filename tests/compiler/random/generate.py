@@ -1,7 +1,7 @@
 """A random program from a seed: the same seed, the same program.
 
-In: a seed and a dialect. Out: a `Program` that has no undefined behaviour in C, ends after a bounded number of
-operations and leaves a checksum of all that it computed.
+In: a seed and a dialect. Out: a `Program` that has no undefined behaviour in C, ends after a bounded number
+of operations and leaves a checksum of all that it computed.
 """
 
 from __future__ import annotations
@@ -23,11 +23,13 @@ from tests.compiler.random.program import (
     Array,
     Element,
     Expr,
+    ExprStmt,
     Function,
     Int,
     Loop,
     Member,
     MemberOf,
+    Num,
     Out,
     Pointer,
     Program,
@@ -263,8 +265,6 @@ class Generator(Statements):
             touch = Touch()
             call = self.call(1, touch, function)
             if call is not None:
-                from tests.compiler.random.program import ExprStmt
-
                 body.append(Out(call) if function.result else ExprStmt(call))
         body += self.body(3, self.rng.randrange(2, 7))
         for variable in self.globals:
@@ -279,7 +279,6 @@ class Generator(Statements):
         if isinstance(kind, Struct):
             return [Out(each) for each in _members(Var(variable), kind)]
         assert isinstance(kind, Array)
-        counters = [self.counter(size) for size in kind.dims]
         counters = []
         for size in kind.dims:
             counters.append(self.counter(size))
@@ -295,8 +294,6 @@ class Generator(Statements):
 
 
 def _members(base: Var | Element, kind: Struct) -> list[Expr]:
-    from tests.compiler.random.program import Num
-
     found: list[Expr] = []
     for member in kind.members:
         place = MemberOf(base, member)

@@ -1,10 +1,10 @@
 """A program as C for the host's gcc, with the arithmetic of a 16-bit `int` spelled out.
 
-In: a `Program`. Out: functions whose every operation is computed in `int64_t` (nothing overflows there that is
-not then cut off: products have at most 64 bits and wrap, with -fwrapv) and brought to its type by a macro of
-that type's name. So gcc's own promotions never decide anything: an operation's value is the mathematical one,
-taken modulo 2**bits of the type that `typing_rules` gives. Objects in memory have the types of <stdint.h>; a
-24-bit one lies in 32 bits, already cut.
+In: a `Program`. Out: functions whose every operation is computed in `int64_t` (nothing overflows there that
+is not then cut off: products have at most 64 bits and wrap, with -fwrapv) and brought to its type by a macro
+of that type's name. So gcc's own promotions never decide anything: an operation's value is the mathematical
+one, taken modulo 2**bits of the type that `typing_rules` gives. Objects in memory have the types of
+<stdint.h>; a 24-bit one lies in 32 bits, already cut.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""What both spellings of a program share: statements, loops, and how indices, divisors and counts are guarded.
+"""What both spellings of a program share: statements, loops, and how indices, divisors and counts are
+guarded.
 
 In: statements. Out: lines of C. The guards are decided here, from the program alone, so that both spellings
 always agree and no cut or replaced part can make behaviour undefined.

@@ -1,18 +1,19 @@
 """A random program as a value: types, variables, expressions, statements, functions.
 
-In: nothing; `generate` makes these values, `shrink` cuts them, `target_c` and `host_c` print them. Nodes carry no
-types of their own: `typing_rules` derives them, so any part may be replaced by any other.
+In: nothing; `generate` makes these values, `shrink` cuts them, `target_c` and `host_c` print them. Nodes
+carry no types of their own: `typing_rules` derives them, so any part may be replaced by any other.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Union
 
 
 @dataclass(frozen=True)
 class Int:
-    """An integer type by its own name; `kind` is "int", "bool" (0 or 1 by truth) or "bit" (the lowest bit)."""
+    """An integer type by its own name; `kind` is "int", "bool" (0 or 1 by truth) or "bit" (the lowest
+    bit).
+    """
 
     name: str
     bits: int
@@ -89,15 +90,15 @@ class Pointer:
         return 2 if self.const else 1
 
 
-Type = Union[Int, Array, Struct, Pointer]
+Type = Int | Array | Struct | Pointer
 
 
 @dataclass(eq=False)
 class Variable:
     """`storage`: "global", "const", "static", "local", "param", "counter".
 
-    `initial` is a flat tuple of numbers, or an expression for a local. `pointees` are the objects that a pointer
-    may point to. `limit` is a bound that a counter stays below.
+    `initial` is a flat tuple of numbers, or an expression for a local. `pointees` are the objects that a
+    pointer may point to. `limit` is a bound that a counter stays below.
     """
 
     name: str
@@ -211,7 +212,7 @@ class SizeOf:
     type: Int
 
 
-Place = Union[Var, Element, MemberOf, Deref]
+Place = Var | Element | MemberOf | Deref
 
 
 @dataclass(frozen=True)
@@ -260,10 +261,28 @@ class TestBit:
     bit: int
 
 
-Expr = Union[
-    Num, Var, Element, MemberOf, Deref, Unary, Binary, Divide, Shift, Logic, Choice, Comma, Cast,
-    SizeOf, Assign, Update, Step, AddressOf, Call, TestBit,
-]  # fmt: skip
+Expr = (
+    Num
+    | Var
+    | Element
+    | MemberOf
+    | Deref
+    | Unary
+    | Binary
+    | Divide
+    | Shift
+    | Logic
+    | Choice
+    | Comma
+    | Cast
+    | SizeOf
+    | Assign
+    | Update
+    | Step
+    | AddressOf
+    | Call
+    | TestBit
+)
 
 
 @dataclass(frozen=True)
@@ -287,7 +306,9 @@ class If:
 
 @dataclass(frozen=True)
 class Loop:
-    """`form`: "up", "down", "while", "countdown", "do", "guarded" (with `condition`); at most `rounds` rounds."""
+    """`form`: "up", "down", "while", "countdown", "do", "guarded" (with `condition`); at most `rounds`
+    rounds.
+    """
 
     form: str
     counter: Variable
@@ -298,7 +319,9 @@ class Loop:
 
 @dataclass(frozen=True)
 class Walk:
-    """A pointer over the whole of an array, a step a round; with a value or target by `*p++ = value` or `target = *p++`."""
+    """A pointer over the whole of an array, a step a round; with a value or target by `*p++ = value` or
+    `target = *p++`.
+    """
 
     pointer: Variable
     array: Variable
@@ -389,9 +412,23 @@ class Return:
     value: Expr | None
 
 
-Stmt = Union[
-    ExprStmt, Out, If, Loop, Walk, Switch, Jump, Skip, Leave, Again, Block, Point, CopyStruct, SetBit, Return
-]  # fmt: skip
+Stmt = (
+    ExprStmt
+    | Out
+    | If
+    | Loop
+    | Walk
+    | Switch
+    | Jump
+    | Skip
+    | Leave
+    | Again
+    | Block
+    | Point
+    | CopyStruct
+    | SetBit
+    | Return
+)
 
 
 @dataclass(eq=False)

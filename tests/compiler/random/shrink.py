@@ -1,8 +1,9 @@
 """Makes a failing program smaller while it still fails in the same way.
 
-In: a program and its outcome. Out: the smallest program found, and its outcome. Statements are left out, bodies
-put in the place of what controls them, expressions replaced by their parts or by a number; variables and
-functions that nothing names go too. Guards are made when printing, so every cut program is still well defined.
+In: a program and its outcome. Out: the smallest program found, and its outcome. Statements are left out,
+bodies put in the place of what controls them, expressions replaced by their parts or by a number; variables
+and functions that nothing names go too. Guards are made when printing, so every cut program is still well
+defined.
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ from tests.compiler.random.program import (
     AddressOf,
     Again,
     Array,
+    Binary,
     Block,
     Case,
     CopyStruct,
@@ -23,6 +24,7 @@ from tests.compiler.random.program import (
     Jump,
     Leave,
     Loop,
+    Num,
     Out,
     Point,
     Pointer,
@@ -41,8 +43,8 @@ from tests.compiler.random.touch import CHECKSUM, Touch
 
 _WEIGHTS = {
     "assign": 5.0, "update": 3.0, "step": 1.5, "out": 1.5, "call": 1.2, "if": 3.0, "loop": 1.5, "walk": 0.7,
-    "switch": 0.9, "skip": 0.4, "again": 0.25, "block": 0.5, "point": 0.6, "copy": 0.4, "bits": 0.7, "jump": 0.8,
-    "leave": 0.5, "return": 0.25, "expr": 0.2,
+    "switch": 0.9, "skip": 0.4, "again": 0.25, "block": 0.5, "point": 0.6, "copy": 0.4, "bits": 0.7,
+    "jump": 0.8, "leave": 0.5, "return": 0.25, "expr": 0.2,
 }  # fmt: skip
 _COMPOUND = ("if", "loop", "walk", "switch", "skip", "again", "block")
 _COUNTERS = ((U8, "i"), (U8, "i"), (U8, "i"), (U16, "n"), (S16, "k"))
@@ -310,6 +312,4 @@ class Statements(Expressions):
 
 
 def _reduced(value: Expr, most: int) -> Expr:
-    from tests.compiler.random.program import Binary, Num
-
     return Binary("&", value, Num(most))

@@ -1,7 +1,7 @@
 """A program as C of a dialect, ending with its checksum at fixed addresses of the RAM.
 
-In: a `Program`. Out: source text. The bytes: two running sums at 0x4D and 0x4E, the count at 0x4F, and 0xA5 at
-0x4C when main has come to its end.
+In: a `Program`. Out: source text. The bytes: two running sums at 0x4D and 0x4E, the count at 0x4F, and 0xA5
+at 0x4C when main has come to its end.
 """
 
 from __future__ import annotations
@@ -83,10 +83,10 @@ void out(unsigned char v) {
 }
 """
 _WIDER = {
-    2: "void out2(uint16_t v) { out((unsigned char)v); out((unsigned char)(v >> 8)); }\n",
-    3: "void out3(uint24_t v) { out((unsigned char)v); out((unsigned char)(v >> 8)); out((unsigned char)(v >> 16)); }\n",
-    4: "void out4(uint32_t v) { out((unsigned char)v); out((unsigned char)(v >> 8)); "
-    "out((unsigned char)(v >> 16)); out((unsigned char)(v >> 24)); }\n",
+    size: f"void out{size}({kind} v) {{ "
+    + " ".join(f"out((unsigned char)(v >> {shift}));" for shift in range(0, 8 * size, 8))
+    + " }\n"
+    for size, kind in ((2, "uint16_t"), (3, "uint24_t"), (4, "uint32_t"))
 }
 
 _INTERRUPT = {

@@ -1,8 +1,8 @@
 """What the parts of an expression touch, so that no value depends on the order of evaluation.
 
-In: reads and writes of whole objects, in the order in which the expression is made. Out: whether one more is
-allowed: nothing is written that an unsequenced neighbour reads or writes (ISO C 6.5p2); calls count with all that
-they reach, since the order of calls is open too (6.5.2.2p10).
+In: reads and writes of whole objects, in the order in which the expression is made. Out: whether one more
+is allowed: nothing is written that an unsequenced neighbour reads or writes (ISO C 6.5p2); calls count with
+all that they reach, since the order of calls is open too (6.5.2.2p10).
 """
 
 from __future__ import annotations

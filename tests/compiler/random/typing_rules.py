@@ -1,7 +1,8 @@
-"""The types of expressions by ISO C 6.3.1 and 6.5 on a chip whose `int` has 16 bits, written down a second time.
+"""The types of expressions by ISO C 6.3.1 and 6.5 on a chip whose `int` has 16 bits, written down a second
+time.
 
-In: an expression and the dialect. Out: its `Int` type. In C2C `char` and `int` are unsigned, a literal that fits
-15 bits is signed, and the promotion of an 8-bit type keeps its sign.
+In: an expression and the dialect. Out: its `Int` type. In C2C `char` and `int` are unsigned, a literal that
+fits 15 bits is signed, and the promotion of an 8-bit type keeps its sign.
 """
 
 from __future__ import annotations

@@ -1,0 +1,102 @@
+"""Random programs do the same when gcc and when servogen compiles them; the generator itself is sound."""
+
+from dataclasses import replace
+
+import pytest
+
+from tests.compiler.random.compare import Outcome, compare, host
+from tests.compiler.random.generate import generate
+from tests.compiler.random.host_c import PRELUDE
+from tests.compiler.random.program import BOOL, S8, S16, S24, U8, U16, U24, U32, Num, Out, Program
+from tests.compiler.random.shrink import candidates
+from tests.compiler.random.target_c import TargetC
+from tests.compiler.random.typing_rules import common, literal
+
+BATCH, BATCHES = 25, 6
+
+
+@pytest.mark.parametrize("number", range(BATCHES))
+def test_both_compilers_agree(number: int) -> None:
+    assert_same(programs_from(1_000_000 + number * BATCH), least=0.9)
+
+
+def test_both_agree_without_the_optimiser() -> None:
+    assert_same(programs_from(2_000_000), least=0.5, optimise=False)
+
+
+def programs_from(first: int) -> list[Program]:
+    return [generate(seed, ("c2c", "xc8")[seed % 2]) for seed in range(first, first + BATCH)]
+
+
+def assert_same(programs: list[Program], *, least: float, optimise: bool = True) -> None:
+    """All results are equal, and at least so much of the programs fits the chip."""
+    outcomes = compare(programs, optimise=optimise)
+    pairs = list(zip(programs, outcomes, strict=True))
+    wrong = [report(program, outcome) for program, outcome in pairs if outcome.bad]
+    assert not wrong, "\n".join(wrong)
+    assert sum(outcome.kind == "same" for outcome in outcomes) >= least * len(programs)
+
+
+def report(program: Program, outcome: Outcome) -> str:
+    again = "python -m tests.compiler.random --seeds 1 --first"
+    seed = 2 * program.seed + (program.dialect == "c2c")
+    return f"{outcome.kind}: gcc {outcome.expected}, chip {outcome.got} {outcome.message}; {again} {seed}"
+
+
+def test_a_seed_is_a_program() -> None:
+    texts = [TargetC(generate(seed, "xc8")).text() for seed in (1, 2, 1)]
+    assert texts[0] == texts[2] != texts[1]
+
+
+def test_the_host_keeps_the_widths_of_the_chip() -> None:
+    """The checksum of one value shows its bytes: (v << 1 | v >> 7 of the one before) ^ v."""
+    empty = replace(generate(0, "xc8"), globals=(), structs=(), functions=())
+    main = generate(0, "xc8").functions[-1]
+    main.locals, main.body = (), (Out(Num(0x1234)),)
+    (found,) = host([replace(empty, functions=(main,))])
+    first = 0x34
+    second = first << 1 & 0xFF ^ 0x12
+    assert found == (second, first + second & 0xFF, 2)
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "xc8", "c2c"),
+    [
+        (U8, U8, S16, U16),
+        (U8, S8, S16, U16),
+        (S8, S8, S16, S16),
+        (U16, S16, U16, U16),
+        (U16, S24, S24, S24),
+        (U24, S16, U24, U24),
+        (U32, S24, U32, U32),
+        (BOOL, BOOL, S16, U16),
+    ],
+)
+def test_the_usual_arithmetic_conversions(left: object, right: object, xc8: object, c2c: object) -> None:
+    assert common(left, right, "xc8") == common(right, left, "xc8") == xc8  # type: ignore[arg-type]
+    assert common(left, right, "c2c") == common(right, left, "c2c") == c2c  # type: ignore[arg-type]
+
+
+def test_literals_have_the_first_type_that_holds_them() -> None:
+    assert literal(Num(32767), "xc8") == S16
+    assert literal(Num(32768), "xc8").name == "S32"
+    assert literal(Num(32768, base=16), "xc8") == U16
+    assert literal(Num(32768, "U"), "xc8") == U16
+    assert literal(Num(32768), "c2c") == U16
+
+
+def test_what_the_shrinker_makes_is_defined_and_smaller() -> None:
+    for seed in range(6):
+        program = generate(seed, "xc8")
+        smaller = [each for _, each in zip(range(12), candidates(program), strict=False)]
+        assert all(size(each) < size(program) for each in smaller)
+
+
+def size(program: Program) -> int:
+    return len(repr(program)) + sum(len(repr((each.locals, each.body))) for each in program.functions)
+
+
+def test_the_host_spells_every_type_of_the_program() -> None:
+    assert all(
+        f"#define {name}(x)" in PRELUDE for name in ("U8", "S8", "U16", "S16", "U24", "S24", "U32", "S32")
+    )
