@@ -13,6 +13,7 @@ import typer
 
 from servogen import __version__
 from servogen.cli import (
+    bench_commands,
     chip_commands,
     doctor_commands,
     gait_commands,
@@ -63,6 +64,7 @@ GROUPS = (
     motion_commands,
     plan_commands,
     doctor_commands,
+    bench_commands,
     gait_commands,
     grade_commands,
 )

@@ -91,6 +91,8 @@ def _verify_capture(file: Path, schedule: PulseSchedule, json: bool) -> int:
 
     capture = read_capture(file)
     verdict = verify_capture(expected(schedule), capture.trace, Tolerances(), capture.sample)
+    if capture.missing is not None:
+        verdict = verdict.but(f"the capture is not whole: {capture.missing}")
     if json:
         as_json(verdict.to_json())
     else:

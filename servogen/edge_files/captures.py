@@ -20,7 +20,7 @@ from servogen.edge_files.rates import rate_in, step_clock
 from servogen.edge_files.saleae_csv import read_saleae
 from servogen.edge_files.sigrok_session import read_session
 from servogen.edge_files.vcd_read import read_header, read_vcd
-from servogen.edge_files.vcd_write import MADE, VcdWriter
+from servogen.edge_files.vcd_write import MADE, PARTIAL, VcdWriter
 from servogen.edges import EdgeTrace
 from servogen.errors import InputError, Place
 from servogen.outputs import atomic_write
@@ -39,6 +39,8 @@ class Capture:
 
     trace: EdgeTrace
     sample: float | None
+    missing: str | None = None
+    """Why it is not whole, where the file says so."""
 
 
 def read_capture(path: str | Path, wires: Mapping[str, str] | None = None) -> Capture:
@@ -71,12 +73,18 @@ def is_capture(path: str | Path) -> bool:
 
 @contextmanager
 def capture_writer(
-    path: str | Path, samples_per_second: int, servos: Mapping[str, str] | None = None
+    path: str | Path,
+    samples_per_second: int,
+    servos: Mapping[str, str] | None = None,
+    missing: str | None = None,
 ) -> Iterator[EdgeWriter]:
-    """A writer of a capture, whose cycles are samples, to a VCD file that `read_capture` knows as one."""
+    """A writer of a capture, whose cycles are samples, to a VCD file that `read_capture` knows as one.
+
+    `missing` says why the capture is not whole: it stands in the file.
+    """
     with atomic_write(path, "wb") as file:
         clock = step_clock(Fraction(samples_per_second), Place(str(path)))
-        yield VcdWriter(file, clock, servos, captured=True)
+        yield VcdWriter(file, clock, servos, captured=True, missing=missing)
 
 
 def _read_vcd(path: Path, wires: Mapping[str, str] | None) -> Capture:
@@ -85,4 +93,5 @@ def _read_vcd(path: Path, wires: Mapping[str, str] | None) -> Capture:
     rates = (rate_in(comment) for comment in header.comments if "hannels at" in comment)
     rate = next((rate for rate in rates if rate), None)
     sample = None if rate is None else float(1 / (rate * header.step_s))
-    return Capture(read_vcd(path, clock, wires=wires), sample)
+    missing = next((text.partition(PARTIAL)[2] for text in header.comments if PARTIAL in text), None)
+    return Capture(read_vcd(path, clock, wires=wires), sample, missing)

@@ -25,6 +25,9 @@ SCOPE = "chip"
 MADE, CAPTURED = "servogen", "servogen capture"
 """What $version says of edges in cycles of a chip, and of those in samples of an analyser."""
 
+PARTIAL = "not a whole capture: "
+"""What a comment begins with in a capture that was cut short; the reason follows."""
+
 STATES = "01z"
 """VCD's values by level number: LOW, HIGH, UNDRIVEN."""
 
@@ -87,7 +90,8 @@ def wire_name(pin: str, servo: str | None) -> str:
 class VcdWriter:
     """Writes chunks as they come to a binary file; `servos` names the pins' servos.
 
-    `captured` says that the cycles are an analyser's samples, and the file says it to its readers.
+    `captured` says that the cycles are an analyser's samples, and the file says it to its readers; `missing`
+    says why such a capture is not whole.
     """
 
     def __init__(
@@ -96,6 +100,7 @@ class VcdWriter:
         clock: Clock,
         servos: Mapping[str, str] | None = None,
         captured: bool = False,
+        missing: str | None = None,
     ) -> None:
         self.times = vcd_times(clock)
         self._file = file
@@ -104,6 +109,8 @@ class VcdWriter:
         comment = f"clock {clock.hz} Hz: {self.times.sentence()}"
         if captured:
             comment = f"captured on all channels at {float(clock.cycles_per_second):.15g} Hz"
+            if missing is not None:
+                comment += f"; {PARTIAL}{missing}"
         # An empty date, not None: pyvcd would write today's.
         self._vcd = VCDWriter(
             self._head, self.times.timescale, date="", comment=comment, version=CAPTURED if captured else MADE

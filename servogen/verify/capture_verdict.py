@@ -6,7 +6,7 @@ taken out of them. An error is measured less scheduled. `scheduled`, `captured` 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from servogen.edges import PINS
 from servogen.verify.verdict import StrayPin
@@ -115,6 +115,10 @@ class CaptureVerdict:
     problem: Problem | None = None
     """The first in time."""
     stray: tuple[StrayPin, ...] = ()
+
+    def but(self, reason: str) -> CaptureVerdict:
+        """The same, not proven because of `reason`, which comes first."""
+        return replace(self, proven=False, reasons=(reason, *self.reasons))
 
     def to_json(self) -> dict[str, object]:
         """Plain values for a JSON file."""

@@ -1,0 +1,62 @@
+"""From samples to a capture file: runs of an analyser's channels as edges of the chip's pins.
+
+In: `Runs` and the wires. Out: a VCD file that `servogen verify` reads. A capture that was cut short is kept
+under another name and says in the file that it is not whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from servogen.bench.sump import Runs
+from servogen.edge_files.captures import capture_writer
+from servogen.edges import EdgeChunk, edge_chunk
+from servogen.errors import InputError, Place
+from servogen.units import Cycles
+
+SUFFIX = ".vcd"
+PARTIAL = ".partial"
+
+
+def edges(runs: Runs, wires: Mapping[int, int]) -> EdgeChunk:
+    """The changes of the wired pins in samples; at sample 0 the level of each."""
+    times, pins, levels = [], [], []
+    for channel, pin in sorted(wires.items(), key=lambda wire: wire[1]):
+        level = (runs.value >> np.uint32(channel) & np.uint32(1)).astype(np.uint8)
+        changed = np.ones(len(level), dtype=bool)
+        changed[1:] = level[1:] != level[:-1]
+        times.append(runs.start[changed])
+        levels.append(level[changed])
+        pins.append(np.full(int(changed.sum()), pin, dtype=np.uint8))
+    time = np.concatenate(times)
+    order = np.argsort(time, kind="stable")
+    return edge_chunk(time[order], np.concatenate(pins)[order], np.concatenate(levels)[order])
+
+
+def check_name(path: Path) -> None:
+    """Raises InputError where a capture could not be written to `path`, before anything is looked at."""
+    if path.suffix.lower() != SUFFIX:
+        raise InputError(
+            f"'{path.suffix}' is not the ending of a capture that is written", Place(str(path)), SUFFIX
+        )
+    if not path.parent.is_dir():
+        raise InputError("there is no such directory", Place(str(path.parent)))
+
+
+def partial_name(path: Path) -> Path:
+    """Where a capture that is not whole is kept: run.partial.vcd."""
+    return path.with_name(f"{path.stem}{PARTIAL}{path.suffix}")
+
+
+def write_capture(
+    path: Path, rate: int, chunk: EdgeChunk, end: int, servos: Mapping[str, str], missing: str | None = None
+) -> Path:
+    """Writes edges in samples; the path of the file, which is another where something is `missing`."""
+    target = path if missing is None else partial_name(path)
+    with capture_writer(target, rate, servos, missing) as writer:
+        writer.add(chunk)
+        writer.finish(Cycles(end))
+    return target

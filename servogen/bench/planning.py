@@ -1,0 +1,91 @@
+"""How long an analyser can look, by its memory, its rate and RLE; too short is refused with the arithmetic.
+
+In: the device's memory and what is to be seen. Out: a `Plan`, or an `InputError` that shows the numbers.
+
+    without RLE   a word a sample           rate · period words a frame
+    with RLE      two words a level         2 · edges words a frame, and two more for each full count
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from math import ceil, floor
+
+from servogen.bench import sump
+from servogen.errors import InputError
+
+USUAL_PERIOD_S = Fraction(1, 50)
+USUAL_EDGES = 2 * 13
+"""Of a frame of which nothing is known: a pulse on each pin, no two edges at one time."""
+
+SLACK = 4
+"""Words beyond what is needed: memory is asked for in fours."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What is to be seen: frames of `period_s`, with at most `edges` moments of change in each."""
+
+    period_s: Fraction
+    edges: int
+    frames: int
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """`captures` looks of `words` words, `frames` whole frames and a torn one each."""
+
+    rate: Fraction
+    rle: bool
+    words: int
+    frames: int
+    captures: int
+    seconds: Fraction
+    """One look."""
+
+
+def plan(memory: int, rate: int, rle: bool, wanted: Wanted) -> Plan:
+    """The looks that show what is wanted. Raises InputError where one cannot hold a single frame."""
+    exact = Fraction(rate)
+    if sump.BASE_HZ % rate or sump.BASE_HZ // rate > 1 << 24:
+        below = sump.BASE_HZ // ceil(Fraction(sump.BASE_HZ, rate))
+        raise InputError(
+            f"{rate} samples a second do not divide the analyser's {sump.BASE_HZ}", hint=f"as {below}"
+        )
+    room = min(memory // (sump.WORD_BITS // 8), sump.MOST_READ) // 4 * 4
+    each = words_a_frame(exact, rle, wanted)
+    fits = max(0, (room - SLACK) // each)
+    if fits < 2:
+        raise InputError(_arithmetic(memory, room, exact, rle, wanted, each), hint=_advice(room, rle, wanted))
+    frames = min(wanted.frames, fits - 1)
+    words = min(room, ceil(Fraction((frames + 1) * each + SLACK, 4)) * 4)
+    captures = ceil(Fraction(wanted.frames, frames))
+    return Plan(exact, rle, words, frames, captures, (frames + 1) * wanted.period_s)
+
+
+def words_a_frame(rate: Fraction, rle: bool, wanted: Wanted) -> int:
+    samples = ceil(rate * wanted.period_s)
+    if not rle:
+        return samples
+    return 2 * wanted.edges + 2 * floor(Fraction(samples, sump.longest_count() + 1))
+
+
+def _arithmetic(memory: int, room: int, rate: Fraction, rle: bool, wanted: Wanted, each: int) -> str:
+    frame = f"a frame of {float(wanted.period_s * 1000):g} ms"
+    how = (
+        f"with {wanted.edges} edges is {each} words with RLE"
+        if rle
+        else f"at {int(rate)} samples a second is {each} samples of a word each"
+    )
+    return (
+        f"the analyser's memory is too small: {memory} bytes are {room} words, and {frame} {how}; "
+        "the frame in which it begins and a whole one must fit"
+    )
+
+
+def _advice(room: int, rle: bool, wanted: Wanted) -> str:
+    if not rle:
+        slower = floor(room / (2 * wanted.period_s))
+        return f"with RLE (--rle), or with at most {slower} samples a second (--rate)"
+    return "watch fewer servos at a time, or use an analyser with more memory"

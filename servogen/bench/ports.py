@@ -1,0 +1,119 @@
+"""A serial port of the bench, opened by one process only; everything that goes wrong with it is one sentence.
+
+In: the port's path. Out: a `Port` to write to and to read from with a deadline, or a `ToolError` that names
+the port and says what to do.
+"""
+
+from __future__ import annotations
+
+import errno
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NoReturn
+
+from servogen.errors import Place, ToolError
+
+if TYPE_CHECKING:
+    import serial
+
+POLL_S = 0.05
+"""How long one look at the port waits for bytes."""
+
+
+class PortError(ToolError):
+    """A port that cannot be opened or used."""
+
+
+class Unplugged(PortError):
+    """The port went away while it was used."""
+
+
+@dataclass(frozen=True, slots=True)
+class Port:
+    """An open port."""
+
+    path: str
+    line: serial.Serial
+
+    def write(self, data: bytes) -> None:
+        """Sends all of `data`. Raises Unplugged."""
+        try:
+            self.line.write(data)
+            self.line.flush()
+        except OSError as error:
+            raise self.unplugged() from error
+
+    def read(self, most: int, seconds: float) -> bytes:
+        """What comes within `seconds`, at most `most` bytes; it comes back with the first bytes there are.
+
+        Raises Unplugged.
+        """
+        end = time.monotonic() + seconds
+        while True:
+            try:
+                self.line.timeout = POLL_S
+                data: bytes = self.line.read(max(1, min(most, self.line.in_waiting)))
+            except (OSError, TypeError) as error:  # TypeError: pyserial's, where the port closes under it
+                raise self.unplugged() from error
+            if data or time.monotonic() >= end:
+                return data
+
+    def read_whole(self, count: int, seconds: float) -> bytes:
+        """`count` bytes, or fewer where `seconds` pass without the rest."""
+        data = b""
+        end = time.monotonic() + seconds
+        while len(data) < count:
+            more = self.read(count - len(data), max(0.0, end - time.monotonic()))
+            if not more and time.monotonic() >= end:
+                break
+            data += more
+        return data
+
+    def clear(self) -> None:
+        """Forgets what came and was not read."""
+        try:
+            self.line.reset_input_buffer()
+        except Exception as error:  # termios.error is no OSError
+            raise self.unplugged() from error
+
+    def unplugged(self) -> Unplugged:
+        return Unplugged("the device went away while it was used", Place(self.path), "plug it in again")
+
+
+@contextmanager
+def open_port(path: str, baud: int) -> Iterator[Port]:
+    """The port at `path` for this process alone. Raises PortError."""
+    import serial
+
+    try:
+        line = serial.Serial(path, baud, timeout=POLL_S, write_timeout=5, exclusive=True)
+    except (OSError, ValueError) as error:
+        refuse(path, error)
+    try:
+        yield Port(path, line)
+    finally:
+        close(line)
+
+
+def close(line: serial.Serial) -> None:
+    """Closes a port that may be gone already."""
+    try:
+        line.close()
+    except OSError:
+        return
+
+
+def refuse(path: str, error: OSError | ValueError) -> NoReturn:
+    """Raises the PortError for what opening `path` failed with."""
+    code = error.errno if isinstance(error, OSError) else None
+    place = Place(path)
+    if code in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
+        raise PortError("there is no such port", place, "`servogen doctor` lists the ports") from error
+    if code in (errno.EBUSY, errno.EAGAIN):
+        raise PortError("is in use by another program", place, "close the other program") from error
+    if code in (errno.EACCES, errno.EPERM):
+        hint = "join the group that owns it, as: sudo usermod -aG dialout $USER, and log in again"
+        raise PortError("may not be opened: permission denied", place, hint) from error
+    raise PortError(f"cannot be opened as a serial port: {error}", place) from error

@@ -1,0 +1,170 @@
+"""The SUMP protocol as data, and as words: what both ends of the line, client and virtual analyser, share.
+
+Source: "Logic Analyzer: serial port protocol" (sump.org), and its extension by the Logic Sniffer (Dangerous
+Prototypes: metadata, RLE modes). A command is one byte; from 0x80 on four bytes of data follow, lowest first.
+
+    memory, as it is filled:   value  count  value  count …      top bit of a word set: a count
+    as it is sent:             the last word first, each word its lowest byte first
+    meaning:                   a count says how many samples more the value before it was there
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum, IntFlag
+from fractions import Fraction
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+BASE_HZ = 100_000_000
+"""The clock that the divider divides, less one."""
+
+WORD_BITS = 16
+"""Of the captures made here: two channel groups of eight are on, so that counts have 15 bits."""
+
+CHANNELS = WORD_BITS - 1
+"""With RLE the top channel is the counts' flag."""
+
+MOST_READ = 4 << 16
+"""Words that the 16-bit read count in fours can ask for."""
+
+RESETS = 5
+"""A device may be waiting for up to four bytes of a long command."""
+
+IDS = (b"1SLO", b"1ALS")
+
+Words = npt.NDArray[np.uint32]
+Ints = npt.NDArray[np.int64]
+
+
+class Command(IntEnum):
+    """The commands that are used here."""
+
+    RESET = 0x00
+    RUN = 0x01
+    ID = 0x02
+    METADATA = 0x04
+    FINISH = 0x05
+    DIVIDER = 0x80
+    COUNTS = 0x81
+    FLAGS = 0x82
+    TRIGGER_MASK = 0xC0
+    TRIGGER_VALUE = 0xC1
+    TRIGGER_CONFIG = 0xC2
+
+
+STAGES = 4
+"""A trigger stage's commands are four further than the stage's before."""
+LONG = 0x80
+TRIGGER_START = 1 << 27
+TRIGGER_LEVEL = 16
+"""Bit 27 of a stage's configuration starts the capture; bits 16 and 17 are the level at which it is armed."""
+
+
+class Flag(IntFlag):
+    """Of the flags command; a group's bit switches it off."""
+
+    DEMUX = 1 << 0
+    FILTER = 1 << 1
+    NO_GROUP_1 = 1 << 2
+    NO_GROUP_2 = 1 << 3
+    NO_GROUP_3 = 1 << 4
+    NO_GROUP_4 = 1 << 5
+    RLE = 1 << 8
+    COUNTS_EXCLUSIVE = 1 << 14
+
+
+GROUP_FLAGS = (Flag.NO_GROUP_1, Flag.NO_GROUP_2, Flag.NO_GROUP_3, Flag.NO_GROUP_4)
+
+
+class Key(IntEnum):
+    """Keys of metadata: the upper three bits say whether a text, a 32-bit number (highest byte first) or a
+    byte follows."""
+
+    END = 0x00
+    NAME = 0x01
+    VERSION = 0x02
+    CHANNELS_LONG = 0x20
+    MEMORY = 0x21
+    RATE = 0x23
+    CHANNELS_SHORT = 0x40
+
+
+class Runs(NamedTuple):
+    """Runs of equal samples: `value` uint32 from sample `start` (int64) on; `end` is behind the last."""
+
+    value: Words
+    start: Ints
+    end: int
+
+
+def short(command: Command) -> bytes:
+    return bytes([command])
+
+
+def long(command: int, data: int) -> bytes:
+    """A command and its four bytes of data."""
+    return bytes([command]) + data.to_bytes(4, "little")
+
+
+def divider(rate: Fraction) -> int:
+    """What DIVIDER takes for `rate` samples a second, which must divide 100 MHz."""
+    return int(BASE_HZ / rate) - 1
+
+
+def longest_count(bits: int = WORD_BITS) -> int:
+    """The largest count; above it is the bit that makes a word a count."""
+    return (1 << (bits - 1)) - 1
+
+
+def encode(runs: Runs, bits: int = WORD_BITS) -> Words:
+    """The words that RLE makes of `runs`: each value, then how often more it was there; none where it is 0.
+
+    A run that is longer than a count can say is begun again: value and count once more.
+    """
+    longest = longest_count(bits)
+    length = np.diff(np.append(runs.start, runs.end))
+    pieces = np.maximum(1, -(-length // (longest + 1)))
+    value = np.repeat(runs.value, pieces)
+    count = np.full(len(value), longest, dtype=np.int64)
+    count[np.cumsum(pieces) - 1] = length - (pieces - 1) * (longest + 1) - 1
+    pairs = np.stack((value & np.uint32(longest), (count | (longest + 1)).astype(np.uint32)), axis=1)
+    keep = np.stack((np.ones(len(count), dtype=bool), count > 0), axis=1)
+    return pairs[keep]
+
+
+def decode(words: Words, rle: bool, bits: int = WORD_BITS) -> Runs:
+    """The samples in `words`, oldest first; a count without its value before it says nothing."""
+    if not rle:
+        return merged(words, np.arange(len(words), dtype=np.int64), len(words))
+    longest = longest_count(bits)
+    is_count = words > longest
+    first = len(words) if is_count.all() else int(np.argmin(is_count))
+    words, is_count = words[first:], is_count[first:]
+    lasting = np.where(is_count, words & longest, 1).astype(np.int64)
+    ends = np.cumsum(lasting)
+    at = ~is_count
+    return merged(words[at], (ends - lasting)[at], int(ends[-1]) if len(ends) else 0)
+
+
+def merged(value: Words, start: Ints, end: int) -> Runs:
+    """Runs whose neighbours differ."""
+    keep = np.ones(len(value), dtype=bool)
+    keep[1:] = value[1:] != value[:-1]
+    return Runs(value[keep], start[keep], end)
+
+
+def to_bytes(words: Words, bits: int = WORD_BITS) -> bytes:
+    """Words as they are sent: the newest first, the lowest byte of each first."""
+    columns = words[::-1].astype("<u4").view(np.uint8).reshape(-1, 4)
+    return columns[:, : bits // 8].tobytes()
+
+
+def from_bytes(data: bytes, bits: int = WORD_BITS) -> Words:
+    """Words of what was sent, the oldest first; a torn word at the end is left out."""
+    size = bits // 8
+    columns = np.zeros((len(data) // size, 4), dtype=np.uint8)
+    columns[:, :size] = np.frombuffer(data[: len(columns) * size], dtype=np.uint8).reshape(-1, size)
+    words: Words = columns.view("<u4").reshape(-1)[::-1].astype(np.uint32)
+    return words

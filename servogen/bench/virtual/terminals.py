@@ -1,0 +1,120 @@
+"""Pseudo-terminals with virtual devices behind them: one loop that carries the bytes.
+
+In: devices. Out: the paths that clients open. Nothing is left when the block ends.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import select
+import sys
+import termios
+import tty
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Protocol
+
+READ_BYTES = 4096
+POLL_S = 0.05
+
+
+class Device(Protocol):
+    """What is behind a port. `gone` once it is unplugged and all of `outgoing` is sent."""
+
+    outgoing: bytearray
+    gone: bool
+
+    @property
+    def working(self) -> bool: ...
+
+    def received(self, data: bytes) -> None: ...
+
+    def work(self) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class _Terminal:
+    device: Device
+    master: int
+    slave: int
+    """Kept open, so that the terminal outlives its clients."""
+
+
+class Terminals:
+    """Open pseudo-terminals; `paths` by the devices' names."""
+
+    def __init__(self, devices: Mapping[str, Device]) -> None:
+        self._open: dict[str, _Terminal] = {}
+        self.paths: dict[str, str] = {}
+        for name, device in devices.items():
+            master, slave = os.openpty()
+            tty.setraw(slave)
+            os.set_blocking(master, False)
+            self._open[name] = _Terminal(device, master, slave)
+            self.paths[name] = os.ttyname(slave)
+
+    def serve(self, ended: Callable[[], bool]) -> None:
+        """Carries bytes until `ended`."""
+        while not ended():
+            self._turn()
+
+    def close(self) -> None:
+        for name in list(self._open):
+            self._unplug(name)
+
+    def _turn(self) -> None:
+        masters = {terminal.master: terminal for terminal in self._open.values()}
+        sending = [fd for fd, terminal in masters.items() if terminal.device.outgoing]
+        busy = any(terminal.device.working for terminal in masters.values())
+        readable, writable, _ = select.select(list(masters), sending, (), 0 if busy else POLL_S)
+        for fd in readable:
+            _receive(masters[fd])
+        for fd in writable:
+            _send(masters[fd])
+        for name, terminal in list(self._open.items()):
+            if terminal.device.working:
+                terminal.device.work()
+            if terminal.device.gone and not terminal.device.outgoing and not _unread(terminal):
+                self._unplug(name)
+
+    def _unplug(self, name: str) -> None:
+        terminal = self._open.pop(name)
+        os.close(terminal.master)
+        os.close(terminal.slave)
+
+
+@contextmanager
+def terminals(devices: Mapping[str, Device]) -> Iterator[Terminals]:
+    """Terminals that are closed when the block ends."""
+    opened = Terminals(devices)
+    try:
+        yield opened
+    finally:
+        opened.close()
+
+
+def _receive(terminal: _Terminal) -> None:
+    try:
+        data = os.read(terminal.master, READ_BYTES)
+    except OSError as error:
+        if error.errno not in (errno.EIO, errno.EAGAIN):  # no client has it open, or nothing there
+            raise
+        return
+    terminal.device.received(data)
+
+
+def _unread(terminal: _Terminal) -> bool:
+    """Whether bytes wait for the client: they would be lost with the terminal."""
+    waiting = fcntl.ioctl(terminal.slave, termios.FIONREAD, b"\0\0\0\0")
+    return int.from_bytes(waiting, sys.byteorder) > 0
+
+
+def _send(terminal: _Terminal) -> None:
+    try:
+        sent = os.write(terminal.master, terminal.device.outgoing)
+    except BlockingIOError:
+        return
+    del terminal.device.outgoing[:sent]

@@ -1,0 +1,132 @@
+"""Commands of the bench: capture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from servogen.cli.files import read_schedule
+from servogen.cli.options import Json
+from servogen.cli.show import as_json, progress
+
+if TYPE_CHECKING:
+    from servogen.bench.planning import Plan, Wanted
+    from servogen.bench.ports import Port as Line
+    from servogen.bench.sump_client import Analyser, Seen
+    from servogen.pulse import PulseSchedule
+
+RATE = 1_000_000
+SECONDS = 1.0
+PATIENCE_S = 5.0
+"""Beyond the time that the capture itself takes."""
+
+Port = Annotated[str, typer.Option("--port", "-p", help="The device's port, as /dev/ttyACM0.")]
+Against = Annotated[
+    Path | None,
+    typer.Option("--against", help="The schedule.json: what is to be seen, and the servos' names."),
+]
+
+
+def register(app: typer.Typer) -> None:
+    app.command()(capture)
+
+
+def capture(
+    output: Annotated[Path, typer.Option("--output", "-o", help="The capture, a .vcd file.")],
+    port: Port,
+    against: Against = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option("--seconds", min=0.001, help="How long (default: the loop of --against once, or 1 s)."),
+    ] = None,
+    rate: Annotated[int, typer.Option("--rate", min=1, help="Samples a second.")] = RATE,
+    rle: Annotated[bool, typer.Option("--rle/--no-rle", help="Let the analyser count equal samples.")] = True,
+    memory: Annotated[
+        int | None, typer.Option("--memory", min=8, help="Its bytes of memory, if it does not say them.")
+    ] = None,
+    trigger: Annotated[
+        str | None, typer.Option("--trigger", help="Begin when this pin rises (default: the first servo's).")
+    ] = None,
+    wire: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--wire", help="CHANNEL=PIN, as 0=RB3 (default: 0 to 7 RB0 to RB7, 8 to 12 RA0 to RA4)."
+        ),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Look at the chip's pins with a logic analyser that speaks SUMP (Logic Sniffer, Bus Pirate, …)."""
+    from servogen.bench.looking import check_name, edges, write_capture
+    from servogen.bench.planning import plan
+    from servogen.bench.ports import open_port
+    from servogen.bench.sump_client import BAUD, identify
+    from servogen.bench.wires import channel_of, wires
+    from servogen.errors import Place, ToolError
+
+    check_name(output)
+    schedule = None if against is None else read_schedule(against)
+    wired = wires(wire or ())
+    pin = trigger or (schedule.channels[0].pin if schedule else "RB0")
+    channel = channel_of(pin, wired)
+    wanted = _wanted(schedule, seconds)
+    with open_port(port, BAUD) as line:
+        device = identify(line)
+        planned = plan(memory or device.memory, min(rate, device.fastest or rate), rle, wanted)
+        seen = _look(line, planned, channel)
+    servos = {each.pin: each.name for each in schedule.channels} if schedule else {}
+    chunk = edges(seen.runs, wired)
+    path = write_capture(output, int(planned.rate), chunk, seen.runs.end, servos, seen.missing)
+    if seen.missing is not None:
+        raise ToolError(seen.missing, Place(port), f"what came is kept, marked as not whole, in {path}")
+    _tell(device, planned, seen, output, against, json)
+
+
+def _wanted(schedule: PulseSchedule | None, seconds: float | None) -> Wanted:
+    """What is to be seen: by default the whole loop of the schedule."""
+    from math import ceil
+
+    from servogen.bench.planning import USUAL_EDGES, USUAL_PERIOD_S, Wanted
+
+    if schedule is None:
+        return Wanted(USUAL_PERIOD_S, USUAL_EDGES, ceil((seconds or SECONDS) / float(USUAL_PERIOD_S)))
+    period = schedule.clock.seconds(schedule.period)
+    moments = [
+        len({time for pulse in run.pulses if pulse for time in (pulse.rise, pulse.rise + pulse.width)})
+        for run in (*schedule.lead_in, *schedule.loop)
+    ]
+    frames = schedule.loop_frames if seconds is None else ceil(seconds / float(period))
+    return Wanted(period, max(1, *moments), frames)
+
+
+def _look(line: Line, planned: Plan, channel: int) -> Seen:
+    from servogen.bench.sump_client import Look
+    from servogen.bench.sump_client import capture as captured
+
+    patience = 2 * float(planned.seconds) + PATIENCE_S
+    look = Look(planned.rate, planned.words, planned.rle, channel, patience)
+    with progress("capture", planned.words) as done:
+        return captured(line, look, done)
+
+
+def _tell(
+    device: Analyser, planned: Plan, seen: Seen, output: Path, against: Path | None, json: bool
+) -> None:
+    seconds = seen.runs.end / float(planned.rate)
+    if json:
+        as_json(
+            {
+                "file": str(output),
+                "analyser": device.name,
+                "memory_bytes": device.memory,
+                "samples_per_second": int(planned.rate),
+                "rle": planned.rle,
+                "seconds": seconds,
+                "captures": planned.captures,
+            }
+        )
+        return
+    print(f"{output}: {seconds:g} s at {int(planned.rate)} samples a second from {device.name}")
+    if against is not None:
+        print(f"next: servogen verify {output} --against {against}")

@@ -1,0 +1,73 @@
+"""The bench in this process: virtual devices on pseudo-terminals, commands run as `servogen` runs them."""
+
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from servogen.bench.virtual.terminals import Device, Terminals, terminals
+from servogen.cli import main
+from servogen.pic.image import Image, from_hex
+
+ROOT = Path(__file__).parent.parent.parent
+LAB8 = ROOT / "firmware" / "lab8-exercise"
+
+
+@dataclass(frozen=True)
+class Ran:
+    """What a command left behind."""
+
+    code: int
+    out: str
+    err: str
+
+
+Run = Callable[..., Ran]
+Serve = Callable[[Mapping[str, Device]], Terminals]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """`run("capture", ...)`: exit code, standard output and standard error."""
+
+    def command(*args: object) -> Ran:
+        monkeypatch.setattr(sys, "argv", ["servogen", *(str(arg) for arg in args)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        captured = capsys.readouterr()
+        return Ran(int(ended.value.code or 0), captured.out, captured.err)
+
+    return command
+
+
+@pytest.fixture
+def serve() -> Iterator[Serve]:
+    """`serve({"analyser": device})`: the device behind a pseudo-terminal until the test ends."""
+    with ExitStack() as stack:
+        yield lambda devices: stack.enter_context(_served(devices))
+
+
+@pytest.fixture
+def lab8() -> Image:
+    return image_of(LAB8 / "main.hex")
+
+
+def image_of(path: Path) -> Image:
+    return from_hex(path.read_text(), str(path))
+
+
+@contextmanager
+def _served(devices: Mapping[str, Device]) -> Iterator[Terminals]:
+    ended = threading.Event()
+    with terminals(devices) as opened:
+        thread = threading.Thread(target=opened.serve, args=(ended.is_set,))
+        thread.start()
+        try:
+            yield opened
+        finally:
+            ended.set()
+            thread.join()
