@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from servogen.errors import InputError
 from servogen.pic.device import PROGRAM_WORDS
-from servogen.simulator.layout import REGION, REGION_BYTES
+from servogen.simulator.layout import DEEPEST_RECORDING, REGION, REGION_BYTES
 from servogen.simulator.program import (
     BREAK,
     D_BIT,
@@ -195,9 +195,11 @@ def _entries(graph: Graph, pure: set[int]) -> dict[int, set[int]]:
 
 
 def _regions(
-    words: list[int], graph: Graph, nodes: set[int], before: dict[int, set[int]]
+    words: list[int], graph: Graph, nodes: set[int], before: dict[int, set[int]], level: int = 0
 ) -> Iterable[_Region]:
     """The regions among `nodes`, outer ones before those inside them."""
+    if level == DEEPEST_RECORDING:
+        return
     for members in _components(graph, nodes):
         heads = frozenset(a for a in members if before[a] - members) or frozenset({min(members)})
         ram = tuple(
@@ -205,7 +207,7 @@ def _regions(
         )
         if len(ram) <= REGION_BYTES:
             yield _Region(members, heads, ram)
-        yield from _regions(words, graph, set(members - heads), before)
+        yield from _regions(words, graph, set(members - heads), before, level + 1)
 
 
 def _uses_file(word: int) -> bool:

@@ -58,3 +58,10 @@ def test_waits_are_what_sees_the_same_until_something_happens(source: str, waits
 def test_a_region_of_too_many_bytes_is_left_alone() -> None:
     many = "l\n" + "".join(f" incf {0x20 + n}, f\n" for n in range(8)) + " goto l\n"
     assert marks(many)[0] == []
+
+
+def test_nests_of_any_depth_are_taken_without_harm() -> None:
+    heads = "".join(f"l{n} nop\n" for n in range(400))
+    ends = "".join(f" decfsz {0x20 + n % 6}, f\n goto l{399 - n}\n" for n in range(300))
+    found, _ = marks(f"{heads}{ends} sleep\n")
+    assert 1 <= len(found) <= 8
