@@ -6,6 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 PROGRAMS = Path(__file__).parents[1] / "grade" / "programs"
 
 Run = Callable[..., Any]
@@ -56,3 +58,22 @@ def test_a_file_that_is_not_there_fails_alone(run: Run, tmp_path: Path) -> None:
     first, second = json.loads(ran.out)["programs"]
     assert "cannot be read" in first["reasons"][0]
     assert second["passed"]
+
+
+def test_a_scheduler_that_is_not_there_is_a_missing_tool(run: Run) -> None:
+    """Without Dask as without a cluster: exit code 3 and one sentence."""
+    ran = run("grade", "lab8-exercise", PROGRAMS / "lab8-right", "--scheduler", "tcp://127.0.0.1:9")
+    assert ran.code == 3
+    assert "Dask" in ran.err
+
+
+def test_a_dask_cluster_gives_the_same_grades(run: Run) -> None:
+    distributed = pytest.importorskip("distributed", reason="the extra 'dask' is not installed")
+    files = [PROGRAMS / "lab8-right" / "delays.c", PROGRAMS / "lab8-wrong" / "pause.c"]
+    alone = run("grade", "lab8-exercise", *files, "--json")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None, protocol="tcp"
+    ) as cluster:
+        together = run("grade", "lab8-exercise", *files, "--json", "--scheduler", cluster.scheduler_address)
+    assert together.out == alone.out
+    assert together.code == alone.code == 1
