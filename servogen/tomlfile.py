@@ -82,6 +82,8 @@ def parse(text: str, file: str) -> Document:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise _syntax_error(text, file, str(error)) from error
+    except ValueError as error:  # a number of thousands of digits
+        raise InputError(f"TOML syntax: {error}", Place(file)) from error
     except RecursionError as error:
         raise InputError("tables or arrays are nested too deeply", Place(file)) from error
     return Document(file, _frozen(data), places_of(text))

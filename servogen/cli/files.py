@@ -64,17 +64,18 @@ def read_program(path: Path, device_name: str = "PIC16F84") -> Program:
     """A HEX file, or a C or assembly file, which is compiled or assembled. Raises InputError."""
     from servogen.pic.device import device
 
+    chip = device(device_name)
     if path.suffix.lower() == C_SUFFIX:
         from servogen.compiler import Options, Source, compile_sources
 
         text = read_source(path)
-        options = Options(dialect=dialect_of([text]), device=device(device_name))
+        options = Options(dialect=dialect_of([text]), device=chip)
         made = compile_sources([Source(text, str(path))], options)
         return Program(made.image, made.listing, made.clock)
     if path.suffix.lower() in ASSEMBLY_SUFFIXES:
         from servogen.pic.assembler import assemble, beside
 
-        assembly = assemble(read_assembly(path), str(path), device(device_name), beside(path.parent))
+        assembly = assemble(read_assembly(path), str(path), chip, beside(path.parent))
         return Program(assembly.image, assembly.listing)
     return Program(read_image(path))
 

@@ -11,6 +11,11 @@ import typer
 NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
 """Context settings of a command whose arguments may be negative numbers: -5 is no option."""
 
+LONGEST_SECONDS = 1e9
+"""Thirty years."""
+
+LONGEST_CYCLES = 10**16
+
 
 def number(text: str) -> float:
     """A number of the command line; the error names what was typed."""
@@ -23,8 +28,20 @@ def number(text: str) -> float:
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
 DeviceName = Annotated[str, typer.Option("--device", help="PIC16F84 or PIC16F84A.")]
-ClockHz = Annotated[int, typer.Option("--clock-hz", min=1, help="The oscillator's frequency in hertz.")]
-Seconds = Annotated[float | None, typer.Option("--seconds", min=0, help="How long, in simulated seconds.")]
+
+
+def duration(text: str) -> float:
+    """Seconds of the command line: not negative, and not beyond what a simulation can count."""
+    seconds = number(text)
+    if not 0 <= seconds <= LONGEST_SECONDS:
+        raise typer.BadParameter(f"'{text}' is not between 0 and {LONGEST_SECONDS:g} seconds")
+    return seconds
+
+
+Seconds = Annotated[
+    float | None,
+    typer.Option("--seconds", parser=duration, metavar="SECONDS", help="How long, in simulated seconds."),
+]
 Output = Annotated[Path | None, typer.Option("--output", "-o", help="Where to write it.")]
 
 

@@ -8,15 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from servogen.cli.files import PROGRAM_SUFFIXES, read_program, read_schedule
-from servogen.cli.options import ClockHz, Json, Seconds
+from servogen.cli.options import Json, Seconds
 from servogen.cli.show import as_json, status, warn
 from servogen.errors import InputError, Place
 
 if TYPE_CHECKING:
     from servogen.edges import EdgeTrace
+    from servogen.pic.image import Image
     from servogen.pulse import PulseSchedule
     from servogen.units import Clock, Cycles
 
+DEFAULT_CLOCK_HZ = 4_000_000
 MEASURED_SECONDS = 20.0
 """Two rounds of the printed lab programs."""
 
@@ -54,6 +56,10 @@ def verify(
     if not _is_program(file) and is_capture(file):
         raise typer.Exit(_verify_capture(file, schedule, json))
     span = checked_cycles(schedule) if seconds is None else schedule.clock.round_seconds(seconds)
+    if span < schedule.period:
+        raise InputError(
+            f"--seconds {seconds:g} is less than one frame of {schedule.period} cycles: it proves nothing"
+        )
     trace = _trace(file, schedule, span)
     if seconds is None and not _is_program(file):
         trace, span = held(schedule, trace)
@@ -107,7 +113,9 @@ def measure(
         list[str] | None,
         typer.Option("--servo", help="Judge by this model: MODEL for all pins, or PIN=MODEL."),
     ] = None,
-    clock_hz: ClockHz = 4_000_000,
+    clock_hz: Annotated[
+        int | None, typer.Option("--clock-hz", min=1, help="Default: what the C says, else 4 MHz.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Say what pulses a program or recorded edges make on each pin, and what is doubtful about them."""
@@ -118,11 +126,14 @@ def measure(
     from servogen.verify import measurement_lines
 
     models = servos_named(servo or [])
-    clock = Clock(clock_hz)
+    span = MEASURED_SECONDS if seconds is None else seconds
     if _is_program(file):
-        trace = _running(file, clock, clock.round_seconds(seconds or MEASURED_SECONDS))
+        program = read_program(file)
+        clock = Clock(clock_hz) if clock_hz else program.clock or Clock(DEFAULT_CLOCK_HZ)
+        trace = _running(program.image, clock, clock.round_seconds(span))
     else:
-        trace = read_edges(file, clock, None if seconds is None else clock.round_seconds(seconds))
+        clock = Clock(clock_hz or DEFAULT_CLOCK_HZ)
+        trace = read_edges(file, clock, None if seconds is None else clock.round_seconds(seconds)).stored()
     with status("measuring"):
         measurement = measured(trace)
     found = cautions(measurement, models)
@@ -153,7 +164,20 @@ def plot(
 
 
 def _is_program(file: Path) -> bool:
-    return file.suffix.lower() in PROGRAM_SUFFIXES
+    """Whether `file` is to be run, by its ending; else it holds edges. Raises InputError for another."""
+    from servogen.edge_files import SUFFIXES
+    from servogen.edge_files.captures import SUFFIXES as CAPTURE_SUFFIXES
+
+    suffix = file.suffix.lower()
+    if suffix in PROGRAM_SUFFIXES:
+        return True
+    known = tuple(dict.fromkeys((*SUFFIXES, *CAPTURE_SUFFIXES)))
+    if suffix not in known:
+        everything = ", ".join((*PROGRAM_SUFFIXES, *known))
+        raise InputError(
+            f"'{file.suffix}' is not the ending of a program or of edges", Place(str(file)), everything
+        )
+    return False
 
 
 def _trace(file: Path, schedule: PulseSchedule, span: Cycles) -> EdgeTrace:
@@ -162,13 +186,18 @@ def _trace(file: Path, schedule: PulseSchedule, span: Cycles) -> EdgeTrace:
     from servogen.pipeline import running
 
     if _is_program(file):
-        return running(schedule, read_program(file).image, span)
+        program = read_program(file)
+        if program.clock and program.clock != schedule.clock:
+            raise InputError(
+                f"says {program.clock.hz} Hz, the schedule is for {schedule.clock.hz} Hz", Place(str(file))
+            )
+        return running(schedule, program.image, span)
     return read_edges(file, schedule.clock)
 
 
-def _running(file: Path, clock: Clock, span: Cycles) -> EdgeTrace:
+def _running(image: Image, clock: Clock, span: Cycles) -> EdgeTrace:
     """The edges of a program of which nothing is known."""
     from servogen.edges import EdgeTrace
     from servogen.simulator import Machine
 
-    return EdgeTrace(clock, Machine(read_program(file).image, clock).stream(span), span)
+    return EdgeTrace(clock, Machine(image, clock).stream(span), span)

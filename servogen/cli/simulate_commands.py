@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from servogen.cli.files import read_program
-from servogen.cli.options import DeviceName, Json, Seconds
+from servogen.cli.options import LONGEST_CYCLES, DeviceName, Json, Seconds
 from servogen.cli.show import as_json, progress, table, warn
 from servogen.errors import InputError
 
@@ -34,7 +34,9 @@ def register(app: typer.Typer) -> None:
 def simulate(
     file: Annotated[Path, typer.Argument(help="A HEX, C or assembly file.", show_default=False)],
     seconds: Seconds = None,
-    cycles: Annotated[int | None, typer.Option("--cycles", min=0, help="How long, in cycles.")] = None,
+    cycles: Annotated[
+        int | None, typer.Option("--cycles", min=0, max=LONGEST_CYCLES, help="How long, in cycles.")
+    ] = None,
     edges: Annotated[
         Path | None, typer.Option("--edges", help="Write the pins' changes: .csv, .jsonl or .vcd.")
     ] = None,
@@ -57,10 +59,10 @@ def simulate(
         bool, typer.Option("--ra4-pull-up", help="RA4, an open drain, has a pull-up resistor.")
     ] = False,
     watchdog_us: Annotated[
-        int, typer.Option("--watchdog-us", help="The watchdog's period: 7000 to 33000.")
+        int, typer.Option("--watchdog-us", help="The watchdog's period; of real chips 7000 to 33000.")
     ] = 18_000,
     eeprom_write_us: Annotated[
-        int, typer.Option("--eeprom-write-us", help="One EEPROM write; at most 20000.")
+        int, typer.Option("--eeprom-write-us", help="One EEPROM write; typical of the PIC16F84: 10000.")
     ] = 4_000,
     power_up: Annotated[
         bool, typer.Option("--power-up", help="Count the power-up and the oscillator's start-up time.")

@@ -107,6 +107,8 @@ def from_json(text: str, file: str) -> PulseSchedule:
         data = json.loads(text)
     except json.JSONDecodeError as error:
         raise InputError(f"JSON syntax: {error.msg}", Place(file, error.lineno, error.colno)) from error
+    except ValueError as error:
+        raise InputError(f"JSON syntax: {error}", Place(file)) from error
     except RecursionError as error:
         raise InputError("JSON syntax: nested too deeply", Place(file)) from error
     return _Reader(file).schedule(data)

@@ -194,3 +194,53 @@ def test_a_picture_is_drawn_and_another_ending_refused(run: Run, lab8: Path, tmp
     one, two = ((tmp_path / folder / "p.png").read_bytes() for folder in ("one", "two"))
     assert one.startswith(b"\x89PNG") and one == two
     assert run("plot", lab8 / "main.hex", "--against", schedule, "-o", tmp_path / "p.doc").code == 2
+
+
+def test_a_proof_of_nothing_is_refused(run: Run, lab8: Path) -> None:
+    for seconds in (0, 0.001):
+        ran = run("verify", lab8 / "main.hex", "--against", lab8 / "schedule.json", "--seconds", seconds)
+        assert ran.code == 2 and "less than one frame" in ran.err
+
+
+@pytest.mark.parametrize("seconds", ["inf", "nan", "1e300", "-1", "soon"])
+def test_a_time_that_is_none_is_refused(run: Run, square: Path, seconds: str) -> None:
+    ran = run("simulate", square, "--seconds", seconds)
+    assert ran.code == 2 and seconds in ran.err
+
+
+def test_measuring_c_goes_by_its_own_clock(run: Run, tmp_path: Path) -> None:
+    source = tmp_path / "eight.c"
+    source.write_text(
+        "#pragma CLOCK_FREQ 8000000\n"
+        "void main(void) { TRISB = 0; while (1) { PORTB = 1; delay_ms(1); PORTB = 0; delay_ms(18); } }\n"
+    )
+    answer = json.loads(run("measure", source, "--seconds", 1, "--json").out)
+    assert answer["clock_hz"] == 8_000_000
+    (width,) = answer["pins"][0]["widths"]
+    assert 2000 <= width["cycles"] <= 2002
+
+
+def test_c_of_another_clock_is_not_held_to_a_schedule(run: Run, lab8: Path, tmp_path: Path) -> None:
+    text = (lab8 / "main.c2c.c").read_text()
+    (tmp_path / "eight.c").write_text(text.replace("CLOCK_FREQ 4000000", "CLOCK_FREQ 8000000"))
+    ran = run("verify", tmp_path / "eight.c", "--against", lab8 / "schedule.json")
+    assert ran.code == 2 and "8000000 Hz" in ran.err
+
+
+@pytest.mark.parametrize(
+    "text", ["", "cycle,pin,level\n12,RB0,1\ngarbage\n", "cycle,pin,level\n1,RB0,1\n2,RB", "\0\1\2"]
+)
+def test_a_defective_edge_file_is_refused_by_measure_and_verify(
+    run: Run, lab8: Path, tmp_path: Path, text: str
+) -> None:
+    (tmp_path / "bad.csv").write_text(text)
+    for command in (["measure"], ["verify", "--against", lab8 / "schedule.json"]):
+        ran = run(*command, tmp_path / "bad.csv")
+        assert ran.code == 2 and "bad.csv" in ran.err, (command, ran)
+
+
+def test_an_unknown_ending_or_device_is_refused(run: Run, square: Path, lab8: Path, tmp_path: Path) -> None:
+    (tmp_path / "x.xyz").write_text("")
+    ran = run("verify", tmp_path / "x.xyz", "--against", lab8 / "schedule.json")
+    assert ran.code == 2 and ".hex" in ran.err and ".csv" in ran.err
+    assert run("simulate", square, "--device", "PIC18F4550").code == 2
