@@ -18,7 +18,7 @@ from servogen.compiler.checks import check_program
 from servogen.compiler.diagnostics import CompileError, Diagnostic, Fatal, Reporter
 from servogen.compiler.dialect import DIALECTS, headers, macros, named_types
 from servogen.compiler.emitter import Code
-from servogen.compiler.finish import expand_delays
+from servogen.compiler.delay_sites import expand_delays
 from servogen.compiler.layout import allocate, lay_out
 from servogen.compiler.optimise import optimise
 from servogen.compiler.parse import parse
@@ -118,7 +118,7 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
     room = check_stack(codes, arrangement.roots, reporter)
     reporter.stop_on_error()
     times = all_times(codes)
-    expand_delays(codes, room)
+    expand_delays(codes, room, reached(codes, arrangement.roots[1:]))
     memory = allocate(arrangement.roots, codes, arrangement.statics, reporter)
     layout = lay_out(arrangement.order(codes), memory, reporter, arrangement.tables)
     reporter.stop_on_error()
@@ -177,15 +177,20 @@ def analyse(
     return analysis
 
 
-def drop_unused(codes: dict[str, Code], roots: list[str]) -> None:
-    """Forget functions and routines that nothing calls any more."""
-    wanted = dict.fromkeys(roots)
+def reached(codes: dict[str, Code], roots: list[str]) -> set[str]:
+    """The functions that the roots call, directly or not, themselves included."""
+    found = set(roots)
     waiting = list(roots)
     while waiting:
-        for name in codes[waiting.pop()].calls():
-            if name in codes and name not in wanted:
-                wanted[name] = None
-                waiting.append(name)
+        more = [name for name in codes[waiting.pop()].calls() if name in codes and name not in found]
+        found.update(more)
+        waiting += more
+    return found
+
+
+def drop_unused(codes: dict[str, Code], roots: list[str]) -> None:
+    """Forget functions and routines that nothing calls any more."""
+    wanted = reached(codes, roots)
     for name in [
         name
         for name, code in codes.items()

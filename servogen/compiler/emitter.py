@@ -35,6 +35,8 @@ class Code:
     inline_asm: bool = False
     table: Symbol | None = None
     """The flash object whose bytes it holds; its instructions depend on where it comes to lie."""
+    also_calls: tuple[str, ...] = ()
+    """Functions that it enters elsewhere than at their first instruction."""
     falls_into: str = ""
     """The function that stands right behind and is entered without a jump."""
 
@@ -46,7 +48,8 @@ class Code:
             for ins in self.ins
             if ins.op in ("CALL", "GOTO") and ins.target and ins.target not in labels
         }
-        return [*found, *([self.falls_into] if self.falls_into else [])]
+        more = [*self.also_calls, *([self.falls_into] if self.falls_into else [])]
+        return [*found, *more]
 
 
 class Emitter:

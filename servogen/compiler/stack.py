@@ -21,6 +21,7 @@ def depths(codes: dict[str, Code]) -> dict[str, list[str]]:
             found[name] = []
             chains = []
             calls = {ins.target: ins.op for ins in codes[name].ins if ins.op in ("CALL", "GOTO")}
+            calls.update(dict.fromkeys(codes[name].also_calls, "CALL"))
             if codes[name].falls_into:
                 calls[codes[name].falls_into] = "GOTO"
             for callee, op in calls.items():
