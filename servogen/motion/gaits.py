@@ -97,9 +97,11 @@ def custom(
             raise InputError(f"the phase of the leg {leg} is missing")
         if not 0 <= lifts[leg] < 1:
             raise InputError(f"the phase of {leg} is {float(lifts[leg]):g}: it is at least 0 and below 1")
-    if not 0 < duty < 1:
-        raise InputError(f"a duty factor of {float(duty):g}: it is between 0 and 1")
-    return Gait(name, _simple(duty), tuple((leg, _simple(lifts[leg])) for leg in legs))
+    if not 0 < duty < 1 or not 0 < _simple(duty) < 1:
+        raise InputError(
+            f"a duty factor of {float(duty):g}: it is between 0 and 1, 1/24 away from both or more"
+        )
+    return Gait(name, _simple(duty), tuple((leg, _simple(lifts[leg]) % 1) for leg in legs))
 
 
 def _simple(share: Fraction | float) -> Fraction:

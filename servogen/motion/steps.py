@@ -101,6 +101,8 @@ class Steps:
 
     def swing_at(self, time: Floats) -> npt.NDArray[np.int64]:
         """The number of the swing that goes on at `time`, -1 on the ground."""
+        if not len(self.lifts):
+            return np.full(time.shape, -1)
         index = np.searchsorted(self.lifts, time - SAME_TIME, side="left") - 1
         flying = (index >= 0) & (time < self.lands[np.maximum(index, 0)] - SAME_TIME)
         return np.where(flying, index, -1)

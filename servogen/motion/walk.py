@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.errors import InputError
-from servogen.motion.footwork import Frames, Posture, footwork, joined
+from servogen.motion.footwork import MOST_CYCLES, Frames, Posture, footwork, joined
 from servogen.motion.gaits import Gait
 from servogen.motion.limits import Limits, stretch
 from servogen.motion.stability import margin
@@ -33,6 +33,10 @@ LEAST_SWING = 4
 
 MOST_FRAMES_A_CYCLE = 3000
 """A minute of 20 ms; slower than that is a mistake."""
+
+
+MOST_FRAMES = 1 << 19
+"""Longer walks are refused: almost three hours at 50 frames a second."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,7 +109,12 @@ def walk(
             hint=f"at least {least} frames: each swing takes {LEAST_SWING} or more",
         )
     count = _whole(gait, frames_per_cycle or least)
+    cycles = sum(MOST_CYCLES if segment.cycles is None else segment.cycles for segment in segments)
     while True:
+        if not count * cycles <= MOST_FRAMES:
+            raise InputError(
+                f"the walk is more than {MOST_FRAMES} frames long", hint="walk fewer cycles, or faster ones"
+            )
         frames, loop_start = _round(
             [plan.frames(segment, count) for segment in segments], segments[-1].cycles is None, count
         )

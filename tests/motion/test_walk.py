@@ -227,3 +227,14 @@ def test_a_walk_that_cannot_be_is_refused(
 ) -> None:
     with pytest.raises(InputError, match=says):
         walked("tripod", *segments, **options)  # type: ignore[arg-type]
+
+
+def test_a_way_of_nothing_is_stood() -> None:
+    made = walked("tripod", Segment())
+    assert made.ground.all()
+    assert np.ptp(made.trajectory.angles, axis=0) == pytest.approx(np.zeros(12))
+
+
+def test_a_walk_that_is_too_long_to_be_meant_is_refused() -> None:
+    with pytest.raises(InputError, match="more than 524288 frames long"):
+        walked("tripod", Segment(0.04, cycles=1e7))
