@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 CLOCK_HZ = 4_000_000
 """A cycle of it is a microsecond, so that a frame's microseconds are its cycles."""
 
+MOST_MM = 100_000
+"""Beyond it a number is a slip of the pen."""
+
 
 def register(app: typer.Typer) -> None:
     app.command()(gait)
@@ -34,22 +37,34 @@ def gait(
     lifts: Annotated[
         str | None, typer.Option("--lifts", help="When each leg lifts: L1=0,L2=0.5,… or 0,0.5,… in order.")
     ] = None,
-    stride_mm: Annotated[float, typer.Option("--stride-mm", help="The way of the body in a cycle.")] = 40.0,
+    stride_mm: Annotated[
+        float, typer.Option("--stride-mm", min=-MOST_MM, max=MOST_MM, help="The way of the body in a cycle.")
+    ] = 40.0,
     direction_deg: Annotated[
-        float, typer.Option("--direction-deg", help="Which way: 0 forward, 90 to the left.")
+        float,
+        typer.Option("--direction-deg", min=-360, max=360, help="Which way: 0 forward, 90 to the left."),
     ] = 0.0,
-    turn_deg: Annotated[float, typer.Option("--turn-deg", help="A cycle's turn, counter-clockwise.")] = 0.0,
-    lift_mm: Annotated[float, typer.Option("--lift-mm", help="How far a foot rises.")] = 20.0,
+    turn_deg: Annotated[
+        float, typer.Option("--turn-deg", min=-360, max=360, help="A cycle's turn, counter-clockwise.")
+    ] = 0.0,
+    lift_mm: Annotated[
+        float, typer.Option("--lift-mm", min=0, max=MOST_MM, help="How far a foot rises.")
+    ] = 20.0,
     clearance_mm: Annotated[
-        float | None, typer.Option("--clearance-mm", help="Refuse less free height under the robot.")
+        float | None,
+        typer.Option("--clearance-mm", min=0, max=MOST_MM, help="Refuse less free height under the robot."),
     ] = None,
     body_height_mm: Annotated[
         float | None,
-        typer.Option("--body-height-mm", help="Of the body (default: as high as the legs reach)."),
+        typer.Option(
+            "--body-height-mm", min=0, max=MOST_MM, help="Of the body (default: as high as the legs reach)."
+        ),
     ] = None,
     stance_width_mm: Annotated[
         float | None,
-        typer.Option("--stance-width-mm", help="Left to right feet (default: least correction)."),
+        typer.Option(
+            "--stance-width-mm", min=0, max=MOST_MM, help="Left to right feet (default: least correction)."
+        ),
     ] = None,
     beta_sign: Annotated[
         int, typer.Option("--beta-sign", help="1: lifted feet go rearwards, -1: to the front.")
@@ -63,7 +78,9 @@ def gait(
     servo: Annotated[
         str, typer.Option("--servo", help="The joints' servo model: its speed is the limit.")
     ] = "mpx-tiny-s",
-    period_us: Annotated[int, typer.Option("--period-us", min=1000, help="One frame.")] = 20_000,
+    period_us: Annotated[
+        int, typer.Option("--period-us", min=1000, max=1_000_000, help="One frame.")
+    ] = 20_000,
     leg: Annotated[str | None, typer.Option("--leg", help="This leg only.")] = None,
     spring_mm: Annotated[
         float | None, typer.Option("--spring-mm", min=0, help="Refuse more than a leg's spring can give.")

@@ -144,6 +144,13 @@ def test_one_leg_on_the_bench_has_no_stability(run: Run) -> None:
     assert [joint["name"] for joint in found["joints"]] == ["L2_alpha", "L2_beta"]
 
 
+def test_a_walk_that_goes_nowhere_stands(run: Run) -> None:
+    found = told(run, "--stride-mm", 0)
+    assert found["lift_m"] == 0
+    assert {joint["least"] for joint in found["joints"] if joint["name"].endswith("beta")} == {0}
+    assert 1000 * found["stability"]["least_m"] == pytest.approx(90)  # half of the body's length
+
+
 UNSTABLE = ("--duty", 0.5, "--lifts", "L1=0,L2=0,L3=0,R1=0.5,R2=0.5,R3=0.5")
 
 
@@ -199,6 +206,11 @@ def test_a_robot_that_does_not_walk_is_refused(run: Run) -> None:
         (("--cycles", 0), "more than none"),
         (("--leg", "L4"), "no leg 'L4'"),
         (("--servo", "tiny"), "unknown servo"),
+        (("--stride-mm", "nan"), "--stride-mm"),
+        (("--direction-deg", "inf"), "--direction-deg"),
+        (("--duty", 0.999, "--lifts", "0,0,0,0,0,0"), "between 0 and 1"),
+        (("--cycles", 1e9), "frames long"),
+        (("--cycle-s", 1e6), "frames long"),
     ],
 )
 def test_what_cannot_be_walked_is_refused_with_why(
