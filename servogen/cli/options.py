@@ -42,6 +42,7 @@ Seconds = Annotated[
     float | None,
     typer.Option("--seconds", parser=duration, metavar="SECONDS", help="How long, in simulated seconds."),
 ]
+Ra4PullUp = Annotated[bool, typer.Option("--ra4-pull-up", help="RA4, an open drain, has a pull-up resistor.")]
 Output = Annotated[Path | None, typer.Option("--output", "-o", help="Where to write it.")]
 
 

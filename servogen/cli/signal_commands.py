@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from servogen.cli.files import PROGRAM_SUFFIXES, read_program, read_schedule
-from servogen.cli.options import Json, Seconds
+from servogen.cli.options import Json, Ra4PullUp, Seconds
 from servogen.cli.show import as_json, status, warn
 from servogen.errors import InputError, Place
 
@@ -62,7 +62,7 @@ def verify(
         )
     trace = _trace(file, schedule, span)
     if seconds is None and not _is_program(file):
-        trace, span = held(schedule, trace)
+        trace, span = held(schedule, trace, ends=file.suffix.lower() == ".vcd")
     with status("comparing every edge"):
         verdict = prove(schedule, trace, span)
     if json:
@@ -116,6 +116,7 @@ def measure(
     clock_hz: Annotated[
         int | None, typer.Option("--clock-hz", min=1, help="Default: what the C says, else 4 MHz.")
     ] = None,
+    ra4_pull_up: Ra4PullUp = False,
     json: Json = False,
 ) -> None:
     """Say what pulses a program or recorded edges make on each pin, and what is doubtful about them."""
@@ -130,7 +131,7 @@ def measure(
     if _is_program(file):
         program = read_program(file)
         clock = Clock(clock_hz) if clock_hz else program.clock or Clock(DEFAULT_CLOCK_HZ)
-        trace = _running(program.image, clock, clock.round_seconds(span))
+        trace = _running(program.image, clock, clock.round_seconds(span), ra4_pull_up)
     else:
         clock = Clock(clock_hz or DEFAULT_CLOCK_HZ)
         trace = read_edges(file, clock, None if seconds is None else clock.round_seconds(seconds)).stored()
@@ -195,9 +196,10 @@ def _trace(file: Path, schedule: PulseSchedule, span: Cycles) -> EdgeTrace:
     return read_edges(file, schedule.clock)
 
 
-def _running(image: Image, clock: Clock, span: Cycles) -> EdgeTrace:
+def _running(image: Image, clock: Clock, span: Cycles, ra4_pull_up: bool) -> EdgeTrace:
     """The edges of a program of which nothing is known."""
     from servogen.edges import EdgeTrace
-    from servogen.simulator import Machine
+    from servogen.simulator import Machine, Options
 
-    return EdgeTrace(clock, Machine(image, clock).stream(span), span)
+    machine = Machine(image, clock, Options(ra4_pull_up=ra4_pull_up))
+    return EdgeTrace(clock, machine.stream(span), span)

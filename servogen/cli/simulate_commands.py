@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from servogen.cli.files import read_program
-from servogen.cli.options import LONGEST_CYCLES, DeviceName, Json, Seconds
+from servogen.cli.options import LONGEST_CYCLES, DeviceName, Json, Ra4PullUp, Seconds
 from servogen.cli.show import as_json, progress, table, warn
 from servogen.errors import InputError
 
@@ -55,9 +55,7 @@ def simulate(
         int | None, typer.Option("--clock-hz", min=1, help="Default: what the C says, else 4 MHz.")
     ] = None,
     device: DeviceName = "PIC16F84",
-    ra4_pull_up: Annotated[
-        bool, typer.Option("--ra4-pull-up", help="RA4, an open drain, has a pull-up resistor.")
-    ] = False,
+    ra4_pull_up: Ra4PullUp = False,
     watchdog_us: Annotated[
         int, typer.Option("--watchdog-us", help="The watchdog's period; of real chips 7000 to 33000.")
     ] = 18_000,

@@ -43,11 +43,11 @@ def board_of(schedule: PulseSchedule) -> Options:
     return Options(ra4_pull_up=any(channel.pin == OPEN_DRAIN_PIN for channel in schedule.channels))
 
 
-def held(schedule: PulseSchedule, trace: EdgeTrace) -> tuple[EdgeTrace, Cycles]:
+def held(schedule: PulseSchedule, trace: EdgeTrace, ends: bool) -> tuple[EdgeTrace, Cycles]:
     """A recorded trace, and the span that it can be held to: whole frames, at most `checked_cycles`.
 
-    The span is never less than the whole motion, so that a torn file is not proven. A file that says no end
-    (CSV, JSONL) stops at its last edge: the rest of that frame counts as silence.
+    The span is never less than the whole motion, so that a torn file is not proven. Where a file says no end
+    (not `ends`: CSV, JSONL) what follows its last edge counts as silence.
     """
     stored = trace.stored()
     cycles = [chunk.cycle for chunk in stored.driven() if len(chunk.cycle)]
@@ -57,7 +57,9 @@ def held(schedule: PulseSchedule, trace: EdgeTrace) -> tuple[EdgeTrace, Cycles]:
     frames = -(-(stored.end - first) // schedule.period)
     whole = Cycles(frames * schedule.period)
     span = max(min(whole, checked_cycles(schedule)), motion_cycles(schedule))
-    return EdgeTrace(stored.clock, stored.chunks, Cycles(max(stored.end, first + whole))), span
+    if ends:
+        return stored, Cycles(min(span, max(stored.end - first, motion_cycles(schedule))))
+    return EdgeTrace(stored.clock, stored.chunks, Cycles(max(stored.end, first + span))), span
 
 
 def prove(schedule: PulseSchedule, trace: EdgeTrace, span: Cycles | None = None) -> Verdict:

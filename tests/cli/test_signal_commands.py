@@ -137,7 +137,7 @@ def test_a_torn_edge_file_is_not_proven(run: Run, lab8: Path, tmp_path: Path) ->
     rows = (lab8 / "edges.csv").read_text().splitlines(keepends=True)
     (tmp_path / "torn.csv").write_text("".join(rows[:800]))
     ran = run("verify", tmp_path / "torn.csv", "--against", lab8 / "schedule.json")
-    assert ran.code == 1 and "trace ends" in ran.out
+    assert ran.code == 1 and "missing" in ran.out
 
 
 def test_an_edge_file_of_one_round_is_held_to_one_round(run: Run, lab8: Path, tmp_path: Path) -> None:
@@ -244,3 +244,30 @@ def test_an_unknown_ending_or_device_is_refused(run: Run, square: Path, lab8: Pa
     ran = run("verify", tmp_path / "x.xyz", "--against", lab8 / "schedule.json")
     assert ran.code == 2 and ".hex" in ran.err and ".csv" in ran.err
     assert run("simulate", square, "--device", "PIC18F4550").code == 2
+
+
+RELEASED = """\
+[chip]
+device = "PIC16F84"
+clock_hz = 4_000_000
+[[servo]]
+name = "arm"
+pin = "RA4"
+open_drain = true
+model = "futaba-s3001"
+[motion]
+repeat = false
+end = "release"
+poses = [ { arm_deg = 30, hold_s = 0.2 }, { arm_deg = 60, hold_s = 1 } ]
+"""
+
+
+def test_a_motion_that_ends_is_proven_from_the_files_that_build_writes(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "once.toml").write_text(RELEASED)
+    assert run("build", tmp_path / "once.toml", "-o", tmp_path / "once").code == 0
+    for name in ("main.hex", "edges.csv", "main.vcd"):
+        ran = run("verify", tmp_path / "once" / name, "--against", tmp_path / "once" / "schedule.json")
+        assert ran.code == 0, (name, ran.out)
+    hex_file = tmp_path / "once" / "main.hex"
+    assert "no pin has a pulse" in run("measure", hex_file, "--seconds", 2).out
+    assert "RA4: 60 pulses" in run("measure", hex_file, "--seconds", 2, "--ra4-pull-up").out
