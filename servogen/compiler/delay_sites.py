@@ -44,8 +44,8 @@ class _Choice:
 def expand_delays(codes: dict[str, Code], room_for_call: dict[str, bool], interrupt: set[str]) -> None:
     """Replace each delay by its instructions.
 
-    `room_for_call` says of each function whether the stack has a level left for one more call from it. What the
-    `interrupt` reaches has routines of its own: it may come in the middle of one of main's.
+    `room_for_call` says of each function whether the stack has a level left for one more call from it. What
+    the `interrupt` reaches has routines of its own: it may come in the middle of one of main's.
     """
     for isr in (False, True):
         suffix = ISR_SUFFIX if isr else ""

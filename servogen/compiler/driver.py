@@ -12,13 +12,13 @@ from typing import Any
 from pycparser import c_ast
 
 from servogen.compiler.backend import Backend, globals_of
-from servogen.compiler.banks import switch_banks
+from servogen.compiler.banks import banked, switch_banks
 from servogen.compiler.builtins import Builtins
 from servogen.compiler.checks import check_program
+from servogen.compiler.delay_sites import expand_delays
 from servogen.compiler.diagnostics import CompileError, Diagnostic, Fatal, Reporter
 from servogen.compiler.dialect import DIALECTS, headers, macros, named_types
 from servogen.compiler.emitter import Code
-from servogen.compiler.delay_sites import expand_delays
 from servogen.compiler.layout import allocate, lay_out
 from servogen.compiler.optimise import optimise
 from servogen.compiler.parse import parse
@@ -113,7 +113,9 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
     for code in codes.values():
         if options.optimise:
             optimise(code)
-        switch_banks(code)
+    reaching = banked(codes)
+    for code in codes.values():
+        switch_banks(code, reaching)
     drop_unused(codes, arrangement.roots)
     room = check_stack(codes, arrangement.roots, reporter)
     reporter.stop_on_error()
