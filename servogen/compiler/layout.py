@@ -197,5 +197,6 @@ def address_byte(k: AddressByte, labels: dict[str, int], memory: Memory, tables:
     if k.symbol.kind == "flash":
         where = labels[tables[k.symbol]] + k.offset
         return where & 0xFF if k.part == 0 else where >> 8 | FLASH_FLAG
-    where = memory.addresses[k.symbol] + k.offset
+    where = memory.addresses[k.symbol] if k.symbol.address is None else k.symbol.address
+    where += k.offset
     return where >> 8 * k.part & 0xFF
