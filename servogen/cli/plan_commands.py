@@ -92,7 +92,9 @@ def _show_plan(
         )
     parts = [("lead-in", schedule.lead_in_frames), ("loop", schedule.loop_frames)]
     text = ", ".join(
-        f"{name} of {frames} frames, {_seconds(made, frames):g} s" for name, frames in parts if frames
+        f"{name} of {frames} frame{'s' if frames > 1 else ''}, {_seconds(made, frames):g} s"
+        for name, frames in parts
+        if frames
     )
     print(f"{job.file}: {len(job.servos)} servo(s), {text}")
 

@@ -28,7 +28,8 @@ class Job:
     """One job. `trajectory` has one joint a servo, in the order of `servos`: the servos' own angles.
 
     `bindings` are the joints that servos turn, `tip` the end of the leg or arm that they move, `robot` what
-    was named. `warnings`: what the user should change or accept; `notes`: what is good to know of the motion.
+    was named, `wheels` the servos of a drive's wheels 1, 2 and 3. `warnings`: what the user should change or
+    accept; `notes`: what is good to know of the motion.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Job:
     bindings: tuple[Binding, ...]
     robot: Robot | None
     tip: Tip | None
+    wheels: tuple[str, ...]
     frame: Frame
     firmware: Firmware
     trajectory: JointTrajectory

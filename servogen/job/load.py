@@ -61,6 +61,7 @@ def _job(document: Document) -> Job:
         rig.bindings,
         rig.robot,
         rig.tip,
+        table.drive.wheels if table.drive else (),
         frame,
         Firmware(table.firmware.dialect, table.firmware.engine),
         planned.trajectory,

@@ -19,7 +19,7 @@ from servogen.motion.trajectory import Floats
 from servogen.motion.walk import Walk
 from servogen.report.gait_facts import leg_sticks
 from servogen.report.sticks import base_outline, stick
-from servogen.report.tracks import End, ends_of, to_place
+from servogen.report.tracks import End, ends_of, to_place, wheel_columns
 from servogen.robot.model import Hexapod, OmniBase
 
 MOST_PICTURES = 100
@@ -72,8 +72,8 @@ def job_scene(job: Job) -> Scene:
     start = made.loop_start if len(made.angles) - made.loop_start > 1 else 0
     angles = _held(made.angles)[start:]
     frame_s, step = float(made.clock.seconds(made.period)), _step(len(angles))
-    if isinstance(job.robot, OmniBase):
-        at = positions(job.robot, np.nan_to_num(angles), frame_s)[1:]
+    if isinstance(job.robot, OmniBase) and job.wheels:
+        at = positions(job.robot, np.nan_to_num(angles[:, wheel_columns(job)]), frame_s)[1:]
         outline = base_outline(job.robot, at[::step])
         parts = [
             _trace(at * [1, 1, 0], step),

@@ -120,13 +120,20 @@ def tracks_of(job: Job, schedule: PulseSchedule) -> tuple[Track, ...]:
     """The tracks of all ends of the job; those of a drive are its base's."""
     asked = job.trajectory.angles
     ends = ends_of(job)
-    based = isinstance(job.robot, OmniBase) and all(servo.model.continuous for servo in job.servos)
-    if not ends and not based:
+    if not ends and not job.wheels:
         return ()
     made = made_angles(schedule, job.servos)
     if isinstance(job.robot, OmniBase):
-        return (_base(job.robot, asked, made, float(schedule.clock.seconds(schedule.period))),)
+        wheels = wheel_columns(job)
+        frame_s = float(schedule.clock.seconds(schedule.period))
+        return (_base(job.robot, asked[:, wheels], made[:, wheels], frame_s),)
     return tuple(_track(end, asked, made) for end in ends)
+
+
+def wheel_columns(job: Job) -> list[int]:
+    """The columns of the wheels 1, 2 and 3 of a drive."""
+    names = [servo.name for servo in job.servos]
+    return [names.index(wheel) for wheel in job.wheels]
 
 
 def made_angles(schedule: PulseSchedule, servos: Sequence[Servo]) -> Floats:

@@ -10,6 +10,7 @@ import pytest
 from servogen.job import Job, load, loads
 from servogen.pulse import PulseSchedule
 from servogen.pulse.plan import plan
+from servogen.report.scenes import job_scene
 from servogen.report.tool_error import errors_of, worst_of
 from servogen.report.tracks import Track, ends_of, made_angles, tracks_of
 
@@ -134,3 +135,24 @@ def test_the_worst_end_is_the_one_with_the_greatest_error_and_the_first_of_equal
     worst = worst_of(errors)
     assert worst.worst_m == pytest.approx(max(each.worst_m for each in errors), abs=1e-9)
     assert worst.name == "L1"  # L1, R2 and L3 step alike
+
+
+def test_the_wheels_may_be_listed_in_any_order() -> None:
+    text = (JOBS / "omni-square.toml").read_text()
+    head, *servos = text.split("[[servo]]")
+    last, rest = servos[2].split("[drive]")
+    other = "[[servo]]".join([head, last, servos[1], servos[0]]) + "[drive]" + rest
+    job = loads(other, "job.toml")
+    assert [servo.name for servo in job.servos] == ["wheel3", "wheel2", "wheel1"]
+    (track,) = tracks_of(job, plan(job.trajectory, job.servos, job.frame).schedule)
+    (usual,) = planned("omni-square")[2]
+    assert track.planned == pytest.approx(usual.planned, abs=1e-12)
+    assert track.made == pytest.approx(usual.made, abs=1e-12)
+    assert job_scene(job).count == job_scene(planned("omni-square")[0]).count
+
+
+def test_speeds_given_wheel_by_wheel_have_no_known_base() -> None:
+    text = (JOBS / "omni-square.toml").read_text().split("[drive]")[0]
+    poses = "[motion]\nposes = [{ wheel1_deg_s = 90, wheel2_deg_s = 0, wheel3_deg_s = 0, hold_s = 1 }]\n"
+    job = loads(text + poses, "job.toml")
+    assert tracks_of(job, plan(job.trajectory, job.servos, job.frame).schedule) == ()
