@@ -1,0 +1,164 @@
+"""What a test runs on: the simulator, a recording, the bench. Each gives a `Seen`: what the pins did.
+
+In: an image and the schedule that it should follow. Out: edges, and by `check` whether they are the
+schedule's, exactly where the chip was simulated and within tolerances where an analyser looked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from servogen.edge_files import SUFFIXES as EDGE_SUFFIXES
+from servogen.edge_files import read_edges, write_edges
+from servogen.edge_files.captures import SUFFIXES as CAPTURE_SUFFIXES
+from servogen.edge_files.captures import capture_writer, is_capture, read_capture
+from servogen.edges import PINS, EdgeTrace
+from servogen.errors import InputError, Place
+from servogen.pic.image import Image
+from servogen.pipeline.proof import checked_cycles, held, prove, running
+from servogen.pulse import PulseSchedule
+from servogen.pulse.expected import expected
+from servogen.units import Cycles
+from servogen.verify import CaptureVerdict, Tolerances, Verdict, capture_lines, verdict_lines, verify_capture
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What the pins did, in memory."""
+
+    trace: EdgeTrace
+    source: str
+    """On what it was seen, in words."""
+    analyser: bool = False
+    """Whether an analyser looked: its clock is its own, its edges are on its samples."""
+    sample: float | None = None
+    """An analyser's steps from sample to sample; None where the file does not say it."""
+    span: Cycles | None = None
+    """How much of it is to be judged; None: whole frames."""
+    file: Path | None = None
+    """Where it is recorded already."""
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """Whether what was seen is the schedule; in words, and as properties of a test report."""
+
+    proven: bool
+    lines: tuple[str, ...]
+    properties: tuple[tuple[str, str], ...]
+
+
+class Target(Protocol):
+    """Something that runs a program and lets its pins be seen."""
+
+    @property
+    def name(self) -> str: ...
+
+    def load(self, image: Image) -> None:
+        """Puts the program on the chip and resets it."""
+
+    def capture(self, schedule: PulseSchedule, seconds: float | None) -> Seen:
+        """Looks for so long; by default long enough to judge the whole motion."""
+
+
+class Simulator:
+    """The simulated chip: exact edges."""
+
+    name = "sim"
+
+    def __init__(self) -> None:
+        self._image: Image | None = None
+
+    def load(self, image: Image) -> None:
+        self._image = image
+
+    def capture(self, schedule: PulseSchedule, seconds: float | None) -> Seen:
+        if self._image is None:
+            raise InputError("there is no program on the simulated chip", hint="load an image first")
+        span = checked_cycles(schedule) if seconds is None else schedule.clock.round_seconds(seconds)
+        return Seen(running(schedule, self._image, span).stored(), "the simulated chip", span=span)
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """A recording in `folder`, by the name of the test; what is loaded does not matter."""
+
+    folder: Path
+    test: str
+    name = "replay"
+
+    def load(self, image: Image) -> None:
+        return
+
+    def capture(self, schedule: PulseSchedule, seconds: float | None) -> Seen:
+        """The recording, up to `seconds`. Raises InputError where there is none."""
+        suffixes = dict.fromkeys((*CAPTURE_SUFFIXES, *EDGE_SUFFIXES))
+        paths = [self.folder / f"{self.test}{suffix}" for suffix in suffixes]
+        path = next((path for path in paths if path.is_file()), None)
+        if path is None:
+            raise InputError(
+                "there is no recording of this test",
+                Place(str(self.folder / self.test)),
+                f"record it with --servogen-record={self.folder}; it ends in one of {', '.join(suffixes)}",
+            )
+        source = f"the recording {path}"
+        if not is_capture(path):
+            span = None if seconds is None else schedule.clock.round_seconds(seconds)
+            return Seen(read_edges(path, schedule.clock).stored(), source, span=span, file=path)
+        found = read_capture(path)
+        trace = found.trace.stored()
+        if seconds is not None:
+            trace = trace.until(trace.clock.round_seconds(seconds)).stored()
+        return Seen(trace, source, True, found.sample, file=path)
+
+
+def check(seen: Seen, schedule: PulseSchedule, tolerances: Tolerances | None = None) -> Checked:
+    """Whether the pins did what the schedule says."""
+    if seen.analyser:
+        found = verify_capture(expected(schedule), seen.trace, tolerances or Tolerances(), seen.sample)
+        return Checked(found.proven, tuple(capture_lines(found)), tuple(_of_capture(found)))
+    if seen.span is None:
+        ends = seen.file is not None and seen.file.suffix.lower() == ".vcd"
+        verdict = prove(schedule, *held(schedule, seen.trace, ends))
+    else:
+        verdict = prove(schedule, seen.trace, seen.span)
+    return Checked(verdict.proven, tuple(verdict_lines(verdict)), tuple(_of_edges(verdict)))
+
+
+def record(seen: Seen, path: Path) -> None:
+    """Writes what was seen to a VCD file that `Replay` and `servogen verify` read."""
+    if not seen.analyser:
+        write_edges(seen.trace, path)
+        return
+    rate = round(seen.trace.clock.cycles_per_second)
+    with capture_writer(path, rate) as writer:
+        for chunk in seen.trace.chunks:
+            writer.add(chunk)
+        writer.finish(Cycles(seen.trace.end))
+
+
+def _of_edges(verdict: Verdict) -> Iterator[tuple[str, str]]:
+    yield "servogen_verdict", "proven" if verdict.proven else "not proven"
+    yield "servogen_seconds", f"{float(verdict.clock.seconds(verdict.span.compared)):g}"
+    yield "servogen_frames", str(verdict.span.frames)
+    for channel in verdict.channels:
+        pin = PINS[channel.pin]
+        yield f"servogen_{pin}_pulses", str(channel.observed)
+        yield f"servogen_{pin}_worst_width_error_cycles", str(channel.width.error)
+        yield f"servogen_{pin}_worst_period_error_cycles", str(channel.period.error)
+
+
+def _of_capture(verdict: CaptureVerdict) -> Iterator[tuple[str, str]]:
+    yield "servogen_verdict", "proven within tolerances" if verdict.proven else "not proven"
+    yield "servogen_seconds", f"{verdict.duration_us / 1e6:g}"
+    yield "servogen_frames", str(verdict.frames)
+    if verdict.ppm is not None:
+        yield "servogen_crystal_ppm", f"{verdict.ppm:.1f}"
+    for channel in verdict.channels:
+        pin = PINS[channel.pin]
+        yield f"servogen_{pin}_pulses", str(channel.captured)
+        yield f"servogen_{pin}_worst_width_error_us", f"{channel.width.worst_us:.3f}"
+        yield f"servogen_{pin}_jitter_us", f"{channel.jitter_us:.3f}"

@@ -1,0 +1,155 @@
+"""The pytest plugin, as a user's tests meet it: simulated, on recordings, on the bench, in reports."""
+
+import shutil
+from fractions import Fraction
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+# Here, so that the runs inside this process find them and do not load them each anew.
+import servogen.cli.files
+import servogen.compiler
+import servogen.pipeline.targets
+import servogen.pulse  # noqa: F401
+from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
+from servogen.bench.virtual.chip import VirtualChip
+from servogen.units import Clock
+from tests.bench.conftest import Serve, image_of, serve  # noqa: F401 - a fixture
+
+pytest_plugins = ["pytester"]
+
+ROOT = Path(__file__).parent.parent
+JOB = ROOT / "firmware" / "lab8-exercise"
+
+TEST = """
+import pytest
+from servogen.pytest_plugin import assert_pulses
+
+@pytest.mark.servogen("job")
+def test_arm(servogen_capture, servogen_schedule):
+    assert_pulses(servogen_capture, servogen_schedule)
+"""
+
+
+@pytest.fixture
+def project(pytester: pytest.Pytester) -> pytest.Pytester:
+    """A project with a job's folder and one test of it."""
+    shutil.copytree(JOB, pytester.path / "job", ignore=shutil.ignore_patterns("*.vcd", "edges.csv"))
+    pytester.makepyfile(test_firmware=TEST)
+    return pytester
+
+
+def properties(path: Path) -> dict[str, str]:
+    """Of the only test in a JUnit report."""
+    return {
+        str(each.get("name")): str(each.get("value")) for each in ElementTree.parse(path).iter("property")
+    }
+
+
+def run(project: pytest.Pytester, *options: str) -> pytest.RunResult:
+    return project.runpytest_inprocess("-p", "no:xdist", "--strict-markers", *options)
+
+
+def break_the_program(project: pytest.Pytester) -> None:
+    """Another program than the schedule's: that of lab 9."""
+    shutil.copy(ROOT / "firmware" / "lab9-exercise" / "main.hex", project.path / "job" / "main.hex")
+
+
+def test_a_proven_program_passes_and_the_report_says_what_was_measured(project: pytest.Pytester) -> None:
+    run(project, "--junitxml=report.xml").assert_outcomes(passed=1)
+    found = properties(project.path / "report.xml")
+    assert found["servogen_target"] == "sim"
+    assert found["servogen_program"] == "job/main.hex"
+    assert found["servogen_source"] == "the simulated chip"
+    assert found["servogen_verdict"] == "proven"
+    assert found["servogen_frames"] == "1500"  # three loops of 500 frames
+    assert found["servogen_RB0_worst_width_error_cycles"] == "0"
+
+
+def test_a_wrong_program_fails_with_the_verdict_and_its_capture(project: pytest.Pytester) -> None:
+    break_the_program(project)
+    result = run(project, "--junitxml=report.xml")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(
+        [
+            "*the pulses seen on the simulated chip are not the schedule's*",
+            "*NOT proven: compared*",
+            "*RB0 arm:*",
+            "*servogen-captures/test_firmware-test_arm.vcd: what was seen on the simulated chip*",
+        ]
+    )
+    capture = project.path / "servogen-captures" / "test_firmware-test_arm.vcd"
+    assert capture.is_file()
+    assert properties(project.path / "report.xml")["servogen_capture"] == str(capture)
+
+
+def test_a_recording_is_replayed_without_the_program(project: pytest.Pytester) -> None:
+    run(project, "--servogen-record=seen").assert_outcomes(passed=1)
+    (project.path / "job" / "main.hex").unlink()
+    run(project, "--servogen-replay=seen", "--junitxml=report.xml").assert_outcomes(passed=1)
+    assert properties(project.path / "report.xml")["servogen_target"] == "replay"
+
+
+def test_a_recording_of_something_else_fails(project: pytest.Pytester) -> None:
+    break_the_program(project)
+    run(project, "--servogen-record=seen").assert_outcomes(failed=1)
+    shutil.copy(JOB / "main.hex", project.path / "job" / "main.hex")
+    run(project, "--servogen-replay=seen").assert_outcomes(failed=1)
+
+
+def test_a_missing_recording_is_named(project: pytest.Pytester) -> None:
+    result = run(project, "--servogen-replay=seen")
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["*there is no recording of this test*", "*--servogen-record=*"])
+
+
+def test_a_bench_test_is_skipped_with_what_to_do(project: pytest.Pytester) -> None:
+    project.makepyfile(test_firmware=TEST.replace("@pytest", "@pytest.mark.servogen_bench\n@pytest", 1))
+    result = run(project, "-rs")
+    result.assert_outcomes(skipped=1)
+    result.stdout.fnmatch_lines(["*needs a chip on the bench: pytest --servogen-target=bench*"])
+
+
+@pytest.mark.parametrize(("hex_file", "outcome"), [("lab8-exercise", "passed"), ("lab8-program", "failed")])
+def test_the_same_test_runs_on_the_bench(
+    project: pytest.Pytester,
+    serve: Serve,  # noqa: F811
+    hex_file: str,
+    outcome: str,
+) -> None:
+    """A chip whose crystal is 180 ppm fast, seen by a SUMP analyser at 1 MHz."""
+    chip = VirtualChip(
+        image_of(ROOT / "firmware" / hex_file / "main.hex"), Clock(4_000_000), ppm=Fraction(180)
+    )
+    port = serve({"analyser": VirtualAnalyser(chip, AnalyserOptions())}).paths["analyser"]
+    bench = ("--servogen-target=bench", f"--servogen-port={port}")
+    result = run(project, *bench, "--servogen-record=seen", "--junitxml=report.xml")
+    result.assert_outcomes(**{outcome: 1})
+    found = properties(project.path / "report.xml")
+    assert found["servogen_source"] == f"the bench, by the analyser on {port}"
+    replayed = run(project, "--servogen-replay=seen")
+    replayed.assert_outcomes(**{outcome: 1})
+    if outcome == "passed":
+        assert float(found["servogen_crystal_ppm"]) == pytest.approx(180, abs=2)
+
+
+def test_the_bench_needs_its_port(project: pytest.Pytester) -> None:
+    result = run(project, "--servogen-target=bench")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(["*--servogen-target=bench needs --servogen-port=PORT*"])
+
+
+def test_a_test_that_does_not_say_its_program_is_told_how(project: pytest.Pytester) -> None:
+    project.makepyfile(test_firmware=TEST.replace('@pytest.mark.servogen("job")\n', ""))
+    result = run(project)
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["*the test does not say its schedule*", '*@pytest.mark.servogen("DIR")*'])
+    run(project, "--servogen-build=job").assert_outcomes(passed=1)
+
+
+def test_c_is_compiled_and_the_time_is_said(project: pytest.Pytester) -> None:
+    mark = '@pytest.mark.servogen("job", image="job/main.xc8.c", seconds=1)'
+    project.makepyfile(test_firmware=TEST.replace('@pytest.mark.servogen("job")', mark))
+    run(project, "--junitxml=report.xml").assert_outcomes(passed=1)
+    assert properties(project.path / "report.xml")["servogen_program"] == "job/main.xc8.c"
