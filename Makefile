@@ -6,7 +6,7 @@ BIN    := $(VENV)/bin
 JOBS   := $(wildcard jobs/*.toml)
 READY  := $(VENV)/.installed
 
-.PHONY: demo test check bench firmware clean help
+.PHONY: demo test check bench firmware flash clean help
 
 help:
 	@echo "make demo      install into $(VENV), build and prove every job under jobs/, print one table"
@@ -14,6 +14,7 @@ help:
 	@echo "make check     format, lint, types and the tests, which also make firmware/ anew"
 	@echo "make firmware  make firmware/ anew"
 	@echo "make bench     measure speeds and print ratios"
+	@echo "make flash     build JOB=lab8-exercise, prove it and program a chip: [PROGRAMMER=picpro] [PORT=/dev/ttyUSB0]"
 	@echo "make clean     remove what was made"
 
 $(READY): pyproject.toml
@@ -42,6 +43,17 @@ bench: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[bench]'
 	$(BIN)/python bench/simulator.py
 	$(BIN)/python bench/kinematics.py
+
+# JOB is a job file, or the name of one under jobs/.
+JOBFILE = $(if $(wildcard $(JOB)),$(JOB),jobs/$(JOB).toml)
+MADE    = build/$(basename $(notdir $(JOBFILE)))
+
+flash: $(READY)
+	@test -n "$(JOB)" || { echo "make flash JOB=lab8-exercise [PROGRAMMER=picpro] [PORT=/dev/ttyUSB0]"; exit 2; }
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[flash]'
+	$(BIN)/servogen build $(JOBFILE) --output $(MADE)
+	$(BIN)/servogen flash $(MADE)/main.hex $(if $(PROGRAMMER),--programmer $(PROGRAMMER)) \
+	  $(if $(PORT),--port $(PORT)) $(if $(DEVICE),--device $(DEVICE))
 
 clean:
 	rm -rf build .pytest_cache .mypy_cache .ruff_cache .hypothesis

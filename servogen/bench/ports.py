@@ -7,6 +7,7 @@ the port and says what to do.
 from __future__ import annotations
 
 import errno
+import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -95,6 +96,30 @@ def open_port(path: str, baud: int) -> Iterator[Port]:
         yield Port(path, line)
     finally:
         close(line)
+
+
+@contextmanager
+def held(path: str) -> Iterator[None]:
+    """The port is this process's, and a program's that it starts; no other servogen opens it meanwhile."""
+    if os.name != "posix":  # elsewhere only one program at a time can open a port
+        yield
+        return
+    import fcntl
+
+    try:
+        handle = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    except OSError as error:
+        refuse(path, error)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            refuse(path, error)
+        if not os.isatty(handle):
+            raise PortError("is not a serial port", Place(path))
+        yield
+    finally:
+        os.close(handle)
 
 
 def close(line: serial.Serial) -> None:

@@ -131,7 +131,8 @@ def encode(runs: Runs, bits: int = WORD_BITS) -> Words:
     count[np.cumsum(pieces) - 1] = length - (pieces - 1) * (longest + 1) - 1
     pairs = np.stack((value & np.uint32(longest), (count | (longest + 1)).astype(np.uint32)), axis=1)
     keep = np.stack((np.ones(len(count), dtype=bool), count > 0), axis=1)
-    return pairs[keep]
+    words: Words = pairs[keep]
+    return words
 
 
 def decode(words: Words, rle: bool, bits: int = WORD_BITS) -> Runs:

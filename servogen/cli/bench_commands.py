@@ -1,4 +1,4 @@
-"""Commands of the bench: capture."""
+"""Commands of the bench: flash, capture."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from servogen.cli.files import read_schedule
-from servogen.cli.options import Json
-from servogen.cli.show import as_json, progress
+from servogen.cli.files import read_image, read_schedule
+from servogen.cli.options import DeviceName, Json
+from servogen.cli.show import as_json, progress, status, warn
 
 if TYPE_CHECKING:
     from servogen.bench.planning import Plan, Wanted
     from servogen.bench.ports import Port as Line
     from servogen.bench.sump_client import Analyser, Seen
+    from servogen.pic.image import Image
     from servogen.pulse import PulseSchedule
 
 RATE = 1_000_000
@@ -30,7 +31,77 @@ Against = Annotated[
 
 
 def register(app: typer.Typer) -> None:
+    app.command()(flash)
     app.command()(capture)
+
+
+def flash(
+    file: Annotated[Path, typer.Argument(help="The HEX file.", show_default=False)],
+    programmer: Annotated[
+        str | None,
+        typer.Option("--programmer", help="picpro, pk2cmd, ipecmd, pickit3, usbpicprog, picprog, or a path."),
+    ] = None,
+    port: Annotated[str | None, typer.Option("--port", "-p", help="The programmer's serial port.")] = None,
+    device: DeviceName = "PIC16F84A",
+    against: Annotated[
+        Path | None,
+        typer.Option(
+            "--against", help="The schedule that it must be proven for (default: the one beside it)."
+        ),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Program it whatever speaks against it.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show the command and do nothing.")] = False,
+    timeout: Annotated[float, typer.Option("--timeout", min=1, help="Seconds to wait for the chip.")] = 120.0,
+    json: Json = False,
+) -> None:
+    """Program a chip, after proving its pulses, and believe only what shows that it worked."""
+    import shlex
+
+    from servogen.bench.flash_checks import objections, remarks
+    from servogen.bench.flashing import command_of
+    from servogen.bench.flashing import flash as flashed
+    from servogen.bench.programmers import Order, find
+    from servogen.errors import InputError, Place
+    from servogen.pic.device import device as device_named
+
+    image = read_image(file)
+    order = Order(file, device_named(device), port)
+    found = find(programmer)
+    command = shlex.join(command_of(found, order))
+    against_it = (*objections(image), *_unproven(image, file, against))
+    if against_it and not force:
+        raise InputError("; ".join(against_it), Place(str(file)), "--force programs it all the same")
+    for text in (*against_it, *remarks(image, order.device)):
+        warn(text)
+    if dry_run:
+        if json:
+            as_json({"command": list(command_of(found, order)), "programmer": found.programmer.name})
+        else:
+            print(command)
+        return
+    with status(f"programming with {found.programmer.name}"):
+        done = flashed(found, order, image, timeout)
+    how = "read back and compared" if done.compared else "verified by the programmer"
+    if not done.compared and not found.programmer.verifies:
+        how = "programmed; this programmer does not show that it compared: capture and verify"
+    if json:
+        as_json({"programmer": found.programmer.name, "words": image.words, "compared": done.compared})
+        return
+    print(f"{file}: {image.words} words on the {order.device.name}, {how}")
+
+
+def _unproven(image: Image, file: Path, against: Path | None) -> tuple[str, ...]:
+    """Why the image is not the schedule's; nothing where there is no schedule to hold it against."""
+    from servogen.pipeline import checked_cycles, prove, running
+
+    beside = file.parent / "schedule.json"
+    path = against or (beside if beside.exists() else None)
+    if path is None:
+        return ()
+    schedule = read_schedule(path)
+    span = checked_cycles(schedule)
+    verdict = prove(schedule, running(schedule, image, span), span)
+    return () if verdict.proven else (f"its pulses are not those of {path}: {verdict.reasons[0]}",)
 
 
 def capture(

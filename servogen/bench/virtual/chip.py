@@ -16,6 +16,7 @@ import numpy.typing as npt
 from servogen.edges import HIGH, PINS, EdgeChunk
 from servogen.pic.image import Image
 from servogen.simulator import Machine, Options, Stimulus
+from servogen.simulator.native import loop
 from servogen.units import Clock
 
 MILLION = 10**6
@@ -35,6 +36,7 @@ class VirtualChip:
     """The levels of the pins at the present cycle, pin n of `PINS` in bit n."""
 
     def __post_init__(self) -> None:
+        loop(observed=False)  # compiled now, not while a client waits
         self.load(self.image)
 
     def load(self, image: Image) -> None:

@@ -1,0 +1,157 @@
+"""Programs a chip with one of the table's programs, and believes only what proves success.
+
+In: a found programmer, an `Order`, the image. Out: `Flashed`; or ToolError, or `Differs` where the chip holds
+something else than the file.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import tempfile
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from servogen.bench.flash_checks import protected
+from servogen.bench.ports import held
+from servogen.bench.programmers import Found, Order, Programmer
+from servogen.errors import InputError, Place, ServogenError, ToolError
+from servogen.pic.image import Image, from_hex
+
+TIMEOUT_S = 120.0
+NOT_INSERTED = re.compile(r"waiting for user to insert chip(?![\s\S]*chip detected)", re.IGNORECASE)
+LAST_LINES = 3
+
+
+class Differs(ServogenError):
+    """The chip does not hold what the file holds."""
+
+    exit_code = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Flashed:
+    """`output` is what the programmer's program said; `compared`: the program memory was read back."""
+
+    output: str
+    compared: bool
+
+
+def command_of(found: Found, order: Order) -> tuple[str, ...]:
+    """The command that programs. Raises InputError where it needs a port and none is given."""
+    if found.programmer.needs_port and order.port is None:
+        raise InputError(
+            f"{found.programmer.name} needs the programmer's port", hint="--port /dev/ttyUSB0, or the like"
+        )
+    return (*found.start, *found.programmer.program(order))
+
+
+def flash(found: Found, order: Order, image: Image, timeout_s: float = TIMEOUT_S) -> Flashed:
+    """Programs the chip. Raises ToolError or Differs."""
+    command = command_of(found, order)
+    port = order.port if found.programmer.needs_port else None
+    readable = not protected(image, order.device)
+    with nullcontext() if port is None else held(port):
+        code, output = _run(command, found.programmer, order.port, timeout_s)
+        try:
+            _judge(found.programmer, code, output, order.port)
+        except Differs as error:
+            raise _with_place(error, found, order, image, timeout_s) if readable else error from None
+        at = _difference(found, order, image, timeout_s) if readable else None
+    if at is not None:
+        raise Differs(
+            f"{found.programmer.name} reports success, but the chip differs from the file, first at {at}",
+            _place(order.port),
+            output.strip(),
+        )
+    return Flashed(output, readable and found.programmer.read is not None)
+
+
+def _judge(programmer: Programmer, code: int, output: str, port: str | None) -> None:
+    """Raises what the exit code and the output say."""
+    for failure in programmer.failures:
+        if isinstance(failure.sign, int):
+            hit = code == failure.sign
+        else:
+            hit = re.search(failure.sign, output, re.IGNORECASE) is not None
+        if hit:
+            kind = Differs if failure.differs else ToolError
+            raise kind(failure.sentence, _place(port), _last(output))
+    missing = [text for text in programmer.said if text not in output]
+    if code != 0:
+        raise ToolError(f"{programmer.name} failed with exit code {code}", _place(port), _last(output))
+    if missing:
+        raise ToolError(
+            f"{programmer.name} did not say '{missing[0]}': nothing proves that the chip is programmed",
+            _place(port),
+            _last(output),
+        )
+
+
+def _with_place(error: Differs, found: Found, order: Order, image: Image, timeout_s: float) -> Differs:
+    """The same, with the first address that differs, where the programmer can read it."""
+    try:
+        at = _difference(found, order, image, timeout_s)
+    except ToolError:
+        return error
+    return error if at is None else Differs(f"{error.message}, first at {at}", error.place, error.hint)
+
+
+def _difference(found: Found, order: Order, image: Image, timeout_s: float) -> str | None:
+    """Where the program memory that is read back first differs; None where it does not or cannot be read."""
+    if found.programmer.read is None:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "read.hex"
+        command = (*found.start, *found.programmer.read(replace(order, file=file)))
+        code, output = _run(command, found.programmer, order.port, timeout_s)
+        if code != 0 or not file.exists():
+            raise ToolError(
+                f"{found.programmer.name} could not read the chip back", _place(order.port), _last(output)
+            )
+        read = from_hex(file.read_text(encoding="ascii"), str(file)).flash()
+    for address, (wanted, got) in enumerate(zip(image.flash(), read, strict=True)):
+        if wanted != got:
+            return f"address 0x{address:03X}: 0x{got:04X} where the file has 0x{wanted:04X}"
+    return None
+
+
+def _run(
+    command: tuple[str, ...], programmer: Programmer, port: str | None, timeout_s: float
+) -> tuple[int, str]:
+    """Exit code and output; the program is ended where it takes too long."""
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+    with subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        env=environment,
+    ) as process:
+        try:
+            output, _ = process.communicate(timeout=timeout_s)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            output, _ = process.communicate()
+            sentence = f"{programmer.name} did not end within {timeout_s:g} s"
+            if NOT_INSERTED.search(output):
+                sentence = "there is no chip in the programmer's socket"
+            raise ToolError(sentence, _place(port), _last(output)) from None
+        except BaseException:
+            process.kill()
+            raise
+        return process.returncode, output
+
+
+def _place(port: str | None) -> Place | None:
+    return Place(port) if port else None
+
+
+def _last(output: str) -> str | None:
+    """The last lines that a program said."""
+    lines = [line for line in output.splitlines() if line.strip()]
+    return "\n  ".join(lines[-LAST_LINES:]) or None

@@ -1,0 +1,315 @@
+"""`servogen flash`: the real picpro against the virtual K150, and stand-ins that say what others do."""
+
+import fcntl
+import os
+import sys
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+
+from servogen.bench.flashing import command_of
+from servogen.bench.programmers import PROGRAMMERS, Found, Order
+from servogen.bench.virtual.chip import VirtualChip
+from servogen.bench.virtual.k150 import ProgrammerOptions, VirtualProgrammer
+from servogen.pic.device import config_word, device
+from servogen.pic.image import Image, to_hex
+from servogen.units import Clock
+from tests.bench.conftest import LAB8, Run, Serve, image_of
+
+BUILT = LAB8 / "main.hex"
+EMPTY = Image({0: 0x2800}, 0x3FF1)
+
+SAYS = """\
+#!{python}
+import sys
+sys.stdout.write({output!r})
+sys.exit({code})
+"""
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> Path:
+    """The lab exercise's program, with no schedule beside it."""
+    path = tmp_path / "lab8.hex"
+    path.write_text(BUILT.read_text())
+    return path
+
+
+def programmer(**options: object) -> VirtualProgrammer:
+    chip = VirtualChip(EMPTY, Clock(4_000_000), ppm=Fraction(0))
+    return VirtualProgrammer(chip, ProgrammerOptions(**options))  # type: ignore[arg-type]
+
+
+def stand_in(folder: Path, name: str, output: str, code: int) -> Path:
+    """A program in the place of a programmer's that says `output` and ends with `code`."""
+    path = folder / name
+    path.write_text(SAYS.format(python=sys.executable, output=output, code=code))
+    path.chmod(0o755)
+    return path
+
+
+def hex_file(folder: Path, image: Image) -> Path:
+    path = folder / "x.hex"
+    path.write_text(to_hex(image))
+    return path
+
+
+# The real picpro, over a pseudo-terminal.
+
+picpro = pytest.mark.skipif(
+    not __import__("importlib").util.find_spec("picpro"), reason="picpro is not installed"
+)
+
+
+@picpro
+def test_picpro_programs_the_virtual_chip_with_every_word(run: Run, program: Path, serve: Serve) -> None:
+    device = programmer()
+    port = serve({"programmer": device}).paths["programmer"]
+    done = run("flash", program, "--programmer", "picpro", "--port", port)
+    assert done.code == 0, done.err
+    assert "read back and compared" in done.out
+    wanted = image_of(BUILT)
+    assert device.chip.image.flash() == wanted.flash()
+    assert device.chip.image.config == wanted.config
+
+
+@picpro
+def test_picpro_programs_the_eeprom_too(run: Run, program: Path, serve: Serve, tmp_path: Path) -> None:
+    device = programmer()
+    port = serve({"programmer": device}).paths["programmer"]
+    image = Image(image_of(BUILT).program, 0x3FF1, {n: n + 1 for n in range(64)})
+    done = run("flash", hex_file(tmp_path, image), "--programmer", "picpro", "--port", port)
+    assert done.code == 0, done.err
+    assert dict(device.chip.image.eeprom) == dict(image.eeprom)
+
+
+@picpro
+def test_a_word_that_is_not_taken_is_found_and_named(run: Run, program: Path, serve: Serve) -> None:
+    port = serve({"programmer": programmer(wrong_bit_at=0x12)}).paths["programmer"]
+    done = run("flash", program, "--programmer", "picpro", "--port", port)
+    assert done.code == 1
+    assert f"{port}: the program memory differs from the file, first at address 0x012" in done.err
+
+
+@picpro
+def test_an_empty_socket_is_told(run: Run, program: Path, serve: Serve) -> None:
+    port = serve({"programmer": programmer(no_chip=True)}).paths["programmer"]
+    done = run("flash", program, "--programmer", "picpro", "--port", port, "--timeout", 3)
+    assert done.code == 3
+    assert "no chip in the programmer's socket" in done.err
+
+
+@picpro
+def test_a_silent_programmer_is_told(run: Run, program: Path, serve: Serve) -> None:
+    port = serve({"programmer": programmer(silent=True)}).paths["programmer"]
+    done = run("flash", program, "--programmer", "picpro", "--port", port)
+    assert done.code == 3
+    assert "no programmer that speaks P18A answers" in done.err
+
+
+@picpro
+def test_garbage_from_a_programmer_is_told(run: Run, program: Path, serve: Serve) -> None:
+    port = serve({"programmer": programmer(garbage=True)}).paths["programmer"]
+    done = run("flash", program, "--programmer", "picpro", "--port", port)
+    assert done.code == 3
+    assert "no programmer that speaks P18A answers" in done.err
+
+
+@picpro
+def test_a_programmer_unplugged_in_mid_flash_leaves_nothing_believed(
+    run: Run, program: Path, serve: Serve
+) -> None:
+    port = serve({"programmer": programmer(unplug_after=400)}).paths["programmer"]
+    done = run("flash", program, "--programmer", "picpro", "--port", port)
+    assert done.code == 3
+    assert "went away while it worked" in done.err
+
+
+@picpro
+def test_a_port_that_another_servogen_has_is_busy(run: Run, program: Path, serve: Serve) -> None:
+    port = serve({"programmer": programmer()}).paths["programmer"]
+    handle = os.open(port, os.O_RDWR | os.O_NOCTTY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        done = run("flash", program, "--programmer", "picpro", "--port", port)
+    finally:
+        os.close(handle)
+    assert done.code == 3
+    assert "in use by another program" in done.err
+
+
+@picpro
+def test_a_missing_port_is_named(run: Run, program: Path) -> None:
+    done = run("flash", program, "--programmer", "picpro", "--port", "/dev/ttyNONE")
+    assert done.code == 3
+    assert "/dev/ttyNONE: there is no such port" in done.err
+
+
+# What the others say, as far as it is documented.
+
+
+@pytest.mark.parametrize(
+    ("name", "output", "code", "exit_code", "sentence"),
+    [
+        ("pk2cmd", "No PICkit 2 found.\n", 10, 3, "no PICkit 2 is connected"),
+        ("pk2cmd", "Vdd Error\n", 5, 3, "wrong voltage"),
+        ("pk2cmd", "Operation Failed\n", 7, 3, "the operation failed"),
+        ("pk2cmd", "PK2DeviceFile.dat device file not found.\n", 24, 3, "PK2DeviceFile.dat"),
+        ("pk2cmd", "Program Memory Errors\n", 34, 1, "programming or its verification failed"),
+        ("ipecmd", "Programming/Verify complete\nProgram Succeeded.\n", 0, 0, "verified by the programmer"),
+        ("ipecmd", "Target Device ID (0x0) is an Invalid Device ID.\n", 0, 3, "another chip, or none"),
+        ("ipecmd", "Failed to program device\n", 0, 3, "programming failed"),
+        ("ipecmd", "", 0, 3, "did not say 'Program Succeeded.'"),
+        ("usbpicprog", "command line passed\n", 0, 0, "capture and verify"),
+        ("usbpicprog", "usbpicprog not found\n", 0, 3, "no usbpicprog is connected"),
+        ("picprog", "", 0, 0, "verified by the programmer"),
+        ("picprog", "", 69, 3, "no JDM programmer answers"),
+        ("picprog", "", 9, 3, "exit code 9"),
+    ],
+)
+def test_what_a_programmer_says_becomes_one_sentence(
+    run: Run,
+    program: Path,
+    serve: Serve,
+    tmp_path: Path,
+    name: str,
+    output: str,
+    code: int,
+    exit_code: int,
+    sentence: str,
+) -> None:
+    port = serve({"programmer": programmer()}).paths["programmer"]
+    done = run("flash", program, "--programmer", stand_in(tmp_path, name, output, code), "--port", port)
+    assert done.code == exit_code, done
+    assert sentence in done.out + done.err
+
+
+PICPRO_GOOD = (
+    "Chip detected.\nErasing chip.\nProgramming ROM.\nVerifying ROM.\nROM verified.\nEEPROM verified.\n"
+)
+
+READS = """\
+import shutil
+if "dump" in sys.argv:
+    shutil.copy({!r}, sys.argv[sys.argv.index("-o") + 1])
+"""
+
+
+@pytest.mark.parametrize(
+    ("output", "exit_code", "sentence"),
+    [
+        (PICPRO_GOOD.replace("ROM verified.\nEE", "ROM verification failed.\nEE") + "Done!\n", 1, "differs"),
+        (PICPRO_GOOD.replace("EEPROM verified.", "EEPROM verification failed."), 1, "EEPROM differs"),
+        (PICPRO_GOOD.replace("EEPROM verified.\n", ""), 3, "did not say 'EEPROM verified.'"),
+        ("Done!\n", 3, "did not say 'ROM verified.'"),
+        ("Chip detected.\nErasing chip.\nErasure failed.\n", 3, "could not be erased"),
+        ('Unable to find chip type "16F84A" in data file.\n', 3, "do not know the device"),
+        ("IndexError: Data record out of range.\n", 3, "refuses a HEX file that fills the EEPROM"),
+    ],
+)
+def test_picpro_ends_with_0_whatever_happened(
+    run: Run, program: Path, serve: Serve, tmp_path: Path, output: str, exit_code: int, sentence: str
+) -> None:
+    port = serve({"programmer": programmer()}).paths["programmer"]
+    path = stand_in(tmp_path, "picpro", output, 0)
+    path.write_text(path.read_text().replace("sys.exit(0)", READS.format(str(program))))
+    done = run("flash", program, "--programmer", path, "--port", port)
+    assert done.code == exit_code, done
+    assert sentence in done.err
+
+
+def test_success_over_a_wrong_verification_is_found_by_reading_back(
+    run: Run, program: Path, serve: Serve, tmp_path: Path
+) -> None:
+    port = serve({"programmer": programmer()}).paths["programmer"]
+    other = hex_file(tmp_path, Image({**image_of(BUILT).program, 3: 0x0064}))
+    path = stand_in(tmp_path, "picpro", PICPRO_GOOD, 0)
+    path.write_text(path.read_text().replace("sys.exit(0)", READS.format(str(other))))
+    done = run("flash", program, "--programmer", path, "--port", port)
+    assert done.code == 1
+    assert "reports success, but the chip differs from the file, first at address 0x003" in done.err
+
+
+# What is refused before anything is programmed.
+
+
+@pytest.mark.parametrize(
+    ("image", "sentence"),
+    [
+        (Image({0: 0x2800}), "no configuration word"),
+        (Image({}, 0x3FF1), "no program"),
+        (Image({0: 0x2800}, config_word("XT", watchdog=True)), "watchdog is on"),
+    ],
+)
+def test_an_image_that_cannot_work_is_refused_unless_forced(
+    run: Run, tmp_path: Path, image: Image, sentence: str
+) -> None:
+    path, tool = hex_file(tmp_path, image), stand_in(tmp_path, "pk2cmd", "", 0)
+    done = run("flash", path, "--programmer", tool, "--dry-run")
+    assert done.code == 2
+    assert sentence in done.err
+    done = run("flash", path, "--programmer", tool, "--dry-run", "--force")
+    assert done.code == 0
+    assert sentence in done.err
+
+
+def test_a_watchdog_that_is_cleared_is_no_objection(run: Run, tmp_path: Path) -> None:
+    image = Image({0: 0x0064, 1: 0x2800}, config_word("XT", watchdog=True))
+    tool = stand_in(tmp_path, "pk2cmd", "", 0)
+    assert run("flash", hex_file(tmp_path, image), "--programmer", tool, "--dry-run").code == 0
+
+
+def test_an_image_whose_schedule_is_not_proven_is_refused(run: Run, tmp_path: Path) -> None:
+    tool = stand_in(tmp_path, "pk2cmd", "", 0)
+    (tmp_path / "schedule.json").write_text((LAB8 / "schedule.json").read_text())
+    wrong = hex_file(tmp_path, EMPTY)
+    done = run("flash", wrong, "--programmer", tool, "--dry-run")
+    assert done.code == 2
+    assert "its pulses are not those of" in done.err
+    (tmp_path / "x.hex").write_text(BUILT.read_text())
+    assert run("flash", wrong, "--programmer", tool, "--dry-run").code == 0
+
+
+def test_code_protection_and_a_chip_without_an_id_are_said(run: Run, tmp_path: Path) -> None:
+    tool = stand_in(tmp_path, "pk2cmd", "", 0)
+    path = hex_file(tmp_path, Image({0: 0x2800}, config_word("XT", code_protect=True)))
+    done = run("flash", path, "--programmer", tool, "--dry-run", "--device", "PIC16F84")
+    assert done.code == 0
+    assert "code protection is on" in done.err
+    assert "has no device ID" in done.err
+
+
+# The commands, as their manuals have them: a second list.
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("picpro", "program -p /dev/ttyUSB0 -i x.hex -t 16F84A"),
+        ("pk2cmd", "-PPIC16F84A -Fx.hex -M -R -T"),
+        ("ipecmd", "-TPPK4 -P16F84A -Fx.hex -M -OL"),
+        ("pickit3", "-TPPK3 -P16F84A -Fx.hex -M -OL"),
+        ("usbpicprog", "-p=16F84A -e -w -v -f=x.hex"),
+        (
+            "picprog",
+            "--device=pic16f84a --pic-serial-port=/dev/ttyUSB0 --input-hexfile=x.hex --erase --burn",
+        ),
+    ],
+)
+def test_the_command_of_each_programmer(name: str, words: str) -> None:
+    programmer = next(each for each in PROGRAMMERS if each.name == name)
+    order = Order(Path("x.hex"), device("16F84A"), "/dev/ttyUSB0")
+    assert command_of(Found(programmer, ("tool",)), order) == ("tool", *words.split())
+
+
+def test_a_programmer_that_is_not_in_the_table_is_refused(run: Run, program: Path) -> None:
+    done = run("flash", program, "--programmer", "picproo")
+    assert done.code == 2
+    assert "did you mean 'picpro'?" in done.err
+
+
+def test_a_programmer_on_a_port_needs_one(run: Run, program: Path, tmp_path: Path) -> None:
+    done = run("flash", program, "--programmer", stand_in(tmp_path, "picprog", "", 0))
+    assert done.code == 2
+    assert "--port" in done.err
