@@ -115,6 +115,8 @@ class Assignments(Indirect):
         """target = target op value"""
         place = expr.place
         kind = target.type
+        if expr.op == "^" and isinstance(expr.value, Num) and self._toggled(target, expr.value.value):
+            return
         if isinstance(kind, IntType):
             old: Expr = target if kind.plain() == expr.work else Cast(target, expr.work, place)
         else:
@@ -136,6 +138,15 @@ class Assignments(Indirect):
         if isinstance(kind, IntType):
             whole = whole if kind.plain() == expr.work else Cast(whole, kind.plain(), place)
         self._assign(target, whole)
+
+    def _toggled(self, target: Ref | Deref, value: int) -> bool:
+        """Turn one bit over where it lies. True when it was done."""
+        if target.width != 1 or target.bit is None or not isinstance(target, Ref) or target.index is not None:
+            return False
+        if value & 1:
+            self.emit("MOVLW", k=1 << target.bit)
+            self.emit("XORWF", self.loc(target.symbol, target.offset), 1)
+        return True
 
     def _update_indirect(self, op: str, target: Ref | Deref, right: Expr) -> bool:
         """One byte behind FSR, changed where it lies."""
@@ -194,6 +205,11 @@ class Assignments(Indirect):
 
     def _assign_bit(self, target: Ref | Deref, byte: Loc, value: Expr, *, pointed: bool) -> None:
         bit = target.bit or 0
+        turned = _negated(value)
+        if isinstance(target, Ref) and isinstance(turned, Ref) and turned.width == 1:
+            same = (turned.symbol, turned.offset, turned.bit) == (target.symbol, target.offset, target.bit)
+            if same and turned.index is None and self._toggled(target, 1):
+                return
         low_bit_only = isinstance(value, Cast) and isinstance(value.type, IntType) and value.type.is_bit
         if isinstance(value, Num):
             if pointed:
@@ -246,3 +262,10 @@ class Assignments(Indirect):
         self.emit("BSF", byte, b=bit)
         self.skip_if(source_bit, True, source)
         self.emit("BCF", byte, b=bit)
+
+
+def _negated(value: Expr) -> Expr | None:
+    """x of !x, whatever it is converted to."""
+    while isinstance(value, Cast) and isinstance(value.type, IntType):
+        value = value.operand
+    return value.operand if isinstance(value, Unary) and value.op == "!" else None
