@@ -41,10 +41,10 @@ def new(
 def check(job: JobFile, json: Json = False) -> None:
     """Read a job file and say what its pulses will be, without building it."""
     from servogen.job import load
-    from servogen.pulse.plan import plan
+    from servogen.pipeline import planned as planned_job
 
     loaded = load(job)
-    planned = plan(loaded.trajectory, loaded.servos, loaded.frame)
+    planned = planned_job(loaded).plan
     schedule = planned.schedule
     warnings = (*loaded.warnings, *planned.warnings)
     if json:
@@ -141,14 +141,18 @@ def _width_table(widths: Any) -> None:
 
 
 def _program_table(builds: list[Build]) -> None:
+    from servogen.pic.device import PROGRAM_WORDS
+
     table(
         "Programs",
-        ("job", "dialect", "words", "RAM", "frames", "worst edge error", "verdict"),
+        ("job", "engine", "dialect", "words", "left", "RAM", "frames", "worst edge error", "verdict"),
         [
             (
                 done.job.name,
+                done.engine,
                 program.firmware.dialect,
                 program.firmware.compilation.words,
+                PROGRAM_WORDS - program.firmware.compilation.words,
                 program.firmware.compilation.ram_bytes,
                 done.frames,
                 f"{program.verdict.worst_edge_error} cycles",

@@ -1,7 +1,8 @@
 """PulseSchedule + Overheads -> the C of each dialect, through `templates/`."""
 
 from servogen.csource.overheads import Overheads, Path
+from servogen.csource.player import render_player
 from servogen.csource.programs import Sequence, sequence
 from servogen.csource.rendering import DIALECTS, render
 
-__all__ = ["DIALECTS", "Overheads", "Path", "Sequence", "render", "sequence"]
+__all__ = ["DIALECTS", "Overheads", "Path", "Sequence", "render", "render_player", "sequence"]

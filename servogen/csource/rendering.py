@@ -32,39 +32,41 @@ class RenderError(ServogenError):
 def render(program: Sequence, dialect: str, device: Device, title: str) -> str:
     """The C file of `program` in `dialect`. Raises RenderError, or InputError for a delay it cannot say."""
     clock = program.schedule.clock
-    try:
-        return (
-            _environment()
-            .get_template("main.c.j2")
-            .render(
-                dialect=dialect,
-                title=title,
-                device=device.name,
-                clock_hz=clock.hz,
-                clock_mhz=_number(Fraction(clock.hz, 1_000_000)),
-                cycle_us=_number(clock.cycle_us),
-                oscillator=oscillator_for(clock.hz),
-                period_us=_number(clock.us(program.schedule.period)),
-                channels=list(_channels(program.schedule)),
-                ports=list(_ports(program.schedule)),
-                start=_calls(program.start, dialect, clock),
-                positions=[
-                    _PositionText(
-                        f"position_{position.number}",
-                        _frame_text(position.frame, program.schedule),
-                        _lines(position.frame, program.schedule, dialect),
-                        _calls(position.gap, dialect, clock),
-                        _calls(position.again, dialect, clock),
-                    )
-                    for position in program.positions
-                ],
-                lead_in=[_step(step, program.schedule, dialect) for step in program.lead_in],
-                counts_turns=any(
-                    isinstance(step, Hold) and step.turns > 1 for step in (*program.lead_in, *program.loop)
-                ),
-                loop=[_step(step, program.schedule, dialect) for step in program.loop],
+    return filled(
+        "main.c.j2",
+        dialect=dialect,
+        title=title,
+        device=device.name,
+        clock_hz=clock.hz,
+        clock_mhz=decimal(Fraction(clock.hz, 1_000_000)),
+        cycle_us=decimal(clock.cycle_us),
+        oscillator=oscillator_for(clock.hz),
+        period_us=decimal(clock.us(program.schedule.period)),
+        channels=list(_channels(program.schedule)),
+        ports=list(ports_of(program.schedule)),
+        start=_calls(program.start, dialect, clock),
+        positions=[
+            _PositionText(
+                f"position_{position.number}",
+                _frame_text(position.frame, program.schedule),
+                _lines(position.frame, program.schedule, dialect),
+                _calls(position.gap, dialect, clock),
+                _calls(position.again, dialect, clock),
             )
-        )
+            for position in program.positions
+        ],
+        lead_in=[_step(step, program.schedule, dialect) for step in program.lead_in],
+        counts_turns=any(
+            isinstance(step, Hold) and step.turns > 1 for step in (*program.lead_in, *program.loop)
+        ),
+        loop=[_step(step, program.schedule, dialect) for step in program.loop],
+    )
+
+
+def filled(template: str, **values: object) -> str:
+    """The text of a template. Raises RenderError, with the template's name and line."""
+    try:
+        return _environment().get_template(template).render(**values)
     except TemplateError as error:
         raise RenderError(error.message or "the template is wrong", _template_place(error)) from error
 
@@ -83,14 +85,18 @@ def _template_place(error: TemplateError) -> Place:
 
 
 @dataclass(frozen=True, slots=True)
-class _ChannelText:
+class ChannelText:
+    """A channel of the C file's head."""
+
     name: str
     pin: str
     widths_us: str
 
 
 @dataclass(frozen=True, slots=True)
-class _PortText:
+class PortText:
+    """A port in use and the value of its TRIS register."""
+
     name: str
     tris: str
 
@@ -125,22 +131,22 @@ class _StepText:
     turn: str = ""
 
 
-def _channels(schedule: PulseSchedule) -> Iterator[_ChannelText]:
+def _channels(schedule: PulseSchedule) -> Iterator[ChannelText]:
     for number, channel in enumerate(schedule.channels):
         widths = sorted(
             {pulse.width for run in (*schedule.lead_in, *schedule.loop) if (pulse := run.pulses[number])}
         )
-        yield _ChannelText(
-            channel.name, channel.pin, ", ".join(_number(schedule.clock.us(width)) for width in widths)
+        yield ChannelText(
+            channel.name, channel.pin, ", ".join(decimal(schedule.clock.us(width)) for width in widths)
         )
 
 
-def _ports(schedule: PulseSchedule) -> Iterator[_PortText]:
+def ports_of(schedule: PulseSchedule) -> Iterator[PortText]:
     """The ports in use; their other pins stay inputs, as reset leaves them."""
     for port, inputs in (("A", 0x1F), ("B", 0xFF)):
         pins = [int(channel.pin[2]) for channel in schedule.channels if channel.pin[1] == port]
         if pins:
-            yield _PortText(port, f"0x{inputs & ~sum(1 << pin for pin in pins):02X}")
+            yield PortText(port, f"0x{inputs & ~sum(1 << pin for pin in pins):02X}")
 
 
 def _lines(frame: Frame, schedule: PulseSchedule, dialect: str) -> tuple[_LineText, ...]:
@@ -149,7 +155,7 @@ def _lines(frame: Frame, schedule: PulseSchedule, dialect: str) -> tuple[_LineTe
         words = []
         for channel, level in edge.changes:
             name, pulse = schedule.channels[channel].name, frame.run.pulses[channel]
-            width = f" for {_number(schedule.clock.us(pulse.width))} us" if level and pulse else ""
+            width = f" for {decimal(schedule.clock.us(pulse.width))} us" if level and pulse else ""
             words.append(f"{name} {'high' if level else 'low'}{width}")
         lines.append(
             _LineText(
@@ -164,12 +170,12 @@ def _lines(frame: Frame, schedule: PulseSchedule, dialect: str) -> tuple[_LineTe
 def _step(step: Step, schedule: PulseSchedule, dialect: str) -> _StepText:
     clock = schedule.clock
     if isinstance(step, Pause):
-        seconds = _number(clock.seconds(step.wait))
+        seconds = decimal(clock.seconds(step.wait))
         return _StepText("", (), f"{seconds} s without pulses", _calls(step.wait, dialect, clock))
     after = _calls(step.after, dialect, clock)
     comment = _frame_text(step.frame, schedule)
     if step.position:
-        seconds = _number(clock.seconds(step.all_frames * schedule.period))
+        seconds = decimal(clock.seconds(step.all_frames * schedule.period))
         call = f"position_{step.position.number}({step.frames});"
         turns, turn = (step.turns, _calls(step.turn, dialect, clock)) if step.turns > 1 else (0, "")
         return _StepText(call, (), f"{comment}, for {seconds} s", after, turns, turn)
@@ -178,7 +184,7 @@ def _step(step: Step, schedule: PulseSchedule, dialect: str) -> _StepText:
 
 def _frame_text(frame: Frame, schedule: PulseSchedule) -> str:
     return ", ".join(
-        f"{channel.name} {_number(schedule.clock.us(pulse.width))} us"
+        f"{channel.name} {decimal(schedule.clock.us(pulse.width))} us"
         for channel, pulse in zip(schedule.channels, frame.run.pulses, strict=True)
         if pulse
     )
@@ -188,7 +194,7 @@ def _calls(cycles: Cycles, dialect: str, clock: Clock) -> str:
     return " ".join(str(call) for call in CALLS[dialect](cycles, clock))
 
 
-def _number(value: Fraction) -> str:
+def decimal(value: Fraction) -> str:
     """A number as people write it: whole, or with the decimals it needs, three at most."""
     return f"{float(value):.3f}".rstrip("0").rstrip(".")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 
 from servogen.errors import Caution
 from servogen.job.tip import Tip
@@ -21,6 +22,8 @@ class Firmware:
 
     dialect: str
     engine: str
+    """"auto": the smallest that can do the job."""
+    soft_start_s: Fraction
 
 
 @dataclass(frozen=True, slots=True, eq=False)

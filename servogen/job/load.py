@@ -23,6 +23,7 @@ from servogen.job.walks import walk_of
 from servogen.motion import Motion, Planned, trajectory
 from servogen.motion.limits import Limits
 from servogen.pic.device import Device, device
+from servogen.pulse.player.layout import layout
 from servogen.pulse.slots import Frame, rises
 from servogen.robot.model import Arm, Hexapod
 from servogen.robot.servo import Servo
@@ -49,7 +50,7 @@ def _job(document: Document) -> Job:
     servos = servos_of(document, table.servo)
     rig = rig_of(document, table, servos)
     frame = _frame(document, table, clock)
-    rises(servos, frame, clock)
+    _check_frame(table.firmware.engine, servos, frame, clock)
     planned = _motion(document, table, servos, rig, frame, clock)
     _check_travel(document, planned, servos)
     return Job(
@@ -63,7 +64,7 @@ def _job(document: Document) -> Job:
         rig.tip,
         table.drive.wheels if table.drive else (),
         frame,
-        Firmware(table.firmware.dialect, table.firmware.engine),
+        Firmware(table.firmware.dialect, table.firmware.engine, exact(table.firmware.soft_start_s)),
         planned.trajectory,
         planned.warnings,
         planned.notes,
@@ -92,6 +93,22 @@ def _frame(document: Document, table: JobTable, clock: Clock) -> Frame:
         table.frame.per_slot,
         document.place("frame", "period_us"),
     )
+
+
+def _check_frame(engine: str, servos: tuple[Servo, ...], frame: Frame, clock: Clock) -> None:
+    """The pulses fit a frame in the slots of the job's engine; of `auto`, in those of one of them."""
+    if engine == "player":
+        layout(servos, frame, clock)
+        return
+    try:
+        rises(servos, frame, clock)
+    except InputError as refused:
+        if engine == "sequence":
+            raise
+        try:
+            layout(servos, frame, clock)
+        except InputError:
+            raise refused from None
 
 
 def _motion(

@@ -177,7 +177,9 @@ class FirmwareTable(Table):
     """[firmware]"""
 
     dialect: Literal["c2c", "xc8"] = "c2c"
-    engine: Literal["sequence"] = "sequence"
+    engine: Literal["auto", "sequence", "player"] = "auto"
+    soft_start_s: Seconds = 1.0
+    """How long the player's first pulses hold the neutral pose."""
 
 
 class JobTable(Table):

@@ -1,6 +1,7 @@
 """The rooms put together: from a job to proven HEX files."""
 
 from servogen.pipeline.build import Build, Program, build, report, write
+from servogen.pipeline.engines import Planned, planned
 from servogen.pipeline.proof import LOOPS_CHECKED, checked_cycles, held, motion_cycles, prove, running
 from servogen.pipeline.tuning import DoesNotFit
 
@@ -8,11 +9,13 @@ __all__ = [
     "LOOPS_CHECKED",
     "Build",
     "DoesNotFit",
+    "Planned",
     "Program",
     "build",
     "checked_cycles",
     "held",
     "motion_cycles",
+    "planned",
     "prove",
     "report",
     "running",

@@ -18,9 +18,10 @@ from servogen.job import Job
 from servogen.outputs import write_text
 from servogen.pic.image import Image, to_hex
 from servogen.pic.listing import listing_text
+from servogen.pipeline.engines import planned
 from servogen.pipeline.proof import LOOPS_CHECKED, board_of, checked_cycles, prove, running
-from servogen.pipeline.tuning import Firmware, tune
-from servogen.pulse.plan import PulsePlan, plan
+from servogen.pipeline.tuning import Firmware
+from servogen.pulse.plan import PulsePlan
 from servogen.report import BuildFacts, ProgramFacts, report_text
 from servogen.simulator import Machine
 from servogen.units import Cycles
@@ -47,9 +48,10 @@ class Program:
 
 @dataclass(frozen=True, slots=True)
 class Build:
-    """What a job became. `programs` begins with the job's own dialect."""
+    """What a job became; `job` with the engine's lead-in. `programs` begins with the job's own dialect."""
 
     job: Job
+    engine: str
     plan: PulsePlan
     programs: tuple[Program, ...]
 
@@ -77,17 +79,18 @@ class Build:
 def build(job: Job, progress: Progress = lambda step: None) -> Build:
     """Plans, compiles, simulates and verifies. Raises InputError where the job cannot be built."""
     progress("planning")
-    planned = plan(job.trajectory, job.servos, job.frame)
+    found = planned(job)
+    schedule = found.plan.schedule
     own = job.firmware.dialect
     programs = []
     for dialect in (own, *(other for other in DIALECTS if other != own)):
         progress(f"compiling {dialect}")
-        firmware = tune(planned.schedule, dialect, job.device, job.name)
+        firmware = found.make(dialect)
         progress(f"proving {dialect}")
-        span = checked_cycles(planned.schedule)
-        trace = running(planned.schedule, firmware.compilation.image, span)
-        programs.append(Program(firmware, prove(planned.schedule, trace, span)))
-    return Build(job, planned, tuple(programs))
+        span = checked_cycles(schedule)
+        trace = running(schedule, firmware.compilation.image, span)
+        programs.append(Program(firmware, prove(schedule, trace, span)))
+    return Build(found.job, found.engine, found.plan, tuple(programs))
 
 
 def write(done: Build, folder: Path) -> None:

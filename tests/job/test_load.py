@@ -76,7 +76,7 @@ def test_a_job_is_what_its_file_says() -> None:
         ("arm", "RB0", "futaba-s3001"),
         ("hand", "RB1", "mpx-tiny-s"),
     ]
-    assert (job.frame.period.cycles, job.firmware.dialect, job.firmware.engine) == (20_000, "c2c", "sequence")
+    assert (job.frame.period.cycles, job.firmware.dialect, job.firmware.engine) == (20_000, "c2c", "auto")
     assert job.trajectory.joints == ("arm", "hand")
     assert len(job.trajectory.angles) == 350
     assert job.warnings == ()

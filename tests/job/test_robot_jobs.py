@@ -12,7 +12,7 @@ from servogen.pulse import plan
 
 FILES = Path(__file__).parents[2] / "jobs"
 SCARA = (FILES / "scara-pick.toml").read_text()
-HEXAPOD = (FILES / "hexapod-tripod.toml").read_text()
+HEXAPOD = Path(__file__).with_name("hexapod.toml").read_text()
 
 
 def changed(text: str, *replacements: tuple[str, str]) -> str:
@@ -165,7 +165,7 @@ def test_a_line_out_of_reach_between_its_ends_is_refused() -> None:
 
 
 def test_the_hexapod_walks_in_one_frame_of_twelve_pulses() -> None:
-    job = load(FILES / "hexapod-tripod.toml")
+    job = load(Path(__file__).with_name("hexapod.toml"))
     made = plan(job.trajectory, job.servos, job.frame)
     assert (job.warnings, made.warnings) == ((), ())
     assert len(made.schedule.channels) == 12
@@ -177,7 +177,7 @@ def test_the_hexapod_walks_in_one_frame_of_twelve_pulses() -> None:
 
 
 def test_opposite_legs_do_the_same_half_a_cycle_later_with_mirrored_servos() -> None:
-    job = load(FILES / "hexapod-tripod.toml")
+    job = load(Path(__file__).with_name("hexapod.toml"))
     schedule = plan(job.trajectory, job.servos, job.frame).schedule
     widths = np.array(
         [[pulse.width for pulse in run.pulses if pulse] for run in schedule.loop for _ in range(run.frames)]
@@ -205,7 +205,7 @@ def test_one_leg_walks_on_two_servos() -> None:
     head, walk = HEXAPOD.split("[[servo]]", 1)[0], "[walk]" + HEXAPOD.split("[walk]", 1)[1]
     servos = "".join("[[servo]]" + part for part in HEXAPOD.split("[walk]")[0].split("[[servo]]")[1:3])
     job = loads(head + servos + walk.replace("[walk]", '[walk]\nleg = "L1"'), "job.toml")
-    whole = load(FILES / "hexapod-tripod.toml")
+    whole = load(Path(__file__).with_name("hexapod.toml"))
     loop = job.trajectory.angles[job.trajectory.loop_start :]
     wanted = whole.trajectory.angles[whole.trajectory.loop_start :, :2]
     assert min(np.abs(np.roll(loop, shift, axis=0) - wanted).max() for shift in range(len(loop))) < 1e-6

@@ -1,0 +1,45 @@
+"""The first pulses after power-up: the neutral pose, and from there to where the motion begins.
+
+In: a trajectory of the servos. Out: the same with a lead-in before it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from servogen.motion.trajectory import Floats, JointTrajectory
+from servogen.robot.servo import Servo
+
+SAME_RAD = 1e-3
+
+
+def soft_start(trajectory: JointTrajectory, servos: Sequence[Servo], frames: int) -> JointTrajectory:
+    """`frames` frames in the neutral pose and, where the motion begins elsewhere, as many to go there.
+
+    Neutral is the middle of a servo's travel, or the nearest angle that its limits allow; of a wheel, rest.
+    """
+    angles = trajectory.angles
+    pulsed = angles[~np.isnan(angles).any(axis=1)]
+    if not frames or not len(pulsed):
+        return trajectory
+    first, neutral = pulsed[0], np.array([_neutral(servo) for servo in servos])
+    if np.abs(first - neutral).max() < SAME_RAD:
+        before = np.tile(first, (frames, 1))
+    else:
+        way: Floats = np.arange(frames)[:, None] / frames
+        before = np.vstack((np.tile(neutral, (frames, 1)), neutral + (first - neutral) * way))
+    return JointTrajectory(
+        trajectory.joints,
+        trajectory.clock,
+        trajectory.period,
+        np.vstack((before, angles)),
+        trajectory.loop_start + len(before),
+    )
+
+
+def _neutral(servo: Servo) -> float:
+    low, high = servo.limits
+    middle = 0.0 if servo.model.continuous else sum(servo.model.travel) / 2
+    return min(max(middle, low), high)
