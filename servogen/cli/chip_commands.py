@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from servogen.cli.files import dialect_of, read_assembly, read_image, read_source
+from servogen.cli.files import beside_c, dialect_of, keep_apart, read_assembly, read_image, read_source
 from servogen.cli.options import DeviceName, Dialect, Json, Output
 from servogen.cli.show import as_json, warn
 
@@ -44,9 +44,10 @@ def compile_c(
 
     texts = [Source(read_source(path), str(path)) for path in sources]
     spoken = dialect.value if dialect else dialect_of([source.text for source in texts])
-    options = Options(dialect=spoken, device=device_named(device), clock_hz=clock_hz)
+    options = Options(dialect=spoken, device=device_named(device), clock_hz=clock_hz, include=beside_c)
     compilation = compile_sources(texts, options)
     target = output or sources[0].with_suffix(".hex")
+    keep_apart(sources, target, listing)
     _write(target, compilation.image, listing, compilation.listing)
     for diagnostic in compilation.diagnostics:
         warn(str(diagnostic))
@@ -83,6 +84,7 @@ def assemble(
     for warning in assembly.warnings:
         warn(str(warning))
     target = output or source.with_suffix(".hex")
+    keep_apart([source], target, listing)
     _write(target, assembly.image, listing, assembly.listing)
     print(f"{target}: {assembly.image.words} words of 1024")
 
@@ -97,6 +99,7 @@ def disassemble(
     from servogen.pic.device import device as device_named
     from servogen.pic.disassembler import disassemble as disassembled
 
+    keep_apart([file], output)
     text = disassembled(read_image(file), device_named(device))
     if output:
         write_text(output, text)

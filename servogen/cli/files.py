@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,6 +29,19 @@ class Program:
     image: Image
     listing: Listing | None = None
     clock: Clock | None = None
+
+
+def keep_apart(inputs: Sequence[Path], *outputs: Path | None) -> None:
+    """Refuses to write over what is read, and two outputs under one name. Raises InputError."""
+    taken = {path.resolve(): "is what is read" for path in inputs}
+    for output in outputs:
+        if output is None:
+            continue
+        if output.resolve() in taken:
+            raise InputError(f"{taken[output.resolve()]}: give the output another name", Place(str(output)))
+        if output.exists() and not output.is_file():
+            continue  # a device, such as /dev/null, takes any number of outputs
+        taken[output.resolve()] = "is written already"
 
 
 def read_source(path: Path) -> str:
@@ -69,7 +83,7 @@ def read_program(path: Path, device_name: str = "PIC16F84") -> Program:
         from servogen.compiler import Options, Source, compile_sources
 
         text = read_source(path)
-        options = Options(dialect=dialect_of([text]), device=chip)
+        options = Options(dialect=dialect_of([text]), device=chip, include=beside_c)
         made = compile_sources([Source(text, str(path))], options)
         return Program(made.image, made.listing, made.clock)
     if path.suffix.lower() in ASSEMBLY_SUFFIXES:
@@ -78,6 +92,12 @@ def read_program(path: Path, device_name: str = "PIC16F84") -> Program:
         assembly = assemble(read_assembly(path), str(path), chip, beside(path.parent))
         return Program(assembly.image, assembly.listing)
     return Program(read_image(path))
+
+
+def beside_c(name: str, including: str) -> tuple[str, str] | None:
+    """An include file from the folder of the file that includes it: (file name, text), None if it is not there."""
+    path = Path(including).parent / name
+    return (str(path), read_source(path)) if path.is_file() else None
 
 
 def dialect_of(texts: list[str]) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from servogen.cli.files import PROGRAM_SUFFIXES, read_program, read_schedule
+from servogen.cli.files import PROGRAM_SUFFIXES, keep_apart, read_program, read_schedule
 from servogen.cli.options import Json, Ra4PullUp, Seconds
 from servogen.cli.show import as_json, status, warn
 from servogen.errors import InputError, Place
@@ -157,6 +157,7 @@ def plot(
     from servogen.pipeline import motion_cycles
     from servogen.report.pulse_plot import pulse_plot
 
+    keep_apart([file, against], output)
     schedule = read_schedule(against)
     span = motion_cycles(schedule) if seconds is None else schedule.clock.round_seconds(seconds)
     title = f"{file.name}: {float(schedule.clock.seconds(span)):g} s"

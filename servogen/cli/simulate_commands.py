@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from servogen.cli.files import read_program
+from servogen.cli.files import keep_apart, read_program
 from servogen.cli.options import LONGEST_CYCLES, DeviceName, Json, Ra4PullUp, Seconds
 from servogen.cli.show import as_json, progress, table, warn
 from servogen.errors import InputError
@@ -72,6 +72,7 @@ def simulate(
     from servogen.edges import EdgeTrace
     from servogen.simulator import Machine, Options, load_stimuli
 
+    keep_apart([path for path in (file, stimulus) if path], edges, vcd, trace, eeprom)
     program = read_program(file, device)
     clock = _clock(program, clock_hz)
     span = _span(clock, seconds, cycles)

@@ -271,3 +271,28 @@ def test_a_motion_that_ends_is_proven_from_the_files_that_build_writes(run: Run,
     hex_file = tmp_path / "once" / "main.hex"
     assert "no pin has a pulse" in run("measure", hex_file, "--seconds", 2).out
     assert "RA4: 60 pulses" in run("measure", hex_file, "--seconds", 2, "--ra4-pull-up").out
+
+
+def test_no_output_is_written_over_an_input_or_another_output(run: Run, square: Path, tmp_path: Path) -> None:
+    source = tmp_path / "square.asm"
+    for command in (
+        ["assemble", source, "-o", source],
+        ["disassemble", square, "-o", square],
+        ["simulate", source, "--trace", source],
+        ["simulate", source, "--edges", tmp_path / "same.vcd", "--vcd", tmp_path / "same.vcd"],
+    ):
+        before = source.read_bytes(), square.read_bytes()
+        ran = run(*command)
+        assert ran.code == 2 and "another name" in ran.err, command
+        assert (source.read_bytes(), square.read_bytes()) == before
+
+
+def test_c_includes_what_lies_beside_it(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "pins.h").write_text("#define LED RB3\n")
+    (tmp_path / "led.c").write_text(
+        '#include <xc.h>\n#include "pins.h"\nvoid main(void) { TRISB = 0; LED = 1; }\n'
+    )
+    assert run("compile", tmp_path / "led.c", "-o", tmp_path / "led.hex").code == 0
+    (tmp_path / "pins.h").unlink()
+    ran = run("compile", tmp_path / "led.c", "-o", tmp_path / "led.hex")
+    assert ran.code == 2 and "pins.h" in ran.err

@@ -126,6 +126,8 @@ def test_the_length_of_the_windows_changes_no_number(
     scheduled, frames = edges_of(widths)
     observed = data.draw(mutation(scheduled))
     assume(observed)
+    # A pin that changes twice in one cycle has no width: where it is counted may depend on the window.
+    assume(len({(cycle, pin) for cycle, pin, _ in observed}) == len(observed))
     trace = EdgeTrace(MHZ4, (edge_chunk(*zip(*observed, strict=True)),), Cycles(len(widths) * PERIOD + 99))
     whole = verify(expected_of(scheduled, frames, len(widths), 7), trace)
     before = prove.WINDOW
