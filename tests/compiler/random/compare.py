@@ -16,6 +16,7 @@ from pathlib import Path
 from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
 from servogen.pic.device import RAM_FIRST
 from servogen.simulator import Machine
+from servogen.simulator import Options as MachineOptions
 from servogen.units import Clock
 from tests.compiler.random.host_c import batch
 from tests.compiler.random.program import Program
@@ -23,6 +24,8 @@ from tests.compiler.random.target_c import CHECK, DONE, FINISHED, TargetC
 
 CLOCK = Clock(4_000_000)
 MAX_CYCLES = 8_000_000
+MACHINE = MachineOptions(ram=0xA7)
+"""The RAM holds anything at power-up, so nothing may count on zeros."""
 GCC = ("gcc", "-O0", "-fwrapv", "-fno-strict-aliasing", "-w")
 TOO_BIG = (
     "words of flash",
@@ -85,7 +88,7 @@ def target(program: Program, expected: Check | None, *, optimise: bool = True) -
         )
     except Exception:
         return Outcome("crash", expected, message=traceback.format_exc(limit=-2))
-    machine = Machine(found.image, CLOCK)
+    machine = Machine(found.image, CLOCK, MACHINE)
     for cycles in (20_000, 500_000, MAX_CYCLES):
         machine.run(cycles)
         state = machine.state()

@@ -126,6 +126,11 @@ class Expressions:
         """An integer in a variable, or behind a pointer."""
         kind = variable.type
         base: Var | Deref = Var(variable)
+        if isinstance(kind, Pointer) and variable.base:
+            element = Element(Var(variable), (self.index(variable.limit, touch, depth),))
+            if isinstance(kind.target, Struct):
+                return self.member(element, kind.target, touch, depth)
+            return element
         if isinstance(kind, Pointer):
             base, kind = Deref(variable, self.chance(0.3)), kind.target
         if isinstance(kind, Int):
@@ -317,7 +322,7 @@ class Expressions:
             touch.reads.add(chosen)
             return Var(chosen)
         variable = self.rng.choice(parameter.pointees)
-        if isinstance(variable.type, Array) and self.chance(0.4):
+        if isinstance(variable.type, Array) and not parameter.base and self.chance(0.4):
             return AddressOf(variable, self.index(variable.type.dims[0], touch, 0))
         return AddressOf(variable)
 

@@ -41,6 +41,7 @@ from tests.compiler.random.program import (
 )
 from tests.compiler.random.scope import Scope
 from tests.compiler.random.statements import Statements
+from tests.compiler.random.target_c import DONE
 from tests.compiler.random.touch import CHECKSUM, Touch
 
 _PROFILES: tuple[tuple[float, tuple[Int, ...]], ...] = (
@@ -53,6 +54,8 @@ _PROFILES: tuple[tuple[float, tuple[Int, ...]], ...] = (
     (1, (U8, S16, U24, S24)),
     (1, (U8, S8, U16, S16, U24, S24, U32, S32, BOOL, BIT)),
 )
+_REGISTERS = ("EEADR", "EEDATA", "TRISB")
+"""Registers that hold a byte and do nothing by themselves; TRISB lies in bank 1."""
 _RAM = 26
 """Bytes of global variables at most, and about as much for locals."""
 
@@ -69,6 +72,7 @@ class Generator(Statements):
         self.structs: list[Struct] = []
         self.functions: list[Function] = []
         self.used = 0
+        self.top = DONE
 
     def program(self) -> Program:
         self._globals()
@@ -110,7 +114,9 @@ class Generator(Statements):
         for number in range(rng.randrange(2, 6)):
             kind = self.type()
             initial = (self.value(kind),) if self.chance(0.6) and kind != BIT else None
-            self.add(Variable(f"g{number}", kind, "global", initial))
+            self.add(self._kept(Variable(f"g{number}", kind, "global", initial)))
+        for name in rng.sample(_REGISTERS, rng.choice((0, 0, 0, 0, 1, 2))):
+            self.globals.append(Variable(name, U8, "global", (rng.randrange(256),), where="register"))
         for number in range(rng.choice((0, 1, 1, 2))):
             kind = self.stored()
             dims = (rng.choice((2, 3, 4, 4, 5, 8)),) if kind.bits == 8 else (rng.choice((2, 3, 4)),)
@@ -138,7 +144,8 @@ class Generator(Statements):
         members: list[Member] = []
         for number in range(rng.randrange(2, 5)):
             if self.chance(0.3):
-                members.append(Member(f"f{number}", U8, rng.choice((1, 1, 2, 3, 4, 7))))
+                kind = S8 if self.chance(0.25) else U8
+                members.append(Member(f"f{number}", kind, rng.choice((1, 1, 2, 3, 4, 7))))
             elif self.chance(0.15):
                 members.append(Member(f"m{number}", Array(U8, (2,))))
             else:
@@ -153,6 +160,15 @@ class Generator(Statements):
                 self.add(Variable(f"r{number}", Array(kind, (2,)), "global"))
             else:
                 self.add(Variable(f"s{number}", kind, "global"))
+
+    def _kept(self, variable: Variable) -> Variable:
+        """Perhaps volatile, or at an address of its own below the checksum."""
+        if self.chance(0.08):
+            variable.where = "volatile"
+        elif self.chance(0.06) and variable.type != BIT:
+            self.top -= variable.type.size
+            variable.where, variable.initial = f"@ 0x{self.top:02X}", variable.initial or (0,)
+        return variable
 
     # functions
 
@@ -177,9 +193,13 @@ class Generator(Statements):
         kind = self.rng.choice(list(choices))
         if isinstance(kind, Int) and kind.kind != "int":
             return None
-        start = self.rng.choice(choices[kind])
-        initial = AddressOf(start) if storage == "local" else None
-        return Variable(name, Pointer(kind, const), storage, initial, choices[kind])
+        pointees, limit = choices[kind], 0
+        arrays = tuple(each for each in pointees if isinstance(each.type, Array))
+        if arrays and self.chance(0.4):
+            pointees = arrays
+            limit = min(each.type.dims[0] for each in arrays if isinstance(each.type, Array))
+        initial = AddressOf(self.rng.choice(pointees)) if storage == "local" else None
+        return Variable(name, Pointer(kind, const), storage, initial, pointees, limit)
 
     def _function(self, number: int) -> None:
         rng = self.rng

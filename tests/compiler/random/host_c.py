@@ -48,7 +48,7 @@ from tests.compiler.random.program import (
     Var,
     Variable,
 )
-from tests.compiler.random.typing_rules import COMPARISONS, common, is_struct, place_type, promote, type_of
+from tests.compiler.random.typing_rules import COMPARISONS, common, dims_of, is_struct, promote, type_of
 
 PRELUDE = """
 #include <stdint.h>
@@ -119,6 +119,9 @@ class HostC(Printer):
     def number(self, value: int, kind: Int) -> str:
         return str(kind.wrap(value))
 
+    def case(self, value: int, kind: Int) -> str:
+        return str(kind.wrap(value))
+
     # values
 
     def converted(self, expr: Expr, kind: Int) -> str:
@@ -129,9 +132,7 @@ class HostC(Printer):
             case Var(variable):
                 return self.name(variable)
             case Element(array, indices):
-                kind = place_type(array)
-                assert isinstance(kind, Array)
-                pairs = zip(indices, kind.dims, strict=True)
+                pairs = zip(indices, dims_of(array), strict=True)
                 return self.place(array) + "".join(f"[{self.index(each, size)}]" for each, size in pairs)
             case MemberOf(base, member):
                 return f"{self.place(base)}.{member.name}"

@@ -39,6 +39,7 @@ from tests.compiler.random.program import (
     Variable,
     Walk,
 )
+from tests.compiler.random.typing_rules import promote, type_of
 
 
 class Printer(ABC):
@@ -70,6 +71,10 @@ class Printer(ABC):
     @abstractmethod
     def converted(self, expr: Expr, kind: Int) -> str:
         """The expression as something of a type is initialised with it, or a result returned."""
+
+    @abstractmethod
+    def case(self, value: int, kind: Int) -> str:
+        """A case of a switch on a value of a type."""
 
     @abstractmethod
     def out(self, expr: Expr, pad: str) -> str: ...
@@ -226,7 +231,7 @@ class Printer(ABC):
         head = f"for ({name} = 0; {name} < {stmt.array.type.dims[0]}; {name}++"
         start = f"{pad}{p} = {self.name(stmt.array)};"
         if stmt.value is None and stmt.target is None:
-            return [start, *self.braces(head + f", {p}++)", stmt.body, depth), start]
+            return [start, *self.braces(f"{head}, {stmt.step.format(p)})", stmt.body, depth), start]
         if stmt.value is not None:
             assert isinstance(stmt.array.type.element, Int)
             move = self.move_in(stmt.pointer, stmt.value, stmt.array.type.element)
@@ -239,8 +244,9 @@ class Printer(ABC):
     def switch(self, stmt: Switch, depth: int) -> list[str]:
         pad = "    " * depth
         lines = [f"{pad}switch ({self.expr(stmt.value)}) {{"]
+        kind = promote(type_of(stmt.value, self.dialect), self.dialect)
         for case in stmt.cases:
-            lines += [f"{pad}case {value}:" for value in case.values]
+            lines += [f"{pad}case {self.case(value, kind)}:" for value in case.values]
             lines += [f"{pad}default:"] if case.default else []
             lines += [f"{pad}    {{", *self.statements(case.body, depth + 2), f"{pad}    }}"]
             lines += [] if case.falls else [f"{pad}    break;"]

@@ -98,7 +98,8 @@ class Variable:
     """`storage`: "global", "const", "static", "local", "param", "counter".
 
     `initial` is a flat tuple of numbers, or an expression for a local. `pointees` are the objects that a
-    pointer may point to. `limit` is a bound that a counter stays below.
+    pointer may point to. `limit` is a bound that a counter stays below, or
+    the elements behind a pointer that is never moved.
     """
 
     name: str
@@ -107,6 +108,13 @@ class Variable:
     initial: tuple[int, ...] | Expr | None = None
     pointees: tuple[Variable, ...] = ()
     limit: int = 0
+    where: str = ""
+    """How the chip keeps a global: "volatile", "register" (the chip's of this name) or "@ address"."""
+
+    @property
+    def base(self) -> bool:
+        """Whether a pointer always points to the first of at least `limit` elements."""
+        return isinstance(self.type, Pointer) and self.limit > 0
 
     def __repr__(self) -> str:
         return self.name
@@ -329,6 +337,8 @@ class Walk:
     body: tuple[Stmt, ...]
     value: Expr | None = None
     target: Place | None = None
+    step: str = "{}++"
+    """How a walk without value and target moves its pointer."""
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,10 @@ class Scope:
         return [
             each
             for each in self.visible
-            if isinstance(each.type, Pointer) and each.type.const == const and each not in self.locked
+            if isinstance(each.type, Pointer)
+            and each.type.const == const
+            and each not in self.locked
+            and not each.base
         ]
 
     def local_bytes(self) -> int:

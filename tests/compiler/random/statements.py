@@ -40,6 +40,7 @@ from tests.compiler.random.program import (
 )
 from tests.compiler.random.scope import reaches
 from tests.compiler.random.touch import CHECKSUM, Touch
+from tests.compiler.random.typing_rules import promote, type_of
 
 _WEIGHTS = {
     "assign": 5.0, "update": 3.0, "step": 1.5, "out": 1.5, "call": 1.2, "if": 3.0, "loop": 1.5, "walk": 0.7,
@@ -261,7 +262,8 @@ class Statements(Expressions):
         body = self.repeated(counter, count, depth - 1, self.rng.choice((1, 1, 2)))
         self.settle(Touch(set(pointer.pointees), set() if const else set(pointer.pointees)))
         self.scope.locked.discard(pointer)
-        return Walk(pointer, array, counter, body, value, target)
+        step = self.rng.choice(("{}++", "{}++", "++{}", "{} += 1", "{0} = {0} + 1"))
+        return Walk(pointer, array, counter, body, value, target, step)
 
     def _switch(self, depth: int) -> Stmt | None:
         if self.scope.breakable > 2:
@@ -272,6 +274,8 @@ class Statements(Expressions):
         pool = list(range(9)) + [self.rng.choice((15, 65, 127, 128, 200, 255)) for _ in range(2)]
         if self.chance(0.2):
             pool += [self.rng.choice((256, 300, 1000, 0x7FFF)) for _ in range(2)]
+        if promote(type_of(value, self.dialect), self.dialect).signed and self.chance(0.3):
+            pool += [-1, -2, -128, -32768]
         pool = sorted(set(pool))
         self.rng.shuffle(pool)
         cases: list[Case] = []

@@ -39,7 +39,7 @@ from tests.compiler.random.program import (
     Var,
     Variable,
 )
-from tests.compiler.random.typing_rules import common, place_type, promote, type_of
+from tests.compiler.random.typing_rules import common, dims_of, promote, type_of
 
 DONE, CHECK = 0x4C, 0x4D
 FINISHED = 0xA5
@@ -143,9 +143,11 @@ class TargetC(Printer):
     def function(self, function: Function) -> str:
         lines = self.body(function)
         if function is self.program.functions[-1]:
-            at = len(function.locals)
             start = ["    check0 = check1 = check2 = 0;", *([_ARM] if self.program.interrupt else [])]
-            lines = [*lines[:at], *start, *lines[at:], f"    done = 0x{FINISHED:X};", "    while (1);"]
+            for each in self.program.globals:
+                if each.where not in ("", "volatile"):
+                    start.append(f"    {each.name}{self.initial(each)};")
+            lines = [*start, *lines, f"    done = 0x{FINISHED:X};", "    while (1);"]
         elif function.result and not (function.body and isinstance(function.body[-1], Return)):
             lines.append("    return 0;")
         return "\n".join([self.head(function) + " {", *lines, "}"])
@@ -159,6 +161,18 @@ class TargetC(Printer):
     def name(self, variable: Variable) -> str:
         return variable.name
 
+    def declaration(self, variable: Variable) -> str:
+        if variable.where == "register":
+            return f"// {variable.name} is a register"
+        if variable.where == "volatile":
+            return f"volatile {super().declaration(variable)}"
+        if variable.where:
+            return f"{self.declarator(variable.type, variable.name)} {variable.where};"
+        return super().declaration(variable)
+
+    def case(self, value: int, kind: Int) -> str:
+        return str(value)
+
     def number(self, value: int, kind: Int) -> str:
         return str(kind.wrap(value))
 
@@ -170,9 +184,7 @@ class TargetC(Printer):
             case Var(variable):
                 return variable.name
             case Element(array, indices):
-                kind = place_type(array)
-                assert isinstance(kind, Array)
-                pairs = zip(indices, kind.dims, strict=True)
+                pairs = zip(indices, dims_of(array), strict=True)
                 return self.place(array) + "".join(f"[{self.index(each, size)}]" for each, size in pairs)
             case MemberOf(Deref(pointer), member):
                 return f"{pointer.name}->{member.name}"

@@ -11,7 +11,6 @@ from tests.compiler.random.program import (
     BIT,
     S16,
     S32,
-    U8,
     U16,
     U32,
     AddressOf,
@@ -72,8 +71,17 @@ def literal(num: Num, dialect: str) -> Int:
 
 
 def member_type(member: Member) -> Type:
-    """Every value of an unsigned bit-field fits `unsigned char`, whose promotion is the same."""
-    return U8 if member.width else member.type
+    """Every value of a bit-field fits the 8-bit type of its sign, whose promotion is the same."""
+    return member.type
+
+
+def dims_of(array: Expr) -> tuple[int, ...]:
+    """The lengths of what can be indexed: an array, or a pointer that is never moved."""
+    if isinstance(array, Var) and isinstance(array.variable.type, Pointer):
+        return (array.variable.limit,)
+    kind = place_type(array)
+    assert isinstance(kind, Array)
+    return kind.dims
 
 
 def place_type(expr: Expr) -> Type:
@@ -83,6 +91,8 @@ def place_type(expr: Expr) -> Type:
             return variable.type
         case Element(array, _):
             kind = place_type(array)
+            if isinstance(kind, Pointer):
+                return kind.target
             assert isinstance(kind, Array)
             return kind.element
         case MemberOf(_, member):
