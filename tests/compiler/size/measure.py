@@ -1,0 +1,37 @@
+"""Sizes in program words of realistic programs: those beside this module and the lab programs.
+
+In: C files. Out: words by file name, measured and as recorded in `sizes.json`.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from servogen.compiler import Options, Source, compile_sources
+
+HERE = Path(__file__).parent
+TESTS = HERE.parent.parent
+RECORD = HERE / "sizes.json"
+
+
+def programs() -> dict[str, tuple[Path, str]]:
+    """Path and dialect by name relative to the tests."""
+    found = [(path, path.name[:3]) for path in HERE.glob("*.c")]
+    found += [
+        (path, dialect) for dialect in ("c2c", "xc8") for path in (TESTS / f"labs_{dialect}").glob("*.c")
+    ]
+    return {path.relative_to(TESTS).as_posix(): (path, dialect) for path, dialect in sorted(found)}
+
+
+def words(path: Path, dialect: str) -> int:
+    options = Options(dialect=dialect, clock_hz=4_000_000)
+    return compile_sources([Source(path.read_text(), path.name)], options).words
+
+
+def measured() -> dict[str, int]:
+    return {name: words(*row) for name, row in programs().items()}
+
+
+def recorded() -> dict[str, int]:
+    return json.loads(RECORD.read_text()) if RECORD.exists() else {}

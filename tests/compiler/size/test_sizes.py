@@ -1,0 +1,24 @@
+"""The compiler's code may get smaller, never larger."""
+
+import pytest
+
+from servogen.compiler import Options, Source, compile_sources
+from tests.compiler.size.measure import HERE, programs, recorded, words
+
+
+@pytest.mark.parametrize("name", programs())
+def test_no_program_grows(name: str) -> None:
+    most = recorded().get(name)
+    assert most is not None, "run `python -m tests.compiler.size`"
+    assert words(*programs()[name]) <= most
+
+
+def test_what_is_recorded_exists() -> None:
+    assert recorded().keys() == programs().keys()
+
+
+@pytest.mark.parametrize("path", sorted(HERE.glob("*.c")), ids=lambda path: path.stem)
+def test_they_compile_without_a_warning(path: object) -> None:
+    text = path.read_text()  # type: ignore[attr-defined]
+    found = compile_sources([Source(text, "size.c")], Options(dialect=path.name[:3], clock_hz=4_000_000))  # type: ignore[attr-defined]
+    assert not found.diagnostics, "\n".join(map(str, found.diagnostics))
