@@ -95,7 +95,7 @@ def read_program(path: Path, device_name: str = "PIC16F84") -> Program:
 
 
 def beside_c(name: str, including: str) -> tuple[str, str] | None:
-    """An include file from the folder of the file that includes it: (file name, text), None if it is not there."""
+    """(file name, text) of an include file in the folder of the file that includes it; None without one."""
     path = Path(including).parent / name
     return (str(path), read_source(path)) if path.is_file() else None
 
