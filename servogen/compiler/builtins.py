@@ -331,7 +331,7 @@ def _serial_number(self: Builtins, name: str, node: Any) -> int:
         return registers()[text.upper()].address
     if not re.fullmatch(r"0[xX][0-9a-fA-F]+|\d+", text):
         raise self.fail(f"'#pragma RS232_{name} {text}': a number is needed", node)
-    return int(text, 0)
+    return int(text, 16 if text[1:2] in ("x", "X") else 10)
 
 
 def _bit_cycles(self: Builtins, baud: int, node: Any) -> int:
