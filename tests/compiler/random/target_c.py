@@ -174,7 +174,8 @@ class TargetC(Printer):
         return str(value)
 
     def number(self, value: int, kind: Int) -> str:
-        return str(kind.wrap(value))
+        long = kind.bits > 16 and kind.wrap(value) < 0  # -34337 would be unsigned in C2C
+        return f"{kind.wrap(value)}{'L' if long else ''}"
 
     def converted(self, expr: Expr, kind: Int) -> str:
         return self.expr(expr)
