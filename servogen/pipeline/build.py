@@ -116,7 +116,12 @@ def checked_edges(done: Build) -> EdgeTrace:
 
 def report(done: Build) -> str:
     """The text of report.txt."""
-    facts = tuple(
+    return report_text(BuildFacts(done.job, done.plan, program_facts(done), done.warnings))
+
+
+def program_facts(done: Build) -> tuple[ProgramFacts, ...]:
+    """What a report tells of each program."""
+    return tuple(
         ProgramFacts(
             program.firmware.dialect,
             program.firmware.file,
@@ -127,7 +132,6 @@ def report(done: Build) -> str:
         )
         for program in done.programs
     )
-    return report_text(BuildFacts(done.job, done.plan, facts, done.warnings))
 
 
 def _hex_name(done: Build, program: Program) -> str:
