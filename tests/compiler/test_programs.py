@@ -7,7 +7,7 @@ compares.
     // words: 40               at most so many program words
     // ram: 5                  exactly so many bytes
     // cycles: 1002            above a statement that writes PORTB: cycles since the write of PORTB before it
-    // error: text             an error in the line below, with exactly this text (several above one line: in order)
+    // error: text             an error in the line below, with exactly this text (several: in order)
     // warning: text           a warning in the line below
     // hint: text              the hint of the diagnostic named above it
 
