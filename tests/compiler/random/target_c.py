@@ -89,29 +89,26 @@ _WIDER = {
     for size, kind in ((2, "uint16_t"), (3, "uint24_t"), (4, "uint32_t"))
 }
 
-_INTERRUPT = {
-    "xc8": """
-unsigned char beats, beat_table[2];
-unsigned int beat_sum;
-void __interrupt() beat(void) {
-    T0IF = 0;
-    beats++;
-    beat_sum = beat_sum * 3 + beat_table[beats & 1] / 5;
-    beat_table[beats & 1] = (unsigned char)(beat_sum >> (beats & 7));
+_INTERRUPT = """
+const unsigned char beat_steps[4] = {3, 5, 7, 250};
+unsigned char beats, beat_table[2], twisted, twists;
+uint16_t beat_sum;
+unsigned char twist(unsigned char v, uint16_t w) {
+    return beat_steps[v & 3] * v + w / 7 % (v | 1);
 }
-""",
-    "c2c": """
-char beats, beat_table[2];
-int beat_sum;
-void interrupt(void) {
-    clear_bit(INTCON, T0IF);
+void HANDLER {
+    INTCON = INTCON & 0xFB;
     beats++;
-    beat_sum = beat_sum * 3 + beat_table[beats & 1] / 5;
+    beat_sum = beat_sum * 3 + twist(beat_table[beats & 1], beat_sum);
     beat_table[beats & 1] = beat_sum >> (beats & 7);
 }
-""",
-}
-_ARM = "    OPTION_REG = 0xD0; INTCON = 0xA0;"
+"""
+_HANDLERS = {"xc8": "__interrupt() beat(void)", "c2c": "interrupt(void)"}
+_BESIDE = """    twisted = twist(9, 1234);
+    for (twists = 200; twists; twists--)
+        if (twist(9, 1234) != twisted) check1 ^= 0x55;"""
+"""The handler and main use one function; it must give main the same whenever it is interrupted."""
+_ARM = "    OPTION_REG = 0xD3; INTCON = 0xA0;"
 
 
 class TargetC(Printer):
@@ -131,7 +128,7 @@ class TargetC(Printer):
         parts = ["#include <xc.h>" if self.dialect == "xc8" else "", "#include <stdint.h>", _OUT + helpers]
         parts += [self.struct(each) for each in program.structs]
         parts += [self.declaration(each) for each in program.globals]
-        parts += [_INTERRUPT[self.dialect]] if program.interrupt else []
+        parts += [_INTERRUPT.replace("HANDLER", _HANDLERS[self.dialect])] if program.interrupt else []
         return "\n".join(parts + prototypes + bodies) + "\n"
 
     def head(self, function: Function) -> str:
@@ -147,6 +144,7 @@ class TargetC(Printer):
             for each in self.program.globals:
                 if each.where not in ("", "volatile"):
                     start.append(f"    {each.name}{self.initial(each)};")
+            start += [_BESIDE] if self.program.interrupt else []
             lines = [*start, *lines, f"    done = 0x{FINISHED:X};", "    while (1);"]
         elif function.result and not (function.body and isinstance(function.body[-1], Return)):
             lines.append("    return 0;")
