@@ -34,19 +34,17 @@ class Wanted:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """`captures` looks of `words` words, `frames` whole frames and a torn one each."""
+    """A look of `words` words: `frames` whole frames, and the one in which it begins."""
 
     rate: Fraction
     rle: bool
     words: int
     frames: int
-    captures: int
     seconds: Fraction
-    """One look."""
 
 
 def plan(memory: int, rate: int, rle: bool, wanted: Wanted) -> Plan:
-    """The looks that show what is wanted. Raises InputError where one cannot hold a single frame."""
+    """The look that shows what is wanted. Raises InputError where the memory is too small for it."""
     exact = Fraction(rate)
     if sump.BASE_HZ % rate or sump.BASE_HZ // rate > 1 << 24:
         below = sump.BASE_HZ // ceil(Fraction(sump.BASE_HZ, rate))
@@ -58,10 +56,15 @@ def plan(memory: int, rate: int, rle: bool, wanted: Wanted) -> Plan:
     fits = max(0, (room - SLACK) // each)
     if fits < 2:
         raise InputError(_arithmetic(memory, room, exact, rle, wanted, each), hint=_advice(room, rle, wanted))
-    frames = min(wanted.frames, fits - 1)
-    words = min(room, ceil(Fraction((frames + 1) * each + SLACK, 4)) * 4)
-    captures = ceil(Fraction(wanted.frames, frames))
-    return Plan(exact, rle, words, frames, captures, (frames + 1) * wanted.period_s)
+    if fits - 1 < wanted.frames:
+        most = float((fits - 1) * wanted.period_s)
+        raise InputError(
+            f"the analyser's memory is too small: {room} words hold {fits - 1} frames of {each} words and "
+            f"the one in which it begins, not {wanted.frames}",
+            hint=f"at most --seconds {int(most * 1000) / 1000:g} at a time",
+        )
+    words = min(room, ceil(Fraction((wanted.frames + 1) * each + SLACK, 4)) * 4)
+    return Plan(exact, rle, words, wanted.frames, (wanted.frames + 1) * wanted.period_s)
 
 
 def words_a_frame(rate: Fraction, rle: bool, wanted: Wanted) -> int:

@@ -1,7 +1,8 @@
-"""Commands of the bench: flash, capture."""
+"""Commands of the bench: flash, capture, rig."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,7 +24,6 @@ SECONDS = 1.0
 PATIENCE_S = 5.0
 """Beyond the time that the capture itself takes."""
 
-Port = Annotated[str, typer.Option("--port", "-p", help="The device's port, as /dev/ttyACM0.")]
 Against = Annotated[
     Path | None,
     typer.Option("--against", help="The schedule.json: what is to be seen, and the servos' names."),
@@ -33,6 +33,7 @@ Against = Annotated[
 def register(app: typer.Typer) -> None:
     app.command()(flash)
     app.command()(capture)
+    app.command()(rig)
 
 
 def flash(
@@ -106,7 +107,15 @@ def _unproven(image: Image, file: Path, against: Path | None) -> tuple[str, ...]
 
 def capture(
     output: Annotated[Path, typer.Option("--output", "-o", help="The capture, a .vcd file.")],
-    port: Port,
+    port: Annotated[
+        str | None, typer.Option("--port", "-p", help="The analyser's port, as /dev/ttyACM0.")
+    ] = None,
+    sigrok: Annotated[
+        str | None,
+        typer.Option(
+            "--sigrok", help="Look through sigrok-cli with this driver, as fx2lafw; -o is a .sr file."
+        ),
+    ] = None,
     against: Against = None,
     seconds: Annotated[
         float | None,
@@ -134,14 +143,19 @@ def capture(
     from servogen.bench.ports import open_port
     from servogen.bench.sump_client import BAUD, identify
     from servogen.bench.wires import channel_of, wires
-    from servogen.errors import Place, ToolError
+    from servogen.errors import InputError, Place, ToolError
 
-    check_name(output)
     schedule = None if against is None else read_schedule(against)
+    wanted = _wanted(schedule, seconds)
+    if sigrok is not None:
+        _look_by_sigrok(sigrok, rate, wanted, wire or [], rle, output, against)
+        return
+    if port is None:
+        raise InputError("there is no analyser to look with", hint="--port /dev/ttyACM0, or --sigrok fx2lafw")
+    check_name(output)
     wired = wires(wire or ())
     pin = trigger or (schedule.channels[0].pin if schedule else "RB0")
     channel = channel_of(pin, wired)
-    wanted = _wanted(schedule, seconds)
     with open_port(port, BAUD) as line:
         device = identify(line)
         planned = plan(memory or device.memory, min(rate, device.fastest or rate), rle, wanted)
@@ -152,6 +166,76 @@ def capture(
     if seen.missing is not None:
         raise ToolError(seen.missing, Place(port), f"what came is kept, marked as not whole, in {path}")
     _tell(device, planned, seen, output, against, json)
+
+
+def rig(
+    job: Annotated[Path, typer.Argument(help="A job file (TOML).", show_default=False)],
+    hex_file: Annotated[
+        Path | None, typer.Option("--hex", help="Start with this program on the chip, not with the job's.")
+    ] = None,
+    crystal_ppm: Annotated[
+        float, typer.Option("--crystal-ppm", help="By how much the chip's crystal is too fast.")
+    ] = 0.0,
+    memory: Annotated[int, typer.Option("--memory", min=16, help="The analyser's bytes.")] = 24 * 1024,
+    fastest: Annotated[int, typer.Option("--rate", min=1, help="The analyser's most samples a second.")] = 10
+    ** 8,
+    glitches: Annotated[float, typer.Option("--noise", min=0, help="Wrong samples a second.")] = 0.0,
+    fault: Annotated[
+        list[str] | None, typer.Option("--fault", help="As analyser:unplug-after=500 or programmer:silent.")
+    ] = None,
+    real_time: Annotated[
+        bool, typer.Option("--real-time", help="The chip's time is the clock's, not as fast as it can.")
+    ] = False,
+    serial_pin: Annotated[str, typer.Option("--serial-pin", help="Where the serial line ends.")] = "RB7",
+    baud: Annotated[int, typer.Option("--baud", min=50, help="Of the serial line.")] = 2400,
+    inverted: Annotated[bool, typer.Option("--inverted", help="The serial line idles low.")] = False,
+    json: Json = False,
+) -> None:
+    """Be a bench: programmer, analyser and serial line on pseudo-terminals, around the simulated chip."""
+    import signal
+    import threading
+    from fractions import Fraction
+
+    from servogen.bench.virtual.analyser import AnalyserOptions
+    from servogen.bench.virtual.rig import RigOptions, with_fault
+    from servogen.bench.virtual.rig import rig as opened
+    from servogen.job import load
+    from servogen.pipeline.proof import board_of
+    from servogen.pulse.plan import plan
+    from servogen.simulator.sources import pin_number
+
+    options = RigOptions(
+        Fraction(crystal_ppm),
+        real_time,
+        pin_number(serial_pin),
+        baud,
+        inverted,
+        AnalyserOptions(memory=memory, fastest=fastest, glitches_per_s=glitches),
+    )
+    for text in fault or ():
+        options = with_fault(options, text)
+    ended = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ended.set())
+    loaded = load(job)
+    schedule = plan(loaded.trajectory, loaded.servos, loaded.frame).schedule
+    if hex_file is None:
+        from servogen.pipeline.tuning import tune
+
+        with status(f"compiling {loaded.name}"):
+            tuned = tune(schedule, loaded.firmware.dialect, loaded.device, loaded.name)
+        image = tuned.compilation.image
+    else:
+        image = read_image(hex_file)
+    with opened(image, loaded.clock, board_of(schedule), options) as terminals:
+        if json:
+            as_json(terminals.paths)
+        else:
+            for name, path in terminals.paths.items():
+                print(f"{name}: {path}")
+            print("end it with Ctrl-C")
+        sys.stdout.flush()
+        terminals.serve(ended.is_set)
 
 
 def _wanted(schedule: PulseSchedule | None, seconds: float | None) -> Wanted:
@@ -169,6 +253,25 @@ def _wanted(schedule: PulseSchedule | None, seconds: float | None) -> Wanted:
     ]
     frames = schedule.loop_frames if seconds is None else ceil(seconds / float(period))
     return Wanted(period, max(1, *moments), frames)
+
+
+def _look_by_sigrok(
+    driver: str, rate: int, wanted: Wanted, wire: list[str], rle: bool, output: Path, against: Path | None
+) -> None:
+    """A frame more than is wanted: sigrok begins anywhere."""
+    from math import ceil
+
+    from servogen.bench.sigrok import SigrokLook, sigrok_wires
+    from servogen.bench.sigrok import capture as captured
+
+    samples = ceil(rate * (wanted.frames + 1) * wanted.period_s)
+    counts = rle and driver.partition(":")[0] == "ols"  # the one driver that has it
+    look = SigrokLook(driver, rate, samples, sigrok_wires(wire), counts)
+    with status("sigrok-cli is looking"):
+        captured(look, output)
+    print(f"{output}: {samples / rate:g} s at {rate} samples a second")
+    if against is not None:
+        print(f"next: servogen verify {output} --against {against}")
 
 
 def _look(line: Line, planned: Plan, channel: int) -> Seen:
@@ -194,7 +297,6 @@ def _tell(
                 "samples_per_second": int(planned.rate),
                 "rle": planned.rle,
                 "seconds": seconds,
-                "captures": planned.captures,
             }
         )
         return

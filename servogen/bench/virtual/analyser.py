@@ -73,22 +73,27 @@ class VirtualAnalyser:
         self._armed.watch(self.chip, self.options.glitches_per_s, self._dice)
         if self._armed.finished is not None:
             self._send(self._armed.finished)
-            self._armed = None
+            self._arm(None)
         elif self._armed.slices > MOST_SLICES:
-            self._armed = None
+            self._arm(None)
+
+    def _arm(self, capture: Capture | None) -> None:
+        self._armed = capture
+        self.chip.watched = capture is not None
+        self.chip.forget()
 
     def _obey(self, command: int, value: int) -> None:
         if self.options.garbage and command in (Command.ID, Command.METADATA):
             self.outgoing += self._dice.randbytes(64)
         elif command == Command.RESET:
-            self._armed = None
+            self._arm(None)
             self.outgoing.clear()
         elif command == Command.ID:
             self.outgoing += sump.IDS[0]
         elif command == Command.METADATA:
             self.outgoing += self._metadata()
         elif command == Command.RUN:
-            self._armed = armed(self._settings)
+            self._arm(armed(self._settings))
         elif command >= sump.LONG:
             self._settings[command] = value
 

@@ -75,14 +75,17 @@ class Capture:
 
     def watch(self, chip: VirtualChip, glitches_per_s: float, dice: random.Random) -> None:
         """Lets the chip run for a slice and samples it."""
-        self.slices += 1
-        begin = chip.machine.cycles if self._begin is None else self._begin
-        self._begin = begin
         seconds = min(SLICE_S, MOST_SAMPLES / self.rate)
-        cycle, levels = chip.words(int(seconds * chip.cycles_per_second) + 1)
+        cycles = chip.due(int(seconds * chip.cycles_per_second) + 1)
+        if not cycles:
+            return
+        self.slices += 1
+        begin = chip.now if self._begin is None else self._begin
+        self._begin = begin
+        cycle, levels = chip.look(cycles)
         ratio = (self.rate / chip.cycles_per_second).limit_denominator(10**8)
         first = -((begin - cycle) * ratio.numerator // ratio.denominator)
-        end = -((begin - chip.machine.cycles) * ratio.numerator // ratio.denominator)
+        end = -((begin - chip.now) * ratio.numerator // ratio.denominator)
         new = Runs(_channels(levels), np.maximum(first, self._runs.end), end)
         self._add(_noisy(new, self._runs.end, glitches_per_s / float(self.rate), dice))
         if self._before is None:

@@ -6,20 +6,24 @@ it; `reset` starts it with what is on it then.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
 from dataclasses import dataclass, field
 from fractions import Fraction
 
 import numpy as np
 import numpy.typing as npt
 
-from servogen.edges import HIGH, PINS, EdgeChunk
+from servogen.edges import HIGH, PINS
 from servogen.pic.image import Image
 from servogen.simulator import Machine, Options, Stimulus
 from servogen.simulator.native import loop
 from servogen.units import Clock
 
+Levels = tuple[npt.NDArray[np.int64], npt.NDArray[np.uint32]]
+"""Cycles, never falling, and from each of them on the levels of all pins."""
+
 MILLION = 10**6
+MOMENT_S = 0.002
 
 
 @dataclass(slots=True)
@@ -31,53 +35,86 @@ class VirtualChip:
     options: Options = field(default_factory=Options)
     ppm: Fraction = Fraction(0)
     stimulus: Stimulus | None = None
+    in_real_time: bool = False
+    """Whether its time is the clock's on the wall; else it passes as fast as somebody looks or sends."""
     machine: Machine = field(init=False)
     word: int = field(init=False)
     """The levels of the pins at the present cycle, pin n of `PINS` in bit n."""
+    watched: bool = False
+    """Whether what the pins do while others let it run is kept for `look`."""
+    _before: int = 0
+    """Cycles that it ran before its last reset."""
+    _reset_at: float = 0.0
+    _seen: list[Levels] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         loop(observed=False)  # compiled now, not while a client waits
         self.load(self.image)
 
     def load(self, image: Image) -> None:
-        """Another image on the chip, and a reset."""
+        """Another image on the chip, and a reset; its pins are low until it drives them."""
+        self._before += self.machine.cycles if self._reset_at else 0
         self.image = image
         self.machine = Machine(image, self.clock, self.options, self.stimulus)
+        self._reset_at = time.monotonic()
         self.word = 0
+        if self.watched:
+            self._seen.append((np.array([self.now], dtype=np.int64), np.zeros(1, dtype=np.uint32)))
+
+    @property
+    def now(self) -> int:
+        """Cycles since it was made; a reset does not turn them back."""
+        return self._before + self.machine.cycles
+
+    def due(self, most: int) -> int:
+        """How many of `most` cycles it may run now; where it must wait for the clock, it waits a moment."""
+        if not self.in_real_time:
+            return most
+        reached = int(Fraction(time.monotonic() - self._reset_at) * self.cycles_per_second)
+        if reached <= self.machine.cycles:
+            time.sleep(MOMENT_S)
+        return max(0, min(most, reached - self.machine.cycles))
 
     @property
     def cycles_per_second(self) -> Fraction:
         """By a true clock."""
         return self.clock.cycles_per_second * (1 + self.ppm / MILLION)
 
-    def run(self, cycles: int) -> Iterator[EdgeChunk]:
-        """Runs on, giving the edges with an undriven pin as low, as an analyser with pull-downs sees it."""
-        for chunk in self.machine.stream(cycles):
-            for pin in range(len(PINS)):
-                levels = chunk.level[chunk.pin == pin]
-                if len(levels):
-                    high = levels[-1] == HIGH
-                    self.word = self.word & ~(1 << pin) | int(high) << pin
-            yield chunk
+    def run(self, cycles: int) -> None:
+        """Lets it run."""
+        levels = self._levels(cycles)
+        if self.watched:
+            self._seen.append(levels)
 
-    def words(self, cycles: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.uint32]]:
-        """Runs on: the cycles at which levels change, and the levels of all pins from each of them on.
+    def forget(self) -> None:
+        """Drops what was kept for a look."""
+        self._seen.clear()
 
-        The first entry is the present cycle.
-        """
-        before, now = self.word, self.machine.cycles
-        chunks = list(self.run(cycles))
-        cycle = np.concatenate([np.array([now], dtype=np.int64), *(chunk.cycle for chunk in chunks)])
-        level = np.full(len(cycle), before, dtype=np.uint32)
-        pins = np.concatenate([np.zeros(0, dtype=np.uint8), *(chunk.pin for chunk in chunks)])
-        highs = np.concatenate([np.zeros(0, dtype=bool), *(chunk.level == HIGH for chunk in chunks)])
-        for pin in range(len(PINS)):
-            bit = np.uint32(1 << pin)
-            own = np.flatnonzero(pins == pin)
-            marks = np.zeros(len(cycle), dtype=np.int64)
-            marks[own + 1] = own + 1
-            last = np.maximum.accumulate(marks)
-            value = np.concatenate([[bool(before >> pin & 1)], highs])[last]
-            level = np.where(value, level | bit, level & ~bit).astype(np.uint32)
+    def look(self, cycles: int) -> Levels:
+        """Lets it run: what the pins did since the last look; the first entry is the level at its begin."""
+        pieces = [*self._seen, self._levels(cycles)]
+        self._seen.clear()
+        cycle, level = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
         last_of_cycle = np.append(cycle[1:] != cycle[:-1], True)
         return cycle[last_of_cycle], level[last_of_cycle]
+
+    def _levels(self, cycles: int) -> Levels:
+        """Runs on: the present cycle and those at which levels change, and the levels from each of them on.
+
+        A pin that nothing drives is low, as an analyser's input with a pull-down sees it.
+        """
+        word, now, before = self.word, self.now, self._before
+        chunks = list(self.machine.stream(cycles))
+        pins = np.concatenate([np.zeros(0, dtype=np.uint8), *(chunk.pin for chunk in chunks)])
+        highs = np.concatenate([np.zeros(0, dtype=bool), *(chunk.level == HIGH for chunk in chunks)])
+        cycle = np.concatenate([np.array([now], dtype=np.int64), *(chunk.cycle + before for chunk in chunks)])
+        level = np.zeros(len(cycle), dtype=np.uint32)
+        for pin in range(len(PINS)):
+            own = np.flatnonzero(pins == pin)
+            changes = np.zeros(len(cycle), dtype=np.int64)
+            changes[own + 1] = own + 1
+            last = np.maximum.accumulate(changes)
+            value = np.concatenate([[bool(word >> pin & 1)], highs])[last]
+            level |= value.astype(np.uint32) << np.uint32(pin)
+        self.word = int(level[-1])
+        return cycle, level

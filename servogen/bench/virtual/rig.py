@@ -1,0 +1,90 @@
+"""`rig`: the whole virtual bench, a programmer, an analyser and a serial line around one chip.
+
+In: an image and what the bench is like. Out: pseudo-terminals, for as long as it is served.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from typing import Any
+
+from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
+from servogen.bench.virtual.chip import VirtualChip
+from servogen.bench.virtual.k150 import ProgrammerOptions, VirtualProgrammer
+from servogen.bench.virtual.serial_line import LineStimulus, SerialLine
+from servogen.bench.virtual.terminals import Device, Terminals, terminals
+from servogen.errors import InputError, nearest
+from servogen.pic.image import Image
+from servogen.simulator import Options
+from servogen.units import Clock
+
+SETTLED_S = Fraction(1, 10)
+"""So long the chip has run when the first client comes."""
+
+FLAGS = {
+    "analyser:silent": "silent",
+    "analyser:garbage": "garbage",
+    "programmer:silent": "silent",
+    "programmer:garbage": "garbage",
+    "programmer:no-chip": "no_chip",
+}
+NUMBERS = {
+    "analyser:stop-after": "stop_after",
+    "analyser:unplug-after": "unplug_after",
+    "programmer:unplug-after": "unplug_after",
+    "programmer:wrong-bit-at": "wrong_bit_at",
+}
+"""Faults by name: those that are there or not, and those with a number (bytes, or an address)."""
+
+
+@dataclass(frozen=True, slots=True)
+class RigOptions:
+    """What the bench is like."""
+
+    ppm: Fraction = Fraction(0)
+    real_time: bool = False
+    serial_pin: int = 12
+    baud: int = 2400
+    inverted: bool = False
+    analyser: AnalyserOptions = field(default_factory=AnalyserOptions)
+    programmer: ProgrammerOptions = field(default_factory=ProgrammerOptions)
+
+
+def with_fault(options: RigOptions, text: str) -> RigOptions:
+    """The same bench with a fault, as `analyser:silent` or `programmer:wrong-bit-at=0x12`."""
+    name, given, number = text.partition("=")
+    known = NUMBERS if given else FLAGS
+    if name not in known:
+        hint = nearest(name, [*FLAGS, *(f"{each}=N" for each in NUMBERS)])
+        raise InputError(f"'{text}' is no fault of the bench", hint=hint)
+    change: dict[str, Any] = {}
+    try:
+        change[known[name]] = int(number, 0) if given else True
+    except ValueError:
+        raise InputError(f"'{number}' in '{text}' is no whole number") from None
+    if name.startswith("analyser:"):
+        return replace(options, analyser=replace(options.analyser, **change))
+    return replace(options, programmer=replace(options.programmer, **change))
+
+
+@contextmanager
+def rig(
+    image: Image,
+    clock: Clock,
+    board: Options,
+    options: RigOptions,
+) -> Iterator[Terminals]:
+    """The bench with `image` on its chip; `paths` has "programmer", "analyser" and "serial"."""
+    stimulus = LineStimulus(options.serial_pin, options.baud, options.inverted)
+    chip = VirtualChip(image, clock, board, options.ppm, stimulus, options.real_time)
+    chip.run(int(SETTLED_S * chip.cycles_per_second))
+    devices: dict[str, Device] = {
+        "programmer": VirtualProgrammer(chip, options.programmer),
+        "analyser": VirtualAnalyser(chip, options.analyser),
+        "serial": SerialLine(chip, stimulus),
+    }
+    with terminals(devices) as opened:
+        yield opened

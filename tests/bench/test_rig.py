@@ -1,0 +1,100 @@
+"""`servogen rig`: a process of its own, and the other commands as its clients."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from tests.bench.conftest import LAB8, ROOT, Run
+
+JOB = ROOT / "jobs" / "lab8-exercise.toml"
+START = "from servogen.cli import main; main()"
+SCHEDULE = LAB8 / "schedule.json"
+
+Rig = Callable[..., "Bench"]
+
+
+class Bench:
+    """A rig that runs."""
+
+    def __init__(self, process: "subprocess.Popen[str]") -> None:
+        assert process.stdout is not None
+        self.process = process
+        self.paths: dict[str, str] = json.loads(process.stdout.readline())
+
+
+@contextmanager
+def running(*options: object) -> Iterator[Bench]:
+    command = [sys.executable, "-c", START, "rig", str(JOB), "--json", *map(str, options)]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT
+    ) as process:
+        try:
+            yield Bench(process)
+        finally:
+            process.terminate()
+
+
+@pytest.fixture
+def bench() -> Iterator[Rig]:
+    with ExitStack() as stack:
+        yield lambda *options: stack.enter_context(running(*options))
+
+
+def proven(run: Run, port: str, path: Path) -> dict[str, object]:
+    done = run("capture", "--port", port, "-o", path, "--against", SCHEDULE)
+    assert done.code == 0, done.err
+    verdict: dict[str, object] = json.loads(run("verify", path, "--against", SCHEDULE, "--json").out)
+    return verdict
+
+
+def test_it_says_in_one_line_where_its_ports_are_and_starts_with_the_job(
+    run: Run, bench: Rig, tmp_path: Path
+) -> None:
+    opened = bench("--crystal-ppm", 180)
+    assert set(opened.paths) == {"programmer", "analyser", "serial"}
+    verdict = proven(run, opened.paths["analyser"], tmp_path / "run.vcd")
+    assert verdict["proven"]
+    assert verdict["crystal_ppm"] == pytest.approx(180, abs=2)
+
+
+@pytest.mark.skipif(not find_spec("picpro"), reason="picpro is not installed")
+def test_flashing_replaces_the_program_and_resets_the_chip(run: Run, bench: Rig, tmp_path: Path) -> None:
+    other = ROOT / "firmware" / "lab8-program"
+    opened = bench("--hex", other / "main.hex")
+    assert not proven(run, opened.paths["analyser"], tmp_path / "before.vcd")["proven"]
+    done = run("flash", LAB8 / "main.hex", "--programmer", "picpro", "--port", opened.paths["programmer"])
+    assert done.code == 0, done.err
+    assert proven(run, opened.paths["analyser"], tmp_path / "after.vcd")["proven"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_it_ends_on_a_signal_and_leaves_nothing_behind(bench: Rig, number: signal.Signals) -> None:
+    opened = bench()
+    opened.process.send_signal(number)
+    assert opened.process.wait(10) == 0
+    assert opened.process.stderr is not None
+    assert opened.process.stderr.read() == ""
+    assert not any(Path(path).exists() for path in opened.paths.values())
+
+
+def test_a_fault_that_is_none_is_refused(run: Run) -> None:
+    done = run("rig", JOB, "--fault", "analyser:silence")
+    assert done.code == 2
+    assert "did you mean 'analyser:silent'?" in done.err
+
+
+def test_in_real_time_a_capture_takes_as_long_as_it_shows(run: Run, bench: Rig, tmp_path: Path) -> None:
+    port = bench("--real-time").paths["analyser"]
+    begin = time.monotonic()
+    done = run("capture", "--port", port, "-o", tmp_path / "run.vcd", "--against", SCHEDULE, "--seconds", 1)
+    assert done.code == 0, done.err
+    assert time.monotonic() - begin >= 1
+    assert run("verify", tmp_path / "run.vcd", "--against", SCHEDULE).code == 0

@@ -1,0 +1,68 @@
+"""Words of the SUMP protocol: what is encoded is decoded, and single words mean what the protocol says."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from servogen.bench import sump
+from servogen.bench.sump_client import metadata
+from servogen.bench.wires import channel_of, wires
+from servogen.errors import InputError
+
+LENGTHS = st.one_of(st.integers(1, 300), st.integers(32_760, 70_000))
+RUNS = st.lists(st.tuples(st.integers(0, 0x7F), LENGTHS), min_size=1, max_size=12)
+
+
+def runs(pieces: list[tuple[int, int]]) -> sump.Runs:
+    lengths = [length for _, length in pieces]
+    start = np.concatenate(([0], np.cumsum(lengths)[:-1])).astype(np.int64)
+    return sump.merged(np.array([value for value, _ in pieces], dtype=np.uint32), start, sum(lengths))
+
+
+@settings(derandomize=True, deadline=None)
+@given(RUNS, st.sampled_from([8, 16, 24, 32]))
+def test_rle_and_the_wire_lose_nothing(pieces: list[tuple[int, int]], bits: int) -> None:
+    original = runs(pieces)
+    sent = sump.to_bytes(sump.encode(original, bits), bits)
+    back = sump.decode(sump.from_bytes(sent, bits), True, bits)
+    assert back.value.tolist() == original.value.tolist()
+    assert back.start.tolist() == original.start.tolist()
+    assert back.end == original.end
+
+
+def test_a_count_says_how_many_samples_more() -> None:
+    assert sump.encode(runs([(5, 4), (6, 1)])).tolist() == [5, 0x8003, 6]
+
+
+def test_a_count_without_its_value_says_nothing() -> None:
+    words = np.array([0x8010, 1, 0x8002, 0], dtype=np.uint32)
+    found = sump.decode(words, True)
+    assert (found.value.tolist(), found.start.tolist(), found.end) == ([1, 0], [0, 3], 4)
+
+
+def test_the_newest_word_is_sent_first_and_its_lowest_byte_before_the_other() -> None:
+    assert sump.to_bytes(np.array([0x0102, 0x0304], dtype=np.uint32)) == b"\x04\x03\x02\x01"
+
+
+def test_a_torn_word_is_left_out() -> None:
+    assert sump.from_bytes(b"\x04\x03\x02").tolist() == [0x0304]
+
+
+def test_metadata_that_are_torn_or_unknown_are_left_out() -> None:
+    whole = b"\x01OLS\0\x21\0\0\x60\0\x40\x10\0"
+    assert metadata(whole) == {0x01: "OLS", 0x21: 24576, 0x40: 16}
+    assert metadata(whole[:7]) == {0x01: "OLS"}
+    assert metadata(b"\xff\x01OLS\0") == {}
+    assert metadata(b"") == {}
+
+
+@pytest.mark.parametrize("text", ["RB0", "15=RB0", "0=RC0", "x=RB0", "0="])
+def test_a_wire_that_is_none_is_refused(text: str) -> None:
+    with pytest.raises(InputError):
+        wires([text])
+
+
+def test_a_pin_without_a_channel_is_refused() -> None:
+    with pytest.raises(InputError, match="no channel of the analyser is on RB1"):
+        channel_of("RB1", wires(["0=RB0"]))
