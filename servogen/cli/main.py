@@ -21,6 +21,7 @@ from servogen.cli import (
     job_commands,
     motion_commands,
     plan_commands,
+    report_commands,
     robot_commands,
     signal_commands,
     simulate_commands,
@@ -67,6 +68,7 @@ GROUPS = (
     bench_commands,
     gait_commands,
     grade_commands,
+    report_commands,
 )
 for group in GROUPS:
     group.register(app)

@@ -1,0 +1,40 @@
+"""`servogen report`: one HTML page of a job, for people."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from servogen.cli.show import status
+
+
+def register(app: typer.Typer) -> None:
+    app.command()(report)
+
+
+def report(
+    job: Annotated[Path, typer.Argument(help="A job file (TOML).", show_default=False)],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="The page (default: the job's name with .html).")
+    ] = None,
+    capture: Annotated[
+        Path | None,
+        typer.Option("--capture", help="An analyser's capture to show beside the plan: .vcd, .sr, .csv."),
+    ] = None,
+) -> None:
+    """Build and prove a job and write one HTML page of it, which needs no network."""
+    from servogen.job import load
+    from servogen.outputs import write_text
+    from servogen.pipeline.reporting import page_of
+
+    loaded = load(job)
+    target = output or Path(f"{loaded.name}.html")
+    with status(f"{loaded.name}: planning") as tell:
+        page = page_of(loaded, capture, lambda step: tell(f"{loaded.name}: {step}"))
+    write_text(target, page.html)
+    if page.message:
+        print(page.message)
+    print(f"{target}: {'proven' if page.proven else 'NOT PROVEN'}")
+    raise typer.Exit(0 if page.proven or page.message else 1)

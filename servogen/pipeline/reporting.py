@@ -1,0 +1,75 @@
+"""From a job to its HTML page: build it, take its edges, hold a capture beside its plan.
+
+In: a `Job`, perhaps a capture. Out: the page and whether all that is on it is proven. A job whose motion
+no engine can hold has a page, too: of its plan.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from servogen.edge_files.captures import read_capture
+from servogen.edges import EdgeTrace
+from servogen.job import Job
+from servogen.pipeline.build import Build, Progress, build, program_facts
+from servogen.pipeline.proof import motion_cycles, running
+from servogen.pipeline.tuning import DoesNotFit
+from servogen.pulse import PulsePlan, PulseSchedule, plan
+from servogen.pulse.expected import expected
+from servogen.report.html import CaptureFacts, PageFacts, html_page
+from servogen.verify import verify_capture
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """`proven`: every program's edges, and the capture where there is one. Of a job not built: False."""
+
+    html: str
+    proven: bool
+    message: str
+
+
+def page_of(job: Job, capture: Path | None = None, progress: Progress = lambda step: None) -> Page:
+    """Builds the job and writes its page. Raises InputError."""
+    try:
+        done = build(job, progress)
+    except DoesNotFit as error:
+        planned = plan(job.trajectory, job.servos, job.frame)
+        beside = _capture(planned.schedule, capture)
+        facts = PageFacts(
+            job, planned, (*job.warnings, *planned.warnings), capture=beside, not_built=error.message
+        )
+        return Page(html_page(facts), False, error.message)
+    progress("writing the page")
+    beside = _capture(done.plan.schedule, capture)
+    seen = beside is None or beside.verdict.proven
+    return Page(html_page(_facts(done, beside)), done.proven and seen, "")
+
+
+def _facts(done: Build, capture: CaptureFacts | None) -> PageFacts:
+    own = done.programs[0]
+    return PageFacts(
+        done.job,
+        done.plan,
+        done.warnings,
+        program_facts(done),
+        own.firmware.compilation.listing,
+        _once(done.plan, done),
+        capture,
+    )
+
+
+def _once(planned: PulsePlan, done: Build) -> EdgeTrace:
+    """The edges of the job's own program, the motion once."""
+    schedule = planned.schedule
+    return running(schedule, done.programs[0].image, motion_cycles(schedule)).stored()
+
+
+def _capture(schedule: PulseSchedule, path: Path | None) -> CaptureFacts | None:
+    if path is None:
+        return None
+    found = read_capture(path)
+    trace = found.trace.stored()
+    verdict = verify_capture(expected(schedule), trace, sample=found.sample)
+    return CaptureFacts(path.name, trace, verdict)

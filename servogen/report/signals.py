@@ -1,0 +1,223 @@
+"""The pulses of a page: what was planned, simulated and captured, channel by channel, in µs of the chip.
+
+In: a schedule and traces. Out: `Signal`s, each with its pulses as numbers for the zoom and as a path for
+those who do not zoom; and `Scope`s, the distinct frames as an oscilloscope shows them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.edges import HIGH, PINS, EdgeTrace, join
+from servogen.pulse import PulseSchedule, Run
+from servogen.report.drawing import PALETTE, pulses_path, px
+from servogen.verify import CaptureVerdict
+
+Floats = npt.NDArray[np.float64]
+
+MOST_FRAMES = 2000
+"""A longer motion is drawn up to there."""
+
+MOST_SCOPES = 6
+WIDTH, LOW, HIGH_Y = 880.0, 26.0, 6.0
+LANE = 32
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """One row: a channel on a pin as planned, simulated or captured. Times in µs, tenths at most."""
+
+    channel: str
+    pin: str
+    kind: str
+    colour: str
+    rise: tuple[float, ...]
+    width: tuple[float, ...]
+    path: str
+
+
+@dataclass(frozen=True, slots=True)
+class ScopeLine:
+    channel: str
+    path: str
+    colour: str
+    label_x: str
+    label: str
+    y: int
+    """Pulses that overlap in time stand below each other."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scope:
+    """A frame: from when on it is there first, and its pulses, one line a channel."""
+
+    title: str
+    start_us: float
+    end_us: float
+    lines: tuple[ScopeLine, ...]
+    height: int
+
+
+def shown_us(schedule: PulseSchedule) -> float:
+    """How much is drawn: the lead-in and the loop once, or its beginning."""
+    frames = min(MOST_FRAMES, schedule.lead_in_frames + schedule.loop_frames)
+    return float(schedule.clock.us(frames * schedule.period))
+
+
+def planned(schedule: PulseSchedule) -> tuple[Signal, ...]:
+    """The schedule's own pulses; time zero is the beginning of its first frame."""
+    us, runs = float(schedule.clock.cycle_us), (*schedule.lead_in, *schedule.loop)
+    lengths = np.array([run.frames for run in runs])
+    span = shown_us(schedule)
+    made = []
+    for number, channel in enumerate(schedule.channels):
+        pulses = [run.pulses[number] for run in runs]
+        width = np.repeat([pulse.width if pulse else 0 for pulse in pulses], lengths)
+        offset = np.repeat([pulse.rise if pulse else 0 for pulse in pulses], lengths)
+        rise = np.arange(len(width)) * schedule.period + offset
+        there = width > 0
+        made.append(
+            _signal(channel.name, channel.pin, "planned", number, rise[there] * us, width[there] * us, span)
+        )
+    return tuple(made)
+
+
+def simulated(schedule: PulseSchedule, trace: EdgeTrace) -> tuple[Signal, ...]:
+    """What the program did, from its first edge on, where the schedule has its first."""
+    us, zero = float(schedule.clock.cycle_us), first_edge(schedule)
+    pulses = _pulses(trace, schedule)
+    first = min((float(rise[0]) for rise, _ in pulses if len(rise)), default=0.0)
+    span = shown_us(schedule)
+    return tuple(
+        _signal(channel.name, channel.pin, "simulated", number, (rise - first + zero) * us, width * us, span)
+        for number, (channel, (rise, width)) in enumerate(zip(schedule.channels, pulses, strict=True))
+    )
+
+
+def captured(schedule: PulseSchedule, trace: EdgeTrace, verdict: CaptureVerdict) -> tuple[Signal, ...]:
+    """What an analyser saw, by the chip's clock and where it belongs in the schedule, if that is known."""
+    chip = float(trace.clock.cycle_us) * (1 + (verdict.ppm or 0.0) / 1e6)
+    pulses = [(rise * chip, width * chip) for rise, width in _pulses(trace, schedule)]
+    shift = _shift(schedule, pulses, verdict.first_frame)
+    frame_us = float(schedule.clock.us(schedule.period))
+    loop, lead_in = schedule.loop_frames * frame_us, schedule.lead_in_frames * frame_us
+    first = min((float(rise[0]) for rise, _ in pulses if len(rise)), default=0.0)
+    rows = []
+    for number, (channel, (rise, width)) in enumerate(zip(schedule.channels, pulses, strict=True)):
+        once = rise < first + loop - frame_us / 2  # what comes around again lies on what is there already
+        time, width = rise[once] + shift, width[once]
+        time = np.where(time < lead_in, time, lead_in + (time - lead_in) % loop)
+        rows.append(_signal(channel.name, channel.pin, "captured", number, time, width, shown_us(schedule)))
+    return tuple(rows)
+
+
+def first_edge(schedule: PulseSchedule) -> int:
+    """The cycle of the schedule's first edge, from the beginning of its first frame."""
+    frame = 0
+    for run in (*schedule.lead_in, *schedule.loop):
+        rises = [pulse.rise for pulse in run.pulses if pulse]
+        if rises:
+            return frame * schedule.period + min(rises)
+        frame += run.frames
+    return 0
+
+
+def _shift(
+    schedule: PulseSchedule, pulses: Sequence[tuple[Floats, Floats]], first_frame: int | None
+) -> float:
+    """From the capture's time to the schedule's, µs."""
+    firsts = [(float(rise[0]), number) for number, (rise, _) in enumerate(pulses) if len(rise)]
+    if first_frame is None or not firsts:
+        return 0.0
+    seen, number = min(firsts)
+    frame = first_frame
+    for run in _endless(schedule):
+        if frame < run.frames:
+            pulse = run.pulses[number]
+            cycles = first_frame * schedule.period + (pulse.rise if pulse else 0)
+            return float(schedule.clock.us(cycles)) - seen
+        frame -= run.frames
+    return 0.0
+
+
+def _endless(schedule: PulseSchedule) -> Iterator[Run]:
+    yield from schedule.lead_in
+    while True:
+        yield from schedule.loop
+
+
+def _pulses(trace: EdgeTrace, schedule: PulseSchedule) -> list[tuple[Floats, Floats]]:
+    """(rises, widths) of each channel's whole pulses, in the trace's cycles."""
+    edges = join(trace.driven())
+    found = []
+    for channel in schedule.channels:
+        own = edges.pin == PINS.index(channel.pin)
+        cycle, level = edges.cycle[own], edges.level[own]
+        # What is high at time 0 was so before: an analyser did not see it rise.
+        rise, fall = cycle[(level == HIGH) & (cycle > 0)], cycle[level != HIGH]
+        if len(fall) and len(rise) and fall[0] < rise[0]:
+            fall = fall[1:]
+        whole = min(len(rise), len(fall))
+        rise, fall = rise[:whole].astype(np.float64), fall[:whole].astype(np.float64)
+        found.append((rise, fall - rise))
+    return found
+
+
+def _signal(
+    channel: str, pin: str, kind: str, number: int, rise: Floats, width: Floats, span: float
+) -> Signal:
+    order = np.argsort(rise, kind="stable")
+    rise, width = np.round(rise[order], 1), np.round(width[order], 1)
+    inside = rise + width <= span
+    rise, width = rise[inside], width[inside]
+    scale = WIDTH / span
+    path = pulses_path(rise * scale, (rise + width) * scale, LOW, HIGH_Y, 0.0, WIDTH)
+    colour = PALETTE[number % len(PALETTE)]
+    return Signal(channel, pin, kind, colour, tuple(rise.tolist()), tuple(width.tolist()), path)
+
+
+def scopes(schedule: PulseSchedule) -> tuple[Scope, ...]:
+    """The first few distinct frames."""
+    us = float(schedule.clock.cycle_us)
+    seen: dict[tuple[int, ...], int] = {}
+    frame = 0
+    for run in (*schedule.lead_in, *schedule.loop):
+        seen.setdefault(tuple(pulse.width if pulse else 0 for pulse in run.pulses), frame)
+        frame += run.frames
+    first = [start for widths, start in seen.items() if any(widths)][:MOST_SCOPES]
+    return tuple(_scope(schedule, start, us) for start in first)
+
+
+def _scope(schedule: PulseSchedule, start: int, us: float) -> Scope:
+    frame = start
+    for run in (*schedule.lead_in, *schedule.loop):
+        if frame < run.frames:
+            break
+        frame -= run.frames
+    ends = [
+        pulse.rise + pulse.width
+        for each in (*schedule.lead_in, *schedule.loop)
+        for pulse in each.pulses
+        if pulse
+    ]
+    last = 1.06 * max(ends)
+    scale = WIDTH / (last + 0.04 * last)
+    before = 0.04 * last
+    lines = []
+    free: list[float] = []
+    for number, (channel, pulse) in enumerate(zip(schedule.channels, run.pulses, strict=True)):
+        if pulse is None:
+            continue
+        rise, fall = (float(before + cycle) * scale for cycle in (pulse.rise, pulse.rise + pulse.width))
+        lane = next((lane for lane, end in enumerate(free) if end <= rise), len(free))
+        free[lane : lane + 1] = [fall]
+        path = pulses_path(np.array([rise]), np.array([fall]), LOW, HIGH_Y, 0.0, WIDTH)
+        colour, label = PALETTE[number % len(PALETTE)], f"{pulse.width * us:g} µs"
+        lines.append(ScopeLine(channel.name, path, colour, px((rise + fall) / 2), label, LANE * lane))
+    begin = start * float(schedule.clock.us(schedule.period))
+    height = LANE * len(free)
+    return Scope(f"from {begin / 1e6:g} s", begin - before * us, begin + last * us, tuple(lines), height)

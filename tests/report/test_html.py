@@ -1,0 +1,160 @@
+"""The HTML report: whole, self-contained, the same each time, and its numbers those of the build."""
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from servogen.edge_files.captures import capture_writer
+from servogen.edges import edge_chunk
+from servogen.job import load
+from servogen.pipeline.reporting import Page, page_of
+from servogen.report.drawing import Axis, dots_path, nice, points_path, pulses_path, steps_path
+from servogen.units import Cycles
+
+ROOT = Path(__file__).parents[2]
+
+JOB = """
+[chip]
+device = "PIC16F84"
+clock_hz = 4_000_000
+[[servo]]
+name = "arm"
+pin = "RB0"
+model = "futaba-s3001"
+[motion]
+poses = [{ arm_deg = 0, hold_s = 0.1 }, { arm_deg = 90, hold_s = 0.1 }]
+"""
+
+VOID = {"meta", "link", "br", "img", "input", "hr"}
+DRAWN_SHORT = {"path", "line", "rect"}
+
+
+class Tags(HTMLParser):
+    """Checks that every tag is closed, and notes addresses that would be fetched."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.fetched: list[str] = []
+        self.wrong: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.fetched += [value or "" for name, value in attrs if name in ("src", "href", "xlink:href")]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in DRAWN_SHORT:
+            self.wrong.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        if not self.open or self.open.pop() != tag:
+            self.wrong.append(tag)
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
+    return page_of(load(job_file(tmp_path_factory.mktemp("job"))))
+
+
+def job_file(folder: Path, text: str = JOB, name: str = "two-poses") -> Path:
+    path = folder / f"{name}.toml"
+    path.write_text(text)
+    return path
+
+
+def data_of(html: str) -> dict[str, object]:
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', html)
+    assert found
+    data: dict[str, object] = json.loads(found[1])
+    return data
+
+
+def test_a_page_is_whole_and_fetches_nothing(page: Page) -> None:
+    tags = Tags()
+    tags.feed(page.html)
+    assert not tags.open and not tags.wrong
+    assert all(address.startswith("#") for address in tags.fetched)
+    assert "http" not in page.html
+    assert "url(" not in page.html
+
+
+def test_the_same_job_gives_the_same_page(page: Page, tmp_path: Path) -> None:
+    assert page_of(load(job_file(tmp_path))).html == page.html
+    assert str(tmp_path) not in page.html
+
+
+def test_the_page_says_what_was_proven(page: Page) -> None:
+    assert page.proven
+    assert "every edge proven" in page.html
+    assert (
+        "Compared 30 frames, 0.6 s, 600000 cycles, on all 13 pins" in page.html
+    )  # three loops of ten frames
+    assert "<td>30 of 30</td>" in page.html
+
+
+def test_the_drawn_pulses_are_the_planned_ones_and_the_programs(page: Page) -> None:
+    """Five frames of 1 ms for 0° and five of 1.5 ms for 90°, 20 ms apart."""
+    planned, simulated = data_of(page.html)["rows"]  # type: ignore[misc]
+    assert planned["width"] == [1000] * 5 + [1500] * 5
+    assert np.diff(planned["rise"]).tolist() == [20_000] * 9
+    assert simulated == planned
+
+
+def test_names_cannot_break_the_page(tmp_path: Path) -> None:
+    html = page_of(load(job_file(tmp_path, name="a<script>b"))).html
+    assert "a<script>b" not in html
+    assert "a&lt;script&gt;b" in html
+
+
+@pytest.mark.parametrize(("width", "proven"), [(1500, True), (1502, False)])
+def test_a_capture_stands_beside_the_plan_where_it_belongs(tmp_path: Path, width: int, proven: bool) -> None:
+    """A capture of 1 sample a µs that begins in the middle of frame 3: 1000, 1000, then 1500 five times."""
+    rises = np.arange(7) * 20_000 + 15_000
+    falls = rises + np.array([1000, 1000, 1500, 1500, width, 1500, 1500])
+    cycle = np.concatenate(([0], np.column_stack((rises, falls)).ravel()))
+    chunk = edge_chunk(cycle, np.full(len(cycle), 5), np.array([0] + [1, 0] * 7))
+    path = tmp_path / "run.vcd"
+    with capture_writer(path, 1_000_000) as writer:
+        writer.add(chunk)
+        writer.finish(Cycles(150_000))
+    page = page_of(load(job_file(tmp_path)), path)
+    assert page.proven is proven
+    assert ("proven within tolerances" in page.html) is proven
+    planned, _, captured = data_of(page.html)["rows"]  # type: ignore[misc]
+    assert captured["rise"] == pytest.approx(planned["rise"][3:], abs=1)
+    assert captured["width"] == pytest.approx([1000, 1000, 1500, 1500, width, 1500, 1500], abs=0.2)
+
+
+def test_a_line_of_steps_has_a_gap_where_there_is_no_value() -> None:
+    times, values = np.array([0.0, 1, 2, 3, 4]), np.array([5.0, 5, np.nan, 7])
+    assert steps_path(times, values) == "M0 5H2M3 7H4"
+
+
+def test_a_step_goes_up_where_the_value_changes() -> None:
+    assert steps_path(np.array([0.0, 1, 2]), np.array([5.0, 6])) == "M0 5H1V6H2"
+
+
+def test_points_and_dots_leave_out_what_is_not_there() -> None:
+    x, y = np.array([0.0, 1, np.nan, 3, 3]), np.array([0.0, 1, 2, 3, 3])
+    assert points_path(x, y) == "M0 0L1 1M3 3L3 3"
+    assert dots_path(x, y) == "M0 0h0M1 1h0M3 3h0"
+
+
+def test_pulses_begin_and_end_low() -> None:
+    assert pulses_path(np.array([2.0]), np.array([3.5]), 9, 1, 0, 10) == "M0 9H2V1H3.5V9H10"
+
+
+@pytest.mark.parametrize(("step", "round_step"), [(0.9, 1), (1, 1), (1.1, 2), (3, 5), (6, 10), (0.03, 0.05)])
+def test_ticks_stand_at_round_numbers(step: float, round_step: float) -> None:
+    assert nice(step) == pytest.approx(round_step)
+
+
+def test_ticks_lie_within_the_axis() -> None:
+    ticks = Axis(-3.0, 17.0, 100.0, 300.0).ticks(5)
+    assert [tick.label for tick in ticks] == ["0", "5", "10", "15"]
+    assert [tick.at for tick in ticks] == ["130", "180", "230", "280"]
