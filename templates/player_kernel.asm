@@ -38,7 +38,7 @@ pl_sorted:
     btfsc   STATUS, 2
     clrf    _stay               ; the same cycle: one write lowers both
 ; The sooner pulse: 32 cycles are the way, the rest is loops of 8 cycles and 0 to 7 cycles in _fine.
-    movlw   32
+    movlw   0x20                ; 32
     subwf   _pulse_a_lo, F
     btfss   STATUS, 0
     decf    _pulse_a_hi, F

@@ -24,21 +24,22 @@
 const unsigned char SLOT_A[] = { 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00 };
 const unsigned char SLOT_B[] = { 0x02, 0x08, 0x20, 0x80, 0x02, 0x08, 0x00 };
 const unsigned char SLOT_PORT[] = { 0x06, 0x06, 0x06, 0x06, 0x05, 0x05, 0x06 };
-const unsigned char SLOT_TICKS[] = { 193, 72, 72, 72, 72, 72, 72 };
+const unsigned char SLOT_TICKS[] = { 205, 70, 70, 70, 70, 70, 70 };
 const unsigned char SLOT_CHANNEL[] = { 0, 2, 4, 6, 8, 10, 0 };
 
-/* Parts of the motion: frames, repeats, time between frames in 256ths of a keyframe, keyframes that go round. */
+/* Parts of the motion: frames, repeats, time of a frame in 256ths of a keyframe, keyframes that go round, row. */
 const unsigned char PART_FRAMES[] = { 50, 24, 48, 73 };
 const unsigned char PART_REPEATS[] = { 1, 1, 3, 1 };
-const unsigned char PART_SPEED[] = { 1, 128, 128, 128 };
+const unsigned char PART_SPEED[] = { 1, 0, 128, 128 };
 const unsigned char PART_WRAP[] = { 1, 255, 24, 255 };
+const unsigned char PART_ROW[] = { 0, 12, 24, 36 };
 
-/* For each part and channel: its first keyframe, and 2 * keyframes ahead + 1 where mirrored. */
-const unsigned char TRACK[] = { 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 188, 86, 201, 71, 188, 86, 201, 71, 188, 86, 201, 71, 0, 24, 0, 24, 0, 24, 0, 24, 0, 24, 0, 24, 48, 74, 112, 150, 48, 74, 112, 150, 48, 74, 112, 150 };
-const unsigned char AHEAD[] = { 1, 0, 1, 0, 1, 0, 0, 1, 0, 1, 0, 1, 1, 0, 1, 0, 1, 0, 0, 1, 0, 1, 0, 1, 1, 0, 25, 24, 1, 0, 24, 25, 0, 1, 24, 25, 1, 0, 1, 0, 1, 0, 0, 1, 0, 1, 0, 1 };
+/* Rows, for each channel: its first keyframe, and 2 * keyframes ahead + 1 where mirrored. */
+const unsigned char TRACK[] = { 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 203, 228, 144, 97, 203, 228, 144, 97, 203, 228, 144, 97, 0, 24, 0, 36, 0, 24, 0, 36, 0, 24, 0, 36, 74, 110, 168, 36, 74, 110, 168, 36, 74, 110, 168, 36 };
+const unsigned char AHEAD[] = { 1, 0, 1, 0, 1, 0, 0, 1, 0, 1, 0, 1, 1, 0, 1, 0, 1, 0, 0, 1, 0, 1, 0, 1, 1, 0, 25, 0, 1, 0, 24, 1, 0, 1, 24, 1, 1, 0, 1, 0, 1, 0, 0, 1, 0, 1, 0, 1 };
 
 /* Keyframes, in steps of 1 us from each channel's base width. */
-const unsigned char KEYFRAME[] = { 73, 68, 62, 57, 52, 46, 41, 36, 30, 25, 20, 14, 9, 5, 3, 6, 15, 27, 41, 55, 67, 76, 79, 77, 40, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 40, 52, 82, 117, 147, 168, 176, 168, 147, 117, 82, 52, 73, 68, 62, 57, 52, 46, 41, 36, 30, 25, 20, 14, 9, 4, 1, 1, 4, 9, 15, 23, 30, 35, 39, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 40, 52, 82, 117, 147, 168, 176, 168, 147, 117, 82, 52, 40, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 9, 5, 3, 6, 13, 24, 37, 50, 61, 69, 72, 70, 65, 60, 55, 51, 47, 44, 41, 39, 37, 35, 34, 33, 33, 33, 33, 34, 35, 36, 37, 38, 39, 40, 41, 41, 41, 41, 40, 52, 82, 117, 147, 168, 176, 168, 147, 117, 82, 52, 40, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 40, 52, 82, 117, 147, 168, 176, 168, 147, 117, 82, 52, 40, 42, 41, 41, 43, 47, 52, 59, 67, 73, 78, 81, 81, 78, 73, 41, 41, 40, 39, 37, 35, 33, 30, 27, 23, 19, 14, 9 };
+const unsigned char KEYFRAME[] = { 73, 68, 62, 57, 52, 46, 41, 36, 30, 25, 20, 14, 9, 5, 3, 6, 15, 27, 41, 55, 67, 76, 79, 77, 40, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 40, 52, 82, 117, 147, 168, 176, 168, 147, 117, 82, 52, 40, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 40, 52, 82, 117, 147, 168, 176, 168, 147, 117, 82, 52, 40, 42, 73, 68, 62, 57, 52, 46, 41, 36, 30, 25, 20, 14, 9, 4, 1, 1, 4, 9, 15, 23, 30, 35, 39, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 40, 52, 82, 117, 147, 168, 176, 168, 147, 117, 82, 52, 40, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 40, 40, 39, 38, 37, 36, 35, 34, 33, 32, 30, 28, 27, 25, 23, 21, 19, 17, 14, 12, 9, 5, 3, 6, 13, 24, 37, 50, 61, 69, 72, 70, 65, 60, 55, 51, 47, 44, 41, 39, 37, 35, 34, 33, 33, 33, 33, 34, 35, 36, 37, 38, 39, 40, 41, 41, 41, 41, 42, 43, 45, 47, 49, 52, 56, 59, 63, 67, 70, 73, 76, 78, 80, 81, 81, 81, 79, 78, 75, 73, 41, 44, 54, 67, 82, 99, 116, 132, 147, 159, 168, 173, 175, 173, 168, 159, 147, 132, 116, 99, 82, 67, 54, 44, 41 };
 const unsigned char BASE_LOW[] = { 5, 179, 5, 179, 5, 179, 179, 5, 179, 5, 179, 5 };
 const unsigned char BASE_HIGH[] = { 6, 5, 6, 5, 6, 5, 5, 6, 5, 6, 5, 6 };
 
@@ -49,7 +50,7 @@ unsigned char pulse_a_lo, pulse_a_hi, pulse_b_lo, pulse_b_hi, mask_a, mask_b, bo
 unsigned char target, ahead, overrun, stay, fine, apart, count;
 
 /* Where the motion is. */
-unsigned char part, row, repeats, frames, segment, time;
+unsigned char part, repeats, frames, segment, time;
 unsigned char channel, key, next, value, value_low, value_high, bits, trim;
 
 /* The interpolation leaves a channel's way from its base in value_high, value: cycles. */
@@ -137,7 +138,7 @@ pl_sorted:
     btfsc   STATUS, 2
     clrf    _stay               ; the same cycle: one write lowers both
 ; The sooner pulse: 32 cycles are the way, the rest is loops of 8 cycles and 0 to 7 cycles in _fine.
-    movlw   32
+    movlw   0x20                ; 32
     subwf   _pulse_a_lo, F
     btfss   STATUS, 0
     decf    _pulse_a_hi, F
@@ -349,9 +350,10 @@ pl_done:
 /* The widths of this frame. */
 void make_widths(void)
 {
-    unsigned char at, mode, wrap;
+    unsigned char at, mode, row, wrap;
 
     wrap = PART_WRAP[part];
+    row = PART_ROW[part];
     for (channel = 0; channel < 12; channel++) {
         mode = AHEAD[row];
         at = segment + (mode >> 1);
@@ -388,7 +390,6 @@ void make_widths(void)
         width_low[channel] = at;
         width_high[channel] = key;
     }
-    row -= 12;
 }
 
 void begin_part(void)
@@ -408,11 +409,8 @@ void step(void)
         return;
     if (--repeats == 0) {
         part++;
-        row += 12;
-        if (part == 4) {
+        if (part == 4)
             part = 1;
-            row = 12;
-        }
         repeats = PART_REPEATS[part];
     }
     begin_part();
@@ -454,7 +452,6 @@ void main(void)
     clear_bit(STATUS, RP0);
     overrun = 0;
     part = 0;
-    row = 0;
     repeats = PART_REPEATS[0];
     begin_part();
     target = TMR0;

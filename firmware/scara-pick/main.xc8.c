@@ -19,21 +19,22 @@
 const unsigned char SLOT_A[] = { 0x01, 0x04, 0x00, 0x00 };
 const unsigned char SLOT_B[] = { 0x02, 0x08, 0x00, 0x00 };
 const unsigned char SLOT_PORT[] = { 0x06, 0x06, 0x06, 0x06 };
-const unsigned char SLOT_TICKS[] = { 219, 79, 255, 72 };
+const unsigned char SLOT_TICKS[] = { 222, 78, 255, 70 };
 const unsigned char SLOT_CHANNEL[] = { 0, 2, 0, 0 };
 
-/* Parts of the motion: frames, repeats, time between frames in 256ths of a keyframe, keyframes that go round. */
+/* Parts of the motion: frames, repeats, time of a frame in 256ths of a keyframe, keyframes that go round, row. */
 const unsigned char PART_FRAMES[] = { 50, 50, 24, 71, 25, 208, 25, 132 };
 const unsigned char PART_REPEATS[] = { 1, 1, 1, 1, 1, 1, 1, 1 };
 const unsigned char PART_SPEED[] = { 1, 4, 1, 32, 1, 32, 1, 32 };
 const unsigned char PART_WRAP[] = { 1, 255, 1, 255, 1, 255, 1, 255 };
+const unsigned char PART_ROW[] = { 0, 4, 8, 12, 16, 20, 24, 28 };
 
-/* For each part and channel: its first keyframe, and 2 * keyframes ahead + 1 where mirrored. */
-const unsigned char TRACK[] = { 0, 0, 0, 0, 209, 211, 213, 215, 1, 2, 3, 4, 189, 36, 199, 90, 1, 2, 5, 4, 9, 36, 63, 90, 6, 7, 5, 8, 117, 135, 153, 171 };
+/* Rows, for each channel: its first keyframe, and 2 * keyframes ahead + 1 where mirrored. */
+const unsigned char TRACK[] = { 0, 0, 0, 0, 189, 183, 185, 187, 1, 2, 3, 4, 120, 50, 173, 23, 1, 2, 5, 4, 85, 50, 130, 23, 6, 7, 5, 8, 103, 67, 156, 8 };
 const unsigned char AHEAD[] = { 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0 };
 
 /* Keyframes, in steps of 2 us from each channel's base width. */
-const unsigned char KEYFRAME[] = { 63, 39, 212, 188, 110, 0, 187, 174, 104, 39, 39, 39, 39, 39, 39, 39, 39, 39, 38, 39, 47, 66, 99, 137, 167, 185, 188, 187, 187, 187, 187, 187, 187, 187, 187, 187, 212, 212, 212, 212, 212, 212, 212, 212, 212, 212, 214, 224, 236, 237, 220, 196, 178, 174, 174, 174, 174, 174, 174, 174, 174, 174, 174, 0, 1, 14, 40, 76, 116, 152, 176, 187, 188, 187, 188, 188, 188, 188, 188, 187, 188, 187, 176, 152, 116, 76, 40, 14, 1, 0, 110, 110, 110, 110, 110, 110, 110, 110, 110, 110, 111, 113, 117, 119, 116, 110, 105, 104, 104, 104, 104, 104, 104, 104, 104, 104, 104, 187, 187, 187, 187, 187, 187, 187, 187, 187, 188, 185, 167, 136, 99, 65, 44, 38, 39, 174, 174, 174, 174, 174, 174, 174, 174, 174, 174, 175, 179, 187, 197, 205, 211, 212, 212, 0, 1, 14, 40, 76, 116, 152, 176, 187, 188, 187, 188, 188, 188, 188, 188, 188, 188, 104, 104, 104, 104, 104, 104, 104, 104, 104, 104, 104, 105, 106, 108, 109, 110, 110, 110, 39, 39, 39, 39, 39, 39, 39, 39, 39, 39, 188, 186, 174, 148, 111, 71, 36, 11, 1, 0, 63, 32, 63, 254, 63, 223, 63, 124 };
+const unsigned char KEYFRAME[] = { 63, 39, 212, 188, 110, 0, 187, 174, 104, 104, 104, 104, 104, 104, 104, 104, 104, 104, 104, 105, 106, 108, 109, 110, 110, 110, 110, 110, 110, 110, 110, 110, 110, 111, 113, 117, 119, 116, 110, 105, 104, 104, 104, 104, 104, 104, 104, 104, 104, 104, 212, 212, 212, 212, 212, 212, 212, 212, 212, 212, 214, 224, 236, 237, 220, 196, 178, 174, 174, 174, 174, 174, 174, 174, 174, 174, 174, 175, 179, 187, 197, 205, 211, 212, 212, 39, 39, 39, 39, 39, 39, 39, 39, 39, 38, 39, 47, 66, 99, 137, 167, 185, 188, 187, 187, 187, 187, 187, 187, 187, 187, 187, 188, 185, 167, 136, 99, 65, 44, 38, 39, 39, 39, 39, 39, 39, 39, 39, 39, 39, 0, 1, 14, 40, 76, 116, 152, 176, 187, 188, 187, 188, 188, 188, 188, 188, 187, 188, 187, 176, 152, 116, 76, 40, 14, 1, 0, 1, 14, 40, 76, 116, 152, 176, 187, 188, 187, 188, 188, 188, 188, 188, 188, 188, 186, 174, 148, 111, 71, 36, 11, 1, 0, 63, 254, 63, 223, 63, 124, 63, 32 };
 const unsigned char BASE_LOW[] = { 95, 95, 89, 95 };
 const unsigned char BASE_HIGH[] = { 5, 5, 6, 5 };
 
@@ -44,7 +45,7 @@ unsigned char pulse_a_lo, pulse_a_hi, pulse_b_lo, pulse_b_hi, mask_a, mask_b, bo
 unsigned char target, ahead, overrun, stay, fine, apart, count;
 
 /* Where the motion is. */
-unsigned char part, row, repeats, frames, segment, time;
+unsigned char part, repeats, frames, segment, time;
 unsigned char channel, key, next, value, value_low, value_high, bits, trim;
 
 /* The interpolation leaves a channel's way from its base in value_high, value: cycles. */
@@ -131,7 +132,7 @@ void pulses(void)
     asm("    btfsc   STATUS, 2");
     asm("    clrf    _stay");   // the same cycle: one write lowers both
     // The sooner pulse: 32 cycles are the way, the rest is loops of 8 cycles and 0 to 7 cycles in _fine.
-    asm("    movlw   32");
+    asm("    movlw   0x20");   // 32
     asm("    subwf   _pulse_a_lo, F");
     asm("    btfss   STATUS, 0");
     asm("    decf    _pulse_a_hi, F");
@@ -342,9 +343,10 @@ void pulses(void)
 /* The widths of this frame. */
 void make_widths(void)
 {
-    unsigned char at, mode, wrap;
+    unsigned char at, mode, row, wrap;
 
     wrap = PART_WRAP[part];
+    row = PART_ROW[part];
     for (channel = 0; channel < 4; channel++) {
         mode = AHEAD[row];
         at = segment + (mode >> 1);
@@ -381,7 +383,6 @@ void make_widths(void)
         width_low[channel] = at;
         width_high[channel] = key;
     }
-    row -= 4;
 }
 
 void begin_part(void)
@@ -401,11 +402,8 @@ void step(void)
         return;
     if (--repeats == 0) {
         part++;
-        row += 4;
-        if (part == 8) {
+        if (part == 8)
             part = 2;
-            row = 8;
-        }
         repeats = PART_REPEATS[part];
     }
     begin_part();
@@ -441,7 +439,6 @@ void main(void)
     OPTION_REG = 0x84;   /* TMR0 counts cycles, 1:32 */
     overrun = 0;
     part = 0;
-    row = 0;
     repeats = PART_REPEATS[0];
     begin_part();
     target = TMR0;

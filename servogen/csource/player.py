@@ -38,6 +38,7 @@ class _PartText:
     repeats: int
     speed: int
     wrap: int
+    row: int
     pins: str
 
 
@@ -45,8 +46,9 @@ def render_player(played: Playing, dialect: str, device: Device, title: str) -> 
     """The C file of `played` in `dialect`. Raises RenderError."""
     schedule, order = played.plan.schedule, played.layout.order
     clock = schedule.clock
-    tracks = [part.tracks[channel] for part in played.parts for channel in order]
-    mirrored = [played.signs[channel] < 0 for _ in played.parts for channel in order]
+    rows = list(dict.fromkeys(part.tracks for part in played.parts))
+    tracks = [row[channel] for row in rows for channel in order]
+    mirrored = [played.signs[channel] < 0 for _ in rows for channel in order]
     bases = [played.bases[channel] for channel in order]
     return filled(
         "player.c.j2",
@@ -63,7 +65,14 @@ def render_player(played: Playing, dialect: str, device: Device, title: str) -> 
         ports=list(ports_of(schedule)),
         slots=list(_slots(played)),
         parts=[
-            _PartText(part.frames, part.repeats, part.speed, part.wrap, "0x00" if part.silent else "0xFF")
+            _PartText(
+                part.frames,
+                part.repeats,
+                part.speed,
+                part.wrap,
+                rows.index(part.tracks) * len(order),
+                "0x00" if part.silent else "0xFF",
+            )
             for part in played.parts
         ],
         silence=any(part.silent for part in played.parts),
@@ -73,7 +82,6 @@ def render_player(played: Playing, dialect: str, device: Device, title: str) -> 
         bases_low=[base & 0xFF for base in bases],
         bases_high=[base >> 8 for base in bases],
         loop_part=played.loop_part,
-        loop_row=played.loop_part * len(order),
         kernel=list(_assembly("player_kernel.asm")),
         trim=list(_assembly("player_trim.asm")),
         between=[

@@ -24,10 +24,10 @@ from servogen.units import Clock, Cycles
 TICK = Cycles(32)
 MOST_TICKS = 255
 
-BETWEEN = Cycles(400)
+BETWEEN = Cycles(352)
 """What a slot takes beside its longest pulse: sorting the two, the lock on the timer, the C around it."""
 
-PER_FRAME, PER_CHANNEL = Cycles(250), Cycles(260)
+PER_FRAME, PER_CHANNEL = Cycles(200), Cycles(240)
 """What the C between two frames takes, and what each channel's width adds to that."""
 
 MOST_TRIM = Cycles(127)

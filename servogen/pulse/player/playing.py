@@ -27,8 +27,11 @@ from servogen.pulse.slots import Frame
 from servogen.robot.servo import Servo
 from servogen.units import Clock, Cycles
 
-TOLERANCES_US = (1, 2, 3, 5, 8, 12, 18, 25, 35)
-"""How far a width may be from the planned one: the first of them for which the data fit is taken."""
+BEST_US, WORST_US = 1, 35
+"""How far a width may be from the planned one: as little as the table of keyframes allows, never more."""
+
+LOOP_WEIGHT = 4
+"""How much more an error counts in what is repeated for ever than in what is played once."""
 
 NO_WRAP = 255
 """`Part.wrap` of a part whose tracks do not go round."""
@@ -124,7 +127,7 @@ def playing(
     ]
     loop = _sections(rows[start:], rows[start])
     scale = _scale(pulsed, [*lead, *loop])
-    made = _fitting((*lead, *loop), scale, clock)
+    made = _fitting((*lead, *loop), scale, clock, len(lead))
     pool, parts = _pool(made)
     every = np.concatenate([np.tile(each.widths, (each.stretch.repeats, 1)) for each in made])
     heard = np.concatenate(
@@ -208,31 +211,51 @@ def _scale(pulsed: Floats, sections: list[_Section]) -> _Scale:
     raise InputError("the servos' widths are too far apart for the player")
 
 
-def _fitting(sections: Sequence[_Section], scale: _Scale, clock: Clock) -> list[_Made]:
-    """The parts, as near to the plan as their keyframes fit the table."""
-    for tolerance in TOLERANCES_US:
-        made = [_part(section, scale, float(tolerance / clock.cycle_us)) for section in sections]
+def _fitting(sections: Sequence[_Section], scale: _Scale, clock: Clock, loop: int) -> list[_Made]:
+    """The parts, as near to the plan as their keyframes fit the table; those from `loop` on are for ever.
+
+    Each part begins with as many keyframes as it needs. While all are too many, that part gets fewer whose
+    error grows least for the bytes that it saves.
+    """
+    best, worst = (float(us / clock.cycle_us) for us in (BEST_US, WORST_US))
+    choices = [_choices(section, scale, best, worst) for section in sections]
+    taken = [0] * len(choices)
+    while True:
+        made = [each[number][0] for each, number in zip(choices, taken, strict=True)]
         size = len(_pool(made)[0].data)
         if size <= MOST_BYTES:
             return made
-    raise InputError(
-        f"with {TOLERANCES_US[-1]} µs between keyframes and plan the motion has {size} bytes of keyframes: "
-        f"the player's table holds {MOST_BYTES}",
-        hint="shorten the motion, or let more of it repeat",
-    )
+        ways = []
+        for part, each in enumerate(choices):
+            for number in range(taken[part] + 1, len(each)):
+                other = [*made[:part], each[number][0], *made[part + 1 :]]
+                saved = size - len(_pool(other)[0].data)
+                grown = (each[number][1] - best / 2) * (LOOP_WEIGHT if part >= loop else 1)
+                if saved > 0:
+                    ways.append((grown / saved, part, number))
+        if not ways:
+            raise InputError(
+                f"within {WORST_US} µs of the plan the motion has {size} bytes of keyframes: "
+                f"the player's table holds {MOST_BYTES}",
+                hint="shorten the motion, or let more of it repeat",
+            )
+        _, part, taken[part] = min(ways)
 
 
-def _part(section: _Section, scale: _Scale, most: float) -> _Made:
-    """The part with the fewest keyframes whose widths are at most `most` cycles off."""
+def _choices(section: _Section, scale: _Scale, best: float, worst: float) -> list[tuple[_Made, float]]:
+    """A part with fewer and fewer keyframes, and its error in cycles, which is at most `worst`."""
     stretch, rows = section
     if stretch.silent:
         keys = np.zeros((1, rows.shape[1]), dtype=np.int64)
-        return _Made(stretch, 1, True, keys, np.repeat(scale.widths(keys), stretch.frames, axis=0))
-    for bits in range(MOST_BITS, -1, -1):
-        made = _sampled(stretch, rows, scale, bits)
-        if bits == 0 or np.abs(made.widths - rows[:-1]).max() <= most:
-            return made
-    raise AssertionError
+        return [(_Made(stretch, 1, True, keys, np.repeat(scale.widths(keys), stretch.frames, axis=0)), 0.0)]
+    every = [_sampled(stretch, rows, scale, bits) for bits in range(MOST_BITS + 1)]
+    errors = [float(np.abs(made.widths - rows[:-1]).max()) for made in every]
+    first = max((bits for bits, error in enumerate(errors) if error <= best), default=0)
+    return [
+        (every[bits], errors[bits])
+        for bits in range(first, MOST_BITS + 1)
+        if bits == first or (errors[bits] <= worst and len(every[bits].keys) < len(every[bits - 1].keys))
+    ]
 
 
 def _sampled(stretch: Stretch, rows: Floats, scale: _Scale, bits: int) -> _Made:
@@ -262,12 +285,13 @@ def _sampled(stretch: Stretch, rows: Floats, scale: _Scale, bits: int) -> _Made:
 def _pool(made: list[_Made]) -> tuple[Pool, tuple[Part, ...]]:
     """The tracks of all parts; those that go round first, since others may be found in them."""
     pool = Pool()
-    tracks: dict[int, tuple[tuple[int, int], ...]] = {}
-    for number in sorted(
-        range(len(made)), key=lambda number: (not made[number].ring, -len(made[number].keys))
-    ):
-        each = made[number]
-        tracks[number] = tuple(pool.place(bytes(column), ring=each.ring) for column in each.keys.T.tolist())
+    columns = [[bytes(column) for column in each.keys.T.tolist()] for each in made]
+    pairs = list(zip(made, columns, strict=True))
+    rings = sorted((keys for each, mine in pairs if each.ring for keys in mine), key=len, reverse=True)
+    for keys in rings:
+        pool.place(keys, ring=True)
+    pool.place_all({keys for each, mine in pairs if not each.ring for keys in mine})
+    tracks = [tuple(pool.place(keys, ring=each.ring) for keys in mine) for each, mine in pairs]
     parts = tuple(
         Part(
             each.stretch.frames,

@@ -46,15 +46,22 @@ class Pool:
                 ):
                     if keys == self.data[start + ahead : start + count] + self.data[start : start + ahead]:
                         return start, ahead
-        # What the end of the data and the beginning of the track have in common is kept once.
-        common = next(
-            n for n in range(min(len(keys), len(self.data)), -1, -1) if self.data.endswith(keys[:n])
-        )
-        start = len(self.data) - common
-        self.data += keys[common:]
+        start = len(self.data) - self._common(keys)
+        self.data = self.data[:start] + keys
         if ring:
             self.rings.append((start, len(keys)))
         return start, 0
+
+    def place_all(self, tracks: set[bytes]) -> None:
+        """Place tracks that do not go round: always the one next that has most in common with the end."""
+        while tracks := {keys for keys in tracks if keys not in self.data}:
+            keys = max(tracks, key=lambda keys: (self._common(keys), len(keys), keys))
+            self.place(keys, ring=False)
+
+    def _common(self, keys: bytes) -> int:
+        """How many keyframes the end of the data and the beginning of a track have in common."""
+        most = min(len(keys), len(self.data))
+        return next(count for count in range(most, -1, -1) if self.data.endswith(keys[:count]))
 
 
 def signs(excursions: Floats, rings: list[tuple[int, int]]) -> tuple[int, ...]:
