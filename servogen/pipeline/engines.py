@@ -33,17 +33,19 @@ def planned(job: Job) -> Planned:
     """The job as its engine plays it. Raises InputError, DoesNotFit where no engine can hold the motion."""
     if job.firmware.engine != "auto":
         return ENGINES[job.firmware.engine](job)
-    refused: InputError | None = None
+    refused: list[InputError] = []
     for engine in ENGINES.values():
         try:
             found = engine(job)
             found.make(job.firmware.dialect)
         except InputError as error:
-            refused = refused or error
+            refused.append(error)
             continue
         return found
-    assert refused is not None
-    raise refused
+    smallest, largest = refused[0], refused[-1]
+    if not isinstance(smallest, DoesNotFit):
+        raise smallest
+    raise DoesNotFit(f"{smallest.message}; nor can the player: {largest.message}", hint=largest.hint)
 
 
 def _sequence(job: Job) -> Planned:
