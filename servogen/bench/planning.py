@@ -3,7 +3,7 @@
 In: the device's memory and what is to be seen. Out: a `Plan`, or an `InputError` that shows the numbers.
 
     without RLE   a word a sample           rate · period words a frame
-    with RLE      two words a level         2 · edges words a frame, and two more for each full count
+    with RLE      two words a level         2 · edges words a frame, and two more for each 32768 samples
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from servogen.errors import InputError
 
 USUAL_PERIOD_S = Fraction(1, 50)
 USUAL_EDGES = 2 * 13
-"""Of a frame of which nothing is known: a pulse on each pin, no two edges at one time."""
+FEWEST_EDGES = 2
+"""Of a frame of which nothing is known: a pulse on each pin, no two edges at one time; or on one alone."""
 
 SLACK = 4
 """Words beyond what is needed: memory is asked for in fours."""
@@ -25,11 +26,17 @@ SLACK = 4
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What is to be seen: frames of `period_s`, with at most `edges` moments of change in each."""
+    """What is to be seen: frames of `period_s`, with `edges` moments of change in a frame on average.
+
+    Where they can be fewer, `fewest` says how many on average: then a look of as many words takes longer.
+    """
 
     period_s: Fraction
-    edges: int
+    edges: Fraction
     frames: int
+    fewest: Fraction
+    most: int
+    """In any one frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +48,7 @@ class Plan:
     words: int
     frames: int
     seconds: Fraction
+    """The longest that it can take to fill the words."""
 
 
 def plan(memory: int, rate: int, rle: bool, wanted: Wanted) -> Plan:
@@ -52,32 +60,32 @@ def plan(memory: int, rate: int, rle: bool, wanted: Wanted) -> Plan:
             f"{rate} samples a second do not divide the analyser's {sump.BASE_HZ}", hint=f"as {below}"
         )
     room = min(memory // (sump.WORD_BITS // 8), sump.MOST_READ) // 4 * 4
-    each = words_a_frame(exact, rle, wanted)
-    fits = max(0, (room - SLACK) // each)
-    if fits < 2:
-        raise InputError(_arithmetic(memory, room, exact, rle, wanted, each), hint=_advice(room, rle, wanted))
-    if fits - 1 < wanted.frames:
-        most = float((fits - 1) * wanted.period_s)
+    first = words_a_frame(exact, rle, wanted.period_s, Fraction(wanted.most)) + SLACK
+    each = words_a_frame(exact, rle, wanted.period_s, wanted.edges)
+    fits = floor((room - first) / each)
+    if fits < 1:
+        raise InputError(_arithmetic(memory, room, exact, rle, wanted), hint=_advice(room, rle, wanted))
+    if fits < wanted.frames:
         raise InputError(
-            f"the analyser's memory is too small: {room} words hold {fits - 1} frames of {each} words and "
-            f"the one in which it begins, not {wanted.frames}",
-            hint=f"at most --seconds {int(most * 1000) / 1000:g} at a time",
+            f"the analyser's memory is too small: {room} words hold {fits} frames of {float(each):.3g} words "
+            f"and the one in which it begins, not {wanted.frames}",
+            hint=f"at most --seconds {int(1000 * fits * wanted.period_s) / 1000:g} at a time",
         )
-    words = min(room, ceil(Fraction((wanted.frames + 1) * each + SLACK, 4)) * 4)
-    return Plan(exact, rle, words, wanted.frames, (wanted.frames + 1) * wanted.period_s)
+    words = min(room, ceil((wanted.frames * each + first) / 4) * 4)
+    slowest = 2 * wanted.fewest if rle else each
+    return Plan(exact, rle, words, wanted.frames, words / slowest * wanted.period_s)
 
 
-def words_a_frame(rate: Fraction, rle: bool, wanted: Wanted) -> int:
-    samples = ceil(rate * wanted.period_s)
-    if not rle:
-        return samples
-    return 2 * wanted.edges + 2 * floor(Fraction(samples, sump.longest_count() + 1))
+def words_a_frame(rate: Fraction, rle: bool, period_s: Fraction, edges: Fraction) -> Fraction:
+    samples = rate * period_s
+    return 2 * edges + 2 * samples / (sump.longest_count() + 1) if rle else Fraction(ceil(samples))
 
 
-def _arithmetic(memory: int, room: int, rate: Fraction, rle: bool, wanted: Wanted, each: int) -> str:
+def _arithmetic(memory: int, room: int, rate: Fraction, rle: bool, wanted: Wanted) -> str:
+    each = words_a_frame(rate, rle, wanted.period_s, Fraction(wanted.most))
     frame = f"a frame of {float(wanted.period_s * 1000):g} ms"
     how = (
-        f"with {wanted.edges} edges is {each} words with RLE"
+        f"with {wanted.most} edges is {ceil(each)} words with RLE"
         if rle
         else f"at {int(rate)} samples a second is {each} samples of a word each"
     )

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 RATE = 1_000_000
 SECONDS = 1.0
+SLACK = 1.25
 PATIENCE_S = 5.0
 """Beyond the time that the capture itself takes."""
 
@@ -220,11 +221,10 @@ def rig(
     loaded = load(job)
     schedule = plan(loaded.trajectory, loaded.servos, loaded.frame).schedule
     if hex_file is None:
-        from servogen.pipeline.tuning import tune
+        from servogen.pipeline import build as built
 
-        with status(f"compiling {loaded.name}"):
-            tuned = tune(schedule, loaded.firmware.dialect, loaded.device, loaded.name)
-        image = tuned.compilation.image
+        with status(f"{loaded.name}: planning") as tell:
+            image = built(loaded, lambda step: tell(f"{loaded.name}: {step}")).programs[0].image
     else:
         image = read_image(hex_file)
     with opened(image, loaded.clock, board_of(schedule), options) as terminals:
@@ -240,19 +240,29 @@ def rig(
 
 def _wanted(schedule: PulseSchedule | None, seconds: float | None) -> Wanted:
     """What is to be seen: by default the whole loop of the schedule."""
+    from fractions import Fraction
     from math import ceil
 
-    from servogen.bench.planning import USUAL_EDGES, USUAL_PERIOD_S, Wanted
+    from servogen.bench.planning import FEWEST_EDGES, USUAL_EDGES, USUAL_PERIOD_S, Wanted
 
     if schedule is None:
-        return Wanted(USUAL_PERIOD_S, USUAL_EDGES, ceil((seconds or SECONDS) / float(USUAL_PERIOD_S)))
+        frames = ceil(Fraction(seconds or SECONDS) / USUAL_PERIOD_S)
+        return Wanted(USUAL_PERIOD_S, Fraction(USUAL_EDGES), frames, Fraction(FEWEST_EDGES), USUAL_EDGES)
     period = schedule.clock.seconds(schedule.period)
     moments = [
-        len({time for pulse in run.pulses if pulse for time in (pulse.rise, pulse.rise + pulse.width)})
-        for run in (*schedule.lead_in, *schedule.loop)
+        (
+            run.frames,
+            len({time for each in run.pulses if each for time in (each.rise, each.rise + each.width)}),
+        )
+        for run in schedule.loop
     ]
-    frames = schedule.loop_frames if seconds is None else ceil(seconds / float(period))
-    return Wanted(period, max(1, *moments), frames)
+    most = max(1, *(edges for _, edges in moments))
+    mean = max(
+        Fraction(1, 10), Fraction(sum(frames * edges for frames, edges in moments), schedule.loop_frames)
+    )
+    if seconds is None:
+        return Wanted(period, mean, schedule.loop_frames, mean, most)
+    return Wanted(period, Fraction(most), ceil(Fraction(seconds) / period), mean, most)
 
 
 def _look_by_sigrok(
@@ -278,7 +288,7 @@ def _look(line: Line, planned: Plan, channel: int) -> Seen:
     from servogen.bench.sump_client import Look
     from servogen.bench.sump_client import capture as captured
 
-    patience = 2 * float(planned.seconds) + PATIENCE_S
+    patience = SLACK * float(planned.seconds) + PATIENCE_S
     look = Look(planned.rate, planned.words, planned.rle, channel, patience)
     with progress("capture", planned.words) as done:
         return captured(line, look, done)

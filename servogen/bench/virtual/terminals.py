@@ -11,6 +11,7 @@ import os
 import select
 import sys
 import termios
+import time
 import tty
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -19,6 +20,7 @@ from typing import Protocol
 
 READ_BYTES = 4096
 POLL_S = 0.05
+PASSED_ON_S = 0.2
 
 
 class Device(Protocol):
@@ -35,12 +37,13 @@ class Device(Protocol):
     def work(self) -> None: ...
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Terminal:
     device: Device
     master: int
     slave: int
     """Kept open, so that the terminal outlives its clients."""
+    sent_at: float = 0.0
 
 
 class Terminals:
@@ -107,7 +110,12 @@ def _receive(terminal: _Terminal) -> None:
 
 
 def _unread(terminal: _Terminal) -> bool:
-    """Whether bytes wait for the client: they would be lost with the terminal."""
+    """Whether bytes wait for the client: they would be lost with the terminal.
+
+    The system takes a moment to pass on what was just sent, and does not count it meanwhile.
+    """
+    if time.monotonic() < terminal.sent_at + PASSED_ON_S:
+        return True
     waiting = fcntl.ioctl(terminal.slave, termios.FIONREAD, b"\0\0\0\0")
     return int.from_bytes(waiting, sys.byteorder) > 0
 
@@ -118,3 +126,4 @@ def _send(terminal: _Terminal) -> None:
     except BlockingIOError:
         return
     del terminal.device.outgoing[:sent]
+    terminal.sent_at = time.monotonic()
