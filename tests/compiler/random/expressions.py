@@ -292,7 +292,9 @@ class Expressions:
     # calls
 
     def call(self, depth: int, touch: Touch, function: Function | None = None) -> Call | None:
-        choices = [function] if function else [each for each in self.scope.callable if each.result]
+        choices = (
+            [function] if function else [each for each in self.scope.callable if isinstance(each.result, Int)]
+        )
         self.rng.shuffle(choices)
         for each in choices:
             if self.scope.rounds * each.cost > MAX_CALL_COST:

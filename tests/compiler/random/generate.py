@@ -213,19 +213,28 @@ class Generator(Statements):
                 struct = rng.choice([one.type for one in self.globals if isinstance(one.type, Struct)])
                 found = Variable(f"q{each}", struct, "param")
             parameters.append(found or Variable(f"q{each}", self.type(), "param"))
-        result = self.type() if self.chance(0.75) else None
+        result: Int | Struct | None = self.type() if self.chance(0.75) else None
+        whole = [each for each in (*self.globals, *parameters) if isinstance(each.type, Struct)]
+        returns = rng.choice(whole) if whole and self.chance(0.2) else None
+        if returns is not None:
+            assert isinstance(returns.type, Struct)
+            result = returns.type
         called = [each for each in self.functions if self.chance(0.6)]
-        self.scope = Scope([*self.globals, *parameters], called, result)
+        own = result if isinstance(result, Int) else None
+        self.scope = Scope([*self.globals, *parameters], called, own)
         locals_ = self._locals(rng.choice((0, 1, 1, 2)))
         body = self.body(2, rng.randrange(1, 5))
-        if result:
+        if returns is not None:
+            self.settle(Touch({returns}))
+        elif result:
             body = (*body, Return(self.full(2)))
         self._finish(f"f{number}", result, tuple(parameters), locals_, body)
+        self.functions[-1].returns = returns
 
     def _finish(
         self,
         name: str,
-        result: Int | None,
+        result: Int | Struct | None,
         parameters: tuple[Variable, ...],
         locals_: list[Variable],
         body: tuple[Stmt, ...],
@@ -285,7 +294,7 @@ class Generator(Statements):
             touch = Touch()
             call = self.call(1, touch, function)
             if call is not None:
-                body.append(Out(call) if function.result else ExprStmt(call))
+                body.append(Out(call) if isinstance(function.result, Int) else ExprStmt(call))
         body += self.body(3, self.rng.randrange(2, 7))
         for variable in self.globals:
             if variable.storage != "const":

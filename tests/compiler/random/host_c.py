@@ -105,7 +105,14 @@ class HostC(Printer):
         )
         result = self.base(function.result) if function.result else "void"
         head = f"static {result} {self.prefix}{function.name}({parameters})"
-        return "\n".join([head + " {", *self.body(function), "    return 0;" if function.result else "", "}"])
+        return "\n".join(
+            [
+                head + " {",
+                *self.body(function),
+                "    return 0;" if isinstance(function.result, Int) else "",
+                "}",
+            ]
+        )
 
     def base(self, kind: Type) -> str:
         if isinstance(kind, Int):
@@ -194,7 +201,8 @@ class HostC(Printer):
             case Call(function, arguments):
                 pairs = zip(function.parameters, arguments, strict=True)
                 given = ", ".join(self.argument(parameter, each) for parameter, each in pairs)
-                return f"{'(V)' if function.result else ''}{self.prefix}{function.name}({given})"
+                whole = "(V)" if isinstance(function.result, Int) else ""
+                return f"{whole}{self.prefix}{function.name}({given})"
             case TestBit(target, bit):
                 return f"(({self.expr(target)} >> {bit}) & 1)"
         raise TypeError(expr)

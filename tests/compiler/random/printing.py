@@ -13,6 +13,7 @@ from tests.compiler.random.program import (
     Again,
     Array,
     Block,
+    Call,
     CopyStruct,
     Expr,
     ExprStmt,
@@ -133,10 +134,10 @@ class Printer(ABC):
         return str(value)
 
     def body(self, function: Function) -> list[str]:
-        self.result = function.result
-        return [f"    {self.declaration(each)}" for each in function.locals] + self.statements(
-            function.body, 1
-        )
+        self.result = function.result if isinstance(function.result, Int) else None
+        start = [f"    {self.declaration(each)}" for each in function.locals]
+        end = [f"    return {self.name(function.returns)};"] if function.returns else []
+        return start + self.statements(function.body, 1) + end
 
     # guards
 
@@ -193,7 +194,8 @@ class Printer(ABC):
             case Point(pointer, to):
                 return [f"{pad}{pointer.name} = {self.pointer(to)};"]
             case CopyStruct(target, source):
-                return [f"{pad}{self.place(target)} = {self.place(source)};"]
+                value = self.expr(source) if isinstance(source, Call) else self.place(source)
+                return [f"{pad}{self.place(target)} = {value};"]
             case SetBit():
                 return [pad + self.set_bit(stmt)]
             case Return(None):

@@ -404,8 +404,8 @@ class Point:
 
 @dataclass(frozen=True)
 class CopyStruct:
-    target: Var | Element | Deref
-    source: Var | Element | Deref
+    target: Var
+    source: Var | Call
 
 
 @dataclass(frozen=True)
@@ -446,7 +446,7 @@ class Function:
     """`reads` and `writes` are the objects outside that a call may touch."""
 
     name: str
-    result: Int | None
+    result: Int | Struct | None
     parameters: tuple[Variable, ...]
     locals: tuple[Variable, ...] = ()
     body: tuple[Stmt, ...] = ()
@@ -454,6 +454,8 @@ class Function:
     writes: frozenset[Variable] = frozenset()
     cost: int = 1
     """Roughly how many operations a call takes."""
+    returns: Variable | None = None
+    """The structure that a function with such a result gives back at its end."""
 
     def __repr__(self) -> str:
         return self.name

@@ -208,7 +208,7 @@ def _without_unused(program: Program) -> Iterator[Program]:
     """Without functions, variables and structures that nothing names."""
     used: set[Any] = set()
     for function in program.functions:
-        _used(function.body, used)
+        _used((function.body, function.returns), used)
         names = used.copy()
         kept = [each for each in function.locals if each in names or each.name in names]
         for each in kept:
@@ -217,7 +217,7 @@ def _without_unused(program: Program) -> Iterator[Program]:
     if len(functions) + 1 < len(program.functions):
         yield replace(program, functions=(*functions, program.functions[-1]))
     for function in program.functions:
-        mine: set[Any] = set()
+        mine: set[Any] = {function.returns}
         _used(function.body, mine)
         for each in function.locals:
             if each in mine:

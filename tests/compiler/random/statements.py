@@ -138,6 +138,14 @@ class Statements(Expressions):
         if not found:
             return None
         target = self.rng.choice(found)
+        makers = [each for each in self.scope.callable if each.result == target.type]
+        if makers and self.chance(0.6):
+            touch = Touch()
+            made = self.call(1, touch, self.rng.choice(makers))
+            touch.writes.add(target)
+            self.settle(touch)
+            if made is not None:
+                return CopyStruct(Var(target), made)
         source = self.rng.choice([each for each in found if each.type == target.type])
         self.scope.touched.add(Touch({source}, {target}))
         return CopyStruct(Var(target), Var(source))

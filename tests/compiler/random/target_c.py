@@ -146,7 +146,9 @@ class TargetC(Printer):
                     start.append(f"    {each.name}{self.initial(each)};")
             start += [_BESIDE] if self.program.interrupt else []
             lines = [*start, *lines, f"    done = 0x{FINISHED:X};", "    while (1);"]
-        elif function.result and not (function.body and isinstance(function.body[-1], Return)):
+        elif isinstance(function.result, Int) and not (
+            function.body and isinstance(function.body[-1], Return)
+        ):
             lines.append("    return 0;")
         return "\n".join([self.head(function) + " {", *lines, "}"])
 

@@ -130,7 +130,7 @@ def type_of(expr: Expr, dialect: str) -> Int:
         case Assign(target) | Update(_, target) | Step(_, target):
             return type_of(target, dialect)
         case Call(function):
-            assert function.result is not None
+            assert isinstance(function.result, Int)
             return function.result
         case TestBit():
             return BIT
