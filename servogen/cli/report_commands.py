@@ -36,5 +36,7 @@ def report(
     write_text(target, page.html)
     if page.message:
         print(page.message)
-    print(f"{target}: {'proven' if page.proven else 'NOT PROVEN'}")
+        print(f"{target}: the plan")
+    else:
+        print(f"{target}: {'proven' if page.proven else 'NOT PROVEN'}")
     raise typer.Exit(0 if page.proven or page.message else 1)

@@ -170,7 +170,7 @@ def time_chart(
 
 
 def path_chart(
-    tracks: Sequence[tuple[str, Floats, Floats]], x_label: str, y_label: str, largest: float = 440.0
+    tracks: Sequence[tuple[str, Floats, Floats]], x_label: str, y_label: str, largest: float = 400.0
 ) -> Chart:
     """Paths in a plane, both axes to one scale: (name, planned (n, 2), made (n, 2)) each."""
     every = np.vstack([points for _, planned, made in tracks for points in (planned, made)])

@@ -181,15 +181,17 @@ def _signal(
 
 
 def scopes(schedule: PulseSchedule) -> tuple[Scope, ...]:
-    """The first few distinct frames."""
+    """A few of the distinct frames, spread over the motion."""
     us = float(schedule.clock.cycle_us)
     seen: dict[tuple[int, ...], int] = {}
     frame = 0
     for run in (*schedule.lead_in, *schedule.loop):
         seen.setdefault(tuple(pulse.width if pulse else 0 for pulse in run.pulses), frame)
         frame += run.frames
-    first = [start for widths, start in seen.items() if any(widths)][:MOST_SCOPES]
-    return tuple(_scope(schedule, start, us) for start in first)
+    starts = [start for widths, start in seen.items() if any(widths)]
+    if len(starts) > MOST_SCOPES:
+        starts = [starts[len(starts) * number // MOST_SCOPES] for number in range(MOST_SCOPES)]
+    return tuple(_scope(schedule, start, us) for start in starts)
 
 
 def _scope(schedule: PulseSchedule, start: int, us: float) -> Scope:
