@@ -1,7 +1,8 @@
 """The programmers of a PIC16F84 as a table: how each is called, and how it tells success from failure.
 
-Sources: picpro 0.3.0 (its messages; it exits 0 on most failures); PK2CMD 1.20 `-?E` (return codes); "Readme
-for IPECMD" of MPLAB X; the manuals of usbpicprog and picprog 1.9 (exit values as in sysexits.h).
+Sources: picpro 0.3.0, run and read (it exits 0 on most failures); PK2CMD's return codes and IPECMD's success line
+as published. No documentation was found of IPECMD's failures or of what usbpicprog and picprog say: their patterns
+are assumptions, and whatever they do not match is a failure.
 """
 
 from __future__ import annotations

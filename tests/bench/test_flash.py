@@ -146,7 +146,7 @@ def test_a_missing_port_is_named(run: Run, program: Path) -> None:
     assert "/dev/ttyNONE: there is no such port" in done.err
 
 
-# What the others say, as far as it is documented.
+# What the others say, as far as it is published, else assumed.
 
 
 @pytest.mark.parametrize(
