@@ -28,3 +28,13 @@ def test_deep_nesting_is_an_error_that_says_so(opening: str) -> None:
     with pytest.raises(CompileError) as caught:
         compile_sources([Source(text, "deep.c")], Options(dialect="xc8"))
     assert str(caught.value.diagnostics[-1]).startswith("deep.c")
+
+
+def test_a_serial_setting_with_leading_zeros_is_decimal() -> None:
+    settings = "".join(
+        f"#pragma RS232_{name} {value}\n"
+        for name, value in (("TXPORT", "006"), ("TXPIN", "08"), ("BAUD", "9600"))
+    )
+    kind, said = verdict(settings + "void main(void) { putchar('a'); }\n", "c2c", limit=False)
+    assert kind == "diagnostics"  # there is no pin 8
+    assert not said
