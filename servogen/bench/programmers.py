@@ -1,8 +1,8 @@
 """The programmers of a PIC16F84 as a table: how each is called, and how it tells success from failure.
 
-Sources: picpro 0.3.0, run and read (it exits 0 on most failures); PK2CMD's return codes and IPECMD's success line
-as published. No documentation was found of IPECMD's failures or of what usbpicprog and picprog say: their patterns
-are assumptions, and whatever they do not match is a failure.
+Sources: picpro 0.3.0, run and read (it exits 0 on most failures); the published return codes of PK2CMD and
+success line of IPECMD. No documentation was found of IPECMD failing, or of what usbpicprog and picprog say:
+their patterns are assumptions, and whatever does not match them is a failure.
 """
 
 from __future__ import annotations
