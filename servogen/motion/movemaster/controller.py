@@ -6,10 +6,10 @@ does not end is stopped after a number of commands or of frames.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from servogen.errors import Caution, InputError
-from servogen.motion.movemaster.actions import ACTIONS
 from servogen.motion.movemaster.flow import Flow
 from servogen.motion.movemaster.memory import OPEN, Memory, Pose
 from servogen.motion.movemaster.mover import Mover
@@ -28,13 +28,20 @@ class Step:
     hand: str
 
 
-class Controller:
-    """One controller with its arm, from switching it on."""
+Action = Callable[["Controller", Statement], None]
+"""What a command does to the controller."""
 
-    def __init__(self, mover: Mover, inputs: InputPort, most_commands: int) -> None:
+
+class Controller:
+    """One controller with its arm, from switching it on; `actions` by mnemonic."""
+
+    def __init__(
+        self, mover: Mover, inputs: InputPort, most_commands: int, actions: Mapping[str, Action]
+    ) -> None:
         self.mover = mover
         self.inputs = inputs
         self.most_commands = most_commands
+        self.actions = actions
         self.memory = Memory()
         self.program: dict[int, Statement] = {}
         self.stored_hand = OPEN
@@ -102,7 +109,7 @@ class Controller:
             return
         before, said = self.mover.frame, len(self.mover.cautions)
         try:
-            ACTIONS[statement.command.mnemonic](self, statement)
+            self.actions[statement.command.mnemonic](self, statement)
         except InputError as error:
             if error.place is None:
                 raise InputError(error.message, statement.place, error.hint) from error

@@ -12,6 +12,7 @@ from fractions import Fraction
 import numpy as np
 
 from servogen.errors import Caution, InputError, Place
+from servogen.motion.movemaster.actions import ACTIONS
 from servogen.motion.movemaster.arm import Manipulator
 from servogen.motion.movemaster.controller import Controller, Step
 from servogen.motion.movemaster.memory import Position
@@ -64,7 +65,7 @@ def run(
     """
     period_s = clock.seconds(period)
     mover = Mover(arm, hand, period_s, budget.seconds)
-    controller = Controller(mover, InputPort(inputs, period_s), budget.commands)
+    controller = Controller(mover, InputPort(inputs, period_s), budget.commands, ACTIONS)
     start = _once(controller, source)
     if repeat:
         first, loop_start, end = _repeated(controller, source, start, inputs)
