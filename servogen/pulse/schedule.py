@@ -14,7 +14,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from servogen.edges import PINS, Expected
+from servogen.edges import PINS
 from servogen.errors import InputError, Place, nearest
 from servogen.units import Clock, Cycles
 
@@ -64,12 +64,6 @@ class PulseSchedule:
     @property
     def loop_frames(self) -> int:
         return sum(run.frames for run in self.loop)
-
-    def expected(self) -> Expected:
-        """The edges that the schedule asks for, endless unless its loop has no pulse."""
-        from servogen.pulse.expected import expected
-
-        return expected(self)
 
     def to_json(self) -> str:
         """The schedule as text, the same for the same schedule: one run a line."""

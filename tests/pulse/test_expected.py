@@ -8,7 +8,7 @@ import pytest
 
 from servogen.edges import PINS
 from servogen.pulse import Channel, Pulse, PulseSchedule, Run
-from servogen.pulse.expected import CHUNK_EDGES
+from servogen.pulse.expected import CHUNK_EDGES, expected
 from servogen.units import Clock, Cycles
 
 PERIOD = 20_000
@@ -51,7 +51,7 @@ def plainly(plan: PulseSchedule) -> Iterator[tuple[int, int, int, int]]:
 
 
 def edges(plan: PulseSchedule) -> Iterator[tuple[int, ...]]:
-    for chunk in plan.expected().chunks:
+    for chunk in expected(plan).chunks:
         yield from zip(*(column.tolist() for column in chunk), strict=True)
 
 
@@ -74,15 +74,15 @@ def test_the_edges_are_those_of_a_plain_count(name: str) -> None:
 
 @pytest.mark.parametrize("name", SCHEDULES)
 def test_no_chunk_is_large(name: str) -> None:
-    for chunk in islice(SCHEDULES[name].expected().chunks, 5):
+    for chunk in islice(expected(SCHEDULES[name]).chunks, 5):
         assert 0 < len(chunk.cycle) <= CHUNK_EDGES
         assert (chunk.cycle.dtype, chunk.frame.dtype) == (np.int64, np.int64)
         assert (chunk.pin.dtype, chunk.level.dtype) == (np.uint8, np.uint8)
 
 
 def test_each_reader_begins_at_the_first_edge() -> None:
-    expected = SCHEDULES["lead-in"].expected()
-    first, again = (next(iter(expected.chunks)).cycle[:4].tolist() for _ in range(2))
+    wanted = expected(SCHEDULES["lead-in"])
+    first, again = (next(iter(wanted.chunks)).cycle[:4].tolist() for _ in range(2))
     assert first == again == [0, 1000, 20_000, 21_000]
 
 
@@ -92,9 +92,9 @@ def test_a_loop_without_pulses_has_no_edges_after_the_lead_in() -> None:
 
 
 def test_the_channels_and_the_frames_are_counted() -> None:
-    expected = SCHEDULES["lead-in"].expected()
-    assert (expected.lead_in, expected.loop, expected.period) == (3, 1, PERIOD)
-    assert [(channel.name, PINS[channel.pin]) for channel in expected.channels] == [
+    wanted = expected(SCHEDULES["lead-in"])
+    assert (wanted.lead_in, wanted.loop, wanted.period) == (3, 1, PERIOD)
+    assert [(channel.name, PINS[channel.pin]) for channel in wanted.channels] == [
         ("vertical", "RB0"),
         ("horizontal", "RA1"),
     ]
