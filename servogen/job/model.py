@@ -44,6 +44,8 @@ class ServoTable(FactTable):
     min_deg: float | None = None
     max_deg: float | None = None
     open_drain: bool = False
+    calibration: str | None = None
+    """A file of `servogen calibrate`, beside the job, in place of `points`."""
     joint: str | None = None
     """The joint of [robot] that it turns; at `zero_deg` of the servo that joint is at 0."""
     zero_deg: float = 90.0

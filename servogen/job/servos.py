@@ -6,13 +6,15 @@ In: the checked tables. Out: one servo each; InputError for two on a pin, an ope
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 from servogen.edges import PINS
 from servogen.errors import Place, nearest
 from servogen.job.model import ServoTable
 from servogen.pic.device import OPEN_DRAIN_PIN
 from servogen.robot.binding import Binding
-from servogen.robot.servo import Servo, servo
+from servogen.robot.calibration_file import read_calibration
+from servogen.robot.servo import Calibration, Servo, servo
 from servogen.robot.servo_models import points_of, servo_model
 from servogen.tomlfile import Document
 
@@ -65,7 +67,7 @@ def _servo(document: Document, index: int, row: ServoTable) -> Servo:
         row.name,
         row.pin,
         model,
-        points=points_of(row.points, place("points"), model.continuous) if row.points else None,
+        points=_points(document, index, row, model.continuous),
         limits=(
             None if row.min_deg is None else math.radians(row.min_deg),
             None if row.max_deg is None else math.radians(row.max_deg),
@@ -76,6 +78,18 @@ def _servo(document: Document, index: int, row: ServoTable) -> Servo:
         limits_place=place("max_deg" if row.min_deg is None else "min_deg"),
         trim_place=place("trim_us"),
     )
+
+
+def _points(document: Document, index: int, row: ServoTable, continuous: bool) -> Calibration | None:
+    """The servo's own points, from the job or a file beside it; None: the model's."""
+    if row.calibration is None:
+        place = document.place("servo", index, "points")
+        return points_of(row.points, place, continuous) if row.points else None
+    key = ("servo", index, "calibration")
+    if row.points:
+        raise document.error(key, f"{row.name} has points of its own already", "give one of the two")
+    file = Path(document.file).parent / row.calibration
+    return read_calibration(file, row.name, row.model, continuous, document.place(*key))
 
 
 def bindings_of(

@@ -170,13 +170,14 @@ class Servo:
 
     def angle(self, width_us: float) -> float:
         """The shaft angle in radians that a width asks for, also beyond the limits (for measured pulses)."""
-        return self._mounted(self.calibration.angle(width_us - self.trim_us))
+        return self.mounted(self.calibration.angle(width_us - self.trim_us))
+
+    def mounted(self, angle: float) -> float:
+        """The shaft's angle at an angle of the servo as it sits, and the other way round."""
+        return self.model.mirrored(angle) if self.reverse else angle
 
     def _width_us(self, angle: float) -> float:
-        return self.calibration.width_us(self._mounted(angle)) + self.trim_us
-
-    def _mounted(self, angle: float) -> float:
-        return self.model.mirrored(angle) if self.reverse else angle
+        return self.calibration.width_us(self.mounted(angle)) + self.trim_us
 
 
 def servo(
