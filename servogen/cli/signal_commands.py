@@ -22,8 +22,8 @@ DEFAULT_CLOCK_HZ = 4_000_000
 MEASURED_SECONDS = 20.0
 """Two rounds of the printed lab programs."""
 
-FOREVER_SECONDS = 3600.0
-"""How far a repeat of the machine's state is looked for."""
+FOREVER_SECONDS = 3 * 3600.0
+"""How far a repeat of the machine's state is looked for: TMR0 and a motion of 2000 frames come round in it."""
 
 SignalFile = Annotated[
     Path, typer.Argument(help="A HEX, C or assembly file, or edges: CSV, JSONL, VCD.", show_default=False)

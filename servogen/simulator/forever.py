@@ -2,18 +2,18 @@
 ever.
 
 In: an image, a clock, and how to tell where a frame starts. Out: a `Repeat` (lead-in and loop), or a
-`NoRepeat` that says why not and how much time was covered. The states of two frame starts are compared byte
-for byte, by Brent's method, which keeps one of them in memory however long the search takes.
+`NoRepeat` that says why not and how much time was covered. Of each frame start a digest is kept, 16 bytes for
+all that the machine's future depends on; two that are the same are then compared byte for byte.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from hashlib import blake2b
 
 from servogen.edges import HIGH
 from servogen.pic.image import Image
-from servogen.simulator.machine import Machine
+from servogen.simulator.machine import Machine, Stimulus
 from servogen.simulator.options import Options
 from servogen.units import Clock, Cycles
 
@@ -36,10 +36,6 @@ class NoRepeat:
     covered: Cycles
 
 
-Start = Callable[[Machine], Cycles | None]
-"""Takes a machine to its next frame start and says the cycle, or None when there is none in reach."""
-
-
 def find_repeat(
     image: Image,
     clock: Clock,
@@ -48,51 +44,35 @@ def find_repeat(
     limit: int,
     period: int | None = None,
     options: Options = Options(),  # noqa: B008 - frozen
+    stimulus: Stimulus | None = None,
 ) -> Repeat | NoRepeat:
     """The first repeat of the machine's complete state at a frame start, within `limit` cycles from reset.
 
     The first frame starts with the first rising edge of `pin` (its index in `PINS`); the others every
-    `period` cycles after it, or without a period at every rising edge of that pin. There is no stimulus: it
-    would have to repeat too.
+    `period` cycles after it, or without a period at every rising edge of that pin. A stimulus must have made
+    its last change before the first frame: what changes later would have to repeat too.
     """
 
-    def walk() -> _Walk:
-        return _Walk(Machine(image, clock, options), pin, limit, period)
-
-    hare = walk()
-    if not hare.step():
-        return NoRepeat("the pin never rises", hare.machine.cycles)
-    tortoise = hare.state()
-    power = loop_frames = 1
+    walk = _Walk(Machine(image, clock, options, stimulus), pin, limit, period)
+    seen: dict[bytes, int] = {}
     while True:
-        if not hare.step():
-            reason = "no state was found that repeats" if hare.frames > 1 else "the pin rises only once"
-            return NoRepeat(reason, hare.machine.cycles)
-        if unwritten := hare.machine.read_unwritten:
+        if not walk.step():
+            few = ("the pin never rises", "the pin rises only once")
+            reason = few[walk.frames] if walk.frames < len(few) else "no state was found that repeats"
+            return NoRepeat(reason, walk.machine.cycles)
+        if unwritten := walk.machine.read_unwritten:
             names = ", ".join(f"0x{address:02X}" for address in unwritten)
             reason = f"RAM was read that was never written, at {names}: what it holds at power-up is unknown"
-            return NoRepeat(reason, hare.machine.cycles)
-        if hare.state() == tortoise:
-            break
-        if power == loop_frames:
-            tortoise = hare.state()
-            power *= 2
-            loop_frames = 0
-        loop_frames += 1
-    return _first(walk, loop_frames)
-
-
-def _first(walk: Callable[[], _Walk], loop_frames: int) -> Repeat:
-    """Where the loop of known length begins: two walks, one loop apart, until they agree."""
-    behind, ahead = walk(), walk()
-    for _ in range(loop_frames):
-        ahead.step()
-    while True:
-        behind.step()
-        ahead.step()
-        if behind.state() == ahead.state():
-            lead_in, end = behind.at, ahead.at
-            return Repeat(lead_in, Cycles(end - lead_in), behind.frames - 1, loop_frames)
+            return NoRepeat(reason, walk.machine.cycles)
+        digest = blake2b(walk.state(), digest_size=16).digest()
+        first = seen.setdefault(digest, walk.frames)
+        if first == walk.frames:
+            continue
+        before = _Walk(Machine(image, clock, options, stimulus), pin, limit, period)
+        for _ in range(first):
+            before.step()
+        if before.state() == walk.state():
+            return Repeat(before.at, Cycles(walk.at - before.at), first - 1, walk.frames - first)
 
 
 class _Walk:
@@ -122,6 +102,7 @@ class _Walk:
         self.frames += 1
         return True
 
-    def state(self) -> tuple[int, bytes]:
+    def state(self) -> bytes:
         """The machine's state, and by how many cycles an instruction went past the frame start."""
-        return self.machine.cycles - self.at, self.machine.fingerprint()
+        past = self.machine.cycles - self.at
+        return past.to_bytes(8, "little") + self.machine.fingerprint()
