@@ -27,13 +27,16 @@ from servogen.compiler.names import ConstNum, Names
 from servogen.compiler.rewrite import BIT_MEMBER
 from servogen.compiler.tree import (
     AddressOf,
+    Assign,
     Binary,
     Call,
+    Comma,
     Deref,
     Expr,
     Function,
     Num,
     Ref,
+    Symbol,
 )
 from servogen.errors import Place, nearest
 
@@ -151,9 +154,17 @@ class Access(Names):
                 raise self.fail(f"'{base.type}' is not defined", node)
             hint = nearest(name, base.type.layout.members) if base.type.layout.members else None
             raise self.fail(f"'{base.type}' has no member '{name}'", node.field, hint=hint)
-        if not isinstance(base, (Ref, Deref)):
-            raise self.fail("take the member from a variable: store the structure first", node)
-        return self._member(base, member, self.place(node))
+        place = self.place(node)
+        if isinstance(base, (Ref, Deref)):
+            return self._member(base, member, place)
+        if self.function is None:
+            raise self.fail("a function cannot be called outside functions", node)
+        held = Symbol(f"held{len(self.function.locals)}", base.type, "local", place)
+        held.function, held.pinned = self.function.name, True
+        self.function.locals.append(held)
+        target = Ref(held, 0, None, base.type, place)
+        found = self._member(target, member, place)
+        return Comma(Assign(target, base, base.type, place), found, found.type, place)
 
     def _member(self, base: Ref | Deref, member: Any, place: Place) -> Expr:
         from dataclasses import replace

@@ -170,7 +170,7 @@ class Base:
         if not isinstance(expr, Num) or kind.is_bool:
             return
         low = -(1 << 8 * kind.bytes - 1)
-        high = (1 << 8 * kind.bytes) - 1
+        high = (1 << 8 * kind.bytes - kind.signed) - 1
         if not low <= expr.value <= high:
             shown = kind.wrap(expr.value)
             self.reporter.warn(f"{expr.value} does not fit '{kind}' and becomes {shown}", expr.place)

@@ -6,17 +6,23 @@ several bytes that main and the interrupt share while interrupts are on.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from servogen.compiler.backend import Backend, expressions
+from servogen.compiler.ctypes import VoidType
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.tree import (
     AddressOf,
     Asm,
     Assign,
     Block,
+    Builtin,
+    Call,
     Cast,
     Deref,
     Expr,
     ExprStmt,
+    Function,
     If,
     Loop,
     Num,
@@ -35,6 +41,7 @@ _PINS = {"PORTA": "RA", "PORTB": "RB"}
 def check_program(backend: Backend, reporter: Reporter) -> None:
     """All warnings of this module."""
     _inputs(backend.program, reporter)
+    _unused_results(backend.program, reporter)
     if backend.handler:
         _shared(backend, reporter)
 
@@ -109,6 +116,61 @@ def _changed_bits(expr: Assign | Update, port: str) -> list[int]:
     return []
 
 
+# calls whose result is all that they do
+
+
+def _unused_results(program: Program, reporter: Reporter) -> None:
+    """A statement that calls a function which changes nothing, and drops what it returns."""
+    acting: set[str] = set()
+    grown = True
+    while grown:
+        more = {
+            name for name, each in program.functions.items() if name not in acting and _acts(each, acting)
+        }
+        grown = bool(more)
+        acting |= more
+    for function in program.functions.values():
+        for call in _statements_that_call(function.body):
+            if call.function not in acting and not isinstance(call.type, VoidType):
+                reporter.warn(
+                    f"the result of '{call.function}' is not used, and it does nothing else", call.place
+                )
+
+
+def _acts(function: Function, acting: set[str]) -> bool:
+    """Whether a function changes anything but its own variables, or takes its time."""
+    if function.body is None or _assembly(function.body):
+        return True
+    for expr in expressions(function.body):
+        match expr:
+            case Assign(target) | Update(_, target):
+                if not isinstance(target, Ref) or target.symbol.kind not in ("local", "param"):
+                    return True
+            case Call(name):
+                if name in acting:
+                    return True
+            case Builtin():
+                return True
+            case Ref(symbol) if symbol.volatile:
+                return True
+    return False
+
+
+def _statements_that_call(node: Stmt | None) -> Iterator[Call]:
+    """The calls that are statements by themselves."""
+    match node:
+        case ExprStmt(Call() as call):
+            yield call
+        case Block(body):
+            for each in body:
+                yield from _statements_that_call(each)
+        case If(_, yes, no):
+            yield from _statements_that_call(yes)
+            yield from _statements_that_call(no)
+        case Loop(_, body) | Switch(_, _, _, body):
+            yield from _statements_that_call(body)
+
+
 # variables shared with the interrupt
 
 
@@ -117,7 +179,7 @@ def _shared(backend: Backend, reporter: Reporter) -> None:
     isr_reads, isr_writes = _uses(program, backend.isr, masked=False)
     main_reads, main_writes = _uses(program, list(backend.main), masked=True)
     for symbol in program.symbols:
-        if symbol.kind != "global" or symbol.size < 2 or not symbol.type.scalar:
+        if symbol.kind != "global":
             continue
         if (symbol in isr_writes and symbol in main_reads | main_writes) or (
             symbol in main_writes and symbol in isr_reads
@@ -131,7 +193,7 @@ def _shared(backend: Backend, reporter: Reporter) -> None:
 
 
 def _uses(program: Program, names: list[str], *, masked: bool) -> tuple[set[Symbol], set[Symbol]]:
-    """(variables read, variables written); with `masked`, only where interrupts may be on."""
+    """(variables read, variables written) in several bytes; with `masked`, only where interrupts may be on."""
     reads: set[Symbol] = set()
     writes: set[Symbol] = set()
     for name in names:
@@ -140,6 +202,8 @@ def _uses(program: Program, names: list[str], *, masked: bool) -> tuple[set[Symb
             continue
         for statement in _unmasked(body) if masked else [body]:
             for expr in expressions(statement):
+                if expr.type.size < 2:
+                    continue
                 if isinstance(expr, (Assign, Update)) and isinstance(expr.target, Ref):
                     writes.add(expr.target.symbol)
                 if isinstance(expr, Ref):

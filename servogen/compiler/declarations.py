@@ -31,7 +31,7 @@ from servogen.compiler.tree import (
     Symbol,
 )
 from servogen.errors import Place
-from servogen.pic.device import RAM_FIRST, RAM_LAST
+from servogen.pic.device import RAM_FIRST, RAM_LAST, registers
 
 
 class Declarations(Initialisers):
@@ -77,6 +77,12 @@ class Declarations(Initialisers):
             symbol.bank1 = bool(address & 0x80) and not RAM_FIRST <= address & 0x7F <= RAM_LAST
             if not 0 <= address <= 0xFF:
                 self.reporter.error(f"the address 0x{address:X} is not in the data memory (0x00-0xFF)", place)
+            elif not all(_exists(address + each) for each in range(kind.size)):
+                self.reporter.error(
+                    f"there is no memory at 0x{address:02X} for {kind.size} byte{'s' * (kind.size != 1)}",
+                    place,
+                    hint=f"RAM is 0x{RAM_FIRST:02X} to 0x{RAM_LAST:02X}",
+                )
         if isinstance(kind, ArrayType):
             element: CType = kind
             while isinstance(element, ArrayType):
@@ -225,3 +231,10 @@ class Declarations(Initialisers):
             symbol.volatile = each.volatile
             found.append(symbol)
         return found
+
+
+def _exists(address: int) -> bool:
+    """Whether the chip has a byte of RAM or a register at an address."""
+    return RAM_FIRST <= address & 0x7F <= RAM_LAST or any(
+        address in (row.address, row.address & 0x7F) for row in registers().values()
+    )

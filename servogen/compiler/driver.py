@@ -12,7 +12,7 @@ from typing import Any
 from pycparser import c_ast
 
 from servogen.compiler.backend import Backend, globals_of
-from servogen.compiler.banks import banked, switch_banks
+from servogen.compiler.banks import banked, exit_banks, switch_banks
 from servogen.compiler.builtins import Builtins
 from servogen.compiler.checks import check_program
 from servogen.compiler.delay_sites import expand_delays
@@ -114,8 +114,9 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
         if options.optimise:
             optimise(code)
     reaching = banked(codes)
+    leaving = exit_banks(codes, reaching)
     for code in codes.values():
-        switch_banks(code, reaching)
+        switch_banks(code, reaching, leaving)
     drop_unused(codes, arrangement.roots)
     room = check_stack(codes, arrangement.roots, reporter)
     reporter.stop_on_error()

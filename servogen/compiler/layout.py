@@ -134,8 +134,6 @@ def _place(order: list[Code], *, only_first_page: bool) -> Layout | None:
             if found is None:
                 return None
             code.ins = found
-        if not code.ins:
-            continue
         labels[code.name] = begin = address
         for ins in code.ins:
             if ins.op == LABEL:

@@ -21,6 +21,7 @@ from servogen.compiler.fold import has_effect
 from servogen.compiler.scopes import Constant, TypeName
 from servogen.compiler.tree import (
     Binary,
+    Builtin,
     Cast,
     Choice,
     Comma,
@@ -188,7 +189,9 @@ class Names(Base):
             )
         elif not has_effect(expr):
             self.reporter.warn("this statement has no effect", expr.place)
-        elif isinstance(expr, (Binary, Unary, Cast)) and has_effect(expr):
+        elif isinstance(expr, (Binary, Unary, Cast)) or (
+            isinstance(expr, Builtin) and expr.name == "eeprom_read"
+        ):
             self.reporter.warn("the result of this expression is not used", expr.place)
 
 

@@ -231,7 +231,7 @@ def _declaration_call(self: _Rewriter, token: PToken) -> bool:
 
 def _bit_number(self: _Rewriter, token: PToken) -> bool:
     """`portb.7`: a member that is a number."""
-    if not re.fullmatch(r"\d", self.text(1)):
+    if not re.fullmatch(r"\d\d?", self.text(1)):
         return False
     self.out.tokens.append(token)
     self.emit(BIT_MEMBER + self.text(1), self.tokens[self.at + 1].place)
