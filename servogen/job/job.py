@@ -26,13 +26,22 @@ class Firmware:
     soft_start_s: Fraction
 
 
+@dataclass(frozen=True, slots=True)
+class NamedPose:
+    """One of [motion] poses: every servo's angle, in the order of the servos, radians."""
+
+    name: str | None
+    angles: tuple[float, ...]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Job:
     """One job. `trajectory` has one joint a servo, in the order of `servos`: the servos' own angles.
 
-    `bindings` are the joints that servos turn, `tip` the end of the leg or arm that they move, `robot` what
-    was named, `wheels` the servos of a drive's wheels 1, 2 and 3. `warnings`: what the user should change or
-    accept; `notes`: what is good to know of the motion.
+    `poses` are those of [motion], none where something else moves the servos. `bindings` are the joints that
+    servos turn, `tip` the end of the leg or arm that they move, `robot` what was named, `wheels` the servos
+    of a drive's wheels 1, 2 and 3. `warnings`: what the user should change or accept; `notes`: what is good
+    to know of the motion.
     """
 
     name: str
@@ -47,5 +56,6 @@ class Job:
     frame: Frame
     firmware: Firmware
     trajectory: JointTrajectory
+    poses: tuple[NamedPose, ...]
     warnings: tuple[Caution, ...]
     notes: tuple[Caution, ...]

@@ -6,6 +6,8 @@ In: the path (or the text) of a job file. Out: the frozen `Job`, with what had t
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,7 @@ import numpy as np
 from servogen import tomlfile
 from servogen.errors import InputError
 from servogen.job.drives import drive_of
-from servogen.job.job import Firmware, Job
+from servogen.job.job import Firmware, Job, NamedPose
 from servogen.job.model import JobTable, MotionTable, WalkTable
 from servogen.job.poses import poses_of
 from servogen.job.programs import program_of
@@ -39,6 +41,17 @@ def load(path: str | Path) -> Job:
     return _job(tomlfile.read(path))
 
 
+def load_walking(path: str | Path, way: Mapping[str, float]) -> Job:
+    """The job at `path`, its [walk] going that one way instead. Raises InputError.
+
+    `way` has the keys of one of [walk] way; without cycles it never ends.
+    """
+    document = tomlfile.read(path)
+    walk = {key: value for key, value in document.data.get("walk", {}).items() if key != "end"}
+    walk |= {"way": (dict(way),), "repeat": "cycles" not in way}
+    return _job(replace(document, data={**document.data, "walk": walk}))
+
+
 def loads(text: str, file: str) -> Job:
     """The job that `text` is; `file` is its name in errors. Raises InputError."""
     return _job(tomlfile.parse(text, file))
@@ -51,7 +64,7 @@ def _job(document: Document) -> Job:
     rig = rig_of(document, table, servos)
     frame = _frame(document, table, clock)
     _check_frame(table.firmware.engine, servos, frame, clock)
-    planned = _motion(document, table, servos, rig, frame, clock)
+    planned, poses = _motion(document, table, servos, rig, frame, clock)
     _check_travel(document, planned, servos)
     return Job(
         Path(document.file).stem,
@@ -66,6 +79,7 @@ def _job(document: Document) -> Job:
         frame,
         Firmware(table.firmware.dialect, table.firmware.engine, exact(table.firmware.soft_start_s)),
         planned.trajectory,
+        poses,
         planned.warnings,
         planned.notes,
     )
@@ -113,8 +127,8 @@ def _check_frame(engine: str, servos: tuple[Servo, ...], frame: Frame, clock: Cl
 
 def _motion(
     document: Document, table: JobTable, servos: tuple[Servo, ...], rig: Rig, frame: Frame, clock: Clock
-) -> Planned:
-    """The one section that says what the servos do."""
+) -> tuple[Planned, tuple[NamedPose, ...]]:
+    """The one section that says what the servos do, and its poses if it has any."""
     given = [part for part in PARTS if getattr(table, part) is not None]
     if len(given) != 1:
         raise document.error(
@@ -129,13 +143,16 @@ def _motion(
         )
     limits, period = _limits(servos, rig), frame.period.cycles
     if table.motion is not None:
-        return trajectory(_poses(document, table.motion, servos, rig, limits), period, clock)
+        motion = _poses(document, table.motion, servos, rig, limits)
+        rows = zip(table.motion.poses, motion.poses, strict=True)
+        named = tuple(NamedPose(row.name, pose.angles) for row, pose in rows)
+        return trajectory(motion, period, clock), named
     if table.walk is not None:
-        return _walk(document, table.walk, servos, rig, limits, period, clock)
+        return _walk(document, table.walk, servos, rig, limits, period, clock), ()
     if table.program is not None:
-        return program_of(document, table.program, rig.robot, rig.bindings, servos, limits, period, clock)
+        return program_of(document, table.program, rig.robot, rig.bindings, servos, limits, period, clock), ()
     if table.drive is not None:
-        return drive_of(document, table.drive, rig.robot, servos, period, clock)
+        return drive_of(document, table.drive, rig.robot, servos, period, clock), ()
     raise document.error((), "the job has no motion")
 
 

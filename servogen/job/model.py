@@ -81,6 +81,8 @@ class PoseTable(Table):
 
     model_config = ConfigDict(extra="allow")
 
+    name: str | None = Field(default=None, pattern=NAME)
+    """What `servogen drive --pose` may call it, beside its number."""
     foot_mm: Point | None = None
     tip_mm: Point | None = None
     orientation_deg: tuple[float, ...] | None = None

@@ -46,6 +46,8 @@ def poses_of(
     reader = _Reader(document, servos, tip)
     states: list[_State] = []
     for index, row in enumerate(table.poses):
+        if row.name is not None and row.name in [other.name for other in table.poses[:index]]:
+            raise document.error(("motion", "poses", index, "name"), f"two poses have the name '{row.name}'")
         states.append(reader.state(("motion", "poses", index), row, states[-1] if states else _State({})))
     return tuple(
         reader.pose(("motion", "poses", index), row, table, states[index - 1], states[index])

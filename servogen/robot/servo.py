@@ -145,6 +145,13 @@ class Servo:
         ends = sorted((self._width_us(self.limits[0]), self._width_us(self.limits[1])))
         return ends[0], ends[1]
 
+    @property
+    def neutral(self) -> float:
+        """The middle of the travel, or the nearest angle that the limits allow; of a wheel, rest."""
+        low, high = self.limits
+        middle = 0.0 if self.model.continuous else sum(self.model.travel) / 2
+        return min(max(middle, low), high)
+
     def allows(self, angle: float) -> bool:
         low, high = self.limits
         return low - TOLERANCE_RAD <= angle <= high + TOLERANCE_RAD

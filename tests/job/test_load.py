@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from servogen.errors import InputError
-from servogen.job import Job, load, loads, template
+from servogen.job import Job, load, load_walking, loads, template
 from servogen.pulse import plan
 
 JOB = """\
@@ -251,3 +251,23 @@ def test_a_foot_on_a_straight_line_strays_by_what_its_spring_gives() -> None:
     assert [60 * math.tan(angle) for angle in turned] == pytest.approx(
         [-25 + 2.5 * k for k in range(21)], abs=1e-4
     )
+
+
+def test_poses_are_kept_with_their_names_and_no_two_have_the_same() -> None:
+    low = ("{ arm_deg = 30,", '{ name = "low", arm_deg = 30,')
+    poses = loads(changed(low), "job.toml").poses
+    assert [pose.name for pose in poses] == ["low", None]
+    assert [round(math.degrees(angle)) for angle in poses[1].angles] == [90, 0]
+    both = changed(low, ("{ arm_deg = 90,", '{ name = "low", arm_deg = 90,'))
+    assert "job.toml:18:7: motion.poses[2].name: two poses have the name 'low'" in error_of(both)
+
+
+def test_a_walk_can_go_another_way_and_only_so_far() -> None:
+    path = Path(__file__).parents[2] / "jobs" / "hexapod-tripod.toml"
+    endless = load_walking(path, {"turn_deg": 8.0}).trajectory
+    far = load_walking(path, {"turn_deg": 8.0, "cycles": 5.0}).trajectory
+    assert endless.loop_start < len(endless.angles)
+    assert (endless.angles == far.angles[: len(endless.angles)]).all()
+    assert far.loop_start == len(far.angles) - 1, "it stands at its end"
+    with pytest.raises(InputError, match="a job has one of"):
+        load_walking(path.with_name("lab8-exercise.toml"), {"turn_deg": 8.0})

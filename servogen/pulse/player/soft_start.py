@@ -16,15 +16,12 @@ SAME_RAD = 1e-3
 
 
 def soft_start(trajectory: JointTrajectory, servos: Sequence[Servo], frames: int) -> JointTrajectory:
-    """`frames` frames in the neutral pose and, where the motion begins elsewhere, as many to go there.
-
-    Neutral is the middle of a servo's travel, or the nearest angle that its limits allow; of a wheel, rest.
-    """
+    """`frames` frames in the neutral pose and, where the motion begins elsewhere, as many to go there."""
     angles = trajectory.angles
     pulsed = angles[~np.isnan(angles).any(axis=1)]
     if not frames or not len(pulsed):
         return trajectory
-    first, neutral = pulsed[0], np.array([_neutral(servo) for servo in servos])
+    first, neutral = pulsed[0], np.array([servo.neutral for servo in servos])
     if np.abs(first - neutral).max() < SAME_RAD:
         before = np.tile(first, (frames, 1))
     else:
@@ -37,9 +34,3 @@ def soft_start(trajectory: JointTrajectory, servos: Sequence[Servo], frames: int
         np.vstack((before, angles)),
         trajectory.loop_start + len(before),
     )
-
-
-def _neutral(servo: Servo) -> float:
-    low, high = servo.limits
-    middle = 0.0 if servo.model.continuous else sum(servo.model.travel) / 2
-    return min(max(middle, low), high)
