@@ -163,8 +163,8 @@ class Access(Names):
         held.function, held.pinned = self.function.name, True
         self.function.locals.append(held)
         target = Ref(held, 0, None, base.type, place)
-        found = self._member(target, member, place)
-        return Comma(Assign(target, base, base.type, place), found, found.type, place)
+        value = self._member(target, member, place)
+        return Comma(Assign(target, base, base.type, place), value, value.type, place)
 
     def _member(self, base: Ref | Deref, member: Any, place: Place) -> Expr:
         from dataclasses import replace

@@ -42,7 +42,7 @@ def _selects(ins: Ins) -> bool:
 
 
 def banked(codes: Mapping[str, Code]) -> set[str]:
-    """The functions that reach a register of one bank only or switch the bank, themselves or through calls."""
+    """The functions that need a bank or switch it, themselves or through what they call."""
     return _with_callers(
         codes, lambda ins: bank_needed(ins) is not None or _selects(ins) or _own_switch(ins) is not None
     )

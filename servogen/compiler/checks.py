@@ -193,7 +193,7 @@ def _shared(backend: Backend, reporter: Reporter) -> None:
 
 
 def _uses(program: Program, names: list[str], *, masked: bool) -> tuple[set[Symbol], set[Symbol]]:
-    """(variables read, variables written) in several bytes; with `masked`, only where interrupts may be on."""
+    """(variables read, written) in several bytes; with `masked`, only where interrupts may be on."""
     reads: set[Symbol] = set()
     writes: set[Symbol] = set()
     for name in names:

@@ -22,6 +22,7 @@ from servogen.compiler.ctypes import U8
 from servogen.compiler.delays import instructions, plan
 from servogen.compiler.emitter import ISR_SUFFIX, Code
 from servogen.compiler.machine import DELAY, LABEL, STATUS, Byte, Ins, Loc, Z
+from servogen.compiler.timing import Times
 from servogen.compiler.tree import Symbol
 
 _CALL_AND_RETURN = 4
@@ -41,12 +42,15 @@ class _Choice:
     """Lengths that go through a shared loop: the number of its counters."""
 
 
-def expand_delays(codes: dict[str, Code], room_for_call: dict[str, bool], interrupt: set[str]) -> None:
-    """Replace each delay by its instructions.
+def expand_delays(
+    codes: dict[str, Code], room_for_call: dict[str, bool], interrupt: set[str]
+) -> dict[str, Times]:
+    """Replace each delay by its instructions. Gives the times of the routines that it makes.
 
     `room_for_call` says of each function whether the stack has a level left for one more call from it. What
     the `interrupt` reaches has routines of its own: it may come in the middle of one of main's.
     """
+    times: dict[str, Times] = {}
     for isr in (False, True):
         suffix = ISR_SUFFIX if isr else ""
         group = [code for name, code in codes.items() if (name in interrupt) == isr]
@@ -62,6 +66,21 @@ def expand_delays(codes: dict[str, Code], room_for_call: dict[str, bool], interr
         for code in group:
             _expand(code, best if code in with_room else _Choice(), suffix, codes)
         _make_loops(best, suffix, codes)
+        times |= _routine_times(best, suffix)
+    return times
+
+
+def _routine_times(choice: _Choice, suffix: str) -> dict[str, Times]:
+    """From a routine's first instruction to the end of its RETURN."""
+    found = {}
+    for cycles in choice.own:
+        inside = cycles - _CALL_AND_RETURN // 2
+        found[f"__delay_{cycles}{suffix}"] = Times(inside, inside)
+    for level, before in ((1, 3), (2, 5)):
+        lengths = [cycles - before for cycles, each in choice.levels.items() if each == level]
+        if lengths:
+            found[_loop_name(level, suffix)] = Times(min(lengths), max(lengths))
+    return found
 
 
 def _lengths(code: Code, *, merged: bool) -> list[int]:

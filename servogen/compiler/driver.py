@@ -121,7 +121,7 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
     room = check_stack(codes, arrangement.roots, reporter)
     reporter.stop_on_error()
     times = all_times(codes)
-    expand_delays(codes, room, reached(codes, arrangement.roots[1:]))
+    times |= expand_delays(codes, room, reached(codes, arrangement.roots[1:]))
     memory = allocate(arrangement.roots, codes, arrangement.statics, reporter)
     layout = lay_out(arrangement.order(codes), memory, reporter, arrangement.tables)
     reporter.stop_on_error()

@@ -19,6 +19,15 @@ ISR_SUFFIX = "$isr"
 """Functions that main and the interrupt both call exist twice; the interrupt's copy has this suffix."""
 
 
+@dataclass(frozen=True, slots=True)
+class LoopLines:
+    """A loop of the source: "while", "for" or "do"; (line, column) of its first and its last part."""
+
+    kind: str
+    first: tuple[int, int]
+    last: tuple[int, int]
+
+
 @dataclass(slots=True)
 class Code:
     """The instructions of one function, its own variables, and what it calls."""
@@ -37,6 +46,11 @@ class Code:
     """The flash object whose bytes it holds; its instructions depend on where it comes to lie."""
     also_calls: tuple[str, ...] = ()
     """Functions that it enters elsewhere than at their first instruction."""
+    loops: list[LoopLines] = field(default_factory=list)
+    bounds: dict[str, int] = field(default_factory=dict)
+    """How often a library loop's label can be passed in one call."""
+    waits_for: str = ""
+    """What a library routine waits for without a known end."""
     falls_into: str = ""
     """The function that stands right behind and is entered without a jump."""
 

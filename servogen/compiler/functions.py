@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from servogen.compiler.ctypes import IntType, VoidType
 from servogen.compiler.effects import width_of
-from servogen.compiler.emitter import Code
+from servogen.compiler.emitter import Code, LoopLines
 from servogen.compiler.flash import Flash
 from servogen.compiler.fold import COMPARISONS, compare, interval
 from servogen.compiler.inline_asm import AsmError, assemble_line
@@ -125,6 +125,7 @@ class FunctionGenerator(Flash):
     def _loop(self, node: Loop, *, entered: bool) -> None:
         """The test stands in front, or at the end when it surely holds at first."""
         self.place = node.place
+        start = len(self.code.ins)
         top, again, end = (self.new_label(hint) for hint in ("top", "again", "end"))
         self._break.append(end)
         self._continue.append(again)
@@ -144,6 +145,13 @@ class FunctionGenerator(Flash):
         self.label(end)
         self._break.pop()
         self._continue.pop()
+        self._note_loop(node, start)
+
+    def _note_loop(self, node: Loop, start: int) -> None:
+        """Remember where a loop stands: the listing names loops without a known end."""
+        places = [node.place, *(each.place for each in self.code.ins[start:] if each.place is not None)]
+        inside = [(each.line or 0, each.column or 0) for each in places]
+        self.code.loops.append(LoopLines(node.kind, min(inside), max(inside)))
 
     def _stmt_Switch(self, node: Switch) -> None:
         self.place = node.place
@@ -204,6 +212,7 @@ class FunctionGenerator(Flash):
         return self._user_labels[name]
 
     def _stmt_LabelStmt(self, node: LabelStmt) -> None:
+        self.place = node.place
         self.label(self._user_label(node.name))
 
     def _stmt_Return(self, node: Return) -> None:

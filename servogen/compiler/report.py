@@ -30,18 +30,41 @@ def make_listing(
             end,
             sum(each.size for each in codes[name].own),
             len(chains[name]),
-            *times.get(name, (None, None)),
+            *_times(times.get(name)),
         )
         for name, (start, end) in layout.starts.items()
         if end > start
     )
-    variables = tuple(
-        sorted(
-            (address, f"{symbol.function}.{symbol.name}" if symbol.function else symbol.name, symbol.size)
-            for symbol, address in memory.addresses.items()
-        )
-    )
-    return Listing(rows, functions, variables, tuple(reporter.texts.items()))
+    return Listing(rows, functions, _variables(memory), tuple(reporter.texts.items()))
+
+
+def _variables(memory: Memory) -> tuple[tuple[int, str, int], ...]:
+    """The program's own variables by address, then what each function and routine needs beside them."""
+    named: list[tuple[int, str, int]] = []
+    unnamed: dict[str, set[int]] = {}
+    for symbol, address in memory.addresses.items():
+        if symbol.kind in ("temp", "result") or (symbol.function or "").startswith("__"):
+            unnamed.setdefault(symbol.function or "", set()).update(range(address, address + symbol.size))
+        else:
+            name = f"{symbol.function}.{symbol.name}" if symbol.function else symbol.name
+            named.append((address, name, symbol.size))
+    runs = [(at, f"{name} (temporary)", size) for name, used in unnamed.items() for at, size in _runs(used)]
+    return (*sorted(named), *sorted(runs))
+
+
+def _runs(addresses: set[int]) -> list[tuple[int, int]]:
+    """(first, how many) of the addresses that follow one another."""
+    found: list[tuple[int, int]] = []
+    for address in sorted(addresses):
+        if found and sum(found[-1]) == address:
+            found[-1] = (found[-1][0], found[-1][1] + 1)
+        else:
+            found.append((address, 1))
+    return found
+
+
+def _times(times: Times | None) -> tuple[int | None, int | None, tuple[str, ...]]:
+    return (times.least, times.most, times.unbounded) if times is not None else (None, None, ())
 
 
 def _row(word: Word, memory: Memory) -> ListingRow:

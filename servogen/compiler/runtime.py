@@ -68,6 +68,7 @@ def _multiply(r: Routine, key: tuple[int, ...], library: Library) -> None:
     for each in product:
         r.emit("CLRF", each)
     loop, no_add = r.new_label(), r.new_label()
+    r.code.bounds[loop] = 8 * size
     r.label(loop)
     r.one_right(b, signed=False)
     r.goto_if(C, False, no_add)
@@ -95,6 +96,7 @@ def _multiply_8_to_16(r: Routine) -> None:
     r.store(low)
     r.load(a[0])
     loop = r.new_label()
+    r.code.bounds[loop] = 8
     r.label(loop)
     r.emit("RRF", b[0], 1)
     r.skip_if(C, False)
@@ -186,6 +188,7 @@ def _delay_body(r: Routine, key: tuple[int, ...]) -> None:
     r.skip_if(C, True)
     r.emit("RETURN")
     loop = r.new_label()
+    r.code.bounds[loop] = (255 - least >> {1: 2, 2: 1}.get(unit, 0)) + 1
     if unit in (1, 2):
         held = r.variable("count", 1)[0]
         r.store(held)
@@ -252,6 +255,7 @@ def _eeprom_write(r: Routine, key: tuple[int, ...], library: Library) -> None:
     """DS35007 section 3.2: no interrupt may come between 0x55 and 0xAA; it waits until the byte is
     written.
     """
+    r.code.waits_for = "the EEPROM"
     address, value = r.parameter("address", 1)[0], r.parameter("value", 1, in_w=True)[0]
     enabled = r.variable("enabled", 1)[0]
     del value
@@ -318,6 +322,7 @@ def _getchar(r: Routine, key: tuple[int, ...], library: Library) -> None:
     port = Reg(port_address)
     value, count = r.variable("value", 1)[0], r.variable("count", 1)[0]
     wait, loop = r.new_label(), r.new_label()
+    r.code.waits_for = "a start bit"
     r.label(wait)
     r.goto_if(pin, not inverted, wait, port)
     r.emit("MOVLW", k=8)

@@ -22,6 +22,7 @@ from servogen.compiler.tree import AddressByte, Data, Program, Symbol
 from servogen.pic.device import INTERRUPT_VECTOR
 
 RESET, START = "__reset", "__start"
+_CLEAR_LABEL = f"{START}.clear"
 _CLEAR_LOOP_WORDS = 8
 """The loop that clears variables has so many words; a CLRF each is shorter up to as many bytes."""
 
@@ -47,7 +48,7 @@ def arrange(backend: Backend, program: Program, settings: Settings, reporter: Re
     statics = used_statics([each for each in program.symbols if each.kind in ("global", "fixed")], codes)
     found = Arrangement([START], statics)
     start = Code(START, falls_into="main")
-    start.ins += _initialise(statics)
+    _initialise(start, statics)
     codes[START] = start
     if backend.handler:
         codes[RESET] = Code(RESET, [Ins("GOTO", target=START)])
@@ -64,13 +65,14 @@ def arrange(backend: Backend, program: Program, settings: Settings, reporter: Re
     return found
 
 
-def _initialise(statics: list[Symbol]) -> list[Ins]:
+def _initialise(code: Code, statics: list[Symbol]) -> None:
     """Start values: constants stored; what starts as zero is cleared, in a loop where that is shorter."""
-    out: list[Ins] = []
+    out = code.ins
     zero = [symbol for symbol in statics if symbol.kind == "global" and not symbol.initial]
     together = all(symbol.kind == "global" for symbol in statics)
     if together and sum(symbol.size for symbol in zero) > _CLEAR_LOOP_WORDS:
         out += _clear_loop(zero)
+        code.bounds[_CLEAR_LABEL] = sum(symbol.size for symbol in zero)
     else:
         zero = []
     for symbol in statics:
@@ -87,23 +89,21 @@ def _initialise(statics: list[Symbol]) -> list[Ins]:
                 out.append(Ins("MOVLW", k=value))
             out.append(Ins("MOVWF", Byte(symbol, offset)))
             loaded = value
-    return out
 
 
 def _clear_loop(zero: list[Symbol]) -> list[Ins]:
     """Clear variables that lie one behind the other."""
     first, last = AddressByte(zero[0], 0, 0), AddressByte(zero[-1], zero[-1].size, 0)
-    label = f"{START}.clear"
     return [
         Ins("MOVLW", k=first),
         Ins("MOVWF", FSR),
-        Ins(LABEL, target=label),
+        Ins(LABEL, target=_CLEAR_LABEL),
         Ins("CLRF", INDF),
         Ins("INCF", FSR, 1),
         Ins("MOVLW", k=last),
         Ins("XORWF", FSR, 0),
         Ins("BTFSS", STATUS, b=Z),
-        Ins("GOTO", target=label),
+        Ins("GOTO", target=_CLEAR_LABEL),
     ]
 
 

@@ -188,6 +188,7 @@ class Statements(Declarations):
     def _loop(
         self, node: Any, condition: Expr | None, step: Expr | None, post: bool, body: Any = None
     ) -> Stmt:
+        kind = {c_ast.While: "while", c_ast.For: "for"}.get(type(node), "do")
         self.body.loops += 1
         self.body.breakable += 1
         inside = self._nested(node.stmt)
@@ -195,7 +196,7 @@ class Statements(Declarations):
         self.body.breakable -= 1
         if isinstance(condition, Num) and condition.value:
             condition = None
-        return Loop(condition, inside, step, post, self.place(node))
+        return Loop(condition, inside, step, post, self.place(node), kind)
 
     def _stmt_While(self, node: Any) -> Stmt:
         return self._loop(node, self.condition(node.cond), None, False)

@@ -1,39 +1,71 @@
 """The shortest and the longest time of each function, from its first instruction to its return's end.
 
-In: code with delays still whole. Out: (least, most) cycles by name; `most` is None where a loop's bound is
-not known, both are None where the function never returns. Instructions are followed with the values that are
-known: a loop whose counter starts from a constant is gone through as often as it will be.
+In: code with delays still whole. Out: `Times` by name. Instructions are followed with the values that are
+known: a loop whose counter starts from a constant is gone through as often as it will be. What has no known
+end is named.
 """
 
 from __future__ import annotations
 
 import heapq
+from collections import Counter
 from collections.abc import Mapping
+from dataclasses import dataclass
 
+from servogen.compiler.cycles import components, longest
 from servogen.compiler.emitter import Code
+from servogen.compiler.known import State, bit_value, execute, without_flags
 from servogen.compiler.liveness import FLAG_BITS, W_BIT, Liveness, is_private
-from servogen.compiler.machine import DELAY, LABEL, PCL, SKIPS, STATUS, Byte, C, Ins, Z
+from servogen.compiler.machine import DELAY, LABEL, PCL, SKIPS, Byte, C, Ins, Z
+from servogen.compiler.tree import Symbol
 
-Times = tuple[int | None, int | None]
-_LIMIT = 4000
+
+@dataclass(frozen=True, slots=True)
+class Times:
+    """Cycles; `least` is None where the function never returns, `most` where `unbounded` says why."""
+
+    least: int | None
+    most: int | None
+    unbounded: tuple[str, ...] = ()
+
+
+_MOST_STATES = 6000
 """States of one function that are followed before its longest time is given up."""
-State = dict[object, int]
+_ALL_STATES = 24000
+"""The same of the whole program: it bounds the compiler's own time."""
+_TABLE = Times(4, 9)
+"""A look into a table in flash, with and without setting PCLATH."""
 _Key = tuple[int, tuple[tuple[str, int], ...]]
-_TWO = frozenset(("GOTO", "CALL", "RETURN", "RETLW", "RETFIE"))
+_Way = tuple[int, int | None, int | None, State]
+"""(least, most, next index or None for the end, known values)."""
+_COUNTING = frozenset(("INCF", "DECF", "INCFSZ", "DECFSZ", "ADDWF", "SUBWF"))
 
 
 def all_times(codes: Mapping[str, Code]) -> dict[str, Times]:
     """The times of every function, callees first."""
     found: dict[str, Times] = {}
+    changed: dict[str, set[Symbol]] = {}
+    left = _ALL_STATES
 
     def visit(name: str) -> None:
+        nonlocal left
         if name in found:
             return
-        found[name] = (None, None)
-        for callee in codes[name].calls():
+        code = codes[name]
+        found[name], changed[name] = (
+            Times(None, None),
+            {each.f.symbol for each in code.ins if each.writes_f and isinstance(each.f, Byte)},
+        )
+        for callee in code.calls():
             if callee in codes:
                 visit(callee)
-        found[name] = _Explorer(codes[name], found).times()
+                changed[name] |= changed[callee]
+        for globals_too in (True, False):
+            explorer = _Explorer(code, found, changed, min(left, _MOST_STATES), globals_too)
+            found[name] = explorer.times()
+            left -= len(explorer.edges)
+            if explorer.complete or not explorer.counters:
+                break
 
     for name in codes:
         visit(name)
@@ -41,64 +73,83 @@ def all_times(codes: Mapping[str, Code]) -> dict[str, Times]:
 
 
 class _Explorer:
-    """The graph of (instruction, known values) of one function."""
+    """The graph of (label, known values) of one function."""
 
-    def __init__(self, code: Code, callees: Mapping[str, Times]) -> None:
+    def __init__(
+        self,
+        code: Code,
+        callees: Mapping[str, Times],
+        changed: Mapping[str, set[Symbol]],
+        limit: int,
+        globals_too: bool,
+    ) -> None:
         self.code = code
         self.callees = callees
+        self.changed = changed
+        self.limit = limit
+        self.own = set(code.own)
         self.live = Liveness(code)
-        self.edges: dict[_Key, list[tuple[int, int, _Key | None]]] = {}
+        self.edges: dict[_Key, list[tuple[int, int | None, _Key | None]]] = {}
+        self.complete = True
+        self.reasons: dict[str, None] = {}
+        self.counters = {ins.f for ins in code.ins if globals_too and _counts_global(ins)}
 
     def times(self) -> Times:
         if self.code.table is not None:
-            return 4, 9  # with and without setting PCLATH
+            return _TABLE
         if not self.code.ins:
-            return 0, 0
+            return Times(0, 0)
         start: _Key = (0, ())
         states: dict[_Key, State] = {start: {}}
         waiting = [start]
-        complete = True
         while waiting:
             key = waiting.pop()
             if key in self.edges:
                 continue
-            if len(self.edges) > _LIMIT:
-                complete = False
-                self.edges[key] = []
-                continue
             self.edges[key] = []
-            for fewest, most, at, state in self._steps(key[0], dict(states[key])):
-                if at is None or at >= len(self.code.ins):
-                    self.edges[key].append((fewest, most, None))
-                    continue
-                after = self._key(at, state)
-                states[after] = state
+            if len(self.edges) > self.limit:
+                self.complete = False
+                continue
+            for fewest, most, at, state in self._run(key[0], dict(states[key])):
+                after = None
+                if at is not None and at < len(self.code.ins):
+                    after = self._key(at, state)
+                    states[after] = state
+                    waiting.append(after)
                 self.edges[key].append((fewest, most, after))
-                waiting.append(after)
+        return self._answer(start)
+
+    def _answer(self, start: _Key) -> Times:
         least = self._shortest(start)
-        return least, self._longest(start) if complete and least is not None else None
+        if not self.complete:
+            often = Counter(at for at, _ in self.edges)
+            at = max(often, key=lambda each: often[each])
+            return Times(least, None, (f"{self._name([at])}, too long to be counted",))
+        graph = {
+            key: [after for _, _, after in ways if after is not None] for key, ways in self.edges.items()
+        }
+        self._name_loops(graph)
+        if self.reasons or least is None:
+            return Times(least, None, tuple(self.reasons) or ("stands still at its end",))
+        return Times(least, longest(start, self.edges))
 
     def _key(self, at: int, state: State) -> _Key:
         """Only what is still needed tells states apart."""
         needed = self.live.before[at]
         for loc in list(state):
-            if loc == "W":
-                bit = W_BIT
-            elif isinstance(loc, Byte):
-                bit = self.live.bit(loc)
+            if not isinstance(loc, Byte):
+                bit = {"W": W_BIT, "C": FLAG_BITS[C], "Z": FLAG_BITS[Z]}.get(str(loc), 0)
+                gone = bool(bit) and not needed & bit
             else:
-                bit = FLAG_BITS[C if loc == "C" else Z]
-            if not needed & bit:
+                gone = loc in self.live.number and not needed & self.live.bit(loc)
+            if gone:
                 del state[loc]
-        shown = [
-            (str(self.live.number[loc]) if isinstance(loc, Byte) else str(loc), value)
-            for loc, value in state.items()
-        ]
-        return at, tuple(sorted(shown))
+        return at, tuple(sorted((_shown(loc), value) for loc, value in state.items()))
 
     def _shortest(self, start: _Key) -> int | None:
         best = {start: 0}
         heap: list[tuple[int, int, _Key]] = [(0, 0, start)]
+        end: int | None = None
         count = 0
         while heap:
             cost, _, key = heapq.heappop(heap)
@@ -106,93 +157,133 @@ class _Explorer:
                 continue
             for least, _, after in self.edges.get(key, []):
                 if after is None:
-                    count += 1
-                    best[(-1, ())] = min(best.get((-1, ()), cost + least), cost + least)
+                    end = cost + least if end is None else min(end, cost + least)
                 elif cost + least < best.get(after, cost + least + 1):
                     best[after] = cost + least
                     count += 1
                     heapq.heappush(heap, (cost + least, count, after))
-        return best.get((-1, ()))
+        return end
 
-    def _longest(self, start: _Key) -> int | None:
-        """None when a state comes back to itself."""
-        done: dict[_Key, int | None] = {}
-        open_: set[_Key] = set()
-        stack: list[tuple[_Key, bool]] = [(start, False)]
-        while stack:
-            key, leaving = stack.pop()
-            if leaving:
-                open_.discard(key)
-                values = [
-                    most + (done[after] or 0) if after is not None else most
-                    for _, most, after in self.edges[key]
-                    if most >= 0
-                ]
-                if len(values) < len(self.edges[key]):
-                    return None
-                done[key] = max(values, default=0)
+    # names of what has no known end
+
+    def _name_loops(self, graph: dict[_Key, list[_Key]]) -> None:
+        """Name each loop that is not counted: an outer one, then those that are left inside it."""
+        for part in components(graph):
+            if len(part) == 1 and self._stands_still(part[0][0]):
                 continue
-            if key in done:
-                continue
-            if key in open_:
-                return None
-            open_.add(key)
-            stack.append((key, True))
-            for _, _, after in self.edges[key]:
-                if after in open_:
-                    return None
-                if after is not None and after not in done:
-                    stack.append((after, False))
-        return done[start]
+            self.reasons[self._name([at for at, _ in part])] = None
+            first = min(at for at, _ in part)
+            inside = {key for key in part if key[0] != first}
+            self._name_loops({key: [each for each in graph[key] if each in inside] for key in inside})
 
-    # one instruction
+    def _stands_still(self, at: int) -> bool:
+        """Whether a label is followed by a jump to itself: the end of main."""
+        after = self.live.next_real(at)
+        if after == len(self.code.ins):
+            return False
+        jump = self.code.ins[after]
+        return jump.op == "GOTO" and jump.target == self.code.ins[at].target
 
-    def _steps(self, at: int, state: State) -> list[tuple[int, int, int | None, State]]:
-        """(least, most, next index or None for the end, state); most is -1 when it is not known."""
+    def _name(self, found: list[int]) -> str:
+        """The loop of the source that holds these instructions."""
+        if self.code.waits_for:
+            return f"waits for {self.code.waits_for}"
+        places = [self.code.ins[at].place for at in found]
+        inside = [(each.line, each.column or 0) for each in places if each is not None and each.line]
+        if not inside:
+            return "a loop"
+        around = [each for each in self.code.loops if each.first <= min(inside) and max(inside) <= each.last]
+        if not around:
+            return f"loop at line {min(inside)[0]}"
+        inner = max(around, key=lambda each: each.first)
+        return f"{inner.kind} at line {inner.first[0]}"
+
+    def _unknown(self, why: str, ins: Ins) -> None:
+        line = ins.place.line if ins.place is not None else None
+        self.reasons[f"{why} at line {line}" if line else why] = None
+
+    # instructions
+
+    def _run(self, at: int, state: State) -> list[_Way]:
+        """From a label, or the place behind a skip, to the next."""
+        least, most = 0, 0
+        unknown = False
+        while True:
+            ways: list[_Way] = []
+            for fewest, slowest, after, known in self._steps(at, state):
+                unknown = unknown or slowest is None
+                ways.append((least + fewest, most + (slowest or 0), after, known))
+            follower = ways[0][2] if len(ways) == 1 else None
+            if follower is None or follower >= len(self.code.ins) or self.code.ins[follower].op == LABEL:
+                return [(few, None if unknown else many, *rest) for few, many, *rest in ways]  # type: ignore[misc]
+            least, most, state = ways[0][0], ways[0][1] or 0, ways[0][3]
+            at = follower
+
+    def _steps(self, at: int, state: State) -> list[_Way]:
+        """Where one instruction leads; no way at all from a loop that has been gone through too often."""
         ins = self.code.ins[at]
         op = ins.op
-        if op == LABEL or op == "ORG":
+        if op == LABEL:
+            return self._label(ins, at, state)
+        if op == "ORG":
             return [(0, 0, at + 1, state)]
         if op == DELAY:
             assert isinstance(ins.k, int)
             state.pop("W", None)
-            return [(ins.k, ins.k, at + 1, _no_flags(state))]
+            return [(ins.k, ins.k, at + 1, without_flags(state))]
         if op in ("RETURN", "RETLW", "RETFIE"):
             return [(2, 2, None, state)]
-        if op == "GOTO":
-            return self._jump(ins, state)
-        if op == "CALL":
-            least, most = self.callees.get(ins.target, (None, None))
-            kept = _no_flags({loc: value for loc, value in state.items() if self._own(loc)})
-            kept.pop("W", None)
-            return [(2 + (least or 0), 2 + most if most is not None else -1, at + 1, kept)]
+        if op in ("GOTO", "CALL"):
+            return self._jump(ins, at, state)
         if ins.f == PCL and ins.writes_f:
-            return [(2, -1, None, state)]
+            if self.code.name.startswith("__"):
+                return [(4, 4, None, state)]  # into a table: RETLW
+            self._unknown("a computed jump", ins)
+            return [(2, None, None, state)]
         if op in SKIPS:
             return self._skip(at, ins, state)
-        _execute(ins, state)
+        execute(ins, state, self._followed)
         return [(1, 1, at + 1, state)]
 
-    def _own(self, loc: object) -> bool:
-        return not isinstance(loc, Byte) or loc.symbol in self.code.own
+    def _label(self, ins: Ins, at: int, state: State) -> list[_Way]:
+        bound = self.code.bounds.get(ins.target)
+        if bound is not None:
+            state[ins.target] = state.get(ins.target, 0) + 1
+            if state[ins.target] > bound:
+                return []
+        return [(0, 0, at + 1, state)]
 
-    def _jump(self, ins: Ins, state: State) -> list[tuple[int, int, int | None, State]]:
-        if ins.target in self.live.where:
+    def _followed(self, loc: object) -> bool:
+        return is_private(loc) or loc in self.counters
+
+    def _jump(self, ins: Ins, at: int, state: State) -> list[_Way]:
+        if ins.op == "GOTO" and ins.target in self.live.where:
             return [(2, 2, self.live.where[ins.target], state)]
-        least, most = self.callees.get(ins.target, (None, None))
-        return [(2 + (least or 0), 2 + most if most is not None else -1, None, state)]
+        times = self.callees.get(ins.target, Times(None, None))
+        if times.most is None:
+            self._unknown(f"{'call of' if ins.op == 'CALL' else 'jump to'} {ins.target}", ins)
+        most = None if times.most is None else 2 + times.most
+        changed = self.changed.get(ins.target, set())
+        kept = {loc: value for loc, value in state.items() if self._survives(loc, changed)}
+        return [(2 + (times.least or 0), most, at + 1 if ins.op == "CALL" else None, kept)]
 
-    def _skip(self, at: int, ins: Ins, state: State) -> list[tuple[int, int, int | None, State]]:
+    def _survives(self, loc: object, changed: set[Symbol]) -> bool:
+        """Whether a value is still known behind a call."""
+        if not isinstance(loc, Byte):
+            return loc not in ("W", "C", "Z")
+        return (loc.symbol in self.own or loc in self.counters) and loc.symbol not in changed
+
+    def _skip(self, at: int, ins: Ins, state: State) -> list[_Way]:
         after = self.live.next_real(at + 1) + 1
         taken: bool | None = None
         if ins.op in ("BTFSC", "BTFSS"):
-            value = _bit(ins, state)
+            value = bit_value(ins, state)
             taken = None if value is None else value == (ins.op == "BTFSS")
         else:
-            _execute(ins, state)
+            execute(ins, state, self._followed)
             result = state.get("W" if ins.d == 0 else ins.f)
             taken = None if result is None else result == 0
-        ways: list[tuple[int, int, int | None, State]] = []
+        ways: list[_Way] = []
         if taken is not True:
             ways.append((1, 1, at + 1, dict(state)))
         if taken is not False:
@@ -200,81 +291,15 @@ class _Explorer:
         return ways
 
 
-def _no_flags(state: State) -> State:
-    state.pop("C", None)
-    state.pop("Z", None)
-    return state
+def _shown(loc: object) -> str:
+    return f"{id(loc.symbol)}+{loc.offset}" if isinstance(loc, Byte) else str(loc)
 
 
-def _bit(ins: Ins, state: State) -> int | None:
-    if ins.f == STATUS:
-        return state.get({C: "C", Z: "Z"}.get(ins.b, ""))
-    value = state.get(ins.f)
-    return None if value is None else value >> ins.b & 1
-
-
-def _execute(ins: Ins, state: State) -> None:
-    """Change the known values as an instruction does; what it makes unknown is dropped."""
-    w, f = state.get("W"), state.get(ins.f) if ins.f is not None else None
-    k = ins.k if isinstance(ins.k, int) else None
-    carry = state.get("C")
-    result, new_carry = _compute(ins, w, f, k, carry)
-    for letter in ins.flags:
-        state.pop(letter, None)
-    if ins.f == STATUS and ins.op in ("BCF", "BSF"):
-        name = {C: "C", Z: "Z"}.get(ins.b)
-        if name is not None:
-            state[name] = int(ins.op == "BSF")
-        return
-    if "Z" in ins.flags and result is not None:
-        state["Z"] = int(result == 0)
-    if "C" in ins.flags and new_carry is not None:
-        state["C"] = new_carry
-    target: object = ins.f if ins.writes_f else "W" if ins.writes_w else None
-    if target is None:
-        return
-    state.pop(target, None)
-    if result is not None and (target == "W" or is_private(target)):
-        state[target] = result
-
-
-def _compute(
-    ins: Ins, w: int | None, f: int | None, k: int | None, carry: int | None
-) -> tuple[int | None, int | None]:
-    """(result, carry), each None when it is not known."""
-    one = {"MOVLW": k, "MOVWF": w, "MOVF": f, "CLRF": 0, "CLRW": 0}
-    if ins.op in one:
-        return one[ins.op], None
-    if f is not None:
-        match ins.op:
-            case "INCF" | "INCFSZ":
-                return f + 1 & 0xFF, None
-            case "DECF" | "DECFSZ":
-                return f - 1 & 0xFF, None
-            case "COMF":
-                return f ^ 0xFF, None
-            case "SWAPF":
-                return (f >> 4 | f << 4) & 0xFF, None
-            case "BSF":
-                return f | 1 << ins.b, None
-            case "BCF":
-                return f & ~(1 << ins.b), None
-            case "RLF":
-                return None if carry is None else (f << 1 | carry) & 0xFF, f >> 7
-            case "RRF":
-                return None if carry is None else f >> 1 | carry << 7, f & 1
-    other = k if ins.op.endswith("LW") else f
-    if w is None or other is None:
-        return None, None
-    match ins.op[:3]:
-        case "ADD":
-            return other + w & 0xFF, int(other + w > 0xFF)
-        case "SUB":
-            return other - w & 0xFF, int(other >= w)
-        case "AND":
-            return other & w, None
-        case "IOR":
-            return other | w, None
-        case "XOR":
-            return other ^ w, None
-    return None, None
+def _counts_global(ins: Ins) -> bool:
+    """Whether it counts in a variable of the program that only named instructions change."""
+    if ins.op not in _COUNTING or (not ins.writes_f and ins.op not in SKIPS):
+        return False
+    if not isinstance(ins.f, Byte) or is_private(ins.f):
+        return False
+    symbol = ins.f.symbol
+    return symbol.kind == "global" and not symbol.volatile and not symbol.pinned

@@ -250,6 +250,8 @@ class Loop:
     step: Expr | None
     post: bool
     place: Place
+    kind: str
+    """The keyword it was written with."""
 
 
 @dataclass(slots=True)

@@ -37,17 +37,21 @@ class ListedFunction:
     """Stack levels that it needs below itself."""
     least_cycles: int | None = None
     most_cycles: int | None = None
-    """Cycles from its first instruction to the end of its return; None where a loop has no known bound."""
+    """Cycles from its first instruction to the end of its return; None where that is not known or, with
+    `unbounded`, where it never returns or can take as long as you like.
+    """
+    unbounded: tuple[str, ...] = ()
+    """Its loops and calls without a known end: "while at line 12"."""
 
 
 @dataclass(frozen=True, slots=True)
 class Listing:
-    """Rows by address, functions by start, RAM variables by address, and the source texts by file name."""
+    """Rows by address, functions by start, RAM variables, and the source texts by file name."""
 
     rows: tuple[ListingRow, ...]
     functions: tuple[ListedFunction, ...] = ()
     variables: tuple[tuple[int, str, int], ...] = ()
-    """(address, name, bytes) of each variable, in order of address."""
+    """(address, name, bytes) of each variable; the compiler gives its temporaries last."""
     sources: tuple[tuple[str, str], ...] = ()
     """(file name, text) of each source file."""
 
@@ -85,20 +89,24 @@ def _functions(listing: Listing) -> Iterator[str]:
     width = max(len("function"), *(len(each.name) for each in listing.functions))
     yield f"{'function':<{width}}  start  words  bytes of RAM  deepest calls  cycles"
     for each in listing.functions:
-        cycles = _range(each.least_cycles, each.most_cycles)
+        cycles = _range(each)
         yield (
             f"{each.name:<{width}}  {each.start:04X}   {each.end - each.start:>5}  {each.ram_bytes:>12}  "
             f"{each.deepest_calls:>13}  {cycles}"
         )
+    for each in listing.functions:
+        if each.unbounded:
+            yield f"{each.name:<{width}}  unbounded: {', '.join(each.unbounded)}"
     yield ""
 
 
-def _range(least: int | None, most: int | None) -> str:
-    if least is None and most is None:
-        return "unknown"
+def _range(function: ListedFunction) -> str:
+    least, most = function.least_cycles, function.most_cycles
+    if least is None:
+        return "never returns" if function.unbounded else "unknown"
     if least == most:
         return str(least)
-    return f"{'?' if least is None else least} to {'unbounded' if most is None else most}"
+    return f"{least} to {'unbounded' if most is None else most}"
 
 
 def _ram(listing: Listing) -> Iterator[str]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
 
 from servogen.compiler import Options, Source, compile_sources
 from servogen.edges import PINS
-from servogen.pic.listing import ListedFunction
+from servogen.pic.listing import ListedFunction, listing_text
 from servogen.simulator import Machine
 from servogen.units import Clock
 
@@ -67,3 +69,133 @@ def test_main_never_returns_and_has_no_times() -> None:
     functions, _ = build("wait()", 0)
     assert functions["main"].least_cycles is None
     assert functions["main"].deepest_calls == 1
+
+
+LOOPS = """
+unsigned char i, n;
+unsigned int a, b, product;
+void step(void) { PORTB = n; }
+void global(void) { for (i = 0; i < 8; i++) step(); }
+void down(void) { unsigned char left = 10; do { n++; } while (--left); }
+void nested(void) { unsigned char x, y; for (x = 0; x < 5; x++) for (y = x; y < 5; y++) n++; }
+void wide(void) { for (a = 0; a < 300; a++) PORTB = a; }
+void multiply(void) { product = a * b; }
+void divide(void) { product = a / b; }
+void wait(void) {
+  while (!RB1)
+    ;
+}
+void waits(void) {
+  do {
+    for (i = 0; i < 3; i++) n++;
+    if (n) wait();
+  } while (RB2);
+}
+void jumps(void) {
+again:
+  if (RB3) goto again;
+}
+void store(void) { eeprom_write(1, 2); }
+void main(void) {
+  TRISB = 0;
+  a = A;
+  b = B;
+  PORTB = 1;
+  CALL();
+  RB0 = 0;
+  wait(); waits(); jumps(); store(); global(); down(); nested(); wide(); multiply(); divide();
+  while (1) {
+    n = 1;
+  }
+}
+"""
+
+
+def loops(call: str = "step", a: int = 0, b: int = 0) -> tuple[dict[str, ListedFunction], int]:
+    text = LOOPS.replace("CALL", call).replace("= A;", f"= {a};").replace("= B;", f"= {b};")
+    found = compile_sources([Source(text, "main.c")], Options(dialect="xc8"))
+    edges = Machine(found.image, Clock(4_000_000)).run(20_000)
+    times = [int(cycle) for cycle, pin in zip(edges.cycle, edges.pin, strict=True) if PINS[pin] == "RB0"]
+    after = next((two - one for one, two in pairwise(times[1:])), 0)
+    return {each.name: each for each in found.listing.functions}, after
+
+
+@pytest.mark.parametrize("name", ["down", "nested"])
+def test_loops_over_locals_and_inside_loops_are_counted(name: str) -> None:
+    functions, measured = loops(name)
+    assert functions[name].least_cycles == functions[name].most_cycles == measured - CALL - WRITE
+
+
+def test_a_loop_over_a_global_variable_is_counted_over_calls_that_leave_it_alone() -> None:
+    functions, _ = loops()
+    step = functions["step"].most_cycles
+    assert functions["global"].most_cycles == functions["global"].least_cycles
+    assert functions["global"].most_cycles > 8 * (step + CALL)  # type: ignore[operator]
+    assert functions["wide"].most_cycles == functions["wide"].least_cycles > 300 * 3  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("name", ["multiply", "divide"])
+@pytest.mark.parametrize(("a", "b"), [(0, 1), (65535, 65535), (65535, 1), (1, 65535), (12345, 678)])
+def test_multiplication_and_division_take_no_longer_than_listed(name: str, a: int, b: int) -> None:
+    functions, measured = loops(name, a, b)
+    listed = functions[name]
+    assert listed.least_cycles <= measured - CALL - WRITE <= listed.most_cycles  # type: ignore[operator]
+
+
+def test_the_longest_multiplication_is_nearly_reached() -> None:
+    functions, measured = loops("multiply", 65535, 65535)
+    assert functions["multiply"].most_cycles - (measured - CALL - WRITE) < 4 * 16  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("wait", ("while at line 12",)),
+        ("waits", ("call of wait at line 18", "do at line 16")),
+        ("jumps", ("loop at line 22",)),
+        ("store", ("jump to __eeprom_write at line 25",)),
+        ("__eeprom_write", ("waits for the EEPROM",)),
+        ("step", ()),
+    ],
+)
+def test_what_has_no_known_end_is_named(name: str, why: tuple[str, ...]) -> None:
+    functions, _ = loops()
+    assert functions[name].unbounded == why
+    assert (functions[name].most_cycles is None) == bool(why)
+
+
+def test_the_loop_of_main_is_named_and_the_text_shows_it() -> None:
+    found = compile_sources(
+        [Source(LOOPS.replace("CALL", "step").replace("= A", "= 1").replace("= B", "= 1"))]
+    )
+    text = listing_text(found.listing)
+    assert (
+        "while at line 34" in next(each for each in found.listing.functions if each.name == "main").unbounded
+    )
+    assert "wait            unbounded: while at line 12\n" in text
+    assert next(line for line in text.splitlines() if line.startswith("main ")).endswith("never returns")
+
+
+def test_a_loop_of_too_many_turns_is_named() -> None:
+    text = "void main(void) {\n  unsigned int n;\n  for (n = 0; n < 60000; n++)\n    PORTB = 1;\n}"
+    found = compile_sources([Source(text, "main.c")], Options(dialect="xc8"))
+    main = next(each for each in found.listing.functions if each.name == "main")
+    assert main.unbounded == ("for at line 3, too long to be counted",)
+
+
+@pytest.mark.parametrize(("unit_us", "call"), [(1000, "delay_ms"), (10, "delay_10us")])
+def test_a_variable_delay_is_longest_with_255(unit_us: int, call: str) -> None:
+    text = f"char n;\nvoid main() {{ n = PORTB; {call}(n); }}"
+    found = compile_sources([Source(text, "main.c")], Options(clock_hz=4_000_000))
+    routine = next(each for each in found.listing.functions if each.name.startswith("__delay"))
+    load_of_n = 1
+    assert routine.most_cycles == 255 * unit_us - load_of_n - CALL
+
+
+def test_the_programs_own_variables_come_before_what_the_compiler_needs() -> None:
+    functions = "int f(int x, int y) { int z = x * y; return z / (x + 1); }"
+    found = compile_sources([Source(f"int a;\n{functions}\nvoid main(void) {{ a = f(a, 3); }}", "main.c")])
+    names = [name for _, name, _ in found.listing.variables]
+    own = [name for name in names if "temporary" not in name]
+    assert names[: len(own)] == own == sorted(own, key=names.index)
+    assert {"a", "f.x", "f.y"} <= set(own) and not any(name.startswith("__") for name in own)
