@@ -261,7 +261,7 @@ class _Explorer:
             return [(2, 2, self.live.where[ins.target], state)]
         times = self.callees.get(ins.target, Times(None, None))
         if times.most is None:
-            self._unknown(f"{'call of' if ins.op == 'CALL' else 'jump to'} {ins.target}", ins)
+            self._unknown(f"call of {ins.target}", ins)
         most = None if times.most is None else 2 + times.most
         changed = self.changed.get(ins.target, set())
         kept = {loc: value for loc, value in state.items() if self._survives(loc, changed)}

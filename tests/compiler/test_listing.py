@@ -153,7 +153,7 @@ def test_the_longest_multiplication_is_nearly_reached() -> None:
         ("wait", ("while at line 12",)),
         ("waits", ("call of wait at line 18", "do at line 16")),
         ("jumps", ("loop at line 22",)),
-        ("store", ("jump to __eeprom_write at line 25",)),
+        ("store", ("call of __eeprom_write at line 25",)),
         ("__eeprom_write", ("waits for the EEPROM",)),
         ("step", ()),
     ],
@@ -165,15 +165,13 @@ def test_what_has_no_known_end_is_named(name: str, why: tuple[str, ...]) -> None
 
 
 def test_the_loop_of_main_is_named_and_the_text_shows_it() -> None:
-    found = compile_sources(
-        [Source(LOOPS.replace("CALL", "step").replace("= A", "= 1").replace("= B", "= 1"))]
-    )
-    text = listing_text(found.listing)
-    assert (
-        "while at line 34" in next(each for each in found.listing.functions if each.name == "main").unbounded
-    )
-    assert "wait            unbounded: while at line 12\n" in text
-    assert next(line for line in text.splitlines() if line.startswith("main ")).endswith("never returns")
+    text = LOOPS.replace("CALL", "step").replace("= A", "= 1").replace("= B", "= 1")
+    found = compile_sources([Source(text, "main.c")], Options(dialect="xc8"))
+    listing = listing_text(found.listing)
+    assert "main            unbounded: call of wait at line 33, " in listing
+    assert "call of store at line 33, while at line 34\n" in listing
+    assert "wait            unbounded: while at line 12\n" in listing
+    assert next(line for line in listing.splitlines() if line.startswith("main ")).endswith("never returns")
 
 
 def test_a_loop_of_too_many_turns_is_named() -> None:
