@@ -1,0 +1,159 @@
+"""The stream engine's protocol: what three bytes mean, as data and pure functions.
+
+In: servo numbers (0 to 7, a job's order), widths in cycles, times in frames. Out: the bytes of a command; and
+back: what a command is, which width a position byte asks for.
+
+    FF n     p      position p of servo n                    width = min + p (max - min) / 254
+    FF 40+n  s      at most s cycles a frame; 0: no limit
+    FF 80    0      a group begins: positions that follow wait, and their servos with them
+    FF 80    t      the group goes: all of it starts in one frame, and is there t frames later
+    FF C0+n  127+c  trim c of servo n, to the EEPROM
+    FF F0    q      a question, answered with one byte
+
+FF never stands for anything but the beginning, so that a receiver that lost its place finds it with the next.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from servogen.errors import InputError
+from servogen.robot.servo import Servo
+from servogen.units import Clock, Cycles
+
+SYNC = 0xFF
+MOST = 254
+"""The greatest third byte."""
+MOST_SERVOS = 8
+
+BYTES = 3
+BITS = 10
+"""Of a byte on the line: start, eight of data (lowest first), stop."""
+
+MOST_TRIM = 127
+TRIM_ZERO = 127
+NO_TRIM = 0xFF
+"""An erased byte of the EEPROM; as two's complement it is -1, which therefore cannot be said."""
+
+SCALE_BITS = 8
+ASK_HIGH, ASK_LOW, ASK_MOVING = 0x00, 0x08, 0x10
+"""Questions: high or low byte of servo n's width (+ n); which servos are under way, servo n in bit n."""
+
+
+class Kind(Enum):
+    """What a command's second byte says; its value is that byte, for servo 0."""
+
+    POSITION = 0x00
+    SPEED = 0x40
+    GROUP = 0x80
+    TRIM = 0xC0
+    QUERY = 0xF0
+
+    @property
+    def of_a_servo(self) -> bool:
+        """Whether a servo's number is added to it."""
+        return self in (Kind.POSITION, Kind.SPEED, Kind.TRIM)
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """`servo` is 0 where the kind is of all servos; `value` is the third byte."""
+
+    kind: Kind
+    servo: int
+    value: int
+
+    def to_bytes(self) -> bytes:
+        return bytes((SYNC, self.kind.value + self.servo, self.value))
+
+
+def command_of(second: int, third: int, servos: int = MOST_SERVOS) -> Command | None:
+    """The command that two bytes behind SYNC are; None for what a chip with `servos` servos ignores."""
+    if not 0 <= third <= MOST:
+        return None
+    for kind in Kind:
+        number = second - kind.value
+        if 0 <= number < (servos if kind.of_a_servo else 1):
+            return Command(kind, number, third)
+    return None
+
+
+def position_command(servo: int, p: int) -> bytes:
+    return _command(Kind.POSITION, servo, p)
+
+
+def speed_command(servo: int, cycles_a_frame: int) -> bytes:
+    """At most so many cycles of width a frame; 0: no limit."""
+    return _command(Kind.SPEED, servo, cycles_a_frame)
+
+
+def group_begins() -> bytes:
+    """Positions from here on wait for `group_goes`."""
+    return _command(Kind.GROUP, 0, 0)
+
+
+def group_goes(frames: int) -> bytes:
+    """Those that wait start in one frame and arrive together after `frames` frames."""
+    if frames < 1:
+        raise InputError("a group's time is at least one frame")
+    return _command(Kind.GROUP, 0, frames)
+
+
+def trim_command(servo: int, cycles: int) -> bytes:
+    """`cycles` from -127 to 127, but not -1: its byte in the EEPROM would be the erased one."""
+    if not -MOST_TRIM <= cycles <= MOST_TRIM or trim_byte(cycles) == NO_TRIM:
+        raise InputError(f"a trim of {cycles} cycles cannot be said", hint="-127 to 127 cycles, but not -1")
+    return _command(Kind.TRIM, servo, TRIM_ZERO + cycles)
+
+
+def query_command(question: int) -> bytes:
+    """ASK_HIGH + n, ASK_LOW + n or ASK_MOVING; the answer is one byte."""
+    return _command(Kind.QUERY, 0, question)
+
+
+def _command(kind: Kind, servo: int, value: int) -> bytes:
+    if not 0 <= servo < MOST_SERVOS:
+        raise InputError(f"there is no servo {servo}", hint=f"servos are 0 to {MOST_SERVOS - 1}")
+    if not 0 <= value <= MOST:
+        raise InputError(f"{value} is no third byte of a command", hint=f"0 to {MOST}")
+    return Command(kind, servo, value).to_bytes()
+
+
+def trim_byte(cycles: int) -> int:
+    """A trim's byte in the EEPROM: two's complement."""
+    return cycles & 0xFF
+
+
+def trim_cycles(byte: int) -> int:
+    """The trim that a byte of the EEPROM is."""
+    return 0 if byte == NO_TRIM else (byte ^ 0x80) - 0x80
+
+
+@dataclass(frozen=True, slots=True)
+class Travel:
+    """A servo's widths without trim; position p asks for `width(p)`, the chip's own arithmetic."""
+
+    least: Cycles
+    most: Cycles
+
+    @property
+    def scale(self) -> int:
+        """256ths of a cycle a position step, rounded: what the chip multiplies p with."""
+        return (2 * (self.most - self.least << SCALE_BITS) + MOST) // (2 * MOST)
+
+    def width(self, p: int) -> Cycles:
+        """min + p (max - min) / 254, within a cycle of it; exact at 0 and 254."""
+        if not 0 <= p <= MOST:
+            raise InputError(f"{p} is no position", hint=f"0 to {MOST}")
+        return Cycles(self.least + (p * self.scale + (1 << SCALE_BITS - 1) >> SCALE_BITS))
+
+    def nearest(self, width: float) -> int:
+        """The p whose width is nearest, the smaller of two; the end for a width beyond it."""
+        return min(range(MOST + 1), key=lambda p: (abs(self.width(p) - width), p))
+
+
+def travel(servo: Servo, clock: Clock) -> Travel:
+    """The widths of p = 0 and p = 254: the ends of what the servo may be told, its own trim included."""
+    low, high = (clock.round_us(width).cycles for width in servo.widths_us)
+    return Travel(low, high)
