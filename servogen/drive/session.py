@@ -1,0 +1,169 @@
+"""One drive: a motion sent over a line until it is over, and the robot stopped whatever happens.
+
+In: the motion, the orders, the controller, the line, the time. Out: `Summary`; every command and event goes
+to a log while it happens.
+
+    sample the motion ─▶ positions that changed, servo by servo, each as soon as the line is free ─▶ sample …
+
+The line decides how often the motion is sampled: what it cannot carry is never queued. A port that went away
+is waited for; the motion stands still meanwhile, and then every servo is sent its position again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+
+from servogen.bench.ports import Unplugged
+from servogen.drive.controller import Controller
+from servogen.drive.line import Line, Time
+from servogen.drive.motions import Motion
+from servogen.drive.words import QUIT, Silence, Words
+from servogen.errors import InputError, ToolError
+from servogen.motion.trajectory import Floats
+
+Log = Callable[[dict[str, object]], None]
+
+LOOK_S = 0.005
+"""How long nothing is done where nothing has changed: much less than a servo's frame."""
+
+REFRESH_S = 0.5
+"""A robot at rest is sent one position so often: the next one in turn, so that a lost byte is mended."""
+
+
+@dataclass(slots=True)
+class Summary:
+    """What was sent. `rounds`: poses of which a servo changed; `slowest_s`: the longest took so long."""
+
+    seconds: float = 0.0
+    commands: int = 0
+    rounds: int = 0
+    slowest_s: float = 0.0
+    outages: int = 0
+    away_s: float = 0.0
+    stopped: bool = False
+
+    @property
+    def poses_per_second(self) -> float:
+        moving = self.seconds - self.away_s
+        return self.rounds / moving if moving > 0 else 0.0
+
+    def as_dict(self) -> dict[str, object]:
+        return {**asdict(self), "poses_per_second": self.poses_per_second}
+
+
+@dataclass(slots=True)
+class Session:
+    """What a drive is made of: `words` go to `order`; `stop` ends it, None: the robot stays as it is."""
+
+    controller: Controller
+    line: Line
+    time: Time
+    log: Log
+    stop: Floats | None = None
+    words: Words = field(default_factory=Silence)
+    order: Callable[[str], None] = field(default=lambda word: None)
+    summary: Summary = field(default_factory=Summary)
+    _sent: list[int | None] = field(init=False)
+    _turn: int = 0
+    _begun: float = 0.0
+    _last: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._sent = [None] * len(self.controller.channels)
+
+    def run(self, motion: Motion) -> Summary:
+        """Drives until the motion is over or `quit` comes, then stops the robot; also after any error.
+
+        Raises ToolError where the port does not come back, InputError for an order that is none.
+        """
+        self._begun = self._last = self.time.now()
+        moment = 0.0
+        try:
+            while (angles := self._ordered(motion, moment)) is not None:
+                if self._followed(angles):
+                    moment = self.time.now() - self._begun - self.summary.away_s
+        finally:
+            self._stop()
+            self.summary.seconds = self.time.now() - self._begun
+        return self.summary
+
+    def _ordered(self, motion: Motion, moment: float) -> Floats | None:
+        """The angles of that moment, after the orders that came until then; None: it is over."""
+        for word in self.words.since(moment):
+            self.log({"s": round(moment, 4), "order": word})
+            if word == QUIT:
+                return None
+            self.order(word)
+        return motion.at(moment)
+
+    def _followed(self, angles: Floats) -> bool:
+        """Sends what changed; whether the robot has it: False after a port was away."""
+        changed = self.controller.changes(self._sent, angles)
+        begin = self.time.now()
+        if changed:
+            self.summary.rounds += 1
+        elif begin - self._last >= REFRESH_S:
+            changed = self._refreshed()
+        try:
+            for index, position in changed:
+                self._one(index, position)
+        except Unplugged as error:
+            self._recover(error)
+            return False
+        if changed:
+            self.summary.slowest_s = max(self.summary.slowest_s, self._last - begin)
+            self.line.drain()  # so that the next sample is not older than what it takes to send it
+        else:
+            self.time.sleep(LOOK_S)
+        return True
+
+    def _refreshed(self) -> list[tuple[int, int]]:
+        """The servo whose turn it is, as it was sent last."""
+        known = [(index, p) for index, p in enumerate(self._sent) if p is not None]
+        self._turn += 1
+        return [known[self._turn % len(known)]] if known else []
+
+    def _one(self, index: int, position: int) -> None:
+        command = self.controller.command(index, position)
+        ends = self.line.send(command)
+        self._sent[index], self._last = position, ends
+        self.summary.commands += 1
+        channel = self.controller.channels[index]
+        self.log(
+            {
+                "s": round(ends - self._begun, 4),
+                "servo": channel.servo.name,
+                "number": channel.number,
+                "position": position,
+                "width_us": round(channel.width_us(position), 3),
+                "bytes": command.hex(" "),
+            }
+        )
+
+    def _recover(self, error: Unplugged) -> None:
+        """Waits for the port; what the robot has of the last pose is not known."""
+        self.log({"s": self._now(), "event": "lost", "text": str(error)})
+        away = self.line.again()
+        self.summary.outages += 1
+        self.summary.away_s += away
+        self._sent = [None] * len(self._sent)
+        self.log({"s": self._now(), "event": "back", "away_s": round(away, 3)})
+
+    def _stop(self) -> None:
+        """The stop pose, every servo; a line that is gone is logged: another error may be on its way."""
+        if self.stop is None:
+            return
+        self._sent = [None] * len(self._sent)
+        try:
+            for index, position in self.controller.changes(self._sent, self.stop):
+                self._one(index, position)
+            self.line.drain()
+        except (ToolError, InputError) as error:
+            self.log({"s": self._now(), "event": "not stopped", "text": str(error)})
+            return
+        self.summary.stopped = True
+        self.log({"s": self._now(), "event": "stopped"})
+
+    def _now(self) -> float:
+        return round(self.time.now() - self._begun, 4)

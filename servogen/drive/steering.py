@@ -1,0 +1,28 @@
+"""What a job's robot is steered by: a walking robot walks and turns, a base rolls, any other goes to poses.
+
+In: a job. Out: its `Steering`.
+"""
+
+from __future__ import annotations
+
+from servogen.drive.orders import Rates, Steering
+from servogen.drive.poser import Poser
+from servogen.drive.roller import roller
+from servogen.drive.walker import walker
+from servogen.errors import InputError, Place
+from servogen.job import Job
+from servogen.robot.model import Hexapod, OmniBase
+
+
+def steering_of(job: Job, rates: Rates) -> Steering:
+    """Raises InputError where the robot cannot go any of the ways, or has nothing to be steered by."""
+    if isinstance(job.robot, Hexapod) and not job.poses:
+        return walker(job, rates)
+    if isinstance(job.robot, OmniBase) and job.wheels:
+        return roller(job, job.robot, rates)
+    if job.poses:
+        return Poser(job)
+    raise InputError(
+        "there is nothing to steer: keys walk a walking robot, roll a base, or go to the poses of [motion]",
+        Place(job.file),
+    )

@@ -1,0 +1,279 @@
+"""A drive sends what the motion asks for, as fast as the line carries it, and stops the robot at its end."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from servogen.drive.controller import Channel, Controller, controller_of
+from servogen.drive.line import Line
+from servogen.drive.motions import Limited, Motion, Played, Still, pose_of
+from servogen.drive.session import REFRESH_S, Session, Summary
+from servogen.drive.words import script
+from servogen.errors import InputError, ToolError
+from servogen.job import Job, load, loads
+from servogen.motion.trajectory import Floats
+from tests.drive.mini_ssc import Robot
+
+JOBS = Path(__file__).parents[2] / "jobs"
+LOW, HIGH = 500.0, 2500.0
+RANGE = "500,2500"
+
+
+def servos(count: int) -> Job:
+    """A job of so many equal servos, that all go from 30° to 150° and back in two seconds, for ever."""
+    text = '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n'
+    for index in range(count):
+        text += f'[[servo]]\nname = "s{index}"\npin = "RB{index}"\nmodel = "futaba-s3001"\n'
+    first, second = (", ".join(f"s{i}_deg = {angle}" for i in range(count)) for angle in (30, 150))
+    poses = f'{{ name = "low", {first}, move_s = 1 }}, {{ {second}, move_s = 1 }}'
+    return loads(text + f"[motion]\nposes = [{poses}]\n[frame]\nper_slot = 2\n", "job.toml")
+
+
+class Sine:
+    """Servo angles that never stand still."""
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+
+    def at(self, seconds: float) -> Floats:
+        return np.full(self.count, math.pi / 2 + math.sin(3 * seconds))
+
+
+def driven(job: Job, motion: Motion, robot: Robot, **more: object) -> tuple[Summary, list[dict[str, object]]]:
+    log: list[dict[str, object]] = []
+    baud, controller = controller_of(job, robot.baud, RANGE, 0)
+    patience: float = more.pop("patience", 10.0)  # type: ignore[assignment]
+    with Line(robot.open, baud, robot.time(), patience) as line:
+        session = Session(controller, line, robot.time(), log.append, **more)  # type: ignore[arg-type]
+        session.run(motion)
+    assert robot.open_now == 0
+    return session.summary, log
+
+
+def angle_of(position: int) -> float:
+    """Of a Futaba S3001: 1000 µs at 0°, 2000 µs at 180°."""
+    return (LOW + position * (HIGH - LOW) / 254 - 1000) / 1000 * math.pi
+
+
+@pytest.mark.parametrize(("baud", "count"), [(2400, 1), (2400, 8), (9600, 8)])
+def test_what_arrives_is_the_motion_no_older_than_one_pose_takes(baud: int, count: int) -> None:
+    robot = Robot(baud)
+    driven(servos(count), Limited(Sine(count), 3.0), robot)
+    pose_s = count * 30 / baud
+    step = (HIGH - LOW) / 254 / 1000 * math.pi
+    for moment, _, position in robot.arrived[count:]:
+        then = [math.pi / 2 + math.sin(3 * (moment - late)) for late in np.linspace(0, pose_s + 1e-6, 50)]
+        assert min(then) - step / 2 - 1e-3 <= angle_of(position) <= max(then) + step / 2 + 1e-3
+
+
+def test_a_moving_robot_keeps_the_line_full() -> None:
+    robot = Robot(2400)
+    summary, _ = driven(servos(8), Limited(Sine(8), 5.0), robot)
+    assert summary.commands / summary.seconds > 0.9 * 80, "80 positions of three bytes a second"
+    assert summary.poses_per_second == pytest.approx(10, rel=0.1)
+    assert summary.slowest_s == pytest.approx(0.1, rel=0.01)
+
+
+def test_only_positions_that_changed_are_sent() -> None:
+    robot = Robot(9600)
+    job = servos(3)
+    driven(job, Limited(Still(pose_of(job, "s1=40")), 0.3), robot)
+    assert [number for _, number, _ in robot.arrived] == [1]
+
+
+def test_a_robot_at_rest_is_sent_its_positions_again_in_turn() -> None:
+    robot = Robot(9600)
+    job = servos(3)
+    driven(job, Limited(Still(pose_of(job, "low")), 3.9 * REFRESH_S), robot)
+    assert sorted(number for _, number, _ in robot.arrived[3:]) == [0, 1, 2]
+    assert len({position for _, _, position in robot.arrived}) == 1
+
+
+def test_frames_of_a_trajectory_are_played_in_their_own_time() -> None:
+    job = servos(1)
+    robot = Robot(9600)
+    driven(job, Limited(Played(job.trajectory), 5.0), robot)
+    for moment, _, position in robot.arrived:
+        width = LOW + position * (HIGH - LOW) / 254
+        frames = [int((moment - late) / 0.02 + 1e-6) % len(job.trajectory.angles) for late in (0, 0.0085)]
+        wanted = [job.servos[0].width_us(float(job.trajectory.angles[frame, 0])) for frame in frames]
+        assert min(wanted) - 4 <= width <= max(wanted) + 4
+
+
+def test_a_motion_that_ends_is_over_at_its_last_frame() -> None:
+    job = load(JOBS / "lab8-exercise.toml")
+    text = (JOBS / "lab8-exercise.toml").read_text().replace("repeat = true", "repeat = false")
+    ended = loads(text.replace("hold_s = 5", "hold_s = 1"), job.file)
+    robot = Robot(9600)
+    summary, _ = driven(ended, Played(ended.trajectory), robot)
+    assert summary.seconds == pytest.approx(6.02, abs=0.05)
+    assert angle_of(robot.decoder.positions[0]) == pytest.approx(math.radians(120), abs=0.02)
+
+
+def test_after_an_outage_the_whole_pose_is_sent_again_and_the_motion_goes_on_where_it_was() -> None:
+    job = servos(4)
+    robot = Robot(9600, faults=[(1.0, 2.3)])
+    summary, log = driven(job, Limited(Played(job.trajectory), 2.0), robot)
+    assert summary.outages == 1
+    assert 2.3 <= summary.away_s < 2.3 + 0.6, "it looks every half second"
+    assert [entry["event"] for entry in log if "event" in entry] == ["lost", "back"]
+    assert robot.opened == 2
+    before = [each for each in robot.arrived if each[0] < 1.0]
+    after = [each for each in robot.arrived if each[0] > 3.3]
+    assert [number for _, number, _ in after[:4]] == [0, 1, 2, 3]
+    assert abs(after[0][2] - before[-1][2]) <= 6, "no jump: the motion stood still meanwhile"
+
+
+def test_a_pose_that_was_torn_is_sent_whole_when_the_port_is_back() -> None:
+    job = servos(4)
+    robot = Robot(2400, faults=[(0.02, 1.0)])
+    driven(job, Limited(Still(pose_of(job, "low")), 0.0), robot)
+    assert [number for _, number, _ in robot.arrived] == [0, 1, 0, 1, 2, 3]
+
+
+def test_a_port_that_stays_away_is_an_error_and_what_could_not_be_done_is_said() -> None:
+    job = servos(1)
+    robot = Robot(9600, faults=[(1.0, math.inf)])
+    log: list[dict[str, object]] = []
+    baud, controller = controller_of(job, 9600, RANGE, 0)
+    line = Line(robot.open, baud, robot.time(), 5.0)
+    session = Session(controller, line, robot.time(), log.append, pose_of(job, "s0=90"))
+    with pytest.raises(ToolError, match="did not come back within 5 s: there is no such port"):
+        session.run(Sine(1))
+    assert not session.summary.stopped
+    assert log[-1]["event"] == "not stopped"
+    assert robot.now < 7
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ZeroDivisionError])
+def test_whatever_ends_a_drive_the_robot_is_stopped(error: type[BaseException]) -> None:
+    job = servos(2)
+    robot = Robot(2400)
+
+    def interrupt() -> None:
+        if robot.now > 1:
+            robot.after_wait = lambda: None
+            raise error
+
+    robot.after_wait = interrupt
+    baud, controller = controller_of(job, 2400, RANGE, 0)
+    with Line(robot.open, baud, robot.time(), 5.0) as line:
+        session = Session(controller, line, robot.time(), lambda entry: None, pose_of(job, "s0=90,s1=45"))
+        with pytest.raises(error):
+            session.run(Sine(2))
+    assert session.summary.stopped
+    last = robot.arrived[-2:]
+    assert [number for _, number, _ in last] == [0, 1]
+    assert [angle_of(position) for _, _, position in last] == pytest.approx(
+        [math.pi / 2, math.pi / 4], abs=0.02
+    )
+    assert robot.now >= last[-1][0] - 1e-9, "the line is not closed before the last byte is out"
+
+
+def test_orders_of_a_script_come_in_their_time_and_its_end_ends_the_drive() -> None:
+    job = servos(1)
+    robot = Robot(9600)
+    orders: list[tuple[float, str]] = []
+    words = script("one # comment\nwait 1\n\ntwo\nthree\nwait 0.5\n")
+    summary, _ = driven(
+        job,
+        Still(pose_of(job, "low")),
+        robot,
+        words=words,
+        order=lambda word: orders.append((robot.now, word)),
+    )
+    assert [word for _, word in orders] == ["one", "two", "three"]
+    assert [moment for moment, _ in orders] == pytest.approx([0, 1, 1], abs=0.03)
+    assert summary.seconds == pytest.approx(1.5, abs=0.05)
+
+
+def test_an_order_that_is_none_stops_the_robot() -> None:
+    job = servos(1)
+    robot = Robot(9600)
+
+    def refuse(word: str) -> None:
+        raise InputError(f"'{word}' is no order")
+
+    with pytest.raises(InputError, match="no order"):
+        driven(
+            job,
+            Still(pose_of(job, "low")),
+            robot,
+            words=script("jump"),
+            order=refuse,
+            stop=pose_of(job, "s0=60"),
+        )
+    assert angle_of(robot.decoder.positions[0]) == pytest.approx(math.radians(60), abs=0.02)
+
+
+def test_positions_never_pass_a_servos_limits() -> None:
+    job = loads(
+        (JOBS / "lab8-exercise.toml")
+        .read_text()
+        .replace("trim_us = 0", "min_deg = 1.3\nmax_deg = 178.1\ntrim_us = 7"),
+        "job.toml",
+    )
+    servo = job.servos[0]
+    channel = Channel(servo, 0, LOW, HIGH)
+    least, most = servo.widths_us
+    for degrees in np.linspace(1.3, 178.1, 997).tolist():
+        width = channel.width_us(channel.position(math.radians(degrees)))
+        assert least <= width <= most
+        assert abs(width - servo.width_us(math.radians(degrees))) <= channel.step_us
+    with pytest.raises(InputError, match="cannot go to 180°"):
+        channel.position(math.pi)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"range_us": None}, "nothing says which widths positions 0 and 254 are"),
+        ({"range_us": "2000,1000"}, "is no range of widths"),
+        ({"range_us": "1000"}, "is no range of widths"),
+        ({"first": 252}, "8 servos from number 252 on"),
+    ],
+)
+def test_a_controller_that_cannot_be_is_refused(options: Mapping[str, object], says: str) -> None:
+    given = {"range_us": RANGE, "first": 0, **options}
+    with pytest.raises(InputError, match=says):
+        controller_of(servos(8), 9600, **given)  # type: ignore[arg-type]
+
+
+def test_a_width_that_the_controller_cannot_make_is_refused_not_clamped() -> None:
+    job = servos(1)
+    channel = Channel(job.servos[0], 0, 1200, 1800)
+    assert channel.width_us(channel.position(math.pi / 2)) == pytest.approx(1500, abs=2)
+    with pytest.raises(InputError, match="would need pulses of 1000 µs: the controller makes 1200 to 1800"):
+        channel.position(0.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("9", "the job has no pose '9'"),
+        ("high", "the job has no pose 'high'"),
+        ("s0=ten", "'ten' is no angle"),
+        ("s7=10", "there is no servo 's7'"),
+        ("s0=200", "cannot go to 200°"),
+    ],
+)
+def test_a_pose_that_is_not_there_is_refused(text: str, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        pose_of(servos(2), text)
+
+
+def test_a_pose_is_called_by_number_name_or_angles() -> None:
+    job = servos(2)
+    assert np.degrees(pose_of(job, "2")).tolist() == pytest.approx([150, 150])
+    assert (pose_of(job, "low") == pose_of(job, "1")).all()
+    some = np.degrees(pose_of(job, "s1=12.5"))
+    assert math.isnan(some[0])
+    assert some[1] == pytest.approx(12.5)
+
+
+def test_commands_are_sync_number_position() -> None:
+    controller = Controller(tuple(Channel(servo, 5, LOW, HIGH) for servo in servos(1).servos))
+    assert controller.command(0, 127) == b"\xff\x05\x7f"
