@@ -33,6 +33,7 @@ MARKERS = (
     "its schedule, and how long it is looked at",
     f"{BENCH_MARK}: the test needs a chip on the bench",
 )
+NO_PROGRAMMER = "the program under test is not on the chip: no programmer is named"
 CAPTURES = "servogen-captures"
 """The folder, below pytest's root, where what a failed test saw is written."""
 
@@ -51,6 +52,7 @@ class Capture:
         return self.seen.source
 
 
+BENCH: pytest.StashKey[Bench] = pytest.StashKey()
 SEEN: pytest.StashKey[list[Capture]] = pytest.StashKey()
 
 
@@ -75,6 +77,18 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help="what the tests of firmware run on (default: sim, the simulated chip)",
     )
     group.addoption("--servogen-port", metavar="PORT", help="the bench's analyser, as /dev/ttyACM0")
+    group.addoption(
+        "--servogen-programmer",
+        metavar="NAME",
+        help="program the bench's chip with the program under test first: picpro, pk2cmd, ... "
+        "(default: the chip holds what it holds)",
+    )
+    group.addoption(
+        "--servogen-programmer-port", metavar="PORT", help="the bench's programmer, as /dev/ttyUSB0"
+    )
+    group.addoption(
+        "--servogen-device", metavar="CHIP", default="PIC16F84A", help="the bench's chip (default: PIC16F84A)"
+    )
     group.addoption(
         "--servogen-build", metavar="DIR", help="main.hex and schedule.json of tests without a mark"
     )
@@ -107,7 +121,7 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
     report = yield
     if report.when == "call" and report.failed:
         for capture in item.stash.get(SEEN, []):
-            path = capture.seen.file or _write(item, capture, item.config.rootpath / CAPTURES)
+            path = _write(item, capture, item.config.rootpath / CAPTURES)
             report.sections.append(("servogen capture", f"{path}: what was seen on {capture.source}"))
             capture.properties.append(("servogen_capture", str(path)))
     return report
@@ -143,12 +157,27 @@ def servogen_target(request: pytest.FixtureRequest) -> Target:
     if replay:
         target = Replay(request.config.invocation_params.dir / replay, _name(request.node))
     elif request.config.getoption("servogen_target") == "bench":
-        folder = request.getfixturevalue("tmp_path_factory").mktemp("servogen-bench")
-        target = Bench(str(request.config.getoption("servogen_port")), folder)
+        target = _bench(request)
     else:
         target = Simulator()
     request.node.user_properties.append(("servogen_target", target.name))
     return target
+
+
+def _bench(request: pytest.FixtureRequest) -> Bench:
+    """The bench of this run: one for all tests, so that a chip is not programmed twice with one program."""
+    known = request.config.stash.get(BENCH, None)
+    if known is None:
+        option = request.config.getoption
+        known = Bench(
+            option("servogen_port"),
+            option("servogen_programmer"),
+            option("servogen_programmer_port"),
+            option("servogen_device"),
+            request.getfixturevalue("tmp_path_factory").mktemp("servogen-bench"),
+        )
+        request.config.stash[BENCH] = known
+    return known
 
 
 @pytest.fixture
@@ -158,7 +187,10 @@ def servogen_capture(
     """What the pins do while the program runs, after it was loaded and the chip reset."""
     from servogen.pipeline.targets import Replay
 
-    if not isinstance(servogen_target, Replay):
+    there = isinstance(servogen_target, Bench) and servogen_target.programmer is None
+    if there:
+        request.node.user_properties.append(("servogen_program", "what was on the chip"))
+    elif not isinstance(servogen_target, Replay):
         servogen_target.load(request.getfixturevalue("servogen_image"))
     mark = request.node.get_closest_marker(MARK)
     seen = servogen_target.capture(servogen_schedule, mark.kwargs.get("seconds") if mark else None)
@@ -203,31 +235,55 @@ def _write(node: pytest.Item, capture: Capture, folder: Path) -> Path:
     from servogen.pipeline.targets import record
 
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{_name(node)}.vcd"
-    record(capture.seen, path)
-    return path
+    return record(capture.seen, folder / f"{_name(node)}.vcd")
 
 
-@dataclass(frozen=True)
+@dataclass
 class Bench:
-    """A chip on the bench, which holds the program already, and an analyser that looks at it."""
+    """A chip on the bench: a programmer that loads it, where there is one, and an analyser that looks at it.
+
+    Without a programmer the chip holds what it holds, and no program is said to have been tested.
+    """
 
     port: str
+    programmer: str | None
+    programmer_port: str | None
+    device: str
     folder: Path
+    on_chip: Image | None = None
+    """What was programmed by this run."""
     name = "bench"
 
     def load(self, image: Image) -> None:
-        return
+        """Programs the chip unless it holds the image already. Raises as `servogen flash` does."""
+        from servogen.bench.flash_checks import objections
+        from servogen.bench.flashing import flash
+        from servogen.bench.programmers import Order, find
+        from servogen.outputs import write_text
+        from servogen.pic.device import device
+        from servogen.pic.image import to_hex
+
+        if self.programmer is None:
+            raise InputError(NO_PROGRAMMER, hint="--servogen-programmer=picpro, with its port")
+        if image == self.on_chip:
+            return
+        against_it = objections(image)
+        if against_it:
+            raise InputError("; ".join(against_it))
+        self.on_chip = None
+        path = self.folder / "image.hex"
+        write_text(path, to_hex(image))
+        flash(find(self.programmer), Order(path, device(self.device), self.programmer_port), image)
+        self.on_chip = image
 
     def capture(self, schedule: PulseSchedule, seconds: float | None) -> Seen:
         """As `servogen capture` looks: by default at the whole loop. Raises ToolError."""
-        from servogen.cli.bench_commands import capture
-        from servogen.edge_files.captures import read_capture
+        from servogen.cli.capture_command import capture
         from servogen.outputs import write_text
-        from servogen.pipeline.targets import Seen
+        from servogen.pipeline.targets import captured
 
         against, path = self.folder / "schedule.json", self.folder / "capture.vcd"
         write_text(against, schedule.to_json())
         capture(output=path, port=self.port, against=against, seconds=seconds)
-        found = read_capture(path)
-        return Seen(found.trace.stored(), f"the bench, by the analyser on {self.port}", True, found.sample)
+        which = "which this run programmed" if self.on_chip else "which this run did not program"
+        return captured(path, f"the bench's chip, {which}, by the analyser on {self.port}")

@@ -127,7 +127,10 @@ def test_the_same_test_runs_on_the_bench(
     result = run(project, *bench, "--servogen-record=seen", "--junitxml=report.xml")
     result.assert_outcomes(**{outcome: 1})
     found = properties(project.path / "report.xml")
-    assert found["servogen_source"] == f"the bench, by the analyser on {port}"
+    assert found["servogen_source"] == (
+        f"the bench's chip, which this run did not program, by the analyser on {port}"
+    )
+    assert found["servogen_program"] == "what was on the chip"
     replayed = run(project, "--servogen-replay=seen")
     replayed.assert_outcomes(**{outcome: 1})
     if outcome == "passed":

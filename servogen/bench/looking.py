@@ -6,19 +6,31 @@ under another name and says in the file that it is not whole.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from servogen.bench.sump import Runs
 from servogen.edge_files.captures import capture_writer
-from servogen.edges import EdgeChunk, edge_chunk
+from servogen.edges import UNDRIVEN, EdgeChunk, edge_chunk, join, part
 from servogen.errors import InputError, Place
 from servogen.units import Cycles
 
 SUFFIX = ".vcd"
 PARTIAL = ".partial"
+SEAMS_A_SECOND = 1000
+"""Between two captures in one file nothing is known: a millisecond without a level stands for it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """What is written: the changes in samples, up to sample `end`; `pieces` where it is several captures."""
+
+    chunk: EdgeChunk
+    end: int
+    pieces: tuple[tuple[int, int], ...] = ()
 
 
 def edges(runs: Runs, wires: Mapping[int, int]) -> EdgeChunk:
@@ -51,12 +63,38 @@ def partial_name(path: Path) -> Path:
     return path.with_name(f"{path.stem}{PARTIAL}{path.suffix}")
 
 
+def cut(record: Record, begin: int, end: int) -> Record:
+    """The samples from `begin` up to `end` of one capture."""
+    chunk = record.chunk
+    before = int(np.searchsorted(chunk.cycle, begin, side="right"))
+    level = dict(zip(chunk.pin[:before].tolist(), chunk.level[:before].tolist(), strict=True))
+    inside = part(chunk, slice(before, int(np.searchsorted(chunk.cycle, end))))
+    at_begin = edge_chunk([0] * len(level), list(level), list(level.values()))
+    return Record(join((at_begin, inside._replace(cycle=inside.cycle - begin))), end - begin)
+
+
+def stitched(records: Sequence[Record], rate: int) -> Record:
+    """One record of several captures, one behind the other, with no levels between them."""
+    if len(records) == 1:
+        return records[0]
+    gap = -(-rate // SEAMS_A_SECOND)
+    chunks, pieces, now = [], [], 0
+    for record in records:
+        chunks.append(record.chunk._replace(cycle=record.chunk.cycle + now))
+        pieces.append((now, now + record.end))
+        wired = np.unique(record.chunk.pin)
+        now += record.end
+        chunks.append(edge_chunk(np.full(len(wired), now), wired, np.full(len(wired), UNDRIVEN)))
+        now += gap
+    return Record(join(chunks[:-1]), now - gap, tuple(pieces))
+
+
 def write_capture(
-    path: Path, rate: int, chunk: EdgeChunk, end: int, servos: Mapping[str, str], missing: str | None = None
+    path: Path, rate: int, record: Record, servos: Mapping[str, str], missing: str | None = None
 ) -> Path:
     """Writes edges in samples; the path of the file, which is another where something is `missing`."""
     target = path if missing is None else partial_name(path)
-    with capture_writer(target, rate, servos, missing) as writer:
-        writer.add(chunk)
-        writer.finish(Cycles(end))
+    with capture_writer(target, rate, servos, missing, record.pieces) as writer:
+        writer.add(record.chunk)
+        writer.finish(Cycles(record.end))
     return target

@@ -8,7 +8,7 @@ In: the device's memory and what is to be seen. Out: a `Plan`, or an `InputError
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import ceil, floor
 
@@ -49,10 +49,26 @@ class Plan:
     frames: int
     seconds: Fraction
     """The longest that it can take to fill the words."""
+    each: Fraction
+    """Words of a frame, on average."""
+    fewest: Fraction
+    """The same where as few edges are in it as can be."""
+    period_s: Fraction
+
+    def shorter(self, by: int) -> Plan:
+        """The same with so many whole frames less, but with one at least."""
+        by = min(by, self.frames - 1)
+        words = self.words - floor(by * self.each / 4) * 4
+        return replace(
+            self, words=words, frames=self.frames - by, seconds=words / self.fewest * self.period_s
+        )
 
 
-def plan(memory: int, rate: int, rle: bool, wanted: Wanted) -> Plan:
-    """The look that shows what is wanted. Raises InputError where the memory is too small for it."""
+def plan(memory: int, rate: int, rle: bool, wanted: Wanted, several: bool = False) -> Plan:
+    """The look that shows what is wanted, or, where `several` are made, as much of it as one can show.
+
+    Raises InputError where the memory is too small for it.
+    """
     exact = Fraction(rate)
     if sump.BASE_HZ % rate or sump.BASE_HZ // rate > 1 << 24:
         below = sump.BASE_HZ // ceil(Fraction(sump.BASE_HZ, rate))
@@ -65,15 +81,17 @@ def plan(memory: int, rate: int, rle: bool, wanted: Wanted) -> Plan:
     fits = floor((room - first) / each)
     if fits < 1:
         raise InputError(_arithmetic(memory, room, exact, rle, wanted), hint=_advice(room, rle, wanted))
-    if fits < wanted.frames:
+    if fits < wanted.frames and not several:
         raise InputError(
             f"the analyser's memory is too small: {room} words hold {fits} frames of {float(each):.3g} words "
             f"and the one in which it begins, not {wanted.frames}",
-            hint=f"at most --seconds {int(1000 * fits * wanted.period_s) / 1000:g} at a time",
+            hint=f"at most --seconds {int(1000 * fits * wanted.period_s) / 1000:g} at a time; "
+            "with --against, several captures are stitched",
         )
-    words = min(room, ceil((wanted.frames * each + first) / 4) * 4)
-    slowest = 2 * wanted.fewest if rle else each
-    return Plan(exact, rle, words, wanted.frames, words / slowest * wanted.period_s)
+    frames = min(fits, wanted.frames)
+    words = min(room, ceil((frames * each + first) / 4) * 4)
+    fewest = 2 * wanted.fewest if rle else each
+    return Plan(exact, rle, words, frames, words / fewest * wanted.period_s, each, fewest, wanted.period_s)
 
 
 def words_a_frame(rate: Fraction, rle: bool, period_s: Fraction, edges: Fraction) -> Fraction:

@@ -8,27 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from servogen.cli.capture_command import capture
 from servogen.cli.files import read_image, read_schedule
 from servogen.cli.options import DeviceName, Json
-from servogen.cli.show import as_json, progress, status, warn
+from servogen.cli.show import as_json, status, warn
 
 if TYPE_CHECKING:
-    from servogen.bench.planning import Plan, Wanted
-    from servogen.bench.ports import Port as Line
-    from servogen.bench.sump_client import Analyser, Seen
     from servogen.pic.image import Image
-    from servogen.pulse import PulseSchedule
-
-RATE = 1_000_000
-SECONDS = 1.0
-SLACK = 1.25
-PATIENCE_S = 5.0
-"""Beyond the time that the capture itself takes."""
-
-Against = Annotated[
-    Path | None,
-    typer.Option("--against", help="The schedule.json: what is to be seen, and the servos' names."),
-]
 
 
 def register(app: typer.Typer) -> None:
@@ -106,69 +92,6 @@ def _unproven(image: Image, file: Path, against: Path | None) -> tuple[str, ...]
     return () if verdict.proven else (f"its pulses are not those of {path}: {verdict.reasons[0]}",)
 
 
-def capture(
-    output: Annotated[Path, typer.Option("--output", "-o", help="The capture, a .vcd file.")],
-    port: Annotated[
-        str | None, typer.Option("--port", "-p", help="The analyser's port, as /dev/ttyACM0.")
-    ] = None,
-    sigrok: Annotated[
-        str | None,
-        typer.Option(
-            "--sigrok", help="Look through sigrok-cli with this driver, as fx2lafw; -o is a .sr file."
-        ),
-    ] = None,
-    against: Against = None,
-    seconds: Annotated[
-        float | None,
-        typer.Option("--seconds", min=0.001, help="How long (default: the loop of --against once, or 1 s)."),
-    ] = None,
-    rate: Annotated[int, typer.Option("--rate", min=1, help="Samples a second.")] = RATE,
-    rle: Annotated[bool, typer.Option("--rle/--no-rle", help="Let the analyser count equal samples.")] = True,
-    memory: Annotated[
-        int | None, typer.Option("--memory", min=8, help="Its bytes of memory, if it does not say them.")
-    ] = None,
-    trigger: Annotated[
-        str | None, typer.Option("--trigger", help="Begin when this pin rises (default: the first servo's).")
-    ] = None,
-    wire: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--wire", help="CHANNEL=PIN, as 0=RB3 (default: 0 to 7 RB0 to RB7, 8 to 12 RA0 to RA4)."
-        ),
-    ] = None,
-    json: Json = False,
-) -> None:
-    """Look at the chip's pins with a logic analyser that speaks SUMP (Logic Sniffer, Bus Pirate, …)."""
-    from servogen.bench.looking import check_name, edges, write_capture
-    from servogen.bench.planning import plan
-    from servogen.bench.ports import open_port
-    from servogen.bench.sump_client import BAUD, identify
-    from servogen.bench.wires import channel_of, wires
-    from servogen.errors import InputError, Place, ToolError
-
-    schedule = None if against is None else read_schedule(against)
-    wanted = _wanted(schedule, seconds)
-    if sigrok is not None:
-        _look_by_sigrok(sigrok, rate, wanted, wire or [], rle, output, against)
-        return
-    if port is None:
-        raise InputError("there is no analyser to look with", hint="--port /dev/ttyACM0, or --sigrok fx2lafw")
-    check_name(output)
-    wired = wires(wire or ())
-    pin = trigger or (schedule.channels[0].pin if schedule else "RB0")
-    channel = channel_of(pin, wired)
-    with open_port(port, BAUD) as line:
-        device = identify(line)
-        planned = plan(memory or device.memory, min(rate, device.fastest or rate), rle, wanted)
-        seen = _look(line, planned, channel)
-    servos = {each.pin: each.name for each in schedule.channels} if schedule else {}
-    chunk = edges(seen.runs, wired)
-    path = write_capture(output, int(planned.rate), chunk, seen.runs.end, servos, seen.missing)
-    if seen.missing is not None:
-        raise ToolError(seen.missing, Place(port), f"what came is kept, marked as not whole, in {path}")
-    _tell(device, planned, seen, output, against, json)
-
-
 def rig(
     job: Annotated[Path, typer.Argument(help="A job file (TOML).", show_default=False)],
     hex_file: Annotated[
@@ -236,80 +159,3 @@ def rig(
             print("end it with Ctrl-C")
         sys.stdout.flush()
         terminals.serve(ended.is_set)
-
-
-def _wanted(schedule: PulseSchedule | None, seconds: float | None) -> Wanted:
-    """What is to be seen: by default the whole loop of the schedule."""
-    from fractions import Fraction
-    from math import ceil
-
-    from servogen.bench.planning import FEWEST_EDGES, USUAL_EDGES, USUAL_PERIOD_S, Wanted
-
-    if schedule is None:
-        frames = ceil(Fraction(seconds or SECONDS) / USUAL_PERIOD_S)
-        return Wanted(USUAL_PERIOD_S, Fraction(USUAL_EDGES), frames, Fraction(FEWEST_EDGES), USUAL_EDGES)
-    period = schedule.clock.seconds(schedule.period)
-    moments = [
-        (
-            run.frames,
-            len({time for each in run.pulses if each for time in (each.rise, each.rise + each.width)}),
-        )
-        for run in schedule.loop
-    ]
-    most = max(1, *(edges for _, edges in moments))
-    mean = max(
-        Fraction(1, 10), Fraction(sum(frames * edges for frames, edges in moments), schedule.loop_frames)
-    )
-    if seconds is None:
-        return Wanted(period, mean, schedule.loop_frames, mean, most)
-    return Wanted(period, Fraction(most), ceil(Fraction(seconds) / period), mean, most)
-
-
-def _look_by_sigrok(
-    driver: str, rate: int, wanted: Wanted, wire: list[str], rle: bool, output: Path, against: Path | None
-) -> None:
-    """A frame more than is wanted: sigrok begins anywhere."""
-    from math import ceil
-
-    from servogen.bench.sigrok import SigrokLook, sigrok_wires
-    from servogen.bench.sigrok import capture as captured
-
-    samples = ceil(rate * (wanted.frames + 1) * wanted.period_s)
-    counts = rle and driver.partition(":")[0] == "ols"  # the one driver that has it
-    look = SigrokLook(driver, rate, samples, sigrok_wires(wire), counts)
-    with status("sigrok-cli is looking"):
-        captured(look, output)
-    print(f"{output}: {samples / rate:g} s at {rate} samples a second")
-    if against is not None:
-        print(f"next: servogen verify {output} --against {against}")
-
-
-def _look(line: Line, planned: Plan, channel: int) -> Seen:
-    from servogen.bench.sump_client import Look
-    from servogen.bench.sump_client import capture as captured
-
-    patience = SLACK * float(planned.seconds) + PATIENCE_S
-    look = Look(planned.rate, planned.words, planned.rle, channel, patience)
-    with progress("capture", planned.words) as done:
-        return captured(line, look, done)
-
-
-def _tell(
-    device: Analyser, planned: Plan, seen: Seen, output: Path, against: Path | None, json: bool
-) -> None:
-    seconds = seen.runs.end / float(planned.rate)
-    if json:
-        as_json(
-            {
-                "file": str(output),
-                "analyser": device.name,
-                "memory_bytes": device.memory,
-                "samples_per_second": int(planned.rate),
-                "rle": planned.rle,
-                "seconds": seconds,
-            }
-        )
-        return
-    print(f"{output}: {seconds:g} s at {int(planned.rate)} samples a second from {device.name}")
-    if against is not None:
-        print(f"next: servogen verify {output} --against {against}")

@@ -23,7 +23,7 @@ MEASURED_SECONDS = 20.0
 """Two rounds of the printed lab programs."""
 
 FOREVER_SECONDS = 3 * 3600.0
-"""How far a repeat of the machine's state is looked for: TMR0 and a motion of 2000 frames come round in it."""
+"""How far a repeat is looked for: TMR0 and a motion of 2000 frames come round together in it."""
 
 SignalFile = Annotated[
     Path, typer.Argument(help="A HEX, C or assembly file, or edges: CSV, JSONL, VCD.", show_default=False)
@@ -92,13 +92,11 @@ def _verify_forever(file: Path, schedule: PulseSchedule, seconds: float | None, 
 def _verify_capture(file: Path, schedule: PulseSchedule, json: bool) -> int:
     """What a logic analyser saw: its own clock, the crystal's error and the samples' grid are allowed for."""
     from servogen.edge_files.captures import read_capture
-    from servogen.pulse.expected import expected
-    from servogen.verify import Tolerances, capture_lines, verify_capture
+    from servogen.pipeline.proof_of_capture import prove_capture
+    from servogen.verify import capture_lines
 
-    capture = read_capture(file)
-    verdict = verify_capture(expected(schedule), capture.trace, Tolerances(), capture.sample)
-    if capture.missing is not None:
-        verdict = verdict.but(f"the capture is not whole: {capture.missing}")
+    with status("comparing every edge"):
+        verdict = prove_capture(schedule, read_capture(file))
     if json:
         as_json(verdict.to_json())
     else:

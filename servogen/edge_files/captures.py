@@ -7,7 +7,7 @@ chip's clock is known. Levels at time 0 are what the analyser found at its first
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
@@ -20,13 +20,14 @@ from servogen.edge_files.rates import rate_in, step_clock
 from servogen.edge_files.saleae_csv import read_saleae
 from servogen.edge_files.sigrok_session import read_session
 from servogen.edge_files.vcd_read import read_header, read_vcd
-from servogen.edge_files.vcd_write import MADE, PARTIAL, VcdWriter
+from servogen.edge_files.vcd_write import MADE, PARTIAL, STITCHED, VcdWriter
 from servogen.edges import EdgeTrace
 from servogen.errors import InputError, Place
 from servogen.outputs import atomic_write
 
 SUFFIXES = (".vcd", ".sr", ".csv")
 
+_PIECES = re.compile(re.escape(STITCHED) + r"((?:\d+-\d+\s*)+)")
 _VERSION = re.compile(rb"\$version\s(.*?)\$end", re.DOTALL)
 
 
@@ -41,6 +42,8 @@ class Capture:
     sample: float | None
     missing: str | None = None
     """Why it is not whole, where the file says so."""
+    pieces: tuple[tuple[int, int], ...] = ()
+    """Begin and end, in steps, of each where it is several captures; the time between two is not known."""
 
 
 def read_capture(path: str | Path, wires: Mapping[str, str] | None = None) -> Capture:
@@ -77,14 +80,16 @@ def capture_writer(
     samples_per_second: int,
     servos: Mapping[str, str] | None = None,
     missing: str | None = None,
+    pieces: Sequence[tuple[int, int]] = (),
 ) -> Iterator[EdgeWriter]:
     """A writer of a capture, whose cycles are samples, to a VCD file that `read_capture` knows as one.
 
-    `missing` says why the capture is not whole: it stands in the file.
+    `missing` says why the capture is not whole, `pieces` from which sample to which each of several is: both
+    stand in the file.
     """
     with atomic_write(path, "wb") as file:
         clock = step_clock(Fraction(samples_per_second), Place(str(path)))
-        yield VcdWriter(file, clock, servos, captured=True, missing=missing)
+        yield VcdWriter(file, clock, servos, captured=True, missing=missing, pieces=pieces)
 
 
 def _read_vcd(path: Path, wires: Mapping[str, str] | None) -> Capture:
@@ -94,4 +99,14 @@ def _read_vcd(path: Path, wires: Mapping[str, str] | None) -> Capture:
     rate = next((rate for rate in rates if rate), None)
     sample = None if rate is None else float(1 / (rate * header.step_s))
     missing = next((text.partition(PARTIAL)[2] for text in header.comments if PARTIAL in text), None)
-    return Capture(read_vcd(path, clock, wires=wires), sample, missing)
+    steps = Fraction(1) if rate is None else 1 / (rate * header.step_s)
+    return Capture(read_vcd(path, clock, wires=wires), sample, missing, _pieces(header.comments, steps))
+
+
+def _pieces(comments: Iterable[str], steps: Fraction) -> tuple[tuple[int, int], ...]:
+    """Begin and end of each piece, in time steps of which `steps` are a sample."""
+    found = next((match for text in comments if (match := _PIECES.search(text))), None)
+    if found is None:
+        return ()
+    ranges = (tuple(map(int, each.split("-"))) for each in found.group(1).split())
+    return tuple((round(begin * steps), round(end * steps)) for begin, end in ranges)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import IO
@@ -27,6 +27,9 @@ MADE, CAPTURED = "servogen", "servogen capture"
 
 PARTIAL = "not a whole capture: "
 """What a comment begins with in a capture that was cut short; the reason follows."""
+
+STITCHED = "several captures, the time between them not known, of samples: "
+"""In the comment of several captures in one file; begin and end of each follow, as 0-5000 6000-9000."""
 
 STATES = "01z"
 """VCD's values by level number: LOW, HIGH, UNDRIVEN."""
@@ -91,7 +94,7 @@ class VcdWriter:
     """Writes chunks as they come to a binary file; `servos` names the pins' servos.
 
     `captured` says that the cycles are an analyser's samples, and the file says it to its readers; `missing`
-    says why such a capture is not whole.
+    says why such a capture is not whole, `pieces` where each of several begins and ends.
     """
 
     def __init__(
@@ -101,6 +104,7 @@ class VcdWriter:
         servos: Mapping[str, str] | None = None,
         captured: bool = False,
         missing: str | None = None,
+        pieces: Sequence[tuple[int, int]] = (),
     ) -> None:
         self.times = vcd_times(clock)
         self._file = file
@@ -109,6 +113,8 @@ class VcdWriter:
         comment = f"clock {clock.hz} Hz: {self.times.sentence()}"
         if captured:
             comment = f"captured on all channels at {float(clock.cycles_per_second):.15g} Hz"
+            if pieces:
+                comment += f"; {STITCHED}{' '.join(f'{begin}-{end}' for begin, end in pieces)}"
             if missing is not None:
                 comment += f"; {PARTIAL}{missing}"
         # An empty date, not None: pyvcd would write today's.

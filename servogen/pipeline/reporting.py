@@ -6,7 +6,7 @@ no engine can hold has a page, too: of its plan.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from servogen.edge_files.captures import read_capture
@@ -14,11 +14,10 @@ from servogen.edges import EdgeTrace
 from servogen.job import Job
 from servogen.pipeline.build import Build, Progress, build, program_facts
 from servogen.pipeline.proof import motion_cycles, running
+from servogen.pipeline.proof_of_capture import prove_capture
 from servogen.pipeline.tuning import DoesNotFit
 from servogen.pulse import PulsePlan, PulseSchedule, plan
-from servogen.pulse.expected import expected
 from servogen.report.html import CaptureFacts, PageFacts, html_page
-from servogen.verify import verify_capture
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +69,5 @@ def _capture(schedule: PulseSchedule, path: Path | None) -> CaptureFacts | None:
     if path is None:
         return None
     found = read_capture(path)
-    trace = found.trace.stored()
-    verdict = verify_capture(expected(schedule), trace, sample=found.sample)
-    return CaptureFacts(path.name, trace, verdict)
+    found = replace(found, trace=found.trace.stored())
+    return CaptureFacts(path.name, found.trace, prove_capture(schedule, found))

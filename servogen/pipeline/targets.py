@@ -6,23 +6,24 @@ schedule's, exactly where the chip was simulated and within tolerances where an 
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
 from servogen.edge_files import SUFFIXES as EDGE_SUFFIXES
 from servogen.edge_files import read_edges, write_edges
 from servogen.edge_files.captures import SUFFIXES as CAPTURE_SUFFIXES
-from servogen.edge_files.captures import capture_writer, is_capture, read_capture
+from servogen.edge_files.captures import Capture, is_capture, read_capture
 from servogen.edges import PINS, EdgeTrace
 from servogen.errors import InputError, Place
 from servogen.pic.image import Image
 from servogen.pipeline.proof import checked_cycles, held, prove, running
+from servogen.pipeline.proof_of_capture import prove_capture
 from servogen.pulse import PulseSchedule
-from servogen.pulse.expected import expected
 from servogen.units import Cycles
-from servogen.verify import CaptureVerdict, Tolerances, Verdict, capture_lines, verdict_lines, verify_capture
+from servogen.verify import CaptureVerdict, Tolerances, Verdict, capture_lines, verdict_lines
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,10 +33,8 @@ class Seen:
     trace: EdgeTrace
     source: str
     """On what it was seen, in words."""
-    analyser: bool = False
-    """Whether an analyser looked: its clock is its own, its edges are on its samples."""
-    sample: float | None = None
-    """An analyser's steps from sample to sample; None where the file does not say it."""
+    capture: Capture | None = None
+    """All that an analyser's file says: its clock is its own, its edges are on its samples."""
     span: Cycles | None = None
     """How much of it is to be judged; None: whole frames."""
     file: Path | None = None
@@ -108,17 +107,23 @@ class Replay:
         if not is_capture(path):
             span = None if seconds is None else schedule.clock.round_seconds(seconds)
             return Seen(read_edges(path, schedule.clock).stored(), source, span=span, file=path)
-        found = read_capture(path)
-        trace = found.trace.stored()
-        if seconds is not None:
-            trace = trace.until(trace.clock.round_seconds(seconds)).stored()
-        return Seen(trace, source, True, found.sample, file=path)
+        return captured(path, source, seconds)
+
+
+def captured(path: Path, source: str, seconds: float | None = None) -> Seen:
+    """An analyser's capture in a file, up to `seconds`."""
+    found = read_capture(path)
+    trace = found.trace.stored()
+    if seconds is not None:
+        trace = trace.until(trace.clock.round_seconds(seconds)).stored()
+    pieces = tuple((begin, min(end, trace.end)) for begin, end in found.pieces if begin < trace.end)
+    return Seen(trace, source, replace(found, trace=trace, pieces=pieces), file=path)
 
 
 def check(seen: Seen, schedule: PulseSchedule, tolerances: Tolerances | None = None) -> Checked:
     """Whether the pins did what the schedule says."""
-    if seen.analyser:
-        found = verify_capture(expected(schedule), seen.trace, tolerances or Tolerances(), seen.sample)
+    if seen.capture is not None:
+        found = prove_capture(schedule, seen.capture, tolerances)
         return Checked(found.proven, tuple(capture_lines(found)), tuple(_of_capture(found)))
     if seen.span is None:
         ends = seen.file is not None and seen.file.suffix.lower() == ".vcd"
@@ -128,16 +133,18 @@ def check(seen: Seen, schedule: PulseSchedule, tolerances: Tolerances | None = N
     return Checked(verdict.proven, tuple(verdict_lines(verdict)), tuple(_of_edges(verdict)))
 
 
-def record(seen: Seen, path: Path) -> None:
-    """Writes what was seen to a VCD file that `Replay` and `servogen verify` read."""
-    if not seen.analyser:
+def record(seen: Seen, path: Path) -> Path:
+    """Writes what was seen to `path`, or beside it with the ending of the file that it is in already.
+
+    `Replay` and `servogen verify` read it.
+    """
+    if seen.file is None:
         write_edges(seen.trace, path)
-        return
-    rate = round(seen.trace.clock.cycles_per_second)
-    with capture_writer(path, rate) as writer:
-        for chunk in seen.trace.chunks:
-            writer.add(chunk)
-        writer.finish(Cycles(seen.trace.end))
+        return path
+    copied = path.with_suffix(seen.file.suffix)
+    if not (copied.exists() and copied.samefile(seen.file)):
+        shutil.copyfile(seen.file, copied)
+    return copied
 
 
 def _of_edges(verdict: Verdict) -> Iterator[tuple[str, str]]:
@@ -155,6 +162,8 @@ def _of_capture(verdict: CaptureVerdict) -> Iterator[tuple[str, str]]:
     yield "servogen_verdict", "proven within tolerances" if verdict.proven else "not proven"
     yield "servogen_seconds", f"{verdict.duration_us / 1e6:g}"
     yield "servogen_frames", str(verdict.frames)
+    if verdict.pieces:
+        yield "servogen_captures_stitched", str(len(verdict.pieces))
     if verdict.ppm is not None:
         yield "servogen_crystal_ppm", f"{verdict.ppm:.1f}"
     for channel in verdict.channels:

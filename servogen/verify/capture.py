@@ -11,20 +11,22 @@ capture itself tells them: where in the schedule it begins, the crystal's error,
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from servogen.edges import HIGH, EdgeTrace, Expected, join
+from servogen.edges import HIGH, PINS, EdgeTrace, Expected, join
 from servogen.verify.capture_align import Line, Signals, align
-from servogen.verify.capture_judge import Judged, Scale, channel_reasons, judge
-from servogen.verify.capture_verdict import CapturedChannel, CaptureVerdict, Tolerances
+from servogen.verify.capture_frames import different_frames, seen_of, whole_frames
+from servogen.verify.capture_judge import Judged, Scale, judge
+from servogen.verify.capture_pieces import merged, split
+from servogen.verify.capture_reasons import with_reasons
+from servogen.verify.capture_verdict import CapturedChannel, CaptureVerdict, Problem, Tolerances
 from servogen.verify.overlap import Levels, overlap, together
 from servogen.verify.prove import whole_motion
 from servogen.verify.pulses import Pulses, pulses_of, without_glitches
-from servogen.verify.reasons import stray_reason
 from servogen.verify.start import StrayCount
 from servogen.verify.verdict import StrayPin
 from servogen.verify.windows import Edges, Ints, Windows, expected_edges, observed_edges
@@ -62,25 +64,39 @@ def verify_capture(
     captured: EdgeTrace,
     tolerances: Tolerances | None = None,
     sample: float | None = None,
+    pieces: Sequence[tuple[int, int]] = (),
 ) -> CaptureVerdict:
     """Compares a capture with the schedule.
 
     `captured.clock` is such that one of its cycles is one time step of the capture; `sample` is the number of
     steps from one sample to the next. By default it is the largest that divides the time of every edge, but
     no more than a microsecond. Levels at time 0 are what the analyser found, not edges; a pin without any
-    was not connected.
+    was not connected. `pieces` are the begin and end (in steps) of each of several captures in one trace,
+    whose distance in time is not known: each is judged by itself, and `expected.chunks` is read for each.
     """
-    setup = _set_up(expected, captured, tolerances or Tolerances(), sample)
+    allowed = tolerances or Tolerances()
+    if pieces:
+        found = [_found(expected, piece, allowed, sample) for piece in split(captured, pieces)]
+        step_us = float(captured.clock.cycle_us)
+        return merged(found, [begin * step_us for begin, _ in pieces])
+    return with_reasons(_found(expected, captured, allowed, sample))
+
+
+def _found(
+    expected: Expected, captured: EdgeTrace, allowed: Tolerances, sample: float | None
+) -> CaptureVerdict:
+    """What one continuous capture holds."""
+    setup = _set_up(expected, captured, allowed, sample)
     line = align(setup.signals)
     if line is None:
-        return _verdict(setup, None, {})
+        return _facts(setup, None, {})
     scale = Scale(line, setup.signals.quantum, setup.step_us, setup.cycle_us, setup.end)
     judged = {
         number: judge(setup.signals, scale, number, channel, setup.allowed, expected)
         for number, channel in enumerate(expected.channels)
         if channel.pin in setup.connected
     }
-    return _verdict(setup, line, judged)
+    return _facts(setup, line, judged)
 
 
 def _set_up(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sample: float | None) -> _Setup:
@@ -148,26 +164,20 @@ def _whole(changes: Edges, pin: int, high: bool) -> Pulses:
     return Pulses(rise[: len(fall)], fall, np.full(len(fall), -1, dtype=np.int64))
 
 
-def _verdict(setup: _Setup, line: Line | None, judged: Mapping[int, Judged]) -> CaptureVerdict:
+def _facts(setup: _Setup, line: Line | None, judged: Mapping[int, Judged]) -> CaptureVerdict:
+    """All that was found; what speaks against it is said by `with_reasons`."""
     problems = [problem for found in judged.values() for problem in found.problems]
-    problem = min(problems, key=lambda problem: (problem.time_us, problem.pin), default=None)
-    channels = tuple(_channel(setup, number, judged.get(number)) for number in range(len(setup.glitches)))
-    stray = _stray(setup)
-    paired = sum(found.paired for found in judged.values())
-    why = [] if paired > 1 else ["the capture holds too few of the schedule's pulses to be judged"]
-    why += [f"first at {problem.time_us / 1e6:.6f} s, {problem.text}"] if problem else []
-    why += [reason for channel in channels for reason in channel_reasons(channel)]
-    overlap_us = _overlap_us(setup, line)
-    if overlap_us:
-        why.append(f"pulses overlap where the schedule has none together, for at most {overlap_us:.2f} µs")
-    why += [stray_reason(pin) for pin in stray]
     ppm, ppm_error = _clock(setup, line)
-    if ppm is not None and ppm_error is not None and abs(ppm) > setup.allowed.crystal_ppm + 2 * ppm_error:
-        why.append(f"the chip's clock is off by {ppm:+.1f} ppm, allowed ±{setup.allowed.crystal_ppm:g} ppm")
     frames = [frame for found in judged.values() for frame in found.frames]
+    same = different_frames(setup.scheduled, setup.expected)
+    whole = None if line is None else whole_frames(setup.scheduled, line, setup.signals.quantum, setup.end)
+    stray = _stray(setup)
+    for pin in stray:
+        text = f"{PINS[pin.pin]} changes, which the schedule does not drive"
+        problems.append(Problem(pin.first * setup.step_us, pin.pin, "", None, text))
     return CaptureVerdict(
-        not why,
-        tuple(why),
+        False,
+        (),
         setup.allowed,
         setup.signals.quantum * setup.step_us,
         setup.end * setup.step_us,
@@ -175,9 +185,14 @@ def _verdict(setup: _Setup, line: Line | None, judged: Mapping[int, Judged]) -> 
         ppm_error,
         min(frames) if frames else None,
         max(frames) - min(frames) + 1 if frames else 0,
-        channels,
-        problem,
+        tuple(_channel(setup, number, judged.get(number)) for number in range(len(setup.glitches))),
+        min(problems, key=lambda problem: (problem.time_us, problem.pin), default=None),
         stray,
+        _overlap_us(setup, line),
+        sum(found.paired for found in judged.values()),
+        whole,
+        frozenset(same[setup.expected.lead_in :].tolist()),
+        seen_of(same, whole, setup.expected),
     )
 
 

@@ -15,7 +15,7 @@ from servogen.edges import PINS, Expected, ExpectedChannel
 from servogen.verify.capture_align import Floats, Line, Signals, partners
 from servogen.verify.capture_verdict import CapturedChannel, Problem, Spread, Tolerances
 from servogen.verify.pulses import Pulses
-from servogen.verify.reasons import counted, frame_words
+from servogen.verify.reasons import frame_words
 from servogen.verify.windows import Ints
 
 
@@ -112,23 +112,6 @@ def judge(
         (int(ours.frame[0]), int(ours.frame[-1])) if len(rows) else (),
         len(rows),
     )
-
-
-def channel_reasons(channel: CapturedChannel) -> list[str]:
-    """What is wrong with the channel as a whole."""
-    who = f"{PINS[channel.pin]} ({channel.name})"
-    if not channel.connected:
-        return [f"{who} was not captured: no wire of the capture is {PINS[channel.pin]}"]
-    counts = (
-        (channel.missing, "missing pulse"),
-        (channel.extra, "extra pulse"),
-        (channel.glitches, "glitch"),
-    )
-    facts = [counted(number, noun) for number, noun in counts if number]
-    for spread, noun in ((channel.width, "width"), (channel.period, "period"), (channel.edge, "edge")):
-        if spread.wrong and not (noun == "edge" and facts):
-            facts.append(f"{counted(spread.wrong, f'wrong {noun}')}, worst {spread.worst_us:+.2f} µs")
-    return [f"{who}: {', '.join(facts)}"] if facts else []
 
 
 def _due(wanted: Pulses, scale: Scale) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:

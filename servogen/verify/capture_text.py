@@ -17,8 +17,22 @@ def capture_lines(verdict: CaptureVerdict) -> list[str]:
         f"a sample every {verdict.sample_us:g} µs",
         _clock_words(verdict),
     ]
+    if verdict.pieces:
+        lines.append(_seams_words(verdict))
+    if verdict.proven:
+        lines.append(
+            f"of the loop's {counted(len(verdict.different), 'different frame')} "
+            f"{len(verdict.seen)} {'was' if len(verdict.seen) == 1 else 'were'} seen whole"
+        )
     lines += [_channel_line(channel) for channel in verdict.channels if channel.connected]
     return lines + [f"- {reason}" for reason in verdict.reasons]
+
+
+def _seams_words(verdict: CaptureVerdict) -> str:
+    return (
+        f"stitched of {len(verdict.pieces)} captures: the time between two is not known; each is aligned to "
+        "the schedule by itself, and nothing is measured across a seam"
+    )
 
 
 def _clock_words(verdict: CaptureVerdict) -> str:

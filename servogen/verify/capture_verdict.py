@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from servogen.edges import PINS
+from servogen.verify.capture_frames import WholeFrames
 from servogen.verify.verdict import StrayPin
 
 
@@ -95,8 +96,35 @@ class Problem:
 
 
 @dataclass(frozen=True, slots=True)
+class CapturePiece:
+    """One of several captures in one file, judged by itself; times are the file's, in µs of the analyser."""
+
+    begin_us: float
+    duration_us: float
+    first_frame: int | None
+    frames: int
+    ppm: float | None
+    ppm_error: float | None
+    paired: int
+
+    def to_json(self) -> dict[str, object]:
+        return {
+            "begin_us": self.begin_us,
+            "duration_us": self.duration_us,
+            "first_frame": self.first_frame,
+            "frames": self.frames,
+            "crystal_ppm": self.ppm,
+            "crystal_ppm_error": self.ppm_error,
+        }
+
+
+@dataclass(frozen=True, slots=True)
 class CaptureVerdict:
-    """`proven`: all that was captured is the schedule within `tolerances`, and `reasons` is empty."""
+    """`proven`: all that was captured is the schedule within `tolerances`, and `reasons` is empty.
+
+    Of several captures in one file, whose distance in time is not known, `pieces` has each, and the numbers
+    are those of all together.
+    """
 
     proven: bool
     reasons: tuple[str, ...]
@@ -115,6 +143,17 @@ class CaptureVerdict:
     problem: Problem | None = None
     """The first in time."""
     stray: tuple[StrayPin, ...] = ()
+    overlap_us: float = 0.0
+    """How long pins are high together that the schedule never has so."""
+    paired: int = 0
+    """Pulses that belong to scheduled ones."""
+    whole: WholeFrames | None = None
+    """The frames that are in it from the first to the last edge; of several captures, None."""
+    different: frozenset[int] = frozenset()
+    """The loop's frames without those that are as an earlier one."""
+    seen: frozenset[int] = frozenset()
+    """Those of them that were seen whole."""
+    pieces: tuple[CapturePiece, ...] = ()
 
     def but(self, reason: str) -> CaptureVerdict:
         """The same, not proven because of `reason`, which comes first."""
@@ -139,6 +178,9 @@ class CaptureVerdict:
             "crystal_ppm_error": self.ppm_error,
             "first_frame": self.first_frame,
             "frames": self.frames,
+            "different_frames": len(self.different),
+            "different_frames_seen": len(self.seen),
+            "pieces": [piece.to_json() for piece in self.pieces],
             "channels": [channel.to_json() for channel in self.channels],
             "first_problem": self.problem.to_json() if self.problem else None,
             "stray_pins": [PINS[stray.pin] for stray in self.stray],

@@ -4,7 +4,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +12,8 @@ import pytest
 from servogen.bench.virtual.terminals import Device, Terminals, terminals
 from servogen.cli import main
 from servogen.pic.image import Image, from_hex
+from servogen.pulse import from_json
+from servogen.units import Cycles
 
 ROOT = Path(__file__).parent.parent.parent
 LAB8 = ROOT / "firmware" / "lab8-exercise"
@@ -58,6 +60,18 @@ def lab8() -> Image:
 
 def image_of(path: Path) -> Image:
     return from_hex(path.read_text(), str(path))
+
+
+def shorter_in(folder: Path, frame: int) -> str:
+    """The job's schedule (JSON), but for the first servo's pulse in `frame`, which is 2 cycles shorter."""
+    schedule = from_json((folder / "schedule.json").read_text(), "schedule.json")
+    runs = [replace(run, frames=1) for run in schedule.loop for _ in range(run.frames)]
+    inside = frame - schedule.lead_in_frames
+    pulse = runs[inside].pulses[0]
+    assert pulse is not None
+    pulses = (replace(pulse, width=Cycles(pulse.width - 2)), *runs[inside].pulses[1:])
+    runs[inside] = replace(runs[inside], pulses=pulses)
+    return replace(schedule, loop=tuple(runs)).to_json()
 
 
 @contextmanager

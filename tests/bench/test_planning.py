@@ -38,7 +38,9 @@ def test_too_little_for_what_is_wanted_says_how_long_it_can_be() -> None:
     """(12288 - 9.2207) / 5.2207 = 2351.9"""
     with pytest.raises(InputError, match="hold 2351 frames") as error:
         plan(24 * 1024, 1_000_000, True, one_servo(5000))
-    assert error.value.hint == "at most --seconds 47.02 at a time"
+    assert error.value.hint == (
+        "at most --seconds 47.02 at a time; with --against, several captures are stitched"
+    )
 
 
 def test_a_rate_that_does_not_divide_100_mhz_is_refused() -> None:

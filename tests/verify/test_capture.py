@@ -255,7 +255,8 @@ def test_the_lines_say_what_was_found() -> None:
         "proven within tolerances: 100 frames from frame 0 on in 2 s, a sample every 1 µs"
     )
     assert re.match(r"the chip's clock is 1(79|80)\.\d ± 0\.\d ppm fast", lines[1])
-    assert lines[2].startswith("RB0 arm: 96 pulses; width error ")
+    assert lines[2] == "of the loop's 57 different frames 57 were seen whole"  # 56 with pulses, and the pause
+    assert lines[3].startswith("RB0 arm: 96 pulses; width error ")
     wrong = capture_lines(verdict_on(without(30), seconds=1.0))
     assert wrong[0].startswith("NOT proven")
     assert any(line.startswith("- RB0 (arm): 1 missing pulse") for line in wrong)

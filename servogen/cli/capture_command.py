@@ -1,0 +1,227 @@
+"""`servogen capture`: what the chip's pins do, seen by a logic analyser, in a file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from servogen.cli.files import read_schedule
+from servogen.cli.options import Json
+from servogen.cli.show import as_json, progress, status, warn
+
+if TYPE_CHECKING:
+    from fractions import Fraction
+
+    from servogen.bench.planning import Plan, Wanted
+    from servogen.bench.ports import Port as Line
+    from servogen.bench.stitching import Stitched
+    from servogen.bench.sump_client import Analyser, Seen
+    from servogen.pulse import PulseSchedule
+
+RATE = 1_000_000
+SECONDS = 1.0
+SLACK = 1.25
+PATIENCE_S = 5.0
+"""Beyond the time that the capture itself takes."""
+
+
+def capture(
+    output: Annotated[Path, typer.Option("--output", "-o", help="The capture, a .vcd file.")],
+    port: Annotated[
+        str | None, typer.Option("--port", "-p", help="The analyser's port, as /dev/ttyACM0.")
+    ] = None,
+    sigrok: Annotated[
+        str | None,
+        typer.Option(
+            "--sigrok", help="Look through sigrok-cli with this driver, as fx2lafw; -o is a .sr file."
+        ),
+    ] = None,
+    against: Annotated[
+        Path | None,
+        typer.Option("--against", help="The schedule.json: what is to be seen, and the servos' names."),
+    ] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option("--seconds", min=0.001, help="How long (default: the loop of --against once, or 1 s)."),
+    ] = None,
+    rate: Annotated[int, typer.Option("--rate", min=1, help="Samples a second.")] = RATE,
+    rle: Annotated[bool, typer.Option("--rle/--no-rle", help="Let the analyser count equal samples.")] = True,
+    memory: Annotated[
+        int | None, typer.Option("--memory", min=8, help="Its bytes of memory, if it does not say them.")
+    ] = None,
+    trigger: Annotated[
+        str | None, typer.Option("--trigger", help="Begin when this pin rises (default: the first servo's).")
+    ] = None,
+    wire: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--wire", help="CHANNEL=PIN, as 0=RB3 (default: 0 to 7 RB0 to RB7, 8 to 12 RA0 to RA4)."
+        ),
+    ] = None,
+    stitch: Annotated[
+        bool,
+        typer.Option(
+            "--stitch/--no-stitch",
+            help="With --against: join several captures, each of whole frames, where one is too short.",
+        ),
+    ] = True,
+    json: Json = False,
+) -> None:
+    """Look at the chip's pins with a logic analyser that speaks SUMP (Logic Sniffer, Bus Pirate, …)."""
+    from servogen.bench.looking import check_name, stitched, write_capture
+    from servogen.bench.planning import plan
+    from servogen.bench.ports import open_port
+    from servogen.bench.sump_client import BAUD, identify
+    from servogen.bench.wires import channel_of, wires
+    from servogen.errors import InputError, Place, ToolError
+
+    schedule = None if against is None else read_schedule(against)
+    wanted = _wanted(schedule, seconds)
+    if sigrok is not None:
+        _look_by_sigrok(sigrok, rate, wanted, wire or [], rle, output, against)
+        return
+    if port is None:
+        raise InputError("there is no analyser to look with", hint="--port /dev/ttyACM0, or --sigrok fx2lafw")
+    check_name(output)
+    wired = wires(wire or ())
+    pin = trigger or (schedule.channels[0].pin if schedule else "RB0")
+    channel = channel_of(pin, wired)
+    with open_port(port, BAUD) as line:
+        device = identify(line)
+        several = stitch and schedule is not None
+        planned = plan(memory or device.memory, min(rate, device.fastest or rate), rle, wanted, several)
+        seen = _looks(line, planned, wanted.frames, channel, wired, schedule, seconds is None)
+    servos = {each.pin: each.name for each in schedule.channels} if schedule else {}
+    path = write_capture(
+        output, int(planned.rate), stitched(seen.records, int(planned.rate)), servos, seen.missing
+    )
+    if seen.missing is not None:
+        raise ToolError(seen.missing, Place(port), f"what came is kept, marked as not whole, in {path}")
+    if seen.unseen and seconds is None:
+        looks = len(seen.records)
+        warn(f"{seen.unseen} of the loop's different frames were not seen whole in {looks} captures")
+    _tell(device, planned, seen, output, against, json)
+
+
+def _looks(
+    line: Line,
+    planned: Plan,
+    frames: int,
+    channel: int,
+    wired: Mapping[int, int],
+    schedule: PulseSchedule | None,
+    whole_loop: bool,
+) -> Stitched:
+    """One look; or, where it is shorter than what is wanted, as many as that needs."""
+    from servogen.bench.looking import Record, edges
+    from servogen.bench.stitching import Stitched, stitch
+    from servogen.pulse.expected import expected
+
+    if schedule is None or planned.frames >= frames:
+        seen = _look(line, planned, channel, "capture")
+        return Stitched((Record(edges(seen.runs, wired), seen.runs.end),), seen.missing, 0)
+    about = -(-frames // planned.frames)
+    return stitch(
+        lambda plan, number: _look(line, plan, channel, f"capture {number} of about {about}"),
+        planned,
+        frames,
+        whole_loop,
+        expected(schedule),
+        wired,
+    )
+
+
+def _look(line: Line, planned: Plan, channel: int, label: str) -> Seen:
+    from servogen.bench.sump_client import Look
+    from servogen.bench.sump_client import capture as captured
+
+    patience = SLACK * float(planned.seconds) + PATIENCE_S
+    look = Look(planned.rate, planned.words, planned.rle, channel, patience)
+    with progress(label, planned.words) as done:
+        return captured(line, look, done)
+
+
+def _wanted(schedule: PulseSchedule | None, seconds: float | None) -> Wanted:
+    """What is to be seen: by default the whole loop of the schedule."""
+    from fractions import Fraction
+    from math import ceil
+
+    from servogen.bench.planning import FEWEST_EDGES, USUAL_EDGES, USUAL_PERIOD_S, Wanted
+
+    if schedule is None:
+        frames = ceil(_exact(seconds or SECONDS) / USUAL_PERIOD_S)
+        return Wanted(USUAL_PERIOD_S, Fraction(USUAL_EDGES), frames, Fraction(FEWEST_EDGES), USUAL_EDGES)
+    period = schedule.clock.seconds(schedule.period)
+    moments = [
+        (
+            run.frames,
+            len({time for each in run.pulses if each for time in (each.rise, each.rise + each.width)}),
+        )
+        for run in schedule.loop
+    ]
+    most = max(1, *(edges for _, edges in moments))
+    mean = max(
+        Fraction(1, 10), Fraction(sum(frames * edges for frames, edges in moments), schedule.loop_frames)
+    )
+    if seconds is None:
+        return Wanted(period, mean, schedule.loop_frames, mean, most)
+    return Wanted(period, Fraction(most), ceil(_exact(seconds) / period), mean, most)
+
+
+def _exact(seconds: float) -> Fraction:
+    """The decimal number that was typed."""
+    from fractions import Fraction
+
+    return Fraction(str(seconds))
+
+
+def _look_by_sigrok(
+    driver: str, rate: int, wanted: Wanted, wire: list[str], rle: bool, output: Path, against: Path | None
+) -> None:
+    """A frame more than is wanted: sigrok begins anywhere."""
+    from math import ceil
+
+    from servogen.bench.sigrok import SigrokLook, sigrok_wires
+    from servogen.bench.sigrok import capture as captured
+
+    samples = ceil(rate * (wanted.frames + 1) * wanted.period_s)
+    counts = rle and driver.partition(":")[0] == "ols"  # the one driver that has it
+    look = SigrokLook(driver, rate, samples, sigrok_wires(wire), counts)
+    with status("sigrok-cli is looking"):
+        captured(look, output)
+    print(f"{output}: {samples / rate:g} s at {rate} samples a second")
+    if against is not None:
+        print(f"next: servogen verify {output} --against {against}")
+
+
+def _tell(
+    device: Analyser, planned: Plan, seen: Stitched, output: Path, against: Path | None, json: bool
+) -> None:
+    from servogen.verify.reasons import counted
+
+    captures = len(seen.records)
+    seconds = sum(record.end for record in seen.records) / float(planned.rate)
+    if json:
+        as_json(
+            {
+                "file": str(output),
+                "analyser": device.name,
+                "memory_bytes": device.memory,
+                "samples_per_second": int(planned.rate),
+                "rle": planned.rle,
+                "seconds": seconds,
+                "captures": captures,
+            }
+        )
+        return
+    print(f"{output}: {seconds:g} s at {int(planned.rate)} samples a second from {device.name}")
+    if captures > 1:
+        print(
+            f"stitched of {captures} captures, as one holds {counted(planned.frames, 'frame')}; "
+            "the time between two is not known"
+        )
+    if against is not None:
+        print(f"next: servogen verify {output} --against {against}")

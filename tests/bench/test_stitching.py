@@ -1,0 +1,111 @@
+"""Several captures of one motion in one file: each is judged by itself, and nothing across a seam."""
+
+import json
+import re
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+
+from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
+from servogen.bench.virtual.chip import VirtualChip
+from servogen.units import Clock
+from tests.bench.conftest import LAB8, ROOT, Run, Serve, image_of, shorter_in
+
+HEXAPOD = ROOT / "firmware" / "hexapod-tripod"
+SMALL = 8192
+"""Bytes of an analyser of 4096 samples of 16 bits."""
+
+
+def device(folder: Path, **options: object) -> dict[str, VirtualAnalyser]:
+    chip = VirtualChip(image_of(folder / "main.hex"), Clock(4_000_000), ppm=Fraction(180))
+    return {"analyser": VirtualAnalyser(chip, AnalyserOptions(memory=SMALL, **options))}  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("folder", "seconds", "frames"),
+    [
+        (HEXAPOD, (), 241),  # edges at 17.5 different times of a frame, 36.3 words: 111 fit
+        (LAB8, ("--seconds", 30), 1500),  # 2 edges in a frame, 5.2 words: 782 fit
+    ],
+)
+def test_a_motion_longer_than_the_memory_is_stitched_and_proven(
+    run: Run, serve: Serve, tmp_path: Path, folder: Path, seconds: tuple[object, ...], frames: int
+) -> None:
+    port = serve(device(folder)).paths["analyser"]
+    against = folder / "schedule.json"
+    done = run(
+        "capture", "--port", port, "-o", tmp_path / "run.vcd", "--against", against, *seconds, "--json"
+    )
+    assert done.code == 0, done.err
+    said = json.loads(done.out)
+    assert said["captures"] > 1
+    done = run("verify", tmp_path / "run.vcd", "--against", against, "--json")
+    verdict = json.loads(done.out)
+    assert (done.code, verdict["reasons"]) == (0, [])
+    assert len(verdict["pieces"]) == said["captures"]
+    assert verdict["frames"] >= frames
+    assert verdict["crystal_ppm"] == pytest.approx(180, abs=2)
+    assert verdict["different_frames_seen"] == verdict["different_frames"]
+
+
+def test_the_text_says_that_it_is_stitched(run: Run, serve: Serve, tmp_path: Path) -> None:
+    port = serve(device(LAB8)).paths["analyser"]
+    common = ("--port", port, "-o", tmp_path / "run.vcd", "--against", LAB8 / "schedule.json")
+    done = run("capture", *common, "--no-rle", "--rate", 100_000, "--seconds", 0.1)
+    assert "stitched of 5 captures, as one holds 1 frame; the time between two is not known" in done.out
+    done = run("verify", tmp_path / "run.vcd", "--against", LAB8 / "schedule.json")
+    assert done.code == 0
+    assert "nothing is measured across a seam" in done.out
+
+
+def test_without_stitching_what_does_not_fit_is_refused_with_the_arithmetic(
+    run: Run, serve: Serve, tmp_path: Path
+) -> None:
+    port = serve(device(HEXAPOD)).paths["analyser"]
+    common = ("--port", port, "-o", tmp_path / "run.vcd")
+    done = run("capture", *common, "--no-stitch", "--against", HEXAPOD / "schedule.json")
+    assert done.code == 2
+    assert "4096 words hold 111 frames of 36.3 words and the one in which it begins, not 241" in done.err
+    done = run("capture", *common, "--seconds", 60)
+    assert done.code == 2
+    assert "with --against, several captures are stitched" in done.err
+
+
+def test_too_little_memory_for_a_frame_is_refused_however_many_captures_are_made(
+    run: Run, serve: Serve, tmp_path: Path
+) -> None:
+    port = serve(device(LAB8)).paths["analyser"]
+    common = ("--port", port, "-o", tmp_path / "run.vcd", "--against", LAB8 / "schedule.json")
+    done = run("capture", *common, "--no-rle")
+    assert done.code == 2
+    assert "8192 bytes are 4096 words" in done.err
+    assert "20000 samples of a word each" in done.err
+
+
+def test_an_analyser_that_goes_away_leaves_a_stitched_capture_that_is_not_whole(
+    run: Run, serve: Serve, tmp_path: Path
+) -> None:
+    port = serve(device(HEXAPOD, unplug_after=3001)).paths["analyser"]
+    against = HEXAPOD / "schedule.json"
+    done = run("capture", "--port", port, "-o", tmp_path / "run.vcd", "--against", against)
+    assert done.code == 3
+    assert not (tmp_path / "run.vcd").exists()
+    done = run("verify", tmp_path / "run.partial.vcd", "--against", against)
+    assert done.code == 1
+    assert "the capture is not whole: the analyser went away after 3001 of" in done.out
+
+
+@pytest.mark.parametrize("frame", [55, 170, 280])
+def test_a_pulse_that_is_two_microseconds_too_long_is_caught_in_whatever_piece_it_is(
+    run: Run, serve: Serve, tmp_path: Path, frame: int
+) -> None:
+    port = serve(device(HEXAPOD)).paths["analyser"]
+    against = tmp_path / "schedule.json"
+    against.write_text(shorter_in(HEXAPOD, frame))
+    done = run("capture", "--port", port, "-o", tmp_path / "run.vcd", "--against", against)
+    assert done.code == 0, done.err
+    done = run("verify", tmp_path / "run.vcd", "--against", against)
+    assert done.code == 1
+    where = rf"- first at [0-9.]+ s \(piece \d\), RB0 \(L1-turn\), frame {frame} "
+    assert re.search(where, done.out), done.out
