@@ -1,0 +1,180 @@
+"""Orders become motion: walking robots, bases, poses."""
+
+import math
+import os
+import pty
+import termios
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from servogen.drive.orders import Rates, Steering
+from servogen.drive.steering import steering_of
+from servogen.drive.walker import Walker, walker
+from servogen.drive.words import QUIT, Lines, keys, lines_of, script, wait_of, words_of
+from servogen.errors import InputError
+from servogen.job import load, loads
+from servogen.kinematics.omni import body_speed
+from servogen.motion.trajectory import Floats
+from servogen.robot.model import OmniBase
+
+JOBS = Path(__file__).parents[2] / "jobs"
+FRAME_S = 0.02
+
+
+def steered(steering: Steering, orders: dict[int, str], frames: int) -> Floats:
+    """Degrees, a row a frame; `orders` by the frame in which they come."""
+    rows = []
+    for frame in range(frames):
+        if frame in orders:
+            steering.order(orders[frame])
+        rows.append(steering.at(frame * FRAME_S))
+    return np.degrees(np.array(rows))
+
+
+def walking() -> Walker:
+    return walker(load(JOBS / "hexapod-tripod.toml"), Rates())
+
+
+def test_whatever_is_ordered_no_joint_of_the_walk_jumps() -> None:
+    job = load(JOBS / "hexapod-tripod.toml")
+    most = np.abs(np.diff(np.degrees(job.trajectory.angles), axis=0)).max()
+    random = np.random.default_rng(7)
+    robot = walking()
+    orders = {int(at): str(random.choice(robot.words)) for at in random.integers(0, 3000, 60)}
+    assert np.abs(np.diff(steered(robot, orders, 3200), axis=0)).max() <= 1.01 * most
+
+
+def test_a_way_is_start_cycles_and_stop_and_ends_standing() -> None:
+    robot = walking()
+    gait = robot.gaits["forward"]
+    rows = steered(robot, {10: "forward", 200: "stop"}, 500)
+    begin = 10
+    first = np.degrees(np.concatenate((gait.start, gait.cycle, gait.cycle)))
+    assert np.allclose(rows[begin : begin + len(first)], first)
+    assert np.allclose(rows[-1], np.degrees(gait.stop[-1]))
+    assert np.allclose(rows[-100:], rows[-1]), "it stands"
+    assert robot.going is None
+
+
+def test_the_steered_walk_is_the_walk_that_a_job_plans() -> None:
+    text = (JOBS / "hexapod-tripod.toml").read_text()
+    robot = walking()
+    gait = robot.gaits["forward"]
+    planned = loads(text, "job.toml").trajectory.angles  # four cycles of 40 mm, from standing to standing
+    mine = np.concatenate((gait.start, *[gait.cycle] * 3, gait.stop))
+    assert np.allclose(mine[: len(planned)], planned[: len(mine)], atol=1e-6)
+
+
+def test_a_stride_that_the_legs_cannot_do_is_refused() -> None:
+    with pytest.raises(InputError, match="limits"):
+        walker(load(JOBS / "hexapod-tripod.toml"), Rates(400, 200))
+
+
+@pytest.mark.parametrize(
+    ("word", "way"),
+    [("forward", (1, 0, 0)), ("sideways-left", (0, 1, 0)), ("right", (0, 0, -1)), ("stop", (0, 0, 0))],
+)
+def test_a_base_gets_the_body_speed_that_was_ordered(word: str, way: tuple[int, int, int]) -> None:
+    job = load(JOBS / "omni-square.toml")
+    steering = steering_of(job, Rates(80, 30))
+    wheels = np.radians(steered(steering, {0: word}, 30)[-1])
+    assert isinstance(job.robot, OmniBase)
+    wanted = np.array(way) * (0.08, 0.08, math.radians(30))
+    assert body_speed(job.robot, wheels) == pytest.approx(wanted, abs=1e-12)
+
+
+def test_a_base_changes_its_speed_in_a_ramp() -> None:
+    steering = steering_of(load(JOBS / "omni-square.toml"), Rates())
+    rows = steered(steering, {5: "forward", 40: "back", 43: "stop"}, 100)
+    assert np.abs(np.diff(rows, axis=0)).max() <= 2 * np.abs(rows).max() * FRAME_S / 0.2 + 1e-9
+    assert not rows[-1].any()
+
+
+def test_a_speed_that_the_wheels_do_not_have_is_refused() -> None:
+    job = load(JOBS / "omni-square.toml")
+    assert "forward" not in steering_of(job, Rates(5000, 30)).words
+    with pytest.raises(InputError, match="cannot turn at"):
+        steering_of(job, Rates(5000, 3000))
+
+
+def test_poses_are_gone_to_as_fast_as_the_servo_can_and_can_be_stopped_half_way() -> None:
+    job = load(JOBS / "lab8-exercise.toml")
+    steering = steering_of(job, Rates())
+    rows = steered(steering, {0: "1", 100: "3", 110: "stop"}, 200)
+    assert rows[60, 0] == pytest.approx(30)
+    assert 30 < rows[-1, 0] < 120
+    speed = job.servos[0].model.speed
+    assert speed is not None
+    assert np.abs(np.diff(rows, axis=0)).max() <= math.degrees(speed) * FRAME_S + 1e-9
+    assert rows[-1, 0] == pytest.approx(
+        30 + 10 * FRAME_S * math.degrees(speed), abs=math.degrees(speed) * FRAME_S
+    )
+
+
+def test_angles_are_orders_too() -> None:
+    steering = steering_of(load(JOBS / "lab8-exercise.toml"), Rates())
+    assert steered(steering, {0: "arm=77.5"}, 100)[-1, 0] == pytest.approx(77.5)
+
+
+@pytest.mark.parametrize(
+    ("job", "word"), [("hexapod-tripod", "jump"), ("omni-square", "jump"), ("lab8-exercise", "4")]
+)
+def test_an_unknown_order_is_refused(job: str, word: str) -> None:
+    with pytest.raises(InputError, match="is no order"):
+        steering_of(load(JOBS / f"{job}.toml"), Rates()).order(word)
+
+
+def test_an_arm_program_has_nothing_to_steer() -> None:
+    with pytest.raises(InputError, match="nothing to steer"):
+        steering_of(load(JOBS / "rvm1-program.toml"), Rates())
+
+
+def test_keys_and_arrows_are_words_and_other_keys_none() -> None:
+    assert words_of(b"w\x1b[A\x1bOBd  zx3\x1b") == [
+        *("forward", "forward", "back", "right", "stop", "stop", QUIT, "3"),
+    ]
+
+
+def test_a_terminals_keys_come_without_return_and_it_is_as_before_afterwards() -> None:
+    master, slave = pty.openpty()
+    try:
+        before = termios.tcgetattr(slave)
+        with keys(slave) as opened:
+            assert opened.since(0.0) == []
+            os.write(master, b"a\x1b[D")
+            assert opened.since(0.0) == ["left", "left"]
+            assert not termios.tcgetattr(slave)[3] & (termios.ECHO | termios.ICANON)
+        assert termios.tcgetattr(slave) == before
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+def test_lines_come_when_they_are_whole_and_the_end_is_quit() -> None:
+    read, write = os.pipe()
+    try:
+        lines = Lines(read)
+        os.write(write, b"forw")
+        assert lines.since(0.0) == []
+        os.write(write, b"ard\nwait 2\nstop\n# nothing\nback")
+        assert lines.since(0.1) == ["forward"]
+        assert lines.since(1.9) == []
+        assert lines.since(2.2) == ["stop"]
+        os.close(write)
+        assert lines.since(2.3) == ["back", QUIT]
+    finally:
+        os.close(read)
+
+
+@pytest.mark.parametrize("line", ["wait", "wait soon", "wait -1", "wait nan", "wait inf"])
+def test_a_wait_that_is_none_is_refused(line: str) -> None:
+    with pytest.raises(InputError, match="does not say how long"):
+        wait_of(line)
+    with pytest.raises(InputError, match="does not say how long"):
+        script(line).since(0.0)
+
+
+def test_comments_and_empty_lines_are_no_orders() -> None:
+    assert lines_of("a # b\n\n  \n#c\nd") == ["a", "d"]
