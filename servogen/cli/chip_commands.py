@@ -29,7 +29,9 @@ def compile_c(
     output: Output = None,
     dialect: Annotated[
         Dialect | None,
-        typer.Option("--dialect", help="Default: xc8 where a file includes <xc.h>, else c2c."),
+        typer.Option(
+            "--dialect", help="Default: xc8 where a file includes <xc.h>, sdcc where <pic14/…>, else c2c."
+        ),
     ] = None,
     listing: ListingFile = None,
     device: DeviceName = "PIC16F84",

@@ -21,6 +21,7 @@ TOOLS = (
     ("usbpicprog", "programs the chip (usbpicprog)"),
     ("picprog", "programs the chip (JDM)"),
     ("xc8-cc", "compiles main.xc8.c, should you want a second opinion"),
+    ("sdcc", "compiles main.sdcc.c, where it has its pic14 port"),
 )
 """None of them is needed to build and prove a job."""
 

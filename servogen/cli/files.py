@@ -100,11 +100,16 @@ def beside_c(name: str, including: str) -> tuple[str, str] | None:
     return (str(path), read_source(path)) if path.is_file() else None
 
 
+HEADERS = {"xc8": ("<xc.h>", "<pic.h>", "<htc.h>"), "sdcc": ("<pic14/", "<pic16f84.h>", "<pic16f84a.h>")}
+"""The headers by which a dialect is known."""
+
+
 def dialect_of(texts: list[str]) -> str:
-    """XC8 where a source includes that compiler's header, else C2C."""
-    return (
-        "xc8" if any("<xc.h>" in text or "<pic.h>" in text or "<htc.h>" in text for text in texts) else "c2c"
-    )
+    """XC8 or SDCC where a source includes that compiler's header, else C2C."""
+    for dialect, headers in HEADERS.items():
+        if any(header in text for header in headers for text in texts):
+            return dialect
+    return "c2c"
 
 
 def read_schedule(path: Path) -> PulseSchedule:

@@ -72,7 +72,7 @@ def check(job: JobFile, json: Json = False) -> None:
 
 
 def build(job: JobFile, output: Output = None, json: Json = False) -> None:
-    """Make a job's firmware in both dialects and prove every pulse edge of it."""
+    """Make a job's firmware in every dialect and prove every pulse edge of it."""
     from servogen.job import load
     from servogen.pipeline import build as built
     from servogen.pipeline import write

@@ -51,3 +51,4 @@ class Dialect(StrEnum):
 
     c2c = "c2c"
     xc8 = "xc8"
+    sdcc = "sdcc"

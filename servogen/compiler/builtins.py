@@ -14,7 +14,7 @@ from typing import Any
 from pycparser import c_ast
 
 from servogen.compiler.ctypes import BIT, U8, VOID, FuncType, IntType
-from servogen.compiler.dialect import C2C, XC8, ChipBit
+from servogen.compiler.dialect import C2C, NAMES, XC8, ChipBit
 from servogen.compiler.rewrite import CONFIG_NAME, EEPROM_NAME, Rewritten
 from servogen.compiler.scopes import Constant, Scopes
 from servogen.compiler.settings import Settings
@@ -33,7 +33,8 @@ from servogen.compiler.tree import (
     Update,
 )
 from servogen.errors import Place
-from servogen.pic.device import EEPROM_BYTES, RAM_LAST, register_bits, registers
+from servogen.pic.device import CONFIG_ADDRESS, EEPROM_BYTES, RAM_LAST, register_bits, registers
+from servogen.pic.isa import WORD_MASK
 from servogen.units import Clock
 
 MAX_DELAY = 50_463_240
@@ -88,7 +89,12 @@ class Builtins(Statements):
                 self.program.eeprom[at] = value if isinstance(value, int) else 0
         for name, meaning in self.scopes.stack[0].names.items():
             if name.startswith(CONFIG_NAME) and isinstance(meaning, Constant):
-                settings.config_mask = (meaning.value & 0x3FFF, Place())
+                settings.config_mask = (meaning.value & WORD_MASK, Place())
+        for symbol in self.program.symbols:
+            if symbol.address == CONFIG_ADDRESS:
+                low, high = ((symbol.initial or {}).get(offset, 0) for offset in (0, 1))
+                if isinstance(low, int) and isinstance(high, int):
+                    settings.config_mask = ((high << 8 | low) & WORD_MASK, symbol.place)
 
     def builtin_names(self) -> list[str]:
         return [name for name, (dialects, _, _) in _TABLE.items() if self.dialect in dialects]
@@ -97,8 +103,7 @@ class Builtins(Statements):
         row = _TABLE.get(name)
         if row is None or self.dialect not in row[0]:
             if row is not None:
-                other = "C2C" if row[0] == (C2C,) else "XC8"
-                raise self.fail(f"'{name}' belongs to the {other} dialect", node)
+                raise self.fail(f"'{name}' belongs to the {NAMES[row[0][0]]} dialect", node)
             return None
         _, count, handler = row
         if len(arguments) != count:

@@ -31,7 +31,7 @@ from servogen.compiler.tree import (
     Symbol,
 )
 from servogen.errors import Place
-from servogen.pic.device import RAM_FIRST, RAM_LAST, registers
+from servogen.pic.device import CONFIG_ADDRESS, RAM_FIRST, RAM_LAST, registers
 
 
 class Declarations(Initialisers):
@@ -69,6 +69,8 @@ class Declarations(Initialisers):
             self._local(node, kind, static, address)
 
     def _new_global(self, name: str, kind: CType, place: Place, address: int | None) -> Symbol:
+        if address == CONFIG_ADDRESS:
+            return self._configuration(name, kind, place)
         where = "fixed" if address is not None else "flash" if is_const_object(kind) else "global"
         symbol = Symbol(name, kind, where, place, address=address, asm_name=f"_{name}")
         symbol.volatile = kind.volatile or (address is not None and not RAM_FIRST <= address <= RAM_LAST)
@@ -88,6 +90,16 @@ class Declarations(Initialisers):
             while isinstance(element, ArrayType):
                 element = element.element
             symbol.volatile = element.volatile
+        self.program.symbols.append(symbol)
+        return symbol
+
+    def _configuration(self, name: str, kind: CType, place: Place) -> Symbol:
+        """SDCC's way to say the configuration word: a constant at its address."""
+        if not is_const_object(kind) or kind.size != 2:
+            raise self.reporter.fatal(
+                f"the configuration word at 0x{CONFIG_ADDRESS:X} is a constant of 16 bits", place
+            )
+        symbol = Symbol(name, kind, "flash", place, address=CONFIG_ADDRESS, asm_name=f"_{name}")
         self.program.symbols.append(symbol)
         return symbol
 

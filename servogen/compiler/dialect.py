@@ -1,7 +1,7 @@
-"""The two dialects as data: type names, predefined macros, headers and names of the chip.
+"""The three dialects as data: type names, predefined macros, headers and names of the chip.
 
-Source of the names: PIC16F84A DS35007 table 2-1 through `pic.device`; the spellings that XC8's headers and
-BoostC's add to them are listed here.
+Source of the names: PIC16F84A DS35007 table 2-1 through `pic.device`; the spellings that XC8's headers,
+BoostC's and SDCC's add to them are listed here.
 """
 
 from __future__ import annotations
@@ -26,10 +26,12 @@ from servogen.compiler.ctypes import (
     CType,
     IntType,
 )
-from servogen.pic.device import Device, Register, register_bits, registers
+from servogen.pic.device import CONFIG_ADDRESS, Device, Register, register_bits, registers
 
-C2C, XC8 = "c2c", "xc8"
-DIALECTS = (C2C, XC8)
+C2C, XC8, SDCC = "c2c", "xc8", "sdcc"
+DIALECTS = (C2C, XC8, SDCC)
+NAMES: Mapping[str, str] = {C2C: "C2C", XC8: "XC8", SDCC: "SDCC"}
+"""What each is called in messages."""
 
 BUILTIN_TYPES: Mapping[str, CType] = {"bit": BIT, "__bit": BIT, "bool": BOOL, "_Bool": BOOL}
 """Type names that need no header."""
@@ -189,7 +191,18 @@ def headers(dialect: str) -> Mapping[str, str]:
     if dialect == XC8:
         xc = _STDINT_LIMITS + _STDBOOL
         return {**common, "xc.h": xc, "htc.h": xc, "pic.h": xc, "pic16f84a.h": xc, "pic16f84.h": xc}
+    if dialect == SDCC:
+        chip = _sdcc_chip()
+        names = [f"{folder}{file}.h" for folder in ("", "pic14/") for file in ("pic16f84", "pic16f84a")]
+        return {**common, **dict.fromkeys(names, chip)}
     return {**common, "system.h": "", "boostc.h": "", "p16f84.h": "", "p16f84a.h": ""}
+
+
+def _sdcc_chip() -> str:
+    """What SDCC's header defines beside registers and bits: the configuration's address and its masks."""
+    masks = {f"_{name.lstrip('_')}": mask for name, mask in _CONFIG_NAMES.items() if "_" in name}
+    lines = [f"#define {name} 0x{mask:04X}" for name, mask in masks.items()]
+    return "\n".join([*lines, f"#define _CONFIG 0x{CONFIG_ADDRESS:04X}", ""])
 
 
 def macros(dialect: str, device: Device) -> Mapping[str, str]:
@@ -206,6 +219,9 @@ def macros(dialect: str, device: Device) -> Mapping[str, str]:
             "_PIC14": "1",
             "__PICC__": "1",
         }
+    if dialect == SDCC:
+        sdcc = {"__SDCC": "4_2_0", "__SDCC_pic14": "1", f"__SDCC_PIC{part}": "1"}
+        return {**found, **sdcc, "__SDCC_VERSION_MAJOR": "4", "__SDCC_CHAR_UNSIGNED": "1"}
     return {**found, "_C2C_": "1", "__C2C__": "1", "_BOOSTC": "1"}
 
 

@@ -242,7 +242,7 @@ class FunctionGenerator(Flash):
         for place, text in node.lines:
             self.place = place
             try:
-                found = assemble_line(text, place, self._asm_name(node), self._asm_label(labels))
+                found = assemble_line(text, place, self._asm_name(node), self._asm_label(node, labels))
             except AsmError as error:
                 self.asm_error(error, place)
                 continue
@@ -263,8 +263,12 @@ class FunctionGenerator(Flash):
     def asm_symbol(self, name: str) -> Symbol | None:
         raise NotImplementedError
 
-    def _asm_label(self, labels: dict[str, str]) -> Callable[[str], str]:
+    def _asm_label(self, node: Asm, labels: dict[str, str]) -> Callable[[str], str]:
+        """A label is its block's; `_name` may be a C function."""
+
         def find(name: str) -> str:
+            if any(call.function == name.removeprefix("_") for call in node.calls):
+                return self.signature(name.removeprefix("_")).name
             return labels.setdefault(name, f"{self.code.name}.asm.{name}")
 
         return find

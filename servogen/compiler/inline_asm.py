@@ -1,7 +1,7 @@
 """One line of inline assembly to instructions.
 
-In: a line as C2C or XC8 programs write it: a label, a mnemonic of the chip, operands that name registers,
-bits, C variables (`_name`, `_name_function`) and numbers. Out: symbolic instructions.
+In: a line as C2C, XC8 or SDCC programs write it: a label, a mnemonic of the chip, operands that name
+registers, bits, C variables (`_name`, `_name_function`) and numbers. Out: symbolic instructions.
 """
 
 from __future__ import annotations
@@ -12,6 +12,9 @@ from collections.abc import Callable
 from servogen.compiler.machine import LABEL, Byte, Ins, Loc, Reg
 from servogen.compiler.tree import AddressByte, Symbol
 from servogen.errors import Place, nearest
+from servogen.pic.assembler.expressions import evaluate, parse_expression
+from servogen.pic.assembler.messages import SourceError
+from servogen.pic.assembler.text import Text
 from servogen.pic.device import RAM_FIRST, RAM_LAST, register_bits, registers
 from servogen.pic.isa import by_mnemonic
 
@@ -173,8 +176,31 @@ def _literal(text: str, names: Names) -> int | AddressByte:
             return register.address & 0x7F
     value = _number(text.lstrip("+-"))
     if value is None:
-        raise AsmError(f"'{text}' is not a number from 0 to 255")
+        return _computed(text)
     value = -value if text.startswith("-") else value
     if not -128 <= value <= 255:
         raise AsmError(f"the literal {text} is not 0 to 255")
+    return value & 0xFF
+
+
+class _NoNames:
+    """A literal computed by the assembler is made of numbers."""
+
+    here = 0
+
+    def value(self, name: str) -> int | None:
+        return None
+
+    def hint(self, name: str) -> str | None:
+        return None
+
+
+def _computed(text: str) -> int:
+    """`(1500 - 14) / 1000 + 1`, as an assembler computes it."""
+    try:
+        value = evaluate(parse_expression(Text.of(text), 10), _NoNames())
+    except SourceError:
+        raise AsmError(f"'{text}' is not a number from 0 to 255") from None
+    if not -128 <= value <= 255:
+        raise AsmError(f"the literal {text} is {value}, not 0 to 255")
     return value & 0xFF

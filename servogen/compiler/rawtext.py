@@ -15,6 +15,7 @@ _TOKEN = re.compile(
     r"""(?P<comment>//[^\n]*|/\*.*?\*/)
       | (?P<string>"(?:[^"\\\n]|\\.)*"|'(?:[^'\\\n]|\\.)*')
       | (?P<hash>\#[ \t]*asm\b.*?\#[ \t]*endasm\b[^\n]*)
+      | (?P<sdcc>\b_?_asm\b(?!\s*[({])(?:(?!\b_?_asm\b).)*?\b_?_endasm\b[ \t]*;?)
       | (?P<asm>\b(?:__asm__|__asm|_asm|asm)\b(?!\s*\())
       | (?P<binary>\b(?:0[bB][01]+|[01]+[bB])\b)
       | (?P<word>\b\w+\b)""",
@@ -44,6 +45,10 @@ def rewrite(text: str, file: str, blocks: list[AsmBlock]) -> str:
             inside = body[1].rsplit("\n", 1)[0] if len(body) > 1 and "\n" in body[1] else ""
             start = text.count("\n", 0, match.start()) + 2
             out.append(_marker(blocks, file, start, inside) + "\n" * match["hash"].count("\n"))
+        elif match["sdcc"]:
+            inside = re.sub(r"^_?_asm|_?_endasm\s*;?$", "", match["sdcc"])
+            start = text.count("\n", 0, match.start()) + 1
+            out.append(_marker(blocks, file, start, inside) + "\n" * match["sdcc"].count("\n"))
         elif match["asm"]:
             body_start, end = _asm_extent(text, position)
             inside = (

@@ -150,7 +150,9 @@ def _at_word(self: _Rewriter, token: PToken) -> bool:
 
 
 def _interrupt(self: _Rewriter, token: PToken) -> bool:
-    """`interrupt` and `__interrupt()` as qualifiers; a function named interrupt stays."""
+    """`interrupt` and `__interrupt()` as qualifiers before the name, or behind the parameters as SDCC has
+    it; a function named interrupt stays.
+    """
     if token.text == "interrupt" and self.text(1) == "(":
         self.out.interrupts.add("interrupt")
         return False
@@ -159,7 +161,26 @@ def _interrupt(self: _Rewriter, token: PToken) -> bool:
     self.at += 1
     if self.text() == "(":
         self.arguments()
-    self.pending_interrupt = True
+    if self.out.tokens and self.out.tokens[-1].text == ")":
+        self.out.interrupts.add(_name_before_parameters(self.out.tokens))
+    else:
+        self.pending_interrupt = True
+    return True
+
+
+def _name_before_parameters(tokens: list[PToken]) -> str:
+    depth = 0
+    for index in reversed(range(1, len(tokens))):
+        depth += {")": 1, "(": -1}.get(tokens[index].text, 0)
+        if depth == 0:
+            return tokens[index - 1].text
+    return ""
+
+
+def _code(self: _Rewriter, token: PToken) -> bool:
+    """SDCC's `__code`: what lies in flash is constant."""
+    self.emit("const", token.place)
+    self.at += 1
     return True
 
 
@@ -171,17 +192,16 @@ def _drop(self: _Rewriter, token: PToken) -> bool:
 
 
 def _asm_call(self: _Rewriter, token: PToken) -> bool:
-    """`asm("…")`, once or with several strings."""
+    """`asm("…")`; neighbouring strings are one, as everywhere in C."""
     if self.text(1) == "volatile":
         self.at += 1
     if self.text(1) != "(":
         return False
     self.at += 1
     strings = [each for each in self.arguments() if each.text[0] == '"']
-    lines = []
-    for each in strings:
-        body = each.text[1:-1].replace("\\n", "\n").replace("\\t", "\t").replace('\\"', '"')
-        lines += [(each.place.line or 0, line) for line in body.split("\n") if line.strip()]
+    text = "".join(each.text[1:-1] for each in strings)
+    body = text.replace("\\n", "\n").replace("\\t", "\t").replace('\\"', '"')
+    lines = [(token.place.line or 0, line) for line in body.split("\n") if line.strip()]
     self.blocks.append(AsmBlock(token.place.file or "", tuple(lines)))
     _asm_marker(self, token, len(self.blocks) - 1)
     return True
@@ -244,6 +264,7 @@ _HANDLERS = {
     "__at": _at_word,
     "interrupt": _interrupt,
     "__interrupt": _interrupt,
+    "__code": _code,
     "asm": _asm_call,
     "__asm": _asm_call,
     "__asm__": _asm_call,

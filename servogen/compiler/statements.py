@@ -5,6 +5,8 @@ In: pycparser statements. Out: statements of the typed tree; warnings for what i
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,6 +19,7 @@ from servogen.compiler.rawtext import MARKER, AsmBlock
 from servogen.compiler.tree import (
     Asm,
     Block,
+    Call,
     CaseLabel,
     Expr,
     ExprStmt,
@@ -132,7 +135,15 @@ class Statements(Declarations):
                 names.update(
                     {f"_{name}": what for name, what in scope.names.items() if hasattr(what, "asm_name")}
                 )
-        return Asm(lines, names, place)
+        return Asm(lines, names, list(self._asm_calls(lines)), place)
+
+    def _asm_calls(self, lines: list[tuple[Place, str]]) -> Iterator[Call]:
+        """The C functions that lines of assembly call as `_name`."""
+        for place, text in lines:
+            match = re.match(r"(?i)(?:.*:)?\s*call\s+_(\w+)\s*(?:;|//|$)", text)
+            called = self.scopes.find(match[1]) if match else None
+            if isinstance(called, Function):
+                yield Call(called.name, [], called.result, place)
 
     def _effect(self, node: Any) -> Expr:
         """An expression evaluated for what it does."""

@@ -291,10 +291,13 @@ class Return:
 
 @dataclass(slots=True)
 class Asm:
-    """Lines of assembly with their places; `names` are the C variables that they can see."""
+    """Lines of assembly with their places; `names` are the C variables that they can see, `calls` the C
+    functions that they call.
+    """
 
     lines: list[tuple[Place, str]]
     names: dict[str, Symbol]
+    calls: list[Call]
     place: Place
 
 

@@ -1,4 +1,5 @@
-"""A `Sequence` as C: `templates/main.c.j2` is the body, `c2c.j2` and `xc8.j2` are the dialects' words.
+"""A `Sequence` as C: `templates/main.c.j2` is the body, `c2c.j2`, `xc8.j2` and `sdcc.j2` are the
+dialects' words.
 
 In: the program and a dialect. Out: the text of one C file. Nothing is computed in the templates; a name that
 they use and that is not given is an error.
@@ -22,7 +23,7 @@ from servogen.pic.device import Device, oscillator_for
 from servogen.pulse import PulseSchedule
 from servogen.units import Clock, Cycles
 
-DIALECTS = ("c2c", "xc8")
+DIALECTS = ("c2c", "xc8", "sdcc")
 
 
 class RenderError(ServogenError):
@@ -60,6 +61,7 @@ def render(program: Sequence, dialect: str, device: Device, title: str) -> str:
             isinstance(step, Hold) and step.turns > 1 for step in (*program.lead_in, *program.loop)
         ),
         loop=[_step(step, program.schedule, dialect) for step in program.loop],
+        long_waits=any(isinstance(step, Pause) for step in (*program.lead_in, *program.loop)),
     )
 
 

@@ -2,7 +2,8 @@
 
 In: cycles and the clock. Out: call texts. XC8's `_delay` counts cycles (XC8 User's Guide, library functions,
 "_delay"). C2C counts time in steps of 1 s, 1 ms, 10 us and 1 us, each argument a byte; what is not whole
-cycles at the clock is rounded to them; single cycles are `nop()`.
+cycles at the clock is rounded to them; single cycles are `nop()`. SDCC has no delays: `templates/sdcc.j2`
+makes them of assembly, whose cycles are the same whoever compiles it.
 """
 
 from __future__ import annotations
@@ -20,6 +21,11 @@ XC8_MOST = 50_463_240
 C2C_MOST = 255
 C2C_STEPS = (("delay_s", 1_000_000), ("delay_ms", 1000), ("delay_10us", 10), ("delay_us", 1))
 """Built-in and its step in microseconds."""
+
+SDCC_LEAST, SDCC_STEP, SDCC_MOST = 14, 4, 250_000
+"""The arguments that `wait` of `templates/sdcc.j2` takes."""
+SDCC_LONG, SDCC_LONG_LEAST, SDCC_LONG_MOST = 200_000, 5, 255
+"""Cycles of each turn of `wait_long`, of its call, and its largest argument."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +72,21 @@ def _merged(calls: list[Call]) -> list[Call]:
     return [Call(text, len(list(same))) for text, same in groupby(call.text for call in calls)]
 
 
+def sdcc_calls(cycles: Cycles, clock: Clock) -> tuple[Call, ...]:
+    """`cycles` as `wait_long`, `wait` and `nop()`."""
+    calls: list[Call] = []
+    rest = int(cycles)
+    while rest > SDCC_MOST:
+        turns = min((rest - SDCC_LONG_LEAST) // SDCC_LONG, SDCC_LONG_MOST)
+        calls.append(Call(f"wait_long({turns})"))
+        rest -= SDCC_LONG * turns + SDCC_LONG_LEAST
+    if rest >= SDCC_LEAST:
+        waited = rest - (rest - SDCC_LEAST) % SDCC_STEP
+        calls.append(Call(f"wait({waited})"))
+        rest -= waited
+    return (*_merged(calls), *([Call("nop()", rest)] if rest else []))
+
+
 CALLS: MappingProxyType[str, Callable[[Cycles, Clock], tuple[Call, ...]]] = MappingProxyType(
-    {"c2c": c2c_calls, "xc8": xc8_calls}
+    {"c2c": c2c_calls, "xc8": xc8_calls, "sdcc": sdcc_calls}
 )

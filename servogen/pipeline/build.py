@@ -1,4 +1,4 @@
-"""From a job to proven HEX files: plan, tune for both dialects, simulate, verify, and the files of it all.
+"""From a job to proven HEX files: plan, tune for every dialect, simulate, verify, and the files of it all.
 
 In: a `Job`. Out: `Build`: the values of every step, and a folder of files. What is written does not depend on
 day, host or path.
@@ -20,7 +20,7 @@ from servogen.pic.image import Image, to_hex
 from servogen.pic.listing import listing_text
 from servogen.pipeline.engines import planned
 from servogen.pipeline.proof import LOOPS_CHECKED, board_of, checked_cycles, prove, running
-from servogen.pipeline.tuning import Firmware
+from servogen.pipeline.tuning import DoesNotFit, Firmware
 from servogen.pulse.plan import PulsePlan
 from servogen.report import BuildFacts, ProgramFacts, report_text
 from servogen.simulator import Machine
@@ -54,6 +54,8 @@ class Build:
     engine: str
     plan: PulsePlan
     programs: tuple[Program, ...]
+    left_out: tuple[Caution, ...] = ()
+    """The dialects whose program does not fit the chip, though the job's own does."""
 
     @property
     def proven(self) -> bool:
@@ -73,7 +75,7 @@ class Build:
             for diagnostic in program.firmware.compilation.diagnostics
             if ROUNDED not in diagnostic.message
         ]
-        return (*self.job.warnings, *self.plan.warnings, *compiler)
+        return (*self.job.warnings, *self.plan.warnings, *compiler, *self.left_out)
 
 
 def build(job: Job, progress: Progress = lambda step: None) -> Build:
@@ -82,15 +84,22 @@ def build(job: Job, progress: Progress = lambda step: None) -> Build:
     found = planned(job)
     schedule = found.plan.schedule
     own = job.firmware.dialect
-    programs = []
+    programs: list[Program] = []
+    left_out: list[Caution] = []
     for dialect in (own, *(other for other in DIALECTS if other != own)):
         progress(f"compiling {dialect}")
-        firmware = found.make(dialect)
+        try:
+            firmware = found.make(dialect)
+        except DoesNotFit as error:
+            if dialect == own:
+                raise
+            left_out.append(Caution("dialect", f"no program for {dialect}: {error.message}"))
+            continue
         progress(f"proving {dialect}")
         span = checked_cycles(schedule)
         trace = running(schedule, firmware.compilation.image, span)
         programs.append(Program(firmware, prove(schedule, trace, span)))
-    return Build(found.job, found.engine, found.plan, tuple(programs))
+    return Build(found.job, found.engine, found.plan, tuple(programs), tuple(left_out))
 
 
 def write(done: Build, folder: Path) -> None:

@@ -20,8 +20,12 @@ from servogen.report.tracks import tracks_of
 from servogen.robot.servo import Servo
 from servogen.verify import Verdict, verdict_lines
 
-XC8_COMMAND = "xc8-cc -mcpu={chip} -std=c99 -O1 -o main.hex main.xc8.c"
-"""MPLAB XC8 C Compiler User's Guide, chapter on the command-line driver; the chip without its "PIC"."""
+COMMANDS = (
+    ("XC8", "xc8-cc -mcpu={chip} -std=c99 -O1 -o main.hex main.xc8.c"),
+    ("SDCC", "sdcc -mpic14 -p{chip} --use-non-free main.sdcc.c"),
+)
+"""MPLAB XC8 C Compiler User's Guide, chapter on the command-line driver; SDCC Compiler User Guide, section
+"The PIC14 port"; the chip without its "PIC"."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,8 +173,9 @@ def _programs(facts: BuildFacts) -> Iterator[str]:
         ],
     )
     yield ""
-    yield "With Microchip's XC8 (its own cycles between the delays are not corrected for):"
-    yield f"  {XC8_COMMAND.format(chip=facts.job.device.name.removeprefix('PIC').lower())}"
+    yield "With another compiler, whose own cycles `servogen tune` and `servogen verify` tell:"
+    chip = facts.job.device.name.removeprefix("PIC").lower()
+    yield from _table(("compiler", "command"), [(name, text.format(chip=chip)) for name, text in COMMANDS])
 
 
 def _proof(facts: BuildFacts) -> Iterator[str]:

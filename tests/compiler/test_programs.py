@@ -30,7 +30,7 @@ from servogen.simulator import Machine
 from servogen.units import Clock
 
 HERE = Path(__file__).parent
-FILES = sorted(path for path in HERE.rglob("*.c") if path.parent.name in ("c2c", "xc8", "errors"))
+FILES = sorted(path for path in HERE.rglob("*.c") if path.parent.name in ("c2c", "xc8", "sdcc", "errors"))
 CYCLES = 300_000
 
 

@@ -1,4 +1,4 @@
-"""The player on the chip: hexapods proven in both dialects, trims, power-up, a watchdog left on."""
+"""The player on the chip: hexapods proven in every dialect, trims, power-up, a watchdog left on."""
 
 from dataclasses import replace
 from functools import cache
@@ -40,7 +40,7 @@ def widths(chunk: EdgeChunk, pin: int, first: int) -> list[int]:
 
 
 @pytest.mark.parametrize("name", ["hexapod-tripod", "hexapod-ripple", "hexapod-wave"])
-def test_a_whole_hexapod_is_exact_on_one_chip_in_both_dialects(name: str) -> None:
+def test_a_whole_hexapod_is_exact_on_one_chip_in_every_dialect(name: str) -> None:
     done = built(name)
     assert done.engine == "player"
     assert len(done.plan.schedule.channels) == 12
