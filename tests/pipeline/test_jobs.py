@@ -46,7 +46,7 @@ def test_every_edge_of_every_dialect_is_where_the_schedule_has_it(job: Build) ->
 def test_all_dialects_make_the_same_edges_from_reset_on(job: Build) -> None:
     schedule = job.plan.schedule
     traces = [
-        join(running(schedule, program.image, checked_cycles(schedule)).chunks) for program in job.programs
+        join(running(schedule, program.image, checked_cycles(schedule)).driven()) for program in job.programs
     ]
     first = traces[0]
     for trace in traces[1:]:
