@@ -10,6 +10,7 @@ from servogen.job.tip import Tip
 from servogen.motion import JointTrajectory
 from servogen.pic.device import Device
 from servogen.pulse.slots import Frame
+from servogen.pulse.stream.settings import Stream
 from servogen.robot.binding import Binding
 from servogen.robot.model import Robot
 from servogen.robot.servo import Servo
@@ -55,6 +56,8 @@ class Job:
     wheels: tuple[str, ...]
     frame: Frame
     firmware: Firmware
+    stream: Stream | None
+    """The serial line of the stream engine, which then is the job's."""
     trajectory: JointTrajectory
     poses: tuple[NamedPose, ...]
     warnings: tuple[Caution, ...]

@@ -21,6 +21,7 @@ from servogen.job.poses import poses_of
 from servogen.job.programs import program_of
 from servogen.job.robots import Rig, rig_of
 from servogen.job.servos import servos_of
+from servogen.job.streams import still, stream_of
 from servogen.job.walks import walk_of
 from servogen.motion import Motion, Planned, trajectory
 from servogen.motion.limits import Limits
@@ -63,8 +64,13 @@ def _job(document: Document) -> Job:
     servos = servos_of(document, table.servo)
     rig = rig_of(document, table, servos)
     frame = _frame(document, table, clock)
-    _check_frame(table.firmware.engine, servos, frame, clock)
-    planned, poses = _motion(document, table, servos, rig, frame, clock)
+    stream = stream_of(document, table, servos, clock)
+    if stream is None:
+        _check_frame(table.firmware.engine, servos, frame, clock)
+    if stream is not None and not any(part in document.data for part in PARTS):
+        planned, poses = Planned(still(servos, frame.period.cycles, clock)), tuple[NamedPose, ...]()
+    else:
+        planned, poses = _motion(document, table, servos, rig, frame, clock)
     _check_travel(document, planned, servos)
     return Job(
         Path(document.file).stem,
@@ -78,6 +84,7 @@ def _job(document: Document) -> Job:
         table.drive.wheels if table.drive else (),
         frame,
         Firmware(table.firmware.dialect, table.firmware.engine, exact(table.firmware.soft_start_s)),
+        stream,
         planned.trajectory,
         poses,
         planned.warnings,
@@ -217,7 +224,7 @@ def _limits(servos: tuple[Servo, ...], rig: Rig) -> tuple[Limits, ...]:
 
 def _check_travel(document: Document, planned: Planned, servos: tuple[Servo, ...]) -> None:
     """A spline or a walk may lead a servo beyond its limits though no pose does."""
-    part = next(part for part in PARTS if part in document.data)
+    part = next((part for part in PARTS if part in document.data), "motion")
     for servo, column in zip(servos, planned.trajectory.angles.T, strict=True):
         if not np.isnan(column).all():
             for angle in (float(np.nanmin(column)), float(np.nanmax(column))):

@@ -180,10 +180,20 @@ class FrameTable(Table):
 class FirmwareTable(Table):
     """[firmware]"""
 
-    dialect: Literal["c2c", "xc8", "sdcc"] = "c2c"
-    engine: Literal["auto", "sequence", "player"] = "auto"
+    dialect: Literal["c2c", "xc8"] = "c2c"
+    engine: Literal["auto", "sequence", "player", "stream"] = "auto"
     soft_start_s: Seconds = 1.0
     """How long the player's first pulses hold the neutral pose."""
+
+
+class StreamTable(Table):
+    """[stream]: the serial line of the stream engine."""
+
+    baud: int = Field(default=2400, gt=0)
+    receive_pin: str = "RA4"
+    transmit_pin: str | None = None
+    silence_s: float = Field(default=1.0, gt=0, le=MOST_S)
+    fail_safe: Literal["hold", "neutral", "off"] = "neutral"
 
 
 class JobTable(Table):
@@ -197,5 +207,6 @@ class JobTable(Table):
     walk: WalkTable | None = None
     program: ProgramTable | None = None
     drive: DriveTable | None = None
+    stream: StreamTable | None = None
     frame: FrameTable = FrameTable()
     firmware: FirmwareTable = FirmwareTable()
