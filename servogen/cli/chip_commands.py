@@ -34,6 +34,15 @@ def compile_c(
         ),
     ] = None,
     listing: ListingFile = None,
+    optimise: Annotated[
+        str,
+        typer.Option(
+            "-O",
+            "--optimise",
+            metavar="none|speed|size",
+            help="-O0: as written; -O1: fewest cycles; -Os: fewest words, equal code becomes subroutines.",
+        ),
+    ] = "speed",
     device: DeviceName = "PIC16F84",
     clock_hz: Annotated[
         int | None, typer.Option("--clock-hz", min=1, help="The clock, where the source does not say it.")
@@ -46,7 +55,13 @@ def compile_c(
 
     texts = [Source(read_source(path), str(path)) for path in sources]
     spoken = dialect.value if dialect else dialect_of([source.text for source in texts])
-    options = Options(dialect=spoken, device=device_named(device), clock_hz=clock_hz, include=beside_c)
+    options = Options(
+        dialect=spoken,
+        device=device_named(device),
+        clock_hz=clock_hz,
+        optimise={"0": "none", "1": "speed", "s": "size"}.get(optimise, optimise),
+        include=beside_c,
+    )
     compilation = compile_sources(texts, options)
     target = output or sources[0].with_suffix(".hex")
     keep_apart(sources, target, listing)

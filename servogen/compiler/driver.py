@@ -27,6 +27,7 @@ from servogen.compiler.rawtext import AsmBlock
 from servogen.compiler.report import make_listing
 from servogen.compiler.rewrite import Rewritten, rewrite_tokens
 from servogen.compiler.settings import Settings
+from servogen.compiler.sharing import share
 from servogen.compiler.stack import check_stack
 from servogen.compiler.startup import RESET, arrange
 from servogen.compiler.timing import all_times
@@ -45,6 +46,14 @@ class Source:
     file: str = "main.c"
 
 
+LEVELS = {
+    "none": "as the code generator writes it",
+    "speed": "fewest cycles, then fewest words; nothing is shared that would take longer",
+    "size": "fewest words: equal runs of instructions become subroutines",
+}
+"""Levels of optimisation."""
+
+
 @dataclass(frozen=True, slots=True)
 class Options:
     """How to compile. `include` maps (name, including file) to (file name, text) or None."""
@@ -52,7 +61,8 @@ class Options:
     dialect: str = "c2c"
     device: Device = field(default_factory=lambda: device("PIC16F84A"))
     clock_hz: int | None = None
-    optimise: bool = True
+    optimise: str = "speed"
+    """One of `LEVELS`."""
     include: Callable[[str, str], tuple[str, str] | None] | None = None
     defines: Mapping[str, str] = field(default_factory=dict)
 
@@ -74,6 +84,10 @@ def compile_sources(sources: Sequence[Source], options: Options | None = None) -
     options = options or Options()
     if options.dialect not in DIALECTS:
         raise InputError(f"unknown dialect '{options.dialect}'", hint=nearest(options.dialect, DIALECTS))
+    if options.optimise not in LEVELS:
+        raise InputError(
+            f"unknown level of optimisation '{options.optimise}'", hint=nearest(options.optimise, LEVELS)
+        )
     if not sources:
         raise InputError("there is no source file to compile")
     reporter = Reporter()
@@ -111,13 +125,15 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
     reporter.stop_on_error()
     arrangement = arrange(backend, analysis.program, settings, reporter)
     for code in codes.values():
-        if options.optimise:
+        if options.optimise != "none":
             optimise(code)
     reaching = banked(codes)
     leaving = exit_banks(codes, reaching)
     for code in codes.values():
         switch_banks(code, reaching, leaving)
     drop_unused(codes, arrangement.roots)
+    if options.optimise == "size":
+        share(codes, arrangement.roots)
     room = check_stack(codes, arrangement.roots, reporter)
     reporter.stop_on_error()
     times = all_times(codes)

@@ -37,32 +37,48 @@ def depths(codes: dict[str, Code]) -> dict[str, list[str]]:
 
 def check_stack(codes: dict[str, Code], roots: list[str], reporter: Reporter) -> dict[str, bool]:
     """Report a program that calls too deep; say which functions have room for one more call."""
-    chains = depths(codes)
-    levels = [len(chains[root]) for root in roots]
-    total = sum(levels) + (len(roots) - 1)  # the interrupt itself takes a level
-    if total > STACK_LEVELS:
+    room = room_for_calls(codes, roots)
+    if room is None:
+        chains = depths(codes)
         path = " → ".join([codes[roots[0]].falls_into, *chains[roots[0]]])
         also = (
             f", and the interrupt's {' → '.join(chains[roots[1]]) or 'own level'}" if len(roots) > 1 else ""
         )
         reporter.error(
-            f"calls go {total} levels deep, the chip's stack has {STACK_LEVELS}: {path}{also}",
+            f"calls go {_total(chains, roots)} levels deep, "
+            f"the chip's stack has {STACK_LEVELS}: {path}{also}",
             Place(next(iter(reporter.texts), None)),
         )
-        return {}
-    spare = STACK_LEVELS - total
+    return room or {}
+
+
+def _total(chains: dict[str, list[str]], roots: list[str]) -> int:
+    """Levels that the program needs; the interrupt itself takes one."""
+    return sum(len(chains[root]) for root in roots) + len(roots) - 1
+
+
+def room_for_calls(codes: dict[str, Code], roots: list[str]) -> dict[str, bool] | None:
+    """For each function that is reached, whether every way to it leaves a level of the stack; None when the
+    program itself needs too many.
+    """
+    chains = depths(codes)
+    spare = STACK_LEVELS - _total(chains, roots)
+    if spare < 0:
+        return None
+    deepest: dict[str, int] = {}
     room: dict[str, bool] = {}
-    for root, level in zip(roots, levels, strict=True):
-        _walk(root, 0, level + spare, codes, room)
+    for root in roots:
+        limit = len(chains[root]) + spare
+        waiting = [(root, 0)]
+        while waiting:
+            name, depth = waiting.pop()
+            if depth <= deepest.get(name, -1):
+                continue
+            deepest[name] = depth
+            room[name] = depth + 1 <= limit
+            if codes[name].falls_into:
+                waiting.append((codes[name].falls_into, depth))
+            for ins in codes[name].ins:
+                if ins.op in ("CALL", "GOTO") and ins.target in codes and ins.target != name:
+                    waiting.append((ins.target, depth + (ins.op == "CALL")))
     return room
-
-
-def _walk(name: str, depth: int, limit: int, codes: dict[str, Code], room: dict[str, bool]) -> None:
-    """A function has room where every way to it leaves a level."""
-    fits = depth + 1 <= limit
-    room[name] = room.get(name, True) and fits
-    if codes[name].falls_into:
-        _walk(codes[name].falls_into, depth, limit, codes, room)
-    for ins in codes[name].ins:
-        if ins.op in ("CALL", "GOTO") and ins.target in codes and ins.target != name:
-            _walk(ins.target, depth + (ins.op == "CALL"), limit, codes, room)

@@ -6,10 +6,11 @@ import argparse
 import sys
 import time
 from collections import Counter
+from dataclasses import replace
 
 from tests.compiler.random.compare import Outcome, compare
 from tests.compiler.random.generate import generate
-from tests.compiler.random.program import Program
+from tests.compiler.random.program import LEVELS, Program
 from tests.compiler.random.shrink import shrink
 from tests.compiler.random.target_c import TargetC
 
@@ -18,10 +19,15 @@ def report(program: Program, outcome: Outcome, *, cut: bool) -> str:
     """A failure with the seed, the smallest program that shows it, and both results."""
     if cut:
         program, outcome = shrink(program, outcome)
-    head = (
-        f"seed {program.seed} {program.dialect}: {outcome.kind}; gcc {outcome.expected}, chip {outcome.got}"
-    )
-    return f"{head} {outcome.message}\n{TargetC(program).text()}"
+    head = f"seed {program.seed} {program.dialect} {program.level}: {outcome.kind}"
+    both = f"gcc {outcome.expected}, chip {outcome.got}"
+    return f"{head}; {both} {outcome.message}\n{TargetC(program).text()}"
+
+
+def made(seed: int, level: str | None) -> Program:
+    """The program of a seed: dialects in turn, and levels where none is asked for."""
+    program = generate(seed // 2, ("xc8", "c2c")[seed % 2])
+    return replace(program, level=level or LEVELS[seed // 2 % len(LEVELS)])
 
 
 def main() -> int:
@@ -31,7 +37,9 @@ def main() -> int:
     )
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--batch", type=int, default=200, help="programs in a call of gcc")
-    parser.add_argument("--plain", action="store_true", help="without the compiler's optimiser")
+    parser.add_argument(
+        "--level", choices=LEVELS, help="only this level of optimisation, instead of all in turn"
+    )
     parser.add_argument(
         "--whole", action="store_true", help="print failing programs as they are, without shrinking"
     )
@@ -41,8 +49,8 @@ def main() -> int:
     started, failures = time.monotonic(), 0
     for first in range(arguments.first, arguments.first + arguments.seeds, arguments.batch):
         last = min(first + arguments.batch, arguments.first + arguments.seeds)
-        programs = [generate(seed // 2, ("xc8", "c2c")[seed % 2]) for seed in range(first, last)]
-        for program, outcome in zip(programs, compare(programs, optimise=not arguments.plain), strict=True):
+        programs = [made(seed, arguments.level) for seed in range(first, last)]
+        for program, outcome in zip(programs, compare(programs), strict=True):
             kinds[outcome.kind] += 1
             if outcome.bad:
                 failures += 1

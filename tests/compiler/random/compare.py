@@ -72,15 +72,15 @@ def host(programs: Sequence[Program], *, timeout: float = 120) -> list[Check | N
     return lines + [None] * (len(programs) - len(lines))
 
 
-def compiled(program: Program, *, optimise: bool = True) -> Compilation:
-    options = Options(dialect=program.dialect, clock_hz=CLOCK.hz, optimise=optimise)
+def compiled(program: Program) -> Compilation:
+    options = Options(dialect=program.dialect, clock_hz=CLOCK.hz, optimise=program.level)
     return compile_sources([Source(TargetC(program).text(), "random.c")], options)
 
 
-def target(program: Program, expected: Check | None, *, optimise: bool = True) -> Outcome:
+def target(program: Program, expected: Check | None) -> Outcome:
     """Compile and run one program, and compare."""
     try:
-        found = compiled(program, optimise=optimise)
+        found = compiled(program)
     except CompileError as error:
         message = next(each.message for each in error.diagnostics if each.severity == "error")
         return Outcome(
@@ -103,7 +103,7 @@ def target(program: Program, expected: Check | None, *, optimise: bool = True) -
     return Outcome("same" if got == expected else "different", expected, got, found.words)
 
 
-def compare(programs: Sequence[Program], *, optimise: bool = True) -> list[Outcome]:
+def compare(programs: Sequence[Program]) -> list[Outcome]:
     """Both sides of every program."""
     expected = host(programs)
-    return [target(one, check, optimise=optimise) for one, check in zip(programs, expected, strict=True)]
+    return [target(*row) for row in zip(programs, expected, strict=True)]

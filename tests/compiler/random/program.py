@@ -461,6 +461,10 @@ class Function:
         return self.name
 
 
+LEVELS = ("speed", "size", "none")
+"""Of optimisation."""
+
+
 @dataclass(frozen=True)
 class Program:
     """`functions` in an order in which each calls only earlier ones; the last is main."""
@@ -472,3 +476,5 @@ class Program:
     functions: tuple[Function, ...] = field(default=())
     interrupt: bool = False
     """Whether a timer interrupt runs beside it, which must change nothing."""
+    level: str = "speed"
+    """The level of optimisation that it is compiled at."""

@@ -20,17 +20,19 @@ def test_both_compilers_agree(number: int) -> None:
     assert_same(programs_from(1_000_000 + number * BATCH), least=0.9)
 
 
-def test_both_agree_without_the_optimiser() -> None:
-    assert_same(programs_from(2_000_000), least=0.5, optimise=False)
+@pytest.mark.parametrize(("level", "least"), [("none", 0.5), ("size", 0.9)])
+def test_both_agree_at_every_level(level: str, least: float) -> None:
+    programs = [replace(each, level=level) for each in programs_from(2_000_000)]
+    assert_same(programs, least=least)
 
 
 def programs_from(first: int) -> list[Program]:
     return [generate(seed, ("c2c", "xc8")[seed % 2]) for seed in range(first, first + BATCH)]
 
 
-def assert_same(programs: list[Program], *, least: float, optimise: bool = True) -> None:
+def assert_same(programs: list[Program], *, least: float) -> None:
     """All results are equal, and at least so much of the programs fits the chip."""
-    outcomes = compare(programs, optimise=optimise)
+    outcomes = compare(programs)
     pairs = list(zip(programs, outcomes, strict=True))
     wrong = [report(program, outcome) for program, outcome in pairs if outcome.bad]
     assert not wrong, "\n".join(wrong)
@@ -38,9 +40,9 @@ def assert_same(programs: list[Program], *, least: float, optimise: bool = True)
 
 
 def report(program: Program, outcome: Outcome) -> str:
-    again = "python -m tests.compiler.random --seeds 1 --first"
     seed = 2 * program.seed + (program.dialect == "c2c")
-    return f"{outcome.kind}: gcc {outcome.expected}, chip {outcome.got} {outcome.message}; {again} {seed}"
+    again = f"python -m tests.compiler.random --seeds 1 --first {seed} --level {program.level}"
+    return f"{outcome.kind}: gcc {outcome.expected}, chip {outcome.got} {outcome.message}; {again}"
 
 
 def test_a_seed_is_a_program() -> None:

@@ -2,18 +2,21 @@
 
 import json
 
-from tests.compiler.size.measure import RECORD, measured, recorded
+from tests.compiler.size.measure import LEVELS, RECORD, measured, recorded
 
 
 def main() -> None:
     old, new = recorded(), measured()
-    for name, words in new.items():
-        before = old.get(name)
-        if before is not None and words > before:
-            print(f"{name}: {words} words, {before} are recorded; it is kept")
-            new[name] = before
+    for name, levels in new.items():
+        for level, words in levels.items():
+            before = old.get(name, {}).get(level)
+            if before is not None and words > before:
+                print(f"{name}, {level}: {words} words, {before} are recorded; it is kept")
+                levels[level] = before
     RECORD.write_text(json.dumps(dict(sorted(new.items())), indent=4) + "\n")
-    print(f"{len(new)} programs, {sum(new.values())} words; {sum(old.values())} before")
+    for level in LEVELS:
+        now, before = (sum(each[level] for each in found.values() if level in each) for found in (new, old))
+        print(f"{len(new)} programs, {level}: {now} words; {before} before")
 
 
 if __name__ == "__main__":

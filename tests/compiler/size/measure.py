@@ -1,6 +1,6 @@
 """Sizes in program words of realistic programs: those beside this module and the lab programs.
 
-In: C files. Out: words by file name, measured and as recorded in `sizes.json`.
+In: C files. Out: words by file name and level of optimisation, measured and as recorded in `sizes.json`.
 """
 
 from __future__ import annotations
@@ -24,14 +24,17 @@ def programs() -> dict[str, tuple[Path, str]]:
     return {path.relative_to(TESTS).as_posix(): (path, dialect) for path, dialect in sorted(found)}
 
 
-def words(path: Path, dialect: str) -> int:
-    options = Options(dialect=dialect, clock_hz=4_000_000)
+LEVELS = ("speed", "size")
+
+
+def words(path: Path, dialect: str, level: str) -> int:
+    options = Options(dialect=dialect, clock_hz=4_000_000, optimise=level)
     return compile_sources([Source(path.read_text(), path.name)], options).words
 
 
-def measured() -> dict[str, int]:
-    return {name: words(*row) for name, row in programs().items()}
+def measured() -> dict[str, dict[str, int]]:
+    return {name: {level: words(*row, level) for level in LEVELS} for name, row in programs().items()}
 
 
-def recorded() -> dict[str, int]:
+def recorded() -> dict[str, dict[str, int]]:
     return json.loads(RECORD.read_text()) if RECORD.exists() else {}

@@ -3,14 +3,22 @@
 import pytest
 
 from servogen.compiler import Options, Source, compile_sources
-from tests.compiler.size.measure import HERE, programs, recorded, words
+from tests.compiler.size.measure import HERE, LEVELS, programs, recorded, words
 
 
+@pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("name", programs())
-def test_no_program_grows(name: str) -> None:
+def test_no_program_grows(name: str, level: str) -> None:
     most = recorded().get(name)
     assert most is not None, "run `python -m tests.compiler.size`"
-    assert words(*programs()[name]) <= most
+    assert words(*programs()[name], level) <= most[level]
+
+
+def test_what_shares_code_is_never_larger() -> None:
+    assert all(each["size"] <= each["speed"] for each in recorded().values())
+    assert sum(each["size"] for each in recorded().values()) < sum(
+        each["speed"] for each in recorded().values()
+    )
 
 
 def test_what_is_recorded_exists() -> None:
