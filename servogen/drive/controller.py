@@ -1,86 +1,86 @@
 """`Controller`: servo angles as Mini SSC positions, never beyond a servo's limits.
 
-In: the servos, their numbers at the controller, and the widths that its positions 0 and 254 are. Out: which
+In: the servos, their numbers at the controller, and the width of each of its 255 positions. Out: which
 positions changed, and the bytes that say so.
-
-    width = low + p (high - low) / 254        p is the nearest whole number whose width the servo allows
 """
 
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from servogen.errors import InputError, Place
 from servogen.job import Job
 from servogen.motion.trajectory import Floats
+from servogen.pulse.stream.protocol import BYTES, MOST, Command, Kind, travel
+from servogen.pulse.stream.settings import Stream
 from servogen.robot.servo import Servo
-
-SYNC = 0xFF
-MOST_POSITION = 254
-COMMAND_BYTES = 3
 
 USUAL_BAUD = 9600
 """Of controllers that are no stream engine."""
 
+REFRESH_S = 0.5
+"""A robot at rest is sent one position so often: the next one in turn, so that a lost byte is mended."""
+
+SURE = 4
+"""So often a position comes in the time after which a chip believes that its line is dead."""
+
 TINY_US = 1e-6
 """What floating point adds to a width."""
+
+GROUP_FRAMES = 2
+"""A pose that takes more frames than this to send is sent as a group, which the chip moves together."""
 
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """A servo at `number` of the controller, whose positions 0 and 254 are `low_us` and `high_us`."""
+    """A servo at `number` of the controller; `widths_us` are those of its positions 0 to 254, rising."""
 
     servo: Servo
     number: int
-    low_us: float
-    high_us: float
+    widths_us: tuple[float, ...]
+    slack_us: float = TINY_US
+    """How far beyond the servo's limits a width may be by rounding."""
 
     @property
     def step_us(self) -> float:
-        return (self.high_us - self.low_us) / MOST_POSITION
-
-    @property
-    def positions(self) -> tuple[int, int]:
-        """The least and the greatest that the servo allows. Raises InputError where there are none."""
-        least, most = self.servo.widths_us
-        first = max(0, math.ceil((least - TINY_US - self.low_us) / self.step_us))
-        last = min(MOST_POSITION, math.floor((most + TINY_US - self.low_us) / self.step_us))
-        if first > last:
-            raise InputError(
-                f"{self.servo.name}'s pulses are {least:g} to {most:g} µs: the controller makes "
-                f"{self.low_us:g} to {self.high_us:g} µs",
-                self.servo.place,
-            )
-        return first, last
+        """The mean way from a position to the next."""
+        return (self.widths_us[-1] - self.widths_us[0]) / MOST
 
     def position(self, angle: float) -> int:
-        """The position nearest to a servo angle.
+        """The position nearest to a servo angle, of those that its limits allow.
 
         Raises InputError for an angle that the servo does not allow or the controller cannot make.
         """
-        first, last = self.positions
-        width = self.servo.width_us(angle)
-        position = min(max(round((width - self.low_us) / self.step_us), first), last)
-        if abs(self.width_us(position) - width) > self.step_us:
+        width, (least, most) = self.servo.width_us(angle), self.servo.widths_us
+        after = bisect_left(self.widths_us, width)
+        near = [
+            position
+            for position in (after - 1, after)
+            if 0 <= position <= MOST
+            and least - self.slack_us <= self.widths_us[position] <= most + self.slack_us
+        ]
+        found = min(near, key=lambda position: abs(self.widths_us[position] - width), default=None)
+        if found is None or abs(self.widths_us[found] - width) > self.step_us:
             raise InputError(
                 f"{self.servo.name} would need pulses of {width:g} µs: the controller makes "
-                f"{self.low_us:g} to {self.high_us:g} µs",
+                f"{self.widths_us[0]:g} to {self.widths_us[-1]:g} µs",
                 self.servo.place,
             )
-        return position
-
-    def width_us(self, position: int) -> float:
-        return self.low_us + position * self.step_us
+        return found
 
 
 @dataclass(frozen=True, slots=True)
 class Controller:
-    """All servos, in the order of the job."""
+    """All servos, in the order of the job; `frame_s` of a stream engine, which knows groups."""
 
     channels: tuple[Channel, ...]
-    command_bytes: int = COMMAND_BYTES
+    frame_s: float | None = None
+    refresh_s: float = REFRESH_S
 
     def changes(self, sent: Sequence[int | None], angles: Floats) -> list[tuple[int, int]]:
         """(index, position) of each servo whose position is not the one sent; NaN changes nothing."""
@@ -93,25 +93,46 @@ class Controller:
         return found
 
     def command(self, index: int, position: int) -> bytes:
-        return bytes((SYNC, self.channels[index].number, position))
+        return Command(Kind.POSITION, self.channels[index].number, position).to_bytes()
+
+    def group_frames(self, count: int, byte_s: float) -> int | None:
+        """In how many frames `count` servos that change are to move together; None: each for itself."""
+        if self.frame_s is None or count * BYTES * byte_s <= GROUP_FRAMES * self.frame_s:
+            return None
+        return min(MOST, max(1, round((count + 2) * BYTES * byte_s / self.frame_s)))
 
 
 def controller_of(job: Job, baud: int | None, range_us: str | None, first: int) -> tuple[int, Controller]:
     """The baud rate and the controller of a job's servos, numbered from `first` in the order of the job.
 
-    Raises InputError where nothing says which widths the controller makes of positions 0 and 254.
+    A job with [stream] is its own controller, unless `range_us` says another's widths of positions 0 and 254.
+    Raises InputError where nothing says them.
     """
-    if first + len(job.servos) > MOST_POSITION + 1:
-        raise InputError(f"{len(job.servos)} servos from number {first} on: the last number is 254")
+    if first + len(job.servos) > MOST + 1:
+        raise InputError(f"{len(job.servos)} servos from number {first} on: the last number is {MOST}")
+    if job.stream is not None and range_us is None:
+        return baud or job.stream.baud, _stream(job, job.stream, first)
     if range_us is None:
         raise InputError(
             "nothing says which widths positions 0 and 254 are",
             Place(job.file),
             "the controller's manual does: --range-us 500,2500",
         )
-    low, high = _range(range_us)
-    channels = tuple(Channel(servo, first + index, low, high) for index, servo in enumerate(job.servos))
+    widths = tuple(np.linspace(*_range(range_us), MOST + 1).tolist())
+    channels = tuple(Channel(servo, first + index, widths) for index, servo in enumerate(job.servos))
     return baud or USUAL_BAUD, Controller(channels)
+
+
+def _stream(job: Job, stream: Stream, first: int) -> Controller:
+    """The stream engine: positions are whole cycles between the ends of what each servo may be told."""
+    half_us = float(job.clock.cycle_us) / 2
+    channels = []
+    for index, servo in enumerate(job.servos):
+        made = travel(servo, job.clock)
+        widths = tuple(float(job.clock.us(made.width(position))) for position in range(MOST + 1))
+        channels.append(Channel(servo, first + index, widths, half_us + TINY_US))
+    frame_s = float(job.clock.seconds(job.frame.period.cycles))
+    return Controller(tuple(channels), frame_s, min(REFRESH_S, float(stream.silence_s) / SURE))
 
 
 def _range(text: str) -> tuple[float, float]:

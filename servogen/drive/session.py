@@ -11,7 +11,7 @@ is waited for; the motion stands still meanwhile, and then every servo is sent i
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 
 from servogen.bench.ports import Unplugged
@@ -21,14 +21,12 @@ from servogen.drive.motions import Motion
 from servogen.drive.words import QUIT, Silence, Words
 from servogen.errors import InputError, ToolError
 from servogen.motion.trajectory import Floats
+from servogen.pulse.stream.protocol import group_begins, group_goes
 
 Log = Callable[[dict[str, object]], None]
 
 LOOK_S = 0.005
 """How long nothing is done where nothing has changed: much less than a servo's frame."""
-
-REFRESH_S = 0.5
-"""A robot at rest is sent one position so often: the next one in turn, so that a lost byte is mended."""
 
 
 @dataclass(slots=True)
@@ -68,6 +66,7 @@ class Session:
     _turn: int = 0
     _begun: float = 0.0
     _last: float = 0.0
+    _in_group: bool = False
 
     def __post_init__(self) -> None:
         self._sent = [None] * len(self.controller.channels)
@@ -103,11 +102,10 @@ class Session:
         begin = self.time.now()
         if changed:
             self.summary.rounds += 1
-        elif begin - self._last >= REFRESH_S:
+        elif begin - self._last >= self.controller.refresh_s:
             changed = self._refreshed()
         try:
-            for index, position in changed:
-                self._one(index, position)
+            self._pose(changed, self.controller.group_frames(len(changed), self.line.byte_s))
         except Unplugged as error:
             self._recover(error)
             return False
@@ -124,22 +122,34 @@ class Session:
         self._turn += 1
         return [known[self._turn % len(known)]] if known else []
 
-    def _one(self, index: int, position: int) -> None:
-        command = self.controller.command(index, position)
-        ends = self.line.send(command)
-        self._sent[index], self._last = position, ends
-        self.summary.commands += 1
-        channel = self.controller.channels[index]
-        self.log(
-            {
-                "s": round(ends - self._begun, 4),
-                "servo": channel.servo.name,
-                "number": channel.number,
-                "position": position,
-                "width_us": round(channel.width_us(position), 3),
-                "bytes": command.hex(" "),
-            }
-        )
+    def _pose(self, changed: Sequence[tuple[int, int]], frames: int | None) -> None:
+        """Positions one after the other; with `frames` as a group that moves together, in so many."""
+        if self._in_group and changed:  # one that an outage or an error cut off: all would wait for its end
+            self._group_goes(1)
+        if frames is not None:
+            self._in_group = True
+            self._bytes(group_begins())
+        for index, position in changed:
+            channel = self.controller.channels[index]
+            self._bytes(
+                self.controller.command(index, position),
+                servo=channel.servo.name,
+                number=channel.number,
+                position=position,
+                width_us=round(channel.widths_us[position], 3),
+            )
+            self._sent[index] = position
+            self.summary.commands += 1
+        if frames is not None:
+            self._group_goes(frames)
+
+    def _group_goes(self, frames: int) -> None:
+        self._bytes(group_goes(frames), frames=frames)
+        self._in_group = False
+
+    def _bytes(self, command: bytes, **said: object) -> None:
+        self._last = self.line.send(command)
+        self.log({"s": round(self._last - self._begun, 4), **said, "bytes": command.hex(" ")})
 
     def _recover(self, error: Unplugged) -> None:
         """Waits for the port; what the robot has of the last pose is not known."""
@@ -156,8 +166,7 @@ class Session:
             return
         self._sent = [None] * len(self._sent)
         try:
-            for index, position in self.controller.changes(self._sent, self.stop):
-                self._one(index, position)
+            self._pose(self.controller.changes(self._sent, self.stop), None)
             self.line.drain()
         except (ToolError, InputError) as error:
             self.log({"s": self._now(), "event": "not stopped", "text": str(error)})

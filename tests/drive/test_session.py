@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.drive.controller import Channel, Controller, controller_of
+from servogen.drive.controller import REFRESH_S, Channel, Controller, controller_of
 from servogen.drive.line import Line
 from servogen.drive.motions import Limited, Motion, Played, Still, pose_of
-from servogen.drive.session import REFRESH_S, Session, Summary
+from servogen.drive.session import Session, Summary
 from servogen.drive.words import script
 from servogen.errors import InputError, ToolError
 from servogen.job import Job, load, loads
@@ -20,6 +20,7 @@ from tests.drive.mini_ssc import Robot
 JOBS = Path(__file__).parents[2] / "jobs"
 LOW, HIGH = 500.0, 2500.0
 RANGE = "500,2500"
+WIDTHS = tuple(LOW + position * (HIGH - LOW) / 254 for position in range(255))
 
 
 def servos(count: int) -> Job:
@@ -217,10 +218,10 @@ def test_positions_never_pass_a_servos_limits() -> None:
         "job.toml",
     )
     servo = job.servos[0]
-    channel = Channel(servo, 0, LOW, HIGH)
+    channel = Channel(servo, 0, WIDTHS)
     least, most = servo.widths_us
     for degrees in np.linspace(1.3, 178.1, 997).tolist():
-        width = channel.width_us(channel.position(math.radians(degrees)))
+        width = channel.widths_us[channel.position(math.radians(degrees))]
         assert least <= width <= most
         assert abs(width - servo.width_us(math.radians(degrees))) <= channel.step_us
     with pytest.raises(InputError, match="cannot go to 180°"):
@@ -244,8 +245,8 @@ def test_a_controller_that_cannot_be_is_refused(options: Mapping[str, object], s
 
 def test_a_width_that_the_controller_cannot_make_is_refused_not_clamped() -> None:
     job = servos(1)
-    channel = Channel(job.servos[0], 0, 1200, 1800)
-    assert channel.width_us(channel.position(math.pi / 2)) == pytest.approx(1500, abs=2)
+    channel = Channel(job.servos[0], 0, tuple(np.linspace(1200, 1800, 255).tolist()))
+    assert channel.widths_us[channel.position(math.pi / 2)] == pytest.approx(1500, abs=2)
     with pytest.raises(InputError, match="would need pulses of 1000 µs: the controller makes 1200 to 1800"):
         channel.position(0.0)
 
@@ -275,5 +276,5 @@ def test_a_pose_is_called_by_number_name_or_angles() -> None:
 
 
 def test_commands_are_sync_number_position() -> None:
-    controller = Controller(tuple(Channel(servo, 5, LOW, HIGH) for servo in servos(1).servos))
+    controller = Controller(tuple(Channel(servo, 5, WIDTHS) for servo in servos(1).servos))
     assert controller.command(0, 127) == b"\xff\x05\x7f"
