@@ -10,19 +10,23 @@ import os
 import re
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
+from textwrap import shorten
 
 from servogen.bench.flash_checks import protected
 from servogen.bench.ports import held
 from servogen.bench.programmers import Found, Order, Programmer
+from servogen.bench.reading import Contents, difference
 from servogen.errors import InputError, Place, ServogenError, ToolError
-from servogen.pic.image import Image, from_hex
+from servogen.pic.image import Image
 
 TIMEOUT_S = 120.0
 NOT_INSERTED = re.compile(r"waiting for user to insert chip(?![\s\S]*chip detected)", re.IGNORECASE)
 LAST_LINES = 3
+LINE = 120
 
 
 class Differs(ServogenError):
@@ -33,10 +37,10 @@ class Differs(ServogenError):
 
 @dataclass(frozen=True, slots=True)
 class Flashed:
-    """`output` is what the programmer's program said; `compared`: the program memory was read back."""
+    """`output` is what the programmer's program said; `compared` names the memories that were read back."""
 
     output: str
-    compared: bool
+    compared: tuple[str, ...]
 
 
 def command_of(found: Found, order: Order) -> tuple[str, ...]:
@@ -52,21 +56,21 @@ def flash(found: Found, order: Order, image: Image, timeout_s: float = TIMEOUT_S
     """Programs the chip. Raises ToolError or Differs."""
     command = command_of(found, order)
     port = order.port if found.programmer.needs_port else None
-    readable = not protected(image, order.device)
     with nullcontext() if port is None else held(port):
         code, output = _run(command, found.programmer, order.port, timeout_s)
         try:
             _judge(found.programmer, code, output, order.port)
         except Differs as error:
-            raise _with_place(error, found, order, image, timeout_s) if readable else error from None
-        at = _difference(found, order, image, timeout_s) if readable else None
+            raise _with_place(error, found, order, image, timeout_s) from None
+        read = _read(found, order, image, timeout_s)
+    at = difference(read, image)
     if at is not None:
         raise Differs(
-            f"{found.programmer.name} reports success, but the chip differs from the file, first at {at}",
+            f"{found.programmer.name} reports success, but the chip differs from the file, first {at}",
             _place(order.port),
-            output.strip(),
+            _last(output),
         )
-    return Flashed(output, readable and found.programmer.read is not None)
+    return Flashed(output, tuple(read))
 
 
 def _judge(programmer: Programmer, code: int, output: str, port: str | None) -> None:
@@ -93,29 +97,30 @@ def _judge(programmer: Programmer, code: int, output: str, port: str | None) -> 
 def _with_place(error: Differs, found: Found, order: Order, image: Image, timeout_s: float) -> Differs:
     """The same, with the first address that differs, where the programmer can read it."""
     try:
-        at = _difference(found, order, image, timeout_s)
+        at = difference(_read(found, order, image, timeout_s), image)
     except ToolError:
         return error
-    return error if at is None else Differs(f"{error.message}, first at {at}", error.place, error.hint)
+    return error if at is None else Differs(f"{error.message}, first {at}", error.place, error.hint)
 
 
-def _difference(found: Found, order: Order, image: Image, timeout_s: float) -> str | None:
-    """Where the program memory that is read back first differs; None where it does not or cannot be read."""
-    if found.programmer.read is None:
-        return None
+def _read(found: Found, order: Order, image: Image, timeout_s: float) -> Contents:
+    """All that can be read back; of a chip whose code is protected, what such a chip still tells."""
+    contents: dict[str, Sequence[int]] = {}
+    closed = protected(image, order.device)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "read.hex"
-        command = (*found.start, *found.programmer.read(replace(order, file=file)))
-        code, output = _run(command, found.programmer, order.port, timeout_s)
-        if code != 0 or not file.exists():
-            raise ToolError(
-                f"{found.programmer.name} could not read the chip back", _place(order.port), _last(output)
-            )
-        read = from_hex(file.read_text(encoding="ascii"), str(file)).flash()
-    for address, (wanted, got) in enumerate(zip(image.flash(), read, strict=True)):
-        if wanted != got:
-            return f"address 0x{address:03X}: 0x{got:04X} where the file has 0x{wanted:04X}"
-    return None
+        for look in found.programmer.looks(replace(order, file=file)):
+            if closed and not look.of_protected:
+                continue
+            file.unlink(missing_ok=True)
+            command = (*found.start, *look.arguments)
+            code, output = _run(command, found.programmer, order.port, timeout_s)
+            if code != 0 or not file.exists():
+                raise ToolError(
+                    f"{found.programmer.name} could not read the chip back", _place(order.port), _last(output)
+                )
+            contents.update(look.contents(file, image))
+    return contents
 
 
 def _run(
@@ -152,6 +157,6 @@ def _place(port: str | None) -> Place | None:
 
 
 def _last(output: str) -> str | None:
-    """The last lines that a program said."""
-    lines = [line for line in output.splitlines() if line.strip()]
+    """The last lines that a program said, without the ends of very long ones."""
+    lines = [shorten(line, LINE, placeholder=" …") for line in output.splitlines() if line.strip()]
     return "\n  ".join(lines[-LAST_LINES:]) or None

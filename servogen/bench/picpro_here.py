@@ -1,12 +1,15 @@
 """Runs the installed picpro in this Python, on ports without modem lines too.
 
 picpro resets the programmer by DTR. A pseudo-terminal has no such line and refuses; there the programmer is
-found awake, and picpro goes on as it does with one that answers no reset.
+found awake, and picpro goes on as it does with one that answers no reset. And its `dump config` writes what
+the programmer answered (version 0.3.0 fails as it writes what it made of the answer).
 """
 
 from __future__ import annotations
 
 import errno
+import struct
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -26,11 +29,24 @@ def tolerant(update: Callable[[Any], None]) -> Callable[[Any], None]:
     return updated
 
 
+def as_answered(read_config: Callable[[Any], dict[str, Any]]) -> Callable[[Any], bytes]:
+    """`read_config` of picpro, put together again as the programmer sent it: 26 bytes."""
+
+    def answered(interface: Any) -> bytes:
+        found = read_config(interface)
+        return struct.pack("<H8s7HH", found["chip_id"], found["id"], *found["fuses"], found["calibrate"])
+
+    return answered
+
+
 def main() -> None:
     """picpro with the arguments of this process."""
     import serial
     from picpro.bin import picpro
+    from picpro.ProtocolInterface import ProtocolInterface
 
+    if sys.argv[1:3] == ["dump", "config"]:
+        ProtocolInterface.read_config = as_answered(ProtocolInterface.read_config)
     serial.Serial._update_dtr_state = tolerant(serial.Serial._update_dtr_state)
     picpro.main()
 

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from servogen.bench.reading import Look, picpro_config, picpro_eeprom, program_of, whole_of
 from servogen.errors import InputError, ToolError, nearest
 from servogen.pic.device import Device
 
@@ -47,8 +48,8 @@ class Programmer:
     failures: tuple[Failure, ...]
     said: tuple[str, ...] = ()
     needs_port: bool = False
-    read: Callable[[Order], tuple[str, ...]] | None = None
-    """Reads the program memory into a HEX file."""
+    looks: Callable[[Order], tuple[Look, ...]] = lambda order: ()
+    """How it reads the chip back into HEX files."""
     verifies: bool = True
     """Whether a success means that it compared the chip with the file."""
     executable: str | None = None
@@ -56,6 +57,15 @@ class Programmer:
 
 
 _AWAY = "the programmer went away while it worked: what is on the chip is not known, program it again"
+
+
+def _dump(memory: str, order: Order) -> tuple[str, ...]:
+    """picpro's arguments that read a memory."""
+    return (
+        *("dump", memory, "-p", str(order.port), "-o", str(order.file)),
+        *("-t", order.device.short_name),
+    )
+
 
 PICPRO = Programmer(
     "picpro",
@@ -92,9 +102,10 @@ PICPRO = Programmer(
     ),
     said=("ROM verified.", "EEPROM verified."),
     needs_port=True,
-    read=lambda order: (
-        *("dump", "rom", "-p", str(order.port), "-o", str(order.file)),
-        *("-t", order.device.short_name),
+    looks=lambda order: (
+        Look(_dump("rom", order), program_of),
+        Look(_dump("eeprom", order), picpro_eeprom),
+        Look(_dump("config", order), picpro_config, of_protected=True),
     ),
 )
 
@@ -113,7 +124,7 @@ PK2CMD = Programmer(
         Failure(34, "programming or its verification failed", differs=True),
         Failure(7, "the operation failed"),
     ),
-    read=lambda order: (f"-P{order.device.name}", f"-GF{order.file}", "-R", "-T"),
+    looks=lambda order: (Look((f"-P{order.device.name}", f"-GF{order.file}", "-R", "-T"), whole_of),),
 )
 
 IPECMD = Programmer(
@@ -185,6 +196,7 @@ class Found:
 def find(named: str | None) -> Found:
     """The programmer by name or by the path of its program; by default the first that is installed.
 
+    A picpro of its own Python cannot read the configuration word back: its `dump config` fails (0.3.0).
     Raises InputError for one that is not in the table, ToolError where it is not installed.
     """
     if named is None:
@@ -203,7 +215,10 @@ def find(named: str | None) -> Found:
     start = _start(known[stem], named)
     if not start:
         raise ToolError(f"'{named}' is not installed", hint=f"it programs with {known[stem].hardware}")
-    return Found(known[stem], start)
+    programmer = known[stem]
+    if programmer is PICPRO and start[0] != sys.executable:
+        programmer = replace(programmer, looks=lambda order: PICPRO.looks(order)[:-1])
+    return Found(programmer, start)
 
 
 def _start(programmer: Programmer, named: str) -> tuple[str, ...]:

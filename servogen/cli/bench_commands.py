@@ -69,11 +69,14 @@ def flash(
         return
     with status(f"programming with {found.programmer.name}"):
         done = flashed(found, order, image, timeout)
-    how = "read back and compared" if done.compared else "verified by the programmer"
-    if not done.compared and not found.programmer.verifies:
+    if done.compared:
+        how = f"read back and compared: {', '.join(done.compared)}"
+    elif found.programmer.verifies:
+        how = "verified by the programmer, not read back"
+    else:
         how = "programmed; this programmer does not show that it compared: capture and verify"
     if json:
-        as_json({"programmer": found.programmer.name, "words": image.words, "compared": done.compared})
+        as_json({"programmer": found.programmer.name, "words": image.words, "compared": list(done.compared)})
         return
     print(f"{file}: {image.words} words on the {order.device.name}, {how}")
 

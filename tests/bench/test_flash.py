@@ -7,6 +7,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import pytest
+from intelhex import IntelHex
 
 from servogen.bench.flashing import command_of
 from servogen.bench.programmers import PROGRAMMERS, Found, Order
@@ -68,7 +69,7 @@ def test_picpro_programs_the_virtual_chip_with_every_word(run: Run, program: Pat
     port = serve({"programmer": device}).paths["programmer"]
     done = run("flash", program, "--programmer", "picpro", "--port", port)
     assert done.code == 0, done.err
-    assert "read back and compared" in done.out
+    assert "read back and compared: program memory, data EEPROM, configuration word" in done.out
     wanted = image_of(BUILT)
     assert device.chip.image.flash() == wanted.flash()
     assert device.chip.image.config == wanted.config
@@ -89,7 +90,41 @@ def test_a_word_that_is_not_taken_is_found_and_named(run: Run, program: Path, se
     port = serve({"programmer": programmer(wrong_bit_at=0x12)}).paths["programmer"]
     done = run("flash", program, "--programmer", "picpro", "--port", port)
     assert done.code == 1
-    assert f"{port}: the program memory differs from the file, first at address 0x012" in done.err
+    assert (
+        f"{port}: the program memory differs from the file, first in the program memory at address 0x012: "
+        in done.err
+    )
+
+
+@picpro
+def test_an_eeprom_byte_that_is_not_taken_is_found_and_named(run: Run, program: Path, serve: Serve) -> None:
+    port = serve({"programmer": programmer(wrong_eeprom_at=5)}).paths["programmer"]
+    done = run("flash", program, "--programmer", "picpro", "--port", port)
+    assert done.code == 1
+    assert "first in the data EEPROM at address 0x005: 0xFE where the file has 0xFF" in done.err
+
+
+@picpro
+def test_picpro_never_looks_at_the_configuration_word_but_it_is_read_back(
+    run: Run, program: Path, serve: Serve
+) -> None:
+    """picpro says that all is verified over a wrong one: here another oscillator."""
+    port = serve({"programmer": programmer(wrong_config=True)}).paths["programmer"]
+    done = run("flash", program, "--programmer", "picpro", "--port", port)
+    assert done.code == 1
+    assert "picpro reports success, but the chip differs from the file" in done.err
+    assert "first in the configuration word: 0x3FF0 where the file has 0x3FF1" in done.err
+
+
+@picpro
+def test_of_a_protected_chip_the_configuration_word_is_compared(
+    run: Run, serve: Serve, tmp_path: Path
+) -> None:
+    image = Image(image_of(BUILT).program, config_word("XT", code_protect=True))
+    port = serve({"programmer": programmer()}).paths["programmer"]
+    done = run("flash", hex_file(tmp_path, image), "--programmer", "picpro", "--port", port)
+    assert done.code == 0, done.err
+    assert "read back and compared: configuration word" in done.out
 
 
 @picpro
@@ -189,11 +224,22 @@ PICPRO_GOOD = (
     "Chip detected.\nErasing chip.\nProgramming ROM.\nVerifying ROM.\nROM verified.\nEEPROM verified.\n"
 )
 
-READS = """\
+
+def reads(program: Path, eeprom: Path) -> str:
+    """What a stand-in of picpro does when it is to dump a memory."""
+    return f"""\
 import shutil
 if "dump" in sys.argv:
-    shutil.copy({!r}, sys.argv[sys.argv.index("-o") + 1])
+    files = {{"rom": {str(program)!r}, "eeprom": {str(eeprom)!r}}}
+    shutil.copy(files[sys.argv[2]], sys.argv[sys.argv.index("-o") + 1])
 """
+
+
+def erased(folder: Path) -> Path:
+    """A dump of an erased EEPROM."""
+    path = folder / "eeprom.hex"
+    IntelHex(dict.fromkeys(range(64), 0xFF)).write_hex_file(str(path))
+    return path
 
 
 @pytest.mark.parametrize(
@@ -213,7 +259,7 @@ def test_picpro_ends_with_0_whatever_happened(
 ) -> None:
     port = serve({"programmer": programmer()}).paths["programmer"]
     path = stand_in(tmp_path, "picpro", output, 0)
-    path.write_text(path.read_text().replace("sys.exit(0)", READS.format(str(program))))
+    path.write_text(path.read_text().replace("sys.exit(0)", reads(program, erased(tmp_path))))
     done = run("flash", program, "--programmer", path, "--port", port)
     assert done.code == exit_code, done
     assert sentence in done.err
@@ -225,10 +271,13 @@ def test_success_over_a_wrong_verification_is_found_by_reading_back(
     port = serve({"programmer": programmer()}).paths["programmer"]
     other = hex_file(tmp_path, Image({**image_of(BUILT).program, 3: 0x0064}))
     path = stand_in(tmp_path, "picpro", PICPRO_GOOD, 0)
-    path.write_text(path.read_text().replace("sys.exit(0)", READS.format(str(other))))
+    path.write_text(path.read_text().replace("sys.exit(0)", reads(other, erased(tmp_path))))
     done = run("flash", program, "--programmer", path, "--port", port)
     assert done.code == 1
-    assert "reports success, but the chip differs from the file, first at address 0x003" in done.err
+    assert (
+        "reports success, but the chip differs from the file, first in the program memory at address 0x003"
+        in done.err
+    )
 
 
 # What is refused before anything is programmed.

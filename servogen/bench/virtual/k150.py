@@ -47,6 +47,10 @@ class ProgrammerOptions:
     """The socket is empty."""
     wrong_bit_at: int | None = None
     """The program address whose lowest bit is not taken."""
+    wrong_eeprom_at: int | None = None
+    """The same of the data EEPROM."""
+    wrong_config: bool = False
+    """The lowest bit of the configuration word is not taken."""
     unplug_after: int | None = None
     """Bytes from the client after which it is gone."""
 
@@ -149,7 +153,7 @@ class VirtualProgrammer:
                 )
             self.outgoing += b"Y"
         if self.options.wrong_bit_at is not None:
-            self._rom[self.options.wrong_bit_at] ^= 1
+            self._rom[self.options.wrong_bit_at % PROGRAM_WORDS] ^= 1
         self.outgoing += b"P"
 
     def _program_eeprom(self) -> Talk:
@@ -159,13 +163,15 @@ class VirtualProgrammer:
             self._eeprom[first : first + 2] = yield 2
             self.outgoing += b"Y"
         yield 2
+        if self.options.wrong_eeprom_at is not None:
+            self._eeprom[self.options.wrong_eeprom_at % EEPROM_BYTES] ^= 1
         self.outgoing += b"P"
 
     def _program_fuses(self) -> Talk:
         """'00', four ID bytes, 'FFFF', and seven fuse words, low byte first, of which the first is used."""
         data = yield 24
         self._ids = [byte & ID_BITS for byte in data[2:6]]
-        self._config = int.from_bytes(data[10:12], "little") & WORD_MASK
+        self._config = int.from_bytes(data[10:12], "little") & WORD_MASK ^ self.options.wrong_config
         self.outgoing += b"Y"
 
     def _rom_blank(self) -> Talk:

@@ -30,12 +30,14 @@ FLAGS = {
     "programmer:silent": "silent",
     "programmer:garbage": "garbage",
     "programmer:no-chip": "no_chip",
+    "programmer:wrong-config": "wrong_config",
 }
 NUMBERS = {
     "analyser:stop-after": "stop_after",
     "analyser:unplug-after": "unplug_after",
     "programmer:unplug-after": "unplug_after",
     "programmer:wrong-bit-at": "wrong_bit_at",
+    "programmer:wrong-eeprom-at": "wrong_eeprom_at",
 }
 """Faults by name: those that are there or not, and those with a number (bytes, or an address)."""
 
