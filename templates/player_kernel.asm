@@ -1,4 +1,14 @@
-; One slot of the frame: two servos of one port rise together and fall each at its own cycle.
+{% macro pad(number) %}
+    movlw   {{ pads[number - 1].turns }}
+    movwf   _count
+pl_pad{{ number }}:
+    decfsz  _count, F
+    goto    pl_pad{{ number }}
+{% for line in pads[number - 1].rest %}
+    {{ line }}
+{% endfor %}
+{%- endmacro %}
+; One slot of the frame: two servos of one port rise {{ 'shortly one after the other' if stagger else 'together' }} and fall each at its own cycle.
 ;
 ; STATUS bit 0 is the carry, bit 2 is zero.
 ;
@@ -10,6 +20,12 @@
 ; Out: _overrun              bit 0 set where the slot's beginning had passed
 ;
 ; The sooner pulse's width goes to _pulse_a, the difference to _pulse_b, the pin that stays high to _stay.
+{% if stagger %}
+    movlw   {{ stagger }}                ; b rises so much later
+    addwf   _pulse_b_lo, F
+    btfsc   STATUS, 0
+    incf    _pulse_b_hi, F
+{% endif %}
     movf    _pulse_a_lo, W
     subwf   _pulse_b_lo, F
     movf    _pulse_a_hi, W
@@ -37,8 +53,8 @@ pl_sorted:
     iorwf   _pulse_b_hi, W
     btfsc   STATUS, 2
     clrf    _stay               ; the same cycle: one write lowers both
-; The sooner pulse: 32 cycles are the way, the rest is loops of 8 cycles and 0 to 7 cycles in _fine.
-    movlw   0x20                ; 32
+; The sooner pulse: {{ way }} cycles are the way, the rest is loops of 8 cycles and 0 to 7 cycles in _fine.
+    movlw   {{ way }}
     subwf   _pulse_a_lo, F
     btfss   STATUS, 0
     decf    _pulse_a_hi, F
@@ -101,56 +117,57 @@ pl_loops:
     movf    _port, W
     movwf   FSR
 ; Is the beginning still to come? 1 to _ahead ticks are.
+pl_check:
     movf    TMR0, W
     subwf   _target, W
     addlw   0xFF
     subwf   _ahead, W
     btfss   STATUS, 0
     bsf     _overrun, 0
-; The lock. The poll sees TMR0 = _target 0 to 4 cycles after it came about.
+; The lock. The poll sees TMR0 = _target 0 to 4 cycles after it came about. A tick is {{ tick }} cycles.
 pl_poll:
     movf    TMR0, W             ; cycle 0 to 4 of the tick
     xorwf   _target, W
     btfss   STATUS, 2
     goto    pl_poll
     incf    _target, F          ; 4
-    movlw   7
-    movwf   _count
-pl_pad1:
-    decfsz  _count, F
-    goto    pl_pad1
-    goto    $+1
-    movf    _target, W          ; 29
-    subwf   TMR0, W             ; 30: the next tick has come where the poll was 2 to 4 late
+{{ pad(1) }}
+    movf    _target, W          ; {{ reads[0] - 1 }}
+    subwf   TMR0, W             ; {{ reads[0] }}: the next tick has come where the poll was 2 to 4 late
     btfss   STATUS, 2
     goto    $+1
     btfss   STATUS, 2
     goto    $+1
-    incf    _target, F          ; 37, 0 to 2 late
-    movlw   7
-    movwf   _count
-pl_pad2:
-    decfsz  _count, F
-    goto    pl_pad2
-    goto    $+1
-    movf    _target, W          ; 62
-    subwf   TMR0, W             ; 63: come where 1 or 2 late
+    incf    _target, F          ; {{ reads[0] + 7 }}, 0 to 2 late
+{{ pad(2) }}
+    movf    _target, W          ; {{ reads[1] - 1 }}
+    subwf   TMR0, W             ; {{ reads[1] }}: come where 1 or 2 late
     btfss   STATUS, 2
     goto    $+1
-    incf    _target, F          ; 67, 0 or 1 late
-    movlw   8
-    movwf   _count
-pl_pad3:
-    decfsz  _count, F
-    goto    pl_pad3
-    nop
-    movf    _target, W          ; 94
-    subwf   TMR0, W             ; 95: come where 1 late
+    incf    _target, F          ; {{ reads[1] + 4 }}, 0 or 1 late
+{{ pad(3) }}
+    movf    _target, W          ; {{ reads[2] - 1 }}
+    subwf   TMR0, W             ; {{ reads[2] }}: come where 1 late
     btfss   STATUS, 2
     goto    $+1
-; Cycle 99 after the beginning, always.
+; Cycle {{ reads[2] + 4 }} after the beginning, always.
     movf    _both, W
+    btfsc   STATUS, 2
+    goto    pl_done             ; no pulses
+{% if stagger %}
+    andwf   _mask_a, W
+    movwf   INDF                ; a rises: cycle 0
+    movlw   9
+    movwf   _count
+pl_apart_pad:
+    decfsz  _count, F
+    goto    pl_apart_pad
+    goto    $+1
+    movf    _both, W
+    movwf   INDF                ; b rises: cycle {{ stagger }}
+{% else %}
     movwf   INDF                ; both rise: cycle 0
+{% endif %}
     movf    _stay, W
     btfsc   _fine, 0
     goto    $+1

@@ -76,6 +76,8 @@ def build(job: JobFile, output: Output = None, json: Json = False) -> None:
     from servogen.job import load
     from servogen.pipeline import build as built
     from servogen.pipeline import write
+    from servogen.pipeline.build import program_facts
+    from servogen.report import rooms_text
 
     loaded = load(job)
     folder = output or Path("build") / loaded.name
@@ -89,6 +91,7 @@ def build(job: JobFile, output: Output = None, json: Json = False) -> None:
     else:
         _width_table(done.plan.widths)
         _program_table([done])
+        print("\n".join(rooms_text(program_facts(done), done.job.clock)))
         print(f"{folder}: {'proven' if done.proven else 'NOT PROVEN'}; all of it in report.txt")
     raise typer.Exit(0 if done.proven else 1)
 
@@ -124,12 +127,14 @@ def demo(
 
 
 def _width_table(widths: Any) -> None:
+    examples = any(row.which for row in widths)
     table(
         "Pulse widths",
-        ("servo", "requested µs", "cycles", "error µs", "frames"),
+        ("servo", *(["pulse"] if examples else []), "requested µs", "cycles", "error µs", "frames"),
         [
             (
                 row.channel,
+                *([row.which] if examples else []),
                 f"{float(row.requested_us):.3f}",
                 row.cycles,
                 f"{float(row.error_us):+.3f}",
@@ -141,11 +146,11 @@ def _width_table(widths: Any) -> None:
 
 
 def _program_table(builds: list[Build]) -> None:
-    from servogen.pic.device import PROGRAM_WORDS
+    from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
 
     table(
         "Programs",
-        ("job", "engine", "dialect", "words", "left", "RAM", "frames", "worst edge error", "verdict"),
+        ("job", "engine", "dialect", "words", "left", "RAM", "left", "frames", "worst edge error", "verdict"),
         [
             (
                 done.job.name,
@@ -154,9 +159,10 @@ def _program_table(builds: list[Build]) -> None:
                 program.firmware.compilation.words,
                 PROGRAM_WORDS - program.firmware.compilation.words,
                 program.firmware.compilation.ram_bytes,
+                RAM_BYTES - program.firmware.compilation.ram_bytes,
                 done.frames,
                 f"{program.verdict.worst_edge_error} cycles",
-                "proven" if program.verdict.proven else "NOT PROVEN",
+                "proven" if program.proven else "NOT PROVEN",
             )
             for done in builds
             for program in done.programs
@@ -168,6 +174,7 @@ def _widths(widths: Any) -> list[dict[str, object]]:
     return [
         {
             "servo": row.channel,
+            **({"pulse": row.which} if row.which else {}),
             "requested_us": float(row.requested_us),
             "cycles": row.cycles,
             "achieved_us": float(row.achieved_us),
@@ -179,6 +186,8 @@ def _widths(widths: Any) -> list[dict[str, object]]:
 
 
 def _as_dict(done: Build, folder: Path) -> dict[str, object]:
+    from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
+
     return {
         "job": done.job.name,
         "folder": str(folder),
@@ -189,7 +198,12 @@ def _as_dict(done: Build, folder: Path) -> dict[str, object]:
             {
                 "dialect": program.firmware.dialect,
                 "words": program.firmware.compilation.words,
+                "words_left": PROGRAM_WORDS - program.firmware.compilation.words,
                 "ram_bytes": program.firmware.compilation.ram_bytes,
+                "ram_left": RAM_BYTES - program.firmware.compilation.ram_bytes,
+                "c_between_pulses": [room.to_json() for room in program.firmware.rooms],
+                "overrun_cycle": program.overrun,
+                "proven": program.proven,
                 "verdict": program.verdict.to_json(),
             }
             for program in done.programs

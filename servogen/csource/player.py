@@ -12,7 +12,15 @@ from fractions import Fraction
 from servogen.csource.rendering import ChannelText, decimal, filled, ports_of, template_folder
 from servogen.pic.device import Device, oscillator_for, registers
 from servogen.pulse.player import Playing
-from servogen.pulse.player.layout import TICK
+from servogen.pulse.player.buttons import PRESSED_FRAMES, Button, Buttons
+from servogen.pulse.player.layout import TICKS
+from servogen.units import Cycles
+
+PRESCALER = 0x84
+"""OPTION_REG: TMR0 counts cycles, 1:32; one more for each doubling; no pull-ups (DS35007 section 2.3.2)."""
+
+WAY = 32
+"""The kernel's cycles from the rise to the first fall beside its counted loops."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,9 +50,25 @@ class _PartText:
     pins: str
 
 
-def render_player(played: Playing, dialect: str, device: Device, title: str) -> str:
+@dataclass(frozen=True, slots=True)
+class _ButtonText:
+    port: str
+    mask: str
+    released: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Pad:
+    """A counted loop of 3 cycles a turn, and what is left."""
+
+    turns: int
+    rest: tuple[str, ...]
+
+
+def render_player(played: Playing, buttons: Buttons, dialect: str, device: Device, title: str) -> str:
     """The C file of `played` in `dialect`. Raises RenderError."""
     schedule, order = played.plan.schedule, played.layout.order
+    tick = played.layout.tick
     clock = schedule.clock
     rows = list(dict.fromkeys(part.tracks for part in played.parts))
     tracks = [row[channel] for row in rows for channel in order]
@@ -59,7 +83,9 @@ def render_player(played: Playing, dialect: str, device: Device, title: str) -> 
         clock_mhz=decimal(Fraction(clock.hz, 1_000_000)),
         oscillator=oscillator_for(clock.hz),
         period_us=decimal(clock.us(schedule.period)),
-        tick_us=decimal(clock.us(TICK)),
+        tick=tick,
+        tick_us=decimal(clock.us(tick)),
+        prescaler=f"0x{PRESCALER + TICKS.index(tick):02X}",
         step_us=decimal(clock.us(1 << played.shift)),
         channels=[_channel(played, channel) for channel in order],
         ports=list(ports_of(schedule)),
@@ -82,7 +108,12 @@ def render_player(played: Playing, dialect: str, device: Device, title: str) -> 
         bases_low=[base & 0xFF for base in bases],
         bases_high=[base >> 8 for base in bases],
         loop_part=played.loop_part,
-        kernel=list(_assembly("player_kernel.asm")),
+        start=_button(buttons.start),
+        stop=_button(buttons.stop),
+        stop_off=buttons.stop is not None and buttons.off,
+        pressed_frames=PRESSED_FRAMES,
+        buttons_text=list(buttons.text()),
+        kernel=list(_lines(kernel(tick, played.layout.stagger))),
         trim=list(_assembly("player_trim.asm")),
         between=[
             *_assembly("player_between.asm"),
@@ -90,6 +121,27 @@ def render_player(played: Playing, dialect: str, device: Device, title: str) -> 
             *(line for _ in range(played.shift) for line in _assembly("player_scale.asm")),
         ],
     )
+
+
+def kernel(tick: Cycles, stagger: Cycles) -> str:
+    """The kernel's assembly: TMR0 counts every `tick` cycles, a slot's second servo rises `stagger` later.
+
+    The timer's next three increments are read at the cycles `reads` after the beginning.
+    """
+    reads = (tick - 2, 2 * tick - 1, 3 * tick - 1)
+    pads = (_pad(tick - 9), _pad(tick - 9), _pad(tick - 7))
+    return filled("player_kernel.asm", tick=tick, reads=reads, pads=pads, stagger=stagger, way=WAY + stagger)
+
+
+def _pad(cycles: int) -> _Pad:
+    turns, rest = divmod(cycles, 3)
+    return _Pad(turns, ((), ("nop",), ("goto    $+1",))[rest])
+
+
+def _button(button: Button | None) -> _ButtonText | None:
+    if button is None:
+        return None
+    return _ButtonText(button.pin[1], f"0x{1 << int(button.pin[2]):02X}", "== 0" if button.level else "!= 0")
 
 
 def _channel(played: Playing, channel: int) -> ChannelText:
@@ -113,6 +165,10 @@ def _slots(played: Playing) -> Iterator[_SlotText]:
 
 
 def _assembly(file: str) -> Iterator[_Line]:
-    for line in (template_folder() / file).read_text().splitlines():
+    return _lines((template_folder() / file).read_text())
+
+
+def _lines(text: str) -> Iterator[_Line]:
+    for line in text.splitlines():
         code, _, comment = line.partition(";")
         yield _Line(code, comment.strip())

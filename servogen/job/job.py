@@ -9,6 +9,7 @@ from servogen.errors import Caution
 from servogen.job.tip import Tip
 from servogen.motion import JointTrajectory
 from servogen.pic.device import Device
+from servogen.pulse.player.buttons import Buttons
 from servogen.pulse.slots import Frame
 from servogen.pulse.stream.settings import Stream
 from servogen.robot.binding import Binding
@@ -25,6 +26,7 @@ class Firmware:
     engine: str
     """"auto": the smallest that can do the job."""
     soft_start_s: Fraction
+    buttons: Buttons
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,7 @@ import numpy as np
 
 from servogen import tomlfile
 from servogen.errors import InputError
+from servogen.job.buttons import buttons_of
 from servogen.job.drives import drive_of
 from servogen.job.job import Firmware, Job, NamedPose
 from servogen.job.model import JobTable, MotionTable, WalkTable
@@ -83,7 +84,12 @@ def _job(document: Document) -> Job:
         rig.tip,
         table.drive.wheels if table.drive else (),
         frame,
-        Firmware(table.firmware.dialect, table.firmware.engine, exact(table.firmware.soft_start_s)),
+        Firmware(
+            table.firmware.dialect,
+            table.firmware.engine,
+            exact(table.firmware.soft_start_s),
+            buttons_of(document, table.firmware, servos),
+        ),
         stream,
         planned.trajectory,
         poses,
@@ -112,6 +118,7 @@ def _frame(document: Document, table: JobTable, clock: Clock) -> Frame:
         exact(table.frame.gap_us),
         None if table.frame.slot_us is None else exact(table.frame.slot_us),
         table.frame.per_slot,
+        table.frame.most_together,
         document.place("frame", "period_us"),
     )
 

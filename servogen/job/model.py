@@ -175,6 +175,8 @@ class FrameTable(Table):
     gap_us: float = Field(default=250.0, gt=0)
     slot_us: float | None = Field(default=None, gt=0)
     per_slot: int = Field(default=1, ge=1, le=13)
+    most_together: int | None = Field(default=None, ge=1, le=13)
+    """How many servos may start together: the peak of their current."""
 
 
 class FirmwareTable(Table):
@@ -184,6 +186,13 @@ class FirmwareTable(Table):
     engine: Literal["auto", "sequence", "player", "stream"] = "auto"
     soft_start_s: Seconds = 1.0
     """How long the player's first pulses hold the neutral pose."""
+    start_pin: str | None = None
+    """The player waits in its first frame until the button on this pin is pressed."""
+    start_level: Literal["low", "high"] = "low"
+    stop_pin: str | None = None
+    """An emergency stop."""
+    stop_level: Literal["low", "high"] = "low"
+    stop_pulses: Literal["off", "hold"] | None = None
 
 
 class StreamTable(Table):

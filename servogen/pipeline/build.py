@@ -16,13 +16,15 @@ from servogen.edges import EdgeTrace
 from servogen.errors import Caution, Place
 from servogen.job import Job
 from servogen.outputs import write_text
+from servogen.pic.device import RAM_FIRST
 from servogen.pic.image import Image, to_hex
 from servogen.pic.listing import listing_text
 from servogen.pipeline.engines import planned
-from servogen.pipeline.proof import LOOPS_CHECKED, board_of, checked_cycles, prove, running
+from servogen.pipeline.proof import LOOPS_CHECKED, START_FRAMES, checked_cycles, machine_of, prove
 from servogen.pipeline.tuning import DoesNotFit, Firmware
+from servogen.pulse import PulseSchedule
 from servogen.pulse.plan import PulsePlan
-from servogen.report import BuildFacts, ProgramFacts, report_text
+from servogen.report import BuildFacts, Overrun, ProgramFacts, report_text
 from servogen.simulator import Machine
 from servogen.units import Cycles
 from servogen.verify import Verdict
@@ -40,6 +42,12 @@ class Program:
 
     firmware: Firmware
     verdict: Verdict
+    overrun: Cycles | None = None
+    """The end of the first frame in which the C came too late, from reset; None: never, or not kept."""
+
+    @property
+    def proven(self) -> bool:
+        return self.verdict.proven and self.overrun is None
 
     @property
     def image(self) -> Image:
@@ -59,7 +67,7 @@ class Build:
 
     @property
     def proven(self) -> bool:
-        return all(program.verdict.proven for program in self.programs)
+        return all(program.proven for program in self.programs)
 
     @property
     def frames(self) -> int:
@@ -75,7 +83,12 @@ class Build:
             for diagnostic in program.firmware.compilation.diagnostics
             if ROUNDED not in diagnostic.message
         ]
-        return (*self.job.warnings, *self.plan.warnings, *compiler, *self.left_out)
+        engine = [
+            Caution(each.code, each.text, Place(program.firmware.file))
+            for program in self.programs
+            for each in program.firmware.warnings
+        ]
+        return (*self.job.warnings, *self.plan.warnings, *engine, *compiler, *self.left_out)
 
 
 def build(job: Job, progress: Progress = lambda step: None) -> Build:
@@ -97,9 +110,28 @@ def build(job: Job, progress: Progress = lambda step: None) -> Build:
             continue
         progress(f"proving {dialect}")
         span = checked_cycles(schedule)
-        trace = running(schedule, firmware.compilation.image, span)
-        programs.append(Program(firmware, prove(schedule, trace, span)))
+        programs.append(proven(schedule, firmware, span))
     return Build(found.job, found.engine, found.plan, tuple(programs), tuple(left_out))
+
+
+def proven(schedule: PulseSchedule, firmware: Firmware, span: Cycles) -> Program:
+    """Runs the firmware for `span` cycles of pulses, and reads what it says of itself afterwards."""
+    image = firmware.compilation.image
+    machine = machine_of(schedule, image)
+    limit = Cycles(span + START_FRAMES * schedule.period)
+    verdict = prove(schedule, EdgeTrace(schedule.clock, machine.stream(limit), limit), span)
+    late = None
+    if firmware.overrun is not None and _overrun(machine, firmware.overrun):
+        late = machine_of(schedule, image)
+        while not _overrun(late, firmware.overrun):
+            late.run(schedule.period)
+    return Program(firmware, verdict, late.cycles if late else None)
+
+
+def _overrun(machine: Machine, address: int) -> bool:
+    """RAM at power-up may hold anything: the bit counts once the program has written it."""
+    state = machine.state()
+    return address in state.ram_written and bool(state.ram[address - RAM_FIRST] & 1)
 
 
 def write(done: Build, folder: Path) -> None:
@@ -120,7 +152,7 @@ def checked_edges(done: Build) -> EdgeTrace:
     """The edges of the job's own program from reset to the end of the time that was checked."""
     schedule, own = done.plan.schedule, done.programs[0]
     end = Cycles((own.verdict.start or 0) + checked_cycles(schedule))
-    return EdgeTrace(schedule.clock, Machine(own.image, schedule.clock, board_of(schedule)).stream(end), end)
+    return EdgeTrace(schedule.clock, machine_of(schedule, own.image).stream(end), end)
 
 
 def report(done: Build) -> str:
@@ -138,6 +170,8 @@ def program_facts(done: Build) -> tuple[ProgramFacts, ...]:
             program.firmware.compilation.words,
             program.firmware.compilation.ram_bytes,
             program.verdict,
+            program.firmware.rooms,
+            None if program.firmware.overrun is None else Overrun(program.overrun),
         )
         for program in done.programs
     )

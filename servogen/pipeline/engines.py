@@ -10,13 +10,11 @@ from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
 
-from servogen.compiler import CompileError, Options, Source, compile_sources
-from servogen.csource import Overheads, render_player
 from servogen.errors import InputError
 from servogen.job import Job
+from servogen.pipeline.player import compiled, play
 from servogen.pipeline.tuning import DoesNotFit, Firmware, tune
 from servogen.pulse.plan import PulsePlan, plan
-from servogen.pulse.player import playing, soft_start
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,6 +31,8 @@ def planned(job: Job) -> Planned:
     """The job as its engine plays it. Raises InputError, DoesNotFit where no engine can hold the motion."""
     if job.firmware.engine != "auto":
         return ENGINES[job.firmware.engine](job)
+    if job.firmware.buttons.any:
+        return _player(job)
     refused: list[InputError] = []
     for engine in ENGINES.values():
         try:
@@ -56,25 +56,9 @@ def _sequence(job: Job) -> Planned:
 
 
 def _player(job: Job) -> Planned:
-    frames = round(job.firmware.soft_start_s / job.clock.seconds(job.trajectory.period))
-    begun = soft_start(job.trajectory, job.servos, frames)
-    soft = len(begun.angles) - len(job.trajectory.angles)
-    played = playing(begun, job.servos, job.frame, soft)
-
-    @cache
-    def make(dialect: str) -> Firmware:
-        file = f"main.{dialect}.c"
-        text = render_player(played, dialect, job.device, job.name)
-        try:
-            made = compile_sources([Source(text, file)], Options(dialect=dialect, device=job.device))
-        except CompileError as error:
-            raise DoesNotFit(
-                f"{job.name}: planned, but more than the player can hold: {error.message}",
-                hint="fewer parts: let more of the motion repeat",
-            ) from error
-        return Firmware(dialect, file, text, made, Overheads())
-
-    return Planned(replace(job, trajectory=begun), "player", played.plan, make)
+    motion, played = play(job)
+    made = cache(lambda dialect: compiled(job, played, dialect))
+    return Planned(replace(job, trajectory=motion), "player", played.plan, made)
 
 
 ENGINES: Mapping[str, Callable[[Job], Planned]] = MappingProxyType({"sequence": _sequence, "player": _player})

@@ -15,7 +15,7 @@ from math import lcm
 
 from servogen.edges import PINS
 from servogen.pic.image import Image
-from servogen.pipeline.proof import board_of, prove, running
+from servogen.pipeline.proof import board_of, inputs_of, prove, running
 from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
 from servogen.simulator import NoRepeat, find_repeat
@@ -65,6 +65,7 @@ def prove_forever(schedule: PulseSchedule, image: Image, limit: Cycles) -> Forev
         limit=limit,
         period=schedule.period,
         options=board_of(schedule),
+        stimulus=inputs_of(schedule),
     )
     if isinstance(found, NoRepeat):
         span = Cycles(max(found.covered, schedule.period))

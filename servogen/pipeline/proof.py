@@ -10,7 +10,8 @@ from servogen.pic.device import OPEN_DRAIN_PIN
 from servogen.pic.image import Image
 from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
-from servogen.simulator import Machine, Options
+from servogen.simulator import Levels, Machine, Options, Stimuli
+from servogen.simulator.sources import pin_number
 from servogen.units import Cycles
 from servogen.verify import Verdict, verify, whole_motion
 
@@ -34,8 +35,18 @@ def motion_cycles(schedule: PulseSchedule) -> Cycles:
 def running(schedule: PulseSchedule, image: Image, span: Cycles) -> EdgeTrace:
     """The edges of `image` while it runs on the simulator: `span` cycles, and the time to the first pulse."""
     limit = Cycles(span + START_FRAMES * schedule.period)
-    machine = Machine(image, schedule.clock, board_of(schedule))
-    return EdgeTrace(schedule.clock, machine.stream(limit), limit)
+    return EdgeTrace(schedule.clock, machine_of(schedule, image).stream(limit), limit)
+
+
+def machine_of(schedule: PulseSchedule, image: Image) -> Machine:
+    """The chip with `image` on the board of `schedule`, its inputs held as that says."""
+    return Machine(image, schedule.clock, board_of(schedule), inputs_of(schedule))
+
+
+def inputs_of(schedule: PulseSchedule) -> Stimuli | None:
+    """The levels at which a schedule's inputs are held from power-up on."""
+    held = [Levels(pin_number(each.pin), ((0, each.level),)) for each in schedule.inputs]
+    return Stimuli(held) if held else None
 
 
 def board_of(schedule: PulseSchedule) -> Options:

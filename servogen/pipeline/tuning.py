@@ -16,10 +16,11 @@ import numpy as np
 from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
 from servogen.csource import Overheads, Path, Sequence, render, sequence
 from servogen.edges import EdgeChunk, EdgeTrace
-from servogen.errors import InputError, ServogenError
+from servogen.errors import Caution, InputError, ServogenError
 from servogen.pic.device import Device
 from servogen.pipeline.proof import board_of
 from servogen.pulse import PulseSchedule
+from servogen.pulse.player.room import Room
 from servogen.simulator import Machine
 from servogen.units import Cycles
 
@@ -46,6 +47,11 @@ class Firmware:
     text: str
     compilation: Compilation
     overheads: Overheads
+    rooms: tuple[Room, ...] = ()
+    """What the C between the pulses takes at most, of what it has."""
+    overrun: int | None = None
+    """The address of the byte whose bit 0 says that it took longer, once; None: this engine has none."""
+    warnings: tuple[Caution, ...] = ()
 
 
 def tune(schedule: PulseSchedule, dialect: str, device: Device, title: str) -> Firmware:

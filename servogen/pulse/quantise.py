@@ -34,6 +34,8 @@ class Quantised:
     cycles: Cycles
     achieved_us: Fraction
     frames: int
+    which: str = ""
+    """Where a row is not one of all widths but an example: of what."""
 
     @property
     def error_us(self) -> Fraction:

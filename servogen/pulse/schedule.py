@@ -48,14 +48,26 @@ class Run:
 
 
 @dataclass(frozen=True, slots=True)
+class Input:
+    """The level, 0 or 1, at which the board holds a pin that the program reads."""
+
+    pin: str
+    level: int
+
+
+@dataclass(frozen=True, slots=True)
 class PulseSchedule:
-    """Frames of `period` cycles: `lead_in` once, then `loop` for ever. Frames begin one period apart."""
+    """Frames of `period` cycles: `lead_in` once, then `loop` for ever. Frames begin one period apart.
+
+    `inputs`: from power-up on; a button that is pressed otherwise makes another schedule.
+    """
 
     clock: Clock
     period: Cycles
     channels: tuple[Channel, ...]
     lead_in: tuple[Run, ...]
     loop: tuple[Run, ...]
+    inputs: tuple[Input, ...] = ()
 
     @property
     def lead_in_frames(self) -> int:
@@ -76,9 +88,15 @@ class PulseSchedule:
             f'  "clock_hz": {self.clock.hz},\n'
             f'  "period_cycles": {self.period},\n'
             f'  "channels": [\n{channels}\n  ],\n'
+            f"{self._inputs_text()}"
             f'  "lead_in": {_runs_text(self.lead_in)},\n'
             f'  "loop": {_runs_text(self.loop)}\n}}\n'
         )
+
+    def _inputs_text(self) -> str:
+        """Nothing where the program reads no pin."""
+        each = [{"pin": one.pin, "level": one.level} for one in self.inputs]
+        return f'  "inputs": {json.dumps(each)},\n' if each else ""
 
 
 def _runs_text(runs: Iterable[Run]) -> str:
@@ -115,8 +133,9 @@ class _Reader:
     file: str
 
     def schedule(self, data: Any) -> PulseSchedule:
-        keys = ("version", "clock_hz", "period_cycles", "channels", "lead_in", "loop")
-        version, clock_hz, period, channels, lead_in, loop = self._table(data, "", keys)
+        keys = ("version", "clock_hz", "period_cycles", "channels", "lead_in", "loop", "inputs")
+        known = {**data, "inputs": data.get("inputs", [])} if isinstance(data, dict) else data
+        version, clock_hz, period, channels, lead_in, loop, inputs = self._table(known, "", keys)
         if self._whole(version, "version", 0) != VERSION:
             raise self._error("version", f"is {version}, this servogen reads version {VERSION}")
         cycles = self._whole(period, "period_cycles", 1)
@@ -141,7 +160,11 @@ class _Reader:
         if not runs[1]:
             raise self._error("loop", "is empty: what follows the motion is a frame, if only without pulses")
         clock = Clock(self._whole(clock_hz, "clock_hz", 1))
-        return PulseSchedule(clock, Cycles(cycles), read, runs[0], runs[1])
+        held = tuple(
+            self._input(each, f"inputs[{index}]", read)
+            for index, each in enumerate(self._array(inputs, "inputs"))
+        )
+        return PulseSchedule(clock, Cycles(cycles), read, runs[0], runs[1], held)
 
     def _channel(self, data: Any, key: str) -> Channel:
         values = self._table(data, key, ("name", "pin", "servo"))
@@ -151,6 +174,16 @@ class _Reader:
         if values[1] not in PINS:
             raise self._error(f"{key}.pin", f"unknown pin {values[1]!r}", nearest(values[1], PINS))
         return Channel(*values)
+
+    def _input(self, data: Any, key: str, channels: tuple[Channel, ...]) -> Input:
+        pin, level = self._table(data, key, ("pin", "level"))
+        if pin not in PINS:
+            raise self._error(f"{key}.pin", f"unknown pin {pin!r}", nearest(str(pin), PINS))
+        if pin in [channel.pin for channel in channels]:
+            raise self._error(f"{key}.pin", f"{pin} is a servo's")
+        if self._whole(level, f"{key}.level", 0) > 1:
+            raise self._error(f"{key}.level", f"is neither 0 nor 1: {level}")
+        return Input(pin, level)
 
     def _run(self, data: Any, key: str, channels: int, period: int) -> Run:
         frames, pulses = self._table(data, key, ("frames", "pulses"))

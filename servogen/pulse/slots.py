@@ -33,11 +33,19 @@ class Frame:
     slot_us: Fraction | None = None
     per_slot: int = 1
     """How many servos' pulses begin together in a slot."""
+    most_together: int | None = None
+    """How many servos may start together, whatever the slots are; None: as many as the engine likes."""
     place: Place | None = None
 
 
 def rises(servos: Sequence[Servo], frame: Frame, clock: Clock) -> tuple[Cycles, ...]:
     """The cycle of the frame in which each servo's pulse begins. Raises InputError when they do not fit."""
+    if frame.most_together is not None and frame.per_slot > frame.most_together:
+        raise InputError(
+            f"per_slot = {frame.per_slot} servos start together, most_together allows {frame.most_together}",
+            frame.place,
+            f"write per_slot = {frame.most_together}",
+        )
     gap = max(clock.round_us(frame.gap_us).cycles, LEAST_GAP)
     at, starts = 0, []
     for first in range(0, len(servos), frame.per_slot):

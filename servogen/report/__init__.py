@@ -1,5 +1,5 @@
 """What people read: the text report of a build."""
 
-from servogen.report.text import BuildFacts, ProgramFacts, report_text
+from servogen.report.text import BuildFacts, Overrun, ProgramFacts, report_text, rooms_text
 
-__all__ = ["BuildFacts", "ProgramFacts", "report_text"]
+__all__ = ["BuildFacts", "Overrun", "ProgramFacts", "report_text", "rooms_text"]

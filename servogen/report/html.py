@@ -105,7 +105,7 @@ def _state(facts: PageFacts) -> tuple[str, str]:
     """A class of the page's style, and the words of the badge."""
     if not facts.programs:
         return "open", "planned, not built"
-    proven = all(program.verdict.proven for program in facts.programs)
+    proven = all(program.proven for program in facts.programs)
     return ("good", "every edge proven") if proven else ("bad", "NOT proven")
 
 
@@ -204,7 +204,7 @@ def _width_chart(facts: PageFacts) -> Chart:
 def _rounding(facts: PageFacts) -> Iterator[tuple[str, ...]]:
     for row in facts.plan.widths:
         yield (
-            row.channel,
+            f"{row.channel}, {row.which}" if row.which else row.channel,
             f"{math.degrees(row.angle):.2f}",
             f"{float(row.requested_us):.3f}",
             str(row.cycles),
@@ -251,16 +251,27 @@ def _signal_values(facts: PageFacts) -> dict[str, object]:
 
 def _program(program: ProgramFacts) -> dict[str, object]:
     verdict = program.verdict
+    late = (
+        [] if program.proven or not program.overrun else [f"overrun: {program.overrun.text(verdict.clock)}"]
+    )
     return {
         "name": program.hex_file,
-        "facts": f"{program.dialect}, {program.words} words, {program.ram_bytes} bytes of RAM",
-        "proven": verdict.proven,
+        "facts": ", ".join(
+            (
+                f"{program.dialect}, {program.words} words, {program.ram_bytes} bytes of RAM",
+                *(
+                    f"the C between {room.between} at most {room.worst} of {room.room} cycles"
+                    for room in program.rooms
+                ),
+            )
+        ),
+        "proven": program.proven,
         "span": f"{verdict.span.frames} frames, {float(verdict.clock.seconds(verdict.span.compared)):g} s, "
         f"{verdict.span.compared} cycles, on all 13 pins",
         "start": None
         if verdict.start is None
         else f"{float(verdict.clock.us(verdict.start)):g} µs after reset",
-        "reasons": verdict.reasons,
+        "reasons": (*verdict.reasons, *late),
         "rows": [
             (
                 channel.name,

@@ -15,9 +15,11 @@ from servogen.errors import Caution
 from servogen.job import Job
 from servogen.pic.device import OPEN_DRAIN_PIN, PACKAGE, PROGRAM_WORDS, RAM_BYTES, oscillator_for
 from servogen.pulse.plan import PulsePlan
+from servogen.pulse.player import Room
 from servogen.report.tool_error import ERROR_COLUMNS, error_rows, errors_of, worst_of
 from servogen.report.tracks import tracks_of
 from servogen.robot.servo import Servo
+from servogen.units import Clock, Cycles
 from servogen.verify import Verdict, verdict_lines
 
 COMMANDS = (
@@ -26,6 +28,20 @@ COMMANDS = (
 )
 """MPLAB XC8 C Compiler User's Guide, chapter on the command-line driver; SDCC Compiler User Guide, section
 "The PIC14 port"; the chip without its "PIC"."""
+
+
+@dataclass(frozen=True, slots=True)
+class Overrun:
+    """What the overrun bit said after the run: the end of the first frame that set it, from reset."""
+
+    at: Cycles | None
+
+    def text(self, clock: Clock) -> str:
+        return (
+            "never"
+            if self.at is None
+            else f"by cycle {self.at} after reset ({_number(clock.us(self.at))} us)"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +54,13 @@ class ProgramFacts:
     words: int
     ram_bytes: int
     verdict: Verdict
+    rooms: tuple[Room, ...] = ()
+    overrun: Overrun | None = None
+    """None: the engine keeps no such bit."""
+
+    @property
+    def proven(self) -> bool:
+        return self.verdict.proven and (self.overrun is None or self.overrun.at is None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +112,12 @@ def _wiring(facts: BuildFacts) -> Iterator[str]:
         (str(numbers[servo.pin]), servo.pin, f"signal of servo '{servo.name}'", servo.model.title)
         for servo in facts.job.servos
     ]
+    buttons = facts.job.firmware.buttons
+    rows += [
+        (str(numbers[each.pin]), each.pin, f"{name} {each.text()}", "")
+        for name, each in (("start", buttons.start), ("stop", buttons.stop))
+        if each
+    ]
     rows += [
         (str(numbers["VDD"]), "VDD", "+5 V, 100 nF to VSS", ""),
         (str(numbers["VSS"]), "VSS", "ground, also of the servos' supply", ""),
@@ -101,6 +130,7 @@ def _wiring(facts: BuildFacts) -> Iterator[str]:
         yield f"{OPEN_DRAIN_PIN} is open drain: it needs a pull-up resistor, 1 to 10 kOhm to VDD."
     yield ""
     yield from _current(facts.job.servos)
+    yield from facts.job.firmware.buttons.text()
 
 
 def _current(servos: Sequence[Servo]) -> Iterator[str]:
@@ -117,9 +147,11 @@ def _current(servos: Sequence[Servo]) -> Iterator[str]:
 
 def _pulses(facts: BuildFacts) -> Iterator[str]:
     schedule = facts.plan.schedule
+    examples = any(row.which for row in facts.plan.widths)
     rows = [
         (
             row.channel,
+            *([row.which] if examples else []),
             f"{math.degrees(row.angle):.2f}",
             f"{float(row.requested_us):.3f}",
             str(row.cycles),
@@ -129,15 +161,17 @@ def _pulses(facts: BuildFacts) -> Iterator[str]:
         )
         for row in facts.plan.widths
     ]
-    yield from _table(
-        ("servo", "angle_deg", "requested_us", "cycles", "achieved_us", "error_us", "frames"), rows
-    )
+    numbers = ("angle_deg", "requested_us", "cycles", "achieved_us", "error_us", "frames")
+    yield from _table(("servo", *(["pulse"] if examples else []), *numbers), rows)
     yield ""
     yield f"Period {schedule.period} cycles, {_number(schedule.clock.us(schedule.period))} us."
 
 
 def _motion(facts: BuildFacts) -> Iterator[str]:
     schedule = facts.plan.schedule
+    if schedule.inputs:
+        held = ", ".join(f"{each.pin} {'high' if each.level else 'low'}" for each in schedule.inputs)
+        yield f"with {held} from power-up on:"
     for name, frames in (("lead-in", schedule.lead_in_frames), ("loop", schedule.loop_frames)):
         if frames:
             seconds = _number(schedule.clock.seconds(frames * schedule.period))
@@ -173,9 +207,33 @@ def _programs(facts: BuildFacts) -> Iterator[str]:
         ],
     )
     yield ""
+    yield from rooms_text(facts.programs, facts.job.clock)
     yield "With another compiler, whose own cycles `servogen tune` and `servogen verify` tell:"
     chip = facts.job.device.name.removeprefix("PIC").lower()
     yield from _table(("compiler", "command"), [(name, text.format(chip=chip)) for name, text in COMMANDS])
+
+
+def rooms_text(programs: Sequence[ProgramFacts], clock: Clock) -> Iterator[str]:
+    """What the C between the pulses takes at most, over all its paths, and what is left of its time."""
+    rows = [
+        (
+            program.dialect,
+            room.between,
+            "not known" if room.worst is None else str(room.worst),
+            str(room.room),
+            "?" if room.left is None else f"{room.left} ({_number(clock.us(room.left))} us)",
+        )
+        for program in programs
+        for room in program.rooms
+    ]
+    if rows:
+        yield "The C between the pulses, in cycles:"
+        yield from _table(("dialect", "between", "most", "room", "left"), rows)
+    yield from (
+        f"{program.dialect}: overrun: {program.overrun.text(clock)}"
+        for program in programs
+        if program.overrun
+    )
 
 
 def _proof(facts: BuildFacts) -> Iterator[str]:

@@ -1,0 +1,94 @@
+"""The player of a job: planned, compiled, and the C between its pulses counted.
+
+In: a `Job` and a dialect. Out: the firmware, with the most cycles that its C takes from one slot's end to the
+moment when the kernel looks at the timer for the next, counted from the program's words over all paths.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+from servogen.compiler import CompileError, Options, Source, compile_sources
+from servogen.csource import Overheads, render_player
+from servogen.errors import Caution
+from servogen.job import Job
+from servogen.motion import JointTrajectory
+from servogen.pic.listing import Listing
+from servogen.pic.longest import longest
+from servogen.pipeline.tuning import DoesNotFit, Firmware
+from servogen.pulse.player import Layout, Playing, Room, playing, soft_start
+from servogen.pulse.player.buttons import waited, waited_motion
+
+CHECK, DONE, WIDTHS = "pl_check", "pl_done", "make_widths"
+"""The kernel's labels where it looks at the timer and where it ends; the function that begins a frame."""
+
+
+def play(job: Job) -> tuple[JointTrajectory, Playing]:
+    """The motion with its lead-in, and as the player plays it. Raises InputError."""
+    frames = round(job.firmware.soft_start_s / job.clock.seconds(job.trajectory.period))
+    begun = soft_start(job.trajectory, job.servos, frames)
+    soft = len(begun.angles) - len(job.trajectory.angles)
+    played = playing(begun, job.servos, job.frame, soft)
+    buttons = job.firmware.buttons
+    schedule = replace(waited(played.plan.schedule, buttons.waiting), inputs=buttons.inputs)
+    plan = replace(played.plan, schedule=schedule)
+    return waited_motion(begun, buttons.waiting), replace(played, plan=plan)
+
+
+def compiled(job: Job, played: Playing, dialect: str) -> Firmware:
+    """The firmware in `dialect`. Raises DoesNotFit where the chip is too small."""
+    file = f"main.{dialect}.c"
+    text = render_player(played, job.firmware.buttons, dialect, job.device, job.name)
+    try:
+        made = compile_sources([Source(text, file)], Options(dialect=dialect, device=job.device))
+    except CompileError as error:
+        raise DoesNotFit(
+            f"{job.name}: planned, but more than the player can hold: {error.message}",
+            hint="fewer parts: let more of the motion repeat",
+        ) from error
+    found = rooms(made.listing, played.layout)
+    overrun = next(address for address, name, _ in made.listing.variables if name == "overrun")
+    return Firmware(dialect, file, text, made, Overheads(), found, overrun, tuple(cautions(found)))
+
+
+def rooms(listing: Listing, layout: Layout) -> tuple[Room, ...]:
+    """The time that the C takes between two slots and between two frames, beside what it has."""
+    widths = next(each.start for each in listing.functions if each.name == WIDTHS)
+    most = partial(
+        longest,
+        {row.address: row.word for row in listing.rows},
+        listing.functions,
+        label(listing, DONE),
+        {label(listing, CHECK)},
+    )
+    return (
+        Room("two slots", most(without={widths}), layout.between_slots),
+        Room("two frames", most(), layout.between_frames),
+    )
+
+
+def cautions(found: tuple[Room, ...]) -> Iterator[Caution]:
+    """Of C that may take longer than it has: the simulated motion may still be exact, another may not."""
+    for room in found:
+        if room.left is None:
+            yield Caution("player-room", f"the C between {room.between}: its longest time is not known")
+        elif room.left < 0:
+            yield Caution(
+                "player-room",
+                f"the C between {room.between} may take {room.worst} cycles, {-room.left} more than it has",
+            )
+
+
+def label(listing: Listing, name: str) -> int:
+    """The address of a label of the C's assembly: of the first word, on the next line that has one."""
+    lines = {
+        (file, number)
+        for file, text in listing.sources
+        for number, line in enumerate(text.splitlines(), 1)
+        if f"{name}:" in line
+    }
+    ((file, first),) = lines
+    after = [(row.line, row.address) for row in listing.rows if row.file == file and (row.line or 0) >= first]
+    return min(after)[1]

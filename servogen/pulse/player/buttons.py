@@ -1,0 +1,94 @@
+"""A start button and an emergency stop, as the player hears them: once a frame, after its last slot.
+
+In: which pins, and at which level each is pressed. Out: what a schedule and a trajectory are when the start
+button is pressed as the chip powers up; whoever presses later waits longer in the first frame's pulses.
+
+    power-up                     start                       stop
+    ├ the first frame, again and again ┤├ the motion …             ├ no pulses, or the same again and again
+      a button counts when it was seen pressed in three frames in a row
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from servogen.errors import Place
+from servogen.motion.trajectory import JointTrajectory
+from servogen.pulse.schedule import Input, PulseSchedule, Run
+
+PRESSED_FRAMES = 3
+"""A contact's bouncing is over after some ms; three frames are 60 ms."""
+
+
+@dataclass(frozen=True, slots=True)
+class Button:
+    """An input pin and its level while pressed: 0 for a button to ground, which needs a pull-up resistor."""
+
+    pin: str
+    level: int
+    place: Place | None = None
+
+    def text(self) -> str:
+        """What is to be wired to the pin."""
+        rails = ("ground", "VDD")
+        pull = ("pull-up to VDD", "pull-down to ground")
+        return f"button to {rails[self.level]}, 10 kOhm {pull[self.level]}"
+
+
+@dataclass(frozen=True, slots=True)
+class Buttons:
+    """`off`: the emergency stop takes the pulses away; else it holds the pulses of that moment."""
+
+    start: Button | None = None
+    stop: Button | None = None
+    off: bool = True
+
+    @property
+    def any(self) -> bool:
+        return self.start is not None or self.stop is not None
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """The levels at which the motion runs from power-up on."""
+        start = [Input(self.start.pin, self.start.level)] if self.start else []
+        stop = [Input(self.stop.pin, 1 - self.stop.level)] if self.stop else []
+        return (*start, *stop)
+
+    @property
+    def waiting(self) -> int:
+        """How many times the first frame comes again before the motion, if start is pressed at power-up."""
+        return PRESSED_FRAMES - 1 if self.start else 0
+
+    def text(self) -> Iterator[str]:
+        """What the buttons do, for whoever wires them."""
+        seen = f"pressed for {PRESSED_FRAMES} frames"
+        if self.start:
+            yield f"{self.start.pin}: start, {seen}: {self.start.text()}."
+            yield "Until then: the first frame's pulses."
+        if self.stop:
+            what = "no more pulses" if self.off else "the same pulses again and again"
+            again = "reset" if not self.start else "start begins anew" if self.off else "start goes on"
+            yield f"{self.stop.pin}: stop, {seen}: {self.stop.text()}. Then {what}, until {again}."
+
+
+def waited(schedule: PulseSchedule, frames: int) -> PulseSchedule:
+    """The schedule with its first frame `frames` times more."""
+    first = (*schedule.lead_in, *schedule.loop)[0]
+    if not frames:
+        return schedule
+    if not schedule.lead_in:
+        return replace(schedule, lead_in=(Run(frames, first.pulses),))
+    longer = Run(first.frames + frames, first.pulses)
+    return replace(schedule, lead_in=(longer, *schedule.lead_in[1:]))
+
+
+def waited_motion(trajectory: JointTrajectory, frames: int) -> JointTrajectory:
+    """The trajectory with its first frame `frames` times more."""
+    return replace(
+        trajectory,
+        angles=np.vstack((np.tile(trajectory.angles[0], (frames, 1)), trajectory.angles)),
+        loop_start=trajectory.loop_start + frames,
+    )
