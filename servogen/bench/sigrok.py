@@ -1,16 +1,19 @@
 """A capture by any analyser that sigrok knows, through `sigrok-cli`.
 
 In: sigrok's driver and its channels' pins. Out: a sigrok session (.sr), whose channels are named by the pins.
+A pseudo-terminal, as the virtual bench's, gets the modem lines that sigrok's serial library insists on.
 """
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from servogen.bench.modem_lines import is_terminal, library
 from servogen.edges import PINS
 from servogen.errors import InputError, Place, ToolError, nearest
 
@@ -63,6 +66,14 @@ def capture(look: SigrokLook, output: Path) -> None:
     if shutil.which(PROGRAM) is None:
         raise ToolError(f"{PROGRAM} is not installed", hint="https://sigrok.org/wiki/Sigrok-cli")
     output.unlink(missing_ok=True)
+    if is_terminal(look.driver):
+        with library() as lines:
+            _captured(look, output, {**os.environ, "LD_PRELOAD": str(lines)})
+    else:
+        _captured(look, output, dict(os.environ))
+
+
+def _captured(look: SigrokLook, output: Path, environment: Mapping[str, str]) -> None:
     seconds = look.samples / look.rate
     try:
         done = subprocess.run(
@@ -73,6 +84,7 @@ def capture(look: SigrokLook, output: Path) -> None:
             errors="replace",
             timeout=2 * seconds + SLACK_S,
             check=False,
+            env=environment,
         )
     except subprocess.TimeoutExpired as error:
         output.unlink(missing_ok=True)

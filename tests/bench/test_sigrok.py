@@ -1,13 +1,17 @@
 """`sigrok-cli` as a client of the virtual analyser, and what is said where it cannot be had."""
 
+import json
+import os
 import shutil
 import subprocess
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
 
+from servogen.bench.modem_lines import compiler, library
 from servogen.bench.sigrok import SigrokLook, command_of
-from servogen.bench.virtual.analyser import VirtualAnalyser
+from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.pic.image import Image
 from servogen.units import Clock
@@ -15,54 +19,67 @@ from tests.bench.conftest import LAB8, Run, Serve
 
 SCHEDULE = LAB8 / "schedule.json"
 
-MODEM_LINES = """\
-#define _GNU_SOURCE
-#include <dlfcn.h>
-#include <errno.h>
-#include <stdarg.h>
-#include <sys/ioctl.h>
-
-int ioctl(int file, unsigned long request, ...)
-{
-    va_list rest;
-    va_start(rest, request);
-    void *argument = va_arg(rest, void *);
-    va_end(rest);
-    int (*real)(int, unsigned long, ...) = dlsym(RTLD_NEXT, "ioctl");
-    int result = real(file, request, argument);
-    if (result < 0 && errno == ENOTTY && request == TIOCMGET)
-        return *(int *)argument = 0;
-    if (result < 0 && errno == ENOTTY && (request == TIOCMSET || request == TIOCMBIS || request == TIOCMBIC))
-        return 0;
-    return result;
-}
-"""
-"""libserialport asks for modem lines, which a pseudo-terminal does not have: all are off here."""
-
-
-@pytest.mark.skipif(
-    not (shutil.which("sigrok-cli") and shutil.which("gcc")), reason="needs sigrok-cli and gcc"
+sigrok = pytest.mark.skipif(
+    not (shutil.which("sigrok-cli") and compiler()),
+    reason="needs sigrok-cli and a C compiler: apt-get install sigrok-cli gcc",
 )
+
+
+def device(image: Image, **options: object) -> dict[str, VirtualAnalyser]:
+    chip = VirtualChip(image, Clock(4_000_000), ppm=Fraction(180))
+    return {"analyser": VirtualAnalyser(chip, AnalyserOptions(**options))}  # type: ignore[arg-type]
+
+
+@sigrok
+@pytest.mark.parametrize("rle", ["--rle", "--no-rle"])
 def test_sigrok_cli_sees_the_same_pulses(
-    run: Run, serve: Serve, lab8: Image, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run: Run, serve: Serve, lab8: Image, tmp_path: Path, rle: str
 ) -> None:
-    (tmp_path / "lines.c").write_text(MODEM_LINES)
-    subprocess.run(
-        ["gcc", "-shared", "-fPIC", "-o", tmp_path / "lines.so", tmp_path / "lines.c", "-ldl"], check=True
-    )
-    monkeypatch.setenv("LD_PRELOAD", str(tmp_path / "lines.so"))
-    port = serve({"analyser": VirtualAnalyser(VirtualChip(lab8, Clock(4_000_000)))}).paths["analyser"]
-    # libserialport takes only what is a link below /sys/class/tty, or is reached from there.
-    (tmp_path / "port").symlink_to(port)
-    driver = f"ols:conn=/dev/../../..{tmp_path / 'port'}"
-    path = tmp_path / "run.sr"
+    port = serve(device(lab8, memory=1 << 18)).paths["analyser"]
+    path, seconds = tmp_path / "run.sr", 2 if rle == "--rle" else 0.08
     done = run(
-        *("capture", "--sigrok", driver, "--wire", "0=RB0", "--seconds", 2, "-o", path),
-        *("--against", SCHEDULE),
+        *("capture", "--sigrok", f"ols:conn={port}", "--wire", "0=RB0", "--seconds", seconds, "-o", path),
+        *("--against", SCHEDULE, rle),
     )
     assert done.code == 0, done.err
-    done = run("verify", path, "--against", SCHEDULE)
+    done = run("verify", path, "--against", SCHEDULE, "--json")
     assert done.code == 0, done.out
+    if rle == "--rle":
+        assert json.loads(done.out)["crystal_ppm"] == pytest.approx(180, abs=2)
+
+
+@sigrok
+def test_sigrok_cli_itself_finds_the_analyser_with_the_modem_lines(serve: Serve, lab8: Image) -> None:
+    port = serve(device(lab8)).paths["analyser"]
+    command = ("sigrok-cli", "--driver", f"ols:conn={port}", "--scan")
+    with library() as lines:
+        environment = {**os.environ, "LD_PRELOAD": str(lines)}
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        assert "servogen virtual analyser" in done.stdout
+    assert not lines.exists()
+
+
+@sigrok
+def test_a_silent_analyser_is_an_error_of_sigrok_too(
+    run: Run, serve: Serve, lab8: Image, tmp_path: Path
+) -> None:
+    port = serve(device(lab8, silent=True)).paths["analyser"]
+    done = run("capture", "--sigrok", f"ols:conn={port}", "--wire", "0=RB0", "-o", tmp_path / "run.sr")
+    assert done.code == 3
+    assert f"sigrok-cli captured nothing with 'ols:conn={port}'" in done.err
+    assert not (tmp_path / "run.sr").exists()
+
+
+def test_without_a_compiler_a_pseudo_terminal_is_refused_with_the_reason(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cli = tmp_path / "sigrok-cli"
+    cli.write_text("")
+    cli.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    done = run("capture", "--sigrok", "ols:conn=/dev/pts/3", "--wire", "0=RB0", "-o", tmp_path / "run.sr")
+    assert done.code == 3
+    assert "a pseudo-terminal has no modem lines" in done.err
 
 
 def test_the_command_names_the_channels_by_their_pins() -> None:
