@@ -30,7 +30,7 @@ def steered(steering: Steering, orders: dict[int, str], frames: int) -> Floats:
         if frame in orders:
             steering.order(orders[frame])
         rows.append(steering.at(frame * FRAME_S))
-    return np.degrees(np.array(rows))
+    return np.asarray(np.degrees(np.array(rows)))
 
 
 def walking() -> Walker:

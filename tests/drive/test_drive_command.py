@@ -1,0 +1,153 @@
+"""`servogen drive` over a pseudo-terminal: what a robot there hears, whatever ends the drive."""
+
+import json
+import os
+import signal
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.drive.conftest import ROOT, Run, Serial
+
+JOBS = ROOT / "jobs"
+RANGE = ("--range-us", "500,2500")
+Start = Callable[..., "subprocess.Popen[str]"]
+
+STREAM = """
+[chip]
+device = "PIC16F84"
+clock_hz = 4_000_000
+[[servo]]
+name = "arm"
+pin = "RB0"
+model = "futaba-s3001"
+[stream]
+fail_safe = "{fail_safe}"
+"""
+
+
+def position(width_us: float) -> int:
+    return round((width_us - 500) / 2000 * 254)
+
+
+def test_a_pose_is_sent_and_left(start: Start, serial: Serial) -> None:
+    process = start("drive", JOBS / "lab8-exercise.toml", "-p", serial.path, *RANGE, "--pose", "2")
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 0, err
+    serial.wait_for(lambda decoder: bool(decoder.moves))
+    assert serial.decoder.moves == [(0, position(1500))]
+    assert "1 positions, 1 poses" in out
+
+
+def test_ctrl_c_stops_the_robot(start: Start, serial: Serial) -> None:
+    options = ("--stop", "arm=45", "--baud", 2400)
+    process = start("drive", JOBS / "lab8-exercise.toml", "-p", serial.path, *RANGE, *options)
+    serial.wait_for(lambda decoder: decoder.positions.get(0) == position(1166.67))
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=30)
+    assert process.returncode == 130
+    serial.wait_for(lambda decoder: decoder.positions[0] == position(1250))
+
+
+def test_wheels_stand_when_the_process_is_told_to_end(start: Start, serial: Serial) -> None:
+    process = start("drive", JOBS / "omni-square.toml", "-p", serial.path, *RANGE, "--json")
+    serial.wait_for(lambda decoder: decoder.positions.get(0, 127) != 127)
+    process.send_signal(signal.SIGTERM)
+    out, _ = process.communicate(timeout=30)
+    serial.wait_for(lambda decoder: decoder.positions == {0: 127, 1: 127, 2: 127})
+    *_, stopped, summary = (json.loads(line) for line in out.splitlines())
+    assert stopped["event"] == "stopped"
+    assert summary["stopped"]
+
+
+def test_a_robot_that_is_unplugged_and_plugged_in_again_gets_its_whole_pose(
+    start: Start, serial: Serial
+) -> None:
+    process = start("drive", JOBS / "omni-square.toml", "-p", serial.path, *RANGE, "--json")
+    serial.wait_for(lambda decoder: len(decoder.moves) > 5)
+    serial.unplug()
+    assert process.stdout is not None
+    assert any("lost" in line for line in process.stdout), "it is said"
+    serial.decoder.moves.clear()
+    serial.plug()
+    serial.wait_for(lambda decoder: {0, 1, 2} <= set(decoder.positions))
+    assert [number for number, _ in serial.decoder.moves[:3]] == [0, 1, 2]
+    process.send_signal(signal.SIGINT)
+    out, _ = process.communicate(timeout=30)
+    assert json.loads(out.splitlines()[-1])["outages"] == 1
+
+
+def test_lines_of_standard_input_steer(start: Start, serial: Serial) -> None:
+    process = start(
+        *("drive", JOBS / "omni-square.toml", "-p", serial.path, *RANGE, "--keys"), stdin=subprocess.PIPE
+    )
+    assert process.stdin is not None
+    process.stdin.write("forward\n")
+    process.stdin.flush()
+    serial.wait_for(lambda decoder: decoder.positions.get(0, 127) > 127 > decoder.positions.get(1, 127))
+    process.stdin.close()
+    process.stdin = None
+    process.communicate(timeout=30)
+    assert process.returncode == 0
+    serial.wait_for(lambda decoder: decoder.positions == {0: 127, 1: 127, 2: 127})
+
+
+def test_keys_of_a_terminal_steer_and_ones_that_mean_nothing_do_nothing(start: Start, serial: Serial) -> None:
+    master, slave = os.openpty()
+    try:
+        process = start("drive", JOBS / "omni-square.toml", "-p", serial.path, *RANGE, "--keys", stdin=slave)
+        serial.wait_for(lambda decoder: bool(decoder.moves))
+        os.write(master, b"7z\x1b[A")
+        serial.wait_for(lambda decoder: decoder.positions[0] > 127 > decoder.positions[1])
+        os.write(master, b"x")
+        _, err = process.communicate(timeout=30)
+        assert process.returncode == 0, err
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+def test_a_dry_run_shows_the_bytes_and_needs_no_port(run: Run) -> None:
+    done = run("drive", JOBS / "lab8-exercise.toml", *RANGE, "--dry-run", "--json", "--seconds", 3)
+    *sent, summary = (json.loads(line) for line in done.out.splitlines())
+    assert sent[0] == {
+        "s": 0.0031,
+        "servo": "arm",
+        "number": 0,
+        "position": 85,
+        "width_us": pytest.approx(1166.67, abs=4),
+        "bytes": "ff 00 55",
+    }
+    assert summary["seconds"] == pytest.approx(3, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "says"),
+    [
+        (("--port", "/dev/not-there", *RANGE), 3, "/dev/not-there: there is no such port"),
+        (RANGE, 2, "there is no line to send on"),
+        (("--dry-run",), 2, "nothing says which widths"),
+        (("--dry-run", *RANGE, "--pose", "8"), 2, "the job has no pose '8'"),
+        (("--dry-run", *RANGE, "--pose", "1", "--keys"), 2, "take one of the two"),
+        (("--dry-run", *RANGE, "--stop", "off"), 2, "cannot switch pulses off"),
+        (("--dry-run", *RANGE, "--stop", "nowhere"), 2, "the job has no pose 'nowhere'"),
+    ],
+)
+def test_what_cannot_be_is_refused(run: Run, options: tuple[object, ...], code: int, says: str) -> None:
+    done = run("drive", JOBS / "lab8-exercise.toml", *options)
+    assert done.code == code
+    assert says in done.err
+
+
+@pytest.mark.parametrize("fail_safe", ["hold", "neutral", "off"])
+def test_a_stream_jobs_line_and_widths_are_its_own(run: Run, tmp_path: Path, fail_safe: str) -> None:
+    job = tmp_path / "stream.toml"
+    job.write_text(STREAM.format(fail_safe=fail_safe))
+    done = run("drive", job, "--dry-run", "--pose", "arm=90", "--seconds", 1, "--stop", "hold")
+    assert done.code == 0, done.err
+    assert "2400 baud" in done.out
+    assert "ff 00 7f  arm 1500.0 µs" in done.out, "its positions 0 and 254 are the servo's limits"
+    off = run("drive", job, "--dry-run", "--pose", "arm=90", "--stop", "off")
+    assert off.code == (0 if fail_safe == "off" else 2)
