@@ -14,7 +14,10 @@ from servogen.cli.options import DeviceName, Json
 from servogen.cli.show import as_json, status, warn
 
 if TYPE_CHECKING:
+    from contextlib import ExitStack
+
     from servogen.pic.image import Image
+    from servogen.pipeline import Planned
 
 
 def register(app: typer.Typer) -> None:
@@ -113,52 +116,81 @@ def rig(
     real_time: Annotated[
         bool, typer.Option("--real-time", help="The chip's time is the clock's, not as fast as it can.")
     ] = False,
-    serial_pin: Annotated[str, typer.Option("--serial-pin", help="Where the serial line ends.")] = "RB7",
-    baud: Annotated[int, typer.Option("--baud", min=50, help="Of the serial line.")] = 2400,
+    serial_pin: Annotated[
+        str | None,
+        typer.Option("--serial-pin", help="Where the serial line ends (default: the job's, or RB7)."),
+    ] = None,
+    serial_out: Annotated[
+        str | None,
+        typer.Option("--serial-out", help="The pin on which the chip sends (default: the job's, or none)."),
+    ] = None,
+    baud: Annotated[
+        int | None, typer.Option("--baud", min=50, help="Of the serial line (default: the job's, or 2400).")
+    ] = None,
     inverted: Annotated[bool, typer.Option("--inverted", help="The serial line idles low.")] = False,
     json: Json = False,
 ) -> None:
     """Be a bench: programmer, analyser and serial line on pseudo-terminals, around the simulated chip."""
     import signal
     import threading
+    from contextlib import ExitStack
     from fractions import Fraction
 
     from servogen.bench.virtual.analyser import AnalyserOptions
     from servogen.bench.virtual.rig import RigOptions, with_fault
     from servogen.bench.virtual.rig import rig as opened
     from servogen.job import load
+    from servogen.pipeline import planned
     from servogen.pipeline.proof import board_of
-    from servogen.pulse.plan import plan
+    from servogen.pulse.stream.settings import Stream
     from servogen.simulator.sources import pin_number
 
+    loaded = load(job)
+    line = loaded.stream or Stream(receive_pin="RB7")
+    out = serial_out or line.transmit_pin
     options = RigOptions(
-        Fraction(crystal_ppm),
+        Fraction(str(crystal_ppm)),
         real_time,
-        pin_number(serial_pin),
-        baud,
+        pin_number(serial_pin or line.receive_pin),
+        pin_number(out) if out else None,
+        baud or line.baud,
         inverted,
         AnalyserOptions(memory=memory, fastest=fastest, glitches_per_s=glitches),
     )
     for text in fault or ():
         options = with_fault(options, text)
+    with status(f"{loaded.name}: planning and compiling"):
+        found = planned(loaded)
+        image = read_image(hex_file) if hex_file else _image(found)
+    schedule = found.plan.schedule
+    held = {pin_number(each.pin): each.level for each in schedule.inputs}
     ended = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ended.set())
-    loaded = load(job)
-    schedule = plan(loaded.trajectory, loaded.servos, loaded.frame).schedule
-    if hex_file is None:
-        from servogen.pipeline import build as built
-
-        with status(f"{loaded.name}: planning") as tell:
-            image = built(loaded, lambda step: tell(f"{loaded.name}: {step}")).programs[0].image
-    else:
-        image = read_image(hex_file)
-    with opened(image, loaded.clock, board_of(schedule), options) as terminals:
+    with ExitStack() as stack:
+        terminals = stack.enter_context(opened(image, loaded.clock, board_of(schedule), options, held))
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, lambda *_: ended.set())
         if json:
             as_json(terminals.paths)
         else:
             for name, path in terminals.paths.items():
                 print(f"{name}: {path}")
+            _tell_sigrok(stack, terminals.paths["analyser"])
             print("end it with Ctrl-C")
         sys.stdout.flush()
         terminals.serve(ended.is_set)
+
+
+def _image(found: Planned) -> Image:
+    return found.make(found.job.firmware.dialect).compilation.image
+
+
+def _tell_sigrok(stack: ExitStack, port: str) -> None:
+    """How sigrok-cli, where it is installed, is called on the analyser, for as long as the bench is there."""
+    import shutil
+
+    from servogen.bench.modem_lines import compiler, library
+    from servogen.bench.sigrok import PROGRAM
+
+    if shutil.which(PROGRAM) and compiler():
+        lines = stack.enter_context(library())
+        print(f"sigrok: LD_PRELOAD={lines} {PROGRAM} --driver ols:conn={port}")

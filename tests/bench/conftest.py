@@ -76,12 +76,18 @@ def shorter_in(folder: Path, frame: int) -> str:
 
 @contextmanager
 def _served(devices: Mapping[str, Device]) -> Iterator[Terminals]:
+    with terminals(devices) as opened, served(opened):
+        yield opened
+
+
+@contextmanager
+def served(opened: Terminals) -> Iterator[None]:
+    """Open terminals that are served until the block ends."""
     ended = threading.Event()
-    with terminals(devices) as opened:
-        thread = threading.Thread(target=opened.serve, args=(ended.is_set,))
-        thread.start()
-        try:
-            yield opened
-        finally:
-            ended.set()
-            thread.join()
+    thread = threading.Thread(target=opened.serve, args=(ended.is_set,))
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()

@@ -7,6 +7,7 @@ it; `reset` starts it with what is on it then.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from fractions import Fraction
 
@@ -40,6 +41,8 @@ class VirtualChip:
     machine: Machine = field(init=False)
     word: int = field(init=False)
     """The levels of the pins at the present cycle, pin n of `PINS` in bit n."""
+    listeners: list[Callable[[Levels, int], None]] = field(default_factory=list)
+    """Are given what the pins did whenever it has run, and the cycle up to which."""
     watched: bool = False
     """Whether what the pins do while others let it run is kept for `look`."""
     _before: int = 0
@@ -117,4 +120,6 @@ class VirtualChip:
             value = np.concatenate([[bool(word >> pin & 1)], highs])[last]
             level |= value.astype(np.uint32) << np.uint32(pin)
         self.word = int(level[-1])
+        for listener in self.listeners:
+            listener((cycle, level), self.now)
         return cycle, level

@@ -5,16 +5,17 @@ In: an image and what the bench is like. Out: pseudo-terminals, for as long as i
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from types import MappingProxyType
 from typing import Any
 
 from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.bench.virtual.k150 import ProgrammerOptions, VirtualProgrammer
-from servogen.bench.virtual.serial_line import LineStimulus, SerialLine
+from servogen.bench.virtual.serial_line import LineReceiver, LineStimulus, SerialLine
 from servogen.bench.virtual.terminals import Device, Terminals, terminals
 from servogen.errors import InputError, nearest
 from servogen.pic.image import Image
@@ -49,6 +50,8 @@ class RigOptions:
     ppm: Fraction = Fraction(0)
     real_time: bool = False
     serial_pin: int = 12
+    serial_out: int | None = None
+    """The pin on which the chip sends."""
     baud: int = 2400
     inverted: bool = False
     analyser: AnalyserOptions = field(default_factory=AnalyserOptions)
@@ -78,15 +81,25 @@ def rig(
     clock: Clock,
     board: Options,
     options: RigOptions,
+    held: Mapping[int, int] = MappingProxyType({}),
 ) -> Iterator[Terminals]:
-    """The bench with `image` on its chip; `paths` has "programmer", "analyser" and "serial"."""
-    stimulus = LineStimulus(options.serial_pin, options.baud, options.inverted)
+    """The bench with `image` on its chip; `paths` has "programmer", "analyser" and "serial".
+
+    `held` are levels at which the board holds pins that the program reads, by the pins' numbers.
+    """
+    stimulus = LineStimulus(options.serial_pin, options.baud, options.inverted, held)
     chip = VirtualChip(image, clock, board, options.ppm, stimulus, options.real_time)
-    chip.run(int(SETTLED_S * chip.cycles_per_second))
     devices: dict[str, Device] = {
         "programmer": VirtualProgrammer(chip, options.programmer),
         "analyser": VirtualAnalyser(chip, options.analyser),
-        "serial": SerialLine(chip, stimulus),
+        "serial": SerialLine(chip, stimulus, _receiver(chip, options)),
     }
+    chip.run(int(SETTLED_S * chip.cycles_per_second))
     with terminals(devices) as opened:
         yield opened
+
+
+def _receiver(chip: VirtualChip, options: RigOptions) -> LineReceiver | None:
+    if options.serial_out is None:
+        return None
+    return LineReceiver(options.serial_out, chip.clock.cycles_per_second / options.baud, options.inverted)

@@ -1,20 +1,25 @@
-"""`SerialLine`: the serial line into the virtual chip, from a pseudo-terminal to one of its pins.
+"""`SerialLine`: the serial line to the virtual chip, from a pseudo-terminal to its pins and back.
 
-In: bytes of a client. Out: start bit, eight bits (lowest first), stop bit on the pin, byte after byte at the
-baud rate. The chip's time goes on while there are bytes to send; in real time it goes on for itself.
+In: bytes of a client. Out: start bit, eight bits (lowest first), stop bit on the chip's pin, byte after byte
+at the baud rate; and what the chip sends, as bytes to the client. The chip's time goes on while there are
+bytes to send, and a moment longer for its answer; in real time it goes on for itself.
+
+    idle ───┐     ┌─────┐  …  ┌──────  idle        a bit is looked at in its middle
+            └─────┘  0  └─────┘  stop
+             start  │  1
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 
 import numpy as np
 import numpy.typing as npt
 
-from servogen.bench.virtual.chip import VirtualChip
+from servogen.bench.virtual.chip import Levels, VirtualChip
 from servogen.edges import HIGH, LOW
 from servogen.simulator.layout import PACK_CYCLE, PACK_PIN
 from servogen.simulator.sources import whole
@@ -23,56 +28,127 @@ from servogen.units import Clock
 BITS = 10
 """Start bit, eight of data, stop bit."""
 
+ANSWER_S = Fraction(1, 2)
+"""So long the chip may take to answer; then its time stands still again."""
+
+MOST_WAITING = 1 << 16
+"""Bytes that are kept for a client; older ones are lost, as on a real line."""
+
 
 @dataclass(slots=True)
 class LineStimulus:
-    """What comes over the line, as the simulator takes it: a byte at a time, as long as there are any."""
+    """What comes over the line, as the simulator takes it: a byte at a time, as long as there are any.
+
+    `held` has the levels of pins that the board holds, by their numbers.
+    """
 
     pin: int
     baud: int
     inverted: bool = False
+    held: Mapping[int, int] = field(default_factory=dict)
     waiting: deque[int] = field(default_factory=deque)
+
+    @property
+    def idle(self) -> int:
+        return LOW if self.inverted else HIGH
 
     def changes(self, clock: Clock) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
         bit = clock.cycles_per_second / self.baud
-        idle = LOW if self.inverted else HIGH
         until = Fraction(1)
-        yield whole(until), self._packed([(0, idle)])
+        at_begin = {**self.held, self.pin: self.idle}
+        yield whole(until), _packed((0, pin, level) for pin, level in at_begin.items())
         while True:
             changes = []
             if self.waiting:
                 byte = self.waiting.popleft()
                 bits = [0, *(byte >> n & 1 for n in range(8)), 1]
                 changes = [
-                    (whole(until + n * bit), idle if value else HIGH + LOW - idle)
+                    (whole(until + n * bit), self.pin, self.idle if value else HIGH + LOW - self.idle)
                     for n, value in enumerate(bits)
                 ]
             until += BITS * bit
-            yield whole(until), self._packed(changes)
+            yield whole(until), _packed(changes)
 
-    def _packed(self, changes: list[tuple[int, int]]) -> npt.NDArray[np.int64]:
-        return np.array(
-            [cycle << PACK_CYCLE | self.pin << PACK_PIN | level for cycle, level in changes], dtype=np.int64
-        )
+
+def _packed(changes: Iterable[tuple[int, int, int]]) -> npt.NDArray[np.int64]:
+    """(cycle, pin, level) of each, as the instruction loop takes them."""
+    return np.array(
+        [cycle << PACK_CYCLE | pin << PACK_PIN | level for cycle, pin, level in changes], dtype=np.int64
+    )
+
+
+@dataclass(slots=True)
+class LineReceiver:
+    """What the chip sends on `pin`, from its edges; a byte whose stop bit is wrong is left out."""
+
+    pin: int
+    bit: Fraction
+    """Cycles."""
+    inverted: bool = False
+    _high: bool = False
+    """Whether the line is at its idle level; before the chip drives it, it is not."""
+    _start: int | None = None
+    """The cycle of the start bit's edge, while a byte is under way."""
+    _edges: list[int] = field(default_factory=list)
+    """The edges since then."""
+
+    def add(self, levels: Levels, until: int) -> bytes:
+        """Takes what the pins did up to cycle `until`; the bytes that ended in it."""
+        received = bytearray()
+        cycle, word = levels
+        line = (word >> np.uint32(self.pin) & np.uint32(1)).astype(bool) != self.inverted
+        changed = np.flatnonzero(np.append(line[:1] != self._high, line[1:] != line[:-1]))
+        for at in cycle[changed].tolist():
+            received += self._ended(at)
+            if self._start is not None:
+                self._edges.append(at)
+            elif self._high:
+                self._start = at
+            self._high = not self._high
+        return bytes(received + self._ended(until))
+
+    def _ended(self, now: int) -> bytes:
+        """The byte under way, once its stop bit was looked at."""
+        if self._start is None or now < self._start + (BITS - Fraction(1, 2)) * self.bit:
+            return b""
+        middles = [self._start + (n + Fraction(1, 2)) * self.bit for n in range(BITS)]
+        bits = [sum(edge <= middle for edge in self._edges) % 2 for middle in middles]
+        self._start, self._edges = None, []
+        start, *data, stop = bits
+        good = not start and stop
+        return bytes([sum(bit << n for n, bit in enumerate(data))]) if good else b""
 
 
 @dataclass(slots=True)
 class SerialLine:
-    """The client's end: takes bytes, and lets the chip run while they are sent."""
+    """The client's end: takes bytes, gives what the chip sends, and lets it run meanwhile."""
 
     chip: VirtualChip
     stimulus: LineStimulus
+    receiver: LineReceiver | None = None
     outgoing: bytearray = field(default_factory=bytearray)
     gone: bool = False
+    _until: int = 0
+    """The cycle up to which the chip runs for the client."""
+
+    def __post_init__(self) -> None:
+        self.chip.listeners.append(self._heard)
 
     @property
     def working(self) -> bool:
-        return bool(self.stimulus.waiting) or self.chip.in_real_time
+        return self.chip.in_real_time or bool(self.stimulus.waiting) or self.chip.now < self._until
 
     def received(self, data: bytes) -> None:
         self.stimulus.waiting.extend(data)
+        line = Fraction(BITS * len(self.stimulus.waiting), self.stimulus.baud)
+        self._until = self.chip.now + int((line + ANSWER_S) * self.chip.clock.cycles_per_second)
 
     def work(self) -> None:
         """Lets a byte's time pass, or as much as has passed."""
         byte = int(BITS * self.chip.clock.cycles_per_second / self.stimulus.baud) + 1
         self.chip.run(self.chip.due(byte))
+
+    def _heard(self, levels: Levels, until: int) -> None:
+        if self.receiver is not None:
+            self.outgoing += self.receiver.add(levels, until)
+            del self.outgoing[:-MOST_WAITING]
