@@ -14,6 +14,7 @@ import typer
 from servogen import __version__
 from servogen.cli import (
     bench_commands,
+    calibrate_commands,
     chip_commands,
     doctor_commands,
     drive_commands,
@@ -68,6 +69,7 @@ GROUPS = (
     doctor_commands,
     bench_commands,
     drive_commands,
+    calibrate_commands,
     gait_commands,
     grade_commands,
     report_commands,

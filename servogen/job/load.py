@@ -54,6 +54,18 @@ def load_walking(path: str | Path, way: Mapping[str, float]) -> Job:
     return _job(replace(document, data={**document.data, "walk": walk}))
 
 
+def load_calibrated(path: str | Path, servo: str, file: str) -> Job:
+    """The job at `path`, that servo having the calibration in `file`, beside the job. Raises InputError."""
+    document = tomlfile.read(path)
+    rows = [
+        {**{key: value for key, value in row.items() if key != "points"}, "calibration": file}
+        if row.get("name") == servo
+        else row
+        for row in document.data["servo"]
+    ]
+    return _job(replace(document, data={**document.data, "servo": tuple(rows)}))
+
+
 def loads(text: str, file: str) -> Job:
     """The job that `text` is; `file` is its name in errors. Raises InputError."""
     return _job(tomlfile.parse(text, file))

@@ -22,7 +22,7 @@ FEWEST = 3
 """Any two readings lie on a line."""
 
 TOLERANCE_RAD = math.radians(5)
-"""How far a reading may be from the line, unless the user says otherwise."""
+"""How far a reading may be from the line."""
 
 OUTLIER = 4.0
 """A reading so many times farther from the line of the others than they are is a slip of the eye."""
@@ -79,8 +79,9 @@ class Fit:
 def fit(readings: Sequence[Reading], tolerance: float = TOLERANCE_RAD, speed: bool = False) -> Fit:
     """The line of `readings`; `speed`: their angles are speeds.
 
-    Raises InputError for too few readings, angles that do not rise or fall with the widths, one reading that
-    is off the line of the others, and readings that are no line within `tolerance` (radians).
+    Raises InputError for too few readings and a servo that did not move; and where a reading is farther than
+    `tolerance` (radians) from the line: for the one that is off the line of the others, for angles that do
+    not rise or fall with the widths, for readings that are no straight line.
     """
     unit = "°/s" if speed else "°"
     _check_each(readings, unit)
@@ -88,8 +89,7 @@ def fit(readings: Sequence[Reading], tolerance: float = TOLERANCE_RAD, speed: bo
     off = abs(made.residuals[made.worst])
     if off > tolerance:
         _check_outlier(readings, tolerance, unit)
-    _check_order(readings, unit)
-    if off > tolerance:
+        _check_order(readings, made.us_per_rad > 0, unit)
         raise InputError(
             f"the readings are no straight line: {_named(readings, made.worst, unit)} is "
             f"{math.degrees(off):.1f}{unit} off it, {math.degrees(tolerance):g}{unit} is allowed",
@@ -116,7 +116,7 @@ def _check_each(readings: Sequence[Reading], unit: str) -> None:
         )
 
 
-def _check_order(readings: Sequence[Reading], unit: str) -> None:
+def _check_order(readings: Sequence[Reading], rising: bool, unit: str) -> None:
     """All angles rise with the widths, or all fall."""
     order = sorted(range(len(readings)), key=lambda index: readings[index].width_us)
     steps = [
@@ -124,7 +124,6 @@ def _check_order(readings: Sequence[Reading], unit: str) -> None:
         for before, after in pairwise(order)
         if readings[after].width_us > readings[before].width_us
     ]
-    rising = sum(np.sign(step) for _, _, step in steps) > 0
     for before, after, step in steps:
         if step == 0 or (step > 0) != rising:
             raise InputError(

@@ -61,8 +61,7 @@ def test_the_line_is_the_least_squares_line_of_the_angles(noise: list[float]) ->
 def test_rms_of_the_residuals_estimates_the_noise() -> None:
     noise = np.random.default_rng(1).normal(0, 1.0, 400)
     pairs = [(w, a + n) for (w, a), n in zip(straight(1000, 5.5, 400), noise.tolist(), strict=True)]
-    ordered = fit(readings_of(pairs[::20]), tolerance=math.radians(10))
-    assert 0.5 < math.degrees(ordered.rms) < 1.5
+    assert math.degrees(fit(readings_of(pairs)).rms) == pytest.approx(1.0, rel=4 / math.sqrt(2 * 400))
 
 
 @pytest.mark.parametrize(
@@ -73,12 +72,12 @@ def test_rms_of_the_residuals_estimates_the_noise() -> None:
         ([(1000, 90), (1500, 90), (2000, 90)], "did not move"),
         ([(1000, 0), (1500, math.nan), (2000, 180)], r"reading 2 \(nan° at 1500 µs\) is not a number"),
         (
-            [(1000, 0), (1010, 3), (1020, 2), (2000, 180)],
-            r"reading 3 \(2° at 1020 µs\) does not rise from reading 2 \(3° at 1010 µs\)",
+            [(1000, 0), (1200, 50), (1400, 40), (2000, 180)],
+            r"reading 3 \(40° at 1400 µs\) does not rise from reading 2 \(50° at 1200 µs\)",
         ),
         (
-            [(1000, 180), (1010, 179), (1020, 179), (2000, 0)],
-            r"reading 3 \(179° at 1020 µs\) does not fall from reading 2",
+            [(1000, 180), (1300, 180), (1600, 40), (2000, 0)],
+            r"reading 2 \(180° at 1300 µs\) does not fall from reading 1",
         ),
         (
             [(1000, 0), (1250, 45), (1500, 60), (1750, 135), (2000, 180)],

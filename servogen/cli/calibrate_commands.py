@@ -1,0 +1,230 @@
+"""`servogen calibrate`: a servo's own line of pulse width over angle."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from servogen.cli.drive_commands import Baud, First, Port, RangeUs
+from servogen.cli.options import Json
+from servogen.cli.show import as_json, table, warn
+
+if TYPE_CHECKING:
+    from servogen.drive.controller import Channel
+    from servogen.drive.sweep import Sweep
+    from servogen.job import Job
+    from servogen.robot.calibration_fit import Fit, Reading
+    from servogen.robot.servo import Servo
+
+TOLERANCE_DEG, WHEEL_TOLERANCE_DEG = 5.0, 20.0
+"""How far a reading may be off the line: of an angle, of a speed in a second."""
+
+Ask = Callable[["Sweep", int], float]
+"""The angle (radians) that is seen of the servo where it stands; the int counts the points."""
+
+
+def register(app: typer.Typer) -> None:
+    app.command()(calibrate)
+
+
+def calibrate(
+    job: Annotated[Path, typer.Argument(help="A job file (TOML).", show_default=False)],
+    servo: Annotated[
+        str | None, typer.Option("--servo", help="Which servo of the job (default: its only one).")
+    ] = None,
+    port: Port = None,
+    from_us: Annotated[
+        float | None, typer.Option("--from-us", help="The shortest pulse, µs (default: the servo's limit).")
+    ] = None,
+    to_us: Annotated[
+        float | None, typer.Option("--to-us", help="The longest pulse, µs (default: the servo's limit).")
+    ] = None,
+    points: Annotated[int, typer.Option("--points", min=3, max=100, help="How many pulses.")] = 7,
+    angles: Annotated[
+        str | None,
+        typer.Option("--angles-deg", help="What was seen, as 0,45,90, in place of asking (wheels: °/s)."),
+    ] = None,
+    readings: Annotated[
+        Path | None,
+        typer.Option("--readings", help="A CSV of readings, width_us,angle_deg, in place of moving it."),
+    ] = None,
+    tolerance_deg: Annotated[
+        float | None,
+        typer.Option(
+            "--tolerance-deg", min=0.1, help="How far a reading may be off the line (default: 5; wheels: 20)."
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="The file (default: SERVO.calibration.toml).")
+    ] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", help="A picture of it: .png, .svg or .pdf.")] = None,
+    baud: Baud = None,
+    range_us: RangeUs = None,
+    first: First = 0,
+    json: Json = False,
+) -> None:
+    """Move one servo through its pulses, fit a line to the angles that you see, and write its calibration."""
+    from servogen.errors import InputError
+    from servogen.job import load
+    from servogen.robot.calibration_file import calibration_text, write_calibration
+    from servogen.robot.calibration_fit import fit
+    from servogen.robot.calibration_readings import read_csv
+
+    loaded = load(job)
+    index = _index(loaded, servo)
+    chosen = loaded.servos[index]
+    target = output or job.parent / f"{chosen.name}.calibration.toml"
+    if readings is not None:
+        if angles is not None:
+            raise InputError("--readings has the angles already: take one of the two")
+        taken = read_csv(readings, chosen.model.continuous)
+    else:
+        taken = _taken(loaded, index, (from_us, to_us, points), angles, port, (baud, range_us, first))
+    usual = WHEEL_TOLERANCE_DEG if chosen.model.continuous else TOLERANCE_DEG
+    made = fit(taken, math.radians(tolerance_deg or usual), chosen.model.continuous)
+    kept = write_calibration(target, calibration_text(made, chosen))
+    if plot is not None:
+        from servogen.report.calibration_plot import calibration_plot
+
+        calibration_plot(made, chosen, plot)
+    refused = _refused(job, chosen.name, target)
+    _show(job, chosen, made, (target, kept), refused, json)
+    if refused:
+        raise typer.Exit(1)
+
+
+def _index(job: Job, name: str | None) -> int:
+    from servogen.errors import InputError, Place, nearest
+
+    names = [servo.name for servo in job.servos]
+    if name is None and len(names) == 1:
+        return 0
+    if name not in names:
+        said = "which servo is not said" if name is None else f"there is no servo '{name}'"
+        raise InputError(said, Place(job.file), f"--servo: {nearest(name or '', names)}")
+    return names.index(name)
+
+
+def _taken(
+    job: Job,
+    index: int,
+    span: tuple[float | None, float | None, int],
+    angles: str | None,
+    port: str | None,
+    settings: tuple[int | None, str | None, int],
+) -> Sequence[Reading]:
+    """Moves the servo and reads its angles; without a port only says what the widths would have been."""
+    from servogen.drive.controller import controller_of
+    from servogen.drive.line import Line, Nowhere, Time, VirtualTime, port_opener
+    from servogen.drive.sweep import Sweep, positions
+    from servogen.errors import InputError
+    from servogen.robot.calibration_fit import Reading
+    from servogen.robot.calibration_readings import angles_of
+
+    if port is None and angles is None:
+        raise InputError("there is no line to move it on", hint="--port /dev/ttyUSB0, or --readings FILE.csv")
+    speed, controller = controller_of(job, *settings)
+    channel = controller.channels[index]
+    stops = positions(channel, *span)
+    given = None if angles is None else angles_of(angles)
+    if given is not None and len(given) != len(stops):
+        raise InputError(f"{len(given)} angles for {len(stops)} points", hint=f"--points {len(given)}")
+    ask: Ask = _asking(channel, len(stops)) if given is None else lambda sweep, point: given[point]
+    time = VirtualTime().time() if port is None else Time()
+    opener = (lambda: nullcontext(Nowhere())) if port is None else port_opener(port, speed)
+    taken = []
+    with Line(opener, speed, time, 0.0) as line:
+        rest = channel.position(channel.servo.neutral)
+        sweep = Sweep(controller, index, line, time, rest)
+        sweep.send()
+        try:
+            for point, position in enumerate(stops):
+                sweep.go(position)
+                taken.append(Reading(channel.widths_us[position], ask(sweep, point)))
+        finally:
+            sweep.go(rest)
+    return taken
+
+
+def _asking(channel: Channel, count: int) -> Ask:
+    """Asks on the terminal until there is a number."""
+    from servogen.drive.words import QUIT, Lines
+    from servogen.errors import InputError
+    from servogen.robot.calibration_readings import angle_of
+
+    lines = Lines(sys.stdin.fileno())
+    answers: list[str] = []
+    unit = channel.servo.model.unit
+
+    def next_answer() -> str | None:
+        answers.extend(lines.since(0.0))
+        return answers.pop(0) if answers else None
+
+    def ask(sweep: Sweep, point: int) -> float:
+        while True:
+            width = channel.widths_us[sweep.at]
+            print(f"{point + 1} of {count}, {width:.1f} µs: what do you see, {unit}? ", end="", flush=True)
+            text = sweep.answered(next_answer)
+            if text == QUIT:
+                raise InputError(f"ended after {point} of {count} readings: nothing is written")
+            try:
+                return angle_of(text)
+            except InputError as error:
+                print(f"{error.message}; {QUIT} ends", file=sys.stderr)
+
+    return ask
+
+
+def _refused(job: Path, servo: str, target: Path) -> str:
+    """Why the job cannot do its motion with the new calibration; empty where it can."""
+    from servogen.errors import InputError
+    from servogen.job import load_calibrated
+
+    try:
+        load_calibrated(job, servo, str(target.resolve()))
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def _show(
+    job: Path, servo: Servo, made: Fit, files: tuple[Path, Path | None], refused: str, json: bool
+) -> None:
+    """What was found, where it is written, which file was kept, and why the job does not take it."""
+    (target, kept), unit = files, servo.model.unit
+    slope = made.us_per_rad * math.radians(1)
+    rms, worst = math.degrees(made.rms), math.degrees(made.residuals[made.worst])
+    if json:
+        as_json(
+            {
+                "file": str(target),
+                "kept": None if kept is None else str(kept),
+                "zero_us": made.zero_us,
+                "us_per_deg": slope,
+                "rms_deg": rms,
+                "worst_deg": worst,
+                "residuals_deg": [math.degrees(each) for each in made.residuals],
+                "refused": refused,
+            }
+        )
+        return
+    rows = [
+        (f"{r.width_us:.1f}", f"{math.degrees(r.angle):.1f}", f"{math.degrees(off):+.2f}")
+        for r, off in zip(made.readings, made.residuals, strict=True)
+    ]
+    table(f"{servo.name}, {servo.model.title}", ("width µs", f"seen {unit}", f"off the line {unit}"), rows)
+    print(
+        f"width = {made.zero_us:.1f} µs {slope:+.4f} µs/{unit}; rms {rms:.2f}{unit}, worst {worst:+.2f}{unit}"
+    )
+    print(f"{target}: written" + (f"; {kept} is the file that was there" if kept else ""))
+    if refused:
+        warn(f"the job cannot do its motion with it: {refused}")
+        return
+    beside = target.resolve().parent == job.resolve().parent
+    print(f'the job takes it with calibration = "{target.name if beside else target.resolve()}"')

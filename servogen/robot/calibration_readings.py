@@ -1,0 +1,57 @@
+"""Readings of a calibration as text: angles in a row, or a CSV file of widths and angles.
+
+In: text. Out: `Reading`s; InputError with the place of what is no number.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from servogen.errors import InputError, Place
+from servogen.robot.calibration_fit import Reading
+
+WIDTH, ANGLE, SPEED = "width_us", "angle_deg", "speed_deg_s"
+
+
+def angle_of(text: str, what: str = "") -> float:
+    """Radians of a number of degrees; `what` is named in the error. Raises InputError."""
+    try:
+        degrees = float(text)
+    except ValueError:
+        degrees = math.nan
+    if not math.isfinite(degrees):
+        raise InputError(f"{what}'{text.strip()}' is no number of degrees", hint="90, or 92.5")
+    return math.radians(degrees)
+
+
+def angles_of(text: str) -> list[float]:
+    """Radians of `0,45,90`. Raises InputError."""
+    return [angle_of(part, f"reading {index + 1}: ") for index, part in enumerate(text.split(","))]
+
+
+def read_csv(path: Path, speed: bool) -> Sequence[Reading]:
+    """The readings in a file with the columns width_us and angle_deg (or, of a speed, speed_deg_s).
+
+    Raises InputError.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError("cannot be read", Place(str(path)), str(error)) from error
+    rows = csv.DictReader(io.StringIO(text), skipinitialspace=True)
+    wanted = SPEED if speed else ANGLE
+    for column in (WIDTH, wanted):
+        if column not in (rows.fieldnames or ()):
+            raise InputError(f"there is no column {column}", Place(str(path), 1), f"{WIDTH},{wanted}")
+    found = []
+    for row in rows:
+        place = Place(str(path), rows.line_num)
+        try:
+            found.append(Reading(float(row[WIDTH]), math.radians(float(row[wanted]))))
+        except (TypeError, ValueError) as error:
+            raise InputError(f"a reading is two numbers, {WIDTH} and {wanted}", place) from error
+    return found
