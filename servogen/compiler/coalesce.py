@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from servogen.compiler.emitter import Code
 from servogen.compiler.liveness import Liveness, is_private
-from servogen.compiler.machine import Byte, Ins
+from servogen.compiler.machine import IN_PLACE, Byte, Ins
 from servogen.compiler.tree import Symbol
 
 
@@ -50,6 +50,14 @@ def _copy_source(ins: list[Ins], at: int) -> Byte | None:
     return None
 
 
+def _changed_source(ins: list[Ins], at: int) -> Byte | None:
+    """The byte of which a MOVWF stores what the instruction before has made: it could be changed in place."""
+    before = ins[at - 1]
+    if ins[at].op == "MOVWF" and before.op in IN_PLACE and before.d == 0 and isinstance(before.f, Byte):
+        return before.f
+    return None
+
+
 def coalesce(code: Code) -> bool:
     """Give a temporary and the byte that it is copied to (or from) one place, one pair a call."""
     live = Liveness(code)
@@ -57,7 +65,7 @@ def coalesce(code: Code) -> bool:
     against: dict[Byte, int] | None = None
     for at in range(1, len(code.ins)):
         ins = code.ins[at]
-        source = _copy_source(code.ins, at)
+        source = _copy_source(code.ins, at) or _changed_source(code.ins, at)
         if source is None or ins.fixed or code.ins[at - 1].fixed or source == ins.f:
             continue
         target = ins.f

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from servogen.compiler.ctypes import IntType, VoidType
+from servogen.compiler.ctypes import U8, IntType, VoidType
 from servogen.compiler.effects import width_of
 from servogen.compiler.emitter import Code, LoopLines
 from servogen.compiler.flash import Flash
@@ -281,6 +281,8 @@ def _holds_at_first(loop: Loop, before: Stmt) -> bool:
     target, value, test = before.expr.target, before.expr.value, loop.condition
     if not isinstance(target, Ref) or not isinstance(value, Num) or target.symbol.volatile:
         return False
+    if isinstance(test, Ref) and value.value:
+        test = Binary("!=", test, Num(0, U8, test.place), U8, test.place)
     if not isinstance(test, Binary) or test.op not in COMPARISONS or not isinstance(test.right, Num):
         return False
     left = test.left

@@ -51,7 +51,10 @@ LABEL, DELAY = "LABEL", "DELAY"
 SKIPS = frozenset(("BTFSC", "BTFSS", "DECFSZ", "INCFSZ"))
 ENDS = frozenset(("GOTO", "RETURN", "RETLW", "RETFIE"))
 """Instructions after which the next one is not executed."""
-READS_ONLY = frozenset(("BTFSC", "BTFSS"))
+IN_PLACE = frozenset(
+    ["ADDWF", "ANDWF", "IORWF", "XORWF", "SUBWF", "INCF", "DECF", "COMF", "RLF", "RRF", "SWAPF"]
+)
+"""Instructions that make a new value of a byte, in W or in its place."""
 
 
 @dataclass(slots=True, eq=False)

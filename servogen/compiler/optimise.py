@@ -5,6 +5,7 @@ In: a `Code`. Out: the same, smaller. User assembly is never touched.
 
 from __future__ import annotations
 
+from servogen.compiler.branches import short_branches
 from servogen.compiler.coalesce import coalesce
 from servogen.compiler.deadcode import drop_dead
 from servogen.compiler.emitter import Code
@@ -29,6 +30,7 @@ def optimise(code: Code) -> None:
             Tracker(code).run()
             drop_dead(code)
             peephole(code)
+            short_branches(code)
             coalesce(code)
         if before == [(ins.op, ins.f, ins.d, ins.b, ins.k, ins.target) for ins in code.ins]:
             if data and merge_tails(code):

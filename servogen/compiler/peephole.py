@@ -7,12 +7,9 @@ zero, one skip instead of a skip and two jumps.
 from __future__ import annotations
 
 from servogen.compiler.emitter import Code
-from servogen.compiler.liveness import C_BIT, D_BIT, W_BIT, Z_BIT, Liveness
-from servogen.compiler.machine import LABEL, SKIPS, Ins
+from servogen.compiler.liveness import C_BIT, D_BIT, W_BIT, Z_BIT, Liveness, is_private
+from servogen.compiler.machine import IN_PLACE, LABEL, SKIPS, Ins
 
-_IN_PLACE = frozenset(
-    ["ADDWF", "ANDWF", "IORWF", "XORWF", "SUBWF", "INCF", "DECF", "COMF", "RLF", "RRF", "SWAPF"]
-)
 _COMMUTING = {"ADDLW": "ADDWF", "ANDLW": "ANDWF", "IORLW": "IORWF", "XORLW": "XORWF"}
 
 
@@ -48,7 +45,7 @@ def _match(ins: list[Ins], at: int, live: Liveness) -> tuple[list[Ins], int] | N
         return None
     after_two = live.after[at + 1]
     if two.op == "MOVWF" and not after_two & W_BIT:
-        if one.op in _IN_PLACE and one.d == 0 and one.f == two.f:
+        if one.op in IN_PLACE and one.d == 0 and one.f == two.f:
             return [Ins(one.op, one.f, 1)], 2
         if one.op == "MOVLW" and one.k == 0 and not after_two & Z_BIT:
             return [Ins("CLRF", two.f)], 2
@@ -57,7 +54,13 @@ def _match(ins: list[Ins], at: int, live: Liveness) -> tuple[list[Ins], int] | N
     counted = one.op == "MOVLW" and two.op == "ADDWF" and two.d == 1 and one.k in (1, 0xFF)
     if counted and not after_two & (W_BIT | C_BIT | D_BIT):
         return [Ins("INCF" if one.k == 1 else "DECF", two.f, 1)], 2
+    if one.op == "MOVLW" and two.op == "RETURN":
+        return [Ins("RETLW", k=one.k)], 2
     three = ins[at + 2] if at + 2 < len(ins) else None
+    if three is not None and not three.fixed and _swaps(one, two, three):
+        held = live.bit(one.f)  # type: ignore[arg-type]
+        if not live.after[at + 2] & held:
+            return [Ins(three.op, two.f, 0)], 3
     if three is not None and not three.fixed and three.op == "MOVWF" and not live.after[at + 2] & W_BIT:
         if one.op == "MOVF" and one.d == 0 and one.f == three.f and two.op in _COMMUTING:
             return [Ins("MOVLW", k=two.k), Ins(_COMMUTING[two.op], one.f, 1)], 3
@@ -79,6 +82,18 @@ def _match(ins: list[Ins], at: int, live: Liveness) -> tuple[list[Ins], int] | N
         ):
             return [Ins("MOVF", two.f, 0), Ins(two.op, one.f, 1)], 3
     return _flags(ins, at)
+
+
+def _swaps(one: Ins, two: Ins, three: Ins) -> bool:
+    """MOVWF t; MOVF x,W; XORWF t,W: the same as XORWF x,W where t is not needed any more."""
+    return (
+        one.op == "MOVWF"
+        and is_private(one.f)
+        and (two.op, two.d) == ("MOVF", 0)
+        and two.f != one.f
+        and three.op in _COMMUTING.values()
+        and (three.f, three.d) == (one.f, 0)
+    )
 
 
 def _flags(ins: list[Ins], at: int) -> tuple[list[Ins], int] | None:

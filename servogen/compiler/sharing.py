@@ -16,11 +16,10 @@ from dataclasses import dataclass
 from servogen.compiler.emitter import Code
 from servogen.compiler.machine import DELAY, ENDS, LABEL, SKIPS, Byte, Ins
 from servogen.compiler.stack import room_for_calls
+from servogen.compiler.tails import is_timed
 from servogen.compiler.tree import AddressByte, Symbol
 
 _LONGEST = 40
-_TIMED = ("__delay", "__putchar", "__getchar")
-"""Library routines whose time is promised."""
 _Run = tuple[int, ...]
 _Place = tuple[str, int]
 """Function and index of a run's first instruction."""
@@ -97,7 +96,7 @@ def _stretches(code: Code) -> Iterator[tuple[int, int]]:
     for at, ins in enumerate(code.ins):
         leaves = ins.op in ENDS and not (at and code.ins[at - 1].op in SKIPS)
         if ins.op == LABEL or leaves or at + 1 == len(code.ins):
-            timed = any(_is_timed(each) for each in code.ins[first : at + 1])
+            timed = any(is_timed(each) for each in code.ins[first : at + 1])
             cuts.append((first, at + 1, timed))
             first = at + 1
     for number, (first, behind, _) in enumerate(cuts):
@@ -109,10 +108,6 @@ def _stretches(code: Code) -> Iterator[tuple[int, int]]:
                 yield start, at
                 start = at + 1
         yield start, behind
-
-
-def _is_timed(ins: Ins) -> bool:
-    return ins.op == DELAY or (ins.op in ("CALL", "GOTO") and ins.target.startswith(_TIMED))
 
 
 def _movable(ins: list[Ins], at: int, labels: set[str], own: set[Symbol]) -> bool:

@@ -6,7 +6,7 @@ In: a `Code` after the other passes. Out: fewer words, no more cycles.
 from __future__ import annotations
 
 from servogen.compiler.emitter import Code
-from servogen.compiler.machine import DELAY, ENDS, LABEL, SKIPS, Ins
+from servogen.compiler.machine import DELAY, ENDS, LABEL, SKIPS, Ins, Reg
 
 
 def tail_calls(code: Code) -> None:
@@ -35,10 +35,34 @@ def merge_tails(code: Code) -> bool:
             rivals.append(before)
         for rival in rivals:
             length = _common(ins, at, rival)
-            if length:
+            if length and not _timed_run(ins, at - length, at):
                 _merge(code, at, rival, length)
                 return True
+            if length and rival in jumps and not _timed_run(ins, rival - length, rival):
+                _merge(code, rival, at, length)
+                return True
     return False
+
+
+def _timed_run(ins: list[Ins], first: int, last: int) -> bool:
+    """Whether a run of instructions reaches a register and a delay runs into it without a branch: its
+    distance to the delay is promised.
+    """
+    if not any(isinstance(each.f, Reg) or each.op == "CALL" for each in ins[first:last]):
+        return False
+    at = first
+    while at:
+        at -= 1
+        if is_timed(ins[at]):
+            return True
+        if ins[at].op in ENDS or ins[at].op in SKIPS:
+            return False
+    return False
+
+
+def is_timed(ins: Ins) -> bool:
+    """A delay, constant or by a library routine."""
+    return ins.op == DELAY or (ins.op in ("CALL", "GOTO") and ins.target.startswith("__delay"))
 
 
 def _in_shadow(ins: list[Ins], at: int) -> bool:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from servogen.compiler.deadcode import remove
 from servogen.compiler.emitter import Code
 from servogen.compiler.liveness import Z_BIT, Liveness, is_private
-from servogen.compiler.machine import DELAY, ENDS, INDF, LABEL, SKIPS, Byte, Imm, Ins, Loc
+from servogen.compiler.machine import DELAY, ENDS, FSR, INDF, LABEL, SKIPS, Byte, Imm, Ins, Loc
 
 Value = Imm | int
 """A constant, or the number of something unknown."""
@@ -38,8 +38,8 @@ _READERS = frozenset(
 
 
 def trackable(loc: object) -> bool:
-    """A byte of RAM that changes only where the code says so."""
-    return isinstance(loc, Byte) and not loc.symbol.volatile
+    """A byte of RAM, or FSR, that changes only where the code says so."""
+    return loc == FSR or (isinstance(loc, Byte) and not loc.symbol.volatile)
 
 
 class Tracker:
@@ -50,6 +50,7 @@ class Tracker:
         self.live = Liveness(code)
         self.own = {id(symbol) for symbol in code.own}
         self.next = 0
+        self.results: dict[tuple[str, Value, object], Value] = {}
         self.dead: set[int] = set()
         self.changed = False
         self.arriving: dict[str, list[State]] = {}
@@ -146,11 +147,22 @@ class Tracker:
         elif ins.writes_f:
             self._store(ins.f, self.fresh(), state)
         elif ins.writes_w:
-            state[_W] = self.fresh()
+            state[_W] = self._result(ins, state)
+
+    def _result(self, ins: Ins, state: State) -> Value:
+        """The same operation on the same values has the same value."""
+        other: object
+        if ins.op in _TO_LITERAL.values() or ins.op == "SUBLW":
+            other = Imm(ins.k)
+        elif ins.op in _TO_LITERAL and trackable(ins.f):
+            other = self.value(state, ins.f)
+        else:
+            return self.fresh()
+        return self.results.setdefault((ins.op[:3], self.value(state, _W), other), self.fresh())
 
     def _store(self, loc: Loc | None, value: Value, state: State) -> None:
         if loc == INDF:
-            for each in [each for each in state if not is_private(each) and each != _W]:
+            for each in [each for each in state if not is_private(each) and each not in (_W, FSR)]:
                 del state[each]
         elif trackable(loc):
             self._forget_aliases(loc, state)

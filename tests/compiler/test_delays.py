@@ -9,6 +9,7 @@ import pytest
 from servogen.compiler import Options, Source, compile_sources
 from servogen.edges import PINS
 from servogen.simulator import Machine
+from servogen.units import Clock
 
 WRITE = 1
 """Cycles of the BSF or BCF that ends a delay."""
@@ -88,3 +89,13 @@ def test_a_variable_argument_is_exact_from_its_least_value_on(function: str, clo
 def test_a_variable_argument_of_zero_returns_at_once() -> None:
     assert measured(["n = 0; delay_us(n)"] * 2, "c2c", 4_000_000, 200)[0] == 7 + 1  # CLRF and the way through
     assert measured(["n = 0; delay_ms(n)"] * 2, "c2c", 4_000_000, 200)[0] == 7 + 1
+
+
+def test_a_pulse_keeps_its_width_when_two_branches_end_alike() -> None:
+    """The last statement of both branches is the same instruction; it stays behind its delay."""
+    body = "if (x) { RB0 = 1; __delay_us(100); RB0 = 0; } else { RB0 = 1; __delay_us(50); RB0 = 0; } x++;"
+    text = f"unsigned char x;\nvoid main(void) {{ TRISB = 0; while (1) {{ {body} }} }}"
+    found = compile_sources([Source(text, "main.c")], Options(dialect="xc8", clock_hz=4_000_000))
+    edges = Machine(found.image, Clock(4_000_000)).run(1000)
+    times = [int(t) for t, p in zip(edges.cycle, edges.pin, strict=True) if PINS[p] == "RB0"]
+    assert [two - one for one, two in pairwise(times[1:])][:5:2] == [51, 101, 101]
