@@ -1,5 +1,6 @@
 """Bytes that a client writes arrive on the chip's pin, bit by bit, and what the chip sends comes back."""
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from fractions import Fraction
@@ -122,30 +123,22 @@ def chatting(baud: int = 9600, **options: object) -> Iterator[serial.Serial]:
         served(terminals),
         serial.Serial(terminals.paths["serial"], timeout=5) as port,
     ):
+        time.sleep(0.3)  # what it says as it starts has come, or is lost, as on any line nobody listens to
+        port.reset_input_buffer()
         yield port
 
 
-def test_bytes_go_into_the_chip_and_come_out_of_it() -> None:
-    with chatting() as port:
-        assert port.read(7) == b"Hello\r\n"
-        for letters in (b"a", b"z", b"{", b"Q"):
-            port.write(letters)
-            assert port.read(1) == letters.upper()
-
-
 @pytest.mark.parametrize("real_time", [False, True])
-def test_a_word_comes_back_letter_by_letter(real_time: bool) -> None:
-    """The chip hears nothing while it sends: a sender that waits for each answer loses none."""
+def test_bytes_go_into_the_chip_and_come_out_of_it(real_time: bool) -> None:
+    """The chip hears nothing while it sends: a client that waits for each answer loses none."""
     with chatting(real_time=real_time) as port:
-        assert port.read(7) == b"Hello\r\n"
-        answers = b""
-        for letter in b"servo":
+        for letter in b"az{Q":
             port.write(bytes([letter]))
-            answers += port.read(1)
-        assert answers == b"SERVO"
+            assert port.read(1) == bytes([letter]).upper()
 
 
 def test_another_baud_rate_is_not_understood() -> None:
     with chatting(baud=4800) as port:
         port.timeout = 0.5
-        assert port.read(7) != b"Hello\r\n"
+        port.write(b"a")
+        assert port.read(1) != b"A"
