@@ -50,7 +50,6 @@ MADE    = build/$(basename $(notdir $(JOBFILE)))
 
 flash: $(READY)
 	@test -n "$(JOB)" || { echo "make flash JOB=lab8-exercise [PROGRAMMER=picpro] [PORT=/dev/ttyUSB0]"; exit 2; }
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[flash]'
 	$(BIN)/servogen build $(JOBFILE) --output $(MADE)
 	$(BIN)/servogen flash $(MADE)/main.hex $(if $(PROGRAMMER),--programmer $(PROGRAMMER)) \
 	  $(if $(PORT),--port $(PORT)) $(if $(DEVICE),--device $(DEVICE))
