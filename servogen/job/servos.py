@@ -14,8 +14,8 @@ from servogen.job.model import ServoTable
 from servogen.pic.device import OPEN_DRAIN_PIN
 from servogen.robot.binding import Binding
 from servogen.robot.calibration_file import read_calibration
-from servogen.robot.servo import Calibration, Servo, servo
-from servogen.robot.servo_models import points_of, servo_model
+from servogen.robot.servo import Calibration, Servo, ServoModel, servo
+from servogen.robot.servo_models import FILE_ENDING, points_of, servo_model
 from servogen.tomlfile import Document
 
 
@@ -56,8 +56,10 @@ def _servo(document: Document, index: int, row: ServoTable) -> Servo:
     def place(key: str) -> Place:
         return document.place("servo", index, key)
 
-    servo_model(row.model, place=place("model"))  # an unknown model is wrong whatever its supply is
-    model = servo_model(row.model, row.supply_v, row, place("supply_v" if row.supply_v else "travel_deg"))
+    beside = Path(document.file).parent / row.model
+    name = str(beside) if row.model.endswith(FILE_ENDING) else row.model
+    servo_model(name, place=place("model"))  # an unknown model is wrong whatever its supply is
+    model = servo_model(name, row.supply_v, row, place("supply_v" if row.supply_v else "travel_deg"))
     for name in ("joint", "min_deg", "max_deg"):
         if model.continuous and getattr(row, name) is not None:
             raise document.error(
@@ -67,7 +69,7 @@ def _servo(document: Document, index: int, row: ServoTable) -> Servo:
         row.name,
         row.pin,
         model,
-        points=_points(document, index, row, model.continuous),
+        points=_points(document, index, row, model),
         limits=(
             None if row.min_deg is None else math.radians(row.min_deg),
             None if row.max_deg is None else math.radians(row.max_deg),
@@ -80,16 +82,16 @@ def _servo(document: Document, index: int, row: ServoTable) -> Servo:
     )
 
 
-def _points(document: Document, index: int, row: ServoTable, continuous: bool) -> Calibration | None:
+def _points(document: Document, index: int, row: ServoTable, model: ServoModel) -> Calibration | None:
     """The servo's own points, from the job or a file beside it; None: the model's."""
     if row.calibration is None:
         place = document.place("servo", index, "points")
-        return points_of(row.points, place, continuous) if row.points else None
+        return points_of(row.points, place, model.continuous) if row.points else None
     key = ("servo", index, "calibration")
     if row.points:
         raise document.error(key, f"{row.name} has points of its own already", "give one of the two")
     file = Path(document.file).parent / row.calibration
-    return read_calibration(file, row.name, row.model, continuous, document.place(*key))
+    return read_calibration(file, row.name, model.name, model.continuous, document.place(*key))
 
 
 def bindings_of(

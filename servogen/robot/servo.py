@@ -97,8 +97,6 @@ class ServoModel:
     """Between the mechanical stops, radians; of a continuous-rotation servo, which has none, infinite."""
     calibration: Calibration
     """As the data sheet says; each servo may have its own."""
-    supply_v: float
-    """The supply that speed and torque hold for."""
     speed: float | None
     """Radians a second without load."""
     acceleration: float | None

@@ -1,6 +1,7 @@
-"""The servo catalogue: `catalogue/servos/*.toml` -> `ServoModel`.
+"""Servo models: `catalogue/servos/*.toml`, or a file of your own in the same form -> `ServoModel`.
 
-In: a model's name, its supply voltage, fields that replace the catalogue's. Out: its facts at that voltage.
+In: a model's name or the path of its file, its supply voltage, fields that replace the file's. Out: its facts
+at that voltage.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import math
 from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
+from pathlib import Path
 from typing import Literal
 
 from pydantic import Field
@@ -16,7 +18,13 @@ from pydantic import Field
 from servogen import tomlfile
 from servogen.errors import InputError, Place, nearest
 from servogen.robot.servo import Calibration, ServoModel, calibration
-from servogen.tomlfile import Table
+from servogen.tomlfile import Document, Table
+
+FILE_ENDING = ".toml"
+"""A model whose name ends so is a file."""
+
+LEAST_US, MOST_US = 100.0, 10_000.0
+"""Beyond these a width is a slip of the pen: milliseconds, or a nought too many."""
 
 
 class PointTable(Table):
@@ -24,7 +32,7 @@ class PointTable(Table):
 
     angle_deg: float | None = None
     speed_deg_s: float | None = None
-    width_us: float = Field(gt=0)
+    width_us: float = Field(ge=LEAST_US, le=MOST_US)
 
 
 class FactTable(Table):
@@ -56,13 +64,13 @@ class SupplyTable(Table):
 
 
 class ModelTable(FactTable):
-    """A file of the catalogue."""
+    """A servo model's file. Without [[supply]] its speed and torque hold at any voltage."""
 
     title: str
-    source: str
+    source: str = ""
     kind: Literal["position", "continuous"] = "position"
     points: tuple[PointTable, ...] = Field(min_length=2)
-    supply: tuple[SupplyTable, ...] = Field(min_length=1)
+    supply: tuple[SupplyTable, ...] = ()
 
 
 def names() -> tuple[str, ...]:
@@ -73,22 +81,25 @@ def names() -> tuple[str, ...]:
 def servo_model(
     name: str, supply_v: float | None = None, own: FactTable | None = None, place: Place | None = None
 ) -> ServoModel:
-    """The model at `supply_v` (its lowest when None), `own` facts first. Raises InputError."""
-    if name not in names():
-        raise InputError(f"unknown servo model '{name}'", place, nearest(name, names()))
-    table, own = _table(name), own or FactTable()
-    volts, speed, torque_ncm = _at(table, supply_v, place)
+    """The model at `supply_v` (its lowest when None), `own` facts first; `name` may be a file's path.
+
+    Raises InputError: of what is asked for at `place`, of a file of the user's in that file.
+    """
+    document, table = _model(name, place)
+    own = own or FactTable()
     facts = table.model_copy(update=own.model_dump(exclude_none=True, exclude={"points"}))
+    speed, torque_ncm = _at(table, supply_v, place)
     continuous = table.kind == "continuous"
     return ServoModel(
-        name=name,
+        name=Path(name).stem if name.endswith(FILE_ENDING) else name,
         title=table.title,
-        travel=_travel(facts.travel_deg, table, place),
-        calibration=points_of(table.points, place, continuous),
-        supply_v=volts,
-        speed=speed if own.speed_deg_s is None else math.radians(own.speed_deg_s),
+        travel=_travel(
+            facts.travel_deg, table, document.place("travel_deg") if own.travel_deg is None else place
+        ),
+        calibration=points_of(table.points, document.place("points"), continuous),
+        speed=speed if facts.speed_deg_s is None else math.radians(facts.speed_deg_s),
         acceleration=_scaled(facts.acceleration_deg_s2, math.degrees(1)),
-        torque_nm=_scaled(torque_ncm if own.torque_ncm is None else own.torque_ncm, 100),
+        torque_nm=_scaled(torque_ncm if facts.torque_ncm is None else facts.torque_ncm, 100),
         idle_a=_scaled(facts.idle_ma, 1000),
         max_a=_scaled(facts.max_ma, 1000),
         mass_kg=_scaled(facts.mass_g, 1000),
@@ -130,11 +141,11 @@ def _travel(
     return low, high
 
 
-def _at(
-    table: ModelTable, supply_v: float | None, place: Place | None
-) -> tuple[float, float | None, float | None]:
-    """Voltage, speed and torque; between two stated voltages on the straight line between them."""
+def _at(table: ModelTable, supply_v: float | None, place: Place | None) -> tuple[float | None, float | None]:
+    """Speed and torque; between two stated voltages on the straight line between them."""
     rows = sorted(table.supply, key=lambda row: row.supply_v)
+    if not rows:
+        return None, None
     volts = rows[0].supply_v if supply_v is None else supply_v
     if not rows[0].supply_v <= volts <= rows[-1].supply_v:
         raise InputError(
@@ -146,7 +157,7 @@ def _at(
     above = min((row for row in rows if row.supply_v >= volts), key=lambda row: row.supply_v)
     width = above.supply_v - below.supply_v
     share = (volts - below.supply_v) / width if width else 0.0
-    return volts, _mixed(below.speed, above.speed, share), _mixed(below.torque_ncm, above.torque_ncm, share)
+    return _mixed(below.speed, above.speed, share), _mixed(below.torque_ncm, above.torque_ncm, share)
 
 
 def _mixed(below: float | None, above: float | None, share: float) -> float | None:
@@ -162,10 +173,23 @@ def _metres(size_mm: tuple[float, float, float]) -> tuple[float, float, float]:
     return length, height, width
 
 
+def _model(name: str, place: Place | None) -> tuple[Document, ModelTable]:
+    """The model's file, checked."""
+    if name.endswith(FILE_ENDING):
+        if not Path(name).is_file():
+            raise InputError(f"there is no servo file '{name}'", place)
+        return tomlfile.load(name, ModelTable)
+    if name not in names():
+        own = '; a servo of your own is a file: model = "my-servo.toml"'
+        raise InputError(f"unknown servo model '{name}'", place, nearest(name, names()) + own)
+    return _catalogued(name)
+
+
 @cache
-def _table(name: str) -> ModelTable:
+def _catalogued(name: str) -> tuple[Document, ModelTable]:
     entry = _folder() / f"{name}.toml"
-    return tomlfile.validate(tomlfile.parse(entry.read_text(encoding="utf-8"), entry.name), ModelTable)
+    document = tomlfile.parse(entry.read_text(encoding="utf-8"), entry.name)
+    return document, tomlfile.validate(document, ModelTable)
 
 
 def _folder() -> Traversable:
