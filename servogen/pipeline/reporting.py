@@ -17,7 +17,8 @@ from servogen.pipeline.proof import motion_cycles, running
 from servogen.pipeline.proof_of_capture import prove_capture
 from servogen.pipeline.tuning import DoesNotFit
 from servogen.pulse import PulsePlan, PulseSchedule, plan
-from servogen.report.html import CaptureFacts, PageFacts, html_page
+from servogen.report.html import PageFacts, html_page
+from servogen.report.result_tables import CaptureFacts
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,11 +13,12 @@ from pathlib import Path
 
 from servogen.errors import Caution
 from servogen.job import Job
-from servogen.pic.device import OPEN_DRAIN_PIN, PACKAGE, PROGRAM_WORDS, RAM_BYTES, oscillator_for
+from servogen.pic.device import OPEN_DRAIN_PIN, PROGRAM_WORDS, RAM_BYTES, oscillator_for
 from servogen.pulse.plan import PulsePlan
 from servogen.pulse.player import Room
 from servogen.report.tool_error import ERROR_COLUMNS, error_rows, errors_of, worst_of
 from servogen.report.tracks import tracks_of
+from servogen.report.wiring import wires
 from servogen.robot.servo import Servo
 from servogen.units import Clock, Cycles
 from servogen.verify import Verdict, verdict_lines
@@ -107,23 +108,9 @@ def _chip(facts: BuildFacts) -> Iterator[str]:
 
 
 def _wiring(facts: BuildFacts) -> Iterator[str]:
-    numbers = {pin.name: pin.number for pin in PACKAGE}
     rows = [
-        (str(numbers[servo.pin]), servo.pin, f"signal of servo '{servo.name}'", servo.model.title)
-        for servo in facts.job.servos
-    ]
-    buttons = facts.job.firmware.buttons
-    rows += [
-        (str(numbers[each.pin]), each.pin, f"{name} {each.text()}", "")
-        for name, each in (("start", buttons.start), ("stop", buttons.stop))
-        if each
-    ]
-    rows += [
-        (str(numbers["VDD"]), "VDD", "+5 V, 100 nF to VSS", ""),
-        (str(numbers["VSS"]), "VSS", "ground, also of the servos' supply", ""),
-        (str(numbers["MCLR"]), "MCLR", "10 kOhm to VDD", ""),
-        (str(numbers["OSC1"]), "OSC1", "crystal, 22 pF to VSS", ""),
-        (str(numbers["OSC2"]), "OSC2", "crystal, 22 pF to VSS", ""),
+        (str(wire.number), wire.pin, wire.use, wire.servo.model.title if wire.servo else "")
+        for wire in wires(facts.job)
     ]
     yield from _table(("pin", "name", "goes to", "servo"), rows)
     if any(servo.pin == OPEN_DRAIN_PIN for servo in facts.job.servos):

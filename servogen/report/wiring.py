@@ -1,0 +1,78 @@
+"""What goes to which pin of the chip: a table for every report, and the package seen from above.
+
+In: a job. Out: `Wire`s, the servos' first, and `PackagePin`s with their places in a drawing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from servogen.job import Job
+from servogen.pic.device import PACKAGE
+from servogen.report.drawing import PALETTE
+from servogen.robot.servo import Servo
+
+PACKAGE_ROWS = len(PACKAGE) // 2
+TOP, ROW = 24, 26
+"""Of the drawing: the first pin's height, and the way from pin to pin."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wire:
+    """Pin `number` of the package, its name, and what goes there; `servo` where that is one's signal."""
+
+    number: int
+    pin: str
+    use: str
+    servo: Servo | None = None
+
+
+def wires(job: Job) -> Iterator[Wire]:
+    """The servos, the buttons, the serial line, the supply, the crystal."""
+    numbers = {pin.name: pin.number for pin in PACKAGE}
+    for servo in job.servos:
+        yield Wire(numbers[servo.pin], servo.pin, f"signal of servo '{servo.name}'", servo)
+    buttons, stream = job.firmware.buttons, job.stream
+    for name, button in (("start", buttons.start), ("stop", buttons.stop)):
+        if button:
+            yield Wire(numbers[button.pin], button.pin, f"{name} {button.text()}")
+    if stream:
+        pin = stream.receive_pin
+        yield Wire(numbers[pin], pin, f"serial line in, {stream.baud} baud, 5 V, idle high")
+        if stream.transmit_pin:
+            yield Wire(numbers[stream.transmit_pin], stream.transmit_pin, "serial line out, 5 V, idle high")
+    for pin, use in (
+        ("VDD", "+5 V, 100 nF to VSS"),
+        ("VSS", "ground, also of the servos' supply"),
+        ("MCLR", "10 kOhm to VDD"),
+        ("OSC1", "crystal, 22 pF to VSS"),
+        ("OSC2", "crystal, 22 pF to VSS"),
+    ):
+        yield Wire(numbers[pin], pin, use)
+
+
+@dataclass(frozen=True, slots=True)
+class PackagePin:
+    """A leg of the chip in the drawing of its package."""
+
+    number: int
+    name: str
+    servo: str
+    colour: str
+    y: int
+    left: bool
+
+
+def package(servos: Sequence[Servo]) -> tuple[PackagePin, ...]:
+    """The DIP from above: pins 1 to 9 down the left side, 18 to 10 down the right."""
+    index = {servo.pin: number for number, servo in enumerate(servos)}
+    made = []
+    for pin in PACKAGE:
+        left = pin.number <= PACKAGE_ROWS
+        row = pin.number - 1 if left else len(PACKAGE) - pin.number
+        number = index.get(pin.name)
+        servo = "" if number is None else servos[number].name
+        colour = "" if number is None else PALETTE[number % len(PALETTE)]
+        made.append(PackagePin(pin.number, pin.name, servo, colour, TOP + ROW * row, left))
+    return tuple(made)
