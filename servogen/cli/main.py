@@ -27,6 +27,7 @@ from servogen.cli import (
     robot_commands,
     signal_commands,
     simulate_commands,
+    tune_commands,
 )
 from servogen.errors import ServogenError, ToolError
 
@@ -73,6 +74,7 @@ GROUPS = (
     gait_commands,
     grade_commands,
     report_commands,
+    tune_commands,
 )
 for group in GROUPS:
     group.register(app)

@@ -88,7 +88,7 @@ def measure(program: Sequence, compilation: Compilation) -> Overheads:
     """The cycles of each path of `program` beyond the delays asked for, over its lead-in and one loop."""
     schedule = program.schedule
     frames = sum(run.frames for run in (*schedule.lead_in, *schedule.loop))
-    wanted = _edges_to_watch(program)
+    wanted = edges_to_watch(program)
     limit = Cycles(2 * (frames + SLACK_FRAMES) * schedule.period)
     machine = Machine(compilation.image, schedule.clock, board_of(schedule))
     trace = EdgeTrace(schedule.clock, machine.stream(limit), limit)
@@ -108,7 +108,7 @@ def measure(program: Sequence, compilation: Compilation) -> Overheads:
     return Overheads(cycles)
 
 
-def _edges_to_watch(program: Sequence) -> int:
+def edges_to_watch(program: Sequence) -> int:
     """The port writes of the lead-in, of one loop and the first of the next."""
     schedule = program.schedule
     writes = sum(
