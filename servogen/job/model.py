@@ -182,7 +182,7 @@ class FrameTable(Table):
 class FirmwareTable(Table):
     """[firmware]"""
 
-    dialect: Literal["c2c", "xc8"] = "c2c"
+    dialect: Literal["c2c", "xc8", "sdcc"] = "c2c"
     engine: Literal["auto", "sequence", "player", "stream"] = "auto"
     soft_start_s: Seconds = 1.0
     """How long the player's first pulses hold the neutral pose."""
