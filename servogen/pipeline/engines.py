@@ -1,6 +1,7 @@
 """The engines that a job can choose: from a job to its schedule and the firmware of each dialect.
 
-In: a `Job`. Out: `Planned`. "auto" is the smallest engine that can do the job: `sequence`, else `player`.
+In: a `Job`. Out: `Planned`. "auto" is the smallest engine that can do the job: `sequence`, else `player`;
+`stream` where the job has a serial line.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ from types import MappingProxyType
 from servogen.errors import InputError
 from servogen.job import Job
 from servogen.pipeline.player import compiled, play
+from servogen.pipeline.stream import compiled as compiled_stream
+from servogen.pipeline.stream import stream
 from servogen.pipeline.tuning import DoesNotFit, Firmware, tune
 from servogen.pulse.plan import PulsePlan, plan
 
@@ -29,6 +32,8 @@ class Planned:
 
 def planned(job: Job) -> Planned:
     """The job as its engine plays it. Raises InputError, DoesNotFit where no engine can hold the motion."""
+    if job.stream is not None:
+        return _stream(job)
     if job.firmware.engine != "auto":
         return ENGINES[job.firmware.engine](job)
     if job.firmware.buttons.any:
@@ -61,5 +66,11 @@ def _player(job: Job) -> Planned:
     return Planned(replace(job, trajectory=motion), "player", played.plan, made)
 
 
+def _stream(job: Job) -> Planned:
+    idle, streamed = stream(job)
+    made = cache(lambda dialect: compiled_stream(job, streamed, dialect))
+    return Planned(replace(job, trajectory=idle), "stream", streamed.plan, made)
+
+
 ENGINES: Mapping[str, Callable[[Job], Planned]] = MappingProxyType({"sequence": _sequence, "player": _player})
-"""Smallest first."""
+"""Those that play a motion of their own, smallest first."""

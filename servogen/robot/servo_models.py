@@ -90,13 +90,14 @@ def servo_model(
     facts = table.model_copy(update=own.model_dump(exclude_none=True, exclude={"points"}))
     speed, torque_ncm = _at(table, supply_v, place)
     continuous = table.kind == "continuous"
+    curve = points_of(table.points, document.place("points"), continuous)
     return ServoModel(
         name=Path(name).stem if name.endswith(FILE_ENDING) else name,
         title=table.title,
         travel=_travel(
-            facts.travel_deg, table, document.place("travel_deg") if own.travel_deg is None else place
+            facts.travel_deg, table, curve, place if own.travel_deg else document.place("travel_deg")
         ),
-        calibration=points_of(table.points, document.place("points"), continuous),
+        calibration=curve,
         speed=speed if facts.speed_deg_s is None else math.radians(facts.speed_deg_s),
         acceleration=_scaled(facts.acceleration_deg_s2, math.degrees(1)),
         torque_nm=_scaled(torque_ncm if facts.torque_ncm is None else facts.torque_ncm, 100),
@@ -126,15 +127,15 @@ def points_of(points: tuple[PointTable, ...], place: Place | None, continuous: b
 
 
 def _travel(
-    travel_deg: tuple[float, float] | None, table: ModelTable, place: Place | None
+    travel_deg: tuple[float, float] | None, table: ModelTable, curve: Calibration, place: Place | None
 ) -> tuple[float, float]:
-    """Radians between the stops, of a continuous-rotation servo infinite."""
+    """Radians between the stops, where none are stated between the points; of a continuous servo infinite."""
     if table.kind == "continuous":
         if travel_deg is not None:
             raise InputError(f"{table.title}: it turns for ever and has no travel", place)
         return -math.inf, math.inf
     if travel_deg is None:
-        raise InputError(f"{table.title}: 'travel_deg' is missing", place)
+        return curve.angles
     low, high = (math.radians(angle) for angle in travel_deg)
     if low >= high:
         raise InputError("travel_deg does not rise from its first to its second angle", place)

@@ -148,6 +148,7 @@ def test_angle_undoes_width(angle: float, trim: float, reverse: bool, bend: floa
     assert own.angle(own.width_us(angle)) == pytest.approx(angle, abs=1e-9)
 
 
-def test_points_in_a_file_are_positive() -> None:
-    with pytest.raises(ValueError, match="greater than 0"):
-        PointTable(angle_deg=0.0, width_us=0.0)
+@pytest.mark.parametrize("width_us", [0.0, 1.5, 150_000.0])
+def test_a_width_in_milliseconds_or_nanoseconds_is_no_width(width_us: float) -> None:
+    with pytest.raises(ValueError, match="than or equal to"):
+        PointTable(angle_deg=0.0, width_us=width_us)
