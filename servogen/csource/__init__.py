@@ -4,5 +4,6 @@ from servogen.csource.overheads import Overheads, Path
 from servogen.csource.player import render_player
 from servogen.csource.programs import Sequence, sequence
 from servogen.csource.rendering import DIALECTS, render
+from servogen.csource.stream import render_stream
 
-__all__ = ["DIALECTS", "Overheads", "Path", "Sequence", "render", "render_player", "sequence"]
+__all__ = ["DIALECTS", "Overheads", "Path", "Sequence", "render", "render_player", "render_stream", "sequence"]

@@ -1,0 +1,120 @@
+"""The `stream` engine as C: `templates/stream.c.j2` is the body, the `stream_*.asm` files are its assembly.
+
+In: what is streamed and a dialect. Out: the text of one C file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+
+from servogen.csource.rendering import ChannelText, PortText, decimal, filled, ports_of
+from servogen.pic.device import Device, oscillator_for, registers
+from servogen.pulse.stream.layout import RISE
+from servogen.pulse.stream.protocol import TRIM_ZERO
+from servogen.pulse.stream.settings import SAMPLE_GAP, UNIT
+from servogen.pulse.stream.streaming import Streaming
+
+NONE = 0xFE
+"""In the place of a command: there is none. No command begins with this byte."""
+
+READ_LATE = 16
+"""Cycles from the time stamps to the looks that they belong to, the start bit's and a bit's together."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Line:
+    """A line of assembly; either may be empty."""
+
+    code: str
+    comment: str
+
+
+def render_stream(streamed: Streaming, dialect: str, device: Device, title: str) -> str:
+    """The C file of `streamed` in `dialect`. Raises RenderError."""
+    schedule, stream = streamed.plan.schedule, streamed.stream
+    clock = schedule.clock
+    pins = [channel.pin for channel in schedule.channels]
+    two_ports = len({pin[1] for pin in pins}) > 1
+    travels, neutral = streamed.travels, streamed.neutral
+    return filled(
+        "stream.c.j2",
+        dialect=dialect,
+        title=title,
+        device=device.name,
+        clock_hz=clock.hz,
+        clock_mhz=decimal(Fraction(clock.hz, 1_000_000)),
+        oscillator=oscillator_for(clock.hz),
+        period_us=decimal(clock.us(schedule.period)),
+        baud=stream.baud,
+        line=stream.receive_pin,
+        channels=list(_channels(streamed)),
+        servos=len(pins),
+        slots=streamed.layout.slots,
+        slot_ticks=streamed.layout.rounds,
+        ports=list(_ports(streamed)),
+        two_ports=two_ports,
+        masks=[f"0x{1 << int(pin[2]):02X}" for pin in pins],
+        ports_at=[f"0x{registers()[f'PORT{pin[1]}'].address:02X}" for pin in pins],
+        bits=[f"0x{1 << number:02X}" for number in range(len(pins))],
+        everybody=_everybody(pins, two_ports),
+        least_low=[each.least & 0xFF for each in travels],
+        least_high=[each.least >> 8 for each in travels],
+        scale_low=[each.scale & 0xFF for each in travels],
+        scale_high=[each.scale >> 8 for each in travels],
+        neutral_low=[width & 0xFF for width in neutral],
+        neutral_high=[width >> 8 for width in neutral],
+        fail_safe=stream.fail_safe,
+        silence_frames=streamed.silence_frames,
+        soft_frames=streamed.soft_frames,
+        nothing=f"0x{NONE:02X}",
+        trim_zero=TRIM_ZERO,
+        tick=_lines(tick(streamed)),
+        **{
+            name: _lines(filled(f"stream_{name}.asm"))
+            for name in ("trim", "keep", "ready", "multiply", "way", "divide")
+        },
+    )
+
+
+def tick(streamed: Streaming) -> str:
+    """The assembly of the interrupt."""
+    pins = [channel.pin for channel in streamed.plan.schedule.channels]
+    ports = sorted({f"PORT{pin[1]}" for pin in pins})
+    line = streamed.stream.receive_pin
+    bit = streamed.plan.schedule.clock.cycles_per_second / streamed.stream.baud
+    return filled(
+        "stream_tick.asm",
+        rise=RISE,
+        slot_ticks=streamed.layout.rounds,
+        two_ports=len(ports) > 1,
+        port="INDF" if len(ports) > 1 else ports[0],
+        nothing=f"0x{NONE:02X}",
+        line_port=f"PORT{line[1]}",
+        line_bit=line[2],
+        bit_units=streamed.bit_units,
+        first_units=round((bit / 2 - SAMPLE_GAP - READ_LATE) / UNIT),
+    )
+
+
+def _channels(streamed: Streaming) -> Iterator[ChannelText]:
+    schedule = streamed.plan.schedule
+    for channel, each in zip(schedule.channels, streamed.travels, strict=True):
+        ends = (decimal(schedule.clock.us(width)) for width in (each.least, each.most))
+        yield ChannelText(channel.name, channel.pin, " to ".join(ends))
+
+
+def _ports(streamed: Streaming) -> Iterator[PortText]:
+    yield from ports_of(streamed.plan.schedule)
+
+
+def _everybody(pins: list[str], two_ports: bool) -> str:
+    """All servos' bits: by number, or by pin where one port has them all."""
+    bits = range(len(pins)) if two_ports else [int(pin[2]) for pin in pins]
+    return f"0x{sum(1 << bit for bit in bits):02X}"
+
+
+def _lines(text: str) -> list[_Line]:
+    parts = [line.partition(";") for line in text.splitlines()]
+    return [_Line(code, comment.strip()) for code, _, comment in parts]

@@ -1,0 +1,42 @@
+"""The stream engine of a job: planned and compiled.
+
+In: a `Job` with a serial line, and a dialect. Out: what it streams, and the firmware.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from servogen.compiler import CompileError, Options, Source, compile_sources
+from servogen.csource import Overheads, render_stream
+from servogen.errors import InputError
+from servogen.job import Job
+from servogen.job.streams import still
+from servogen.motion import JointTrajectory
+from servogen.pipeline.tuning import DoesNotFit, Firmware
+from servogen.pulse.schedule import Input
+from servogen.pulse.stream.streaming import Streaming, streaming
+
+
+def stream(job: Job) -> tuple[JointTrajectory, Streaming]:
+    """What the firmware does for itself, the neutral pose, and what it is made of. Raises InputError."""
+    if job.stream is None:
+        raise InputError(f"{job.name} has no serial line", hint="add a table [stream]")
+    made = streaming(job.servos, job.frame, job.clock, job.stream, job.firmware.soft_start_s)
+    idle = replace(made.plan.schedule, inputs=(Input(job.stream.receive_pin, 1),))
+    plan = replace(made.plan, schedule=idle)
+    return still(job.servos, idle.period, job.clock), replace(made, plan=plan)
+
+
+def compiled(job: Job, streamed: Streaming, dialect: str) -> Firmware:
+    """The firmware in `dialect`. Raises DoesNotFit where the chip is too small."""
+    file = f"main.{dialect}.c"
+    text = render_stream(streamed, dialect, job.device, job.name)
+    try:
+        made = compile_sources([Source(text, file)], Options(dialect=dialect, device=job.device))
+    except CompileError as error:
+        raise DoesNotFit(
+            f"{job.name}: planned, but more than the stream engine can hold: {error.message}",
+            hint="fewer servos, or none on the other port",
+        ) from error
+    return Firmware(dialect, file, text, made, Overheads())

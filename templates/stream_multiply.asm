@@ -1,0 +1,21 @@
+; _sum_hi, _sum_lo = (_value * _x + 128) / 256; _value is used up.
+    movlw   128
+    movwf   _sum_lo
+    clrf    _sum_hi
+    movlw   8
+    movwf   _count
+st_multiply:
+    rrf     _value, F
+    btfss   STATUS, 0
+    goto    st_halve
+    movf    _x_lo, W
+    addwf   _sum_lo, F
+    btfsc   STATUS, 0
+    incf    _sum_hi, F
+    movf    _x_hi, W
+    addwf   _sum_hi, F          ; no carry: the scale is below half of 16 bits
+st_halve:
+    rrf     _sum_hi, F
+    rrf     _sum_lo, F
+    decfsz  _count, F
+    goto    st_multiply

@@ -1,0 +1,211 @@
+; Every 256 cycles, when TMR0 goes round: two or three looks at the line, and perhaps an edge of a pulse.
+;
+; STATUS bit 0 is the carry, bit 2 is zero. TMR0 counts cycles and is never written: it says what time it is, however
+; late the interrupt came. An edge is in the cycle that st_exactly finds; all else may take any time below its limit.
+;
+; In:  _next_lo, _next_hi, _mask   the pulse of the slot that comes: width in cycles, pin; prepared when _due is 0
+; Out: _due                        1: prepare the next slot; 3: and a command that is in _todo came before
+;      _todo, _value               a command's second and third byte
+    bcf     INTCON, 2           ; T0IF
+    call    st_look
+    btfsc   TMR0, 7
+    goto    st_late             ; the round before took long: no time for a second look
+    decfsz  _ticks, F
+    goto    st_plain
+; An edge: looks 64 cycles apart, the last 80 before it. _ticks is free until it is set anew.
+    movf    _rest, F
+    btfss   STATUS, 2
+    goto    st_fall
+    clrf    _fine               ; a rise; a fall is _fine cycles later in its round
+{% if two_ports %}
+    movf    _next_port, W
+    movwf   _port
+{% endif %}
+    movf    _due, F
+    btfss   STATUS, 2
+    clrf    _mask               ; not prepared: no pulse
+st_fall:
+    movlw   0x3F
+    andwf   _fine, W
+    addlw   {{ rise - 80 }}
+    movwf   _ticks
+st_before:
+    movf    _ticks, W
+    subwf   TMR0, W
+    movwf   _t
+    btfsc   _t, 7
+    goto    st_before
+    call    st_look
+    movlw   64
+    addwf   _ticks, F
+    movf    _fine, W
+    subwf   _ticks, W
+    xorlw   {{ rise - 16 }}
+    btfss   STATUS, 2
+    goto    st_before
+{% if two_ports %}
+    movf    _port, W
+    movwf   FSR
+{% endif %}
+    movlw   16
+    addwf   _ticks, W
+    call    st_exactly
+    movf    _rest, F
+    movlw   0
+    btfsc   STATUS, 2
+    movf    _mask, W
+    movwf   {{ port }}               ; the edge
+    movf    _rest, W
+    movwf   _ticks
+    btfss   STATUS, 2
+    goto    st_fallen
+    movf    _next_hi, W
+    movwf   _ticks
+    sublw   {{ slot_ticks }}
+    movwf   _rest
+    movf    _next_lo, W
+    movwf   _fine
+    movlw   1
+    movwf   _due
+    movlw   {{ nothing }}
+    subwf   _todo, W
+    btfss   STATUS, 2
+    bsf     _due, 1
+    call    st_look
+    goto    st_out
+st_fallen:
+    clrf    _rest
+    movlw   0xC0
+    andwf   _fine, W
+    btfsc   STATUS, 2
+    call    st_look             ; the next round is far enough
+    goto    st_out
+st_late:
+    decf    _ticks, F
+    goto    st_out
+st_plain:
+    call    st_second
+st_third:
+    movlw   160
+    subwf   TMR0, W
+    btfss   STATUS, 0
+    goto    st_third
+    call    st_look
+    goto    st_out
+; Waits for the cycle in which TMR0 is W, at least 20 from now, and returns a fixed time after it.
+st_exactly:
+    movwf   _t
+st_poll:
+    movf    TMR0, W
+    subwf   _t, W
+    addlw   0xF0
+    btfsc   STATUS, 0
+    goto    st_poll
+    movwf   _t                  ; it is 10 to 15 away: 2 to 7 in the lowest three bits
+    btfsc   _t, 0
+    goto    $+1
+    btfsc   _t, 1
+    goto    $+1
+    btfsc   _t, 1
+    goto    $+1
+    btfss   _t, 2
+    return
+    nop
+    goto    $+1
+    return
+; The second look, if it is not too late for it.
+st_second:
+    movlw   88
+    subwf   TMR0, W
+    btfss   STATUS, 0
+    goto    st_second
+    addlw   {{ 256 - 16 }}
+    btfsc   STATUS, 0
+    return
+; A look at the line. Time is counted in units of 4 cycles; a bit's level is that of the first look after its middle.
+st_look:
+    movf    TMR0, W
+    movwf   _t
+    rrf     _t, F
+    rrf     _t, W
+    andlw   0x3F
+    movwf   _t
+    movf    _rx_bits, F
+    btfss   STATUS, 2
+    goto    st_busy
+    btfsc   {{ line_port }}, {{ line_bit }}
+    return
+    movf    _t, W               ; a start bit begins
+    movwf   _rx_last
+    movlw   {{ first_units }}
+    movwf   _rx_left
+    movlw   10
+    movwf   _rx_bits
+    return
+st_busy:
+    btfsc   _rx_bits, 7
+    goto    st_broken
+    movf    _rx_last, W
+    subwf   _t, W
+    andlw   0x3F
+    subwf   _rx_left, F
+    movf    _t, W
+    movwf   _rx_last
+    btfsc   STATUS, 0
+    return
+    movlw   {{ bit_units }}
+    addwf   _rx_left, F
+    decfsz  _rx_bits, F
+    goto    st_bit
+    btfss   {{ line_port }}, {{ line_bit }}
+    goto    st_break            ; no stop bit
+    incf    _rx_byte, W
+    btfsc   STATUS, 2
+    goto    st_sync
+    incf    _command, W
+    btfsc   STATUS, 2
+    goto    st_what
+    movlw   {{ nothing }}
+    xorwf   _command, W
+    btfsc   STATUS, 2
+    return
+    xorlw   {{ nothing }}
+    movwf   _todo
+    movf    _rx_byte, W
+    movwf   _value
+    movlw   {{ nothing }}
+    movwf   _command
+    return
+st_what:
+    movf    _rx_byte, W
+    movwf   _command
+    return
+st_sync:
+    movlw   0xFF
+    movwf   _command
+    return
+st_break:
+    movlw   {{ nothing }}
+    movwf   _command
+    movlw   0x80
+    movwf   _rx_bits
+    return
+st_broken:
+    btfsc   {{ line_port }}, {{ line_bit }}
+    clrf    _rx_bits
+    return
+st_bit:
+    btfss   _rx_bits, 3
+    goto    st_data
+    btfss   _rx_bits, 0
+    goto    st_data
+    btfsc   {{ line_port }}, {{ line_bit }}
+    clrf    _rx_bits            ; no start bit: noise
+    return
+st_data:
+    bcf     STATUS, 0
+    btfsc   {{ line_port }}, {{ line_bit }}
+    bsf     STATUS, 0
+    rrf     _rx_byte, F
+    return
+st_out:
