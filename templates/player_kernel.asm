@@ -111,7 +111,7 @@ pl_apart:
     clrf    _pulse_b_lo
     clrf    _pulse_b_hi
 pl_loops:
-    clrwdt                      ; a watchdog that was left on is fed in every slot
+    clrwdt                      ; a watchdog that was left on is cleared before the pulses and after them
     incf    _pulse_b_lo, F
     incf    _pulse_b_hi, F
     movf    _port, W
@@ -259,5 +259,6 @@ pl_loop2:
     goto    pl_loop2
     clrf    INDF                ; 18 and more
 pl_done:
+    clrwdt
     movlw   3
     subwf   _target, F          ; where the lock began

@@ -92,7 +92,7 @@ def render_player(played: Playing, buttons: Buttons, dialect: str, device: Devic
         slots=list(_slots(played)),
         parts=[
             _PartText(
-                part.frames,
+                part.frames & 0xFF,
                 part.repeats,
                 part.speed,
                 part.wrap,

@@ -34,7 +34,7 @@ LAST_STEP = 7
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """`repeats` times `frames` frames; `speed` 256ths of a keyframe a frame, 0 for a whole one.
+    """`repeats` times `frames` frames, 256 at most; `speed` 256ths of a keyframe a frame, 0 for a whole one.
 
     `tracks`: for each channel where its keyframes begin and by how many it is ahead. After keyframe
     `wrap` - 1 comes the first again.
@@ -169,7 +169,8 @@ def _sampled(stretch: Stretch, rows: Floats, scale: Scale, bits: int) -> Made:
     frames, apart = stretch.frames, 1 << bits
     segments = -(-frames // apart)
     same = bool((np.abs(rows - rows[0]) < ALIKE).all())
-    ring = same or (bool((np.abs(rows[-1] - rows[0]) < ALIKE).all()) and frames % apart == 0)
+    round_again = frames % apart == 0 and segments < NO_WRAP
+    ring = same or (round_again and bool((np.abs(rows[-1] - rows[0]) < ALIKE).all()))
     count = 1 if same else segments + (not ring)
     times = np.arange(frames + (not ring))  # a round's last row is its first one
     one, other = times // apart % count, (times // apart + 1) % count

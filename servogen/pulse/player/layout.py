@@ -16,6 +16,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
+from itertools import product
 
 from servogen.errors import InputError
 from servogen.pulse.slots import Frame
@@ -40,6 +42,9 @@ is compiled."""
 EASES = ((3, 3), (2, 2), (2, 1), (1, 1))
 """How many times that the C gets between slots and between frames, as far as there is room: other compilers'
 code is longer."""
+
+WATCHDOG_US = Fraction(6900)
+"""A watchdog that was left on must be cleared within 7 ms (DS35007 section 9, parameter 31)."""
 
 MOST_TRIM = Cycles(127)
 """What the trim in the EEPROM can add to a pulse."""
@@ -127,23 +132,22 @@ def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, shift: int = 0) 
                 "take a faster clock, or narrow the servo's limits",
             )
     pairs = _pairs(servos)
-    longest = [
+    longest = tuple(
         Cycles(
             max(clock.round_us(servos[channel].widths_us[1]).cycles for channel in pair) + MOST_TRIM + stagger
         )
         for _, pair in pairs
-    ]
-    for tick in TICKS:
-        for slot_ease, frame_ease in EASES:
-            slot_c, frame_c = slot_ease * SLOT_C, frame_ease * motion_c
-            ticks = _ticks(longest, slot_c, frame_c, frame.period.cycles, tick)
-            if ticks is not None:
-                waits = [Slot("B", (), wait) for wait in ticks[len(pairs) :]]
-                found = [
-                    Slot(port, pair, ticks[number], longest[number])
-                    for number, (port, pair) in enumerate(pairs)
-                ]
-                return Layout((*found, *waits), tick, stagger)
+    )
+    fed = clock.round_us(WATCHDOG_US).cycles
+    for tick, most, ease in product(TICKS, (fed, None), EASES):
+        size = _Frame(longest, ease[0] * SLOT_C, ease[1] * motion_c, tick, frame.period.cycles)
+        ticks = size.ticks(most)
+        if ticks is not None:
+            waits = [Slot("B", (), wait) for wait in ticks[len(pairs) :]]
+            found = [
+                Slot(port, pair, ticks[number], longest[number]) for number, (port, pair) in enumerate(pairs)
+            ]
+            return Layout((*found, *waits), tick, stagger)
     least = sum(_slot(length, SLOT_C, TICKS[0]) for length in longest)
     least += motion_c
     raise InputError(
@@ -172,25 +176,50 @@ def _slot(longest: int, c: int, tick: int) -> int:
     return to_rise(Cycles(tick)) + longest + TAIL + c + 1
 
 
-def _ticks(longest: Sequence[int], slot_c: int, frame_c: int, period: int, tick: int) -> list[int] | None:
-    """The ticks before each slot, and before each that only waits; None where they do not fit."""
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """What a frame's ticks are made of, in cycles: each slot's longest pulse, the time that the C gets."""
 
-    def whole(pulse: int, c: int) -> int:
-        return -(-_slot(pulse, c, tick) // tick)
+    longest: tuple[int, ...]
+    slot_c: int
+    frame_c: int
+    tick: int
+    period: int
 
-    slots = [whole(each, slot_c) for each in longest]
-    rest = round(period / tick) - sum(slots[:-1])
-    one = [whole(longest[-1], slot_c + frame_c)]
-    several = [slots[-1], whole(0, slot_c + frame_c)]
-    while len(several) * MOST_TICKS < rest:
-        several.insert(1, whole(0, slot_c))
-    parts = one if rest <= MOST_TICKS else several
-    spare = rest - sum(parts)
-    if spare < 0 or max(*slots, *parts) > MOST_TICKS:
+    def whole(self, pulse: int, c: int) -> int:
+        """The ticks of a slot with that pulse and that C after it."""
+        return -(-_slot(pulse, c, self.tick) // self.tick)
+
+    def ticks(self, fed: int | None) -> list[int] | None:
+        """The ticks before each slot, and before each that only waits; None where they do not fit.
+
+        `fed`: the cycles within which the kernel must clear the watchdog; None where nobody asks.
+        """
+        slots = [self.whole(each, self.slot_c) for each in self.longest]
+        rest = round(self.period / self.tick) - sum(slots[:-1])
+        least = [self.whole(self.longest[-1], self.slot_c + self.frame_c)]
+        while sum(least) <= rest or len(least) == 1:
+            most = [self._most(part, 0, fed) for part in least[:-1]]
+            most.append(self._most(least[-1], self.longest[0], fed))
+            if sum(least) <= rest <= sum(most) and max(*slots, *most) <= MOST_TICKS:
+                parts = _filled(least, most, rest)
+                # Ticks are counted from the slot before: the first slot's are the last of the rest.
+                return [parts[-1], *slots[:-1], *parts[:-1]]
+            waits = [self.whole(0, self.slot_c)] * (len(least) - 1)
+            least = [slots[-1], *waits, self.whole(0, self.slot_c + self.frame_c)]
         return None
+
+    def _most(self, least: int, pulse: int, fed: int | None) -> int:
+        """The ticks of a part at most: in its waiting and the pulse after it nothing clears the watchdog."""
+        cycles = MOST_TICKS * self.tick if fed is None else fed - to_rise(Cycles(self.tick)) - pulse
+        return max(least, min(MOST_TICKS, cycles // self.tick))
+
+
+def _filled(least: list[int], most: list[int], whole: int) -> list[int]:
+    """Parts that make up `whole`, the later ones as long as they may be."""
+    parts, spare = list(least), whole - sum(least)
     for number in reversed(range(len(parts))):
-        more = min(spare, MOST_TICKS - parts[number])
+        more = min(spare, most[number] - parts[number])
         parts[number] += more
         spare -= more
-    # Each slot's ticks are counted from the slot before; the first slot's from the end of the rest.
-    return [parts[-1], *slots[:-1], *parts[:-1]]
+    return parts

@@ -23,7 +23,10 @@ WORTH = 12
 """Frames that a repetition must save: a part of its own costs words too."""
 
 MOST = 250
-"""A part's frames, its repetitions and its keyframes are counted in bytes."""
+"""Repetitions and their frames are counted in bytes."""
+
+LONGEST = 256
+"""What does not repeat is cut here: 0 in a byte, and a whole number of keyframes however far they are apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +60,8 @@ def _cut(rows: Floats, offset: int) -> Iterator[Stretch]:
         return
     saved, period, start, times = _repetition(rows)
     if saved < WORTH:
-        for first in range(0, frames, MOST):
-            yield Stretch(offset + first, min(MOST, frames - first), 1, silent=False)
+        for first in range(0, frames, LONGEST):
+            yield Stretch(offset + first, min(LONGEST, frames - first), 1, silent=False)
         return
     yield from _cut(rows[: start + 1], offset)
     if period == 1:

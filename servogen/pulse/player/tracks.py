@@ -60,8 +60,12 @@ class Pool:
 
     def _common(self, keys: bytes) -> int:
         """How many keyframes the end of the data and the beginning of a track have in common."""
-        most = min(len(keys), len(self.data))
-        return next(count for count in range(most, -1, -1) if self.data.endswith(keys[:count]))
+        at = max(0, len(self.data) - len(keys))
+        while (at := self.data.find(keys[:1], at)) >= 0:
+            if keys.startswith(self.data[at:]):
+                return len(self.data) - at
+            at += 1
+        return 0
 
 
 def signs(excursions: Floats, rings: list[tuple[int, int]]) -> tuple[int, ...]:
