@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from servogen.bench.ports import Port as Line
     from servogen.bench.stitching import Stitched
     from servogen.bench.sump_client import Analyser, Seen
-    from servogen.pulse import PulseSchedule
+    from servogen.pulse import PulseSchedule, Run
 
 RATE = 1_000_000
 SECONDS = 1.0
@@ -145,7 +145,7 @@ def _look(line: Line, planned: Plan, channel: int, label: str) -> Seen:
 
 
 def _wanted(schedule: PulseSchedule | None, seconds: float | None) -> Wanted:
-    """What is to be seen: by default the whole loop of the schedule."""
+    """What is to be seen: by default the whole loop of the schedule, and a lead-in before it."""
     from fractions import Fraction
     from math import ceil
 
@@ -155,20 +155,28 @@ def _wanted(schedule: PulseSchedule | None, seconds: float | None) -> Wanted:
         frames = ceil(_exact(seconds or SECONDS) / USUAL_PERIOD_S)
         return Wanted(USUAL_PERIOD_S, Fraction(USUAL_EDGES), frames, Fraction(FEWEST_EDGES), USUAL_EDGES)
     period = schedule.clock.seconds(schedule.period)
-    moments = [
-        (
-            run.frames,
-            len({time for each in run.pulses if each for time in (each.rise, each.rise + each.width)}),
-        )
-        for run in schedule.loop
-    ]
-    most = max(1, *(edges for _, edges in moments))
-    mean = max(
-        Fraction(1, 10), Fraction(sum(frames * edges for frames, edges in moments), schedule.loop_frames)
-    )
+    loop, most = _edges(schedule.loop)
+    begin, more = _edges(schedule.lead_in)
     if seconds is None:
-        return Wanted(period, mean, schedule.loop_frames, mean, most)
-    return Wanted(period, Fraction(most), ceil(_exact(seconds) / period), mean, most)
+        frames = schedule.lead_in_frames + schedule.loop_frames
+        return Wanted(period, max(loop, begin), frames, min(loop, begin or loop), max(most, more))
+    frames = ceil(_exact(seconds) / period)
+    return Wanted(period, Fraction(max(most, more)), frames, min(loop, begin or loop), max(most, more))
+
+
+def _edges(runs: Sequence[Run]) -> tuple[Fraction, int]:
+    """Moments of change in a frame: on average, at least a tenth, and at most; 0 where there is no frame."""
+    from fractions import Fraction
+
+    moments = [
+        (each.frames, len({time for p in each.pulses if p for time in (p.rise, p.rise + p.width)}))
+        for each in runs
+    ]
+    if not moments:
+        return Fraction(0), 0
+    total = sum(frames * edges for frames, edges in moments)
+    mean = max(Fraction(1, 10), Fraction(total, sum(frames for frames, _ in moments)))
+    return mean, max(1, *(edges for _, edges in moments))
 
 
 def _exact(seconds: float) -> Fraction:

@@ -1,5 +1,7 @@
 """The bench in this process: virtual devices on pseudo-terminals, commands run as `servogen` runs them."""
 
+import json
+import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
@@ -16,6 +18,7 @@ from servogen.pulse import from_json
 from servogen.units import Cycles
 
 ROOT = Path(__file__).parent.parent.parent
+START = "from servogen.cli import main; main()"
 LAB8 = ROOT / "firmware" / "lab8-exercise"
 
 
@@ -91,3 +94,26 @@ def served(opened: Terminals) -> Iterator[None]:
     finally:
         ended.set()
         thread.join()
+
+
+class Bench:
+    """A rig that runs."""
+
+    def __init__(self, process: "subprocess.Popen[str]") -> None:
+        assert process.stdout is not None
+        self.process = process
+        self.paths: dict[str, str] = json.loads(process.stdout.readline())
+
+
+@contextmanager
+def running(job: str, *options: object) -> Iterator[Bench]:
+    """`servogen rig` with a job of jobs/, in a process of its own."""
+    path = ROOT / "jobs" / f"{job}.toml"
+    command = [sys.executable, "-c", START, "rig", str(path), "--json", *map(str, options)]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT
+    ) as process:
+        try:
+            yield Bench(process)
+        finally:
+            process.terminate()

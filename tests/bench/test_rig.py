@@ -2,50 +2,25 @@
 
 import json
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from importlib.util import find_spec
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
-from tests.bench.conftest import LAB8, ROOT, Run
+from tests.bench.conftest import LAB8, ROOT, Bench, Run, running
 
 JOB = ROOT / "jobs" / "lab8-exercise.toml"
-START = "from servogen.cli import main; main()"
 SCHEDULE = LAB8 / "schedule.json"
 
 Rig = Callable[..., "Bench"]
 
 
-class Bench:
-    """A rig that runs."""
-
-    def __init__(self, process: "subprocess.Popen[str]") -> None:
-        assert process.stdout is not None
-        self.process = process
-        self.paths: dict[str, str] = json.loads(process.stdout.readline())
-
-
-@contextmanager
-def running(*options: object) -> Iterator[Bench]:
-    command = [sys.executable, "-c", START, "rig", str(JOB), "--json", *map(str, options)]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT
-    ) as process:
-        try:
-            yield Bench(process)
-        finally:
-            process.terminate()
-
-
 @pytest.fixture
 def bench() -> Iterator[Rig]:
     with ExitStack() as stack:
-        yield lambda *options: stack.enter_context(running(*options))
+        yield lambda *options: stack.enter_context(running(JOB.stem, *options))
 
 
 def proven(run: Run, port: str, path: Path) -> dict[str, object]:
@@ -65,17 +40,7 @@ def test_it_says_in_one_line_where_its_ports_are_and_starts_with_the_job(
     assert verdict["crystal_ppm"] == pytest.approx(180, abs=2)
 
 
-@pytest.mark.skipif(not find_spec("picpro"), reason="picpro is not installed")
-def test_flashing_replaces_the_program_and_resets_the_chip(run: Run, bench: Rig, tmp_path: Path) -> None:
-    other = ROOT / "firmware" / "lab8-program"
-    opened = bench("--hex", other / "main.hex")
-    assert not proven(run, opened.paths["analyser"], tmp_path / "before.vcd")["proven"]
-    done = run("flash", LAB8 / "main.hex", "--programmer", "picpro", "--port", opened.paths["programmer"])
-    assert done.code == 0, done.err
-    assert proven(run, opened.paths["analyser"], tmp_path / "after.vcd")["proven"]
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_it_ends_on_a_signal_and_leaves_nothing_behind(bench: Rig, number: signal.Signals) -> None:
     opened = bench()
     opened.process.send_signal(number)
