@@ -80,8 +80,6 @@ class Access(Names):
 
     def _lvalue(self, target: Ref | Deref) -> Expr:
         """Elements of flash with a known offset are constants."""
-        if isinstance(target.type, IntType) and target.type.is_bit:
-            raise self.fail("bits cannot be elements; use a bit-field", target)
         if (
             isinstance(target, Ref)
             and target.symbol.kind == "flash"

@@ -18,7 +18,6 @@ from servogen.compiler.ctypes import (
     U32,
     ArrayType,
     CType,
-    FuncType,
     IntType,
     PointerType,
     StructType,
@@ -109,12 +108,10 @@ class Base:
         return U8 if kind.size == 1 else U16
 
     def rvalue(self, expr: Expr) -> Expr:
-        """The value of an expression: arrays decay; a function name or void has none."""
+        """The value of an expression: arrays decay; void has none."""
         expr = self.decay(expr)
         if isinstance(expr.type, VoidType):
             raise self.fail("this has no value: its type is void", expr)
-        if isinstance(expr.type, FuncType):
-            raise self.fail("a function is not a value here; function pointers are not supported", expr)
         return expr
 
     def arithmetic(self, expr: Expr) -> Expr:

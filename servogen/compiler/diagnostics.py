@@ -72,7 +72,10 @@ class Reporter:
         return lines[place.line - 1] if place.line and place.line <= len(lines) else None
 
     def _add(self, severity: str, message: str, place: Place, hint: str | None) -> None:
-        self._found[Diagnostic(severity, message, place, self._line(place), hint)] = None
+        line = self._line(place)
+        if line is not None and place.column is None:  # a directive or a line of assembly: its first word
+            place = Place(place.file, place.line, len(line) - len(line.lstrip()) + 1)
+        self._found[Diagnostic(severity, message, place, line, hint)] = None
 
     def error(self, message: str, place: Place, hint: str | None = None) -> None:
         self._add("error", message, place, hint)

@@ -186,6 +186,8 @@ def analyse(
                     bodies.append((analysis.head(unit), unit, analysis.scopes))
                 elif isinstance(unit, (c_ast.Decl, c_ast.Typedef)):
                     analysis.declare(unit)
+                elif isinstance(unit, c_ast.StaticAssert):
+                    analysis.static_assertion(unit)
             except Fatal:
                 continue
         analysis.file_assembly(rewritten, settings)

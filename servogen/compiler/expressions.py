@@ -207,7 +207,9 @@ class Expressions(Access):
             work = promote(kind, c2c=self.c2c)
             value = self.promoted(value)
             if isinstance(value, Num) and not 0 <= value.value < 8 * work.size:
-                self.reporter.warn(f"shift by {value.value} of '{kind}'", place)
+                self.reporter.warn(
+                    f"shift by {value.value} of '{kind}', which has {8 * work.size} bits", place
+                )
         else:
             assert isinstance(value.type, IntType)
             work = common(kind, value.type, c2c=self.c2c)

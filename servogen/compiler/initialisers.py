@@ -7,7 +7,7 @@ locals' parts.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from pycparser import c_ast
 
@@ -34,6 +34,16 @@ from servogen.compiler.tree import (
 )
 from servogen.compiler.typenames import TypeNames
 from servogen.errors import Place
+
+
+class Leaf(NamedTuple):
+    """A scalar of an initialiser: where it goes, its type, the expression or byte; a bit-field's bits."""
+
+    at: int
+    type: CType
+    value: Any
+    bit: int | None = None
+    width: int = 0
 
 
 class Initialisers(TypeNames):
@@ -69,32 +79,54 @@ class Initialisers(TypeNames):
 
     def _fill(self, symbol: Symbol, kind: CType, init: Any, offset: int, place: Place) -> None:
         """Assignments for an array or structure in RAM whose initialiser may not be constant."""
-        leaves: list[tuple[int, CType, Any]] = []
+        leaves: list[Leaf] = []
         self._leaves(kind, init, offset, leaves)
-        given = {at: (leaf, value) for at, leaf, value in leaves}
-        for at, leaf in _scalars(kind, offset):
+        given = {each.at: each for each in leaves if not each.width}
+        behind = offset
+        for at, scalar in _scalars(kind, offset):
+            if at < behind:
+                continue  # a byte of a member that was given whole
             found = given.get(at)
-            place_here = self.place(found[1]) if found and not isinstance(found[1], int) else place
-            if found is None:
-                value: Expr = Num(0, leaf, place)
-            elif isinstance(found[1], int):
-                value = Num(found[1], leaf, place)
-            else:
-                value = self.convert(self.expr(found[1]), leaf, "the initialiser")
-            target = Ref(symbol, at, None, leaf.plain(), place_here)
-            self.pending.append(ExprStmt(Assign(target, value, leaf.plain(), place_here)))
+            leaf = found.type if found else scalar
+            behind = at + leaf.size
+            self._assign(symbol, found or Leaf(at, leaf, 0), place)
+        for each in leaves:
+            if each.width:
+                self._assign(symbol, each, place)
+
+    def _assign(self, symbol: Symbol, leaf: Leaf, place: Place) -> None:
+        kind = leaf.type.plain()
+        if isinstance(leaf.value, int):
+            value: Expr = Num(leaf.value, kind, place)
+        else:
+            place = self.place(leaf.value)
+            value = self.convert(self.expr(leaf.value), leaf.type, "the initialiser")
+        target = Ref(symbol, leaf.at, None, kind, place, leaf.bit, leaf.width)
+        self.pending.append(ExprStmt(Assign(target, value, kind, place)))
 
     def initialise(self, data: dict[int, Data], kind: CType, init: Any, offset: int) -> None:
         """The bytes of a constant initialiser."""
-        leaves: list[tuple[int, CType, Any]] = []
+        leaves: list[Leaf] = []
         self._leaves(kind, init, offset, leaves)
-        for at, leaf, value in leaves:
-            if isinstance(value, int):
-                data[at] = value & 0xFF
+        for leaf in leaves:
+            if isinstance(leaf.value, int):
+                data[leaf.at] = leaf.value & 0xFF
                 continue
-            expr = self.convert(self.expr(value), leaf, "the initialiser")
-            for number, byte in enumerate(self._bytes(expr, leaf.size, value)):
-                data[at + number] = byte
+            expr = self.convert(self.expr(leaf.value), leaf.type, "the initialiser")
+            found = self._bytes(expr, leaf.type.size, leaf.value)
+            if leaf.width:
+                self._set_field(data, leaf, found[0])
+                continue
+            for number, byte in enumerate(found):
+                data[leaf.at + number] = byte
+
+    def _set_field(self, data: dict[int, Data], leaf: Leaf, value: Data) -> None:
+        """Put a bit-field's value between those of its neighbours."""
+        before = data.get(leaf.at, 0)
+        if not isinstance(value, int) or not isinstance(before, int):
+            raise self.fail("the initialiser must be a constant", leaf.value)
+        mask = (1 << leaf.width) - 1
+        data[leaf.at] = before | (value & mask) << (leaf.bit or 0)
 
     def _bytes(self, expr: Expr, size: int, node: Any) -> list[Data]:
         while (
@@ -120,7 +152,7 @@ class Initialisers(TypeNames):
             return [AddressByte(target.symbol, target.offset, part) for part in range(size)]
         raise self.fail("the initialiser must be a constant", node)
 
-    def _leaves(self, kind: CType, init: Any, offset: int, out: list[tuple[int, CType, Any]]) -> None:
+    def _leaves(self, kind: CType, init: Any, offset: int, out: list[Leaf]) -> None:
         """The scalars of an initialiser as (offset, type, node or byte), braces left out or not."""
         if isinstance(kind, ArrayType) and isinstance(kind.element, IntType) and kind.element.size == 1:
             inner = init
@@ -131,7 +163,9 @@ class Initialisers(TypeNames):
                 length = kind.length or 0
                 if len(values) > length:
                     raise self.fail(f"the string of {len(values)} characters does not fit {length}", inner)
-                out += [(offset + at, kind.element, value) for at, value in enumerate([*values, 0][:length])]
+                out += [
+                    Leaf(offset + at, kind.element, value) for at, value in enumerate([*values, 0][:length])
+                ]
                 return
         if isinstance(kind, (ArrayType, StructType)):
             if not isinstance(init, c_ast.InitList):
@@ -145,20 +179,20 @@ class Initialisers(TypeNames):
             if len(init.exprs) != 1:
                 raise self.fail(f"'{kind}' takes one initialiser, {len(init.exprs)} are given", init)
             init = init.exprs[0]
-        out.append((offset, kind, init))
+        out.append(Leaf(offset, kind, init))
 
     def _aggregate(
         self,
         kind: ArrayType | StructType,
         items: list[Any],
         offset: int,
-        out: list[tuple[int, CType, Any]],
+        out: list[Leaf],
         *,
         braced: bool,
     ) -> None:
         """Take from `items` what the elements of one array or structure need."""
         slots: list[tuple[int, CType]] = _elements(kind)
-        names = list(kind.layout.members) if isinstance(kind, StructType) else []
+        members = list(kind.layout.members.values()) if isinstance(kind, StructType) else []
         if isinstance(kind, StructType) and kind.layout.union:
             slots = slots[:1]
         at = 0
@@ -167,14 +201,15 @@ class Initialisers(TypeNames):
             if isinstance(item, c_ast.NamedInitializer):
                 if not braced:
                     return
-                at = self._designated(kind, item, names)
+                at = self._designated(kind, item, [each.name for each in members])
                 slots = _elements(kind)
                 if at >= len(slots):
-                    raise self.fail("this element does not exist", item)
+                    raise self.fail("this element does not exist", item.expr)
                 if len(item.name) > 1:
-                    raise self.fail("nested designators are not supported", item)
+                    raise self.fail("nested designators are not supported", item.expr)
                 items[0] = item = item.expr
             where, element = slots[at]
+            member = members[at] if members else None
             if (
                 isinstance(element, (ArrayType, StructType))
                 and not isinstance(item, c_ast.InitList)
@@ -183,9 +218,10 @@ class Initialisers(TypeNames):
                 self._aggregate(element, items, offset + where, out, braced=False)
             else:
                 items.pop(0)
-                if isinstance(element, IntType) and element.is_bit:
-                    raise self.fail("bit-fields cannot be initialised; assign them", item)
-                self._leaves(element, item, offset + where, out)
+                if member is not None and member.width:
+                    out.append(Leaf(offset + where, element, item, member.bit, member.width))
+                else:
+                    self._leaves(element, item, offset + where, out)
             at += 1
 
     def _designated(self, kind: CType, item: Any, names: list[str]) -> int:
@@ -193,7 +229,7 @@ class Initialisers(TypeNames):
         inner = getattr(designator, "expr", designator)
         if isinstance(kind, StructType):
             if not isinstance(inner, c_ast.ID) or inner.name not in names:
-                raise self.fail(f"'{kind}' has no such member", item)
+                raise self.fail(f"'{kind}' has no such member", item.expr)
             return names.index(inner.name)
         return self.constant(inner, "an index")
 

@@ -18,7 +18,7 @@ from servogen.compiler.ctypes import (
 )
 from servogen.compiler.dialect import ChipBit, config_names
 from servogen.compiler.fold import has_effect
-from servogen.compiler.scopes import Constant, TypeName
+from servogen.compiler.scopes import Constant
 from servogen.compiler.tree import (
     Binary,
     Builtin,
@@ -68,7 +68,8 @@ class Names(Base):
     def expr(self, node: Any) -> Expr:
         method = getattr(self, "_" + type(node).__name__, None)
         if method is None:
-            raise self.fail(f"{type(node).__name__} is not supported", node)
+            what = re.sub(r"(?<!^)(?=[A-Z])", " ", type(node).__name__).lower()
+            raise self.fail(f"a {what} is not supported", node)
         found: Expr = method(node)
         return found
 
@@ -89,8 +90,7 @@ class Names(Base):
                 raise self.fail("a character constant holds one character", node)
             return self.number(values[0], self.int_type, place)
         match = re.fullmatch(r"(0[xX][0-9a-fA-F]+|[0-9]+)([uUlL]*)", node.value)
-        if not match:
-            raise self.fail(f"'{node.value}' is not an integer", node)
+        assert match is not None  # the parser has refused other numbers
         digits = match[1]
         octal = len(digits) > 1 and digits[0] == "0" and digits[1] not in "xX"
         value = int(digits, 8 if octal else 0)
@@ -141,8 +141,6 @@ class Names(Base):
                     node,
                     hint=f"to call it, write {node.name}()",
                 )
-            case TypeName():
-                raise self.fail(f"'{node.name}' is a type, not a value", node)
         match = re.fullmatch(r"(\w+)bits", node.name)
         register_symbol = self.scopes.chip(match[1]) if match else None
         if isinstance(register_symbol, Symbol):

@@ -251,6 +251,10 @@ def _declaration_call(self: _Rewriter, token: PToken) -> bool:
 
 def _bit_number(self: _Rewriter, token: PToken) -> bool:
     """`portb.7`: a member that is a number."""
+    if self.text(1) == self.text(2) == ".":
+        self.emit("...", token.place)
+        self.at += 3
+        return True
     if not re.fullmatch(r"\d\d?", self.text(1)):
         return False
     self.out.tokens.append(token)

@@ -56,13 +56,18 @@ def arrange(backend: Backend, program: Program, settings: Settings, reporter: Re
         isr = [handler, *(codes[name] for name in codes if name.endswith(ISR_SUFFIX) or name in backend.isr)]
         fsr = any(ins.f in (FSR, INDF) for code in isr for ins in code.ins)
         pclath = any(ins.f == PCLATH or ins.table is not None for code in isr for ins in code.ins)
-        asm = any(code.inline_asm for code in isr)
-        _save_context(handler, fsr=fsr or asm, pclath=pclath or asm)
+        leaves = any(code.inline_asm and _leaves(code, codes) for code in isr)
+        _save_context(handler, fsr=fsr or leaves, pclath=pclath or leaves)
         found.roots.append(handler.name)
         found.first = [RESET, handler.name]
     found.tables = add_tables(codes, statics)
     found.first += [START, "main", *(name for name, code in codes.items() if code.table is not None)]
     return found
+
+
+def _leaves(code: Code, codes: dict[str, Code]) -> bool:
+    """Whether assembly calls or goes to another function: what that does is not looked at here."""
+    return any(ins.op in ("CALL", "GOTO") and ins.fixed and ins.target in codes for ins in code.ins)
 
 
 def _initialise(code: Code, statics: list[Symbol]) -> None:

@@ -307,9 +307,13 @@ class Statements(Declarations):
         return Block([])
 
     def _stmt_StaticAssert(self, node: Any) -> Stmt:
-        if not self.constant(node.cond, "a static assertion"):
-            raise self.fail("static assertion failed", node)
+        self.static_assertion(node)
         return Block([])
+
+    def static_assertion(self, node: Any) -> None:
+        """`_Static_assert`, in a function or outside."""
+        if not self.constant(node.cond, "a static assertion"):
+            raise self.fail("static assertion failed", node.cond)
 
 
 def _leaves(node: Any) -> bool:

@@ -68,7 +68,7 @@ class TypeNames(Expressions):
                 return self._specified(node, node)
             case c_ast.FuncDecl():
                 return FuncType(self.declared_type(node.type), self._parameters(node))
-        raise self.fail(f"this type is not supported ({type(node).__name__})", node)
+        raise self.fail("this type is not supported", node)
 
     def _qualified(self, kind: CType, quals: list[str]) -> CType:
         const, volatile = "const" in quals, "volatile" in quals
@@ -82,6 +82,8 @@ class TypeNames(Expressions):
         element = self.declared_type(node.type)
         if isinstance(element, IntType) and element.is_bit:
             raise self.fail("there are no arrays of bits", node)
+        if isinstance(element, StructType) and element.layout.size is None:
+            raise self.fail(f"'{element}' is not defined", node)
         if isinstance(element, VoidType) or (isinstance(element, ArrayType) and element.length is None):
             raise self.fail(f"an array of '{element}' has no size", node)
         if node.dim is None:
@@ -245,6 +247,8 @@ class TypeNames(Expressions):
             kind = self.declared_type(each)
             if isinstance(kind, ArrayType):
                 kind = PointerType(kind.element)
+            if isinstance(kind, StructType) and kind.layout.size is None:
+                raise self.fail(f"'{kind}' is not defined", each)
             if isinstance(kind, (VoidType, FuncType)):
                 raise self.fail(f"a parameter cannot be of type '{kind}'", each)
             found.append(kind)

@@ -1,0 +1,463 @@
+"""The text and the place of errors and warnings: ‸ stands where the caret is to be."""
+
+from __future__ import annotations
+
+import pytest
+
+from servogen.compiler import CompileError, Diagnostic, Options, Source, compile_sources
+
+CARET = "‸"
+
+
+def diagnostics(dialect: str, text: str) -> tuple[Diagnostic, ...]:
+    try:
+        return compile_sources([Source(text, "main.c")], Options(dialect=dialect)).diagnostics
+    except CompileError as error:
+        return error.diagnostics
+
+
+SERIAL = "#pragma CLOCK_FREQ 4000000\n#pragma RS232_TXPORT PORTB\n"
+ROWS = [
+    (
+        "xc8",
+        "‸#define _XTAL_FREQ fast\nvoid main(void) { }",
+        "error",
+        "_XTAL_FREQ must be a frequency in hertz, not 'fast'",
+    ),
+    (
+        "xc8",
+        "int x;\nvoid main(void) { ‸x <<= 16; }",
+        "warning",
+        "shift by 16 of 'int', which has 16 bits",
+    ),
+    (
+        "xc8",
+        "struct { int a; } s, *p;\nstruct { char b; } t;\nvoid main(void) { ‸p ? s : t; }",
+        "error",
+        "the two values are of types 'struct (unnamed 1)' and 'struct (unnamed 2)'",
+    ),
+    ("c2c", "bit ‸b[3];\nvoid main(void) {  }", "error", "there are no arrays of bits"),
+    (
+        "xc8",
+        "struct p { unsigned char a; } f(void); unsigned char x = ‸f().a;void main(void) {  }",
+        "error",
+        "a function cannot be called outside functions",
+    ),
+    (
+        "xc8",
+        "struct { int a; } s;void main(void) { ‸s.0 = 1; }",
+        "error",
+        "a bit can only be taken of an integer variable",
+    ),
+    ("xc8", "unsigned char x;void main(void) { ‸x.9 = 1; }", "error", "'unsigned char' has no bit 9"),
+    ("xc8", "unsigned int x;void main(void) { ‸x.17 = 1; }", "error", "'unsigned int' has no bit 17"),
+    (
+        "xc8",
+        "void main(void) { (‸1)(); }",
+        "error",
+        "only functions can be called; function pointers are not supported",
+    ),
+    (
+        "xc8",
+        "int a[2];void main(void) { ‸a[0](); }",
+        "error",
+        "only functions can be called; function pointers are not supported",
+    ),
+    ("xc8", "struct q ‸s;void main(void) {  }", "error", "'struct q' is not defined"),
+    (
+        "xc8",
+        "void *p; unsigned char x;void main(void) { x = *‸p; }",
+        "error",
+        "a void pointer cannot be dereferenced; cast it first",
+    ),
+    ("xc8", "void (‸*f)(void);void main(void) {  }", "error", "function pointers are not supported"),
+    ("xc8", "unsigned char *p;void main(void) { p = &‸5; }", "error", "this has no address"),
+    ("xc8", "bit b; unsigned char *p;void main(void) { p = &‸b; }", "error", "a bit has no address"),
+    ("xc8", "char a[2], b[2];void main(void) { ‸a = b; }", "error", "an array cannot be assigned to"),
+    (
+        "xc8",
+        "int x;void main(void) { ‸x->a = 1; }",
+        "error",
+        "'->' needs a pointer to a structure, this is 'int'",
+    ),
+    ("xc8", "int x;void main(void) { ‸x(); }", "error", "'x' is not a function"),
+    (
+        "xc8",
+        "int __interrupt() ‸f(void) { return 1; }void main(void) {  }",
+        "error",
+        "an interrupt function takes and returns nothing",
+    ),
+    (
+        "xc8",
+        "int f(void); int x;void main(void) { x = ‸f; }",
+        "error",
+        "'f' is a function; function pointers are not supported",
+    ),
+    (
+        "xc8",
+        "int x; char *p;void main(void) { x = ‸p; }",
+        "warning",
+        "the assignment makes 'int' of the pointer 'unsigned char *' without a cast",
+    ),
+    (
+        "xc8",
+        "int *p; char *q;void main(void) { p = ‸q; }",
+        "warning",
+        "the assignment makes 'int *' of 'unsigned char *' without a cast",
+    ),
+    (
+        "xc8",
+        "struct { int a; } s;void main(void) { if (‸s) ; }",
+        "error",
+        "a condition needs a number or a pointer, not 'struct (unnamed 1)'",
+    ),
+    (
+        "xc8",
+        "char *p;void main(void) { p = ‸5; }",
+        "warning",
+        "the assignment makes a pointer of the number 5 without a cast",
+    ),
+    (
+        "xc8",
+        "char *p; int x;void main(void) { p = ‸x; }",
+        "warning",
+        "the assignment makes a pointer of 'int' without a cast",
+    ),
+    (
+        "c2c",
+        SERIAL + "#pragma RS232_TXPIN 9\n#pragma RS232_BAUD 9600\nvoid main(void) { ‸putchar('a'); }",
+        "error",
+        "the serial pin 6.9 does not exist",
+    ),
+    (
+        "c2c",
+        SERIAL + "#pragma RS232_TXPIN 1\n#pragma RS232_BAUD 0\nvoid main(void) { ‸putchar('a'); }",
+        "error",
+        "the baud rate must be positive, not 0",
+    ),
+    (
+        "c2c",
+        SERIAL + "#pragma RS232_TXPIN one\n#pragma RS232_BAUD 9600\nvoid main(void) { ‸putchar('a'); }",
+        "error",
+        "'#pragma RS232_TXPIN one': a number is needed",
+    ),
+    (
+        "xc8",
+        "typedef int f;\nf ‸g { return 1; }\nvoid main(void) {  }",
+        "error",
+        "'g' is not a function but has a body",
+    ),
+    ("xc8", "int ‸g { return 1; }void main(void) {  }", "error", "'g' is not a function but has a body"),
+    (
+        "xc8",
+        "int f(a) int ‸a; { return a; }void main(void) {  }",
+        "error",
+        "parameters are declared inside the parentheses",
+    ),
+    (
+        "c2c",
+        "void main(void) { ‸set_bit(5, 1); }",
+        "error",
+        "the first argument must be a variable or a register",
+    ),
+    (
+        "xc8",
+        "#define _XTAL_FREQ 4000000\nvoid main(void) { __delay_us(-‸1); }",
+        "error",
+        "'__delay_us' takes no negative time",
+    ),
+    (
+        "xc8",
+        8 * "__EEPROM_DATA(1,2,3,4,5,6,7,8);\n" + "‸__EEPROM_DATA(1,2,3,4,5,6,7,8);\nvoid main(void) {  }",
+        "error",
+        "__EEPROM_DATA gives more than 64 bytes",
+    ),
+    ("c2c", "‸asm movlw 5\nvoid main(void) {  }", "error", "assembly outside functions can only be __config"),
+    ("xc8", "void main(void) { void ‸x; }", "error", "'x' cannot be of type void"),
+    (
+        "xc8",
+        "char ‸x @ 0x100;void main(void) {  }",
+        "error",
+        "the address 0x100 is not in the data memory (0x00-0xFF)",
+    ),
+    ("xc8", "int a = 1; int ‸a = 2;void main(void) {  }", "error", "'a' is initialised twice"),
+    (
+        "xc8",
+        "extern const int a; int x; const int ‸b;void main(void) { x = a; }",
+        "warning",
+        "the constant 'b' has no value; it is 0",
+    ),
+    (
+        "xc8",
+        "int x; const int ‸b;void main(void) { x = b; }",
+        "warning",
+        "the constant 'b' has no value; it is 0",
+    ),
+    (
+        "xc8",
+        "int *p, *q, x;void main(void) { x = ‸p * q; }",
+        "error",
+        "'*' cannot combine 'int *' and 'int *'",
+    ),
+    (
+        "xc8",
+        "struct { int a; } s;void main(void) { ‸s++; }",
+        "error",
+        "'struct (unnamed 1)' cannot be counted",
+    ),
+    (
+        "xc8",
+        "struct { int a; } s;void main(void) { ‸s += 1; }",
+        "error",
+        "'+=' cannot change 'struct (unnamed 1)'",
+    ),
+    (
+        "xc8",
+        "struct { int a; } s; int x;void main(void) { x = ‸(int)s; }",
+        "error",
+        "'struct (unnamed 1)' cannot be cast to 'int'",
+    ),
+    ("xc8", "int *p;void main(void) { ‸p *= 2; }", "error", "'*=' cannot change a pointer"),
+    ("xc8", "int x;void main(void) { x = ‸x << 16; }", "warning", "shift by 16 of 'int', which has 16 bits"),
+    (
+        "xc8",
+        "struct { int a; } s; int x; int *p;void main(void) { x = x ? p : ‸s; }",
+        "error",
+        "the second value needs 'int *', this is 'struct (unnamed 1)'",
+    ),
+    ("xc8", "int x; int y = ‸x;void main(void) {  }", "error", "the initialiser must be a constant"),
+    ("xc8", "int a[2] = ‸5;void main(void) {  }", "error", "'int[2]' needs an initialiser in braces"),
+    (
+        "xc8",
+        "struct { int a; } s = ‸5;void main(void) {  }",
+        "error",
+        "'struct (unnamed 1)' needs an initialiser in braces",
+    ),
+    ("xc8", "int a[2] = {1, 2, ‸3};void main(void) {  }", "error", "too many initialisers for 'int[2]'"),
+    ("xc8", "int a = {‸1, 2};void main(void) {  }", "error", "'int' takes one initialiser, 2 are given"),
+    (
+        "xc8",
+        "struct { int a; } s = {.b = ‸1};void main(void) {  }",
+        "error",
+        "'struct (unnamed 1)' has no such member",
+    ),
+    ("xc8", 'char s[2] = ‸"abc";void main(void) {  }', "error", "the string of 3 characters does not fit 2"),
+    ("xc8", "int a[2] = {[5] = ‸1};void main(void) {  }", "error", "this element does not exist"),
+    (
+        "xc8",
+        "struct { int a[2]; } s = {.a[1] = ‸1};void main(void) {  }",
+        "error",
+        "nested designators are not supported",
+    ),
+    (
+        "c2c",
+        "void main(void) { \n ‸asm movwx 5\n }",
+        "error",
+        "assembly: 'movwx' is not an instruction of this chip",
+    ),
+    ("c2c", "void main(void) { \n ‸asm goto 5+x\n }", "error", "assembly: '5+x' is not a label"),
+    (
+        "c2c",
+        "void main(void) { \n ‸asm movwf nothing\n }",
+        "error",
+        "assembly: 'nothing' is neither a register nor a variable",
+    ),
+    (
+        "c2c",
+        "void main(void) { \n ‸asm movwf 0x1FF\n }",
+        "error",
+        "assembly: the register address 0x1FF is not 0 to 0xFF",
+    ),
+    ("c2c", "void main(void) { \n ‸asm bsf 5,9\n }", "error", "assembly: '9' is not a bit, 0 to 7"),
+    ("c2c", "void main(void) { \n ‸asm movlw 256\n }", "error", "assembly: the literal 256 is not 0 to 255"),
+    (
+        "c2c",
+        "void main(void) { \n ‸asm movlw 300-10-1\n }",
+        "error",
+        "assembly: the literal 300-10-1 is 289, not 0 to 255",
+    ),
+    (
+        "c2c",
+        "void main(void) { \n ‸asm movlw many\n }",
+        "error",
+        "assembly: 'many' is not a number from 0 to 255",
+    ),
+    (
+        "c2c",
+        "const char t[2] = {1, 2};void main(void) { \n ‸asm movf _t, w\n }",
+        "error",
+        "assembly: 't' is in flash and has no RAM address",
+    ),
+    (
+        "c2c",
+        "void main(void) { \n ‸asm movf 0x0C, x\n }",
+        "error",
+        "assembly: the destination is W or F, not 'x'",
+    ),
+    ("c2c", "void main(void) { \n ‸asm movf\n }", "error", "assembly: MOVF takes 2 operands, not 0"),
+    (
+        "xc8",
+        "int x;void main(void) { x = sizeof(int) + ‸__builtin_x; }",
+        "error",
+        "'__builtin_x' is not declared",
+    ),
+    (
+        "xc8",
+        "int x;void main(void) { x = ‸_Generic(1, int: 2); }",
+        "error",
+        "a generic selection is not supported",
+    ),
+    ("xc8", "int x; int a[‸x];void main(void) {  }", "error", "the size of an array must be a constant"),
+    ("xc8", "int x;void main(void) { x = ‸99999999999; }", "error", "99999999999 does not fit 32 bits"),
+    ("xc8", "int x;void main(void) { x = ‸0x1FFFFFFFF; }", "error", "0x1FFFFFFFF does not fit 32 bits"),
+    ("xc8", "int x;void main(void) { x = ‸'\\q'; }", "warning", "unknown escape '\\q'"),
+    (
+        "xc8",
+        "int x;void main(void) { x = ‸'€'; }",
+        "warning",
+        "the character '€' is not in Latin-1 and becomes '?'",
+    ),
+    (
+        "xc8",
+        "void main(void) { if (1) ‸{",
+        "error",
+        "syntax error: the file ends in the middle of a declaration",
+    ),
+    ("xc8", "‸#include xc.h\nvoid main(void) {  }", "error", "#include needs a name in <…> or quotes"),
+    ("xc8", "‸#include 5\nvoid main(void) {  }", "error", "#include needs a name in <…> or quotes"),
+    ("xc8", "‸#warning take care\nvoid main(void) {  }", "warning", "#warning take care"),
+    ("xc8", "‸#nothing\nvoid main(void) {  }", "error", "unknown preprocessor directive #nothing"),
+    ("xc8", "‸# 5x\nvoid main(void) {  }", "error", "unknown preprocessor directive #5"),
+    ("xc8", "char x ‸@ PORTB;\nvoid main(void) {  }", "error", "a fixed address must be a number"),
+    ("xc8", "char x ‸@ y + 1;\nvoid main(void) {  }", "error", "a fixed address must be a number"),
+    ("xc8", "‸#pragma config FOSC\nvoid main(void) {  }", "error", "'FOSC' is not a setting: NAME = VALUE"),
+    ("c2c", "‸asm __config nothing\nvoid main(void) {  }", "error", "'nothing' is not a configuration mask"),
+    (
+        "c2c",
+        "‸#pragma CLOCK_FREQ fast\nvoid main(void) {  }",
+        "error",
+        "#pragma CLOCK_FREQ needs a frequency in hertz, not 'fast'",
+    ),
+    (
+        "xc8",
+        "#pragma config WDTE = ON\n‸#pragma config WDTE = OFF\nvoid main(void) {  }",
+        "error",
+        "WDTE is set twice: ON and OFF",
+    ),
+    ("xc8", "int x;void main(void) { if (x)‸; x = 1; }", "warning", "this 'if' controls an empty statement"),
+    ("xc8", "int x;void main(void) { ‸default: x = 1; }", "error", "'default' outside a switch"),
+    (
+        "xc8",
+        "int x;void main(void) { switch (x) { default: ‸default: x = 1; } }",
+        "error",
+        "'default' is there twice",
+    ),
+    ("xc8", "int x;void main(void) { a: x = 1; ‸a: x = 2; }", "error", "the label 'a' is there twice"),
+    ("xc8", '_Static_assert(‸1 > 2, "no");\nvoid main(void) {  }', "error", "static assertion failed"),
+    (
+        "xc8",
+        "int x; int f(void) { if (x) ‸return; return 1; }void main(void) { x = f(); }",
+        "warning",
+        "'f' should return 'int'",
+    ),
+    ("xc8", "‸long long x;\nvoid main(void) {  }", "error", "64-bit integers are not supported"),
+    ("xc8", "‸signed unsigned int x;\nvoid main(void) {  }", "error", "'signed unsigned int' is not a type"),
+    ("xc8", "‸short char x;\nvoid main(void) {  }", "error", "'short char' is not a type"),
+    (
+        "xc8",
+        "int y; ‸y x;\nvoid main(void) {  }",
+        "error",
+        "syntax error before 'y' (invalid function definition)",
+    ),
+    ("xc8", "void ‸v[3];\nvoid main(void) {  }", "error", "an array of 'void' has no size"),
+    ("xc8", "struct s ‸a[3];\nvoid main(void) {  }", "error", "'struct s' is not defined"),
+    (
+        "xc8",
+        "struct s { int a; }; struct ‸s { int b; };\nvoid main(void) {  }",
+        "error",
+        "'s' is defined twice",
+    ),
+    ("xc8", "struct s { void ‸a; };\nvoid main(void) {  }", "error", "a member cannot be of type 'void'"),
+    ("xc8", "‸enum e x;\nvoid main(void) {  }", "error", "'enum e' is not defined"),
+    (
+        "xc8",
+        "int f(int a, ‸...) { return a; }\nvoid main(void) {  }",
+        "error",
+        "functions with '…' arguments are not supported",
+    ),
+    ("xc8", "void f(struct q ‸a) { }\nvoid main(void) {  }", "error", "'struct q' is not defined"),
+    ("xc8", "void f(void ‸a) { }\nvoid main(void) {  }", "error", "a parameter cannot be of type 'void'"),
+    ("xc8", "bit ‸*p;\nvoid main(void) {  }", "error", "there are no pointers to bits"),
+    (
+        "xc8",
+        "struct s { unsigned ‸a : 9; };\nvoid main(void) {  }",
+        "error",
+        "a bit-field has 1 to 8 bits of an integer type",
+    ),
+    ("xc8", "struct s { int a; int ‸a; };\nvoid main(void) {  }", "error", "the member 'a' is there twice"),
+    ("xc8", "‸#define\nvoid main(void) {  }", "error", "malformed preprocessor directive"),
+    (
+        "xc8",
+        "struct s {int a;}; int x;void main(void) { x = ‸(struct s){1}.a; }",
+        "error",
+        "a compound literal is not supported",
+    ),
+    (
+        "xc8",
+        "‸#define F(\nint x;void main(void) { x = 1; }",
+        "error",
+        "preprocessor: Missing ')' in macro arguments",
+    ),
+    ("xc8", "void main(void) { char ‸a[]; }", "error", "the size of the array 'a' is missing"),
+    ("xc8", "int ‸x[2][]; void main(void) {  }", "error", "an array of 'int[]' has no size"),
+]
+
+
+@pytest.mark.parametrize(("dialect", "marked", "severity", "message"), ROWS)
+def test_a_diagnostic_says_what_and_where(dialect: str, marked: str, severity: str, message: str) -> None:
+    before, _, _ = marked.partition(CARET)
+    line, column = before.count("\n") + 1, len(before) - (before.rfind("\n") + 1) + 1
+    (found,) = diagnostics(dialect, marked.replace(CARET, ""))
+    assert (found.severity, found.message) == (severity, message)
+    assert (found.place.line, found.place.column) == (line, column)
+    shown = str(found).splitlines()
+    caret = next(number for number, each in enumerate(shown) if each.strip() == "^")
+    assert shown[caret].index("^") - 4 == column - 1
+    assert shown[caret - 1][4:] == marked.replace(CARET, "").splitlines()[line - 1]
+
+
+def test_what_is_nested_too_deeply_is_said() -> None:
+    (found,) = diagnostics("xc8", f"int x;\nvoid main(void) {{ x = {'(' * 3000}1{')' * 3000}; }}")
+    assert found.message == "something in the program is nested too deeply"
+
+
+def test_errors_of_several_functions_are_found_in_one_run() -> None:
+    """A syntax error ends its function only."""
+    text = "void f(void) {\n x = ; }\nvoid g(void) {\n y = 1;\n delay_ms(300); }\nvoid main(void) { g(); }"
+    found = diagnostics("c2c", "#pragma CLOCK_FREQ 4000000\n" + text)
+    assert [(each.place.line, each.message) for each in found] == [
+        (3, "syntax error before ';' (invalid expression)"),
+        (5, "'y' is not declared"),
+        (6, "'delay_ms' takes 0 to 255, not 300"),
+    ]
+
+
+def messages(found: tuple[Diagnostic, ...]) -> list[str]:
+    return [each.message for each in found]
+
+
+def test_a_character_that_is_not_of_c_is_an_error() -> None:
+    found = diagnostics("xc8", "int x;\nvoid main(void) { x = 1 ` 2; }")
+    assert messages(found)[0] == "the character '`' has no meaning in C"
+
+
+def test_a_clock_that_is_too_slow_for_a_variable_delay() -> None:
+    found = diagnostics("c2c", "#pragma CLOCK_FREQ 32768\nchar n;\nvoid main() { delay_us(n); }")
+    assert "'delay_us' with a variable argument needs a clock whose cycle is at most 1 µs" in messages(found)
+
+
+def test_a_file_that_includes_itself_is_an_error() -> None:
+    options = Options(include=lambda name, _: (name, '#include "a.h"\n'))
+    with pytest.raises(CompileError) as caught:
+        compile_sources([Source('#include "a.h"\nvoid main(void) { }', "main.c")], options)
+    assert messages(caught.value.diagnostics) == ["#include nested more than 20 deep"]

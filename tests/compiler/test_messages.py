@@ -1,0 +1,74 @@
+"""Every message of the compiler has a test with its exact text.
+
+The messages are read from the compiler's own source: the first argument of each call that reports. The texts
+that tests state are the `// error:` and `// warning:` comments of the C files beside this module.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+import servogen.compiler
+
+HERE = Path(__file__).parent
+PACKAGE = Path(servogen.compiler.__file__).parent
+UNFORESEEN = frozenset(("this type is not supported",))
+"""Stands behind all that the parser is known to give."""
+REPORTS = frozenset(("error", "warn", "fatal", "fail", "AsmError"))
+
+
+def pattern(node: ast.expr) -> str | None:
+    """A message as a regular expression; None when it is not a literal."""
+    match node:
+        case ast.Constant(value=str(text)):
+            return re.escape(text)
+        case ast.JoinedStr(values):
+            parts = [re.escape(each.value) if isinstance(each, ast.Constant) else ".*" for each in values]
+            return "".join(str(part) for part in parts)
+        case ast.BinOp(left, ast.Add(), right):
+            one, two = pattern(left), pattern(right)
+            return one + two if one is not None and two is not None else None
+    return None
+
+
+def messages() -> dict[str, str]:
+    """Pattern of each message, and where it is reported."""
+    found: dict[str, str] = {}
+    for path in sorted(PACKAGE.glob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if not isinstance(node, ast.Call) or not node.args:
+                continue
+            name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+            if name not in REPORTS:
+                continue
+            text = pattern(node.args[0])
+            if name == "AsmError" and text is not None:
+                text = "assembly: " + text
+            if text is not None and text.strip(".*") and text.replace("\\", "") not in UNFORESEEN:
+                found[text] = f"{path.name}:{node.lineno}"
+    return found
+
+
+def stated() -> list[str]:
+    """The texts that the C files state, and those that a test of several sources asks for."""
+    found = []
+    for path in sorted(HERE.rglob("*.c")):
+        found += re.findall(r"^\s*// (?:error|warning): (.*?)\s*$", path.read_text(), re.MULTILINE)
+    for path in sorted(HERE.glob("test_*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                found.append(node.value)
+    return found
+
+
+def test_the_messages_are_found() -> None:
+    assert len(messages()) > 100
+
+
+@pytest.mark.parametrize(("text", "where"), messages().items(), ids=messages().values())
+def test_each_message_is_stated_by_a_test(text: str, where: str) -> None:
+    assert any(re.fullmatch(text, each) for each in stated()), f"{where}: no test states it"
