@@ -12,7 +12,7 @@ st_whole:
     goto    st_whole
 st_parts:
     movlw   8
-    movwf   _count
+    movwf   FSR
 st_part:
     rlf     _x_lo, F
     rlf     _sum_lo, F
@@ -27,6 +27,6 @@ st_fits:
     subwf   _sum_lo, F
     bsf     STATUS, 0
 st_digit:
-    decfsz  _count, F
+    decfsz  FSR, F
     goto    st_part
     rlf     _x_lo, F

@@ -1,7 +1,7 @@
-; Begins to write _count to byte _n of the data EEPROM (DS35007 section 3.2); it takes about 10 ms.
+; Begins to write _value to byte _n of the data EEPROM (DS35007 section 3.2); it takes about 10 ms.
     movf    _n, W
     movwf   EEADR
-    movf    _count, W
+    movf    _value, W
     movwf   EEDATA
     bsf     STATUS, 5           ; bank 1
     bsf     0x08, 2             ; EECON1, WREN

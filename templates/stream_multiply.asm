@@ -3,7 +3,7 @@
     movwf   _sum_lo
     clrf    _sum_hi
     movlw   8
-    movwf   _count
+    movwf   FSR
 st_multiply:
     rrf     _value, F
     btfss   STATUS, 0
@@ -17,5 +17,5 @@ st_multiply:
 st_halve:
     rrf     _sum_hi, F
     rrf     _sum_lo, F
-    decfsz  _count, F
+    decfsz  FSR, F
     goto    st_multiply
