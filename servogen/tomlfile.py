@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -154,8 +154,21 @@ def _syntax_error(text: str, file: str, said: str) -> InputError:
     else:
         line, column = text.count("\n") + 1, len(text) - text.rfind("\n")
     shown = text.splitlines()[line - 1].strip() if line <= len(text.splitlines()) else ""
-    message = message[:1].lower() + message[1:]
+    message = next(
+        (plain for pattern, plain in _PLAIN if re.match(pattern, message)), message[:1].lower() + message[1:]
+    )
     return InputError(f"TOML syntax: {message}", Place(file, line, column), f"in: {shown}" if shown else None)
+
+
+# What tomllib says -> what a person can do about it.
+_PLAIN = (
+    (r"Illegal character '\\n'", "this text has no closing quote"),
+    (r"Invalid value", 'not a value: a text stands in "quotes", and an array above may lack its ]'),
+    (r"Unclosed array", "an array above lacks its ]"),
+    (r"Cannot overwrite a value", "this name is given twice"),
+    (r"Cannot declare \(.*\) twice", "this table is given twice; one of several has two brackets: [[ … ]]"),
+    (r"Expected '=' after a key", "a key, then =, then its value"),
+)
 
 
 # What pydantic finds, as a sentence: the kind of error -> what is allowed there.
@@ -185,7 +198,9 @@ def _input_error(document: Document, model: type[Table], root: Key, detail: Mapp
     if kind == "missing":
         if where and isinstance(where[-1], int):
             return document.error(key[:-1], f"has too few values: number {where[-1] + 1} is missing")
-        return _Missing(f"'{key[-1]}' is missing", document.place(*key[:-1]), f"add {key_text(key)} = …")
+        return _Missing(
+            f"'{key[-1]}' is missing", document.place(*key[:-1]), f"add {_added(model, key, where)}"
+        )
     if kind == "value_error":
         return document.error(key, str(context["error"]))
     value = shown(detail["input"])
@@ -195,9 +210,12 @@ def _input_error(document: Document, model: type[Table], root: Key, detail: Mapp
         words, name = _BOUNDS[kind]
         return document.error(key, f"{value} is out of range: {words} {context[name]:g} is allowed")
     if kind in ("too_short", "too_long"):
-        return document.error(key, f"has {context['actual_length']} values", _length_hint(kind, context))
+        count = context["actual_length"]
+        return document.error(
+            key, f"has {count} value{'s' if count != 1 else ''}", _length_hint(kind, context)
+        )
     if kind in _ALLOWED:
-        return document.error(key, f"{value} is not {_ALLOWED[kind]}")
+        return document.error(key, f"{value} is not {_ALLOWED[kind]}", _whole_hint(kind, detail["input"]))
     if kind == "string_pattern_mismatch":
         return document.error(key, f"{value} is not a name", "a letter, then letters, digits, _ or -")
     return document.error(key, f"{value}: {detail['msg']}")
@@ -210,6 +228,21 @@ def _consequence(detail: Mapping[str, Any]) -> bool:
 
 def _length_hint(kind: str, context: Mapping[str, Any]) -> str:
     return f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"
+
+
+def _whole_hint(kind: str, given: Any) -> str | None:
+    """4e6 is a whole number, but TOML knows it as one only when it is written as one."""
+    whole = kind == "int_type" and isinstance(given, float) and given.is_integer() and abs(given) < 1e15
+    return f"without a point and an exponent: {int(given):_}" if whole else None
+
+
+def _added(model: type[Table], key: Key, where: Key) -> str:
+    """How a missing key is written: a table has its own heading."""
+    fields = [table.model_fields.get(str(where[-1])) for table in _tables(model, where[:-1])]
+    annotation = next((field.annotation for field in fields if field), None)
+    if len(key) > 1 or not any(_models(annotation)):
+        return f"{key_text(key)} = …"
+    return f"[[{key[0]}]]" if get_origin(annotation) is tuple else f"[{key[0]}]"
 
 
 class _Missing(InputError):
@@ -236,14 +269,19 @@ def shown(value: Any) -> str:
 
 def _known_keys(model: type[Table], where: Key) -> Iterator[str]:
     """The names of the fields of the table that is at `where` in `model`."""
+    for table in _tables(model, where):
+        for name, field in table.model_fields.items():
+            yield field.alias or name
+
+
+def _tables(model: type[Table], where: Key) -> list[type[BaseModel]]:
+    """The models that the table at `where` in `model` may be."""
     tables: list[type[BaseModel]] = [model]
     for step in where:
         if isinstance(step, str):
             found = [table.model_fields[step].annotation for table in tables if step in table.model_fields]
             tables = [inner for annotation in found for inner in _models(annotation)] or tables
-    for table in tables:
-        for name, field in table.model_fields.items():
-            yield field.alias or name
+    return tables
 
 
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:

@@ -34,6 +34,12 @@ from servogen.robot.servo import Servo
 from servogen.tomlfile import Document, exact
 from servogen.units import Clock, Cycles
 
+LEAST_CLOCK_HZ = 32_000
+"""A watch's crystal has 32768 Hz (DS35007, table of crystal capacitors, mode LP)."""
+
+LEAST_PERIOD_US = 1000.0
+"""As long as a servo's pulse is."""
+
 PARTS = ("motion", "walk", "program", "drive")
 """The sections that say what the servos do."""
 
@@ -121,10 +127,22 @@ def _chip(document: Document, table: JobTable) -> tuple[Device, Clock]:
             f"{table.chip.clock_hz} Hz is above the {chip.name}'s limit of {chip.max_clock_hz} Hz",
             "the PIC16F84 runs at up to 10 MHz, the PIC16F84A at up to 20 MHz",
         )
+    if table.chip.clock_hz < LEAST_CLOCK_HZ:
+        raise document.error(
+            ("chip", "clock_hz"),
+            f"{table.chip.clock_hz} Hz is slower than any crystal: at least {LEAST_CLOCK_HZ} Hz",
+            "4 MHz are 4_000_000",
+        )
     return chip, Clock(table.chip.clock_hz)
 
 
 def _frame(document: Document, table: JobTable, clock: Clock) -> Frame:
+    if table.frame.period_us < LEAST_PERIOD_US:
+        raise document.error(
+            ("frame", "period_us"),
+            f"{table.frame.period_us:g} µs is no longer than a pulse",
+            "20 ms are 20_000 µs",
+        )
     return Frame(
         clock.round_us(exact(table.frame.period_us)),
         exact(table.frame.gap_us),

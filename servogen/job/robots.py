@@ -49,8 +49,11 @@ def rig_of(document: Document, table: JobTable, servos: tuple[Servo, ...]) -> Ri
 
 def _robot(document: Document, name: str) -> Robot:
     beside = Path(document.file).parent / name
+    own = name.lower().endswith(".toml")
+    if own and not beside.is_file():
+        raise document.error(("robot", "name"), f"there is no robot file '{beside}'")
     try:
-        return named_robot(str(beside) if name.lower().endswith(".toml") else name)
+        return named_robot(str(beside) if own else name)
     except InputError as error:
         if error.place is not None and error.place.file and error.place.file != document.file:
             raise

@@ -71,14 +71,16 @@ def walk_of(
 
 
 def _gait(document: Document, table: WalkTable, whole: Hexapod, robot: Hexapod) -> Gait:
-    key = "lifts" if table.lifts is not None else "gait"
+    key = "lifts" if table.lifts is not None else "gait" if table.duty is None else "duty"
     try:
         if table.lifts is not None:
             if table.duty is None:
-                raise InputError("phases need a duty factor", hint="add duty = …")
+                raise InputError("a gait of your own has a duty factor, too", hint="add duty = …")
             return custom("own", table.duty, table.lifts, robot)
         if table.duty is not None:
-            raise InputError("a duty factor needs phases", hint="add lifts = { L1 = 0.0, … }")
+            raise InputError(
+                "a gait of your own says when each leg lifts, too", hint="add lifts = { L1 = 0.0, … }"
+            )
         named = gait(table.gait, whole)
     except InputError as error:
         raise document.error(("walk", key), error.message, error.hint) from error

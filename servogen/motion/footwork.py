@@ -164,7 +164,12 @@ def footwork(robot: Hexapod, gait: Gait, posture: Posture) -> Footwork:
     try:
         beta, lifted = _beta_at(leg, foot), _beta_at(leg, foot + posture.lift)
     except InputError as error:
-        raise InputError(f"the legs cannot stand and lift so: {error.message}", hint=error.hint) from error
+        stands, lifts = (f"{1000 * length:g} mm" for length in (-foot, posture.lift))
+        least, most = (f"{1000 * length:g}" for length in (leg.df - leg.bc, leg.df + leg.bc))
+        raise InputError(
+            f"the legs cannot stand {stands} high and lift their feet by {lifts}",
+            hint=f"their feet are {least} to {most} mm below the body's joints",
+        ) from error
     sign = 1 if posture.beta_sign >= 0 else -1
     return Footwork(robot, leg, gait, posture.stance_width, sign * beta, sign * lifted)
 

@@ -41,6 +41,12 @@ def robot_of(document: Document, find: Find) -> Robot:
     table = tomlfile.validate(document, RobotTable)
     for key in document.data:
         if key not in _KEYS[table.kind]:
+            kinds = [f'kind = "{kind}"' for kind, keys in _KEYS.items() if key in keys]
+            if kinds:
+                where = f"in a file of {' or '.join(kinds)}, not of {table.kind}"
+                raise document.error(
+                    (key,), f"'{key}' stands {where}", "the kind is that of an arm unless given"
+                )
             raise tomlfile.unknown_key(document, (key,), _KEYS[table.kind])
     if table.kind == "omni":
         return _omni(document, table)
@@ -82,7 +88,7 @@ def _hexapod(document: Document, table: RobotTable, find: Find) -> Hexapod:
     return Hexapod(
         table.name,
         table.title,
-        _lengths_changed(document, table, leg),
+        _leg_changed(document, table, leg),
         mounts,
         (x, y, z),
         table.dimensions,
@@ -134,11 +140,24 @@ def _found(document: Document, key: str, name: str, find: Find) -> Robot:
         raise document.error((key,), error.message, error.hint) from error
 
 
+def _leg_changed(document: Document, table: RobotTable, leg: Arm) -> Arm:
+    """The leg with the lengths of the file; without a reach or a thigh it is none."""
+    changed = _lengths_changed(document, table, leg)
+    if not changed.length["bc"]:
+        raise document.error(("lengths_mm", "bc"), "bc is 0: β would lift nothing")
+    if not changed.length["ab"] + changed.length["cd"]:
+        raise document.error(("lengths_mm", "ab"), "ab and cd are both 0: a leg has a reach")
+    return changed
+
+
 def _lengths_changed(document: Document, table: RobotTable, arm: Arm) -> Arm:
     for name in table.lengths_mm:
         if name not in arm.length:
-            where = ("lengths_mm", name)
-            raise document.error(where, f"'{arm.name}' has no length '{name}'", nearest(name, arm.length))
+            where, bare = ("lengths_mm", name), name.removesuffix("_mm")
+            hint = (
+                f"lengths_mm says the unit: write {bare}" if bare in arm.length else nearest(name, arm.length)
+            )
+            raise document.error(where, f"'{arm.name}' has no length '{name}'", hint)
     changed = {name: value / 1000 for name, value in table.lengths_mm.items()}
     return arm.with_lengths(**changed) if changed else arm
 

@@ -211,6 +211,11 @@ def servo(
         widest[0] if limits[0] is None else limits[0],
         widest[1] if limits[1] is None else limits[1],
     )
+    if None not in limits and chosen[0] >= chosen[1]:
+        asked, other = (model.shown(end) for end in chosen)
+        raise InputError(
+            f"{name}'s least angle of {asked} is not below its greatest of {other}", limits_place or place
+        )
     if (
         chosen[0] < widest[0] - TOLERANCE_RAD
         or chosen[1] > widest[1] + TOLERANCE_RAD

@@ -13,6 +13,9 @@ from servogen.tomlfile import Table
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
 
+MOST_MM = 100_000.0
+"""Beyond it a length is a slip of the pen."""
+
 
 def _as_text(value: Any) -> Any:
     return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
@@ -75,7 +78,8 @@ class RobotTable(Table):
     orientation: tuple[Literal["roll", "pitch", "rpy"], ...] = ()
     dimensions: Literal["source", "manufacturer", "example", "user"] = "user"
     source: str = ""
-    lengths_mm: dict[str, float] = Field(default_factory=dict)
+    lengths_mm: dict[str, Annotated[float, Field(ge=0, le=MOST_MM)]] = Field(default_factory=dict)
+    """A direction is the row's: a_mm = "-l2"."""
     joint: tuple[JointTable, ...] = ()
     row: tuple[RowTable, ...] = ()
     base: FrameTable | None = None

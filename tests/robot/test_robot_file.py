@@ -93,7 +93,9 @@ MISTAKES = [
     ('d_mm = "l1"', "d_mm = true", 25, "is not a text"),
     ("z_mm = 40", "z_cm = 40", 33, "write z_mm"),
     ("z_mm = 40", "z_mm = inf", 33, "finite"),
-    ("[tool]", "[[mount]]", 32, "unknown key 'mount'"),
+    ("[tool]", "[[mount]]", 32, "'mount' stands in a file of kind = \"hexapod\", not of arm"),
+    ("l1 = 120", "l1 = -120", 5, "-120 is out of range: at least 0 is allowed"),
+    ("l1 = 120", "l1 = 1e9", 5, "at most 100000"),
 ]
 
 
@@ -147,6 +149,7 @@ def test_a_robot_like_another_takes_over_all_that_is_not_written() -> None:
         ('"rv-m1"', '"rv-m2"', 2, "unknown robot 'rv-m2'"),
         ('"rv-m1"', '"hexapod"', 2, "is no arm"),
         ("d5 = 107", "d6 = 107", 5, "has no length 'd6'"),
+        ("d5 = 107", "d5_mm = 107", 5, "lengths_mm says the unit: write d5"),
         ('name = "q2"', 'name = "q7"', 8, "has no joint 'q7'"),
         ("lower_deg = -30", 'kind = "sliding"', 9, "is turning"),
         ("[lengths_mm]", 'convention = "standard"\n[lengths_mm]', 4, "taken from 'rv-m1'"),
@@ -183,6 +186,15 @@ def test_a_users_hexapod_has_its_own_mounts_and_leg_lengths() -> None:
         read('name = "six"\nkind = "hexapod"\n')
     with pytest.raises(InputError, match="is no leg"):
         read('name = "six"\nkind = "hexapod"\nleg = "scara"\n' + mounts)
+
+
+@pytest.mark.parametrize(
+    ("lengths", "says"), [("bc = 0", "bc is 0"), ("ab = 0\ncd = 0", "ab and cd are both 0")]
+)
+def test_a_leg_without_a_thigh_or_a_reach_is_none(lengths: str, says: str) -> None:
+    with pytest.raises(InputError, match=says) as caught:
+        read(f'name = "six"\nkind = "hexapod"\nlike = "hexapod"\n[lengths_mm]\n{lengths}\n')
+    assert caught.value.place is not None and caught.value.place.line == 5
 
 
 def test_an_omni_base_needs_its_wheels() -> None:

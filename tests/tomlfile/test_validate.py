@@ -48,7 +48,8 @@ def test_a_good_file_is_its_model() -> None:
         ("trim_us = 101", "101 is out of range: at most 100 is allowed"),
         ("trim_us = -101", "-101 is out of range: at least -100 is allowed"),
         ("trim_us = [3]", "[3] is not a number"),
-        ("count = 1.0", "1.0 is not a whole number"),
+        ("count = 1.5", "1.5 is not a whole number"),
+        ("count = 4e6", "4000000.0 is not a whole number\n  without a point and an exponent: 4_000_000"),
         ("count = true", "true is not a whole number"),
         ("reverse = 1", "1 is not true or false"),
         ('kind = "c"', "\"c\" is not allowed here\n  allowed: 'a' or 'b'"),
@@ -69,6 +70,27 @@ def test_what_is_wrong_is_said_with_its_line(line: str, says: str) -> None:
 def test_a_missing_key_is_named_at_its_table() -> None:
     error = error_of("[[servo]]\ntrim_us = 1\n")
     assert str(error) == "x.toml:1:1: servo[1]: 'name' is missing\n  add servo[1].name = …"
+
+
+def test_a_missing_table_is_written_with_its_brackets() -> None:
+    assert "add [[servo]]" in str(error_of("x = 1\n".replace("x = 1", "")))
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('a = "x\n', "this text has no closing quote"),
+        ("a = x\n", 'a text stands in "quotes"'),
+        ("a = [1\n", "an array above lacks its ]"),
+        ("a = 1\na = 2\n", "this name is given twice"),
+        ("[a]\n[a]\n", "this table is given twice; one of several has two brackets"),
+        ("a 1\n", "a key, then =, then its value"),
+    ],
+)
+def test_a_syntax_error_says_what_to_do(text: str, says: str) -> None:
+    with pytest.raises(InputError) as caught:
+        parse(text, "x.toml")
+    assert says in caught.value.message
 
 
 def test_a_misspelt_key_is_told_rather_than_the_one_that_is_missing_for_it() -> None:
