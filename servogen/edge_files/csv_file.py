@@ -15,6 +15,7 @@ from typing import IO, NoReturn
 import numpy as np
 
 from servogen.edge_files import rows
+from servogen.edge_files.endings import ended
 from servogen.edge_files.lines import last_line, line_blocks
 from servogen.edges import PINS, Driven, EdgeChunk, EdgeTrace, edge_chunk, join
 from servogen.errors import InputError, Place
@@ -54,8 +55,7 @@ def read_csv(path: str | Path, clock: Clock, end: int | None = None) -> EdgeTrac
     source = _CsvChunks(Path(path))
     last = last_line(source.path).split(b",")[0]
     known = Cycles(int(last) + 1 if last.isdigit() and len(last) <= MOST_DIGITS else 0)
-    trace = EdgeTrace(clock, source, known if end is None else Cycles(max(known, end)))
-    return trace if end is None else trace.until(end)
+    return ended(clock, source, known, end)
 
 
 @dataclass(frozen=True, slots=True)

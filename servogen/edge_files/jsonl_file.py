@@ -14,6 +14,7 @@ from typing import IO, Any, NoReturn
 import numpy as np
 
 from servogen.edge_files import rows
+from servogen.edge_files.endings import ended
 from servogen.edge_files.lines import last_line, line_blocks
 from servogen.edges import PINS, Changes, EdgeChunk, EdgeTrace, edge_chunk
 from servogen.errors import InputError, Place, nearest
@@ -57,8 +58,7 @@ def read_jsonl(path: str | Path, clock: Clock, end: int | None = None) -> EdgeTr
     except (ValueError, KeyError, TypeError):
         cycle = None  # the iteration names the line
     known = Cycles(cycle + 1 if _is_cycle(cycle) else 0)
-    trace = EdgeTrace(clock, source, known if end is None else Cycles(max(known, end)))
-    return trace if end is None else trace.until(end)
+    return ended(clock, source, known, end)
 
 
 @dataclass(frozen=True, slots=True)

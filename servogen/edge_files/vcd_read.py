@@ -19,6 +19,7 @@ import numpy as np
 from vcd.reader import TokenKind, VarDecl, VCDParseError, tokenize
 
 from servogen.edge_files import rows
+from servogen.edge_files.endings import ended
 from servogen.edge_files.lines import TAIL_BYTES, last_line, line_blocks, open_input
 from servogen.edge_files.wires import pins_of
 from servogen.edges import HIGH, LOW, UNDRIVEN, Changes, EdgeChunk, EdgeTrace, edge_chunk
@@ -33,6 +34,7 @@ LEVEL_OF = {
 UNIT_POWER = {"s": 0, "ms": 3, "us": 6, "ns": 9, "ps": 12, "fs": 15, "as": 18, "zs": 21}
 MOST_DIGITS = 18
 """So many decimal digits always fit a signed 64-bit integer."""
+MOST_CYCLES = 10**17
 
 # sigrok-cli puts a line "META samplerate: …" in front of what it writes.
 _FIRST_KEYWORD = re.compile(rb"^\s*\$", re.MULTILINE)
@@ -63,8 +65,7 @@ def read_vcd(
     header = read_header(path, wires)
     source = _VcdChunks(path, header, header.step_s * clock.cycles_per_second)
     known = _end(path, header.offset, source.cycles_per_step)
-    trace = EdgeTrace(clock, source, known if end is None else Cycles(max(known, end)))
-    return trace if end is None else trace.until(end)
+    return ended(clock, source, known, end)
 
 
 def read_header(path: Path, wires: Mapping[str, str] | None = None) -> VcdHeader:
@@ -109,6 +110,12 @@ def read_header(path: Path, wires: Mapping[str, str] | None = None) -> VcdHeader
 def _end(path: Path, start: int, cycles_per_step: Fraction) -> Cycles:
     """The cycle of the last time stamp, or the one after it where changes follow; after every change."""
     last = np.array(_last_times(path, start), dtype=np.int64)
+    if int(last[-1]) * cycles_per_step > MOST_CYCLES:
+        raise InputError(
+            f"time #{last[-1]} is too late",
+            Place(str(path)),
+            f"below 10^17 instruction cycles; a step of this file is {float(cycles_per_step):g}",
+        )
     *before, cycle = rows.rescale(last, cycles_per_step).tolist()
     if not _TIME.fullmatch(last_line(path)):
         return Cycles(cycle + 1)

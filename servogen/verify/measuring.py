@@ -33,16 +33,17 @@ def measure(observed: EdgeTrace) -> Measurement:
     windows = Windows(observed_edges(chunk, 0) for chunk in observed.driven())
     builders = [TrainBuilder(pin) for pin in range(len(PINS))]
     overlaps = OverlapCount()
-    now = 0
+    now = Cycles(0)
     while now < observed.end and max(builder.rows for builder in builders) < MOST_ROWS:
-        now = min(now + WINDOW, observed.end)
+        ahead = windows.first()
+        now = observed.end if ahead is None else Cycles(min(max(now, ahead) + WINDOW, observed.end))
         edges = windows.until(now)
         for pin in np.flatnonzero(np.bincount(edges.pin, minlength=len(PINS))).tolist():
             builders[pin].add(edges)
         overlaps.add(edges)
     trains = [(pin, builder.finish()) for pin, builder in enumerate(builders)]
     pins = tuple(measure_pin(pin, train) for pin, train in trains if len(train.first))
-    return Measurement(observed.clock, Cycles(now), pins, overlaps.finish(now), now == observed.end)
+    return Measurement(observed.clock, now, pins, overlaps.finish(now), now == observed.end)
 
 
 def measure_pin(pin: int, train: Train) -> PinMeasurement:

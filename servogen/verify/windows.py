@@ -74,15 +74,24 @@ class Windows:
     def until(self, limit: int) -> Edges:
         """All edges before cycle `limit` that were not taken yet."""
         while not self._ended and not (self._pending and self._pending[-1].cycle[-1] >= limit):
-            chunk = next(self._chunks, None)
-            if chunk is None:
-                self._ended = True
-            elif len(chunk.cycle):
-                self._pending.append(chunk)
+            self._read()
         edges = concatenate(self._pending)
         size = int(np.searchsorted(edges.cycle, limit))
         self._pending = [edges.take(slice(size, None))] if size < len(edges.cycle) else []
         return _in_order(edges.take(slice(size)))
+
+    def first(self) -> int | None:
+        """The cycle of the next edge that was not taken yet; None where there is none."""
+        while not self._ended and not self._pending:
+            self._read()
+        return int(self._pending[0].cycle[0]) if self._pending else None
+
+    def _read(self) -> None:
+        chunk = next(self._chunks, None)
+        if chunk is None:
+            self._ended = True
+        elif len(chunk.cycle):
+            self._pending.append(chunk)
 
 
 def _in_order(edges: Edges) -> Edges:

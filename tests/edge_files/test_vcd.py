@@ -180,6 +180,10 @@ def test_windows_line_ends_are_line_ends(tmp_path: Path) -> None:
         (HEADER + "#0\n0!\n#9z\n1!\n#10\n", r"a\.vcd:8: time '#9z'"),
         (HEADER + "#0\n0!\n?!\n#10\n", r"a\.vcd:8: '\?!' is not a value change"),
         (HEADER + f"#0\n0!\n#{10**19}\n", r"a\.vcd: time #10000000000000000000 is too late"),
+        (
+            HEADER.replace("1 us", "1 s") + f"#0\n0!\n#{10**15}\n",
+            r"a\.vcd: time #1000000000000000 is too late\n.* a step of this file is 1e\+06",
+        ),
     ],
 )
 def test_each_defect_of_a_file_has_its_place_and_message(tmp_path: Path, text: str, message: str) -> None:

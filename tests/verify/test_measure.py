@@ -188,3 +188,12 @@ def test_every_number_is_that_of_counting_pulse_by_pulse(
         assert found.periods == {value: steady.count(value) for value in sorted(set(steady))}
         assert sum(pause.count for pause in found.pauses) == len(periods) - len(steady)
     assert sum(run.pulses for run in found.runs) == len(pulses)
+
+
+def test_years_without_an_edge_are_passed_over() -> None:
+    """Pulses thirty years apart at 4 MHz, and as long again without one: the time between costs nothing."""
+    years = 10**15
+    found = measured([(0, 1500, RB0), (years, 1500, RB0)], 2 * years)
+    assert pin_of(found, RB0).widths == {1500: 2}
+    assert pin_of(found, RB0).periods == {years: 1}
+    assert found.end == 2 * years
