@@ -64,10 +64,23 @@ def rises(servos: Sequence[Servo], frame: Frame, clock: Clock) -> tuple[Cycles, 
                 )
         at += slot
     if at > frame.period.cycles:
-        raise InputError(
-            f"the pulses do not fit a frame: {len(servos)}, {frame.per_slot} at a time, take "
-            f"{float(clock.us(at)):g} µs, the frame has {float(frame.period.achieved_us):g} µs",
-            frame.place,
-            "lengthen period_us, shorten gap_us, raise per_slot, or narrow the servos' limits",
-        )
+        raise _do_not_fit(servos, frame, clock, Cycles(at))
     return tuple(starts)
+
+
+def _do_not_fit(servos: Sequence[Servo], frame: Frame, clock: Clock, taken: Cycles) -> InputError:
+    """Too many pulses, or too slow a clock: then the cycles between them are what does not fit."""
+    message = (
+        f"the pulses do not fit a frame: {len(servos)}, {frame.per_slot} at a time, take "
+        f"{float(clock.us(taken)):.10g} µs, the frame has {float(frame.period.requested_us):.10g} µs"
+    )
+    between = clock.us(LEAST_GAP)
+    if between <= max(frame.gap_us, GAP_US):
+        hint = "lengthen period_us, shorten gap_us, raise per_slot, or narrow the servos' limits"
+        return InputError(message, frame.place, hint)
+    return InputError(
+        f"{message}; at {clock.hz} Hz the {LEAST_GAP} cycles from one edge to the next take "
+        f"{float(between):.10g} µs",
+        frame.place,
+        "take a faster clock",
+    )

@@ -105,6 +105,14 @@ def test_more_pulses_than_fit_a_frame_are_refused() -> None:
         made([[90] * 9], servos(*["futaba-s3001"] * 9))
 
 
+def test_a_clock_too_slow_for_the_pulses_is_named() -> None:
+    """At 1 kHz a cycle is 4 ms: the 64 cycles from edge to edge alone are 256 ms."""
+    slow = Clock(1000)
+    angles = JointTrajectory(("s0",), slow, slow.round_us(20_000).cycles, np.zeros((1, 1)), 0)
+    with pytest.raises(InputError, match=r"the frame has 20000 µs; at 1000 Hz the 64 cycles .* 256000 µs"):
+        plan(angles, servos("futaba-s3001"), Frame(slow.round_us(20_000)))
+
+
 def test_a_stated_slot_must_hold_the_pulse() -> None:
     group, period = servos("futaba-s3001", "futaba-s3001"), CLOCK.round_us(20_000)
     angles = JointTrajectory(("s0", "s1"), CLOCK, period.cycles, np.zeros((1, 2)), 0)
