@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from servogen.cli.options import DEFAULT_CLOCK_HZ
 from servogen.cli.show import warn
 from servogen.errors import InputError, Place
 
@@ -92,6 +93,15 @@ def read_program(path: Path, device_name: str = "PIC16F84") -> Program:
         assembly = assemble(read_assembly(path), str(path), chip, beside(path.parent))
         return Program(assembly.image, assembly.listing)
     return Program(read_image(path))
+
+
+def clock_of(program: Program | None, clock_hz: int | None) -> Clock:
+    """The clock of the command line, else that of the program's C, else 4 MHz."""
+    from servogen.units import Clock
+
+    if clock_hz is not None:
+        return Clock(clock_hz)
+    return program.clock if program and program.clock else Clock(DEFAULT_CLOCK_HZ)
 
 
 def beside_c(name: str, including: str) -> tuple[str, str] | None:

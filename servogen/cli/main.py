@@ -1,13 +1,16 @@
 """`servogen`: the commands put together, and what every command shares: exit codes and how an error is shown.
 
 Exit codes: 0 done or proven, 1 checked and found wrong, 2 bad input, 3 a tool or the bench is missing or
-failed, 130 interrupted.
+failed, 130 interrupted, 141 nobody reads the output any more.
 """
 
 from __future__ import annotations
 
+import os
 import sys
-from typing import Annotated
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Annotated, TextIO
 
 import typer
 
@@ -32,6 +35,8 @@ from servogen.cli import (
 from servogen.errors import ServogenError, ToolError
 
 INTERRUPTED = 130
+NOBODY_READS = 141
+"""What a shell says of a program that a closed pipe has ended."""
 
 app = typer.Typer(
     name="servogen",
@@ -80,8 +85,52 @@ for group in GROUPS:
     group.register(app)
 
 
+class _Output:
+    """Standard output that remembers whether its reader has gone away: libraries make that an exit with 1."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self.closed_by_reader = False
+
+    def write(self, text: str) -> int:
+        with self._noticing():
+            return self._stream.write(text)
+
+    def flush(self) -> None:
+        with self._noticing():
+            self._stream.flush()
+
+    @contextmanager
+    def _noticing(self) -> Iterator[None]:
+        try:
+            yield
+        except BrokenPipeError:
+            self.closed_by_reader = True
+            raise
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._stream, name)
+
+
 def main() -> None:
-    """Runs one command; shows errors without a traceback and exits with the code that scripts rely on."""
+    """Runs one command and exits with the code that scripts rely on; a reader that goes away is no error."""
+    stream = sys.stdout
+    output = _Output(stream)
+    sys.stdout = output
+    try:
+        try:
+            _run()
+        finally:
+            output.flush()
+    except (BrokenPipeError, SystemExit):
+        if not output.closed_by_reader:
+            raise
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())  # what is left is for nobody
+        sys.exit(NOBODY_READS)
+
+
+def _run() -> None:
+    """One command; shows errors without a traceback."""
     try:
         app(prog_name="servogen")
     except ServogenError as error:
@@ -89,6 +138,8 @@ def main() -> None:
         sys.exit(error.exit_code)
     except KeyboardInterrupt:  # before or after the command itself
         sys.exit(INTERRUPTED)
+    except BrokenPipeError:
+        raise
     except OSError as error:
         _say(f"{error.filename}: {error.strerror}" if error.filename else str(error))
         sys.exit(2)

@@ -16,6 +16,8 @@ LONGEST_SECONDS = 1e9
 
 LONGEST_CYCLES = 10**16
 
+DEFAULT_CLOCK_HZ = 4_000_000
+
 
 def number(text: str) -> float:
     """A number of the command line; the error names what was typed."""
@@ -43,6 +45,9 @@ Seconds = Annotated[
     typer.Option("--seconds", parser=duration, metavar="SECONDS", help="How long, in simulated seconds."),
 ]
 Ra4PullUp = Annotated[bool, typer.Option("--ra4-pull-up", help="RA4, an open drain, has a pull-up resistor.")]
+ClockHz = Annotated[
+    int | None, typer.Option("--clock-hz", min=1, help="Default: what the C says, else 4 MHz.")
+]
 Output = Annotated[Path | None, typer.Option("--output", "-o", help="Where to write it.")]
 
 

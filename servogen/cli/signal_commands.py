@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from servogen.cli.files import PROGRAM_SUFFIXES, keep_apart, read_program, read_schedule
-from servogen.cli.options import Json, Ra4PullUp, Seconds
+from servogen.cli.files import PROGRAM_SUFFIXES, clock_of, keep_apart, read_program, read_schedule
+from servogen.cli.options import ClockHz, Json, Ra4PullUp, Seconds
 from servogen.cli.show import as_json, status, warn
 from servogen.errors import InputError, Place
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from servogen.pulse import PulseSchedule
     from servogen.units import Clock, Cycles
 
-DEFAULT_CLOCK_HZ = 4_000_000
 MEASURED_SECONDS = 20.0
 """Two rounds of the printed lab programs."""
 
@@ -111,16 +110,13 @@ def measure(
         list[str] | None,
         typer.Option("--servo", help="Judge by this model: MODEL for all pins, or PIN=MODEL."),
     ] = None,
-    clock_hz: Annotated[
-        int | None, typer.Option("--clock-hz", min=1, help="Default: what the C says, else 4 MHz.")
-    ] = None,
+    clock_hz: ClockHz = None,
     ra4_pull_up: Ra4PullUp = False,
     json: Json = False,
 ) -> None:
     """Say what pulses a program or recorded edges make on each pin, and what is doubtful about them."""
     from servogen.edge_files import read_edges
     from servogen.pipeline.measuring import cautions, servos_named
-    from servogen.units import Clock
     from servogen.verify import measure as measured
     from servogen.verify import measurement_lines
 
@@ -128,10 +124,10 @@ def measure(
     span = MEASURED_SECONDS if seconds is None else seconds
     if _is_program(file):
         program = read_program(file)
-        clock = Clock(clock_hz) if clock_hz else program.clock or Clock(DEFAULT_CLOCK_HZ)
+        clock = clock_of(program, clock_hz)
         trace = _running(program.image, clock, clock.round_seconds(span), ra4_pull_up)
     else:
-        clock = Clock(clock_hz or DEFAULT_CLOCK_HZ)
+        clock = clock_of(None, clock_hz)
         trace = read_edges(file, clock, None if seconds is None else clock.round_seconds(seconds)).stored()
     with status("measuring"):
         measurement = measured(trace)

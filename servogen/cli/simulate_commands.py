@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from servogen.cli.files import keep_apart, read_program
-from servogen.cli.options import LONGEST_CYCLES, DeviceName, Json, Ra4PullUp, Seconds
+from servogen.cli.files import clock_of, keep_apart, read_program
+from servogen.cli.options import LONGEST_CYCLES, ClockHz, DeviceName, Json, Ra4PullUp, Seconds
 from servogen.cli.show import as_json, progress, table, warn
 from servogen.errors import InputError
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from servogen.units import Clock, Cycles
 
 DEFAULT_SECONDS = 1.0
-DEFAULT_CLOCK_HZ = 4_000_000
 MOST_LINES = 20
 """Of the profile's source lines, the dearest."""
 
@@ -51,9 +50,7 @@ def simulate(
     eeprom: Annotated[
         Path | None, typer.Option("--eeprom", help="Write the image with its data EEPROM as left (.hex).")
     ] = None,
-    clock_hz: Annotated[
-        int | None, typer.Option("--clock-hz", min=1, help="Default: what the C says, else 4 MHz.")
-    ] = None,
+    clock_hz: ClockHz = None,
     device: DeviceName = "PIC16F84",
     ra4_pull_up: Ra4PullUp = False,
     watchdog_us: Annotated[
@@ -74,7 +71,7 @@ def simulate(
 
     keep_apart([path for path in (file, stimulus) if path], edges, vcd, trace, eeprom)
     program = read_program(file, device)
-    clock = _clock(program, clock_hz)
+    clock = clock_of(program, clock_hz)
     span = _span(clock, seconds, cycles)
     board = Options(
         ra4_pull_up=ra4_pull_up,
@@ -103,14 +100,6 @@ def simulate(
     _print_state(state, clock, changes)
     if found:
         _print_profile(found)
-
-
-def _clock(program: Program, clock_hz: int | None) -> Clock:
-    from servogen.units import Clock
-
-    if clock_hz is not None:
-        return Clock(clock_hz)
-    return program.clock or Clock(DEFAULT_CLOCK_HZ)
 
 
 def _span(clock: Clock, seconds: float | None, cycles: int | None) -> Cycles:

@@ -6,4 +6,13 @@ from servogen.csource.programs import Sequence, sequence
 from servogen.csource.rendering import DIALECTS, render
 from servogen.csource.stream import render_stream
 
-__all__ = ["DIALECTS", "Overheads", "Path", "Sequence", "render", "render_player", "render_stream", "sequence"]
+__all__ = [
+    "DIALECTS",
+    "Overheads",
+    "Path",
+    "Sequence",
+    "render",
+    "render_player",
+    "render_stream",
+    "sequence",
+]

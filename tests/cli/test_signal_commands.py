@@ -4,6 +4,8 @@ import csv
 import json
 from collections.abc import Callable
 from pathlib import Path
+from subprocess import PIPE, Popen
+from sys import executable
 from typing import Any
 
 import pytest
@@ -296,3 +298,36 @@ def test_c_includes_what_lies_beside_it(run: Run, tmp_path: Path) -> None:
     (tmp_path / "pins.h").unlink()
     ran = run("compile", tmp_path / "led.c", "-o", tmp_path / "led.hex")
     assert ran.code == 2 and "pins.h" in ran.err
+
+
+def test_a_reader_that_goes_away_is_no_error(tmp_path: Path) -> None:
+    """As `servogen --help | head`: quiet, and not the code of a verdict."""
+    code = "from servogen.cli import main; main()"
+    with Popen([executable, "-c", code, "--help"], stdout=PIPE, stderr=PIPE) as process:
+        assert process.stdout is not None and process.stderr is not None
+        process.stdout.close()
+        said = process.stderr.read()
+    assert (process.returncode, said) == (141, b"")
+
+
+def test_measure_of_a_file_of_seconds_ends(run: Run, tmp_path: Path) -> None:
+    file = tmp_path / "slow.vcd"
+    header = "$timescale 1 s $end\n$var wire 1 ! RB0 $end\n$enddefinitions $end\n"
+    file.write_text(header + "#0\n0!\n#5\n1!\n#9\n0!\n#2000000\n")
+    ran = run("measure", file)
+    assert ran.code == 0 and "RB0: 1 pulse" in ran.out
+
+
+def test_simulate_and_measure_take_the_same_clock(run: Run, tmp_path: Path) -> None:
+    """The command line's, else the C's, else 4 MHz."""
+    (tmp_path / "a.c").write_text("#pragma CLOCK_FREQ 8000000\nvoid main(void) { set_tris_b(0xFE); }\n")
+    run("compile", tmp_path / "a.c", "-o", tmp_path / "a.hex")
+    for arguments, cycles in (
+        (["a.c"], 2_000_000),
+        (["a.hex"], 1_000_000),
+        (["a.hex", "--clock-hz", 4_000], 1000),
+    ):
+        file, *more = arguments
+        measured = json.loads(run("measure", tmp_path / str(file), *more, "--seconds", 1, "--json").out)
+        simulated = json.loads(run("simulate", tmp_path / str(file), *more, "--seconds", 1, "--json").out)
+        assert (simulated["cycles"], measured["end_cycle"]) == (cycles, cycles)
