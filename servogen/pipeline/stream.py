@@ -5,16 +5,18 @@ In: a `Job` with a serial line, and a dialect. Out: what it streams, and the fir
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+
+import numpy as np
 
 from servogen.compiler import CompileError, Options, Source, compile_sources
 from servogen.csource import Overheads, render_stream
 from servogen.errors import InputError
 from servogen.job import Job
-from servogen.job.streams import still
 from servogen.motion import JointTrajectory
 from servogen.pipeline.tuning import DoesNotFit, Firmware
-from servogen.pulse.schedule import Input
+from servogen.pulse.schedule import Input, PulseSchedule
 from servogen.pulse.stream.streaming import Streaming, streaming
 
 
@@ -25,7 +27,19 @@ def stream(job: Job) -> tuple[JointTrajectory, Streaming]:
     made = streaming(job.servos, job.frame, job.clock, job.stream, job.firmware.soft_start_s)
     idle = replace(made.plan.schedule, inputs=(Input(job.stream.receive_pin, 1),))
     plan = replace(made.plan, schedule=idle)
-    return still(job.servos, idle.period, job.clock), replace(made, plan=plan)
+    return _idle(job, idle), replace(made, plan=plan)
+
+
+def _idle(job: Job, schedule: PulseSchedule) -> JointTrajectory:
+    """The neutral pose frame by frame; NaN where the fail-safe takes the pulses away."""
+    runs = (*schedule.lead_in, *schedule.loop)
+    rows = [
+        [servo.neutral if pulse else math.nan for servo, pulse in zip(job.servos, run.pulses, strict=True)]
+        for run in runs
+    ]
+    angles = np.repeat(np.array(rows), [run.frames for run in runs], axis=0)
+    names = tuple(servo.name for servo in job.servos)
+    return JointTrajectory(names, job.clock, schedule.period, angles, schedule.lead_in_frames)
 
 
 def compiled(job: Job, streamed: Streaming, dialect: str) -> Firmware:

@@ -25,11 +25,18 @@ from servogen.report.plan_charts import angle_chart, path_charts, rounding, widt
 from servogen.report.result_tables import CaptureFacts, capture_values, costs, memory, program_values
 from servogen.report.signals import captured, planned, scopes, shown_us, simulated
 from servogen.report.text import ProgramFacts
-from servogen.report.tool_error import ERROR_COLUMNS, error_rows, errors_of
+from servogen.report.tool_error import error_rows, errors_of
 from servogen.report.tracks import tracks_of
 from servogen.report.wiring import package, wires
 
 TEMPLATE = "report.html.j2"
+
+ALONE = "Positions come over the serial line; this page shows what the chip does until one comes."
+
+BY_JACOBIAN = ("worst by the Jacobian, mm", "rms by the Jacobian, mm")
+
+FIRST_FRAMES = 4
+"""Of the pulses, what is shown until somebody zooms."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +83,7 @@ def _values(facts: PageFacts) -> dict[str, object]:
         "rounding": tuple(rounding(facts.plan)),
         "paths": tuple(path_charts(tracks, schedule.lead_in_frames)),
         "errors": tuple(error_rows(errors_of(tracks), frame_s)),
-        "error_columns": ERROR_COLUMNS,
+        "error_columns": ("end", "worst, mm", "rms, mm", "worst in frame", "at, s", *BY_JACOBIAN),
         **_signal_values(facts),
         "programs": tuple(program_values(program) for program in facts.programs),
         "capture": capture_values(facts.capture),
@@ -84,7 +91,7 @@ def _values(facts: PageFacts) -> dict[str, object]:
         "costs": tuple(costs(facts.listing)),
         "memory": memory(facts.programs),
         "listing": listing_text(facts.listing) if facts.listing else "",
-        "notes": [note.text for note in job.notes],
+        "notes": [*([ALONE] if job.stream else []), *(_with_key(note) for note in job.notes)],
         "warnings": [_without_folder(warning) for warning in facts.warnings],
     }
 
@@ -104,11 +111,11 @@ def _tiles(facts: PageFacts) -> Iterator[tuple[str, str]]:
     yield f"{float(schedule.clock.us(schedule.period)) / 1000:g} ms", "period"
     yield (
         f"{float(second(schedule.loop_frames * schedule.period)):g} s",
-        f"loop, {schedule.loop_frames} frames",
+        f"loop, {_frames(schedule.loop_frames)}",
     )
     if schedule.lead_in_frames:
         lead_in = float(second(schedule.lead_in_frames * schedule.period))
-        yield f"{lead_in:g} s", f"lead-in, {schedule.lead_in_frames} frames"
+        yield f"{lead_in:g} s", f"lead-in, {_frames(schedule.lead_in_frames)}"
     for program in facts.programs[:1]:
         yield f"{program.words} of {PROGRAM_WORDS}", "words of program"
         yield f"{program.ram_bytes} of {RAM_BYTES}", "bytes of RAM"
@@ -138,7 +145,14 @@ def _signal_values(facts: PageFacts) -> dict[str, object]:
     rows = [row for channel in zip(*groups, strict=True) for row in channel]
     shown = scopes(schedule)
     span = shown_us(schedule)
-    data = {"end": span, "rows": [{"rise": row.rise, "width": row.width} for row in rows]}
+    period = float(schedule.clock.us(schedule.period))
+    start = min(shown[0].start_us if shown else 0.0, max(0.0, span - FIRST_FRAMES * period))
+    data = {
+        "end": span,
+        "period": period,
+        "first": [start, min(span, start + FIRST_FRAMES * period)],
+        "rows": [{"rise": row.rise, "width": row.width} for row in rows],
+    }
     whole = (schedule.lead_in_frames + schedule.loop_frames) * float(schedule.clock.us(schedule.period))
     return {
         "signals": rows,
@@ -152,3 +166,12 @@ def _signal_values(facts: PageFacts) -> dict[str, object]:
 def _without_folder(warning: Caution) -> str:
     place = warning.place
     return str(replace(warning, place=replace(place, file=Path(place.file or "").name) if place else None))
+
+
+def _frames(count: int) -> str:
+    return f"{count} frame{'s' if count != 1 else ''}"
+
+
+def _with_key(note: Caution) -> str:
+    key = note.place.key if note.place else None
+    return f"{key}: {note.text}" if key else note.text

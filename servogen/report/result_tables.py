@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from servogen.edges import PINS, EdgeTrace
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
-from servogen.pic.listing import Listing
+from servogen.pic.listing import ListedFunction, Listing
 from servogen.report.text import ProgramFacts
 from servogen.verify import CaptureVerdict, capture_lines
 
@@ -92,21 +92,29 @@ def costs(listing: Listing | None) -> Iterator[tuple[str, ...]]:
     functions = listing.functions if listing else ()
     for each in sorted(functions, key=lambda each: (each.start - each.end, each.start)):
         yield (
-            each.name,
+            _spoken(each.name),
             f"{each.start:04X}",
             str(each.end - each.start),
             str(each.ram_bytes),
             str(each.deepest_calls),
-            _cycles(each.least_cycles, each.most_cycles),
+            _cycles(each),
         )
 
 
-def _cycles(least: int | None, most: int | None) -> str:
-    if least is None and most is None:
-        return "–"
-    if least == most:
-        return str(least)
-    return f"{'?' if least is None else least} to {'no end' if most is None else most}"
+def _spoken(name: str) -> str:
+    """A table's name says where in the C it stands: `__table.NAME@file:line:column`."""
+    table, _, place = name.removeprefix("__table.").partition("@")
+    return f"table {table}, {place.rpartition(':')[0]}" if name.startswith("__table.") else name
+
+
+def _cycles(listed: ListedFunction) -> str:
+    """Of a call: exactly, or from the shortest to the longest way, and what has no known end."""
+    least, most = listed.least_cycles, listed.most_cycles
+    if least is None:
+        return "–" if most is None else f"up to {most}"
+    if most is None:
+        return f"{least} or more" + (f": {', '.join(listed.unbounded)}" if listed.unbounded else "")
+    return str(least) if least == most else f"{least} to {most}"
 
 
 def memory(programs: Sequence[ProgramFacts]) -> tuple[tuple[str, int, int, str], ...]:

@@ -11,8 +11,11 @@ import pytest
 from servogen.edge_files.captures import capture_writer
 from servogen.edges import edge_chunk
 from servogen.job import load
+from servogen.pic.listing import ListedFunction, Listing
 from servogen.pipeline.reporting import Page, page_of
 from servogen.report.drawing import Axis, dots_path, nice, points_path, pulses_path, steps_path
+from servogen.report.result_tables import costs
+from servogen.report.wiring import wires
 from servogen.units import Cycles
 
 ROOT = Path(__file__).parents[2]
@@ -103,6 +106,73 @@ def test_the_drawn_pulses_are_the_planned_ones_and_the_programs(page: Page) -> N
     assert planned["width"] == [1000] * 5 + [1500] * 5
     assert np.diff(planned["rise"]).tolist() == [20_000] * 9
     assert simulated == planned
+
+
+def test_the_page_opens_on_a_few_frames_in_which_pulses_can_be_seen(page: Page) -> None:
+    data = data_of(page.html)
+    begin, end = data["first"]  # type: ignore[misc]
+    assert end - begin == 80_000
+    assert sum(begin <= rise < end for rise in data["rows"][0]["rise"]) == 4  # type: ignore[index]
+
+
+def test_dark_narrow_and_printed_pages_have_a_style_of_their_own(page: Page) -> None:
+    for medium in ("screen and (prefers-color-scheme: dark)", "(max-width: 640px)", "print"):
+        assert f"@media {medium}" in page.html
+
+
+def test_each_function_has_its_cost(page: Page) -> None:
+    table = page.html.split('id="costs"')[1].split("</table>")[0]
+    assert "cycles of a call" in table
+    assert "<td>main</td>" in table
+    listing = page.html.split("<pre>")[1].split("function ")[1]
+    listed = re.findall(r"^(\w+) +[0-9A-F]{4} +(\d+) ", listing, re.M)
+    assert len(listed) > 2
+    for name, words in listed:
+        assert re.search(rf"<td>{name}</td><td>[0-9A-F]{{4}}</td><td>{words}</td>", table), name
+
+
+def test_buttons_and_the_serial_line_are_wired(tmp_path: Path) -> None:
+    job = tmp_path / "job.toml"
+    job.write_text(JOB + '[stream]\nreceive_pin = "RB6"\ntransmit_pin = "RB7"\n')
+    assert [(wire.number, wire.pin, wire.use) for wire in wires(load(job))][1:3] == [
+        (12, "RB6", "serial line in, 2400 baud, 5 V, idle high"),
+        (13, "RB7", "serial line out, 5 V, idle high"),
+    ]
+    job.write_text(JOB + '[firmware]\nengine = "player"\nstart_pin = "RB1"\n')
+    assert any(wire.pin == "RB1" and wire.use.startswith("start button") for wire in wires(load(job)))
+
+
+@pytest.mark.parametrize(
+    ("least", "most", "unbounded", "words"),
+    [
+        (4, 4, (), "4"),
+        (4, 9, (), "4 to 9"),
+        (4, None, (), "4 or more"),
+        (4, None, ("while at line 12",), "4 or more: while at line 12"),
+        (None, None, (), "–"),
+    ],
+)
+def test_cycles_are_told_as_far_as_they_are_known(
+    least: int | None, most: int | None, unbounded: tuple[str, ...], words: str
+) -> None:
+    listed = ListedFunction("main", 0, 7, least_cycles=least, most_cycles=most, unbounded=unbounded)
+    assert next(iter(costs(Listing((), (listed,)))))[-1] == words
+
+
+def test_a_tables_place_in_the_c_is_told_and_not_its_label() -> None:
+    listed = ListedFunction("__table.KEYFRAME@main.c2c.c:42:21", 0, 7)
+    assert next(iter(costs(Listing((), (listed,)))))[0] == "table KEYFRAME, main.c2c.c:42"
+
+
+@pytest.mark.parametrize("fail_safe", ["hold", "off"])
+def test_a_stream_job_has_a_page_of_its_neutral_pose(tmp_path: Path, fail_safe: str) -> None:
+    job = tmp_path / "job.toml"
+    job.write_text(JOB.split("[motion]")[0] + f'[stream]\nfail_safe = "{fail_safe}"\n')
+    made = page_of(load(job))
+    assert made.proven
+    assert "serial line in, 2400 baud" in made.html
+    rows = data_of(made.html)["rows"]
+    assert set(rows[0]["width"]) == {1500}  # type: ignore[index]
 
 
 def test_names_cannot_break_the_page(tmp_path: Path) -> None:
