@@ -152,7 +152,7 @@ def _never(port: Port, look: Look) -> ToolError:
     if look.channel is None:
         return ToolError(f"the analyser sent nothing for {waited}", Place(port.path))
     return ToolError(
-        f"nothing rose on channel {look.channel} for {waited}",
+        f"nothing rose on channel {look.channel} for {waited}, or too little followed to fill the memory",
         Place(port.path),
         "does the chip run, is that channel's wire on its pin, is ground connected?",
     )

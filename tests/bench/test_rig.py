@@ -1,7 +1,11 @@
 """`servogen rig`: a process of its own, and the other commands as its clients."""
 
+import fcntl
 import json
+import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -54,6 +58,31 @@ def test_a_fault_that_is_none_is_refused(run: Run) -> None:
     done = run("rig", JOB, "--fault", "analyser:silence")
     assert done.code == 2
     assert "did you mean 'analyser:silent'?" in done.err
+
+
+def test_of_two_processes_on_one_port_the_second_is_refused(run: Run, bench: Rig, tmp_path: Path) -> None:
+    port = bench("--real-time").paths["analyser"]
+    common = ("capture", "--port", port, "--against", SCHEDULE, "--seconds", "1", "-o")
+    first = subprocess.Popen([sys.executable, "-m", "servogen", *common, tmp_path / "1.vcd"])
+    while not in_use(port):
+        assert first.poll() is None
+        time.sleep(0.02)
+    done = run(*common, tmp_path / "2.vcd")
+    assert done.code == 3
+    assert f"{port}: is in use by another program" in done.err
+    assert first.wait() == 0
+
+
+def in_use(port: str) -> bool:
+    """Whether another process holds the port."""
+    handle = os.open(port, os.O_RDWR | os.O_NOCTTY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    finally:
+        os.close(handle)
+    return False
 
 
 def test_in_real_time_a_capture_takes_as_long_as_it_shows(run: Run, bench: Rig, tmp_path: Path) -> None:

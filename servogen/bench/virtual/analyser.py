@@ -15,8 +15,8 @@ from servogen.bench.sump import Command, Key
 from servogen.bench.virtual.capture import Capture, armed
 from servogen.bench.virtual.chip import VirtualChip
 
-MOST_SLICES = 8000
-"""A capture that takes longer than half an hour of the chip's time is given up."""
+LONGEST_S = 1800
+"""A capture that takes longer, of the chip's time, is given up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ class VirtualAnalyser:
         if self._armed.finished is not None:
             self._send(self._armed.finished)
             self._arm(None)
-        elif self._armed.slices > MOST_SLICES:
+        elif self._armed.cycles > LONGEST_S * self.chip.cycles_per_second:
             self._arm(None)
 
     def _arm(self, capture: Capture | None) -> None:

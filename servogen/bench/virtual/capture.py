@@ -63,7 +63,8 @@ class Capture:
     stages: tuple[tuple[int, int], ...]
     """(mask, value) of each, in order; the first sample that matches the last one is the trigger."""
     finished: bytes | None = None
-    slices: int = 0
+    cycles: int = 0
+    """For which it has watched."""
     _begin: int | None = None
     """The cycle at which sampling began."""
     _runs: Runs = field(
@@ -79,7 +80,7 @@ class Capture:
         cycles = chip.due(int(seconds * chip.cycles_per_second) + 1)
         if not cycles:
             return
-        self.slices += 1
+        self.cycles += cycles
         begin = chip.now if self._begin is None else self._begin
         self._begin = begin
         cycle, levels = chip.look(cycles)
