@@ -27,6 +27,7 @@ from tests.compiler.random.program import (
     Logic,
     MemberOf,
     Num,
+    Part,
     Place,
     Pointer,
     Shift,
@@ -231,7 +232,8 @@ class Expressions:
                 first, second = self.sequenced(low, touch, inner, 2)
                 return Comma(first, second)
             case "call":
-                return self.call(low, touch) or self.leaf(touch)
+                part = self.part(low, touch) if self.chance(0.3) else None
+                return part or self.call(low, touch) or self.leaf(touch)
         return self.change(kind, low, touch) or self.leaf(touch)
 
     def comparison(self, depth: int, touch: Touch, inner: Callable[[int, Touch], Expr]) -> Expr:
@@ -311,6 +313,17 @@ class Expressions:
             self.scope.cost += self.scope.rounds * each.cost
             return Call(each, tuple(arguments))  # type: ignore[arg-type]
         return None
+
+    def part(self, depth: int, touch: Touch) -> Part | None:
+        """A scalar member of what a function gives."""
+        makers = [each for each in self.scope.callable if isinstance(each.result, Struct)]
+        if not makers:
+            return None
+        maker = self.rng.choice(makers)
+        assert isinstance(maker.result, Struct)
+        members = [each for each in maker.result.members if isinstance(each.type, Int)]
+        made = self.call(depth, touch, maker) if members else None
+        return Part(made, self.rng.choice(members)) if made is not None else None
 
     def argument(self, parameter: Variable, depth: int, touch: Touch) -> Expr | None:
         kind = parameter.type

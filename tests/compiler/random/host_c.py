@@ -34,6 +34,7 @@ from tests.compiler.random.program import (
     Logic,
     MemberOf,
     Num,
+    Part,
     Place,
     Program,
     SetBit,
@@ -203,6 +204,8 @@ class HostC(Printer):
                 given = ", ".join(self.argument(parameter, each) for parameter, each in pairs)
                 whole = "(V)" if isinstance(function.result, Int) else ""
                 return f"{whole}{self.prefix}{function.name}({given})"
+            case Part(made, member):
+                return f"(V){self.expr(made)}.{member.name}"
             case TestBit(target, bit):
                 return f"(({self.expr(target)} >> {bit}) & 1)"
         raise TypeError(expr)

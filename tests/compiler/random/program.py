@@ -262,6 +262,14 @@ class Call:
 
 
 @dataclass(frozen=True)
+class Part:
+    """A member of the structure that a call gives."""
+
+    made: Call
+    member: Member
+
+
+@dataclass(frozen=True)
 class TestBit:
     """One bit of a variable: a built-in, a bit member or a mask."""
 
@@ -289,6 +297,7 @@ Expr = (
     | Step
     | AddressOf
     | Call
+    | Part
     | TestBit
 )
 

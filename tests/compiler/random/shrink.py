@@ -302,7 +302,7 @@ def _is_value(node: Any) -> bool:
         return False
     if isinstance(node, (Var, Element, Deref)):
         return isinstance(place_type(node), Int)
-    return not (isinstance(node, Call) and node.function.result is None)
+    return not (isinstance(node, Call) and not isinstance(node.function.result, Int))
 
 
 def _parts(node: Any) -> Iterator[Any]:

@@ -25,6 +25,7 @@ from tests.compiler.random.program import (
     Logic,
     MemberOf,
     Num,
+    Part,
     Place,
     Return,
     SetBit,
@@ -98,11 +99,13 @@ unsigned char twist(unsigned char v, uint16_t w) {
 }
 void HANDLER {
     INTCON = INTCON & 0xFB;
-    beats++;
+CALLED    beats++;
     beat_sum = beat_sum * 3 + twist(beat_table[beats & 1], beat_sum);
     beat_table[beats & 1] = beat_sum >> (beats & 7);
 }
 """
+_CHEAP = 60
+"""Operations of a function that the handler may call beside its own work."""
 _HANDLERS = {"xc8": "__interrupt() beat(void)", "c2c": "interrupt(void)"}
 _BESIDE = """    twisted = twist(9, 1234);
     for (twists = 200; twists; twists--)
@@ -128,8 +131,20 @@ class TargetC(Printer):
         parts = ["#include <xc.h>" if self.dialect == "xc8" else "", "#include <stdint.h>", _OUT + helpers]
         parts += [self.struct(each) for each in program.structs]
         parts += [self.declaration(each) for each in program.globals]
-        parts += [_INTERRUPT.replace("HANDLER", _HANDLERS[self.dialect])] if program.interrupt else []
+        parts += [self.interrupt()] if program.interrupt else []
         return "\n".join(parts + prototypes + bodies) + "\n"
+
+    def interrupt(self) -> str:
+        """The handler; it also calls the functions of the program that only read."""
+        called = "".join(
+            f"    {each.name}({', '.join('3' for _ in each.parameters)});\n"
+            for each in self.program.functions[:-1]
+            if not each.writes
+            and each.cost < _CHEAP
+            and isinstance(each.result, Int)
+            and all(isinstance(parameter.type, Int) for parameter in each.parameters)
+        )
+        return _INTERRUPT.replace("HANDLER", _HANDLERS[self.dialect]).replace("CALLED", called)
 
     def head(self, function: Function) -> str:
         parameters = (
@@ -234,6 +249,8 @@ class TargetC(Printer):
             case Call(function, arguments):
                 given = ", ".join(self.argument(each) for each in arguments)
                 return f"{function.name}({given})"
+            case Part(made, member):
+                return f"{self.expr(made)}.{member.name}"
             case TestBit():
                 return self.test_bit(expr)
             case AddressOf():

@@ -30,6 +30,7 @@ from tests.compiler.random.program import (
     Member,
     MemberOf,
     Num,
+    Part,
     Pointer,
     Shift,
     SizeOf,
@@ -129,6 +130,10 @@ def type_of(expr: Expr, dialect: str) -> Int:
             return U16
         case Assign(target) | Update(_, target) | Step(_, target):
             return type_of(target, dialect)
+        case Part(_, member):
+            kind = member_type(member)
+            assert isinstance(kind, Int)
+            return kind
         case Call(function):
             assert isinstance(function.result, Int)
             return function.result
