@@ -39,8 +39,13 @@ def play(job: Job) -> tuple[JointTrajectory, Playing]:
 
 def compiled(job: Job, played: Playing, dialect: str) -> Firmware:
     """The firmware in `dialect`. Raises DoesNotFit where the chip is too small."""
-    file = f"main.{dialect}.c"
     text = render_player(played, job.firmware.buttons, dialect, job.device, job.name)
+    return firmware(text, job, played.layout, dialect)
+
+
+def firmware(text: str, job: Job, layout: Layout, dialect: str) -> Firmware:
+    """What the compiler makes of a player's C, and how long that takes at most. Raises DoesNotFit."""
+    file = f"main.{dialect}.c"
     try:
         made = compile_sources([Source(text, file)], Options(dialect=dialect, device=job.device))
     except CompileError as error:
@@ -48,7 +53,7 @@ def compiled(job: Job, played: Playing, dialect: str) -> Firmware:
             f"{job.name}: planned, but more than the player can hold: {error.message}",
             hint="fewer parts: let more of the motion repeat",
         ) from error
-    found = rooms(made.listing, played.layout)
+    found = rooms(made.listing, layout)
     overrun = next(address for address, name, _ in made.listing.variables if name == "overrun")
     return Firmware(dialect, file, text, made, Overheads(), found, overrun, tuple(cautions(found)))
 

@@ -26,7 +26,7 @@ MOST = 250
 """Repetitions and their frames are counted in bytes."""
 
 LONGEST = 256
-"""What does not repeat is cut here: 0 in a byte, and a whole number of keyframes however far they are apart."""
+"""What does not repeat is cut here: in a byte 0, and whole keyframes however far they are apart."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,98 @@
+"""The time of the C between the pulses: its bound holds, what is left is left, too slow a C is found out."""
+
+from dataclasses import replace
+
+import pytest
+
+from servogen.pipeline.build import Build, proven, report
+from servogen.pipeline.player import CHECK, DONE, WIDTHS, firmware, label, play
+from servogen.pipeline.proof import checked_cycles, machine_of
+from tests.pipeline.player_jobs import built, built_text, job_text, sweep
+
+SMALL = job_text(5, sweep(5, 0.64), firmware="soft_start_s = 0.16")
+
+
+def slower(cycles: int) -> Build:
+    """The small job with so many cycles more after each slot, in C2C."""
+    done = built_text(SMALL)
+    turns, rest = divmod(cycles - 1, 3)
+    wait = [f"movlw {turns}", "movwf _count", "waste:", "decfsz _count, F", "goto waste", *["nop"] * rest]
+    lines = done.programs[0].firmware.text.splitlines(keepends=True)
+    last = 1 + lines.index(f"{DONE}:\n")
+    text = "".join([*lines[:last], *(f"{each}\n" for each in wait), *lines[last:]])
+    _, played = play(done.job)
+    made = firmware(text, done.job, played.layout, "c2c")
+    schedule = done.plan.schedule
+    return replace(done, programs=(proven(schedule, made, checked_cycles(schedule)),))
+
+
+@pytest.mark.parametrize("name", ["hexapod-tripod", "hexapod-turn", "scara-pick"])
+def test_no_slot_and_no_frame_takes_longer_than_the_bound(name: str) -> None:
+    done = built(name)
+    schedule = done.plan.schedule
+    _, played = play(done.job)
+    for program in done.programs:
+        listing = program.firmware.compilation.listing
+        check, end = label(listing, CHECK), label(listing, DONE)
+        begin = next(each.start for each in listing.functions if each.name == WIDTHS)
+        machine = machine_of(schedule, program.image)
+        machine.run_until(pc=end, limit=100_000)
+        worst = {False: 0, True: 0}
+        machine.breakpoints = {begin, check}
+        for _ in range(150 * len(played.layout.slots)):
+            since, frame = machine.cycles, False
+            machine.run(100_000)
+            if machine.pc == begin:
+                frame = True
+                machine.run(100_000)
+            assert machine.pc == check
+            worst[frame] = max(worst[frame], machine.cycles - since)
+            machine.run_until(pc=end, limit=100_000)
+        for room, took in zip(program.firmware.rooms, (worst[False], worst[True]), strict=True):
+            assert room.worst is not None and took <= room.worst
+            # The bound is no fancy: a path of nearly that length is run.
+            assert room.worst - took < 0.12 * room.worst
+
+
+def test_every_kept_job_has_time_left_in_every_dialect() -> None:
+    for name in ("hexapod-tripod", "hexapod-ripple", "hexapod-wave", "hexapod-turn", "scara-pick"):
+        for program in built(name).programs:
+            assert all(room.left is not None and room.left >= 0 for room in program.firmware.rooms)
+            assert program.overrun is None
+            assert not program.firmware.warnings
+
+
+def test_the_report_says_what_the_c_takes_and_that_it_never_came_too_late() -> None:
+    done = built_text(SMALL)
+    text = report(done)
+    for program in done.programs:
+        for room in program.firmware.rooms:
+            assert f"{room.worst}" in text and f"{room.left} ({room.left} us)" in text
+    assert text.count("overrun: never") == len(done.programs)
+
+
+def test_all_of_the_time_left_can_be_used_and_not_a_cycle_more() -> None:
+    left = built_text(SMALL).programs[0].firmware.rooms[0].left
+    assert left is not None and left > 0
+    used = slower(left).programs[0]
+    assert used.firmware.rooms[0].left == 0 and not used.firmware.warnings
+    assert used.proven and used.overrun is None
+    more = slower(left + 1).programs[0]
+    assert more.firmware.rooms[0].left == -1
+    assert "1 more than it has" in more.firmware.warnings[0].text
+
+
+def test_c_that_comes_too_late_is_seen_in_the_bit_in_the_edges_and_in_the_report() -> None:
+    left = built_text(SMALL).programs[0].firmware.rooms[0].left
+    assert left is not None
+    done = slower(left + 200)
+    late = done.programs[0]
+    assert late.overrun is not None
+    assert not late.verdict.proven and not late.proven and not done.proven
+    period = done.plan.schedule.period
+    # Only long pulses leave too little time: the bit says so within a frame of the first wrong edge.
+    assert late.verdict.difference is not None
+    wrong = late.verdict.difference.cycle
+    assert 10 * period < wrong <= late.overrun <= wrong + 2 * period
+    assert f"overrun: by cycle {late.overrun} after reset" in report(done)
+    assert "may take" in report(done)
