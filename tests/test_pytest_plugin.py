@@ -2,6 +2,7 @@
 
 import shutil
 from fractions import Fraction
+from importlib.util import find_spec
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -14,7 +15,11 @@ import servogen.pipeline.targets
 import servogen.pulse  # noqa: F401
 from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
 from servogen.bench.virtual.chip import VirtualChip
-from servogen.units import Clock
+from servogen.bench.virtual.k150 import ProgrammerOptions, VirtualProgrammer
+from servogen.edge_files.captures import capture_writer
+from servogen.edges import edge_chunk
+from servogen.pulse import from_json
+from servogen.units import Clock, Cycles
 from tests.bench.conftest import Serve, image_of, serve  # noqa: F401 - a fixture
 
 pytest_plugins = ["pytester"]
@@ -28,6 +33,14 @@ from servogen.pytest_plugin import assert_pulses
 
 @pytest.mark.servogen("job")
 def test_arm(servogen_capture, servogen_schedule):
+    assert_pulses(servogen_capture, servogen_schedule)
+"""
+
+
+TWICE = """
+
+@pytest.mark.servogen("job", seconds=1)
+def test_again(servogen_capture, servogen_schedule):
     assert_pulses(servogen_capture, servogen_schedule)
 """
 
@@ -135,6 +148,99 @@ def test_the_same_test_runs_on_the_bench(
     replayed.assert_outcomes(**{outcome: 1})
     if outcome == "passed":
         assert float(found["servogen_crystal_ppm"]) == pytest.approx(180, abs=2)
+
+
+picpro = pytest.mark.skipif(not find_spec("picpro"), reason="picpro is not installed: pip install picpro")
+
+
+def bench_with_a_programmer(serve: Serve) -> tuple[VirtualProgrammer, tuple[str, ...]]:  # noqa: F811
+    """A chip with lab 8's program on it, at 180 ppm, and the options that use its programmer and analyser."""
+    other = image_of(ROOT / "firmware" / "lab8-program" / "main.hex")
+    chip = VirtualChip(other, Clock(4_000_000), ppm=Fraction(180))
+    programmer = VirtualProgrammer(chip)
+    paths = serve({"analyser": VirtualAnalyser(chip), "programmer": programmer}).paths
+    return programmer, (
+        *("--servogen-target=bench", f"--servogen-port={paths['analyser']}"),
+        *("--servogen-programmer=picpro", f"--servogen-programmer-port={paths['programmer']}"),
+    )
+
+
+@picpro
+def test_the_bench_is_programmed_with_the_program_under_test_once(
+    project: pytest.Pytester,
+    serve: Serve,  # noqa: F811
+) -> None:
+    programmer, bench = bench_with_a_programmer(serve)
+    project.makepyfile(test_firmware=TEST + TWICE)
+    result = run(project, *bench, "--junitxml=report.xml")
+    result.assert_outcomes(passed=2)
+    wanted = image_of(JOB / "main.hex")
+    assert programmer.chip.image.flash() == wanted.flash()
+    assert programmer.erased == 1
+    found = properties(project.path / "report.xml")
+    assert found["servogen_program"] == "job/main.hex"
+    assert found["servogen_verdict"] == "proven within tolerances"
+    assert found["servogen_source"].startswith(
+        "the bench's chip, which this run programmed, by the analyser on"
+    )
+    assert float(found["servogen_crystal_ppm"]) == pytest.approx(180, abs=2)
+
+
+@picpro
+def test_a_wrong_program_is_programmed_and_fails_with_its_capture(
+    project: pytest.Pytester,
+    serve: Serve,  # noqa: F811
+) -> None:
+    """What was on the chip before cannot stand in for the program under test."""
+    _, bench = bench_with_a_programmer(serve)
+    break_the_program(project)
+    result = run(project, *bench, "--junitxml=report.xml")
+    result.assert_outcomes(failed=1)
+    capture = project.path / "servogen-captures" / "test_firmware-test_arm.vcd"
+    result.stdout.fnmatch_lines(
+        [f"*{capture}: what was seen on the bench's chip, which this run programmed*"]
+    )
+    found = properties(project.path / "report.xml")
+    assert found["servogen_capture"] == str(capture)
+    assert found["servogen_verdict"] == "not proven"
+    shutil.copy(capture, project.mkdir("seen") / capture.name)
+    run(project, "--servogen-replay=seen").assert_outcomes(failed=1)
+
+
+@picpro
+def test_a_chip_that_cannot_be_programmed_is_an_error_and_nothing_is_claimed(
+    project: pytest.Pytester,
+    serve: Serve,  # noqa: F811
+) -> None:
+    programmer, bench = bench_with_a_programmer(serve)
+    programmer.options = ProgrammerOptions(wrong_bit_at=0x10)
+    result = run(project, *bench, "--junitxml=report.xml")
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["*the program memory differs from the file*at address 0x010*"])
+    assert "servogen_verdict" not in properties(project.path / "report.xml")
+
+
+def test_a_partial_recording_is_never_taken_for_whole(project: pytest.Pytester) -> None:
+    path = project.mkdir("seen") / "test_firmware-test_arm.vcd"
+    with capture_writer(path, 1_000_000, missing="the analyser went away") as writer:
+        first = edge_chunk(*zip(*pulses(500), strict=True))
+        writer.add(first)
+        writer.finish(Cycles(10_000_000))
+    result = run(project, "--servogen-replay=seen")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*the capture is not whole: the analyser went away*"])
+
+
+def pulses(frames: int) -> list[tuple[int, int, int]]:
+    """The job's own edges from a moment before its first, as an analyser sees them."""
+    schedule = from_json((JOB / "schedule.json").read_text(), "schedule.json")
+    widths = [run.pulses[0] for run in schedule.loop for _ in range(run.frames)][:frames]
+    rows = [(0, 5, 0)]
+    for number, pulse in enumerate(widths):
+        assert pulse is not None
+        rise = 500 + number * schedule.period
+        rows += [(rise, 5, 1), (rise + pulse.width, 5, 0)]
+    return rows
 
 
 def test_the_bench_needs_its_port(project: pytest.Pytester) -> None:

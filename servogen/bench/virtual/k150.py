@@ -63,6 +63,8 @@ class VirtualProgrammer:
     gone: bool = False
     taken: int = 0
     """Bytes received since it was plugged in."""
+    erased: int = 0
+    """How often it erased a chip."""
     _rom: list[int] = field(default_factory=list)
     _eeprom: list[int] = field(default_factory=list)
     _ids: list[int] = field(default_factory=list)
@@ -187,6 +189,7 @@ class VirtualProgrammer:
         )
 
     def _erase(self) -> bytes:
+        self.erased += 1
         self._rom = [ERASED_WORD] * PROGRAM_WORDS
         self._eeprom = [ERASED_BYTE] * EEPROM_BYTES
         self._ids = [ID_BITS] * ID_WORDS
