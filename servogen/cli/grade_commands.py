@@ -40,6 +40,10 @@ def grade(
         str | None,
         typer.Option("--scheduler", help="A Dask scheduler's address; default: this machine's cores."),
     ] = None,
+    timeout: Annotated[
+        float,
+        typer.Option("--timeout", min=0.1, help="Seconds that compiling and running one file may take."),
+    ] = 120.0,
     json: Json = False,
 ) -> None:
     """Check programs against a lab's task and say what is wrong with each."""
@@ -49,7 +53,7 @@ def grade(
     task = load_lab(lab)
     programs = dict(_programs(files))
     with progress(task.title, len(programs)) as tell:
-        graded = grade_files(list(programs.values()), lab, read_program, scheduler, tell)
+        graded = grade_files(list(programs.values()), lab, read_program, scheduler, tell, timeout)
     named = list(zip(programs, graded, strict=True))
     if pages:
         _write_pages(pages, task, named)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -19,10 +19,17 @@ from servogen.errors import InputError, ServogenError, ToolError
 from servogen.grade import ChipFacts, Grade, Lab, judge, load_lab, refused
 from servogen.grade.watch import watch
 from servogen.pic.image import Image
+from servogen.pipeline.time_limit import TookTooLong, time_limit
 from servogen.simulator import Machine, Options, Repeat, State, find_repeat
 from servogen.units import Clock, Cycles
 
 BOARD = Options(ra4_pull_up=True)
+
+LIMIT_S = 120.0
+"""Of compiling and running one program, which takes a second; one that hangs must not stop the others."""
+
+CONNECT_S = 10
+"""To a cluster's scheduler."""
 
 
 class Runnable(Protocol):
@@ -61,18 +68,33 @@ def grade_program(lab: Lab, program: Runnable) -> Grade:
     return replace(grade, for_ever=isinstance(repeat, Repeat))
 
 
-def grade_file(file: Path, lab_name: str, read: Read) -> Graded:
+def grade_file(file: Path, lab_name: str, read: Read, limit_s: float = LIMIT_S) -> Graded:
     """Grades one file. A worker of any kind can run it: all that it is given can be pickled."""
     lab = load_lab(lab_name)
     try:
-        return Graded(file, grade_program(lab, read(file)))
-    except InputError as error:
-        return Graded(file, refused(lab.name, f"the program cannot be run:\n{error}"))
+        with time_limit(limit_s):
+            return Graded(file, _grade_file(file, lab, read))
+    except TookTooLong:
+        return Graded(
+            file,
+            refused(
+                lab.name,
+                f"it took too long: compiling it, and running it for {float(lab.watch_s):g} s "
+                f"of the chip's time, had not ended after {limit_s:g} s",
+            ),
+        )
     except ServogenError:
         raise
     except Exception as error:  # one program must not stop the others
         text = f"{type(error).__name__}: {error}"
         return Graded(file, refused(lab.name, f"servogen failed on it: {text}"), text)
+
+
+def _grade_file(file: Path, lab: Lab, read: Read) -> Grade:
+    try:
+        return grade_program(lab, read(file))
+    except InputError as error:
+        return refused(lab.name, f"the program cannot be run:\n{error}")
 
 
 def grade_files(
@@ -81,15 +103,31 @@ def grade_files(
     read: Read,
     scheduler: str | None = None,
     progress: Callable[[int], None] = lambda done: None,
+    limit_s: float = LIMIT_S,
 ) -> list[Graded]:
-    """Grades all files over the machine's cores, or over the Dask cluster at `scheduler`."""
+    """Grades all files over the machine's cores, or over the Dask cluster at `scheduler`.
+
+    None may take longer than `limit_s`.
+    """
     if scheduler is None and len(files) == 1:
-        return [grade_file(files[0], lab_name, read)]
+        return [grade_file(files[0], lab_name, read, limit_s)]
     with _executor(scheduler, len(files)) as executor:
-        futures = [executor.submit(grade_file, file, lab_name, read) for file in files]
+        futures = [executor.submit(grade_file, file, lab_name, read, limit_s) for file in files]
         for done, _ in enumerate(as_completed(futures), 1):
             progress(done)
-        return [_result(future, file, lab_name) for future, file in zip(futures, files, strict=True)]
+    return [
+        _alone(file, lab_name, read, limit_s)
+        if isinstance(future.exception(), BrokenExecutor)
+        else _result(future, file, lab_name)
+        for future, file in zip(futures, files, strict=True)
+    ]
+
+
+def _alone(file: Path, lab_name: str, read: Read, limit_s: float) -> Graded:
+    """Grades a file in a process of its own: a worker that ended took all that waited with it."""
+    with ProcessPoolExecutor(max_workers=1) as pool:
+        future = pool.submit(grade_file, file, lab_name, read, limit_s)
+        return _result(future, file, lab_name)
 
 
 def _result(future: Future[Graded], file: Path, lab_name: str) -> Graded:
@@ -115,7 +153,7 @@ def _executor(scheduler: str | None, files: int) -> Iterator[Executor]:
             "grading on a cluster needs Dask", hint="pip install 'servogen[dask]', or leave out --scheduler"
         ) from error
     try:
-        client = distributed.Client(scheduler, timeout="10s")
+        client = distributed.Client(scheduler, timeout=CONNECT_S)
     except (OSError, ValueError) as error:
         raise ToolError(f"there is no Dask scheduler at {scheduler}: {error}") from error
     with client:
