@@ -78,6 +78,12 @@ def drive(
         float | None,
         typer.Option("--turn-deg", min=0.1, help="--keys: a step's turn; a base's, in a second."),
     ] = None,
+    arrive_s: Annotated[
+        float,
+        typer.Option(
+            "--arrive-s", min=0, max=4, help="A stream engine's way to the first pose, all servos together."
+        ),
+    ] = 1.0,
     baud: Baud = None,
     range_us: RangeUs = None,
     first: First = 0,
@@ -103,7 +109,7 @@ def drive(
     with Line(_opener(port, speed, dry_run), speed, time, patience) as line, _orders(steer, dry_run) as words:
         if not json:
             _tell(loaded, controller, speed, line.byte_s)
-        session = Session(controller, line, time, _log(json, dry_run), end, words, order)
+        session = Session(controller, line, time, _log(json, dry_run), end, words, order, arrive_s)
         try:
             with _ended_by_signals():
                 session.run(motion)

@@ -16,7 +16,7 @@ import numpy as np
 from servogen.errors import InputError, Place
 from servogen.job import Job
 from servogen.motion.trajectory import Floats
-from servogen.pulse.stream.protocol import BYTES, MOST, Command, Kind, travel
+from servogen.pulse.stream.protocol import MOST, Command, Kind, travel
 from servogen.pulse.stream.settings import Stream
 from servogen.robot.servo import Servo
 
@@ -31,9 +31,6 @@ SURE = 4
 
 TINY_US = 1e-6
 """What floating point adds to a width."""
-
-GROUP_FRAMES = 2
-"""A pose that takes more frames than this to send is sent as a group, which the chip moves together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,12 +91,6 @@ class Controller:
 
     def command(self, index: int, position: int) -> bytes:
         return Command(Kind.POSITION, self.channels[index].number, position).to_bytes()
-
-    def group_frames(self, count: int, byte_s: float) -> int | None:
-        """In how many frames `count` servos that change are to move together; None: each for itself."""
-        if self.frame_s is None or count * BYTES * byte_s <= GROUP_FRAMES * self.frame_s:
-            return None
-        return min(MOST, max(1, round((count + 2) * BYTES * byte_s / self.frame_s)))
 
 
 def controller_of(job: Job, baud: int | None, range_us: str | None, first: int) -> tuple[int, Controller]:

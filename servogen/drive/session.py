@@ -3,8 +3,9 @@
 In: the motion, the orders, the controller, the line, the time. Out: `Summary`; every command and event goes
 to a log while it happens.
 
-    sample the motion ─▶ positions that changed, servo by servo, each as soon as the line is free ─▶ sample …
+    first pose ─▶ sample the motion ─▶ positions that changed, servo by servo, as the line is free ─▶ sample …
 
+A stream engine goes to the first pose as a group: all servos together, in the time that is given for it.
 The line decides how often the motion is sampled: what it cannot carry is never queued. A port that went away
 is waited for; the motion stands still meanwhile, and then every servo is sent its position again.
 """
@@ -21,12 +22,15 @@ from servogen.drive.motions import Motion
 from servogen.drive.words import QUIT, Silence, Words
 from servogen.errors import InputError, ToolError
 from servogen.motion.trajectory import Floats
-from servogen.pulse.stream.protocol import group_begins, group_goes
+from servogen.pulse.stream.protocol import MOST, group_begins, group_goes, speed_command
 
 Log = Callable[[dict[str, object]], None]
 
 LOOK_S = 0.005
 """How long nothing is done where nothing has changed: much less than a servo's frame."""
+
+
+ARRIVE_S = 1.0
 
 
 @dataclass(slots=True)
@@ -61,11 +65,17 @@ class Session:
     stop: Floats | None = None
     words: Words = field(default_factory=Silence)
     order: Callable[[str], None] = field(default=lambda word: None)
+    arrive_s: float = ARRIVE_S
+    """A stream engine's way to the first pose."""
     summary: Summary = field(default_factory=Summary)
     _sent: list[int | None] = field(init=False)
     _turn: int = 0
     _begun: float = 0.0
     _last: float = 0.0
+    _known: bool = False
+    """Whether the robot has what was sent."""
+    _held_s: float = 0.0
+    """How long the motion has waited, for the port and for the first pose."""
     _in_group: bool = False
 
     def __post_init__(self) -> None:
@@ -80,8 +90,15 @@ class Session:
         moment = 0.0
         try:
             while (angles := self._ordered(motion, moment)) is not None:
-                if self._followed(angles):
-                    moment = self.time.now() - self._begun - self.summary.away_s
+                try:
+                    if self._known:
+                        self._follow(angles)
+                    else:
+                        self._arrive(angles)
+                except Unplugged as error:
+                    self._recover(error)
+                else:
+                    moment = self.time.now() - self._begun - self._held_s
         finally:
             self._stop()
             self.summary.seconds = self.time.now() - self._begun
@@ -96,25 +113,42 @@ class Session:
             self.order(word)
         return motion.at(moment)
 
-    def _followed(self, angles: Floats) -> bool:
-        """Sends what changed; whether the robot has it: False after a port was away."""
+    def _arrive(self, angles: Floats) -> None:
+        """The whole pose, of a robot that may be anywhere; the motion waits until it is there."""
+        frame_s, begin = self.controller.frame_s, self.time.now()
+        changed = self.controller.changes([None] * len(self._sent), angles)
+        frames = round(self.arrive_s / frame_s) if frame_s else 0
+        if not frames:
+            self._pose(changed)
+        else:
+            self._in_group = True
+            self._bytes(group_begins())
+            self._pose(changed)
+            self._group_goes(min(frames, MOST))
+            ends = self._last + min(frames, MOST) * (frame_s or 0.0)
+            while (left := ends - self.time.now()) > 0:
+                self.time.sleep(min(left, self.controller.refresh_s))
+                self._bytes(speed_command(0, 0))  # no limit, as ever: the chip hears that the line lives
+        self.line.drain()
+        self.summary.rounds += 1
+        self._known = True
+        if frames:
+            self._held_s += self.time.now() - begin
+
+    def _follow(self, angles: Floats) -> None:
+        """Sends what changed."""
         changed = self.controller.changes(self._sent, angles)
         begin = self.time.now()
         if changed:
             self.summary.rounds += 1
         elif begin - self._last >= self.controller.refresh_s:
             changed = self._refreshed()
-        try:
-            self._pose(changed, self.controller.group_frames(len(changed), self.line.byte_s))
-        except Unplugged as error:
-            self._recover(error)
-            return False
-        if changed:
-            self.summary.slowest_s = max(self.summary.slowest_s, self._last - begin)
-            self.line.drain()  # so that the next sample is not older than what it takes to send it
-        else:
+        if not changed:
             self.time.sleep(LOOK_S)
-        return True
+            return
+        self._pose(changed)
+        self.summary.slowest_s = max(self.summary.slowest_s, self._last - begin)
+        self.line.drain()  # so that the next sample is not older than what it takes to send it
 
     def _refreshed(self) -> list[tuple[int, int]]:
         """The servo whose turn it is, as it was sent last."""
@@ -122,13 +156,8 @@ class Session:
         self._turn += 1
         return [known[self._turn % len(known)]] if known else []
 
-    def _pose(self, changed: Sequence[tuple[int, int]], frames: int | None) -> None:
-        """Positions one after the other; with `frames` as a group that moves together, in so many."""
-        if self._in_group and changed:  # one that an outage or an error cut off: all would wait for its end
-            self._group_goes(1)
-        if frames is not None:
-            self._in_group = True
-            self._bytes(group_begins())
+    def _pose(self, changed: Sequence[tuple[int, int]]) -> None:
+        """Positions one after the other."""
         for index, position in changed:
             channel = self.controller.channels[index]
             self._bytes(
@@ -140,8 +169,6 @@ class Session:
             )
             self._sent[index] = position
             self.summary.commands += 1
-        if frames is not None:
-            self._group_goes(frames)
 
     def _group_goes(self, frames: int) -> None:
         self._bytes(group_goes(frames), frames=frames)
@@ -157,16 +184,18 @@ class Session:
         away = self.line.again()
         self.summary.outages += 1
         self.summary.away_s += away
-        self._sent = [None] * len(self._sent)
+        self._held_s += away
+        self._known = False
         self.log({"s": self._now(), "event": "back", "away_s": round(away, 3)})
 
     def _stop(self) -> None:
         """The stop pose, every servo; a line that is gone is logged: another error may be on its way."""
         if self.stop is None:
             return
-        self._sent = [None] * len(self._sent)
         try:
-            self._pose(self.controller.changes(self._sent, self.stop), None)
+            if self._in_group:  # what was cut off, by an outage or an error, would wait for its end
+                self._group_goes(1)
+            self._pose(self.controller.changes([None] * len(self._sent), self.stop))
             self.line.drain()
         except (ToolError, InputError) as error:
             self.log({"s": self._now(), "event": "not stopped", "text": str(error)})

@@ -1,0 +1,199 @@
+"""The stream engine on the simulated chip does what a drive sends: positions become pulse widths."""
+
+import json
+import math
+import subprocess
+from bisect import bisect_left
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from servogen.bench.virtual.chip import VirtualChip
+from servogen.bench.virtual.serial_line import LineStimulus
+from servogen.drive.controller import controller_of
+from servogen.drive.line import Line, Time
+from servogen.drive.motions import Limited, Motion, Played, Still
+from servogen.drive.session import Session
+from servogen.edges import PINS
+from servogen.job import Job, loads
+from servogen.motion.trajectory import Floats
+from servogen.pic.image import Image
+from servogen.pipeline.stream import compiled, stream
+from servogen.pulse.stream.protocol import travel
+from servogen.simulator import Options
+from tests.drive.conftest import Run
+
+EFFECT_S = 0.010
+"""A command takes effect in the first frame that starts so long after its stop bit."""
+
+BYTE_S = 10 / 2400
+"""The virtual line begins a byte on a grid of its own, at most a byte's time late."""
+
+Start = Callable[..., "subprocess.Popen[str]"]
+
+
+def job_of(count: int, fail_safe: str = "hold") -> str:
+    text = '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n'
+    for index in range(count):
+        text += f'[[servo]]\nname = "s{index}"\npin = "RB{index}"\nmodel = "futaba-s3001"\n'
+    return text + f'[stream]\nfail_safe = "{fail_safe}"\n[firmware]\nsoft_start_s = 0.1\n'
+
+
+MOVING = """[motion]
+poses = [
+    { s0_deg = 30, s1_deg = 150, s2_deg = 90, move_s = 0.5, hold_s = 0.1 },
+    { s0_deg = 140, s1_deg = 25, s2_deg = 80, move_s = 0.5, hold_s = 0.1 },
+]
+"""
+
+
+@cache
+def image_of(text: str) -> Image:
+    job = loads(text, "job.toml")
+    return compiled(job, stream(job)[1], "c2c").compilation.image
+
+
+@dataclass
+class OnChip:
+    """The chip as a robot: its time goes on while the drive waits, and its pins are noted."""
+
+    job: Job
+    image: Image
+    faults: list[tuple[float, float]] = field(default_factory=list)
+    pulses: dict[int, list[tuple[float, int]]] = field(default_factory=dict)
+    """(moment of the rise, width in cycles) of each pin's pulses."""
+
+    def __post_init__(self) -> None:
+        assert self.job.stream is not None
+        pin = PINS.index(self.job.stream.receive_pin)
+        self.stimulus = LineStimulus(pin, self.job.stream.baud)
+        self.chip = VirtualChip(self.image, self.job.clock, Options(), Fraction(0), self.stimulus)
+        self.chip.watched = True
+        self.chip.run(int(0.5 * self.chip.cycles_per_second))
+
+    def time(self) -> Time:
+        return Time(lambda: self.chip.now / float(self.chip.cycles_per_second), self._sleep)
+
+    def _sleep(self, seconds: float) -> None:
+        self.chip.run(math.ceil(seconds * float(self.chip.cycles_per_second)))
+
+    def write(self, data: bytes) -> None:
+        self.stimulus.waiting.extend(data)
+
+    @contextmanager
+    def open(self) -> Iterator["OnChip"]:
+        yield self
+
+    def seen(self, pin: str) -> tuple[list[float], list[int]]:
+        """Moments of the rises (s) and widths (cycles) of a pin's pulses, since the chip began."""
+        if not self.pulses:
+            cycle, level = self.chip.look(1)
+            for number in range(len(PINS)):
+                high = (level >> np.uint32(number) & np.uint32(1)).astype(int)
+                edges = np.flatnonzero(np.diff(high, prepend=0))
+                rises, falls = cycle[edges[high[edges] == 1]], cycle[edges[high[edges] == 0]]
+                self.pulses[number] = [
+                    (rise / float(self.chip.cycles_per_second), fall - rise)
+                    for rise, fall in zip(rises.tolist(), falls.tolist(), strict=False)
+                ]
+        own = self.pulses[PINS.index(pin)]
+        return [rise for rise, _ in own], [width for _, width in own]
+
+
+def driven(
+    robot: OnChip, motion: Motion, stop: Floats | None = None, arrive_s: float = 1.0
+) -> list[dict[str, object]]:
+    log: list[dict[str, object]] = []
+    baud, controller = controller_of(robot.job, None, None, 0)
+    time = robot.time()
+    began = time.now()
+    with Line(robot.open, baud, time, 0.0) as line:
+        Session(controller, line, time, log.append, stop, arrive_s=arrive_s).run(motion)
+    time.sleep(0.1)
+    return [{**entry, "s": float(str(entry["s"])) + began} for entry in log]
+
+
+def test_every_position_is_a_pulse_width_in_the_first_frame_after_it() -> None:
+    text = job_of(3)
+    robot = OnChip(loads(text + MOVING, "job.toml"), image_of(text))
+    log = driven(robot, Limited(Played(robot.job.trajectory), 2.0), arrive_s=0.0)
+    frame_s = float(robot.job.clock.seconds(stream(robot.job)[1].plan.schedule.period))
+    checked = 0
+    for index, servo in enumerate(robot.job.servos):
+        rises, widths = robot.seen(servo.pin)
+        sent = [(float(str(e["s"])), int(str(e["position"]))) for e in log if e.get("number") == index]
+        assert np.ptp(np.diff(rises)) < 1e-9, "no pulse ever came early or late"
+        for (moment, position), (after, _) in zip(sent, [*sent[1:], (math.inf, 0)], strict=True):
+            first = bisect_left(rises, moment + EFFECT_S + BYTE_S + frame_s)  # a later slot of that frame
+            if first < len(rises) and rises[first] < after:
+                assert widths[first] == travel(servo, robot.job.clock).width(position), (moment, position)
+                checked += 1
+    assert checked > 30
+
+
+def test_a_widths_history_is_the_motion_a_command_and_a_frame_later() -> None:
+    """Seen from the outside: the angle that a pulse means was the motion's a little earlier."""
+    text = job_of(3)
+    robot = OnChip(loads(text + MOVING, "job.toml"), image_of(text))
+    log = driven(robot, Limited(Played(robot.job.trajectory), 2.0), arrive_s=0.0)
+    began = float(str(log[0]["s"])) - 3 * BYTE_S
+    made = robot.job.trajectory
+    for index, servo in enumerate(robot.job.servos):
+        rises, widths = robot.seen(servo.pin)
+        for rise, width in zip(rises, widths, strict=True):
+            if not began + 0.2 < rise < began + 2.0:
+                continue
+            frames = [
+                int((rise - began - late) / 0.02) % len(made.angles) for late in np.arange(0, 0.12, 0.005)
+            ]
+            wanted = [servo.width_us(float(made.angles[frame, index])) for frame in frames]
+            step = (servo.widths_us[1] - servo.widths_us[0]) / 254
+            assert min(wanted) - step <= width <= max(wanted) + step
+
+
+def test_the_first_pose_is_gone_to_together_and_the_stop_pose_comes_at_once() -> None:
+    text = job_of(3)
+    robot = OnChip(loads(text, "job.toml"), image_of(text))
+    stop = np.array([servo.neutral for servo in robot.job.servos])
+    log = driven(robot, Limited(Still(np.radians([30.0, 150.0, 60.0])), 0.3), stop)
+    assert log[-1]["event"] == "stopped"
+    goes = next(float(str(entry["s"])) for entry in log if entry.get("frames"))
+    for servo, end in zip(robot.job.servos, (1166, 1833, 1333), strict=True):
+        rises, widths = robot.seen(servo.pin)
+        begin, middle, there = (bisect_left(rises, goes + late) for late in (-0.03, 0.52, 1.08))
+        assert widths[begin] == 1500
+        assert widths[middle] == pytest.approx((1500 + end) / 2, abs=20), "half way in half the time"
+        assert widths[there] == pytest.approx(end, abs=4)
+        assert np.abs(np.diff(widths[begin:there])).max() <= abs(end - 1500) / 40, "by small steps"
+        assert widths[-1] == 1500
+
+
+@pytest.fixture
+def rig(start: Start, tmp_path: Path) -> dict[str, str]:
+    """The ports of a rig with the stream firmware on its chip."""
+    path = tmp_path / "arm.toml"
+    path.write_text(job_of(2))
+    process = start("rig", path, "--json")
+    assert process.stdout is not None
+    ports: dict[str, str] = json.loads(process.stdout.readline())
+    return {**ports, "job": str(path)}
+
+
+def test_from_the_command_line_to_the_pins_of_a_rig(run: Run, rig: dict[str, str], tmp_path: Path) -> None:
+    done = run("drive", rig["job"], "--port", rig["serial"], "--pose", "s0=45,s1=120")
+    assert done.code == 0, done.err
+    seen = tmp_path / "seen.vcd"
+    assert run("capture", "--port", rig["analyser"], "-o", seen, "--seconds", 0.3).code == 0
+    measured = json.loads(run("measure", seen, "--json").out)
+    widths = {pin["pin"]: [each["cycles"] for each in pin["widths"]] for pin in measured["pins"]}
+    job = loads(job_of(2), "job.toml")
+    for servo, degrees in zip(job.servos, (45, 120), strict=True):
+        made = travel(servo, job.clock)
+        wanted = made.width(made.nearest(servo.width_us(math.radians(degrees))))
+        assert all(abs(width - wanted) <= 1 for width in widths[servo.pin]), servo.name
