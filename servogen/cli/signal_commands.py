@@ -108,27 +108,19 @@ def measure(
     seconds: Seconds = None,
     servo: Annotated[
         list[str] | None,
-        typer.Option("--servo", help="Judge by this model: MODEL for all pins, or PIN=MODEL."),
+        typer.Option("--servo", help="Judge by this model (a name or a .toml file): MODEL, or PIN=MODEL."),
     ] = None,
     clock_hz: ClockHz = None,
     ra4_pull_up: Ra4PullUp = False,
     json: Json = False,
 ) -> None:
-    """Say what pulses a program or recorded edges make on each pin, and what is doubtful about them."""
-    from servogen.edge_files import read_edges
+    """Say what pulses a program makes in 20 s, or recorded edges, and what is doubtful about them."""
     from servogen.pipeline.measuring import cautions, servos_named
     from servogen.verify import measure as measured
     from servogen.verify import measurement_lines
 
     models = servos_named(servo or [])
-    span = MEASURED_SECONDS if seconds is None else seconds
-    if _is_program(file):
-        program = read_program(file)
-        clock = clock_of(program, clock_hz)
-        trace = _running(program.image, clock, clock.round_seconds(span), ra4_pull_up)
-    else:
-        clock = clock_of(None, clock_hz)
-        trace = read_edges(file, clock, None if seconds is None else clock.round_seconds(seconds)).stored()
+    trace, _ = _unknown(file, seconds, clock_hz, ra4_pull_up)
     with status("measuring"):
         measurement = measured(trace)
     found = cautions(measurement, models)
@@ -143,19 +135,29 @@ def measure(
 
 def plot(
     file: SignalFile,
-    against: Annotated[Path, typer.Option("--against", help="The schedule.json that names its channels.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="A .png, .svg or .pdf file.")],
+    against: Annotated[
+        Path | None, typer.Option("--against", help="The schedule.json that names its channels.")
+    ] = None,
     seconds: Seconds = None,
+    clock_hz: ClockHz = None,
 ) -> None:
-    """Draw the pulses of a program or of recorded edges (default: the motion once)."""
+    """Draw the pulses of a program or of recorded edges (default: the motion once, else 20 s)."""
     from servogen.pipeline import motion_cycles
     from servogen.report.pulse_plot import pulse_plot
 
-    keep_apart([file, against], output)
-    schedule = read_schedule(against)
-    span = motion_cycles(schedule) if seconds is None else schedule.clock.round_seconds(seconds)
-    title = f"{file.name}: {float(schedule.clock.seconds(span)):g} s"
-    pulse_plot(schedule, _trace(file, schedule, span), span, output, title)
+    keep_apart([path for path in (file, against) if path], output)
+    schedule = read_schedule(against) if against else None
+    if schedule is None:
+        trace, span = _unknown(file, seconds, clock_hz)
+    elif clock_hz is not None:
+        raise InputError("the schedule says the clock", Place(key="--clock-hz"), "give one of the two")
+    else:
+        span = motion_cycles(schedule) if seconds is None else schedule.clock.round_seconds(seconds)
+        trace = _trace(file, schedule, span)
+    title = f"{Path(file.parent.name, file.name)}: pulses from the first edge on"
+    with status("drawing"):
+        pulse_plot(trace, span, output, title, schedule)
     print(f"{output}: pulses of {file}")
 
 
@@ -189,6 +191,22 @@ def _trace(file: Path, schedule: PulseSchedule, span: Cycles) -> EdgeTrace:
             )
         return running(schedule, program.image, span)
     return read_edges(file, schedule.clock)
+
+
+def _unknown(
+    file: Path, seconds: float | None, clock_hz: int | None, ra4_pull_up: bool = False
+) -> tuple[EdgeTrace, Cycles]:
+    """The edges of a program or a file of which nothing is known, and for how long it is looked at."""
+    from servogen.edge_files import read_edges
+
+    if _is_program(file):
+        program = read_program(file)
+        clock = clock_of(program, clock_hz)
+        span = clock.round_seconds(MEASURED_SECONDS if seconds is None else seconds)
+        return _running(program.image, clock, span, ra4_pull_up), span
+    clock = clock_of(None, clock_hz)
+    trace = read_edges(file, clock, None if seconds is None else clock.round_seconds(seconds)).stored()
+    return trace, trace.end
 
 
 def _running(image: Image, clock: Clock, span: Cycles, ra4_pull_up: bool) -> EdgeTrace:

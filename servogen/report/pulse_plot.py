@@ -1,17 +1,19 @@
-"""A picture of pulses: their widths over the motion, and each distinct frame as an oscilloscope shows it.
+"""A picture of pulses: their widths over time, and some distinct frames as an oscilloscope shows them.
 
-In: a schedule and the edges observed. Out: a PNG, SVG or PDF file, drawn by matplotlib (the extra "plot").
+In: an observed trace, and the schedule that names its channels, if there is one. Out: a PNG, SVG or PDF
+file, drawn by matplotlib (the extra "plot").
 
     ┌ width over time ──────────┐
-    │ ▁▁▁▁▔▔▔▔▔▔▔▔▔             │  what is drawn is the observed trace; the schedule names the channels
-    ├ frames ───────────────────┤
-    │ __▔▔▔▔▔▔▔_______  0.0 s   │
+    │ ▁▁▁▁▔▔▔▔▔▔▔▔▔             │  what is drawn is the observed trace; a schedule tells the channels and
+    ├ frames ───────────────────┤  where a frame begins, without one every pin that pulses is a channel
+    │ __▔▔▔▔▔▔▔_______  0.0 s   │  and a frame begins with its first pulse
     │ __▔▔▔▔▔▔▔▔▔▔____  2.0 s   │
     └───────────────────────────┘
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,86 +22,166 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.edges import HIGH, PINS, EdgeTrace, join
-from servogen.pulse import Channel, PulseSchedule
+from servogen.errors import InputError
+from servogen.pulse import PulseSchedule
+from servogen.report.drawing import PALETTE
 from servogen.report.pictures import check_suffix, new_figure, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+Floats = npt.NDArray[np.float64]
+
 MOST_FRAMES_SHOWN = 6
-MARGIN_US = 300.0
+LANE = 1.4
+"""From one row of pulses to the next, in heights of a pulse."""
+
+MARGIN = 0.04
+"""Of a frame's time, at both of its ends."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pulses:
-    """One channel's observed pulses: `rise` and `width` in cycles, float64."""
+    """One channel's whole pulses: `rise` and `width` in microseconds, `rise` from the first edge on."""
 
-    channel: Channel
-    rise: npt.NDArray[np.float64]
-    width: npt.NDArray[np.float64]
+    label: str
+    colour: str
+    rise: Floats
+    width: Floats
+
+    def within(self, start: float, end: float) -> tuple[float, float] | None:
+        """(rise, width) of the first pulse that rises from `start` to before `end`."""
+        index = int(np.searchsorted(self.rise, start))
+        if index == len(self.rise) or self.rise[index] >= end:
+            return None
+        return float(self.rise[index]), float(self.width[index])
 
 
-def pulse_plot(schedule: PulseSchedule, trace: EdgeTrace, span: int, path: Path, title: str) -> None:
-    """Draws to `path` the `span` cycles of `trace` from its first edge.
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """From when to when it lasts, microseconds; the next may begin later, after a pause."""
 
-    Raises InputError for an unknown ending, ToolError without matplotlib.
+    start: float
+    end: float
+
+
+def pulse_plot(
+    trace: EdgeTrace, span: int, path: Path, title: str, schedule: PulseSchedule | None = None
+) -> None:
+    """Draws to `path` the pulses that rise within `span` cycles of the first edge of `trace`.
+
+    Raises InputError for an unknown ending and where there are no pulses, ToolError without matplotlib.
     """
     check_suffix(path)
-    channels = observed_pulses(schedule, trace, span)
-    frames = _distinct_frames(schedule, channels)
-    figure = new_figure(9, 2.6 + 0.8 * max(2, len(frames)), title)
-    axes = figure.subplots(1 + len(frames), 1, height_ratios=[2.6, *[0.8] * len(frames)], squeeze=False)[:, 0]
-    _draw_widths(axes[0], schedule, channels)
-    for panel, (start, label) in zip(axes[1:], frames, strict=True):
-        _draw_frame(panel, schedule, channels, start, label)
+    channels = observed_pulses(trace, span, schedule)
+    if not any(len(each.rise) for each in channels):
+        raise InputError("there are no pulses to draw", hint="measure says what the pins do")
+    period = float(schedule.clock.us(schedule.period)) if schedule else _period(channels)
+    frames = distinct_frames(channels, _starts(channels, period, schedule is None), period)
+    lanes = _lanes(channels, frames)
+    height = 0.45 + 0.3 * (1 + max(lanes))
+    figure = new_figure(9, 3.0 + height * len(frames), title)
+    ratios = [2.6, *[height] * len(frames)]
+    axes = figure.subplots(1 + len(frames), 1, height_ratios=ratios, squeeze=False)[:, 0]
+    _draw_widths(axes[0], channels, period)
+    for panel, frame in zip(axes[1:], frames, strict=True):
+        _draw_frame(panel, channels, lanes, frame, max(_length(channels, each) for each in frames))
         panel.tick_params(labelbottom=panel is axes[-1])
     axes[-1].set_xlabel("time in the frame, ms")
     save(figure, path)
 
 
-def observed_pulses(schedule: PulseSchedule, trace: EdgeTrace, span: int) -> list[Pulses]:
-    """The whole pulses of each channel that rise within `span` cycles; times count from the first edge."""
+def observed_pulses(trace: EdgeTrace, span: int, schedule: PulseSchedule | None) -> list[Pulses]:
+    """Of each channel of the schedule; without one of each pin that has a whole pulse, in their order."""
+    us = float(trace.clock.cycle_us)
     edges = join(trace.driven())
-    zero = edges.cycle[0] if len(edges.cycle) else 0
-    found = []
-    for channel in schedule.channels:
-        mine = edges.pin == PINS.index(channel.pin)
-        cycle, level = edges.cycle[mine] - zero, edges.level[mine]
-        rise, fall = cycle[level == HIGH], cycle[level != HIGH]
-        whole = min(int(np.searchsorted(rise, span)), len(fall))
-        width = (fall[:whole] - rise[:whole]).astype(np.float64)
-        found.append(Pulses(channel, rise[:whole].astype(np.float64), width))
+    zero = int(edges.cycle[edges.level == HIGH].min(initial=edges.cycle[-1])) if len(edges.cycle) else 0
+    named = (
+        {pin: pin for pin in PINS}
+        if schedule is None
+        else {each.pin: each.name for each in schedule.channels}
+    )
+    found: list[Pulses] = []
+    for pin, name in named.items():
+        mine = edges.pin == PINS.index(pin)
+        cycle, level = edges.cycle[mine], edges.level[mine]
+        rise = cycle[level == HIGH]
+        fall = cycle[(level != HIGH) & (cycle > rise[0])] if len(rise) else rise
+        whole = min(int(np.searchsorted(rise, zero + span)), len(fall))
+        if schedule is None and not whole:
+            continue
+        label = pin if name == pin else f"{name} ({pin})"
+        times, widths = (rise[:whole] - zero) * us, (fall[:whole] - rise[:whole]) * us
+        found.append(Pulses(label, PALETTE[len(found) % len(PALETTE)], times, widths))
     return found
 
 
-def _distinct_frames(schedule: PulseSchedule, channels: list[Pulses]) -> list[tuple[float, str]]:
-    """(start in cycles, label) of the first frame of each distinct set of widths, the first few."""
-    seen: dict[tuple[float, ...], float] = {}
-    starts = np.unique(np.concatenate([each.rise // schedule.period for each in channels])) * schedule.period
-    for start in starts.tolist():
-        widths = tuple(_width_at(each, start, schedule.period) for each in channels)
-        seen.setdefault(widths, start)
-        if len(seen) == MOST_FRAMES_SHOWN:
-            break
-    return [(start, f"{float(schedule.clock.seconds(int(start))):g} s") for start in seen.values()]
+def _period(channels: Sequence[Pulses]) -> float:
+    """What most pulses follow one another in."""
+    gaps = np.concatenate([np.diff(each.rise) for each in channels])
+    return (
+        float(np.median(gaps))
+        if len(gaps)
+        else max(float(each.width.max(initial=0)) for each in channels) * 2
+    )
 
 
-def _width_at(pulses: Pulses, start: float, period: int) -> float:
-    index = int(np.searchsorted(pulses.rise, start))
-    inside = index < len(pulses.rise) and pulses.rise[index] < start + period
-    return float(pulses.width[index]) if inside else 0.0
+def _starts(channels: Sequence[Pulses], period: float, free: bool) -> Floats:
+    """When the frames with pulses begin; `free`: with a pulse, half a period or more after the one before."""
+    rises = np.sort(np.concatenate([each.rise for each in channels]))
+    if not free:
+        return np.asarray(np.unique(np.floor(rises / period + 1e-9)) * period)
+    starts: list[float] = []
+    for rise in rises.tolist():
+        if not starts or rise - starts[-1] > period / 2:
+            starts.append(rise)
+    return np.asarray(starts)
 
 
-def _draw_widths(axes: Axes, schedule: PulseSchedule, channels: list[Pulses]) -> None:
-    seconds = float(schedule.clock.seconds(1))
-    us = float(schedule.clock.cycle_us)
+def distinct_frames(channels: Sequence[Pulses], starts: Floats, period: float) -> list[Frame]:
+    """The first frame of each set of widths; of many some, spread over the time, first and last too."""
+    ends = np.append(np.minimum(starts[1:], starts[:-1] + period), starts[-1] + period)
+    seen: dict[tuple[float, ...], Frame] = {}
+    for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
+        widths = tuple(round(pulse[1], 3) if (pulse := each.within(start, end)) else 0.0 for each in channels)
+        seen.setdefault(widths, Frame(start, end))
+    frames = list(seen.values())
+    if len(frames) <= MOST_FRAMES_SHOWN:
+        return frames
+    last = len(frames) - 1
+    return [frames[round(last * number / (MOST_FRAMES_SHOWN - 1))] for number in range(MOST_FRAMES_SHOWN)]
+
+
+def _lanes(channels: Sequence[Pulses], frames: Sequence[Frame]) -> list[int]:
+    """The row of each channel, the top one 0: channels whose pulses overlap stand below each other."""
+    lanes: list[int] = []
+    for index, each in enumerate(channels):
+        taken = {
+            lanes[other]
+            for other in range(index)
+            for frame in frames
+            if _overlap(each.within(frame.start, frame.end), channels[other].within(frame.start, frame.end))
+        }
+        lanes.append(next(lane for lane in range(len(channels)) if lane not in taken))
+    return lanes
+
+
+def _overlap(one: tuple[float, float] | None, other: tuple[float, float] | None) -> bool:
+    return one is not None and other is not None and one[0] < sum(other) and other[0] < sum(one)
+
+
+def _length(channels: Sequence[Pulses], frame: Frame) -> float:
+    """From the frame's beginning to its last fall."""
+    pulses = [each.within(frame.start, frame.end) for each in channels]
+    return max(sum(pulse) - frame.start for pulse in pulses if pulse)
+
+
+def _draw_widths(axes: Axes, channels: Sequence[Pulses], period: float) -> None:
     for each in channels:
         # A gap of more than a period and a half has no pulses: the line stops there.
-        breaks = np.flatnonzero(np.diff(each.rise) > 1.5 * schedule.period) + 1
-        times, widths = (
-            np.insert(values, breaks, np.nan) for values in (each.rise * seconds, each.width * us)
-        )
-        axes.step(times, widths, where="post", label=f"{each.channel.name} ({each.channel.pin})")
+        breaks = np.flatnonzero(np.diff(each.rise) > 1.5 * period) + 1
+        times, widths = (np.insert(values, breaks, np.nan) for values in (each.rise / 1e6, each.width))
+        axes.step(times, widths, where="post", label=each.label, color=each.colour)
     axes.set_xlabel("time, s")
     axes.set_ylabel("pulse width, µs")
     axes.margins(y=0.15)
@@ -108,19 +190,21 @@ def _draw_widths(axes: Axes, schedule: PulseSchedule, channels: list[Pulses]) ->
 
 
 def _draw_frame(
-    axes: Axes, schedule: PulseSchedule, channels: list[Pulses], start: float, label: str
+    axes: Axes, channels: Sequence[Pulses], lanes: Sequence[int], frame: Frame, length: float
 ) -> None:
-    us = float(schedule.clock.cycle_us)
-    ends = [max(each.rise % schedule.period + each.width, default=0) for each in channels]
-    stop = max(ends) * us + MARGIN_US
-    for index, each in enumerate(channels):
-        at = int(np.searchsorted(each.rise, start))
-        if at < len(each.rise) and each.rise[at] < start + schedule.period:
-            rise, width = (each.rise[at] - start) * us, each.width[at] * us
-            corners = np.array([-MARGIN_US, rise, rise, rise + width, rise + width, stop]) / 1000
-            axes.plot(corners, [0, 0, 1, 1, 0, 0], color=f"C{index}")
-            axes.text((rise + width / 2) / 1000, 0.45, f"{width:g} µs", ha="center", va="center", fontsize=8)
-    axes.set_xlim(-MARGIN_US / 1000, stop / 1000)
-    axes.set_ylim(-0.15, 1.25)
+    first, last = -MARGIN * length, (1 + MARGIN) * length
+    for lane in set(lanes):
+        axes.axhline(-LANE * lane, color="0.6", lw=1, zorder=0)
+    for each, lane in zip(channels, lanes, strict=True):
+        pulse = each.within(frame.start, frame.end)
+        if pulse is None:
+            continue
+        rise, width = pulse[0] - frame.start, pulse[1]
+        corners = np.array([rise, rise, rise + width, rise + width]) / 1000
+        axes.plot(corners, np.array([0, 1, 1, 0]) - LANE * lane, color=each.colour)
+        middle = (rise + width / 2) / 1000
+        axes.text(middle, 0.45 - LANE * lane, f"{width:g} µs", ha="center", va="center", fontsize=8)
+    axes.set_xlim(first / 1000, last / 1000)
+    axes.set_ylim(-0.15 - LANE * max(lanes), 1.25)
     axes.set_yticks([])
-    axes.set_ylabel(label, rotation=0, ha="right", va="center")
+    axes.set_ylabel(f"{frame.start / 1e6:.4g} s", rotation=0, ha="right", va="center")

@@ -198,6 +198,24 @@ def test_a_picture_is_drawn_and_another_ending_refused(run: Run, lab8: Path, tmp
     assert run("plot", lab8 / "main.hex", "--against", schedule, "-o", tmp_path / "p.doc").code == 2
 
 
+def test_a_picture_of_a_program_needs_no_schedule(run: Run, lab8: Path, tmp_path: Path) -> None:
+    printed = ROOT / "tests" / "labs" / "servo.c"
+    assert run("plot", printed, "-o", tmp_path / "p.png").code == 0
+    assert run("plot", lab8 / "edges.csv", "-o", tmp_path / "q.svg", "--seconds", 1).code == 0
+    assert (tmp_path / "p.png").exists() and "RB0" in (tmp_path / "q.svg").read_text()
+    still = tmp_path / "still.c"
+    still.write_text("#pragma CLOCK_FREQ 4000000\nmain(void) { while (1) ; }\n")
+    refused = run("plot", still, "-o", tmp_path / "r.png")
+    assert refused.code == 2 and "no pulses to draw" in refused.err
+    assert not (tmp_path / "r.png").exists()
+
+
+def test_the_clock_of_a_picture_is_said_once(run: Run, lab8: Path, tmp_path: Path) -> None:
+    schedule = lab8 / "schedule.json"
+    ran = run("plot", lab8 / "main.hex", "--against", schedule, "--clock-hz", 1, "-o", tmp_path / "p.png")
+    assert ran.code == 2 and "the schedule says the clock" in ran.err
+
+
 def test_a_proof_of_nothing_is_refused(run: Run, lab8: Path) -> None:
     for seconds in (0, 0.001):
         ran = run("verify", lab8 / "main.hex", "--against", lab8 / "schedule.json", "--seconds", seconds)
