@@ -81,7 +81,7 @@ def capture(
     schedule = None if against is None else read_schedule(against)
     wanted = _wanted(schedule, seconds)
     if sigrok is not None:
-        _look_by_sigrok(sigrok, rate, wanted, wire or [], rle, output, against)
+        _look_by_sigrok(sigrok, rate, wanted, wire or [], rle, output, against, json)
         return
     if port is None:
         raise InputError("there is no analyser to look with", hint="--port /dev/ttyACM0, or --sigrok fx2lafw")
@@ -187,7 +187,14 @@ def _exact(seconds: float) -> Fraction:
 
 
 def _look_by_sigrok(
-    driver: str, rate: int, wanted: Wanted, wire: list[str], rle: bool, output: Path, against: Path | None
+    driver: str,
+    rate: int,
+    wanted: Wanted,
+    wire: list[str],
+    rle: bool,
+    output: Path,
+    against: Path | None,
+    json: bool,
 ) -> None:
     """A frame more than is wanted: sigrok begins anywhere."""
     from math import ceil
@@ -200,6 +207,10 @@ def _look_by_sigrok(
     look = SigrokLook(driver, rate, samples, sigrok_wires(wire), counts)
     with status("sigrok-cli is looking"):
         captured(look, output)
+    if json:
+        seconds = samples / rate
+        as_json({"file": str(output), "analyser": driver, "samples_per_second": rate, "seconds": seconds})
+        return
     print(f"{output}: {samples / rate:g} s at {rate} samples a second")
     if against is not None:
         print(f"next: servogen verify {output} --against {against}")

@@ -8,6 +8,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import pytest
+import serial
 
 from servogen.bench.modem_lines import compiler, library
 from servogen.bench.sigrok import SigrokLook, command_of
@@ -57,6 +58,21 @@ def test_sigrok_cli_itself_finds_the_analyser_with_the_modem_lines(serve: Serve,
         done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
         assert "servogen virtual analyser" in done.stdout
     assert not lines.exists()
+
+
+@sigrok
+def test_what_was_sent_before_does_not_disturb_sigrok(serve: Serve, lab8: Image) -> None:
+    """Garbage from another program has armed the analyser; nobody reads what it sends."""
+    terminals = serve(device(lab8))
+    with serial.Serial(terminals.paths["analyser"]) as port:
+        port.write(b"\x01")
+        while not port.in_waiting:
+            pass
+    command = ("sigrok-cli", "--driver", f"ols:conn={terminals.paths['analyser']}", "--scan")
+    with library() as lines:
+        environment = {**os.environ, "LD_PRELOAD": str(lines)}
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert "servogen virtual analyser" in done.stdout
 
 
 @sigrok

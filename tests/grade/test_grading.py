@@ -109,13 +109,11 @@ def cluster() -> Iterator[str]:
         yield found.scheduler_address
 
 
-def test_a_cluster_gives_the_same_grades() -> None:
+def test_on_a_cluster_too_a_compiler_that_hangs_is_stopped() -> None:
     with cluster() as scheduler:
         found = graded([Path("hangs.c"), RIGHT, WRONG], scheduler=scheduler, limit_s=3)
     assert [each.grade.passed for each in found] == [False, True, False]
     assert "it took too long" in found[0].grade.reasons[0]
-    alone = graded([RIGHT, WRONG])
-    assert [each.grade.to_json() for each in found[1:]] == [each.grade.to_json() for each in alone]
 
 
 def test_a_scheduler_that_is_not_there_is_named(

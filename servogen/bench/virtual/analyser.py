@@ -44,6 +44,7 @@ class VirtualAnalyser:
     outgoing: bytearray = field(default_factory=bytearray)
     gone: bool = False
     """Unplugged as soon as `outgoing` is sent."""
+    reset: bool = False
     _command: bytearray = field(default_factory=bytearray)
     _settings: dict[int, int] = field(default_factory=dict)
     _armed: Capture | None = None
@@ -88,6 +89,7 @@ class VirtualAnalyser:
         elif command == Command.RESET:
             self._arm(None)
             self.outgoing.clear()
+            self.reset = True
         elif command == Command.ID:
             self.outgoing += sump.IDS[0]
         elif command == Command.METADATA:

@@ -61,6 +61,7 @@ class VirtualProgrammer:
     options: ProgrammerOptions = ProgrammerOptions()
     outgoing: bytearray = field(default_factory=bytearray)
     gone: bool = False
+    reset: bool = False
     taken: int = 0
     """Bytes received since it was plugged in."""
     erased: int = 0

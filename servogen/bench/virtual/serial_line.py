@@ -128,6 +128,7 @@ class SerialLine:
     receiver: LineReceiver | None = None
     outgoing: bytearray = field(default_factory=bytearray)
     gone: bool = False
+    reset: bool = False
     _until: int = 0
     """The cycle up to which the chip runs for the client."""
 

@@ -24,10 +24,13 @@ PASSED_ON_S = 0.2
 
 
 class Device(Protocol):
-    """What is behind a port. `gone` once it is unplugged and all of `outgoing` is sent."""
+    """What is behind a port. `gone` once it is unplugged and all of `outgoing` is sent; `reset` once it is
+    told to begin anew: what it sent before and nobody has read is dropped then.
+    """
 
     outgoing: bytearray
     gone: bool
+    reset: bool
 
     @property
     def working(self) -> bool: ...
@@ -107,6 +110,9 @@ def _receive(terminal: _Terminal) -> None:
             raise
         return
     terminal.device.received(data)
+    if terminal.device.reset:
+        termios.tcflush(terminal.slave, termios.TCIFLUSH)
+        terminal.device.reset = False
 
 
 def _unread(terminal: _Terminal) -> bool:
