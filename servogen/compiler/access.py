@@ -24,20 +24,9 @@ from servogen.compiler.ctypes import (
 from servogen.compiler.dialect import ChipBit
 from servogen.compiler.fold import fold
 from servogen.compiler.names import ConstNum, Names
+from servogen.compiler.program import Function
 from servogen.compiler.rewrite import BIT_MEMBER
-from servogen.compiler.tree import (
-    AddressOf,
-    Assign,
-    Binary,
-    Call,
-    Comma,
-    Deref,
-    Expr,
-    Function,
-    Num,
-    Ref,
-    Symbol,
-)
+from servogen.compiler.tree import AddressOf, Assign, Binary, Call, Comma, Deref, Expr, Num, Ref, Symbol
 from servogen.errors import Place, nearest
 
 

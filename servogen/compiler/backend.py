@@ -14,20 +14,12 @@ from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.emitter import ISR_SUFFIX, Code
 from servogen.compiler.functions import FunctionGenerator
 from servogen.compiler.inline_asm import AsmError
+from servogen.compiler.program import Asm, Block, ExprStmt, Function, Program
 from servogen.compiler.runtime import build
-from servogen.compiler.tree import (
-    AddressOf,
-    Asm,
-    Block,
-    Call,
-    Expr,
-    ExprStmt,
-    Function,
-    Program,
-    Ref,
-    Symbol,
-)
+from servogen.compiler.tree import AddressOf, Call, Expr, Ref, Symbol
 from servogen.errors import Place
+
+_TREES = ("servogen.compiler.tree", "servogen.compiler.program")
 
 
 def called(function: Function) -> dict[str, Call]:
@@ -47,7 +39,7 @@ def expressions(node: object) -> Iterator[Expr]:
             yield from expressions(each)
     elif isinstance(node, (Symbol, str, int)) or node is None:
         return
-    elif hasattr(node, "__dataclass_fields__") and node.__class__.__module__ == "servogen.compiler.tree":
+    elif hasattr(node, "__dataclass_fields__") and node.__class__.__module__ in _TREES:
         if not isinstance(node, (Block, ExprStmt, Asm)) and hasattr(node, "type"):
             yield node  # type: ignore[misc]
         for name in node.__dataclass_fields__:

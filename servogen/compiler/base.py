@@ -29,21 +29,10 @@ from servogen.compiler.ctypes import (
 )
 from servogen.compiler.diagnostics import Fatal, Reporter
 from servogen.compiler.dialect import C2C, named_types
-from servogen.compiler.parse import place_of
+from servogen.compiler.program import Function, Program
 from servogen.compiler.scopes import Scopes
-from servogen.compiler.tree import (
-    AddressOf,
-    Binary,
-    Cast,
-    Data,
-    Deref,
-    Expr,
-    Function,
-    Num,
-    Program,
-    Ref,
-    Symbol,
-)
+from servogen.compiler.syntax_errors import place_of
+from servogen.compiler.tree import AddressOf, Binary, Cast, Data, Deref, Expr, Num, Ref, Symbol
 from servogen.errors import Place
 
 

@@ -11,25 +11,17 @@ from collections.abc import Iterator
 from servogen.compiler.backend import Backend, expressions
 from servogen.compiler.ctypes import VoidType
 from servogen.compiler.diagnostics import Reporter
+from servogen.compiler.program import Asm, Block, ExprStmt, Function, If, Loop, Program, Stmt, Switch
 from servogen.compiler.tree import (
     AddressOf,
-    Asm,
     Assign,
-    Block,
     Builtin,
     Call,
     Cast,
     Deref,
     Expr,
-    ExprStmt,
-    Function,
-    If,
-    Loop,
     Num,
-    Program,
     Ref,
-    Stmt,
-    Switch,
     Symbol,
     Update,
 )

@@ -21,15 +21,9 @@ from servogen.compiler.ctypes import (
     same,
 )
 from servogen.compiler.initialisers import Initialisers
+from servogen.compiler.program import ExprStmt, Function
 from servogen.compiler.scopes import TypeName
-from servogen.compiler.tree import (
-    Assign,
-    ExprStmt,
-    Function,
-    Num,
-    Ref,
-    Symbol,
-)
+from servogen.compiler.tree import Assign, Num, Ref, Symbol
 from servogen.errors import Place
 from servogen.pic.device import CONFIG_ADDRESS, RAM_FIRST, RAM_LAST, registers
 

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 
 from servogen.compiler.ctypes import U8, ArrayType
 from servogen.compiler.machine import DELAY, LABEL, STATUS, Byte, Imm, Ins, Loc, Operand, Reg
-from servogen.compiler.tree import AddressByte, Function, Symbol
+from servogen.compiler.program import Function
+from servogen.compiler.tree import AddressByte, Symbol
 from servogen.errors import Place
 from servogen.pic.device import RAM_FIRST, RAM_LAST
 

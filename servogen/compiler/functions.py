@@ -14,25 +14,20 @@ from servogen.compiler.flash import Flash
 from servogen.compiler.fold import COMPARISONS, compare, interval
 from servogen.compiler.inline_asm import AsmError, assemble_line
 from servogen.compiler.machine import Byte, Imm, Z
-from servogen.compiler.tree import (
+from servogen.compiler.program import (
     Asm,
-    Assign,
-    Binary,
     Block,
     CaseLabel,
-    Cast,
     ExprStmt,
     If,
     Jump,
     LabelStmt,
     Loop,
-    Num,
-    Ref,
     Return,
     Stmt,
     Switch,
-    Symbol,
 )
+from servogen.compiler.tree import Assign, Binary, Cast, Num, Ref, Symbol
 from servogen.errors import Place
 
 

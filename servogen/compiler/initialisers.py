@@ -19,19 +19,8 @@ from servogen.compiler.ctypes import (
     StructType,
     VoidType,
 )
-from servogen.compiler.tree import (
-    AddressByte,
-    AddressOf,
-    Assign,
-    Binary,
-    Cast,
-    Data,
-    Expr,
-    ExprStmt,
-    Num,
-    Ref,
-    Symbol,
-)
+from servogen.compiler.program import ExprStmt
+from servogen.compiler.tree import AddressByte, AddressOf, Assign, Binary, Cast, Data, Expr, Num, Ref, Symbol
 from servogen.compiler.typenames import TypeNames
 from servogen.errors import Place
 

@@ -18,21 +18,9 @@ from servogen.compiler.ctypes import (
 )
 from servogen.compiler.dialect import ChipBit, config_names
 from servogen.compiler.fold import has_effect
+from servogen.compiler.program import Function
 from servogen.compiler.scopes import Constant
-from servogen.compiler.tree import (
-    Binary,
-    Builtin,
-    Cast,
-    Choice,
-    Comma,
-    Expr,
-    Function,
-    Logic,
-    Num,
-    Ref,
-    Symbol,
-    Unary,
-)
+from servogen.compiler.tree import Binary, Builtin, Cast, Choice, Comma, Expr, Logic, Num, Ref, Symbol, Unary
 from servogen.errors import Place, nearest
 
 _ESCAPES = {

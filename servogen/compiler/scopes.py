@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 
 from servogen.compiler.ctypes import U8, CType, Layout
 from servogen.compiler.dialect import ChipBit, chip_bits, chip_registers
-from servogen.compiler.tree import Function, Symbol
+from servogen.compiler.program import Function
+from servogen.compiler.tree import Symbol
 from servogen.errors import Place
 from servogen.pic.device import BOTH_BANKS, Register
 

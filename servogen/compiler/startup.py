@@ -16,9 +16,10 @@ from servogen.compiler.ctypes import U8
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.emitter import ISR_SUFFIX, Code
 from servogen.compiler.machine import FSR, INDF, LABEL, PCLATH, STATUS, Byte, Ins, Z
+from servogen.compiler.program import Program
 from servogen.compiler.settings import Settings
 from servogen.compiler.tables import add_tables
-from servogen.compiler.tree import AddressByte, Data, Program, Symbol
+from servogen.compiler.tree import AddressByte, Data, Symbol
 from servogen.pic.device import INTERRUPT_VECTOR
 
 RESET, START = "__reset", "__start"

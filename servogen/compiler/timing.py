@@ -12,10 +12,11 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from servogen.compiler.cycles import components, longest
+from servogen.compiler.cycles import longest
 from servogen.compiler.emitter import Code
 from servogen.compiler.known import State, bit_value, execute, without_flags
 from servogen.compiler.liveness import FLAG_BITS, W_BIT, Liveness, is_private
+from servogen.compiler.loop_names import Key, name_of, uncounted
 from servogen.compiler.machine import DELAY, LABEL, PCL, SKIPS, Byte, C, Ins, Z
 from servogen.compiler.tree import Symbol
 
@@ -35,7 +36,6 @@ _ALL_STATES = 24000
 """The same of the whole program: it bounds the compiler's own time."""
 _TABLE = Times(4, 9)
 """A look into a table in flash, with and without setting PCLATH."""
-_Key = tuple[int, tuple[tuple[str, int], ...]]
 _Way = tuple[int, int | None, int | None, State]
 """(least, most, next index or None for the end, known values)."""
 _COUNTING = frozenset(("INCF", "DECF", "INCFSZ", "DECFSZ", "ADDWF", "SUBWF"))
@@ -89,7 +89,7 @@ class _Explorer:
         self.limit = limit
         self.own = set(code.own)
         self.live = Liveness(code)
-        self.edges: dict[_Key, list[tuple[int, int | None, _Key | None]]] = {}
+        self.edges: dict[Key, list[tuple[int, int | None, Key | None]]] = {}
         self.complete = True
         self.reasons: dict[str, None] = {}
         self.counters = {ins.f for ins in code.ins if globals_too and _counts_global(ins)}
@@ -99,8 +99,8 @@ class _Explorer:
             return _TABLE
         if not self.code.ins:
             return Times(0, 0)
-        start: _Key = (0, ())
-        states: dict[_Key, State] = {start: {}}
+        start: Key = (0, ())
+        states: dict[Key, State] = {start: {}}
         waiting = [start]
         while waiting:
             key = waiting.pop()
@@ -119,21 +119,21 @@ class _Explorer:
                 self.edges[key].append((fewest, most, after))
         return self._answer(start)
 
-    def _answer(self, start: _Key) -> Times:
+    def _answer(self, start: Key) -> Times:
         least = self._shortest(start)
         if not self.complete:
             often = Counter(at for at, _ in self.edges)
             at = max(often, key=lambda each: often[each])
-            return Times(least, None, (f"{self._name([at])}, too long to be counted",))
+            return Times(least, None, (f"{name_of(self.code, [at])}, too long to be counted",))
         graph = {
             key: [after for _, _, after in ways if after is not None] for key, ways in self.edges.items()
         }
-        self._name_loops(graph)
+        self.reasons.update(dict.fromkeys(uncounted(self.code, graph)))
         if self.reasons or least is None:
             return Times(least, None, tuple(self.reasons) or ("stands still at its end",))
         return Times(least, longest(start, self.edges))
 
-    def _key(self, at: int, state: State) -> _Key:
+    def _key(self, at: int, state: State) -> Key:
         """Only what is still needed tells states apart."""
         needed = self.live.before[at]
         for loc in list(state):
@@ -146,9 +146,9 @@ class _Explorer:
                 del state[loc]
         return at, tuple(sorted((_shown(loc), value) for loc, value in state.items()))
 
-    def _shortest(self, start: _Key) -> int | None:
+    def _shortest(self, start: Key) -> int | None:
         best = {start: 0}
-        heap: list[tuple[int, int, _Key]] = [(0, 0, start)]
+        heap: list[tuple[int, int, Key]] = [(0, 0, start)]
         end: int | None = None
         count = 0
         while heap:
@@ -163,40 +163,6 @@ class _Explorer:
                     count += 1
                     heapq.heappush(heap, (cost + least, count, after))
         return end
-
-    # names of what has no known end
-
-    def _name_loops(self, graph: dict[_Key, list[_Key]]) -> None:
-        """Name each loop that is not counted: an outer one, then those that are left inside it."""
-        for part in components(graph):
-            if len(part) == 1 and self._stands_still(part[0][0]):
-                continue
-            self.reasons[self._name([at for at, _ in part])] = None
-            first = min(at for at, _ in part)
-            inside = {key for key in part if key[0] != first}
-            self._name_loops({key: [each for each in graph[key] if each in inside] for key in inside})
-
-    def _stands_still(self, at: int) -> bool:
-        """Whether a label is followed by a jump to itself: the end of main."""
-        after = self.live.next_real(at)
-        if after == len(self.code.ins):
-            return False
-        jump = self.code.ins[after]
-        return jump.op == "GOTO" and jump.target == self.code.ins[at].target
-
-    def _name(self, found: list[int]) -> str:
-        """The loop of the source that holds these instructions."""
-        if self.code.waits_for:
-            return f"waits for {self.code.waits_for}"
-        places = [self.code.ins[at].place for at in found]
-        inside = [(each.line, each.column or 0) for each in places if each is not None and each.line]
-        if not inside:
-            return "a loop"
-        around = [each for each in self.code.loops if each.first <= min(inside) and max(inside) <= each.last]
-        if not around:
-            return f"loop at line {min(inside)[0]}"
-        inner = max(around, key=lambda each: each.first)
-        return f"{inner.kind} at line {inner.first[0]}"
 
     def _unknown(self, why: str, ins: Ins) -> None:
         line = ins.place.line if ins.place is not None else None

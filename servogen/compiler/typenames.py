@@ -27,13 +27,10 @@ from servogen.compiler.ctypes import (
 )
 from servogen.compiler.dialect import int_type
 from servogen.compiler.expressions import Expressions
+from servogen.compiler.program import ExprStmt, Function
 from servogen.compiler.rewrite import CONFIG_NAME
 from servogen.compiler.scopes import Constant, TypeName
-from servogen.compiler.tree import (
-    ExprStmt,
-    Function,
-    Symbol,
-)
+from servogen.compiler.tree import Symbol
 
 
 class TypeNames(Expressions):
@@ -182,6 +179,8 @@ class TypeNames(Expressions):
             if decl.name is None and isinstance(kind, StructType):
                 for name, member in kind.layout.members.items():
                     layout.members[name] = replace(member, offset=offset + member.offset)
+            elif decl.name is None:
+                continue  # `int;` declares nothing
             elif decl.name in layout.members:
                 raise self.fail(f"the member '{decl.name}' is there twice", decl)
             else:

@@ -19,6 +19,8 @@ from servogen.errors import InputError
 from tests.compiler.fuzz.mutate import Corpus
 
 LIMIT_S = 10
+LEVELS = ("speed", "size", "none")
+"""Of optimisation: each source has one of them."""
 
 
 class TooLong(Exception):
@@ -29,12 +31,14 @@ def _late(_number: int, _frame: FrameType | None) -> None:
     raise TooLong
 
 
-def verdict(text: str, dialect: str, *, limit: bool = True) -> tuple[str, str]:
+def verdict(text: str, dialect: str, level: str = "speed", *, limit: bool = True) -> tuple[str, str]:
     """("program" | "diagnostics" | "traceback" | "slow", what was said)."""
     if limit:
         signal.setitimer(signal.ITIMER_REAL, LIMIT_S)
     try:
-        compile_sources([Source(text, "fuzz.c")], Options(dialect=dialect, clock_hz=4_000_000))
+        compile_sources(
+            [Source(text, "fuzz.c")], Options(dialect=dialect, clock_hz=4_000_000, optimise=level)
+        )
         return "program", ""
     except CompileError as error:
         places = all(each.message for each in error.diagnostics)
@@ -68,14 +72,15 @@ def main() -> int:
     for seed in range(arguments.first, arguments.first + arguments.sources):
         text, dialect = corpus.mutated(seed)
         before = time.monotonic()
-        kind, said = verdict(text, dialect)
+        level = LEVELS[seed % len(LEVELS)]
+        kind, said = verdict(text, dialect, level)
         slowest = max(slowest, time.monotonic() - before)
         kinds[kind] += 1
         if kind in ("traceback", "slow"):
             cause = "\n".join(said.strip().splitlines()[-3:])
             if cause not in causes:
                 causes[cause] = (seed, said)
-                print(f"seed {seed} {dialect}: {kind}\n{said}", flush=True)
+                print(f"seed {seed} {dialect} {level}: {kind}\n{said}", flush=True)
                 if arguments.keep:
                     arguments.keep.mkdir(parents=True, exist_ok=True)
                     (arguments.keep / f"{seed}.{dialect}.c").write_text(text)

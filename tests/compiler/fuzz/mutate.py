@@ -13,6 +13,7 @@ from functools import cache
 from pathlib import Path
 
 TESTS = Path(__file__).parents[2]
+DIALECTS = ("c2c", "xc8", "sdcc")
 _TOKEN = re.compile(
     r"\s+|[A-Za-z_]\w*|0[xXbB]\w+|\d\w*|\"(?:[^\"\\\n]|\\.)*\"|'(?:[^'\\\n]|\\.)*'|[-+*/%&|^<>=!]=|&&|\|\||<<=?|>>=?|->|\+\+|--|.",
     re.S,
@@ -198,8 +199,10 @@ class Corpus:
         """The C files of the tests, in order of their names."""
         found = []
         for path in sorted(TESTS.rglob("*.c")):
-            dialect = "xc8" if "xc8" in str(path.relative_to(TESTS)) else "c2c"
-            found.append((path.read_text(), dialect))
+            text = path.read_text()
+            stated = re.search(r"^// dialect: (\w+)", text, re.MULTILINE)
+            named = next((each for each in DIALECTS if each in str(path.relative_to(TESTS))), "c2c")
+            found.append((text, stated[1] if stated else named))
         words = sorted({token for text, _ in found for token in _TOKEN.findall(text) if not token.isspace()})
         return Corpus(tuple(found), tuple(words))
 
@@ -207,7 +210,7 @@ class Corpus:
         dice = random.Random(seed)
         text, dialect = dice.choice(self.texts)
         if dice.random() < 0.1:
-            dialect = dice.choice(("c2c", "xc8"))
+            dialect = dice.choice(DIALECTS)
         rounds = dice.choice((1, 1, 1, 2, 3, 5, 10, 30))
         if dice.random() < 0.75:
             tokens = _TOKEN.findall(text)

@@ -5,16 +5,23 @@ more.
 import pytest
 
 from servogen.compiler import CompileError, Options, Source, compile_sources
-from tests.compiler.fuzz.__main__ import verdict
-from tests.compiler.fuzz.mutate import Corpus
+from tests.compiler.fuzz.__main__ import LEVELS, verdict
+from tests.compiler.fuzz.mutate import DIALECTS, Corpus
 
 
 @pytest.mark.parametrize("first", range(0, 60, 15))
 def test_a_mutated_source_has_a_program_or_diagnostics(first: int) -> None:
     for seed in range(first, first + 15):
         text, dialect = Corpus.of_tests().mutated(seed)
-        kind, said = verdict(text, dialect, limit=False)
+        kind, said = verdict(text, dialect, LEVELS[seed % len(LEVELS)], limit=False)
         assert kind in ("program", "diagnostics"), f"seed {seed}: {said}"
+
+
+def test_every_dialect_and_level_is_mutated() -> None:
+    corpus = Corpus.of_tests()
+    assert {dialect for _, dialect in corpus.texts} == set(DIALECTS)
+    tried = {(corpus.mutated(seed)[1], LEVELS[seed % len(LEVELS)]) for seed in range(600)}
+    assert len(tried) == len(DIALECTS) * len(LEVELS)
 
 
 def test_the_same_seed_is_the_same_source() -> None:
