@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from servogen.cli.show import status
+from servogen.cli.options import Json
+from servogen.cli.show import as_json, status
 
 
 def register(app: typer.Typer) -> None:
@@ -23,6 +24,7 @@ def report(
         Path | None,
         typer.Option("--capture", help="An analyser's capture to show beside the plan: .vcd, .sr, .csv."),
     ] = None,
+    json: Json = False,
 ) -> None:
     """Build and prove a job and write one HTML page of it, which needs no network."""
     from servogen.job import load
@@ -34,7 +36,9 @@ def report(
     with status(f"{loaded.name}: planning") as tell:
         page = page_of(loaded, capture, lambda step: tell(f"{loaded.name}: {step}"))
     write_text(target, page.html)
-    if page.message:
+    if json:
+        as_json({"file": str(target), "proven": page.proven, "not_built": page.message})
+    elif page.message:
         print(page.message)
         print(f"{target}: the plan")
     else:
