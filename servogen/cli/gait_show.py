@@ -1,0 +1,95 @@
+"""How a walk is shown: tables for people, a dictionary for machines."""
+
+from __future__ import annotations
+
+from math import degrees
+from typing import TYPE_CHECKING
+
+from servogen.cli.show import table
+
+if TYPE_CHECKING:
+    from servogen.motion.gaits import Gait
+    from servogen.motion.walk import Walk
+    from servogen.report.gait_facts import GaitFacts
+    from servogen.robot.model import Hexapod
+
+
+def show_walk(robot: Hexapod, rhythm: Gait, made: Walk, facts: GaitFacts) -> None:
+    """The gait's table, the joints', stability and springs."""
+    from servogen.report.gait_facts import diagram
+
+    lines = diagram(rhythm)
+    table(
+        f"Gait '{rhythm.name}', duty {rhythm.duty}",
+        ("leg", "lifts at", "lands at", "one cycle, ▔ in the air"),
+        [(leg, str(lift), str((lift + rhythm.swing) % 1), lines[leg]) for leg, lift in rhythm.lifts],
+    )
+    table(
+        "Joints",
+        ("joint", "from °", "to °", "limits °", "peak °/s"),
+        [
+            (
+                each.name,
+                f"{degrees(each.least):.2f}",
+                f"{degrees(each.greatest):.2f}",
+                f"{degrees(each.limits[0]):g} to {degrees(each.limits[1]):g}",
+                f"{degrees(each.speed):.1f}",
+            )
+            for each in facts.joints
+        ],
+    )
+    frames, loop = len(made.trajectory.angles), len(made.trajectory.angles) - made.trajectory.loop_start
+    print(f"a cycle: {made.frames_per_cycle} frames, {facts.cycle_s:g} s")
+    again = f"the last {loop} of them for ever" if loop < frames else "start and stop included, and again"
+    print(f"the walk: {frames} frames, {again}")
+    if facts.margin is not None:
+        feet, frame = ", ".join(facts.margin_feet), facts.margin_frame
+        least = f"at least {1000 * facts.margin:.2f} mm (frame {frame}, on {feet})"
+        print(f"stability margin: {least if feet else f'none, no foot is on the ground in frame {frame}'}")
+    if facts.correction > 0:
+        where = f"{facts.correction_leg}, frame {facts.correction_frame}"
+        print(f"springs: they give up to {1000 * facts.correction:.2f} mm ({where})")
+    print(
+        f"feet rise {1000 * facts.lift:.1f} mm, body {1000 * facts.body_height:.1f} mm above the ground, "
+        f"{1000 * facts.clearance:.1f} mm free under it and its legs"
+    )
+
+
+def walk_as_dict(robot: Hexapod, rhythm: Gait, made: Walk, facts: GaitFacts) -> dict[str, object]:
+    """Metres, radians and seconds."""
+    return {
+        "robot": robot.name,
+        "gait": rhythm.name,
+        "duty": float(rhythm.duty),
+        "lifts": {leg: float(lift) for leg, lift in rhythm.lifts},
+        "frames": len(made.trajectory.angles),
+        "loop_start": made.trajectory.loop_start,
+        "frames_per_cycle": made.frames_per_cycle,
+        "cycle_s": facts.cycle_s,
+        "stability": None
+        if facts.margin is None
+        else {
+            "least_m": facts.margin if facts.margin_feet else None,
+            "frame": facts.margin_frame,
+            "feet": list(facts.margin_feet),
+        },
+        "spring": {
+            "largest_m": facts.correction,
+            "leg": facts.correction_leg,
+            "frame": facts.correction_frame,
+        },
+        "lift_m": facts.lift,
+        "clearance_m": facts.clearance,
+        "body_height_m": facts.body_height,
+        "joints": [
+            {
+                "name": each.name,
+                "least": each.least,
+                "greatest": each.greatest,
+                "lower_limit": each.limits[0],
+                "upper_limit": each.limits[1],
+                "peak_speed": each.speed,
+            }
+            for each in facts.joints
+        ],
+    }
