@@ -35,6 +35,27 @@ def test_the_first_pulses_go_to_the_neutral_pose() -> None:
     assert {pulse.width for pulse in first.pulses if pulse} == {1500}
 
 
+def test_the_tripod_starts_from_standing_and_stops_standing() -> None:
+    done = built("hexapod-tripod")
+    rows = [run.pulses for run in done.plan.schedule.loop for _ in range(run.frames)]
+    lifts = [n for n, channel in enumerate(done.plan.schedule.channels) if channel.name.endswith("-lift")]
+    turns = [n for n in range(12) if n not in lifts]
+
+    def width(row: int, channel: int) -> int:
+        pulse = rows[row][channel]
+        assert pulse is not None
+        return pulse.width
+
+    # It begins and ends in the neutral pose, all feet down; in between three feet at a time are lifted.
+    for row in (0, len(rows) - 1):
+        assert all(abs(width(row, channel) - 1500) <= 1 for channel in range(12))
+    lifted = [{n for n in lifts if abs(width(row, n) - 1500) > 5} for row in range(len(rows))]
+    assert max(map(len, lifted)) == 3 and len({frozenset(each) for each in lifted if len(each) == 3}) == 2
+    # From there on and back the steps are half as long as in the walk.
+    reach = [max(abs(width(row, n) - 1500) for n in turns) for row in range(len(rows))]
+    assert reach[0] <= 1 and reach[-1] <= 1 and max(reach) > 30
+
+
 def test_a_trim_in_the_eeprom_moves_that_servo_by_exactly_that_much() -> None:
     done = built("hexapod-tripod")
     trims = {0: 25, 3: -40, 4: 127, 7: -2, 11: -127}

@@ -85,6 +85,21 @@ def test_a_watchdog_that_was_left_on_changes_no_edge(name: str, watchdog_us: int
         assert machine.state().resets["watchdog"] == 0
 
 
+@pytest.mark.parametrize(("mhz", "servos"), [(1, 6), (2, 10), (4, 13), (10, 13), (20, 13)])
+def test_a_watchdog_of_7_ms_changes_no_edge_at_any_clock(mhz: int, servos: int) -> None:
+    text = job_text(servos, sweep(servos, 1.28), clock_hz=mhz * 1_000_000, firmware="soft_start_s = 0.16")
+    done = built_text(text)
+    schedule, image = done.plan.schedule, done.programs[0].image
+    assert image.config is not None
+    watched = replace(image, config=image.config | WDT_ON)
+    options = replace(board_of(schedule), watchdog_us=7000)
+    machine = Machine(watched, schedule.clock, options)
+    limit = Cycles(150 * schedule.period)
+    trace = EdgeTrace(schedule.clock, machine.stream(limit), limit)
+    verdict = prove(schedule, trace, Cycles(140 * schedule.period))
+    assert verdict.proven, verdict.reasons
+
+
 def test_a_watchdog_faster_than_any_chip_has_is_seen() -> None:
     done = built("scara-pick")
     schedule, image = done.plan.schedule, done.programs[0].image

@@ -4,9 +4,12 @@ from dataclasses import replace
 
 import pytest
 
+from servogen.pic.isa import decode
 from servogen.pipeline.build import Build, proven, report
 from servogen.pipeline.player import CHECK, DONE, WIDTHS, firmware, label, play
 from servogen.pipeline.proof import checked_cycles, machine_of
+from tests.csource.test_player_kernel import VARIABLES, assembled, ram
+from tests.csource.test_player_kernel import label as label_of_assembled
 from tests.pipeline.player_jobs import built, built_text, job_text, sweep
 
 SMALL = job_text(5, sweep(5, 0.64), firmware="soft_start_s = 0.16")
@@ -52,6 +55,28 @@ def test_no_slot_and_no_frame_takes_longer_than_the_bound(name: str) -> None:
             assert room.worst is not None and took <= room.worst
             # The bound is no fancy: a path of nearly that length is run.
             assert room.worst - took < 0.12 * room.worst
+
+
+@pytest.mark.parametrize("name", ["hexapod-tripod", "scara-pick"])
+def test_the_kernel_in_every_program_is_the_one_whose_cycles_are_counted(name: str) -> None:
+    # tests/csource/test_player_kernel.py counts the words of the assembled kernel; these are the same ones.
+    counted = [decode(word) for _, word in sorted(assembled().image.program.items())][
+        :-1
+    ]  # its last is a NOP
+    for program in built(name).programs:
+        listing = program.firmware.compilation.listing
+        begin = label(listing, DONE) - label_of_assembled("pl_done")
+        made = [decode(row.word) for row in listing.rows if begin <= row.address < begin + len(counted)]
+        addresses = {name: address for address, name, _ in listing.variables}
+        for at, (one, other) in enumerate(zip(counted, made, strict=True)):
+            assert one is not None and other is not None
+            assert one.instruction == other.instruction and (one.d, one.b) == (other.d, other.b), at
+            if one.instruction.mnemonic == "GOTO":
+                assert other.k - begin == one.k
+            else:
+                assert other.k == one.k
+            names = [each for each in VARIABLES if ram(each) == one.f]
+            assert other.f == (addresses[names[0]] if names else one.f)
 
 
 def test_every_kept_job_has_time_left_in_every_dialect() -> None:

@@ -52,7 +52,7 @@ def playing(
     Its first `soft_frames` frames are parts of their own.
     """
     clock = trajectory.clock
-    rows = _ideal(trajectory, servos, clock)
+    rows = ideal_widths(trajectory, servos, clock)
     pulsed = rows[~np.isnan(rows).any(axis=1)]
     if not len(pulsed):
         raise InputError("the motion has no pulse")
@@ -96,7 +96,7 @@ def playing(
     )
 
 
-def _ideal(trajectory: JointTrajectory, servos: Sequence[Servo], clock: Clock) -> Floats:
+def ideal_widths(trajectory: JointTrajectory, servos: Sequence[Servo], clock: Clock) -> Floats:
     """Widths in cycles as planned, (frames, servos); NaN without a pulse."""
     angles = trajectory.angles
     silent = np.isnan(angles)
