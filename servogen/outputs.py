@@ -34,6 +34,19 @@ def atomic_write(path: str | Path, mode: str = "w") -> contextlib.AbstractContex
     return _opened(Path(path), mode)
 
 
+def make_folder(path: str | Path) -> Path:
+    """The folder `path`, made where it is not there. Raises InputError where it cannot be."""
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        what = "is a file" if folder.exists() else "is below a file"
+        raise InputError(f"{what}, where a folder is to be made", Place(str(path))) from error
+    except OSError as error:
+        raise InputError(f"the folder cannot be made: {_reason(error)}", Place(str(path))) from error
+    return folder
+
+
 def write_text(path: str | Path, text: str) -> None:
     """`text` as the whole of the file `path`."""
     with atomic_write(path) as file:

@@ -111,7 +111,7 @@ def disassemble(
     output: Output = None,
     device: DeviceName = "PIC16F84",
 ) -> None:
-    """Write a HEX file as assembly that assembles to the same image."""
+    """Write a HEX file as assembly that assembles to the same image (default: to standard output)."""
     from servogen.outputs import write_text
     from servogen.pic.device import device as device_named
     from servogen.pic.disassembler import disassemble as disassembled

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from servogen.cli.options import Json, Output
-from servogen.cli.show import as_json, status, table, warn
+from servogen.cli.options import Json
+from servogen.cli.show import as_json, counted, status, table, warn
 
 if TYPE_CHECKING:
     from servogen.pipeline.build import Build
@@ -44,7 +44,8 @@ def check(job: JobFile, json: Json = False) -> None:
     from servogen.pipeline import planned as planned_job
 
     loaded = load(job)
-    planned = planned_job(loaded).plan
+    with status(f"{loaded.name}: planning"):
+        planned = planned_job(loaded).plan
     schedule = planned.schedule
     warnings = (*loaded.warnings, *planned.warnings)
     if json:
@@ -68,10 +69,18 @@ def check(job: JobFile, json: Json = False) -> None:
     for note in loaded.notes:
         print(note.text)
     seconds = float(schedule.clock.seconds(schedule.loop_frames * schedule.period))
-    print(f"{job}: {len(loaded.servos)} servo(s), loop of {schedule.loop_frames} frames, {seconds:g} s")
+    loop = f"loop of {counted(schedule.loop_frames, 'frame')}, {seconds:g} s"
+    print(f"{job}: {counted(len(loaded.servos), 'servo')}, {loop}")
 
 
-def build(job: JobFile, output: Output = None, json: Json = False) -> None:
+def build(
+    job: JobFile,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="The folder (default: the job's name, in build/)."),
+    ] = None,
+    json: Json = False,
+) -> None:
     """Make a job's firmware in every dialect and prove every pulse edge of it."""
     from servogen.job import load
     from servogen.pipeline import build as built
@@ -98,9 +107,12 @@ def build(job: JobFile, output: Output = None, json: Json = False) -> None:
 
 def demo(
     jobs: Annotated[list[Path], typer.Argument(help="Job files.", show_default=False)],
-    output: Annotated[Path, typer.Option("--output", "-o", help="A folder of folders.")] = Path("build"),
+    output: Annotated[Path, typer.Option("--output", "-o", help="The folder of the jobs' folders.")] = Path(
+        "build"
+    ),
+    json: Json = False,
 ) -> None:
-    """Build and prove several jobs, each in a folder of its own, and print one table."""
+    """Build and prove several jobs, each in a folder of its own; one table, and what no engine can hold."""
     from servogen.job import load
     from servogen.pipeline import DoesNotFit, write
     from servogen.pipeline import build as built
@@ -108,8 +120,7 @@ def demo(
     done: list[Build] = []
     refused: list[str] = []
     with status("reading") as tell:
-        for job in jobs:
-            loaded = load(job)
+        for loaded in [load(job) for job in jobs]:
 
             def progress(step: str, name: str = loaded.name) -> None:
                 tell(f"{name}: {step}")
@@ -120,9 +131,12 @@ def demo(
                 refused.append(error.message)
                 continue
             write(done[-1], output / loaded.name)
-    _program_table(done)
-    for message in refused:
-        print(message)
+    if json:
+        as_json({"jobs": [_as_dict(each, output / each.job.name) for each in done], "not_built": refused})
+    else:
+        _program_table(done)
+        for message in refused:
+            print(message)
     raise typer.Exit(0 if all(each.proven for each in done) else 1)
 
 

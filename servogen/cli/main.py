@@ -6,6 +6,7 @@ failed, 130 interrupted, 141 nobody reads the output any more.
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from collections.abc import Iterator
@@ -114,6 +115,9 @@ class _Output:
 
 def main() -> None:
     """Runs one command and exits with the code that scripts rely on; a reader that goes away is no error."""
+    for each in (sys.stdout, sys.stderr):
+        if isinstance(each, io.TextIOWrapper):
+            each.reconfigure(errors="replace")  # a locale without µ gets a question mark, not a traceback
     stream = sys.stdout
     output = _Output(stream)
     sys.stdout = output

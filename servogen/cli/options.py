@@ -48,7 +48,7 @@ Ra4PullUp = Annotated[bool, typer.Option("--ra4-pull-up", help="RA4, an open dra
 ClockHz = Annotated[
     int | None, typer.Option("--clock-hz", min=1, help="Default: what the C says, else 4 MHz.")
 ]
-Output = Annotated[Path | None, typer.Option("--output", "-o", help="Where to write it.")]
+Output = Annotated[Path | None, typer.Option("--output", "-o", help="The file to write.")]
 
 
 class Dialect(StrEnum):

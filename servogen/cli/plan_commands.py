@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from servogen.cli.options import Json
-from servogen.cli.show import as_json, status, table, warn
+from servogen.cli.show import as_json, counted, status, table, warn
 
 if TYPE_CHECKING:
     from servogen.job import Job
@@ -37,14 +37,13 @@ def plan(
     """Say what a job will do without building it: frames, servos, paths, the error of the pulses."""
     from servogen.job import load
     from servogen.outputs import atomic_write
-    from servogen.pulse.plan import plan as planned
     from servogen.report.motion_table import frame_lines
     from servogen.report.servo_facts import facts_of
     from servogen.report.tool_error import errors_of
     from servogen.report.tracks import tracks_of
 
-    loaded = load(job)
-    made = planned(loaded.trajectory, loaded.servos, loaded.frame)
+    with status("planning"):
+        loaded, made = _planned(load(job))
     tracks = tracks_of(loaded, made.schedule)
     if csv:
         with atomic_write(csv) as file:
@@ -64,6 +63,19 @@ def plan(
         as_json(_plan_dict(loaded, made, facts, tracks, errors))
     else:
         _show_plan(loaded, made, facts, tracks, errors)
+
+
+def _planned(job: Job) -> tuple[Job, PulsePlan]:
+    """Every pulse as near as whole cycles are; where that fits no frame, as the job's engine makes them."""
+    from servogen.errors import InputError
+    from servogen.pipeline import planned as engines_plan
+    from servogen.pulse.plan import plan as nearest_pulses
+
+    try:
+        return job, nearest_pulses(job.trajectory, job.servos, job.frame)
+    except InputError:
+        found = engines_plan(job)
+        return found.job, found.plan
 
 
 def _show_plan(
@@ -92,11 +104,11 @@ def _show_plan(
         )
     parts = [("lead-in", schedule.lead_in_frames), ("loop", schedule.loop_frames)]
     text = ", ".join(
-        f"{name} of {frames} frame{'s' if frames > 1 else ''}, {_seconds(made, frames):g} s"
+        f"{name} of {counted(frames, 'frame')}, {_seconds(made, frames):g} s"
         for name, frames in parts
         if frames
     )
-    print(f"{job.file}: {len(job.servos)} servo(s), {text}")
+    print(f"{job.file}: {counted(len(job.servos), 'servo')}, {text}")
 
 
 def _show_servos(job: Job, facts: tuple[ServoFacts, ...]) -> None:

@@ -31,8 +31,13 @@ def _numeric(cell: object) -> bool:
 
 
 def as_json(value: object) -> None:
-    """One JSON document on standard output, on one line."""
-    print(json.dumps(value, ensure_ascii=False))
+    """One JSON document on standard output, on one line; in ASCII, so that every locale can print it."""
+    print(json.dumps(value))
+
+
+def counted(number: int, what: str) -> str:
+    """1 servo, 2 servos."""
+    return f"{number} {what}{'s' if number != 1 else ''}"
 
 
 def warn(text: str) -> None:

@@ -15,7 +15,7 @@ from servogen.edge_files import write_edges
 from servogen.edges import EdgeTrace
 from servogen.errors import Caution, Place
 from servogen.job import Job
-from servogen.outputs import write_text
+from servogen.outputs import make_folder, write_text
 from servogen.pic.device import RAM_FIRST
 from servogen.pic.image import Image, to_hex
 from servogen.pic.listing import listing_text
@@ -136,7 +136,7 @@ def _overrun(machine: Machine, address: int) -> bool:
 
 def write(done: Build, folder: Path) -> None:
     """The files of a build, each whole or not there. The folder is made."""
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     own = done.programs[0]
     servos = {servo.pin: servo.name for servo in done.job.servos}
     write_text(folder / "schedule.json", done.plan.schedule.to_json())

@@ -41,7 +41,7 @@ class Overrun:
         return (
             "never"
             if self.at is None
-            else f"by cycle {self.at} after reset ({_number(clock.us(self.at))} us)"
+            else f"by cycle {self.at} after reset ({_number(clock.us(self.at))} µs)"
         )
 
 
@@ -104,7 +104,7 @@ def _lines(facts: BuildFacts) -> Iterator[str]:
 def _chip(facts: BuildFacts) -> Iterator[str]:
     clock = facts.job.clock
     yield f"{facts.job.device.name}, {clock.hz} Hz crystal ({oscillator_for(clock.hz)})"
-    yield f"One instruction cycle is {_number(clock.cycle_us)} us."
+    yield f"One instruction cycle is {_number(clock.cycle_us)} µs."
 
 
 def _wiring(facts: BuildFacts) -> Iterator[str]:
@@ -151,7 +151,7 @@ def _pulses(facts: BuildFacts) -> Iterator[str]:
     numbers = ("angle_deg", "requested_us", "cycles", "achieved_us", "error_us", "frames")
     yield from _table(("servo", *(["pulse"] if examples else []), *numbers), rows)
     yield ""
-    yield f"Period {schedule.period} cycles, {_number(schedule.clock.us(schedule.period))} us."
+    yield f"Period {schedule.period} cycles, {_number(schedule.clock.us(schedule.period))} µs."
 
 
 def _motion(facts: BuildFacts) -> Iterator[str]:
@@ -208,7 +208,7 @@ def rooms_text(programs: Sequence[ProgramFacts], clock: Clock) -> Iterator[str]:
             room.between,
             "not known" if room.worst is None else str(room.worst),
             str(room.room),
-            "?" if room.left is None else f"{room.left} ({_number(clock.us(room.left))} us)",
+            "?" if room.left is None else f"{room.left} ({_number(clock.us(room.left))} µs)",
         )
         for program in programs
         for room in program.rooms

@@ -36,7 +36,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 def test_plan_says_what_a_job_does_without_building_it(run: Run) -> None:
     done = run("plan", JOBS / "lab9-exercise.toml")
     assert done.code == 0
-    assert "2 servo(s), loop of 30 frames, 0.6 s" in done.out
+    assert "2 servos, loop of 30 frames, 0.6 s" in done.out
     assert "horizontal" in done.out
     assert "750.0" in done.out  # the Tiny-S turns 60° in 0.08 s
     assert "-100.00 to -92.00" in done.out  # z of the foot
@@ -142,3 +142,23 @@ def test_what_the_checks_warn_of_is_said(run: Run, tmp_path: Path) -> None:
     assert done.code == 0
     assert "warning: " in done.err
     assert "before it can have reached it" in done.err
+
+
+def test_servos_that_fit_a_frame_two_at_a_time_only_are_planned_as_their_engine_does(
+    run: Run, tmp_path: Path
+) -> None:
+    """Twelve servos of up to 2 ms, one after the other, are longer than 20 ms."""
+    pins = [f"RB{number}" for number in range(8)] + [f"RA{number}" for number in range(4)]
+    servos = "".join(
+        f'[[servo]]\nname = "s{n}"\npin = "{pin}"\nmodel = "futaba-s3001"\n' for n, pin in enumerate(pins)
+    )
+    angles = ", ".join(f"s{number}_deg = 90" for number in range(12))
+    job = tmp_path / "twelve.toml"
+    job.write_text(
+        f'[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n{servos}'
+        f"[motion]\nposes = [ {{ {angles}, hold_s = 1 }}, {{ s0_deg = 120, hold_s = 1 }} ]\n"
+    )
+    assert run("check", job).code == 0
+    done = run("plan", job, "--json")
+    assert done.code == 0, done.err
+    assert len(json.loads(done.out)["servos"]) == 12

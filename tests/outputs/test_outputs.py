@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from servogen.errors import InputError
-from servogen.outputs import atomic_write, write_bytes, write_text
+from servogen.outputs import atomic_write, make_folder, write_bytes, write_text
 
 
 def test_the_text_is_written_as_utf8_with_line_feeds(tmp_path: Path) -> None:
@@ -52,6 +52,18 @@ def test_a_link_stays_a_link_and_its_file_is_written(tmp_path: Path) -> None:
 def test_a_device_is_written_in_place() -> None:
     write_text("/dev/null", "x")
     assert not Path("/dev/null").is_file()
+
+
+def test_a_folder_is_made_with_those_above_it_and_may_be_there(tmp_path: Path) -> None:
+    for _ in range(2):
+        assert make_folder(tmp_path / "a b" / "ü").is_dir()
+
+
+@pytest.mark.parametrize(("below", "says"), [("", "is a file"), ("/c", "is below a file")])
+def test_a_folder_where_a_file_is_says_so(tmp_path: Path, below: str, says: str) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match=f"file{below}: {says}, where a folder is to be made"):
+        make_folder(f"{tmp_path}/file{below}")
 
 
 def test_a_missing_directory_is_named(tmp_path: Path) -> None:

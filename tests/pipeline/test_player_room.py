@@ -92,7 +92,7 @@ def test_the_report_says_what_the_c_takes_and_that_it_never_came_too_late() -> N
     text = report(done)
     for program in done.programs:
         for room in program.firmware.rooms:
-            assert f"{room.worst}" in text and f"{room.left} ({room.left} us)" in text
+            assert f"{room.worst}" in text and f"{room.left} ({room.left} µs)" in text
     assert text.count("overrun: never") == len(done.programs)
 
 
