@@ -12,7 +12,7 @@
     goto    st_late             ; the round before took long: no time for a second look
     decfsz  _ticks, F
     goto    st_plain
-; An edge: looks 64 cycles apart, the last 80 before it. _ticks is free until it is set anew.
+; An edge: looks 64 cycles apart, the last {{ last }} before it. _ticks is free until it is set anew.
     movf    _rest, F
     btfss   STATUS, 2
     goto    st_fall
@@ -27,27 +27,27 @@
 st_fall:
     movlw   0x3F
     andwf   _fine, W
-    addlw   {{ rise - 80 }}
+    addlw   {{ rise - last }}
     movwf   _ticks
 st_before:
     movf    _ticks, W
     subwf   TMR0, W
-    movwf   _t
-    btfsc   _t, 7
+    andlw   0xC0                ; it is time up to 63 cycles after it
+    btfss   STATUS, 2
     goto    st_before
     call    st_look
     movlw   64
     addwf   _ticks, F
     movf    _fine, W
     subwf   _ticks, W
-    xorlw   {{ rise - 16 }}
+    xorlw   {{ rise - last + 64 }}
     btfss   STATUS, 2
     goto    st_before
 {% if two_ports %}
     movf    _port, W
     movwf   FSR
 {% endif %}
-    movlw   16
+    movlw   {{ last - 64 }}
     addwf   _ticks, W
     call    st_exactly
     movf    _rest, F
@@ -86,7 +86,7 @@ st_late:
 st_plain:
     call    st_second
 st_third:
-    movlw   160
+    movlw   {{ third }}
     subwf   TMR0, W
     btfss   STATUS, 0
     goto    st_third
@@ -115,7 +115,7 @@ st_poll:
     return
 ; The second look, if it is not too late for it.
 st_second:
-    movlw   88
+    movlw   {{ second }}
     subwf   TMR0, W
     btfss   STATUS, 0
     goto    st_second
@@ -124,25 +124,10 @@ st_second:
     return
 ; A look at the line. Time is counted in units of 4 cycles; a bit's level is that of the first look after its middle.
 st_look:
-    movf    TMR0, W
-    movwf   _t
-    rrf     _t, F
-    rrf     _t, W
-    andlw   0x3F
-    movwf   _t
     movf    _rx_bits, F
-    btfss   STATUS, 2
-    goto    st_busy
-    btfsc   {{ line_port }}, {{ line_bit }}
-    return
-    movf    _t, W               ; a start bit begins
-    movwf   _rx_last
-    movlw   {{ first_units }}
-    movwf   _rx_left
-    movlw   10
-    movwf   _rx_bits
-    return
-st_busy:
+    btfsc   STATUS, 2
+    goto    st_hunt
+    call    st_time
     btfsc   _rx_bits, 7
     goto    st_broken
     movf    _rx_last, W
@@ -183,6 +168,24 @@ st_what:
 st_sync:
     movlw   0xFF
     movwf   _command
+    return
+st_hunt:
+    btfsc   {{ line_port }}, {{ line_bit }}
+    return
+    call    st_time             ; a start bit begins
+    movwf   _rx_last
+    movlw   {{ first_units }}
+    movwf   _rx_left
+    movlw   10
+    movwf   _rx_bits
+    return
+st_time:
+    movf    TMR0, W
+    movwf   _t
+    rrf     _t, F
+    rrf     _t, W
+    andlw   0x3F
+    movwf   _t
     return
 st_break:
     movlw   {{ nothing }}

@@ -19,7 +19,13 @@ from servogen.pulse.stream.streaming import Streaming
 NONE = 0xFE
 """In the place of a command: there is none. No command begins with this byte."""
 
-READ_LATE = 16
+LAST = 92
+"""Cycles from the last look before an edge to the edge: the longest look and the way to st_exactly fit."""
+
+SECOND, THIRD = 84, 152
+"""TMR0 at the second and third look of a round without an edge."""
+
+READ_LATE = 28
 """Cycles from the time stamps to the looks that they belong to, the start bit's and a bit's together."""
 
 
@@ -87,6 +93,9 @@ def tick(streamed: Streaming) -> str:
     return filled(
         "stream_tick.asm",
         rise=RISE,
+        last=LAST,
+        second=SECOND,
+        third=THIRD,
         slot_ticks=streamed.layout.rounds,
         two_ports=len(ports) > 1,
         port="INDF" if len(ports) > 1 else ports[0],

@@ -4,28 +4,33 @@ In: the servos and the frame asked for. Out: `Layout`; InputError where the puls
 
     |<------- slot: whole rounds of 256 cycles ------->|
     |    ▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁|
-      rise: TMR0 = 176             fall, at least 80 before the next slot's round
+      rise: TMR0 = 164             fall, at least 80 before the next slot's round
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 
 from servogen.errors import InputError
 from servogen.pulse.slots import Frame
-from servogen.pulse.stream.protocol import MOST_TRIM, Travel, travel
+from servogen.pulse.stream.protocol import BITS, BYTES, MOST_TRIM, Travel, travel
+from servogen.pulse.stream.settings import BAUD_ERROR
 from servogen.robot.servo import Servo
 from servogen.units import Clock, Cycles
 
 ROUND = 256
-RISE = 176
+RISE = 164
 """TMR0 when a pulse begins."""
-LATEST = 96
+LATEST = 80
 """A fall may be so many cycles after TMR0 = RISE in the last round of its slot but one."""
 LEAST_WIDTH = Cycles(ROUND + MOST_TRIM + 1)
-MOST_ROUNDS = 200
-"""Of a slot, counted in a byte."""
+REACTION_S = Fraction(10, 1000)
+"""A command counts in the first frame that begins so long after it: two slots may pass until its pulse."""
+C_ROUNDS = 9
+"""What the C may take to prepare a pulse and do a command."""
+MOST_SLOTS = 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +49,8 @@ class Layout:
         return Cycles(servo * self.rounds * ROUND)
 
 
-def layout(servos: Sequence[Servo], frame: Frame, clock: Clock) -> Layout:
-    """The frame nearest to the one asked for that is no longer. Raises InputError."""
+def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, baud: int) -> Layout:
+    """The longest frame that is no longer than the one asked for. Raises InputError."""
     widths = [travel(servo, clock) for servo in servos]
     for servo, each in zip(servos, widths, strict=True):
         if each.least < LEAST_WIDTH:
@@ -55,17 +60,34 @@ def layout(servos: Sequence[Servo], frame: Frame, clock: Clock) -> Layout:
                 "take a faster clock, or narrow the servo's limits",
             )
     rounds = frame.period.cycles // ROUND
-    slots = max(len(servos), -(-rounds // MOST_ROUNDS))
-    made = Layout(slots, rounds // slots)
-    least = _rounds(widths)
-    if made.rounds < least:
+    least, most = max(C_ROUNDS, _rounds(widths)), _most_rounds(clock, baud)
+    if least > most:
+        raise InputError(
+            f"the longest pulse needs a slot of {least} rounds of {ROUND} cycles; "
+            f"commands at {baud} baud come after as few as {most}",
+            frame.place,
+            "a lower rate, or narrow the servos' limits",
+        )
+    fits = [
+        Layout(slots, min(rounds // slots, most))
+        for slots in range(len(servos), MOST_SLOTS)
+        if rounds // slots >= least
+    ]
+    if not fits:
         raise InputError(
             f"the pulses do not fit a frame: {len(servos)} servos, one after the other, take {least} rounds "
-            f"of {ROUND} cycles each, the frame has {made.rounds}",
+            f"of {ROUND} cycles each, the frame has {rounds}",
             frame.place,
             f"period_us = {float(clock.us(len(servos) * least * ROUND)):g}, or narrow the servos' limits",
         )
-    return made
+    return max(fits, key=lambda each: (each.period, -each.slots))
+
+
+def _most_rounds(clock: Clock, baud: int) -> int:
+    """Of a slot: a command must be done before the next one is there, and count soon enough."""
+    command = clock.cycles_per_second / baud * BITS * BYTES * (1 - BAUD_ERROR)
+    soon = clock.cycles_per_second * REACTION_S / 2
+    return int(min(command - C_ROUNDS * ROUND, soon) // ROUND)
 
 
 def _rounds(widths: Sequence[Travel]) -> int:

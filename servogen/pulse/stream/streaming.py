@@ -46,7 +46,7 @@ def streaming(
 ) -> Streaming:
     """The stream engine of these servos. Raises InputError."""
     units = bit_units(stream, clock)
-    slots = layout(servos, frame, clock)
+    slots = layout(servos, frame, clock, stream.baud)
     period_s = clock.seconds(slots.period)
     silence = round(stream.silence_s / period_s)
     if not LEAST_SILENCE <= silence <= MOST:
@@ -98,7 +98,8 @@ def _warnings(servos: Sequence[Servo], frame: Frame, slots: Layout, clock: Clock
             Caution(
                 "period-rounded",
                 f"the frame takes {float(clock.us(slots.period)):g} µs, "
-                f"not {float(frame.period.requested_us):g}: {slots.slots} slots of {slots.rounds} rounds of 256 cycles",
+                f"not {float(frame.period.requested_us):g}: "
+                f"{slots.slots} slots of {slots.rounds} rounds of 256 cycles",
                 frame.place,
             )
         )
