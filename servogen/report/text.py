@@ -25,7 +25,7 @@ from servogen.verify import Verdict, verdict_lines
 
 COMMANDS = (
     ("XC8", "xc8-cc -mcpu={chip} -std=c99 -O1 -o main.hex main.xc8.c"),
-    ("SDCC", "sdcc -mpic14 -p{chip} --use-non-free main.sdcc.c"),
+    ("SDCC", "sdcc -mpic14 -p{chip} --use-non-free --stack-size 5 main.sdcc.c"),
 )
 """MPLAB XC8 C Compiler User's Guide, chapter on the command-line driver; SDCC Compiler User Guide, section
 "The PIC14 port"; the chip without its "PIC"."""

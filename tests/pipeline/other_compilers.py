@@ -52,7 +52,8 @@ def _makes_a_hex(compiler: Path) -> bool:
     from tempfile import TemporaryDirectory
 
     with TemporaryDirectory() as folder:
-        text = "#include <pic14/pic16f84.h>\nvoid main(void)\n{\n    PORTB = 0;\n}\n"
+        start = 'void _sdcc_gsinit_startup(void)\n{\n    __asm__("goto _main");\n}\n'
+        text = f"#include <pic14/pic16f84.h>\nvoid main(void)\n{{\n    PORTB = 0;\n}}\n{start}"
         return sdcc_compiled(text, "PIC16F84", Path(folder), compiler) is not None
 
 
@@ -60,7 +61,7 @@ def sdcc_compiled(text: str, device: str, folder: Path, compiler: Path) -> Image
     """What SDCC makes of `text`; None where it makes nothing."""
     (folder / "main.c").write_text(text)
     chip = device.removeprefix("PIC").lower()
-    command = [str(compiler), "-mpic14", f"-p{chip}", "--use-non-free", "main.c"]
+    command = [str(compiler), "-mpic14", f"-p{chip}", "--use-non-free", "--stack-size", "5", "main.c"]
     subprocess.run(command, cwd=folder, capture_output=True, check=False)
     made = folder / "main.hex"
     return from_hex(made.read_text(), str(made)) if made.is_file() else None

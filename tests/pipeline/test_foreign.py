@@ -15,7 +15,7 @@ from servogen.csource import DIALECTS
 from servogen.errors import InputError
 from servogen.job import Job, load
 from servogen.pic.image import Image, to_hex
-from servogen.pipeline import planned
+from servogen.pipeline import checked_cycles, planned, prove, running
 from servogen.pipeline.foreign import tune_to
 from servogen.pipeline.tuning import Firmware
 from tests.pipeline.other_compilers import other_compiler, sdcc, sdcc_compiled
@@ -206,3 +206,35 @@ def test_the_command_leads_to_an_exact_hex_round_by_round(tmp_path: Path) -> Non
 def test_under_the_real_sdcc_every_edge_is_exact_after_one_tuning(name: str, tmp_path: Path) -> None:
     found = tuned(name, "sdcc", lambda text: sdcc_compiled(text, job(name).device.name, tmp_path, sdcc()))  # type: ignore[arg-type]
     assert found.proven == [False, True]
+
+
+def sweeping(servos: int) -> str:
+    """A player's job: servos that go to and fro, every second the other way."""
+    pins = [*(f"RB{bit}" for bit in range(8)), *(f"RA{bit}" for bit in range(5))][:servos]
+    text = '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n[firmware]\nengine = "player"\n'
+    for number, pin in enumerate(pins):
+        text += f'[[servo]]\nname = "s{number}"\npin = "{pin}"\nmodel = "futaba-s3001"\n'
+    poses = [
+        ", ".join(f"s{number}_deg = {(low, high)[number % 2]}" for number in range(servos)) + more
+        for low, high, more in ((45, 135, ", hold_s = 0.32"), (135, 45, ", move_s = 0.64, hold_s = 0.32"))
+    ]
+    return text + f"[motion]\nrepeat = true\nposes = [ {{ {poses[0]} }}, {{ {poses[1]} }} ]\n"
+
+
+@pytest.mark.skipif(sdcc() is None, reason="SDCC's pic14 port is not on this machine")
+@pytest.mark.parametrize(("servos", "in_time"), [(4, True), (10, True), (12, False)])
+def test_the_player_under_the_real_sdcc_is_exact_untuned_where_its_c_ends_in_time(
+    servos: int, in_time: bool, tmp_path: Path
+) -> None:
+    """A slot for which the C was not ready comes a round of TMR0 later: 8192 cycles."""
+    file = tmp_path / "job.toml"
+    file.write_text(sweeping(servos))
+    found = planned(load(file))
+    image = sdcc_compiled(found.make("sdcc").text, "PIC16F84", tmp_path, sdcc())  # type: ignore[arg-type]
+    assert image is not None
+    schedule, span = found.plan.schedule, checked_cycles(found.plan.schedule)
+    verdict = prove(schedule, running(schedule, image, span), span)
+    assert verdict.proven == in_time
+    if not in_time:
+        assert verdict.difference is not None and verdict.difference.observed is not None
+        assert verdict.difference.observed - (verdict.difference.expected or 0) == 8192

@@ -3,6 +3,7 @@
 import csv
 import json
 import random
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
@@ -177,3 +178,16 @@ def test_a_constant_changed_by_one_cycle_is_told_with_cycle_pin_and_frame() -> N
         start + 100 * 20_000 + 1501,
     )
     assert verdict.channels[0].width.error == 1
+
+
+def test_a_dialect_whose_program_does_not_fit_is_left_out_and_told(tmp_path: Path) -> None:
+    """SDCC's waits take more words: many positions fit the chip in the job's own dialect alone."""
+    poses = ", ".join(f"{{ arm_deg = {30 + number}, hold_s = 0.1 }}" for number in range(40))
+    text = (ROOT / "jobs" / "lab8-exercise.toml").read_text()
+    text = re.sub(r"poses = \[.*?\n\]", f"poses = [{poses}]", text, flags=re.DOTALL)
+    (tmp_path / "many.toml").write_text(text + '[firmware]\nengine = "sequence"\n')
+    done = build(load(tmp_path / "many.toml"))
+    assert [program.firmware.dialect for program in done.programs] == ["c2c", "xc8"]
+    assert done.proven
+    assert [each.code for each in done.left_out] == ["dialect"]
+    assert any("no program for sdcc" in str(warning) for warning in done.warnings)
