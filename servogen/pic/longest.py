@@ -9,15 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 
 from servogen.pic.device import RAM_FIRST, RAM_LAST
-from servogen.pic.isa import Decoded, decode
+from servogen.pic.isa import decode
 from servogen.pic.listing import ListedFunction
 from servogen.units import Cycles
 
 MOST_STATES = 200_000
 """States that are followed before the search is given up."""
 
+ERASED = 0x3FFF
 INDF, PCL, STATUS, FSR = 0, 2, 3, 4
 C, Z = 0, 2
 _BANK_1 = 0x80
@@ -39,6 +41,34 @@ _Step = tuple[int, _State]
 
 class _Unbounded(Exception):
     """Something whose time is not known."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Word:
+    """An instruction and what of it is asked again and again: what it reads and where its result goes."""
+
+    name: str
+    f: int
+    b: int
+    k: int
+    skips: bool
+    flags: str
+    has_f: bool
+    writes_f: bool
+    writes_w: bool
+
+
+@cache
+def _word(number: int) -> _Word:
+    """Raises _Unbounded for a word that no data sheet defines."""
+    word = decode(number)
+    if word is None:
+        raise _Unbounded
+    row, operands = word.instruction, word.instruction.operands
+    name = row.mnemonic
+    to_f = "f" in operands and (bool(word.d) if "d" in operands else name in ("MOVWF", "CLRF", "BCF", "BSF"))
+    to_w = not to_f and operands in ("fd", "k", "") and name not in ("NOP", "CLRWDT", "TRIS", "OPTION")
+    return _Word(name, word.f, word.b, word.k, row.skips, row.flags, "f" in operands, to_f, to_w)
 
 
 def longest(
@@ -105,10 +135,8 @@ class _Walk:
     def _steps(self, state: _State) -> Iterator[_Step]:
         if state.at in self.without:
             return
-        word = decode(self.program.get(state.at, 0x3FFF))
-        if word is None:
-            raise _Unbounded
-        name = word.instruction.mnemonic
+        word = _word(self.program.get(state.at, ERASED))
+        name = word.name
         known = dict(state.known)
         if name == "GOTO":
             yield 2, _State(word.k, state.stack, state.known)
@@ -121,12 +149,12 @@ class _Walk:
                 yield 2, _State(back, stack, _sorted(known))
         elif name in ("SLEEP", "RETFIE"):
             raise _Unbounded
-        elif word.f == PCL and _writes_f(word):
+        elif word.f == PCL and word.writes_f:
             self._check_table(state.at + 1)
             known.pop("W", None)
             for back, stack in self._returns(state):
                 yield 2 + 2, _State(back, stack, _sorted(known))
-        elif word.instruction.skips:
+        elif word.skips:
             taken = _skipped(word, known)
             after = _sorted(known)
             if taken is not True:
@@ -140,8 +168,8 @@ class _Walk:
     def _check_table(self, first: int) -> None:
         """A computed jump goes to a RETLW: what follows it must be nothing else, up to the function's end."""
         end = next((each.end for each in self.functions if each.start <= first < each.end), first)
-        rows = [decode(self.program.get(at, 0x3FFF)) for at in range(first, end)]
-        if not rows or any(row is None or row.instruction.mnemonic != "RETLW" for row in rows):
+        rows = [_word(self.program.get(at, ERASED)) for at in range(first, end)]
+        if not rows or any(row.name != "RETLW" for row in rows):
             raise _Unbounded
 
     def _returns(self, state: _State) -> Iterator[tuple[int, tuple[int, ...]]]:
@@ -160,23 +188,17 @@ class _Walk:
             return
         seen.add(function.name)
         for address, number in self.program.items():
-            word = decode(number)
-            if word is None or word.k != function.start or function.start <= address < function.end:
+            word = _word(number)
+            if word.k != function.start or function.start <= address < function.end:
                 continue
-            if word.instruction.mnemonic == "CALL":
+            if word.name == "CALL":
                 yield address + 1
-            elif word.instruction.mnemonic == "GOTO":
+            elif word.name == "GOTO":
                 yield from self._callers(address, seen)
 
 
 def _sorted(known: dict[str, int]) -> tuple[tuple[str, int], ...]:
     return tuple(sorted(known.items()))
-
-
-def _writes_f(word: Decoded) -> bool:
-    operands = word.instruction.operands
-    name = word.instruction.mnemonic
-    return "f" in operands and (bool(word.d) if "d" in operands else name in ("MOVWF", "CLRF", "BCF", "BSF"))
 
 
 def _place(f: int, known: dict[str, int]) -> str | None:
@@ -190,9 +212,9 @@ def _place(f: int, known: dict[str, int]) -> str | None:
     return f"{f:02X}" if RAM_FIRST <= f <= RAM_LAST else None
 
 
-def _skipped(word: Decoded, known: dict[str, int]) -> bool | None:
+def _skipped(word: _Word, known: dict[str, int]) -> bool | None:
     """Whether the next instruction is skipped; None where that is not known."""
-    name = word.instruction.mnemonic
+    name = word.name
     if name in ("BTFSC", "BTFSS"):
         if word.f == STATUS:
             bit = known.get({C: "C", Z: "Z"}.get(word.b, ""))
@@ -201,15 +223,15 @@ def _skipped(word: Decoded, known: dict[str, int]) -> bool | None:
             bit = None if value is None else value >> word.b & 1
         return None if bit is None else bit == (name == "BTFSS")
     _execute(word, known)
-    result = known.get("W" if not word.d else _place(word.f, known) or "")
+    result = known.get("W" if word.writes_w else _place(word.f, known) or "")
     return None if result is None else result == 0
 
 
-def _execute(word: Decoded, known: dict[str, int]) -> None:
+def _execute(word: _Word, known: dict[str, int]) -> None:
     """Changes what is known as the instruction does."""
-    name = word.instruction.mnemonic
-    place = _place(word.f, known) if "f" in word.instruction.operands else None
-    if word.f == STATUS and _writes_f(word):
+    name = word.name
+    place = _place(word.f, known) if word.has_f else None
+    if word.f == STATUS and word.writes_f:
         flag = {C: "C", Z: "Z"}.get(word.b) if name in ("BCF", "BSF") else None
         if name not in ("BCF", "BSF"):
             known.pop("C", None)
@@ -219,31 +241,28 @@ def _execute(word: Decoded, known: dict[str, int]) -> None:
         return
     result, carry = _result(word, known.get("W"), known.get(place or ""), known.get("C"))
     for flag, letter in (("C", "C"), ("Z", "Z")):
-        if letter in word.instruction.flags:
+        if letter in word.flags:
             known.pop(flag, None)
-    if "Z" in word.instruction.flags and result is not None:
+    if "Z" in word.flags and result is not None:
         known["Z"] = int(result == 0)
-    if "C" in word.instruction.flags and carry is not None:
+    if "C" in word.flags and carry is not None:
         known["C"] = carry
-    if _writes_f(word):
+    if word.writes_f:
         if word.f == INDF and place is None and "FSR" not in known:
             for other in [key for key in known if key not in ("W", "C", "Z")]:
                 del known[other]  # it may be any of them
         target = place
     else:
-        target = "W" if word.instruction.operands in ("fd", "k", "") and name not in _KEEP_W else None
+        target = "W" if word.writes_w else None
     if target is not None:
         known.pop(target, None)
         if result is not None:
             known[target] = result
 
 
-_KEEP_W = ("NOP", "CLRWDT", "TRIS", "OPTION")
-
-
-def _result(word: Decoded, w: int | None, f: int | None, carry: int | None) -> tuple[int | None, int | None]:
+def _result(word: _Word, w: int | None, f: int | None, carry: int | None) -> tuple[int | None, int | None]:
     """(result, carry) of an instruction, each None where it is not known."""
-    name = word.instruction.mnemonic
+    name = word.name
     if name in ("CLRF", "CLRW"):
         return 0, None
     if name == "MOVLW":

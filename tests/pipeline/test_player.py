@@ -51,7 +51,7 @@ def test_the_tripod_starts_from_standing_and_stops_standing() -> None:
         assert all(abs(width(row, channel) - 1500) <= 1 for channel in range(12))
     lifted = [{n for n in lifts if abs(width(row, n) - 1500) > 5} for row in range(len(rows))]
     assert max(map(len, lifted)) == 3 and len({frozenset(each) for each in lifted if len(each) == 3}) == 2
-    # From there on and back the steps are half as long as in the walk.
+    # The legs swing in between.
     reach = [max(abs(width(row, n) - 1500) for n in turns) for row in range(len(rows))]
     assert reach[0] <= 1 and reach[-1] <= 1 and max(reach) > 30
 
