@@ -229,39 +229,29 @@ class Assignments(Indirect):
             inner = value
             if isinstance(inner, Cast) and isinstance(inner.type, IntType) and inner.type.is_bit:
                 inner = inner.operand
-            if isinstance(inner, Ref) and inner.width == 1 and inner.index is None:
-                source = self.bit_source(self.loc(inner.symbol, inner.offset))
-                source_bit = inner.bit or 0
-                if source == byte and source_bit == bit:
-                    return
-            else:
-                no, end = self.new_label(), self.new_label()
-                self.jump(value, False, no)
-                self.emit("BSF", byte, b=bit)
-                self.goto(end)
-                self.label(no)
-                self.emit("BCF", byte, b=bit)
-                self.label(end)
+            if not (isinstance(inner, Ref) and inner.width == 1 and inner.index is None):
+                self._set_by_jumps(byte, bit, value)
                 return
-        if isinstance(source, Reg) or source == byte:
-            held = self.temp()[0]
-            self.emit("CLRF", held)
-            self.skip_if(source_bit, False, source)
-            self.emit("INCF", held, 1)
-            source, source_bit = held, 0
-        if isinstance(byte, Reg) and byte.address & 0x80:
-            no, end = self.new_label(), self.new_label()
-            self.goto_if(source_bit, False, no, source)
-            self.emit("BSF", byte, b=bit)
-            self.goto(end)
-            self.label(no)
-            self.emit("BCF", byte, b=bit)
-            self.label(end)
-            return
+            source = self.bit_source(self.loc(inner.symbol, inner.offset))
+            source_bit = inner.bit or 0
+            if source == byte and source_bit == bit:
+                return
+            if isinstance(source, Reg) or source == byte:  # what may change is read once
+                self._set_by_jumps(byte, bit, inner)
+                return
         self.skip_if(source_bit, False, source)
         self.emit("BSF", byte, b=bit)
         self.skip_if(source_bit, True, source)
         self.emit("BCF", byte, b=bit)
+
+    def _set_by_jumps(self, byte: Loc, bit: int, value: Expr) -> None:
+        no, end = self.new_label(), self.new_label()
+        self.jump(value, False, no)
+        self.emit("BSF", byte, b=bit)
+        self.goto(end)
+        self.label(no)
+        self.emit("BCF", byte, b=bit)
+        self.label(end)
 
 
 def _negated(value: Expr) -> Expr | None:

@@ -1,0 +1,88 @@
+"""What an expert in this chip's assembly would write: the compiler finds these forms too."""
+
+from __future__ import annotations
+
+import pytest
+
+from servogen.compiler import Options, Source, compile_sources
+from servogen.pic.device import RAM_FIRST
+from servogen.simulator import Machine
+from servogen.units import Clock
+
+
+def mnemonics(text: str, function: str = "main") -> list[str]:
+    """The instructions of a function, without operands."""
+    found = compile_sources([Source(text, "main.c")], Options(dialect="xc8", clock_hz=4_000_000))
+    listed = next(each for each in found.listing.functions if each.name == function)
+    return [row.assembly.split()[0] for row in found.listing.rows[listed.start : listed.end]]
+
+
+def value(text: str, name: str) -> int:
+    found = compile_sources([Source(text, "main.c")], Options(dialect="xc8", clock_hz=4_000_000))
+    machine = Machine(found.image, Clock(4_000_000))
+    machine.run(20_000)
+    address = next(address for address, each, _ in found.listing.variables if each == name)
+    return machine.state().ram[address - RAM_FIRST]
+
+
+@pytest.mark.parametrize(
+    "loop",
+    [
+        "for (n = 8; n; n--) PORTB = n;",
+        "for (n = 8; n != 0; --n) PORTB = n;",
+        "n = 8; do PORTB = n; while (--n);",
+        "n = 8; while (n) { PORTB = n; n--; }",
+    ],
+)
+def test_a_loop_that_counts_down_ends_with_decfsz(loop: str) -> None:
+    """MOVLW 8; MOVWF n; MOVF n,W; MOVWF PORTB; DECFSZ n,F; GOTO; RETURN."""
+    text = f"void count(void) {{ unsigned char n; {loop} }}\nvoid main(void) {{ count(); }}"
+    found = mnemonics(text, "count")
+    assert found.count("DECFSZ") == 1
+    assert found.count("GOTO") == 1
+    assert len(found) == 7
+
+
+def test_a_constant_result_is_a_retlw() -> None:
+    text = "unsigned char f(void) { if (RB0) return 5; return 9; }\nvoid main(void) { PORTA = f(); }"
+    assert mnemonics(text, "f") == ["BTFSC", "RETLW", "RETLW"]
+
+
+def test_a_bit_is_copied_by_two_skips() -> None:
+    text = "unsigned char x;\nvoid main(void) { x = PORTA; while (1) { RB3 = x & 1; x++; } }"
+    found = mnemonics(text)
+    copy = found.index("BTFSS")
+    assert found[copy : copy + 4] == ["BTFSS", "BCF", "BTFSC", "BSF"]
+
+
+def test_a_register_that_may_change_is_tested_once() -> None:
+    """Two skips on a port could see two levels."""
+    found = mnemonics("void main(void) { while (1) RB3 = RA0; }")
+    assert len([each for each in found if each in ("BTFSS", "BTFSC")]) == 1
+
+
+def test_one_of_two_constants_needs_no_jump() -> None:
+    text = "unsigned char x, y;\nvoid main(void) { x = PORTA; y = x ? 7 : 3; PORTB = y; }"
+    assert mnemonics(text).count("GOTO") == 1  # the end of main
+    assert value(text, "y") == 3
+
+
+def test_a_pointers_address_is_loaded_once() -> None:
+    text = """
+    struct pair { unsigned char a, b; } s = {1, 2};
+    void next(struct pair *p) { p->b++; p->b ^= 5; }
+    void main(void) { next(&s); }
+    """
+    assert value(text, "s") == 1
+    found = compile_sources([Source(text, "main.c")], Options(dialect="xc8"))
+    next_ = next(each for each in found.listing.functions if each.name == "next")
+    loads = [row for row in found.listing.rows[next_.start : next_.end] if row.assembly == "MOVWF FSR"]
+    assert len(loads) == 1
+
+
+def test_two_values_are_compared_where_they_are() -> None:
+    """CALL; XORWF x,W; BTFSC STATUS,Z: the result of a call needs no place of its own."""
+    text = "unsigned char x;\nunsigned char f(void) { return PORTA; }\n"
+    text += "void main(void) { if (f() == x) RB0 = 1; }"
+    found = mnemonics(text)
+    assert found[found.index("CALL") + 1] == "XORWF"
