@@ -100,8 +100,11 @@ def _state(facts: PageFacts) -> tuple[str, str]:
     """A class of the page's style, and the words of the badge."""
     if not facts.programs:
         return "open", "planned, not built"
-    proven = all(program.proven for program in facts.programs)
-    return ("good", "every edge proven") if proven else ("bad", "NOT proven")
+    if not all(program.proven for program in facts.programs):
+        return "bad", "NOT proven"
+    if facts.capture is not None and not facts.capture.verdict.proven:
+        return "bad", "program proven, capture NOT"
+    return "good", "every edge proven"
 
 
 def _tiles(facts: PageFacts) -> Iterator[tuple[str, str]]:

@@ -195,6 +195,7 @@ def test_a_capture_stands_beside_the_plan_where_it_belongs(tmp_path: Path, width
     page = page_of(load(job_file(tmp_path)), path)
     assert page.proven is proven
     assert ("proven within tolerances" in page.html) is proven
+    assert (">every edge proven<" in page.html) is proven, "the head does not say more than the capture shows"
     planned, _, captured = data_of(page.html)["rows"]  # type: ignore[misc]
     assert captured["rise"] == pytest.approx(planned["rise"][3:], abs=1)
     assert captured["width"] == pytest.approx([1000, 1000, 1500, 1500, width, 1500, 1500], abs=0.2)
