@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from textwrap import shorten
 
 from servogen.bench.flash_checks import protected
 from servogen.bench.ports import held
@@ -143,6 +142,8 @@ def _run(
             process.kill()
             output, _ = process.communicate()
             sentence = f"{programmer.name} did not end within {timeout_s:g} s"
+            if not output.strip():
+                sentence += " and said nothing: does the programmer answer?"
             if NOT_INSERTED.search(output):
                 sentence = "there is no chip in the programmer's socket"
             raise ToolError(sentence, _place(port), _last(output)) from None
@@ -158,5 +159,5 @@ def _place(port: str | None) -> Place | None:
 
 def _last(output: str) -> str | None:
     """The last lines that a program said, without the ends of very long ones."""
-    lines = [shorten(line, LINE, placeholder=" …") for line in output.splitlines() if line.strip()]
-    return "\n  ".join(lines[-LAST_LINES:]) or None
+    lines = [line for line in output.splitlines() if line.strip()][-LAST_LINES:]
+    return "\n  ".join(line if len(line) <= LINE else f"{line[:LINE]} …" for line in lines) or None

@@ -74,14 +74,13 @@ def judge(
     wanted, got = signals.scheduled[number], signals.captured[number]
     rows, others = partners(signals, scale.line, number)
     ours, theirs = wanted.take(rows), got.take(others)
-    due = _due(wanted, scale)
-    missing = np.setdiff1d(np.flatnonzero(due), rows)
-    extra = np.setdiff1d(np.arange(len(got.rise)), others)
     kinds = (
         _widths(ours, theirs, scale, allowed),
         _periods(ours, theirs, rows, others, scale, allowed),
         _edges(ours, theirs, scale, allowed),
     )
+    missing = np.setdiff1d(np.flatnonzero(_due(wanted, scale, kinds[2])), rows)
+    extra = np.setdiff1d(np.arange(len(got.rise)), others)
     width, period, edge = (kind.spread() for kind in kinds)
     problems = [
         *(problem for kind in kinds[:2] for problem in _wrong(kind, channel, scale, expected)),
@@ -114,10 +113,15 @@ def judge(
     )
 
 
-def _due(wanted: Pulses, scale: Scale) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Which scheduled pulses lie wholly in the capture, two samples from its ends."""
+def _due(wanted: Pulses, scale: Scale, edges: _Errors) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Which scheduled pulses lie wholly in the capture: two samples from its ends.
+
+    Where edges come too late or too early, by so much more: a pulse there is wrong, not missing.
+    """
     begin, end = scale.line.steps(wanted.rise), scale.line.steps(wanted.fall)
-    return np.asarray((begin > 2 * scale.quantum) & (end < scale.end - 2 * scale.quantum))
+    wrong = float(np.abs(edges.error).max(initial=0.0)) / scale.cycle_us * scale.line.b
+    margin = 2 * scale.quantum + wrong
+    return np.asarray((begin > margin) & (end < scale.end - margin))
 
 
 def _us(steps: Ints, scale: Scale) -> Floats:

@@ -150,6 +150,17 @@ def test_a_missing_an_extra_pulse_and_a_glitch_are_counted_and_placed() -> None:
     assert not (missing.proven or extra.proven or glitch.proven)
 
 
+def test_a_servo_that_is_shifted_in_every_frame_has_wrong_edges_and_no_missing_pulse() -> None:
+    """A capture that begins with the rise of a pulse that is scheduled 400 µs later."""
+    shifted = [(rise - 400 * (pin == RB0), width, pin) for rise, width, pin in pulses()]
+    verdict = verdict_on(shifted, begin_us=-400.0)
+    arm, leg = verdict.channels
+    assert (arm.missing, leg.missing) == (0, 0)
+    assert any("wrong edges, worst" in reason for reason in verdict.reasons)
+    assert verdict.problem is not None
+    assert "an edge that is not where it is scheduled" in verdict.problem.text
+
+
 def test_a_wrong_first_pulse_does_not_mislead_the_search() -> None:
     verdict = verdict_on([(-9000, 1900, RB0), *pulses()])
     assert [channel.extra for channel in verdict.channels] == [1, 0]
