@@ -107,24 +107,25 @@ def _target(text: str, names: Names, label: Callable[[str], str]) -> str:
     return label(text)
 
 
+class _NoNames:
+    """Constants are made of numbers."""
+
+    here = 0
+
+    def value(self, name: str) -> int | None:
+        return None
+
+    def hint(self, name: str) -> str | None:
+        return None
+
+
 def _number(text: str) -> int | None:
-    text = text.strip()
-    for pattern, base in (
-        (r"0[xX]([0-9a-fA-F]+)", 16),
-        (r"[hH]'([0-9a-fA-F]+)'", 16),
-        (r"([0-9][0-9a-fA-F]*)[hH]", 16),
-        (r"[bB]'([01]+)'", 2),
-        (r"0[bB]([01]+)", 2),
-        (r"([01]+)[bB]", 2),
-        (r"[dD]'(\d+)'", 10),
-        (r"\.(\d+)", 10),
-        (r"(\d+)", 10),
-    ):
-        match = re.fullmatch(pattern, text)
-        if match:
-            return int(match[1], base)
-    match = re.fullmatch(r"'(.)'", text)
-    return ord(match[1]) if match else None
+    """A constant as the assembler computes it, `(1500 - 14) / 1000 + 1`; C's 0b101 too."""
+    try:
+        found = parse_expression(Text.of(re.sub(r"\b0[bB]([01]+)\b", r"B'\1'", text)), 10)
+        return evaluate(found, _NoNames())
+    except SourceError:
+        return None
 
 
 def _file(text: str, names: Names) -> Loc:
@@ -174,33 +175,10 @@ def _literal(text: str, names: Names) -> int | AddressByte:
         register = registers().get(match[2].upper())
         if register is not None:
             return register.address & 0x7F
-    value = _number(text.lstrip("+-"))
+    value = _number(text)
     if value is None:
-        return _computed(text)
-    value = -value if text.startswith("-") else value
+        raise AsmError(f"'{text}' is not a number from 0 to 255")
     if not -128 <= value <= 255:
-        raise AsmError(f"the literal {text} is not 0 to 255")
-    return value & 0xFF
-
-
-class _NoNames:
-    """A literal computed by the assembler is made of numbers."""
-
-    here = 0
-
-    def value(self, name: str) -> int | None:
-        return None
-
-    def hint(self, name: str) -> str | None:
-        return None
-
-
-def _computed(text: str) -> int:
-    """`(1500 - 14) / 1000 + 1`, as an assembler computes it."""
-    try:
-        value = evaluate(parse_expression(Text.of(text), 10), _NoNames())
-    except SourceError:
-        raise AsmError(f"'{text}' is not a number from 0 to 255") from None
-    if not -128 <= value <= 255:
-        raise AsmError(f"the literal {text} is {value}, not 0 to 255")
+        computed = "" if text == str(value) else f" {value},"
+        raise AsmError(f"the literal {text} is{computed} not 0 to 255")
     return value & 0xFF
