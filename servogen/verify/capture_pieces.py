@@ -1,7 +1,8 @@
 """Several captures in one file: each is a record of its own, and the time between two is not known.
 
-    piece 1                   piece 2                  what is seen is seen inside a piece; across a seam
-    ──┐__┌──┐__┌──┐__┊  ?  ┊──┐__┌──┐__┌──┐__┊         there is no period, and each has its own phase
+    piece 1              piece 2
+    __┌┐____┌┐____┊  ?  ┊__┌┐____┌┐____┊     what is seen is seen inside a piece; across a seam there is
+                                             no period, and each has its own phase
 
 In: a trace and where its pieces are; or the verdict on each. Out: a trace of each; or one verdict on all.
 """
