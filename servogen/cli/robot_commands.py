@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import degrees
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -14,7 +15,7 @@ import typer
 from servogen.cli.options import NEGATIVE_NUMBERS, Json, number
 from servogen.cli.show import as_json, table
 
-RobotName = Annotated[str, typer.Argument(help="A short name of `servogen robots`, or a TOML file.")]
+RobotName = Annotated[str, typer.Argument(help="A short name of `servogen robots`, or a TOML or URDF file.")]
 JointValues = Annotated[
     list[float] | None,
     typer.Argument(help="Joint positions: degrees, mm.", parser=number, show_default=False),
@@ -34,24 +35,40 @@ def robots(
     name: Annotated[
         str | None, typer.Argument(help="One robot, with all its facts.", show_default=False)
     ] = None,
+    urdf: Annotated[
+        Path | None,
+        typer.Option("--urdf", help="Write this arm as URDF, the robot description of ROS."),
+    ] = None,
     json: Json = False,
 ) -> None:
     """List the robots of the catalogue, or all there is to one of them."""
     from servogen.kinematics import queries
 
-    if name is None:
+    if urdf is not None:
+        _write_urdf(name, urdf)
+    elif name is None:
         found = queries.robot_list()
         if json:
             as_json(found)
         else:
             rows = [(each["name"], each["kind"], each["joints"], each["title"]) for each in found]
             table("Robots", ("name", "kind", "joints", "title"), rows)
-        return
-    details = queries.robot_details(name)
-    if json:
-        as_json(details)
+    elif json:
+        as_json(queries.robot_details(name))
     else:
-        _print_details(details)
+        _print_details(queries.robot_details(name))
+
+
+def _write_urdf(name: str | None, path: Path) -> None:
+    from servogen.errors import InputError
+    from servogen.kinematics.named import arm
+    from servogen.kinematics.urdf import to_urdf
+    from servogen.outputs import write_text
+
+    if name is None:
+        raise InputError("which robot is to be written?", hint="servogen robots scara --urdf scara.urdf")
+    write_text(path, to_urdf(arm(name)))
+    print(path)
 
 
 def fk(
@@ -96,7 +113,7 @@ def ik(
 ) -> None:
     """Inverse kinematics: the joint positions that reach a target."""
     from servogen.kinematics import queries
-    from servogen.robot.robots import arm
+    from servogen.kinematics.named import arm
 
     answer = queries.ik_answer(name, target, everything)
     if json:

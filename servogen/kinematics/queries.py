@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from servogen.errors import InputError, Place
-from servogen.kinematics import mobility, omni
+from servogen.kinematics import mobility, named, omni
 from servogen.kinematics.chain import fk, joint_array
 from servogen.kinematics.hexapod import feet
 from servogen.kinematics.inverse import ik_all, orientation_matrix, orientation_names
@@ -51,7 +51,7 @@ def _driven(robot: Robot) -> int:
 
 def robot_details(name: str) -> Answer:
     """All there is to a robot: joints with limits, rows, lengths; mounts; wheels."""
-    robot = robots.robot(name)
+    robot = named.robot(name)
     common: Answer = {
         "name": robot.name,
         "title": robot.title,
@@ -155,10 +155,10 @@ def joint_values(arm: Arm, values: Sequence[float]) -> Floats:
 
 def fk_answer(name: str, values: Sequence[float]) -> Answer:
     """The tool's pose at joint positions in degrees and millimetres; for the six-legged robot its feet."""
-    robot = robots.robot(name)
+    robot = named.robot(name)
     if isinstance(robot, Hexapod):
         return _feet_answer(robot, values)
-    arm = robots.arm(name)
+    arm = named.arm(name)
     q = joint_values(arm, values)
     pose = fk(arm, q)
     return {
@@ -199,7 +199,7 @@ def fk_symbolic(name: str, style: str = "text") -> Answer:
     from servogen.kinematics.symbolic import symbolic_fk, text_of
 
     chosen = _style(style)
-    found = symbolic_fk(robots.arm(name))
+    found = symbolic_fk(named.arm(name))
     return {
         "links": [text_of(link, chosen, f"A{index}") for index, link in enumerate(found.links, 1)],
         "product": text_of(found.product, chosen, "T"),
@@ -215,7 +215,7 @@ def _style(style: str) -> Any:
 
 def ik_answer(name: str, values: Sequence[float], everything: bool = False) -> Answer:
     """The joint positions for a target x, y, z in millimetres and, if given, its orientation in degrees."""
-    arm = robots.arm(name)
+    arm = named.arm(name)
     names = ("x", "y", "z", *orientation_names(arm))
     if len(values) not in (3, len(names)):
         wanted = "x y z" + (f" or {' '.join(names)}" if len(names) > 3 else "")
@@ -232,7 +232,7 @@ def ik_answer(name: str, values: Sequence[float], everything: bool = False) -> A
 
 def mobility_answer(name: str) -> Answer:
     """Elements, joints, mobility M and manoeuvrability M - 6."""
-    found = mobility.of_robot(robots.robot(name))
+    found = mobility.of_robot(named.robot(name))
     return {
         "elements": found.elements,
         "joints": list(found.joints),
@@ -255,7 +255,7 @@ def transform_answer(text: str, point: Sequence[float] = ()) -> Answer:
 
 def jacobian_answer(name: str, values: Sequence[float], frame: FrameName = 0) -> Answer:
     """The geometric Jacobian at joint positions in degrees and millimetres; how well the arm moves there."""
-    arm = robots.arm(name)
+    arm = named.arm(name)
     q = joint_values(arm, values)
     found = singularity(arm, q)
     return {
@@ -274,7 +274,7 @@ def jacobian_symbolic(name: str, frame: FrameName = 0, style: str = "text") -> A
 
     if frame not in (0, "n"):
         raise InputError(f"in symbols the frame is 0 or n, not {frame}", Place(key="frame"))
-    matrix = symbolic_jacobian(robots.arm(name), "n" if frame == "n" else "0")
+    matrix = symbolic_jacobian(named.arm(name), "n" if frame == "n" else "0")
     return {"frame": frame, "jacobian": text_of(matrix, _style(style), "J")}
 
 

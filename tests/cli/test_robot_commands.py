@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from math import radians
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -65,3 +66,21 @@ def test_symbols_in_three_styles(run: Run) -> None:
     assert "q2*sin(q1)" in run("fk", "theta-r", "--symbolic").out
     assert "\\sin" in run("fk", "theta-r", "--symbolic", "--style", "latex").out
     assert run("jacobian", "theta-r", "--symbolic", "--frame", "n").code == 0
+
+
+def test_an_arm_written_as_urdf_is_the_same_arm_to_every_command(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    assert run("robots", "scara", "--urdf", path).code == 0
+    ours, theirs = (json.loads(run("fk", robot, 30, -45, 100, 20, "--json").out) for robot in ("scara", path))
+    assert theirs["position_m"] == pytest.approx(ours["position_m"], abs=1e-9)
+    for mine, other in zip(ours["rotation"], theirs["rotation"], strict=True):
+        assert other == pytest.approx(mine, abs=1e-9)
+    assert run("jacobian", path, 30, -45, 100, 20).code == 0
+
+
+def test_urdf_needs_an_arm_and_a_file_that_is_one(run: Run, tmp_path: Path) -> None:
+    assert "which robot" in run("robots", "--urdf", tmp_path / "arm.urdf").err
+    assert "six legs" in run("robots", "hexapod", "--urdf", tmp_path / "arm.urdf").err
+    assert run("fk", tmp_path / "none.urdf", 0).code == 2
+    (tmp_path / "text.urdf").write_text("hello")
+    assert "is no URDF" in run("fk", tmp_path / "text.urdf", 0).err
