@@ -21,6 +21,7 @@ from servogen.compiler.ctypes import (
     VoidType,
     same,
 )
+from servogen.compiler.diagnostics import Fatal
 from servogen.compiler.dialect import ChipBit
 from servogen.compiler.fold import fold
 from servogen.compiler.names import ConstNum, Names
@@ -192,6 +193,8 @@ class Access(Names):
                 return found
             if meaning is not None and not isinstance(meaning, ChipBit):
                 raise self.fail(f"'{name}' is not a function", node)
+            if name in self.reporter.lost:
+                raise Fatal(name)
             known = [each for each, what in self.scopes.stack[0].names.items() if isinstance(what, Function)]
             hint = nearest(name, known + self.builtin_names())
             raise self.fail(

@@ -139,7 +139,9 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
     times = all_times(codes)
     times |= expand_delays(codes, room, reached(codes, arrangement.roots[1:]))
     memory = allocate(arrangement.roots, codes, arrangement.statics, reporter)
-    layout = lay_out(arrangement.order(codes), memory, reporter, arrangement.tables)
+    layout = lay_out(
+        arrangement.order(codes), memory, reporter, arrangement.tables, small=options.optimise == "size"
+    )
     reporter.stop_on_error()
     image = Image(
         {word.address: word.value for word in layout.words},

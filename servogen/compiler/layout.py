@@ -105,8 +105,13 @@ class Layout:
     end: int
 
 
-def lay_out(order: list[Code], memory: Memory, reporter: Reporter, tables: dict[Symbol, str]) -> Layout:
-    """Give each instruction its address and encode it. `tables` name the label of each flash object."""
+def lay_out(
+    order: list[Code], memory: Memory, reporter: Reporter, tables: dict[Symbol, str], *, small: bool
+) -> Layout:
+    """Give each instruction its address and encode it. `tables` name the label of each flash object.
+
+    `small` says whether the program has been made as small as it can be.
+    """
     pointers = any(code.name.startswith("__flash") for code in order)
     found = None if pointers else _place(order, only_first_page=True)
     if found is None:
@@ -115,7 +120,9 @@ def lay_out(order: list[Code], memory: Memory, reporter: Reporter, tables: dict[
     if found.end > PROGRAM_WORDS:
         file = next(iter(reporter.texts), None)
         raise reporter.fatal(
-            f"the program needs {found.end} words of flash, the chip has {PROGRAM_WORDS}", Place(file)
+            f"the program needs {found.end} words of flash, the chip has {PROGRAM_WORDS}",
+            Place(file),
+            "optimise for size (-Os): equal code is shared" if not small else None,
         )
     for word in found.words:
         word.value = _encode(word, found.labels, memory, tables, reporter)

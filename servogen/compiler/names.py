@@ -16,6 +16,7 @@ from servogen.compiler.ctypes import (
     StructType,
     VoidType,
 )
+from servogen.compiler.diagnostics import Fatal
 from servogen.compiler.dialect import ChipBit, config_names
 from servogen.compiler.fold import has_effect
 from servogen.compiler.program import Function
@@ -135,6 +136,8 @@ class Names(Base):
             return Ref(register_symbol, 0, None, StructType(_register_layout(match[1])), place)  # type: ignore[index]
         if self.reading_config and node.name in config_names():
             return Num(config_names()[node.name], self.int_type, place)
+        if node.name in self.reporter.lost:
+            raise Fatal(node.name)
         raise self.fail(f"'{node.name}' is not declared", node, hint=self._suggest(node.name))
 
     def _suggest(self, name: str) -> str | None:

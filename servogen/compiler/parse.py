@@ -16,7 +16,7 @@ from pycparser.c_parser import CParser, ParseError, _TokenStream
 
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.preprocess import PToken
-from servogen.compiler.syntax_errors import SyntaxFault, report_syntax, resume
+from servogen.compiler.syntax_errors import SyntaxFault, declared, report_syntax, resume
 
 _INTEGER = re.compile(r"(?:0[xX][0-9a-fA-F]+|[0-9]+)([uUlL]*)")
 
@@ -144,7 +144,9 @@ def parse(tokens: list[PToken], typedefs: Iterable[str], reporter: Reporter) -> 
 
     def fault(error: Exception, start: int, at: int) -> int:
         report_syntax(error, stream, tokens, start, at, reporter)
-        return resume(tokens, start, max(at, start + 1))
+        after = resume(tokens, start, max(at, start + 1))
+        reporter.lost |= declared(tokens[start:after])
+        return after
 
     return parser.units(stream, typedefs, fault)
 

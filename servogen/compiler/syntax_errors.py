@@ -147,3 +147,14 @@ def resume(tokens: list[PToken], start: int, at: int) -> int:
         ):
             return index  # a brace was lost: a declaration in the first column starts anew
     return len(tokens)
+
+
+def declared(tokens: list[PToken]) -> set[str]:
+    """The names outside all brackets of a declaration that was not understood: it may declare them."""
+    depth = 0
+    found = set()
+    for token in tokens:
+        depth += {"(": 1, "{": 1, "[": 1, ")": -1, "}": -1, "]": -1}.get(token.text, 0)
+        if depth == 0 and re.match(r"[A-Za-z_]", token.text):
+            found.add(token.text)
+    return found

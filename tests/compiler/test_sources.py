@@ -92,6 +92,15 @@ def test_included_files_come_from_the_resolver_and_keep_their_places() -> None:
 def test_a_program_that_is_too_large_says_how_large() -> None:
     text = "void main(void) {" + "PORTB = 1; PORTB = 2;" * 300 + "}"
     assert errors(text) == ["the program needs 1201 words of flash, the chip has 1024"]
+    for level, hint in (("speed", "optimise for size (-Os): equal code is shared"), ("size", None)):
+        unlike = (
+            "void main(void) {"
+            + "".join(f"PORTB = {n % 256}; PORTA = {n * n % 251};" for n in range(300))
+            + "}"
+        )
+        with pytest.raises(CompileError) as caught:
+            compile_sources([Source(unlike, "main.c")], Options(optimise=level))
+        assert caught.value.diagnostics[0].hint == hint
 
 
 def test_calls_that_go_too_deep_show_their_path() -> None:
