@@ -102,7 +102,7 @@ def drive(
 
     loaded = load(job)
     speed, controller = controller_of(loaded, baud, range_us, first)
-    end = _stop_pose(loaded, stop, pose)
+    end = _stop_pose(loaded, stop)
     motion, order = _driven(loaded, pose, steer, seconds, Rates(way_mm, turn_deg), dry_run)
     time = VirtualTime().time() if dry_run else Time()
     interrupted = False
@@ -145,14 +145,15 @@ def _driven(
 
 
 def _pose_s(job: Job, seconds: float | None, dry_run: bool) -> float:
-    """A pose is sent and left, but to a chip that would leave it for its fail-safe."""
+    """A pose is sent and left, but not wheels that turn, nor to a chip that would take its fail-safe."""
     if seconds is not None:
         return seconds
-    leaves = job.stream is not None and job.stream.fail_safe != "hold"
-    return math.inf if leaves and not dry_run else 0.0
+    turns = any(servo.model.continuous for servo in job.servos)
+    leaves = job.stream is not None and job.stream.fail_safe != HOLD
+    return math.inf if (turns or leaves) and not dry_run else 0.0
 
 
-def _stop_pose(job: Job, text: str | None, pose: str | None) -> Floats | None:
+def _stop_pose(job: Job, text: str | None) -> Floats | None:
     """The pose that ends the drive; None: the servos hold what they were sent last."""
     import numpy as np
 
@@ -161,7 +162,7 @@ def _stop_pose(job: Job, text: str | None, pose: str | None) -> Floats | None:
 
     neutral = np.array([servo.neutral for servo in job.servos])
     wheels = [servo.model.continuous for servo in job.servos]
-    if text is None and pose is None and any(wheels):
+    if text is None and any(wheels):
         return np.where(wheels, neutral, np.nan)
     if text == OFF and (job.stream is None or job.stream.fail_safe != OFF):
         raise InputError(

@@ -20,7 +20,7 @@ def steering_of(job: Job, rates: Rates) -> Steering:
         return walker(job, rates)
     if isinstance(job.robot, OmniBase) and job.wheels:
         return roller(job, job.robot, rates)
-    if job.poses:
+    if job.poses or job.stream is not None:
         return Poser(job)
     raise InputError(
         "there is nothing to steer: keys walk a walking robot, roll a base, or go to the poses of [motion]",

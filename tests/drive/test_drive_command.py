@@ -62,6 +62,14 @@ def test_wheels_stand_when_the_process_is_told_to_end(start: Start, serial: Seri
     assert summary["stopped"]
 
 
+def test_wheels_are_not_left_turning(run: Run) -> None:
+    options = (*RANGE, "--dry-run", "--json", "--pose", "wheel1=100", "--seconds", 1)
+    sent = [json.loads(line) for line in run("drive", JOBS / "omni-square.toml", *options).out.splitlines()]
+    positions = [(entry["servo"], entry["position"]) for entry in sent if "servo" in entry]
+    assert positions[0] == ("wheel1", position(1566.67))
+    assert positions[-3:] == [("wheel1", 127), ("wheel2", 127), ("wheel3", 127)]
+
+
 def test_a_robot_that_is_unplugged_and_plugged_in_again_gets_its_whole_pose(
     start: Start, serial: Serial
 ) -> None:

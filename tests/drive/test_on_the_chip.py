@@ -45,12 +45,11 @@ def job_of(count: int, fail_safe: str = "hold") -> str:
     return text + f'[stream]\nfail_safe = "{fail_safe}"\n[firmware]\nsoft_start_s = 0.1\n'
 
 
-MOVING = """[motion]
-poses = [
-    { s0_deg = 30, s1_deg = 150, s2_deg = 90, move_s = 0.5, hold_s = 0.1 },
-    { s0_deg = 140, s1_deg = 25, s2_deg = 80, move_s = 0.5, hold_s = 0.1 },
-]
-"""
+def moving(count: int) -> str:
+    """A motion of all servos, each with angles of its own."""
+    first = ", ".join(f"s{index}_deg = {30 + 12 * index}" for index in range(count))
+    second = ", ".join(f"s{index}_deg = {140 - 9 * index}" for index in range(count))
+    return f"[motion]\nposes = [{{ {first}, move_s = 0.5, hold_s = 0.1 }}, {{ {second}, move_s = 0.5 }}]\n"
 
 
 @cache
@@ -119,9 +118,10 @@ def driven(
     return [{**entry, "s": float(str(entry["s"])) + began} for entry in log]
 
 
-def test_every_position_is_a_pulse_width_in_the_first_frame_after_it() -> None:
-    text = job_of(3)
-    robot = OnChip(loads(text + MOVING, "job.toml"), image_of(text))
+@pytest.mark.parametrize("count", [3, 8])
+def test_every_position_is_a_pulse_width_in_the_first_frame_after_it(count: int) -> None:
+    text = job_of(count)
+    robot = OnChip(loads(text + moving(count), "job.toml"), image_of(text))
     log = driven(robot, Limited(Played(robot.job.trajectory), 2.0), arrive_s=0.0)
     frame_s = float(robot.job.clock.seconds(stream(robot.job)[1].plan.schedule.period))
     checked = 0
@@ -140,7 +140,7 @@ def test_every_position_is_a_pulse_width_in_the_first_frame_after_it() -> None:
 def test_a_widths_history_is_the_motion_a_command_and_a_frame_later() -> None:
     """Seen from the outside: the angle that a pulse means was the motion's a little earlier."""
     text = job_of(3)
-    robot = OnChip(loads(text + MOVING, "job.toml"), image_of(text))
+    robot = OnChip(loads(text + moving(3), "job.toml"), image_of(text))
     log = driven(robot, Limited(Played(robot.job.trajectory), 2.0), arrive_s=0.0)
     began = float(str(log[0]["s"])) - 3 * BYTE_S
     made = robot.job.trajectory

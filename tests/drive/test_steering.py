@@ -118,6 +118,11 @@ def test_angles_are_orders_too() -> None:
     assert steered(steering, {0: "arm=77.5"}, 100)[-1, 0] == pytest.approx(77.5)
 
 
+def test_a_stream_job_without_poses_takes_angles() -> None:
+    steering = steering_of(load(JOBS / "stream-arm.toml"), Rates())
+    assert steered(steering, {0: "base=120,grip=60"}, 100)[-1] == pytest.approx([120, 90, 60])
+
+
 @pytest.mark.parametrize(
     ("job", "word"), [("hexapod-tripod", "jump"), ("omni-square", "jump"), ("lab8-exercise", "4")]
 )
