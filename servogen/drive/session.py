@@ -38,6 +38,8 @@ class Summary:
     """What was sent. `rounds`: poses of which a servo changed; `slowest_s`: the longest took so long."""
 
     seconds: float = 0.0
+    moving_s: float = 0.0
+    """Of these, without the way to the first pose and without what the port was away."""
     commands: int = 0
     rounds: int = 0
     slowest_s: float = 0.0
@@ -47,8 +49,7 @@ class Summary:
 
     @property
     def poses_per_second(self) -> float:
-        moving = self.seconds - self.away_s
-        return self.rounds / moving if moving > 0 else 0.0
+        return self.rounds / self.moving_s if self.moving_s > 0 else 0.0
 
     def as_dict(self) -> dict[str, object]:
         return {**asdict(self), "poses_per_second": self.poses_per_second}
@@ -102,6 +103,7 @@ class Session:
         finally:
             self._stop()
             self.summary.seconds = self.time.now() - self._begun
+            self.summary.moving_s = self.summary.seconds - self._held_s
         return self.summary
 
     def _ordered(self, motion: Motion, moment: float) -> Floats | None:
