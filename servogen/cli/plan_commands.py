@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -158,7 +159,8 @@ def _show_ends(tracks: tuple[Track, ...], errors: tuple[EndError, ...], frame_s:
         spans = (f"{_mm(low)} to {_mm(high)}" for low, high in zip(least, greatest, strict=True))
         rows.append((each.name, *spans))
     table("Paths", ("end", "x mm", "y mm", "z mm"), rows)
-    table("Error of the pulses", ERROR_COLUMNS, list(error_rows(errors, frame_s)))
+    columns = [re.sub(r"_(mm|s)$", r" \1", column).replace("_", " ") for column in ERROR_COLUMNS]
+    table("Error of the pulses", columns, list(error_rows(errors, frame_s)))
 
 
 def _plan_dict(

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from servogen.cli.options import NEGATIVE_NUMBERS, Json, number
-from servogen.cli.show import as_json, table
+from servogen.cli.show import as_json, status, table
 
 RobotName = Annotated[str, typer.Argument(help="A short name of `servogen robots`, or a TOML or URDF file.")]
 JointValues = Annotated[
@@ -82,7 +82,8 @@ def fk(
     from servogen.kinematics import queries
 
     if symbolic:
-        answer = queries.fk_symbolic(name, style)
+        with status("simplifying"):
+            answer = queries.fk_symbolic(name, style)
         if json:
             as_json(answer)
             return
@@ -140,7 +141,8 @@ def jacobian(
 
     wanted: Any = int(frame) if frame.isdigit() else frame
     if symbolic:
-        answer = queries.jacobian_symbolic(name, wanted, style)
+        with status("simplifying"):
+            answer = queries.jacobian_symbolic(name, wanted, style)
         print(answer["jacobian"]) if not json else as_json(answer)
         return
     answer = queries.jacobian_answer(name, values or (), wanted)
@@ -197,8 +199,10 @@ def _millimetres(point: Sequence[float]) -> str:
 
 
 def _print_details(details: dict[str, Any]) -> None:
-    print(f"{details['name']}: {details['title']} ({details['kind']})")
-    print(f"dimensions: {details['dimensions']}; source: {details['source']}")
+    title = f": {details['title']}" if details["title"] else ""
+    source = f"; source: {details['source']}" if details["source"] else ""
+    print(f"{details['name']}{title} ({details['kind']})")
+    print(f"dimensions: {details['dimensions']}{source}")
     arm = details.get("leg", details)
     if "joints" in arm:
         table(

@@ -134,10 +134,10 @@ def _frame(frame: Frame) -> Answer:
 
 
 def length_text(length: Length) -> str:
-    """A length as written in a robot's file: 'l2 + l3', '-l2', '0.04 m'."""
+    """A length as written in a robot's file: 'l2 + l3', '-l2', '40 mm'."""
     parts = [("- " if factor < 0 else "+ ") + name for name, factor in length.terms]
     if length.constant or not parts:
-        parts.append(f"{'- ' if length.constant < 0 else '+ '}{abs(length.constant):g} m")
+        parts.append(f"{'- ' if length.constant < 0 else '+ '}{1000 * abs(length.constant):g} mm")
     text = " ".join(parts).removeprefix("+ ")
     return "-" + text[2:] if text.startswith("- ") else text
 

@@ -30,7 +30,7 @@ def parse(text: str) -> Floats:
         found = _FACTOR.match(text, at)
         if not found:
             raise _error(at, f"'{text[at:].split()[0]}' is no transform")
-        matrix = matrix @ _factor(found["word"].lower(), found["inside"].split(","), at)
+        matrix = matrix @ _factor(found["word"], found["inside"].split(","), at)
         at = found.end()
     if not text.strip():
         raise InputError("there is no transform", hint=_HINT)
@@ -45,7 +45,8 @@ def _error(at: int, message: str) -> InputError:
     return InputError(message, Place(column=at + 1, key=f"column {at + 1}"), _HINT)
 
 
-def _factor(word: str, inside: list[str], at: int) -> Floats:
+def _factor(name: str, inside: list[str], at: int) -> Floats:
+    word = name.lower()
     if word == "rot" and len(inside) == 2 and inside[0].strip().lower() in ("x", "y", "z"):
         return _turn(inside[0].strip().lower(), _number(inside[1], at))
     if word == "trans" and len(inside) == 3:
@@ -55,7 +56,7 @@ def _factor(word: str, inside: list[str], at: int) -> Floats:
         if word[0] == "r":
             return _turn(word[1], value)
         return translation(*(value if axis == word[1] else 0.0 for axis in "xyz"))
-    raise _error(at, f"'{word}({','.join(inside)})' is no transform")
+    raise _error(at, f"'{name}({','.join(inside)})' is no transform")
 
 
 def _turn(axis: str, degrees: float) -> Floats:

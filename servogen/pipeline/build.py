@@ -7,6 +7,7 @@ day, host or path.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from servogen.edge_files import write_edges
 from servogen.edges import EdgeTrace
 from servogen.errors import Caution, Place
 from servogen.job import Job
-from servogen.outputs import make_folder, write_text
+from servogen.outputs import atomic_write, make_folder
 from servogen.pic.device import RAM_FIRST
 from servogen.pic.image import Image, to_hex
 from servogen.pic.listing import listing_text
@@ -135,17 +136,21 @@ def _overrun(machine: Machine, address: int) -> bool:
 
 
 def write(done: Build, folder: Path) -> None:
-    """The files of a build, each whole or not there. The folder is made."""
+    """The files of a build. The folder is made; none takes its name before all are written."""
     make_folder(folder)
     own = done.programs[0]
     servos = {servo.pin: servo.name for servo in done.job.servos}
-    write_text(folder / "schedule.json", done.plan.schedule.to_json())
+    texts = {"schedule.json": done.plan.schedule.to_json()}
     for program in done.programs:
-        write_text(folder / program.firmware.file, program.firmware.text)
-        write_text(folder / _hex_name(done, program), to_hex(program.image))
-    write_text(folder / "main.lst", listing_text(own.firmware.compilation.listing))
-    write_edges(checked_edges(done), folder / "edges.csv", folder / "main.vcd", servos=servos)
-    write_text(folder / "report.txt", report(done))
+        texts |= {
+            program.firmware.file: program.firmware.text,
+            _hex_name(done, program): to_hex(program.image),
+        }
+    texts |= {"main.lst": listing_text(own.firmware.compilation.listing), "report.txt": report(done)}
+    with ExitStack() as files:
+        for name, text in texts.items():
+            files.enter_context(atomic_write(folder / name)).write(text)
+        write_edges(checked_edges(done), folder / "edges.csv", folder / "main.vcd", servos=servos)
 
 
 def checked_edges(done: Build) -> EdgeTrace:

@@ -52,7 +52,7 @@ def test_each_robot_of_the_list_can_be_shown(run: Run) -> None:
         (("fk", "scarra", "1"), "did you mean 'scara'"),
         (("fk", "scara", "1"), "joints"),
         (("ik", "scara", "900", "0", "250"), "nearest"),
-        (("transform", "Rq(30)"), "rq(30)"),
+        (("transform", "Rq(30)"), "Rq(30)"),
         (("fk", "scara", "one", "2", "3", "4"), "one"),
     ],
 )

@@ -146,5 +146,5 @@ def test_robots_without_joints_are_refused_by_name() -> None:
 
 def test_lengths_read_as_they_are_written() -> None:
     assert q.length_text(Length((("l2", 1.0), ("l3", -1.0)))) == "l2 - l3"
-    assert q.length_text(Length((("l2", -1.0),), 0.04)) == "-l2 + 0.04 m"
-    assert q.length_text(Length()) == "0 m"
+    assert q.length_text(Length((("l2", -1.0),), 0.04)) == "-l2 + 40 mm"
+    assert q.length_text(Length()) == "0 mm"

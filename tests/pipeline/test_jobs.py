@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
+from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 
@@ -117,6 +118,22 @@ def test_the_schedule_in_the_folder_is_the_one_that_was_proven(tmp_path: Path, j
     report = (tmp_path / "report.txt").read_text()
     for row in job.plan.widths:
         assert f"{float(row.requested_us):.3f}" in report
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt, OSError])
+def test_a_build_that_is_interrupted_leaves_the_one_before_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stop: type[BaseException]
+) -> None:
+    write(built("lab8-exercise"), tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+
+    def stopped(*_: object, **__: object) -> None:
+        raise stop
+
+    monkeypatch.setattr(import_module("servogen.pipeline.build"), "write_edges", stopped)
+    with pytest.raises(stop):
+        write(built("lab9-program"), tmp_path)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 def changed_words(image: Image, seed: str) -> Iterator[tuple[int, int, Image]]:
