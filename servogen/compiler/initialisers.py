@@ -58,7 +58,7 @@ class Initialisers(TypeNames):
                 and not isinstance(init.exprs[0], (c_ast.InitList, c_ast.NamedInitializer, c_ast.Constant))
             ):
                 length = -(-length // (kind.element.length or 1))
-            return replace(kind, length=max(length, 1))
+            return self.sized(replace(kind, length=max(length, 1)), node)
         if isinstance(init, c_ast.Constant) and init.type == "string":
             return replace(kind, length=len(self.characters(init.value, self.place(init))) + 1)
         if "extern" in (node.storage or []):

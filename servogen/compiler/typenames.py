@@ -31,6 +31,7 @@ from servogen.compiler.program import ExprStmt, Function
 from servogen.compiler.rewrite import CONFIG_NAME
 from servogen.compiler.scopes import Constant, TypeName
 from servogen.compiler.tree import Symbol
+from servogen.pic.device import PROGRAM_WORDS
 
 
 class TypeNames(Expressions):
@@ -88,7 +89,13 @@ class TypeNames(Expressions):
         length = self.constant(node.dim, "the size of an array")
         if length < 1:
             raise self.fail(f"an array needs at least one element, not {length}", node)
-        return ArrayType(element, length)
+        return self.sized(ArrayType(element, length), node)
+
+    def sized(self, kind: ArrayType, node: Any) -> ArrayType:
+        """The same type, if any memory of the chip could hold it."""
+        if kind.size > PROGRAM_WORDS:
+            raise self.fail(f"an array of {kind.size} bytes is larger than the chip's memory", node)
+        return kind
 
     def _specified(self, node: Any, where: Any) -> CType:
         match node:

@@ -20,6 +20,18 @@ SERIAL = "#pragma CLOCK_FREQ 4000000\n#pragma RS232_TXPORT PORTB\n"
 ROWS = [
     (
         "xc8",
+        "int ‸a[2][50463240] = {1};\nvoid main(void) { }",
+        "error",
+        "an array of 100926480 bytes is larger than the chip's memory",
+    ),
+    (
+        "xc8",
+        "char ‸a[] = {[9999999] = 1};\nvoid main(void) { }",
+        "error",
+        "an array of 10000000 bytes is larger than the chip's memory",
+    ),
+    (
+        "xc8",
         "‸#define _XTAL_FREQ fast\nvoid main(void) { }",
         "error",
         "_XTAL_FREQ must be a frequency in hertz, not 'fast'",
