@@ -106,7 +106,11 @@ class Line:
             self.now += 2 * GUARD - phase
 
     def noise(self, seconds: float) -> None:
-        """A line that goes up and down at random, and is quiet for two bytes after that."""
+        """A line that goes up and down at random, and is quiet for two bytes after that.
+
+        It does not come in the midst of a frame, which it could end: three bytes have no check.
+        """
+        self.send(bytes((SYNC, 0xFE, 0)))
         end = self.now + self.bit * self.streamed.stream.baud * Fraction(seconds).limit_denominator(10_000)
         level = LOW
         while self.now < end:

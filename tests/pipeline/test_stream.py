@@ -1,0 +1,346 @@
+"""The stream engine on the chip: every edge is the model's, whatever comes over the line or goes wrong."""
+
+import random
+from dataclasses import replace
+from fractions import Fraction
+from functools import cache
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from servogen.edges import HIGH, LOW, PINS, Driven, EdgeChunk, EdgeTrace, join, part
+from servogen.errors import InputError
+from servogen.job import load, loads
+from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
+from servogen.pipeline import build, prove, running
+from servogen.pipeline.forever import prove_forever
+from servogen.pipeline.proof import board_of
+from servogen.pulse.stream.chip import Chip, schedule, widths
+from servogen.pulse.stream.protocol import (
+    MOST,
+    group_begins,
+    group_goes,
+    position_command,
+    speed_command,
+    trim_command,
+)
+from servogen.simulator import Levels, Machine, Reset, Stimuli
+from servogen.units import Cycles
+from tests.pipeline import stream_soak
+from tests.pipeline.stream_line import Line, talk
+from tests.pipeline.stream_soak import JOBS, Firmware, check, firmware_of, line_of
+
+NAMES = ("stream-arm", "stream-eight", "stream-fast")
+WDT_ON = 0x0004
+"""WDTE, bit 2 of the configuration word (DS30430 register 8-1)."""
+firmware = cache(stream_soak.firmware)
+
+
+def played(made: Firmware, line: Line, frames: int, *more: object) -> EdgeChunk:
+    """The edges from reset on, over so many frames."""
+    plan = made.streamed.plan.schedule
+    machine = Machine(made.image, plan.clock, board_of(plan), Stimuli([line, *more]))  # type: ignore[list-item]
+    return Driven()(join(machine.stream(made.first_rise + frames * plan.period)))
+
+
+def pulses(chunk: EdgeChunk, pin: str) -> tuple[np.ndarray, np.ndarray]:
+    """Rises and widths of a pin's whole pulses."""
+    mine = chunk.pin == PINS.index(pin)
+    cycle, level = chunk.cycle[mine], chunk.level[mine]
+    first = int(np.argmax(level == HIGH))
+    cycle, level = cycle[first:], level[first:]
+    count = len(cycle) // 2
+    assert (level[: 2 * count : 2] == HIGH).all() and (level[1 : 2 * count : 2] == LOW).all()
+    return cycle[: 2 * count : 2], cycle[1 : 2 * count : 2] - cycle[: 2 * count : 2]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_stream_job_is_proven_in_all_dialects_and_fits_the_chip(name: str) -> None:
+    done = build(load(JOBS / f"{name}.toml"))
+    assert done.engine == "stream" and done.proven
+    for program in done.programs:
+        assert program.firmware.compilation.words <= PROGRAM_WORDS
+        assert program.firmware.compilation.ram_bytes <= RAM_BYTES
+
+
+@pytest.mark.parametrize(
+    ("name", "dialect"), [*((name, "c2c") for name in NAMES), ("stream-eight", "xc8"), ("stream-arm", "sdcc")]
+)
+def test_a_random_line_moves_no_edge_by_a_cycle_and_no_command_is_lost(name: str, dialect: str) -> None:
+    made = firmware(name, dialect)
+    line = line_of(made, 3)
+    while line.now < 15 * made.job.clock.cycles_per_second:
+        talk(line, 5)
+        line.noise(0.01)
+    assert len(line.heard) > 400
+    verdict = check(made, line)
+    assert verdict.proven, verdict.reasons
+
+
+@pytest.mark.parametrize("error", [Fraction(-2, 100), Fraction(2, 100)])
+@pytest.mark.parametrize("name", NAMES)
+def test_a_sender_that_is_two_per_cent_off_is_understood_byte_for_byte(name: str, error: Fraction) -> None:
+    made = firmware(name)
+    line = line_of(made, 4)
+    for _ in range(600):
+        line.send(position_command(line.dice.randrange(3), line.dice.randint(0, MOST)), error)
+        line.idle(line.dice.random())
+    verdict = check(made, line)
+    assert verdict.proven, verdict.reasons
+
+
+def test_one_bit_that_is_another_is_seen_and_said_where() -> None:
+    made = firmware("stream-arm")
+    line = line_of(made, 5)
+    talk(line, 4)
+    number = next(n for n, (_, each) in enumerate(line.heard) if n > 20 and each.to_bytes()[1] == 1)
+    at, command = line.heard[number]
+    line.heard[number] = (at, replace(command, value=command.value ^ 1))
+    verdict = check(made, line)
+    assert not verdict.proven
+    assert any("shoulder" in reason for reason in verdict.reasons)
+
+
+def test_every_width_is_exact_while_the_line_is_busy() -> None:
+    # One cycle more a frame, from end to end and back: every phase of the timer and of the looks.
+    made = firmware("stream-eight")
+    line = line_of(made, 6)
+    for servo in range(8):
+        line.send(position_command(servo, 254 * (servo % 2)))
+    line.seconds(0.3)
+    for servo in range(8):
+        line.send(speed_command(servo, 1))
+        line.send(position_command(servo, 254 * (1 - servo % 2)))
+    while line.now < 22 * made.job.clock.cycles_per_second:
+        line.send(speed_command(line.dice.randrange(8), 1))
+    verdict = check(made, line)
+    assert verdict.proven, verdict.reasons
+    commands = [(at - made.first_rise, each) for at, each in line.heard]
+    seen = set().union(*islice(widths(made.streamed, commands), 1100))
+    assert seen >= set(range(1000, 2001))
+
+
+def test_a_command_counts_in_the_first_frame_that_begins_ten_ms_after_its_stop_bit() -> None:
+    for name in NAMES:
+        made = firmware(name)
+        plan, line = made.streamed.plan.schedule, line_of(made, 7)
+        servo, ends = 1, []
+        second = plan.clock.cycles_per_second
+        for number in range(150):
+            # Two periods and an odd part of one later, so that every moment of the frame comes.
+            line.now = Fraction(made.first_rise + int(plan.period * (5 + number * Fraction(2013, 1000))))
+            frame = position_command(servo, MOST * (number % 2))
+            for value in frame:
+                line.byte(value, Fraction(1))
+            ends.append(int(line.now))
+        chunk = played(made, line, 310)
+        rises, lengths = pulses(chunk, plan.channels[servo].pin)
+        offset = made.streamed.layout.rise(servo)
+        for number, end in enumerate(ends):
+            wanted = made.streamed.travels[servo].width(MOST * (number % 2))
+            begins = rises - offset
+            first = int(np.argmax(begins >= end + second / 100))
+            assert lengths[first] == wanted, (name, number)
+
+
+def test_after_torn_frames_the_next_whole_one_is_understood() -> None:
+    made = firmware("stream-arm")
+    line = line_of(made, 8)
+    for torn in (b"\xff", b"\xff\x01", b"\xff\xff", b"\x01\x40", b"\xff\x09\x10", b"\x80", b"\xff\x01\xff"):
+        for p in (0, 254):
+            line.send(torn)
+            line.send(position_command(1, p))
+            line.seconds(0.03)
+    assert [each.value for _, each in line.heard] == 7 * [0, 254]
+    verdict = check(made, line)
+    assert verdict.proven, verdict.reasons
+
+
+def test_a_group_starts_in_one_frame_and_arrives_in_one_frame() -> None:
+    made = firmware("stream-eight")
+    line = line_of(made, 9)
+    line.send(group_begins())
+    for servo in range(8):
+        line.send(position_command(servo, 30 * servo))
+    line.send(group_goes(25))
+    line.seconds(0.8)
+    verdict = check(made, line)
+    assert verdict.proven, verdict.reasons
+    commands = [(at - made.first_rise, each) for at, each in line.heard]
+    table = np.array(list(islice(widths(made.streamed, commands), 60)))
+    moving = (np.diff(table, axis=0) != 0).any(axis=0)
+    assert moving.all()
+    starts = {int(np.flatnonzero(np.diff(column))[0]) for column in table.T}
+    ends = {int(np.flatnonzero(np.diff(column))[-1]) for column in table.T}
+    assert len(starts) == len(ends) == 1
+    assert ends.pop() - starts.pop() == 24
+
+
+@pytest.mark.parametrize("cycles", [50, -127, 127, -2])
+def test_a_trim_moves_that_servo_by_exactly_that_much_and_survives_a_reset(cycles: int) -> None:
+    made = firmware("stream-arm")
+    plan, line = made.streamed.plan.schedule, line_of(made, 10)
+    line.send(trim_command(2, cycles))
+    line.seconds(0.3)
+    reset = int(line.now)
+    line.seconds(0.5)
+    frames = int(line.now) // plan.period
+    chunk = played(made, line, frames, Reset(reset, reset + 2000))
+    for channel, moved in zip(plan.channels, (0, 0, cycles), strict=True):
+        rises, lengths = pulses(chunk, channel.pin)
+        settled = (rises > 150_000) & ((rises > reset + 3000) | (rises < reset - 3000))
+        assert set(lengths[settled].tolist()) == {1500 + moved}
+        assert (rises > reset + plan.period).sum() > 10
+
+
+def test_a_servo_that_is_off_is_at_its_position_at_once() -> None:
+    made = firmware("stream-eight")
+    line = line_of(made, 11)
+    line.seconds(2.5)
+    line.send(speed_command(3, 1))
+    line.send(position_command(3, 0))
+    line.seconds(0.2)
+    chunk = played(made, line, 145)
+    _, lengths = pulses(part(chunk, chunk.cycle > 2_400_000), "RB3")
+    assert set(lengths.tolist()) == {1000}
+    verdict = check(made, line)
+    assert verdict.proven, verdict.reasons
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("level", [LOW, HIGH])
+def test_a_line_that_is_stuck_is_an_idle_line(name: str, level: int) -> None:
+    made = firmware(name)
+    plan = made.streamed.plan.schedule
+    assert made.job.stream
+    pin = PINS.index(made.job.stream.receive_pin)
+    span = Cycles(80 * plan.period)
+    machine = Machine(made.image, plan.clock, board_of(plan), Stimuli([Levels(pin, ((0, level),))]))
+    trace = EdgeTrace(plan.clock, machine.stream(span + 3 * plan.period), Cycles(span + 3 * plan.period))
+    assert prove(plan, trace, span).proven
+
+
+def test_a_line_that_is_stuck_in_the_midst_of_a_command_is_silence() -> None:
+    made = firmware("stream-eight")
+    for cut in range(0, 12_500, 700):
+        line = line_of(made, 12)
+        line.send(position_command(0, 0))
+        line.seconds(0.1)
+        begun = int(line.now)
+        line.send(position_command(0, 254), Fraction(0))
+        line.changes_made = [each for each in line.changes_made if each.cycle < begun + cut]
+        line.level(LOW)
+        line.changes_made[-1] = line.changes_made[-1]._replace(cycle=begun + cut)
+        line.heard = [each for each in line.heard if each[0] < begun + cut]
+        line.now = Fraction(begun + cut)
+        line.seconds(1.5)
+        verdict = check(made, line)
+        assert verdict.proven, (cut, verdict.reasons)
+
+
+def test_a_reset_at_any_frame_is_followed_by_the_neutral_pose() -> None:
+    made = firmware("stream-arm")
+    plan, dice = made.streamed.plan.schedule, random.Random(13)
+    for number in range(40):
+        line = line_of(made, number)
+        at = 100_000 + number * plan.period + dice.randrange(plan.period)
+        while line.now < at:
+            line.send(position_command(line.dice.randrange(3), line.dice.randint(0, MOST)))
+        line.changes_made = [each for each in line.changes_made if each.cycle < at - 5000]
+        line.level(HIGH)
+        line.changes_made.sort(key=lambda each: each.cycle)
+        held = dice.randrange(20, 60_000)
+        end = at + held + 23 * plan.period
+        machine = Machine(made.image, plan.clock, board_of(plan), Stimuli([line, Reset(at, at + held)]))
+        chunk = join(machine.stream(end))
+        later = part(chunk, chunk.cycle >= at + held)
+        moved = later._replace(cycle=later.cycle - (at + held))
+        trace = EdgeTrace(plan.clock, (moved,), Cycles(end - at - held))
+        assert prove(plan, trace, Cycles(20 * plan.period)).proven, number
+        for channel in plan.channels:
+            _, lengths = pulses(part(chunk, chunk.cycle < at), channel.pin)
+            assert (lengths >= 1000).all() and (lengths <= 2000).all()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_watchdog_that_was_left_on_changes_no_edge(name: str) -> None:
+    made = firmware(name)
+    assert made.image.config is not None
+    watched = replace(made, image=replace(made.image, config=made.image.config | WDT_ON))
+    line = line_of(made, 14)
+    talk(line, 4)
+    verdict = check(watched, line)
+    assert verdict.proven, verdict.reasons
+
+
+def test_an_erased_eeprom_is_no_trim_and_any_other_byte_is_one() -> None:
+    made = firmware("stream-arm")
+    assert all(value == 0xFF for value in made.image.eeprom.values())
+    dice = random.Random(15)
+    for _ in range(8):
+        data = {n: dice.randrange(256) for n in range(3)}
+        image = replace(made.image, eeprom={**made.image.eeprom, **data})
+        line = line_of(made, 15)
+        talk(line, 2)
+        verdict = check(replace(made, image=image), line, Chip(made.streamed, dict(data)))
+        assert verdict.proven, verdict.reasons
+
+
+def test_an_idle_line_is_proven_for_all_time() -> None:
+    made = firmware("stream-arm")
+    plan = made.streamed.plan.schedule
+    found = prove_forever(plan, made.image, Cycles(400 * plan.period))
+    assert found.proven, found.text()
+
+
+TWO_PORTS = (
+    '[chip]\ndevice = "PIC16F84A"\nclock_hz = 16_000_000\n'
+    + "".join(
+        f'[[servo]]\nname = "s{n}"\npin = "{pin}"\nmodel = "futaba-s3001"\n'
+        for n, pin in enumerate(("RA0", "RB7", "RA3", "RB0", "RB4"))
+    )
+    + '[stream]\nbaud = 9600\nreceive_pin = "RB1"\nfail_safe = "neutral"\n'
+)
+
+
+@pytest.mark.parametrize("dialect", ["c2c", "xc8", "sdcc"])
+def test_servos_on_both_ports_are_exact(dialect: str) -> None:
+    made = firmware_of(loads(TWO_PORTS, "two-ports.toml"), dialect)
+    line = line_of(made, 16)
+    talk(line, 5)
+    verdict = check(made, line)
+    assert verdict.proven, verdict.reasons
+
+
+@pytest.mark.parametrize("clock_hz", [4_000_000, 4_194_304, 8_000_000, 10_000_000])
+def test_one_servo_at_other_clocks_is_exact(clock_hz: int) -> None:
+    baud = 4800 if clock_hz > 8_000_000 - 1 else 2400
+    text = (
+        f'[chip]\ndevice = "PIC16F84"\nclock_hz = {clock_hz}\n'
+        '[[servo]]\nname = "one"\npin = "RA1"\nmodel = "futaba-s3001"\n'
+        f'[stream]\nbaud = {baud}\nreceive_pin = "RB7"\nfail_safe = "hold"\n'
+    )
+    made = firmware_of(loads(text, "one.toml"))
+    line = line_of(made, 17)
+    talk(line, 6)
+    verdict = check(made, line)
+    assert verdict.proven, verdict.reasons
+
+
+def test_pulses_that_do_not_fit_a_frame_are_refused_with_a_period_that_does() -> None:
+    text = (JOBS / "stream-eight.toml").read_text() + "\n[frame]\nperiod_us = 18_000\n"
+    with pytest.raises(InputError, match=r"take 9 rounds") as found:
+        build(loads(text, "eight.toml"))
+    assert found.value.hint and "18432" in found.value.hint
+
+
+def test_the_model_without_a_command_does_what_the_schedule_of_the_build_says() -> None:
+    for name in NAMES:
+        made = firmware(name)
+        plan = made.streamed.plan.schedule
+        frames = plan.lead_in_frames + 3
+        model = schedule(made.streamed, islice(widths(made.streamed, ()), frames))
+        span = Cycles(frames * plan.period)
+        assert prove(plan, running(plan, made.image, span), span).proven
+        assert prove(model, running(plan, made.image, span), span).proven
