@@ -15,6 +15,10 @@ from servogen.report.text import ProgramFacts
 from servogen.verify import CaptureVerdict, capture_lines
 
 
+FEW = 2
+"""Of the reasons why a call has no known end."""
+
+
 @dataclass(frozen=True, slots=True)
 class CaptureFacts:
     """A capture beside the plan: its file's name, its edges, what was found of it."""
@@ -113,8 +117,13 @@ def _cycles(listed: ListedFunction) -> str:
     if least is None:
         return "–" if most is None else f"up to {most}"
     if most is None:
-        return f"{least} or more" + (f": {', '.join(listed.unbounded)}" if listed.unbounded else "")
+        return f"{least} or more" + (f": {_few(listed.unbounded)}" if listed.unbounded else "")
     return str(least) if least == most else f"{least} to {most}"
+
+
+def _few(texts: Sequence[str]) -> str:
+    more = f" and {len(texts) - FEW} more" if len(texts) > FEW else ""
+    return ", ".join(texts[:FEW]) + more
 
 
 def memory(programs: Sequence[ProgramFacts]) -> tuple[tuple[str, int, int, str], ...]:

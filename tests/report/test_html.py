@@ -149,6 +149,7 @@ def test_buttons_and_the_serial_line_are_wired(tmp_path: Path) -> None:
         (4, 9, (), "4 to 9"),
         (4, None, (), "4 or more"),
         (4, None, ("while at line 12",), "4 or more: while at line 12"),
+        (4, None, tuple("abcd"), "4 or more: a, b and 2 more"),
         (None, None, (), "–"),
     ],
 )
