@@ -14,8 +14,9 @@ from servogen.compiler import Options, Source, compile_sources
 from servogen.csource import DIALECTS
 from servogen.errors import InputError
 from servogen.job import Job, load
+from servogen.pic.device import device
 from servogen.pic.image import Image, to_hex
-from servogen.pipeline import checked_cycles, planned, prove, running
+from servogen.pipeline import Planned, checked_cycles, planned, prove, running
 from servogen.pipeline.foreign import tune_to
 from servogen.pipeline.tuning import Firmware
 from tests.pipeline.other_compilers import other_compiler, sdcc, sdcc_compiled
@@ -142,23 +143,42 @@ def test_a_way_whose_statements_take_longer_than_it_may_is_named() -> None:
         tune_to(job("lab8-exercise"), image, "theirs.hex", "xc8")
 
 
-def test_a_players_hex_is_not_tuned_but_verified() -> None:
+def test_a_players_hex_is_not_tuned_but_verified(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="exact whoever compiles it") as refused:
-        tune_to(job("scara-pick"), Image({}), "theirs.hex", "xc8")
+        tune_to(player(tmp_path, 1).job, Image({}), "theirs.hex", "xc8")
     assert "servogen verify theirs.hex --against schedule.json" in (refused.value.hint or "")
 
 
-def player_made_by_another(seed: int, more: str = "") -> Image:
+def sweeping(servos: int) -> str:
+    """A player's job: servos that go to and fro, every second the other way."""
+    pins = [*(f"RB{bit}" for bit in range(8)), *(f"RA{bit}" for bit in range(5))][:servos]
+    text = '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n[firmware]\nengine = "player"\n'
+    for number, pin in enumerate(pins):
+        text += f'[[servo]]\nname = "s{number}"\npin = "{pin}"\nmodel = "futaba-s3001"\n'
+    poses = [
+        ", ".join(f"s{number}_deg = {(low, high)[number % 2]}" for number in range(servos)) + more
+        for low, high, more in ((45, 135, ", hold_s = 0.32"), (135, 45, ", move_s = 0.64, hold_s = 0.32"))
+    ]
+    return text + f"[motion]\nrepeat = true\nposes = [ {{ {poses[0]} }}, {{ {poses[1]} }} ]\n"
+
+
+@cache
+def player(folder: Path, servos: int) -> Planned:
+    file = folder / f"player{servos}.toml"
+    file.write_text(sweeping(servos))
+    return planned(load(file))
+
+
+def player_made_by_another(text: str, seed: int, more: str = "") -> Image:
     """The player's C with NOPs behind its statements, and `more` where the pins rise."""
-    made = firmware("scara-pick", "xc8")
     draw = random.Random(seed)
     lines = []
-    for line in made.text.splitlines():
+    for line in text.splitlines():
         statement = line.startswith("    ") and line.endswith(";") and "asm(" not in line
         lines.append(line + (" NOP(); NOP();" if statement and draw.random() < 0.4 else ""))
         if "both rise" in line:
             lines.append(more)
-    options = Options(dialect="xc8", device=job("scara-pick").device, optimise=draw.choice(("speed", "size")))
+    options = Options(dialect="xc8", device=device("PIC16F84"), optimise=draw.choice(("speed", "size")))
     return compile_sources([Source("\n".join(lines), "other.c")], options).image
 
 
@@ -166,11 +186,13 @@ def player_made_by_another(seed: int, more: str = "") -> Image:
 def test_a_players_hex_is_exact_whatever_the_c_costs(
     seed: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    found = player(tmp_path, 6)
+    text = found.make("xc8").text
     schedule = tmp_path / "schedule.json"
-    schedule.write_text(planned(job("scara-pick")).plan.schedule.to_json())
+    schedule.write_text(found.plan.schedule.to_json())
     right, wrong = tmp_path / "right.hex", tmp_path / "wrong.hex"
-    right.write_text(to_hex(player_made_by_another(seed)))
-    wrong.write_text(to_hex(player_made_by_another(seed, '    asm("nop");')))
+    right.write_text(to_hex(player_made_by_another(text, seed)))
+    wrong.write_text(to_hex(player_made_by_another(text, seed, '    asm("nop");')))
     assert run("verify", str(right), "--against", str(schedule)) == 0
     assert "proven" in capsys.readouterr().out
     assert run("verify", str(wrong), "--against", str(schedule)) == 1
@@ -208,28 +230,13 @@ def test_under_the_real_sdcc_every_edge_is_exact_after_one_tuning(name: str, tmp
     assert found.proven == [False, True]
 
 
-def sweeping(servos: int) -> str:
-    """A player's job: servos that go to and fro, every second the other way."""
-    pins = [*(f"RB{bit}" for bit in range(8)), *(f"RA{bit}" for bit in range(5))][:servos]
-    text = '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n[firmware]\nengine = "player"\n'
-    for number, pin in enumerate(pins):
-        text += f'[[servo]]\nname = "s{number}"\npin = "{pin}"\nmodel = "futaba-s3001"\n'
-    poses = [
-        ", ".join(f"s{number}_deg = {(low, high)[number % 2]}" for number in range(servos)) + more
-        for low, high, more in ((45, 135, ", hold_s = 0.32"), (135, 45, ", move_s = 0.64, hold_s = 0.32"))
-    ]
-    return text + f"[motion]\nrepeat = true\nposes = [ {{ {poses[0]} }}, {{ {poses[1]} }} ]\n"
-
-
 @pytest.mark.skipif(sdcc() is None, reason="SDCC's pic14 port is not on this machine")
 @pytest.mark.parametrize(("servos", "in_time"), [(4, True), (10, True), (12, False)])
 def test_the_player_under_the_real_sdcc_is_exact_untuned_where_its_c_ends_in_time(
     servos: int, in_time: bool, tmp_path: Path
 ) -> None:
     """A slot for which the C was not ready comes a round of TMR0 later: 8192 cycles."""
-    file = tmp_path / "job.toml"
-    file.write_text(sweeping(servos))
-    found = planned(load(file))
+    found = player(tmp_path, servos)
     image = sdcc_compiled(found.make("sdcc").text, "PIC16F84", tmp_path, sdcc())  # type: ignore[arg-type]
     assert image is not None
     schedule, span = found.plan.schedule, checked_cycles(found.plan.schedule)
