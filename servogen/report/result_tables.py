@@ -14,7 +14,6 @@ from servogen.pic.listing import ListedFunction, Listing
 from servogen.report.text import ProgramFacts
 from servogen.verify import CaptureVerdict, capture_lines
 
-
 FEW = 2
 """Of the reasons why a call has no known end."""
 
