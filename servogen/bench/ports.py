@@ -43,7 +43,7 @@ class Port:
         try:
             self.line.write(data)
             self.line.flush()
-        except OSError as error:
+        except Exception as error:  # termios.error is no OSError
             raise self.unplugged() from error
 
     def read(self, most: int, seconds: float) -> bytes:

@@ -1,0 +1,62 @@
+"""A line sends no faster than its baud rate, and says when its port is gone."""
+
+import termios
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from servogen.bench.ports import Port, PortError, Unplugged
+from servogen.drive.line import Line, VirtualTime
+from servogen.errors import ToolError
+from tests.drive.mini_ssc import Robot
+
+
+@pytest.mark.parametrize(("baud", "bytes_per_s"), [(300, 30), (2400, 240), (9600, 960)])
+def test_bytes_leave_at_the_rate_of_the_line(baud: int, bytes_per_s: int) -> None:
+    robot = Robot(baud)
+    with Line(robot.open, baud, robot.time(), 0.0) as line:
+        ends = [line.send(b"\xff\x00\x10") for _ in range(50)]
+        line.drain()
+    assert ends == pytest.approx([3 * (number + 1) / bytes_per_s for number in range(50)])
+    assert robot.now == pytest.approx(ends[-1])
+
+
+def test_a_line_that_was_idle_sends_at_once() -> None:
+    robot = Robot(2400)
+    with Line(robot.open, 2400, robot.time(), 0.0) as line:
+        line.send(b"\xff\x00\x10")
+        robot.now += 5
+        assert line.send(b"\xff\x00\x11") == pytest.approx(5 + 3 / 240)
+
+
+class Gone:
+    """A serial port whose device goes while it drains; that error is no OSError."""
+
+    def write(self, data: bytes) -> int:
+        return len(data)
+
+    def flush(self) -> None:
+        raise termios.error(5, "Input/output error")
+
+
+def test_a_port_that_goes_while_it_drains_is_unplugged() -> None:
+    with pytest.raises(Unplugged, match="/dev/robot: the device went away"):
+        Port("/dev/robot", Gone()).write(b"\xff")  # type: ignore[arg-type]
+
+
+def test_whoever_waits_for_a_port_looks_again_and_again_and_not_for_ever() -> None:
+    time = VirtualTime()
+    looks: list[float] = []
+
+    @contextmanager
+    def gone() -> Iterator[Gone]:
+        looks.append(time.at)
+        if len(looks) > 1:
+            raise PortError("there is no such port")
+        yield Gone()
+
+    line = Line(gone, 2400, time.time(), 2.0)
+    with pytest.raises(ToolError, match="did not come back within 2 s"):
+        line.again()
+    assert looks == [0.0, 0.0, 0.5, 1.0, 1.5, 2.0]
