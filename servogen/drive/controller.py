@@ -102,7 +102,9 @@ def controller_of(job: Job, baud: int | None, range_us: str | None, first: int) 
     if first + len(job.servos) > MOST + 1:
         raise InputError(f"{len(job.servos)} servos from number {first} on: the last number is {MOST}")
     if job.stream is not None and range_us is None:
-        return baud or job.stream.baud, _stream(job, job.stream, first)
+        if first:
+            raise InputError("the stream engine's servos are numbered from 0 on", job.stream.place)
+        return baud or job.stream.baud, _stream(job, job.stream)
     if range_us is None:
         raise InputError(
             "nothing says which widths positions 0 and 254 are",
@@ -114,14 +116,14 @@ def controller_of(job: Job, baud: int | None, range_us: str | None, first: int) 
     return baud or USUAL_BAUD, Controller(channels)
 
 
-def _stream(job: Job, stream: Stream, first: int) -> Controller:
+def _stream(job: Job, stream: Stream) -> Controller:
     """The stream engine: positions are whole cycles between the ends of what each servo may be told."""
     half_us = float(job.clock.cycle_us) / 2
     channels = []
     for index, servo in enumerate(job.servos):
         made = travel(servo, job.clock)
         widths = tuple(float(job.clock.us(made.width(position))) for position in range(MOST + 1))
-        channels.append(Channel(servo, first + index, widths, half_us + TINY_US))
+        channels.append(Channel(servo, index, widths, half_us + TINY_US))
     frame_s = float(job.clock.seconds(job.frame.period.cycles))
     return Controller(tuple(channels), frame_s, min(REFRESH_S, float(stream.silence_s) / SURE))
 

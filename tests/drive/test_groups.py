@@ -9,6 +9,7 @@ from servogen.drive.controller import controller_of
 from servogen.drive.line import Line
 from servogen.drive.motions import Limited, Motion, Still
 from servogen.drive.session import Session
+from servogen.errors import InputError
 from servogen.job import Job, loads
 from servogen.motion.trajectory import Floats
 from tests.drive.mini_ssc import Robot
@@ -71,6 +72,11 @@ def test_a_controller_that_is_no_stream_engine_is_sent_no_group() -> None:
     with Line(robot.open, baud, robot.time(), 10.0) as line:
         Session(controller, line, robot.time(), lambda entry: None).run(Limited(Sine(2), 1.0))
     assert {number for number, _ in commands(robot)} == {0, 1}
+
+
+def test_a_stream_engine_has_no_other_numbers() -> None:
+    with pytest.raises(InputError, match="numbered from 0"):
+        controller_of(stream(2), None, None, 8)
 
 
 def test_after_an_outage_the_pose_is_a_group_again() -> None:
