@@ -2,8 +2,9 @@
 
 from servogen.csource.overheads import Overheads, Path
 from servogen.csource.player import render_player
-from servogen.csource.programs import Sequence, sequence
+from servogen.csource.programs import Sequence
 from servogen.csource.rendering import DIALECTS, render
+from servogen.csource.sequencing import sequence
 from servogen.csource.stream import render_stream
 
 __all__ = [

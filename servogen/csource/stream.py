@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-from servogen.csource.rendering import ChannelText, PortText, decimal, filled, ports_of
+from servogen.csource.rendering import ChannelText, decimal, filled, ports_of
 from servogen.pic.device import Device, oscillator_for, registers
 from servogen.pulse.stream.layout import RISE
 from servogen.pulse.stream.protocol import TRIM_ZERO
@@ -27,6 +27,15 @@ SECOND, THIRD = 84, 152
 
 READ_LATE = 28
 """Cycles from the time stamps to the looks that they belong to, the start bit's and a bit's together."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Out:
+    """The port of the pin that answers: its TRIS register, and its pins while nothing is sent."""
+
+    name: str
+    tris: str
+    idle: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +68,9 @@ def render_stream(streamed: Streaming, dialect: str, device: Device, title: str)
         servos=len(pins),
         slots=streamed.layout.slots,
         slot_ticks=streamed.layout.rounds,
-        ports=list(_ports(streamed)),
+        ports=list(ports_of(schedule)),
+        out=_out(stream.transmit_pin),
+        answers=stream.transmit_pin is not None,
         two_ports=two_ports,
         masks=[f"0x{1 << int(pin[2]):02X}" for pin in pins],
         ports_at=[f"0x{registers()[f'PORT{pin[1]}'].address:02X}" for pin in pins],
@@ -88,7 +99,7 @@ def tick(streamed: Streaming) -> str:
     """The assembly of the interrupt."""
     pins = [channel.pin for channel in streamed.plan.schedule.channels]
     ports = sorted({f"PORT{pin[1]}" for pin in pins})
-    line = streamed.stream.receive_pin
+    line, out = streamed.stream.receive_pin, streamed.stream.transmit_pin
     bit = streamed.plan.schedule.clock.cycles_per_second / streamed.stream.baud
     return filled(
         "stream_tick.asm",
@@ -102,6 +113,9 @@ def tick(streamed: Streaming) -> str:
         nothing=f"0x{NONE:02X}",
         line_port=f"PORT{line[1]}",
         line_bit=line[2],
+        answers=out is not None,
+        out_port=f"PORT{out[1]}" if out else "",
+        out_bit=out[2] if out else "",
         bit_units=streamed.bit_units,
         first_units=round((bit / 2 - SAMPLE_GAP - READ_LATE) / UNIT),
     )
@@ -114,8 +128,13 @@ def _channels(streamed: Streaming) -> Iterator[ChannelText]:
         yield ChannelText(channel.name, channel.pin, " to ".join(ends))
 
 
-def _ports(streamed: Streaming) -> Iterator[PortText]:
-    yield from ports_of(streamed.plan.schedule)
+def _out(pin: str | None) -> _Out | None:
+    """No servo is on its port: its other pins stay inputs."""
+    if pin is None:
+        return None
+    mask = 1 << int(pin[2])
+    inputs = 0x1F if pin[1] == "A" else 0xFF
+    return _Out(pin[1], f"0x{inputs & ~mask:02X}", f"0x{mask:02X}")
 
 
 def _everybody(pins: list[str], two_ports: bool) -> str:

@@ -19,7 +19,8 @@ from servogen.compiler import Options, Source, compile_sources
 from servogen.csource import Overheads, Path, render, sequence
 from servogen.csource import Sequence as Program
 from servogen.csource.overheads import START
-from servogen.csource.programs import MARGIN, Hold
+from servogen.csource.programs import Hold
+from servogen.csource.sequencing import MARGIN
 from servogen.edges import PINS, join
 from servogen.errors import InputError, Place
 from servogen.job import Job
