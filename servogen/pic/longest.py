@@ -2,17 +2,18 @@
 
 In: program words, functions, a start and ends. Out: cycles, or None where no bound is known. Instructions are
 followed with the values that are known, so that a loop whose counter begins at a constant is gone through as
-often as it will be; where a value is not known, both ways of a skip are. Costs as in DS35007 table 7-2.
+often as it will be; where a value is not known, both ways of a skip are. A function that is called is gone
+through once, with nothing known, if that has a bound; else each time. Costs as in DS35007 table 7-2. There
+are no interrupts.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, field
-from functools import cache
+from dataclasses import dataclass, field, replace
 
 from servogen.pic.device import RAM_FIRST, RAM_LAST
-from servogen.pic.isa import decode
+from servogen.pic.known import INDF, PCL, Known, Undefined, Word, execute, skipped, word_of
 from servogen.pic.listing import ListedFunction
 from servogen.units import Cycles
 
@@ -20,18 +21,16 @@ MOST_STATES = 200_000
 """States that are followed before the search is given up."""
 
 ERASED = 0x3FFF
-INDF, PCL, STATUS, FSR = 0, 2, 3, 4
-C, Z = 0, 2
-_BANK_1 = 0x80
+_BACK = -1
+"""Where a function that is gone through alone returns to."""
 
 
 @dataclass(frozen=True, slots=True)
 class _State:
-    """Where the chip is and what is known: `known` holds (place, value), sorted; places are RAM addresses,
-    FSR, "W", "C" and "Z".
-    """
+    """Where the chip is, the returns that are known, the function that returns after them, what is known."""
 
     at: int
+    home: int
     stack: tuple[int, ...] = ()
     known: tuple[tuple[str, int], ...] = ()
 
@@ -41,34 +40,6 @@ _Step = tuple[int, _State]
 
 class _Unbounded(Exception):
     """Something whose time is not known."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Word:
-    """An instruction and what of it is asked again and again: what it reads and where its result goes."""
-
-    name: str
-    f: int
-    b: int
-    k: int
-    skips: bool
-    flags: str
-    has_f: bool
-    writes_f: bool
-    writes_w: bool
-
-
-@cache
-def _word(number: int) -> _Word:
-    """Raises _Unbounded for a word that no data sheet defines."""
-    word = decode(number)
-    if word is None:
-        raise _Unbounded
-    row, operands = word.instruction, word.instruction.operands
-    name = row.mnemonic
-    to_f = "f" in operands and (bool(word.d) if "d" in operands else name in ("MOVWF", "CLRF", "BCF", "BSF"))
-    to_w = not to_f and operands in ("fd", "k", "") and name not in ("NOP", "CLRWDT", "TRIS", "OPTION")
-    return _Word(name, word.f, word.b, word.k, row.skips, row.flags, "f" in operands, to_f, to_w)
 
 
 def longest(
@@ -81,14 +52,22 @@ def longest(
     """The most cycles from `start` to the first of `ends`; ways through `without` do not count.
 
     None where a loop has no known bound, no way leads to an end, or a computed jump leads anywhere but into
-    a table of RETLW. A return beyond the function that `start` is in goes to each of its callers.
+    a table of RETLW. A return from the function that `start` is in goes to each of its callers.
     """
     walk = _Walk(program, tuple(functions), frozenset(ends), frozenset(without))
     try:
-        found = walk.longest(_State(start))
-    except _Unbounded:
+        found = walk.longest(_State(start, walk.home(start)))
+    except (_Unbounded, Undefined):
         return None
     return None if found is None else Cycles(found)
+
+
+@dataclass(frozen=True, slots=True)
+class _Called:
+    """A function from its first instruction to its return's end: the most cycles, and what it may change."""
+
+    most: int
+    changes: frozenset[str]
 
 
 @dataclass(slots=True)
@@ -98,6 +77,7 @@ class _Walk:
     ends: frozenset[int]
     without: frozenset[int]
     done: dict[_State, int | None] = field(default_factory=dict)
+    calls: dict[int, _Called | None] = field(default_factory=dict)
 
     def longest(self, start: _State) -> int | None:
         """Depth first; a state that comes back to itself is a loop without a bound."""
@@ -107,10 +87,12 @@ class _Walk:
             state = stack[-1]
             if state in self.done:
                 stack.pop()
-                continue
-            if state not in following:
-                if len(following) > MOST_STATES:
-                    raise _Unbounded
+            elif state in following:
+                self.done[state] = self._most(following[state])
+                stack.pop()
+            elif len(following) > MOST_STATES:
+                raise _Unbounded
+            else:
                 following[state] = tuple(self._steps(state))
                 for _, after in following[state]:
                     if after.at in self.ends or after in self.done:
@@ -118,10 +100,17 @@ class _Walk:
                     if after in following:
                         raise _Unbounded
                     stack.append(after)
-                continue
-            self.done[state] = self._most(following[state])
-            stack.pop()
         return self.done[start]
+
+    def home(self, at: int) -> int:
+        """The beginning of the function that an address is in."""
+        found = next((each.start for each in self.functions if each.start <= at < each.end), None)
+        if found is None:
+            raise _Unbounded
+        return found
+
+    def _word(self, at: int) -> Word:
+        return word_of(self.program.get(at, ERASED))
 
     def _most(self, steps: tuple[_Step, ...]) -> int | None:
         ways = [
@@ -133,173 +122,104 @@ class _Walk:
         return max(ways, default=None)
 
     def _steps(self, state: _State) -> Iterator[_Step]:
+        """The cycles of the instruction and the state after it, for each way that it may go."""
         if state.at in self.without:
             return
-        word = _word(self.program.get(state.at, ERASED))
-        name = word.name
+        word = self._word(state.at)
         known = dict(state.known)
-        if name == "GOTO":
-            yield 2, _State(word.k, state.stack, state.known)
-        elif name == "CALL":
-            yield 2, _State(word.k, (*state.stack, state.at + 1), state.known)
-        elif name in ("RETURN", "RETLW"):
-            if name == "RETLW":
+        if word.name == "GOTO":
+            yield 2, replace(state, at=word.k)
+        elif word.name == "CALL" and (called := self._called(word.k)):
+            kept = tuple(each for each in state.known if each[0] not in called.changes)
+            yield 2 + called.most, replace(state, at=state.at + 1, known=kept)
+        elif word.name == "CALL":
+            yield 2, replace(state, at=word.k, stack=(*state.stack, state.at + 1))
+        elif word.name in ("RETURN", "RETLW"):
+            if word.name == "RETLW":
                 known["W"] = word.k
-            for back, stack in self._returns(state):
-                yield 2, _State(back, stack, _sorted(known))
-        elif name in ("SLEEP", "RETFIE"):
+            yield from self._returns(2, state, known)
+        elif word.name in ("SLEEP", "RETFIE"):
             raise _Unbounded
         elif word.f == PCL and word.writes_f:
             self._check_table(state.at + 1)
             known.pop("W", None)
-            for back, stack in self._returns(state):
-                yield 2 + 2, _State(back, stack, _sorted(known))
+            yield from self._returns(2 + 2, state, known)
         elif word.skips:
-            taken = _skipped(word, known)
+            taken = skipped(word, known)
             after = _sorted(known)
             if taken is not True:
-                yield 1, _State(state.at + 1, state.stack, after)
+                yield 1, replace(state, at=state.at + 1, known=after)
             if taken is not False:
-                yield 2, _State(state.at + 2, state.stack, after)
+                yield 2, replace(state, at=state.at + 2, known=after)
         else:
-            _execute(word, known)
-            yield 1, _State(state.at + 1, state.stack, _sorted(known))
+            execute(word, known)
+            yield 1, replace(state, at=state.at + 1, known=_sorted(known))
+
+    def _called(self, start: int) -> _Called | None:
+        """The function at `start` as a whole; None where it has no bound, or an end of the way in it."""
+        if start not in self.calls:
+            self.calls[start] = None  # one that calls itself has no bound
+            inside = self._reached(start)
+            if not inside & (self.ends | self.without):
+                part = _Walk(self.program, self.functions, frozenset({_BACK}), frozenset(), calls=self.calls)
+                try:
+                    most = part.longest(_State(start, start, (_BACK,)))
+                except _Unbounded:
+                    most = None
+                if most is not None:
+                    self.calls[start] = _Called(most, self._changes(inside))
+        return self.calls[start]
+
+    def _reached(self, start: int) -> frozenset[int]:
+        """The addresses that a call of `start` may execute, but for the RETLW of tables: they change nothing."""
+        found: set[int] = set()
+        waiting = [start]
+        while waiting:
+            at = waiting.pop()
+            if at in found or at not in self.program:
+                continue
+            found.add(at)
+            word = self._word(at)
+            if word.name == "GOTO":
+                waiting.append(word.k)
+            elif word.name not in ("RETURN", "RETLW", "RETFIE") and not (word.f == PCL and word.writes_f):
+                waiting += [at + 1, at + 2] if word.skips else [at + 1]
+                waiting += [word.k] if word.name == "CALL" else []
+        return frozenset(found)
+
+    def _changes(self, inside: frozenset[int]) -> frozenset[str]:
+        """The places that these words may change; through INDF it may be any."""
+        fs = {word.f for word in map(self._word, inside) if word.writes_f}
+        every = range(RAM_FIRST, RAM_LAST + 1) if INDF in fs else fs
+        return frozenset({"W", "C", "Z", "FSR", *(f"{f:02X}" for f in every)})
 
     def _check_table(self, first: int) -> None:
         """A computed jump goes to a RETLW: what follows it must be nothing else, up to the function's end."""
-        end = next((each.end for each in self.functions if each.start <= first < each.end), first)
-        rows = [_word(self.program.get(at, ERASED)) for at in range(first, end)]
-        if not rows or any(row.name != "RETLW" for row in rows):
+        start = self.home(first)
+        end = next(each.end for each in self.functions if each.start == start)
+        if any(self._word(at).name != "RETLW" for at in range(first, end)):
             raise _Unbounded
 
-    def _returns(self, state: _State) -> Iterator[tuple[int, tuple[int, ...]]]:
+    def _returns(self, cycles: int, state: _State, known: Known) -> Iterator[_Step]:
+        after = _sorted(known)
         if state.stack:
-            yield state.stack[-1], state.stack[:-1]
+            yield cycles, _State(state.stack[-1], state.home, state.stack[:-1], after)
             return
-        for back in self._callers(state.at, set()):
-            yield back, ()
+        for back in self._callers(state.home, set()):
+            yield cycles, _State(back, self.home(back), (), after)
 
-    def _callers(self, at: int, seen: set[str]) -> Iterator[int]:
-        """Where a return from the function that `at` is in may lead; who jumps to it returns for it."""
-        function = next((each for each in self.functions if each.start <= at < each.end), None)
-        if function is None:
-            raise _Unbounded
-        if function.name in seen:
+    def _callers(self, home: int, seen: set[int]) -> Iterator[int]:
+        """Where a return from the function at `home` may lead; who jumps to it returns for it."""
+        if home in seen:
             return
-        seen.add(function.name)
-        for address, number in self.program.items():
-            word = _word(number)
-            if word.k != function.start or function.start <= address < function.end:
-                continue
-            if word.name == "CALL":
+        seen.add(home)
+        for address in self.program:
+            word = self._word(address)
+            if word.name == "CALL" and word.k == home:
                 yield address + 1
-            elif word.name == "GOTO":
-                yield from self._callers(address, seen)
+            elif word.name == "GOTO" and word.k == home and self.home(address) != home:
+                yield from self._callers(self.home(address), seen)
 
 
-def _sorted(known: dict[str, int]) -> tuple[tuple[str, int], ...]:
+def _sorted(known: Known) -> tuple[tuple[str, int], ...]:
     return tuple(sorted(known.items()))
-
-
-def _place(f: int, known: dict[str, int]) -> str | None:
-    """The name of what an operand f addresses; None for what is not followed."""
-    if f == INDF:
-        if "FSR" not in known:
-            return None
-        f = known["FSR"] & ~_BANK_1
-    if f == FSR:
-        return "FSR"
-    return f"{f:02X}" if RAM_FIRST <= f <= RAM_LAST else None
-
-
-def _skipped(word: _Word, known: dict[str, int]) -> bool | None:
-    """Whether the next instruction is skipped; None where that is not known."""
-    name = word.name
-    if name in ("BTFSC", "BTFSS"):
-        if word.f == STATUS:
-            bit = known.get({C: "C", Z: "Z"}.get(word.b, ""))
-        else:
-            value = known.get(_place(word.f, known) or "")
-            bit = None if value is None else value >> word.b & 1
-        return None if bit is None else bit == (name == "BTFSS")
-    _execute(word, known)
-    result = known.get("W" if word.writes_w else _place(word.f, known) or "")
-    return None if result is None else result == 0
-
-
-def _execute(word: _Word, known: dict[str, int]) -> None:
-    """Changes what is known as the instruction does."""
-    name = word.name
-    place = _place(word.f, known) if word.has_f else None
-    if word.f == STATUS and word.writes_f:
-        flag = {C: "C", Z: "Z"}.get(word.b) if name in ("BCF", "BSF") else None
-        if name not in ("BCF", "BSF"):
-            known.pop("C", None)
-            known.pop("Z", None)
-        elif flag:
-            known[flag] = int(name == "BSF")
-        return
-    result, carry = _result(word, known.get("W"), known.get(place or ""), known.get("C"))
-    for flag, letter in (("C", "C"), ("Z", "Z")):
-        if letter in word.flags:
-            known.pop(flag, None)
-    if "Z" in word.flags and result is not None:
-        known["Z"] = int(result == 0)
-    if "C" in word.flags and carry is not None:
-        known["C"] = carry
-    if word.writes_f:
-        if word.f == INDF and place is None and "FSR" not in known:
-            for other in [key for key in known if key not in ("W", "C", "Z")]:
-                del known[other]  # it may be any of them
-        target = place
-    else:
-        target = "W" if word.writes_w else None
-    if target is not None:
-        known.pop(target, None)
-        if result is not None:
-            known[target] = result
-
-
-def _result(word: _Word, w: int | None, f: int | None, carry: int | None) -> tuple[int | None, int | None]:
-    """(result, carry) of an instruction, each None where it is not known."""
-    name = word.name
-    if name in ("CLRF", "CLRW"):
-        return 0, None
-    if name == "MOVLW":
-        return word.k, None
-    if name == "MOVWF":
-        return w, None
-    if f is not None and name in _OF_ONE:
-        return _OF_ONE[name](f, word.b) & 0xFF, None
-    if f is not None and name == "RLF":
-        return None if carry is None else (f << 1 | carry) & 0xFF, f >> 7
-    if f is not None and name == "RRF":
-        return None if carry is None else f >> 1 | carry << 7, f & 1
-    other = word.k if name.endswith("LW") else f
-    if w is None or other is None:
-        return None, None
-    match name[:3]:
-        case "ADD":
-            return other + w & 0xFF, int(other + w > 0xFF)
-        case "SUB":
-            return other - w & 0xFF, int(other >= w)
-        case "AND":
-            return other & w, None
-        case "IOR":
-            return other | w, None
-        case "XOR":
-            return other ^ w, None
-    return None, None
-
-
-_OF_ONE = {
-    "MOVF": lambda f, b: f,
-    "INCF": lambda f, b: f + 1,
-    "INCFSZ": lambda f, b: f + 1,
-    "DECF": lambda f, b: f - 1,
-    "DECFSZ": lambda f, b: f - 1,
-    "COMF": lambda f, b: ~f,
-    "SWAPF": lambda f, b: f << 4 | f >> 4,
-    "BSF": lambda f, b: f | 1 << b,
-    "BCF": lambda f, b: f & ~(1 << b),
-}

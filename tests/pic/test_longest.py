@@ -71,6 +71,29 @@ def test_a_call_costs_its_body_and_a_return_beyond_the_start_goes_to_every_calle
     assert most(twice) == 1 + (2 + 1 + 2) + 2 + 3  # the other way back is shorter: 2
 
 
+def test_a_loop_around_a_call_is_counted_unless_the_call_changes_its_counter() -> None:
+    text = (
+        "main\nstart\n movlw 5\n movwf 0x20\nagain\n call f_one\n decfsz 0x20, f\n goto again\n"
+        "done\n nop\n goto done\n"
+        "f_one\n btfsc PORTB, 0\n {}\n return\n"
+    )
+    body = 2 + 1 + 1 + 2
+    assert most(text.format("clrf 0x21")) == 2 + 5 * body + 4 * 3 + 2
+    for changes in ("incf 0x20, f", "clrf INDF"):
+        assert most(text.format(changes)) is None
+    nested = text.format("call f_two") + "f_two\n incf 0x20, f\n return\n"
+    assert most(nested) is None
+
+
+def test_a_function_whose_time_is_its_argument_is_gone_through_each_time() -> None:
+    text = (
+        "main\nstart\n movlw 3\n movwf 0x20\n call f_wait\n movlw 7\n movwf 0x20\n call f_wait\n"
+        "done\n nop\n goto done\n"
+        "f_wait\n decfsz 0x20, f\n goto f_wait\n return\n"
+    )
+    assert most(text) == sum(2 + 2 + 3 * (turns - 1) + 2 + 2 for turns in (3, 7))
+
+
 def test_a_table_costs_its_jump_and_its_return() -> None:
     table = "f_table\n addwf PCL, f\n retlw 1\n retlw 2\n"
     assert most(f"main\nstart\n movf PORTB, w\n call f_table\ndone\n nop\n{table}") == 1 + 2 + 2 + 2
