@@ -27,7 +27,7 @@ from servogen.report.signals import captured, planned, scopes, shown_us, simulat
 from servogen.report.text import ProgramFacts
 from servogen.report.tool_error import error_rows, errors_of
 from servogen.report.tracks import tracks_of
-from servogen.report.wiring import package, wires
+from servogen.report.wiring import open_drain, package, remarks, wires
 
 TEMPLATE = "report.html.j2"
 
@@ -78,6 +78,7 @@ def _values(facts: PageFacts) -> dict[str, object]:
         f"one instruction cycle is {float(job.clock.cycle_us):g} µs",
         "pins": package(job.servos),
         "wiring": tuple(_wiring(job)),
+        "remarks": tuple(_ohm(line) for line in (*open_drain(job), *remarks(job))),
         "angles": angle_chart(job, schedule),
         "widths": width_chart(schedule),
         "rounding": tuple(rounding(facts.plan)),
@@ -126,9 +127,13 @@ def _tiles(facts: PageFacts) -> Iterator[tuple[str, str]]:
         yield f"{program.verdict.span.frames}", "frames checked"
 
 
+def _ohm(text: str) -> str:
+    return text.replace("kOhm", "kΩ")
+
+
 def _wiring(job: Job) -> Iterator[tuple[str, ...]]:
     for wire in wires(job):
-        use, servo = wire.use.replace("kOhm", "kΩ"), wire.servo
+        use, servo = _ohm(wire.use), wire.servo
         if servo is None:
             yield str(wire.number), wire.pin, use, "", "", ""
             continue

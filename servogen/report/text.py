@@ -13,13 +13,12 @@ from pathlib import Path
 
 from servogen.errors import Caution
 from servogen.job import Job
-from servogen.pic.device import OPEN_DRAIN_PIN, PROGRAM_WORDS, RAM_BYTES, oscillator_for
+from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, oscillator_for
 from servogen.pulse.plan import PulsePlan
 from servogen.pulse.player import Room
 from servogen.report.tool_error import ERROR_COLUMNS, error_rows, errors_of, worst_of
 from servogen.report.tracks import tracks_of
-from servogen.report.wiring import wires
-from servogen.robot.servo import Servo
+from servogen.report.wiring import open_drain, remarks, wires
 from servogen.units import Clock, Cycles
 from servogen.verify import Verdict, verdict_lines
 
@@ -113,23 +112,9 @@ def _wiring(facts: BuildFacts) -> Iterator[str]:
         for wire in wires(facts.job)
     ]
     yield from _table(("pin", "name", "goes to", "servo"), rows)
-    if any(servo.pin == OPEN_DRAIN_PIN for servo in facts.job.servos):
-        yield f"{OPEN_DRAIN_PIN} is open drain: it needs a pull-up resistor, 1 to 10 kOhm to VDD."
+    yield from open_drain(facts.job)
     yield ""
-    yield from _current(facts.job.servos)
-    yield from facts.job.firmware.buttons.text()
-
-
-def _current(servos: Sequence[Servo]) -> Iterator[str]:
-    """The servos' own supply: what all of them draw when all are held fast."""
-    known = [servo.model.max_a for servo in servos if servo.model.max_a is not None]
-    unknown = sorted({servo.model.name for servo in servos if servo.model.max_a is None})
-    if known:
-        peak_ma = Fraction(round(1000 * sum(known)))
-        yield f"Peak current of the servos: {_number(peak_ma)} mA ({len(known)} at once)."
-    if unknown:
-        yield f"Peak current not stated by the maker of: {', '.join(unknown)}."
-    yield "The servos take it from a supply of their own, not through the chip's."
+    yield from remarks(facts.job)
 
 
 def _pulses(facts: BuildFacts) -> Iterator[str]:

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from servogen.job import Job
-from servogen.pic.device import PACKAGE
+from servogen.pic.device import OPEN_DRAIN_PIN, PACKAGE
 from servogen.report.drawing import PALETTE
 from servogen.robot.servo import Servo
 
@@ -50,6 +50,24 @@ def wires(job: Job) -> Iterator[Wire]:
         ("OSC2", "crystal, 22 pF to VSS"),
     ):
         yield Wire(numbers[pin], pin, use)
+
+
+def open_drain(job: Job) -> Iterator[str]:
+    """What a servo on the open drain needs."""
+    if any(servo.pin == OPEN_DRAIN_PIN for servo in job.servos):
+        yield f"{OPEN_DRAIN_PIN} is open drain: it needs a pull-up resistor, 1 to 10 kOhm to VDD."
+
+
+def remarks(job: Job) -> Iterator[str]:
+    """The servos' own supply, what all of them draw when all are held fast; what the buttons do."""
+    known = [servo.model.max_a for servo in job.servos if servo.model.max_a is not None]
+    unknown = sorted({servo.model.name for servo in job.servos if servo.model.max_a is None})
+    if known:
+        yield f"Peak current of the servos: {round(1000 * sum(known))} mA ({len(known)} at once)."
+    if unknown:
+        yield f"Peak current not stated by the maker of: {', '.join(unknown)}."
+    yield "The servos take it from a supply of their own, not through the chip's."
+    yield from job.firmware.buttons.text()
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from servogen.pic.listing import ListedFunction, Listing
 from servogen.pipeline.reporting import Page, page_of
 from servogen.report.drawing import Axis, dots_path, nice, points_path, pulses_path, steps_path
 from servogen.report.result_tables import costs
-from servogen.report.wiring import wires
+from servogen.report.wiring import remarks, wires
 from servogen.units import Cycles
 
 ROOT = Path(__file__).parents[2]
@@ -133,13 +133,22 @@ def test_each_function_has_its_cost(page: Page) -> None:
 
 def test_buttons_and_the_serial_line_are_wired(tmp_path: Path) -> None:
     job = tmp_path / "job.toml"
-    job.write_text(JOB + '[stream]\nreceive_pin = "RB6"\ntransmit_pin = "RB7"\n')
+    job.write_text(JOB + '[stream]\nreceive_pin = "RB6"\ntransmit_pin = "RA2"\n')
     assert [(wire.number, wire.pin, wire.use) for wire in wires(load(job))][1:3] == [
         (12, "RB6", "serial line in, 2400 baud, 5 V, idle high"),
-        (13, "RB7", "serial line out, 5 V, idle high"),
+        (1, "RA2", "serial line out, 5 V, idle high"),
     ]
     job.write_text(JOB + '[firmware]\nengine = "player"\nstart_pin = "RB1"\n')
     assert any(wire.pin == "RB1" and wire.use.startswith("start button") for wire in wires(load(job)))
+    assert any(line.startswith("RB1: start, pressed for 3 frames") for line in remarks(load(job)))
+
+
+def test_what_the_wiring_needs_beside_wires_is_said(tmp_path: Path) -> None:
+    job = tmp_path / "job.toml"
+    job.write_text(JOB.replace('pin = "RB0"', 'pin = "RA4"\nopen_drain = true'))
+    page = page_of(load(job)).html
+    assert "RA4 is open drain: it needs a pull-up resistor, 1 to 10 kΩ to VDD." in page
+    assert "Peak current of the servos: 720 mA (1 at once)." in page
 
 
 @pytest.mark.parametrize(
