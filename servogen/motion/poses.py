@@ -183,10 +183,9 @@ class _Sampler:
         if made is None:
             raise self._too_long(pose)
         self._add(made.angles[1:], pose)
-        millimetres = 1000 * made.chord_error_m
-        self.notes.append(
-            Caution("chord-error", f"the path is followed within {millimetres:.3f} mm", pose.place)
-        )
+        number = next(number for number, each in enumerate(self.motion.poses, 1) if each is pose)
+        followed = f"the path to pose {number} is followed within {1000 * made.chord_error_m:.3f} mm"
+        self.notes.append(Caution("chord-error", followed, pose.place))
 
     def _through(self, chain: Sequence[Pose], closed: bool) -> None:
         points = np.array([pose.angles for pose in chain])

@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 
 MOST_FRAMES_SHOWN = 6
+MOST_FRAMES_READ = 50_000
+"""A quarter of an hour of servo pulses; a second of a pin that toggles as fast as it can."""
+
 LANE = 1.4
 """From one row of pulses to the next, in heights of a pulse."""
 
@@ -140,6 +143,7 @@ def _starts(channels: Sequence[Pulses], period: float, free: bool) -> Floats:
 
 def distinct_frames(channels: Sequence[Pulses], starts: Floats, period: float) -> list[Frame]:
     """The first frame of each set of widths; of many some, spread over the time, first and last too."""
+    starts = starts[:MOST_FRAMES_READ]
     ends = np.append(np.minimum(starts[1:], starts[:-1] + period), starts[-1] + period)
     seen: dict[tuple[float, ...], Frame] = {}
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
@@ -184,6 +188,7 @@ def _draw_widths(axes: Axes, channels: Sequence[Pulses], period: float) -> None:
         axes.step(times, widths, where="post", label=each.label, color=each.colour)
     axes.set_xlabel("time, s")
     axes.set_ylabel("pulse width, µs")
+    axes.ticklabel_format(axis="y", style="plain", useOffset=False)
     axes.margins(y=0.15)
     axes.grid(alpha=0.3)
     axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=4, frameon=False, fontsize=9)

@@ -75,6 +75,7 @@ def test_no_servo_and_no_joint_is_faster_than_it_can_be() -> None:
 def test_the_chord_error_of_each_path_is_noted() -> None:
     notes = load(FILES / "scara-pick.toml").notes
     assert [note.code for note in notes] == ["chord-error"] * 5
+    assert [note.text.split()[:5] for note in notes] == [f"the path to pose {n}".split() for n in range(2, 7)]
 
 
 DOWN = '{ tip_mm = [500, 200, 300], path = "line", hold_s = 0.5 }'
