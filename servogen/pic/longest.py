@@ -171,7 +171,7 @@ class _Walk:
         return self.calls[start]
 
     def _reached(self, start: int) -> frozenset[int]:
-        """The addresses that a call of `start` may execute, but for the RETLW of tables: they change nothing."""
+        """The addresses that a call of `start` may execute; not the RETLW of tables: they change nothing."""
         found: set[int] = set()
         waiting = [start]
         while waiting:
