@@ -28,9 +28,13 @@ def interference(code: Code, live: Liveness) -> dict[Byte, int]:
     for byte in live.number:
         if entry & live.bit(byte):
             found[byte] |= entry & ~live.bit(byte)
+    by_bit = {live.bit(byte): byte for byte in live.number}
     for one, mask in list(found.items()):
-        for two in live.number:
-            if mask & live.bit(two):
+        while mask:
+            lowest = mask & -mask
+            mask ^= lowest
+            two = by_bit.get(lowest)  # W and the flags have bits too
+            if two is not None:
                 found[two] |= live.bit(one)
     return found
 
