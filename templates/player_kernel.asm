@@ -4,9 +4,10 @@
 pl_pad{{ number }}:
     decfsz  _count, F
     goto    pl_pad{{ number }}
-{% for line in pads[number - 1].rest %}
+{%- for line in pads[number - 1].rest %}
+
     {{ line }}
-{% endfor %}
+{%- endfor %}
 {%- endmacro %}
 ; One slot of the frame: two servos of one port rise {{ 'shortly one after the other' if stagger else 'together' }} and fall each at its own cycle.
 ;
@@ -21,7 +22,7 @@ pl_pad{{ number }}:
 ;
 ; The sooner pulse's width goes to _pulse_a, the difference to _pulse_b, the pin that stays high to _stay.
 {% if stagger %}
-    movlw   {{ stagger }}                ; b rises so much later
+    movlw   {{ stagger }}                  ; b rises so much later
     addwf   _pulse_b_lo, F
     btfsc   STATUS, 0
     incf    _pulse_b_hi, F
