@@ -140,6 +140,10 @@ st_look:
     return
     movlw   {{ bit_units }}
     addwf   _rx_left, F
+{% if answers %}
+    btfsc   _rx_bits, 6
+    goto    st_send
+{% endif %}
     decfsz  _rx_bits, F
     goto    st_bit
     btfss   {{ line_port }}, {{ line_bit }}
@@ -211,4 +215,28 @@ st_data:
     bsf     STATUS, 0
     rrf     _rx_byte, F
     return
+{% if answers %}
+; An answer: _rx_bits is 0x4A before its start bit and counts to 0x40, the stop bit. The receiver is deaf so long.
+st_send:
+    decf    _rx_bits, F
+    bsf     STATUS, 0
+    btfss   _rx_bits, 3
+    goto    st_shift
+    btfss   _rx_bits, 0
+    goto    st_shift
+    movwf   _rx_left            ; the start bit is a bit long, whenever it was asked for
+    bcf     {{ out_port }}, {{ out_bit }}
+    return
+st_shift:
+    rrf     _rx_byte, F
+    btfss   STATUS, 0
+    bcf     {{ out_port }}, {{ out_bit }}
+    btfsc   STATUS, 0
+    bsf     {{ out_port }}, {{ out_bit }}
+    movlw   0x3F
+    andwf   _rx_bits, W
+    btfsc   STATUS, 2
+    clrf    _rx_bits
+    return
+{% endif %}
 st_out:

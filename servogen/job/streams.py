@@ -47,10 +47,7 @@ def stream_of(document: Document, table: JobTable, servos: Sequence[Servo], cloc
         if pin in taken:
             raise document.error(key, f"{pin} is in use: {taken[pin]}", "the line has pins of its own")
         taken[pin] = name
-    if given.transmit_pin == OPEN_DRAIN_PIN:
-        raise document.error(
-            ("stream", "transmit_pin"), f"{OPEN_DRAIN_PIN} is an open drain: it cannot drive a line high"
-        )
+    _check_transmit_pin(document, given.transmit_pin, servos)
     made = Stream(
         given.baud,
         given.receive_pin,
@@ -61,6 +58,18 @@ def stream_of(document: Document, table: JobTable, servos: Sequence[Servo], cloc
     )
     bit_units(made, clock)
     return made
+
+
+def _check_transmit_pin(document: Document, pin: str | None, servos: Sequence[Servo]) -> None:
+    """It must be able to go high, and a pulse's edge is a write to all of its port."""
+    key = ("stream", "transmit_pin")
+    if pin == OPEN_DRAIN_PIN:
+        raise document.error(key, f"{OPEN_DRAIN_PIN} is an open drain: it cannot drive a line high")
+    beside = [servo.name for servo in servos if pin is not None and servo.pin[1] == pin[1]]
+    if beside:
+        raise document.error(
+            key, f"{pin} is on the port of {beside[0]}", "the answers need a port without servos"
+        )
 
 
 def still(servos: Sequence[Servo], period: Cycles, clock: Clock) -> JointTrajectory:

@@ -17,10 +17,12 @@ VARIABLES = (
     *("next_lo", "next_hi", "mask", "due", "next_port", "port", "todo", "value"),
     *("ticks", "rest", "fine", "t", "rx_bits", "rx_left", "rx_last", "rx_byte", "command"),
 )
-JOB = '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n' + "".join(
-    f'[[servo]]\nname = "s{n}"\npin = "{pin}"\nmodel = "futaba-s3001"\n'
-    for n, pin in enumerate(("RB0", "RB1", "RA0"))
-)
+CHIP = '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n'
+SERVO = '[[servo]]\nname = "{name}"\npin = "{pin}"\nmodel = "futaba-s3001"\n'
+JOBS = {
+    "two ports": CHIP + SERVO.format(name="a", pin="RB0") + SERVO.format(name="b", pin="RA0") + "[stream]\n",
+    "answers": CHIP + SERVO.format(name="a", pin="RB0") + '[stream]\ntransmit_pin = "RA3"\n',
+}
 TMR0, STATUS = 1, 3
 C, Z = 0, 2
 
@@ -30,18 +32,35 @@ compiler, and the cycles of the write to the EEPROM in which interrupts wait."""
 TAKES_A_BIT, TAKES_NONE = True, False
 
 
+_chosen = ["two ports"]
+
+
+@pytest.fixture(params=list(JOBS), autouse=True)
+def chosen(request: pytest.FixtureRequest) -> None:
+    """Every test is of every kind of interrupt."""
+    _chosen[0] = request.param
+
+
 @cache
-def numbers() -> Streaming:
-    job = loads(JOB + "[stream]\n", "job.toml")
+def _numbers(kind: str) -> Streaming:
+    job = loads(JOBS[kind], "job.toml")
     assert job.stream
     return streaming(job.servos, job.frame, job.clock, job.stream, job.firmware.soft_start_s)
 
 
 @cache
-def made() -> Assembly:
+def _made(kind: str) -> Assembly:
     names = "\n".join(f"_{name} equ 0x{0x20 + number:02X}" for number, name in enumerate(VARIABLES))
     head = '    list p=16f84, r=dec\n    include "p16f84.inc"\n'
-    return assemble(f"{head}{names}\n    org 0\nst_in:\n{tick(numbers())}\n    nop\n    end\n")
+    return assemble(f"{head}{names}\n    org 0\nst_in:\n{tick(_numbers(kind))}\n    nop\n    end\n")
+
+
+def numbers() -> Streaming:
+    return _numbers(_chosen[0])
+
+
+def made() -> Assembly:
+    return _made(_chosen[0])
 
 
 def label(name: str) -> int:

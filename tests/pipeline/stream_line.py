@@ -16,9 +16,11 @@ from servogen.pulse.stream.protocol import (
     MOST,
     SYNC,
     Command,
+    Kind,
     group_begins,
     group_goes,
     position_command,
+    query_command,
     speed_command,
     trim_command,
 )
@@ -30,6 +32,8 @@ GUARD = 260
 """Cycles around a slot's rise in which no command of a random line ends: which side it falls on is open."""
 
 TRIM_PAUSE_S = 0.03
+ANSWER_S = 0.02
+"""So long a sender waits for an answer: three slots, and a byte."""
 GLITCH = 70
 """Cycles: the longest low that is surely no start bit."""
 
@@ -49,7 +53,8 @@ class Line:
     _receiver: Receiver = field(init=False)
 
     def __post_init__(self) -> None:
-        self._receiver = Receiver(len(self.streamed.neutral))
+        answers = self.streamed.stream.transmit_pin is not None
+        self._receiver = Receiver(len(self.streamed.neutral), answers)
         self.changes_made.append(Change(0, self.pin, HIGH))
 
     @property
@@ -85,6 +90,8 @@ class Line:
         command = self._receiver.byte(value)
         if command:
             self.heard.append((int(start + bit * Fraction(19, 2)), command))
+        if command and command.kind is Kind.QUERY:
+            self.seconds(ANSWER_S)
 
     def send(self, data: bytes, error: Fraction | None = None) -> None:
         """Bytes at one rate, wrong by `error` (by chance up to 2 %), here and there with a little pause."""
@@ -126,8 +133,8 @@ def talk(line: Line, seconds: float) -> None:
     end = line.now + line.bit * line.streamed.stream.baud * Fraction(seconds).limit_denominator(1000)
     servos = len(line.streamed.neutral)
     dice = line.dice
-    kinds = (position, speed, group, trim, torn, wrong, anything, broken, glitch, quiet, silent)
-    weights = (60, 6, 6, 1, 4, 4, 3, 3, 4, 8, 0.3)
+    kinds = (position, speed, group, trim, query, torn, wrong, anything, broken, glitch, quiet, silent)
+    weights = (60, 6, 6, 1, 2, 4, 4, 3, 3, 4, 8, 0.3)
     while line.now < end:
         dice.choices(kinds, weights)[0](line, dice.randrange(servos))
 
@@ -151,6 +158,10 @@ def trim(line: Line, servo: int) -> None:
     cycles = line.dice.randint(-127, 127)
     line.send(trim_command(servo, cycles + (cycles == -1)))
     line.seconds(TRIM_PAUSE_S)
+
+
+def query(line: Line, servo: int) -> None:
+    line.send(query_command(servo, low=line.dice.random() < 0.5))
 
 
 def torn(line: Line, servo: int) -> None:

@@ -22,6 +22,7 @@ from servogen.pulse.stream.protocol import (
     group_begins,
     group_goes,
     position_command,
+    query_command,
     speed_command,
     trim_command,
 )
@@ -192,6 +193,40 @@ def test_a_trim_moves_that_servo_by_exactly_that_much_and_survives_a_reset(cycle
         settled = (rises > 150_000) & ((rises > reset + 3000) | (rises < reset - 3000))
         assert set(lengths[settled].tolist()) == {1500 + moved}
         assert (rises > reset + plan.period).sum() > 10
+
+
+def answers(made: Firmware, chunk: EdgeChunk) -> list[int]:
+    """The bytes on the pin that answers, each bit looked at in its middle."""
+    assert made.job.stream and made.job.stream.transmit_pin
+    bit = made.job.clock.cycles_per_second / made.job.stream.baud
+    mine = chunk.pin == PINS.index(made.job.stream.transmit_pin)
+    cycle, level = chunk.cycle[mine], chunk.level[mine]
+    found, free = [], 0
+    for at in cycle[level == LOW].tolist():
+        if at >= free:
+            middles = [at + int(bit * (2 * n + 1) / 2) for n in range(10)]
+            start, *bits, stop = (int(level[np.searchsorted(cycle, each, "right") - 1]) for each in middles)
+            assert (start, stop) == (LOW, HIGH)
+            found.append(sum(bit << n for n, bit in enumerate(bits)))
+            free = middles[-1]
+    return found
+
+
+def test_a_question_is_answered_with_the_width_in_two_bytes() -> None:
+    made = firmware("stream-arm")
+    line, wanted = line_of(made, 18), []
+    for number in range(40):
+        servo, p = number % 3, line.dice.randint(0, MOST)
+        line.send(position_command(servo, p))
+        line.seconds(0.05)
+        for low in (False, True):
+            line.send(query_command(servo, low=low))
+        wanted += list(made.streamed.travels[servo].width(p).to_bytes(2, "big"))
+    plan = made.streamed.plan.schedule
+    machine = Machine(made.image, plan.clock, board_of(plan), Stimuli([line]))
+    assert answers(made, join(machine.stream(int(line.now) + plan.period))) == wanted
+    verdict = check(made, line)
+    assert verdict.proven, verdict.reasons
 
 
 def test_a_servo_that_is_off_is_at_its_position_at_once() -> None:

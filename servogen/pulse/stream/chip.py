@@ -39,6 +39,8 @@ class Receiver:
     """Bytes to commands: what is between a beginning and the next is a command when it has two bytes."""
 
     servos: int
+    answers: bool = False
+    """Whether it has a pin to send on; it then hears nothing while it answers."""
     _second: int | None = None
     _begun: bool = False
 
@@ -50,7 +52,7 @@ class Receiver:
             self._begun, self._second = False, value
         elif self._second is not None:
             second, self._second = self._second, None
-            return command_of(second, value, self.servos)
+            return command_of(second, value, self.servos, answers=self.answers)
         return None
 
     def broken(self) -> None:

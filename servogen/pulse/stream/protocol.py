@@ -8,7 +8,7 @@ back: what a command is, which width a position byte asks for.
     FF 80    0      a group begins: positions that follow wait, and their servos with them
     FF 80    t      the group goes: all of it starts in one frame, and is there t frames later
     FF C0+n  127+c  trim c of servo n, to the EEPROM
-    FF F0    q      a question, answered with one byte
+    FF F0    q      the high byte of servo q's width, in cycles, is sent back; of q - 8's the low one
 
 FF never stands for anything but the beginning, so that a receiver that lost its place finds it with the next.
 """
@@ -37,8 +37,8 @@ NO_TRIM = 0xFF
 """An erased byte of the EEPROM; as two's complement it is -1, which therefore cannot be said."""
 
 SCALE_BITS = 8
-ASK_HIGH, ASK_LOW, ASK_MOVING = 0x00, 0x08, 0x10
-"""Questions: high or low byte of servo n's width (+ n); which servos are under way, servo n in bit n."""
+ASK_LOW = 8
+"""What is added to a servo's number to ask for the low byte of its width."""
 
 
 class Kind(Enum):
@@ -68,11 +68,16 @@ class Command:
         return bytes((SYNC, self.kind.value + self.servo, self.value))
 
 
-def command_of(second: int, third: int, servos: int = MOST_SERVOS) -> Command | None:
-    """The command that two bytes behind SYNC are; None for what a chip with `servos` servos ignores."""
+def command_of(second: int, third: int, servos: int = MOST_SERVOS, *, answers: bool = True) -> Command | None:
+    """The command that two bytes behind SYNC are; None for what a chip with `servos` servos ignores.
+
+    `answers`: it has a pin to send on.
+    """
     if not 0 <= third <= MOST:
         return None
     for kind in Kind:
+        if kind is Kind.QUERY and not answers:
+            continue
         number = second - kind.value
         if 0 <= number < (servos if kind.of_a_servo else 1):
             return Command(kind, number, third)
@@ -107,9 +112,14 @@ def trim_command(servo: int, cycles: int) -> bytes:
     return _command(Kind.TRIM, servo, TRIM_ZERO + cycles)
 
 
-def query_command(question: int) -> bytes:
-    """ASK_HIGH + n, ASK_LOW + n or ASK_MOVING; the answer is one byte."""
-    return _command(Kind.QUERY, 0, question)
+def query_command(servo: int, *, low: bool = False) -> bytes:
+    """The answer is one byte of the width of the servo's pulses in cycles, its trim included.
+
+    The chip hears nothing until it has answered, which is at most three slots and a byte later.
+    """
+    if not 0 <= servo < MOST_SERVOS:
+        raise InputError(f"there is no servo {servo}", hint=f"servos are 0 to {MOST_SERVOS - 1}")
+    return _command(Kind.QUERY, 0, servo + (ASK_LOW if low else 0))
 
 
 def _command(kind: Kind, servo: int, value: int) -> bytes:

@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 
 from servogen.errors import InputError
 from servogen.pulse.stream.protocol import (
-    ASK_LOW,
     MOST,
     NO_TRIM,
     Command,
@@ -32,7 +31,8 @@ def test_commands_are_the_bytes_of_the_table() -> None:
     assert group_goes(50) == bytes.fromhex("FF 80 32")
     assert trim_command(2, -127) == bytes.fromhex("FF C2 00")
     assert trim_command(2, 127) == bytes.fromhex("FF C2 FE")
-    assert query_command(ASK_LOW + 1) == bytes.fromhex("FF F0 09")
+    assert query_command(1) == bytes.fromhex("FF F0 01")
+    assert query_command(1, low=True) == bytes.fromhex("FF F0 09")
 
 
 def test_a_command_is_what_its_bytes_say_and_all_other_bytes_are_none() -> None:
@@ -48,6 +48,7 @@ def test_a_command_is_what_its_bytes_say_and_all_other_bytes_are_none() -> None:
         assert found == (Command(*known[second], 17) if second in known else None)
         assert command_of(second, 0xFF) is None
     assert command_of(3, 17, servos=3) is None
+    assert command_of(0xF0, 1, answers=False) is None
     assert command_of(0x42, 17, servos=3) == Command(Kind.SPEED, 2, 17)
 
 
