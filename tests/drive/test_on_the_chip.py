@@ -19,9 +19,12 @@ from servogen.bench.virtual.serial_line import LineStimulus
 from servogen.drive.controller import controller_of
 from servogen.drive.line import Line, Time
 from servogen.drive.motions import Limited, Motion, Played, Still
+from servogen.drive.orders import Rates
 from servogen.drive.session import Session
+from servogen.drive.steering import steering_of
+from servogen.drive.words import QUIT, Silence, Words, script
 from servogen.edges import PINS
-from servogen.job import Job, loads
+from servogen.job import Job, load, loads
 from servogen.motion.trajectory import Floats
 from servogen.pic.image import Image
 from servogen.pipeline.stream import compiled, stream
@@ -106,14 +109,19 @@ class OnChip:
 
 
 def driven(
-    robot: OnChip, motion: Motion, stop: Floats | None = None, arrive_s: float = 1.0
+    robot: OnChip,
+    motion: Motion,
+    stop: Floats | None = None,
+    arrive_s: float = 1.0,
+    words: Words | None = None,
+    order: Callable[[str], None] = lambda word: None,
 ) -> list[dict[str, object]]:
     log: list[dict[str, object]] = []
     baud, controller = controller_of(robot.job, None, None, 0)
     time = robot.time()
     began = time.now()
     with Line(robot.open, baud, time, 0.0) as line:
-        Session(controller, line, time, log.append, stop, arrive_s=arrive_s).run(motion)
+        Session(controller, line, time, log.append, stop, words or Silence(), order, arrive_s).run(motion)
     time.sleep(0.1)
     return [{**entry, "s": float(str(entry["s"])) + began} for entry in log]
 
@@ -197,3 +205,56 @@ def test_from_the_command_line_to_the_pins_of_a_rig(run: Run, rig: dict[str, str
         made = travel(servo, job.clock)
         wanted = made.width(made.nearest(servo.width_us(math.radians(degrees))))
         assert all(abs(width - wanted) <= 1 for width in widths[servo.pin]), servo.name
+
+
+LEGS = {"FL": (90, 50), "FR": (90, -50), "RL": (-90, 50), "RR": (-90, -50)}
+"""A four-legged robot: where its legs are mounted, mm; eight servos, as many as one chip has."""
+
+
+def four_legs(folder: Path) -> Path:
+    """A stream job of a robot that crawls, one foot in the air at a time."""
+    robot = 'name = "four"\ntitle = "four legs"\nkind = "hexapod"\nleg = "leg"\n'
+    robot += 'dimensions = "example"\nsource = "a test"\ncentre_of_mass_mm = [0, 0, 0]\n'
+    servos, pin = "", iter(range(8))
+    for leg, (x, y) in LEGS.items():
+        right = str(y < 0).lower()
+        robot += f'[[mount]]\nname = "{leg}"\nx_mm = {x}\ny_mm = {y}\nmirrored = {right}\n'
+        for joint in ("alpha", "beta"):
+            servos += f'[[servo]]\nname = "{leg}-{joint}"\npin = "RB{next(pin)}"\nmodel = "mpx-tiny-s"\n'
+            servos += f'joint = "{leg}_{joint}"\nreverse = {right}\n'
+    (folder / "four.toml").write_text(robot)
+    path = folder / "crawl.toml"
+    path.write_text(
+        f'[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n[robot]\nname = "four.toml"\n{servos}'
+        "[walk]\nduty = 0.75\nlifts = { FL = 0.0, RR = 0.25, FR = 0.5, RL = 0.75 }\nallow_falling = true\n"
+        'way = [{ forward_mm = 30 }]\ncycle_s = 2.4\n[stream]\nfail_safe = "hold"\n'
+    )
+    return path
+
+
+def test_a_gait_under_orders_is_walked_by_the_chip(tmp_path: Path) -> None:
+    job = load(four_legs(tmp_path))
+    robot = OnChip(job, compiled(job, stream(job)[1], "c2c").compilation.image)
+    steering, told = steering_of(job, Rates(30, 6)), steering_of(job, Rates(30, 6))
+    words = script("forward\nwait 4\nleft\nwait 9\nstop\nwait 6\n")
+    log = driven(robot, steering, arrive_s=0.0, words=words, order=steering.order)
+    orders = {float(str(entry["s"])): str(entry["order"]) for entry in log if "order" in entry}
+    began = min(orders)
+    planned = []
+    for frame in range(int(20 / 0.02)):
+        while orders and min(orders) <= began + frame * 0.02:
+            word = orders.pop(min(orders))
+            if word != QUIT:
+                told.order(word)
+        planned.append(told.at(frame * 0.02))
+    angles = np.array(planned)
+    assert np.degrees(np.ptp(angles, axis=0)).min() > 10, "every joint has moved"
+    for index, servo in enumerate(job.servos):
+        rises, widths = robot.seen(servo.pin)
+        wanted = np.array([servo.width_us(angle) for angle in angles[:, index].tolist()])
+        step = (servo.widths_us[1] - servo.widths_us[0]) / 254
+        for rise, width in zip(rises, widths, strict=True):
+            frame = int((rise - began) / 0.02)
+            if 15 <= frame < 19 / 0.02:
+                lately = wanted[frame - 10 : frame + 2]  # a pose of eight takes 100 ms, and two frames more
+                assert lately.min() - step - 1 <= width <= lately.max() + step + 1, (servo.name, frame)
