@@ -1,0 +1,95 @@
+"""[stream] of a job: its defaults, the rates that go with a clock, pins that are free."""
+
+from fractions import Fraction
+
+import pytest
+
+from servogen.errors import InputError
+from servogen.job import loads
+from servogen.pulse.stream.settings import Stream, bit_units
+from servogen.units import Clock
+
+CHIP = '[chip]\ndevice = "PIC16F84A"\nclock_hz = 4_000_000\n'
+
+
+def servos(count: int) -> str:
+    pins = [*(f"RB{n}" for n in range(8)), "RA0", "RA1"]
+    return "".join(
+        f'[[servo]]\nname = "s{n}"\npin = "{pins[n]}"\nmodel = "futaba-s3001"\n' for n in range(count)
+    )
+
+
+def error_of(text: str) -> str:
+    with pytest.raises(InputError) as found:
+        loads(text, "job.toml")
+    return str(found.value)
+
+
+def test_a_stream_needs_no_motion_and_has_defaults() -> None:
+    for text in ("[stream]\n", '[firmware]\nengine = "stream"\n'):
+        job = loads(CHIP + servos(2) + text, "job.toml")
+        assert job.stream
+        assert (job.stream.baud, job.stream.receive_pin, job.stream.transmit_pin) == (2400, "RA4", None)
+        assert (job.stream.silence_s, job.stream.fail_safe) == (Fraction(1), "neutral")
+        assert len(job.trajectory.angles) == 1
+
+
+def test_a_motion_in_a_stream_job_is_read() -> None:
+    motion = "[motion]\nposes = [{ s0_deg = 30, hold_s = 1 }, { s0_deg = 90, hold_s = 1 }]\n"
+    assert len(loads(CHIP + servos(1) + "[stream]\n" + motion, "job.toml").trajectory.angles) > 1
+
+
+@pytest.mark.parametrize(
+    ("baud", "clock_hz", "units"),
+    [
+        (2400, 4_000_000, 104),
+        (9600, 16_000_000, 104),
+        (9600, 20_000_000, 130),
+        (4800, 8_000_000, 104),
+        (1200, 4_000_000, 208),
+    ],
+)
+def test_rates_whose_bits_are_long_enough_are_received(baud: int, clock_hz: int, units: int) -> None:
+    assert bit_units(Stream(baud), Clock(clock_hz)) == units
+
+
+@pytest.mark.parametrize(
+    ("baud", "clock_hz"), [(4800, 4_000_000), (9600, 8_000_000), (9600, 10_000_000), (19_200, 20_000_000)]
+)
+def test_other_rates_are_refused_with_the_arithmetic(baud: int, clock_hz: int) -> None:
+    with pytest.raises(InputError) as found:
+        bit_units(Stream(baud), Clock(clock_hz))
+    bit = clock_hz / 4 / baud
+    assert f"a bit is {bit:.1f} cycles" in found.value.message
+    assert f"half a bit is {bit / 2:.0f}" in found.value.message
+
+
+def test_a_rate_too_slow_for_the_receiver_s_byte_is_refused() -> None:
+    with pytest.raises(InputError, match="the receiver counts 892 at most"):
+        bit_units(Stream(1200), Clock(20_000_000))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('receive_pin = "RB0"\n', "stream.receive_pin: RB0 is in use: s0"),
+        ('receive_pin = "RC0"\n', "unknown pin 'RC0'"),
+        ('transmit_pin = "RA4"\nreceive_pin = "RA0"\n', "RA4 is an open drain"),
+        ('transmit_pin = "RA4"\n', "RA4 is in use: receive_pin"),
+        ('transmit_pin = "RB7"\n', "RB7 is on the port of s0"),
+        ("silence_s = 0\n", "silence_s"),
+        ('fail_safe = "stop"\n', "fail_safe"),
+        ("parity = 1\n", "parity"),
+    ],
+)
+def test_what_the_line_cannot_be_is_said(text: str, message: str) -> None:
+    assert message in error_of(CHIP + servos(2) + "[stream]\n" + text)
+
+
+def test_another_engine_hears_no_line() -> None:
+    text = CHIP + servos(2) + '[stream]\n[firmware]\nengine = "player"\n'
+    assert "the player engine hears no serial line" in error_of(text)
+
+
+def test_nine_servos_are_one_too_many() -> None:
+    assert "up to 8 servos, not 9" in error_of(CHIP + servos(9) + "[stream]\n")
