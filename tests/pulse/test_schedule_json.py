@@ -1,6 +1,7 @@
 """A schedule as JSON is the same schedule; a wrong file is refused with its key."""
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 
 from servogen.errors import InputError
 from servogen.pulse import Channel, Pulse, PulseSchedule, Run, from_json
+from servogen.pulse.schedule import Input
 from servogen.units import Clock, Cycles
 
 SCHEDULE = PulseSchedule(
@@ -116,3 +118,27 @@ def schedules(draw: st.DrawFn) -> PulseSchedule:
 @given(schedule=schedules())
 def test_every_schedule_comes_back(schedule: PulseSchedule) -> None:
     assert from_json(schedule.to_json(), "s.json") == schedule
+
+
+HELD = replace(SCHEDULE, inputs=(Input("RB7", 0), Input("RA3", 1)))
+
+
+def test_the_levels_of_inputs_are_kept_and_nothing_is_written_where_there_are_none() -> None:
+    assert '"inputs": [{"pin": "RB7", "level": 0}, {"pin": "RA3", "level": 1}]' in HELD.to_json()
+    assert from_json(HELD.to_json(), "schedule.json") == HELD
+    assert "inputs" not in SCHEDULE.to_json()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"RB7"', '"RB0"', "RB0 is a servo's"),
+        ('"RB7"', '"RB8"', "unknown pin 'RB8'"),
+        ('"level": 0', '"level": 2', "is neither 0 nor 1: 2"),
+        ('"level": 0', '"high": 0', "unknown key"),
+    ],
+)
+def test_an_input_that_cannot_be_is_refused(old: str, new: str, message: str) -> None:
+    with pytest.raises(InputError, match=message) as refused:
+        from_json(HELD.to_json().replace(old, new), "schedule.json")
+    assert "inputs[0]" in str(refused.value)

@@ -1,0 +1,30 @@
+"""`servogen build` of a player: what is left of words, RAM and time, for people and for machines."""
+
+import json
+from pathlib import Path
+
+from tests.cli.conftest import Run
+from tests.pipeline.player_jobs import built_text, job_text, sweep
+
+SMALL = job_text(5, sweep(5, 0.64), firmware='soft_start_s = 0.16\nstart_pin = "RA4"')
+
+
+def test_build_says_what_is_left_and_that_the_c_never_came_too_late(run: Run, tmp_path: Path) -> None:
+    job = tmp_path / "small.toml"
+    job.write_text(SMALL)
+    found = run("build", str(job), "-o", str(tmp_path / "out"), "--json")
+    assert found.code == 0
+    answer = json.loads(found.out)
+    for told, program in zip(answer["programs"], built_text(SMALL).programs, strict=True):
+        made = program.firmware.compilation
+        assert told["words"] + told["words_left"] == 1024 and told["words"] == made.words
+        assert told["ram_bytes"] + told["ram_left"] == 68
+        assert told["overrun_cycle"] is None and told["proven"]
+        assert [room["between"] for room in told["c_between_pulses"]] == ["two slots", "two frames"]
+        for room in told["c_between_pulses"]:
+            assert room["worst_cycles"] + room["left_cycles"] == room["room_cycles"]
+    assert {row["pulse"] for row in answer["widths"]} == {"first", "shortest", "longest", "worst"}
+    shown = run("build", str(job), "-o", str(tmp_path / "out")).out
+    assert shown.count("overrun: never") == len(answer["programs"])
+    text = (tmp_path / "out" / "report.txt").read_text()
+    assert "with RA4 low from power-up on" in text and "button to ground, 10 kOhm pull-up" in text
