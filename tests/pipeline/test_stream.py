@@ -9,6 +9,8 @@ from itertools import islice
 import numpy as np
 import pytest
 
+from servogen.compiler import Options, Source, compile_sources
+from servogen.csource import render_stream
 from servogen.edges import HIGH, LOW, PINS, Driven, EdgeChunk, EdgeTrace, join, part
 from servogen.errors import InputError
 from servogen.job import load, loads
@@ -16,9 +18,12 @@ from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
 from servogen.pipeline import build, prove, running
 from servogen.pipeline.forever import prove_forever
 from servogen.pipeline.proof import board_of
+from servogen.pipeline.stream import compiled
 from servogen.pulse.stream.chip import Chip, schedule, widths
+from servogen.pulse.stream.layout import Layout
 from servogen.pulse.stream.protocol import (
     MOST,
+    Travel,
     group_begins,
     group_goes,
     position_command,
@@ -29,12 +34,13 @@ from servogen.pulse.stream.protocol import (
 from servogen.simulator import Levels, Machine, Reset, Stimuli
 from servogen.units import Cycles
 from tests.pipeline import stream_soak
-from tests.pipeline.stream_line import Line, talk
+from tests.pipeline.stream_line import Line, group, talk
 from tests.pipeline.stream_soak import JOBS, Firmware, check, firmware_of, line_of
 
 NAMES = ("stream-arm", "stream-eight", "stream-fast")
 WDT_ON = 0x0004
 """WDTE, bit 2 of the configuration word (DS30430 register 8-1)."""
+CLRF = 0x0180
 firmware = cache(stream_soak.firmware)
 
 
@@ -379,3 +385,52 @@ def test_the_model_without_a_command_does_what_the_schedule_of_the_build_says() 
         span = Cycles(frames * plan.period)
         assert prove(plan, running(plan, made.image, span), span).proven
         assert prove(model, running(plan, made.image, span), span).proven
+
+
+def test_a_pulse_is_prepared_long_before_its_slot() -> None:
+    # The worst of the worst: eight servos at 4 MHz, groups, commands while the fail-safe comes.
+    text = (JOBS / "stream-eight.toml").read_text().replace('"off"', '"neutral"\nsilence_s = 0.12')
+    job = loads(text, "eight.toml")
+    made = firmware_of(job)
+    listing = compiled(job, made.streamed, "c2c").compilation.listing
+    due = next(address for address, name, _ in listing.variables if name == "due")
+    main = next(each for each in listing.functions if each.name == "main")
+    clears = CLRF | due
+    line = line_of(made, 19)
+    while line.now < 6_000_000:
+        for _ in range(3):
+            line.send(position_command(line.dice.randrange(8), line.dice.randint(0, MOST)))
+        line.seconds(0.1 + line.dice.random() * 0.12)
+        group(line, 0)
+    machine = Machine(made.image, job.clock, board_of(made.streamed.plan.schedule), Stimuli([line]))
+    machine.breakpoints = {
+        row.address for row in listing.rows if row.word == clears and main.start <= row.address < main.end
+    }
+    slot, worst = made.streamed.layout.rounds * 256, 0
+    while machine.cycles < line.now:
+        machine.run(int(line.now) + 1 - machine.cycles)
+        if machine.cycles > made.first_rise:
+            worst = max(worst, (machine.cycles - made.first_rise) % slot)
+        machine.step()
+    assert 1000 < worst < slot - 500
+
+
+def test_c_that_is_late_loses_pulses_but_makes_no_wrong_one() -> None:
+    made = firmware("stream-eight")
+    short = replace(
+        made.streamed,
+        layout=Layout(8, 5),
+        neutral=(Cycles(1050),) * 8,
+        travels=(Travel(Cycles(1000), Cycles(1100)),) * 8,
+    )
+    text = render_stream(short, "c2c", made.job.device, "late")
+    image = compile_sources([Source(text, "late.c")], Options(device=made.job.device)).image
+    late = replace(made, streamed=short, image=image)
+    line = line_of(late, 20)
+    while line.now < 3_000_000:
+        line.send(position_command(line.dice.randrange(8), 254 * line.dice.randrange(2)))
+    chunk = played(late, line, 60)
+    for channel in made.streamed.plan.schedule.channels:
+        rises, lengths = pulses(chunk, channel.pin)
+        assert 10 < len(rises) < 290
+        assert set(lengths.tolist()) <= {1000, 1050, 1100}
