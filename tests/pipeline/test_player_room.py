@@ -4,7 +4,10 @@ from dataclasses import replace
 
 import pytest
 
+from servogen.csource import DIALECTS
+from servogen.job import loads
 from servogen.pic.isa import decode
+from servogen.pipeline import planned
 from servogen.pipeline.build import Build, proven, report
 from servogen.pipeline.player import CHECK, DONE, WIDTHS, firmware, label, play
 from servogen.pipeline.proof import checked_cycles, machine_of
@@ -85,6 +88,15 @@ def test_every_kept_job_has_time_left_in_every_dialect() -> None:
             assert all(room.left is not None and room.left >= 0 for room in program.firmware.rooms)
             assert program.overrun is None
             assert not program.firmware.warnings
+
+
+@pytest.mark.parametrize(("mhz", "servos"), [(1, 6), (2, 9), (2, 10), (4, 11)])
+def test_the_tightest_frames_have_time_for_buttons_and_pauses_too(mhz: int, servos: int) -> None:
+    motion = sweep(servos, 1.28).replace("move_s = 1.28 },\n]", "move_s = 1.28, pause_s = 0.2 },\n]")
+    firmware = 'soft_start_s = 0.16\nstart_pin = "RA4"\nstop_pin = "RA3"'
+    made = planned(loads(job_text(servos, motion, clock_hz=mhz * 1_000_000, firmware=firmware), "job.toml"))
+    for dialect in DIALECTS:
+        assert all((room.left or 0) > 0 for room in made.make(dialect).rooms)
 
 
 def test_the_report_says_what_the_c_takes_and_that_it_never_came_too_late() -> None:

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
 
+from servogen.edges import PINS
 from servogen.errors import InputError
 from servogen.pulse.slots import Frame
 from servogen.robot.servo import Servo
@@ -38,6 +39,9 @@ SLOT_C, FRAME_C, CHANNEL_C, DOUBLING_C = Cycles(200), Cycles(85), Cycles(249), C
 """What the C gets at least: between two slots (with the kernel's own preparation), between two frames in
 addition, there for each channel, and for each doubling of a channel's step. What it takes is counted once it
 is compiled."""
+
+BUTTONS_C = Cycles(40)
+"""What looking at the buttons takes, where a pin is left for one."""
 
 EASES = ((3, 3), (2, 2), (2, 1), (1, 1))
 """How many times that the C gets between slots and between frames, as far as there is room: other compilers'
@@ -122,6 +126,7 @@ def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, shift: int = 0) 
     Keyframes are in steps of 2**shift cycles.
     """
     motion_c = FRAME_C + len(servos) * (CHANNEL_C + shift * DOUBLING_C)
+    motion_c += BUTTONS_C if len(servos) < len(PINS) else 0
     stagger = STAGGER if frame.most_together == 1 else NONE
     for each in servos:
         if clock.round_us(each.widths_us[0]).cycles < LEAST_WIDTH:
