@@ -43,14 +43,15 @@ def report_syntax(
     message = str(error)
     coord = getattr(error, "coord", None)
     index = _index_of(tokens, coord, start, at)
-    missing = index > start and message.startswith("before:") and _wants_semicolon(tokens, index)
-    if missing:
-        before = tokens[index - 1]
-        place = before.place
-        if place.column:
-            place = Place(place.file, place.line, place.column + len(before.text))
-        reporter.error(f"syntax error: ';' is missing after '{before.text}'", place)
-        return
+    if index > start and message.startswith("before:"):
+        ended = index if _wants_semicolon(tokens, index) else _unended(tokens, start, index)
+        if ended is not None:
+            before = tokens[ended - 1]
+            place = before.place
+            if place.column:
+                place = Place(place.file, place.line, place.column + len(before.text))
+            reporter.error(f"syntax error: ';' is missing after '{before.text}'", place)
+            return
     if index >= len(tokens):
         where = tokens[-1].place if tokens else Place()
         opened = _unclosed(tokens[start:])
@@ -62,7 +63,8 @@ def report_syntax(
         if message.startswith(("before:", "At end")) or not isinstance(error, SyntaxFault)
         else f" ({message[0].lower() + message[1:]})"
     )
-    reporter.error(f"syntax error before '{tokens[index].text}'{detail}", tokens[index].place)
+    hint = _bracket_hint(tokens, start, index)
+    reporter.error(f"syntax error before '{tokens[index].text}'{detail}", tokens[index].place, hint)
 
 
 def _index_of(tokens: list[PToken], coord: Any, start: int, at: int) -> int:
@@ -75,35 +77,13 @@ def _index_of(tokens: list[PToken], coord: Any, start: int, at: int) -> int:
 
 
 _ENDS = re.compile(r"[\w$)\]\"']$")
-_STATEMENT_WORDS = frozenset(
-    [
-        "if",
-        "while",
-        "do",
-        "for",
-        "switch",
-        "return",
-        "break",
-        "continue",
-        "goto",
-        "case",
-        "default",
-        "int",
-        "char",
-        "void",
-        "unsigned",
-        "signed",
-        "long",
-        "short",
-        "const",
-        "static",
-        "struct",
-        "union",
-        "enum",
-        "bit",
-        "}",
-    ]
-)
+_TYPE_WORDS = frozenset((
+    "int", "char", "void", "unsigned", "signed", "long", "short", "const", "static", "struct", "union",
+    "enum", "bit",
+))  # fmt: skip
+_STATEMENT_WORDS = _TYPE_WORDS | frozenset((
+    "if", "while", "do", "for", "switch", "return", "break", "continue", "goto", "case", "default", "}",
+))  # fmt: skip
 
 
 def _wants_semicolon(tokens: list[PToken], index: int) -> bool:
@@ -114,14 +94,46 @@ def _wants_semicolon(tokens: list[PToken], index: int) -> bool:
     return here.text in _STATEMENT_WORDS or (new_line and re.match(r"[A-Za-z_]", here.text) is not None)
 
 
+def _unended(tokens: list[PToken], start: int, index: int) -> int | None:
+    """The token that begins a declaration on a new line although the one before it has no end."""
+    depth = 0
+    for at in range(start + 1, index):
+        before, here = tokens[at - 1], tokens[at]
+        depth += {"{": 1, "(": 1, "[": 1, "}": -1, ")": -1, "]": -1}.get(before.text, 0)
+        named = re.fullmatch(r"\w+|]", before.text) and before.text not in _TYPE_WORDS
+        if depth == 0 and named and here.text in _TYPE_WORDS and here.place.line != before.place.line:
+            return at
+    return None
+
+
+def _bracket_hint(tokens: list[PToken], start: int, index: int) -> str | None:
+    """What is wrong with the brackets around token `index`, where that is plain."""
+    opened, here = _open(tokens[start:index]), tokens[index].text
+    if here == "}" and not opened:
+        return "there is no '{' for it"
+    if not opened or opened[-1].text != "(":
+        return None
+    if here in ("{", ";", "}"):
+        return f"the '(' at {opened[-1].place} is not closed"
+    first = tokens.index(opened[-1], start)
+    if here == ")" and tokens[first - 1].text == "for":
+        return "'for' takes three parts with ';' between them"
+    return None
+
+
 def _unclosed(tokens: list[PToken]) -> PToken | None:
+    return next(iter(_open(tokens)), None)
+
+
+def _open(tokens: list[PToken]) -> list[PToken]:
+    """The brackets that are open after `tokens`."""
     stack: list[PToken] = []
     for token in tokens:
         if token.text in ("{", "(", "["):
             stack.append(token)
         elif token.text in ("}", ")", "]") and stack:
             stack.pop()
-    return stack[0] if stack else None
+    return stack
 
 
 def resume(tokens: list[PToken], start: int, at: int) -> int:

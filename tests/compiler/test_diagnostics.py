@@ -438,6 +438,31 @@ def test_a_diagnostic_says_what_and_where(dialect: str, marked: str, severity: s
     assert shown[caret - 1][4:] == marked.replace(CARET, "").splitlines()[line - 1]
 
 
+BRACKETS = [
+    ("void main(void) { if (1 { ; } }", (1, 25), "the '(' at main.c:1:22 is not closed"),
+    ("char x;\nvoid main(void) { x = (3 + 4; }", (2, 29), "the '(' at main.c:2:23 is not closed"),
+    ("void main(void) { ; }}\nchar x;", (1, 22), "there is no '{' for it"),
+    ("void main(void) { for (;) ; }", (1, 25), "'for' takes three parts with ';' between them"),
+]
+
+
+@pytest.mark.parametrize(("text", "place", "hint"), BRACKETS)
+def test_brackets_that_do_not_match_are_shown(text: str, place: tuple[int, int], hint: str) -> None:
+    (found,) = diagnostics("xc8", text)
+    assert found.message.startswith("syntax error before")
+    assert ((found.place.line, found.place.column), found.hint) == (place, hint)
+
+
+@pytest.mark.parametrize(
+    ("declaration", "end"),
+    [("int total", "total"), ("char a, b[2]", "]"), ("enum e { x } y", "y")],
+)
+def test_a_declaration_without_an_end_is_told_where_it_stands(declaration: str, end: str) -> None:
+    (found,) = diagnostics("xc8", f"{declaration}\nvoid main(void) {{ }}")
+    assert found.message == f"syntax error: ';' is missing after '{end}'"
+    assert (found.place.line, found.place.column) == (1, len(declaration) + 1)
+
+
 def test_what_is_nested_too_deeply_is_said() -> None:
     (found,) = diagnostics("xc8", f"int x;\nvoid main(void) {{ x = {'(' * 3000}1{')' * 3000}; }}")
     assert found.message == "something in the program is nested too deeply"
