@@ -21,8 +21,8 @@ from servogen.pipeline.tuning import DoesNotFit, Firmware
 from servogen.pulse.player import Layout, Playing, Room, playing, soft_start
 from servogen.pulse.player.buttons import waited, waited_motion
 
-CHECK, DONE, WIDTHS = "pl_check", "pl_done", "make_widths"
-"""The kernel's labels where it looks at the timer and where it ends; the function that begins a frame."""
+CHECK, DONE, WIDTHS = "pl_check", "pl_done", "pl_between"
+"""Labels of the assembly: the kernel's look at the timer, its end; what is only run between two frames."""
 
 
 def play(job: Job) -> tuple[JointTrajectory, Playing]:
@@ -60,7 +60,6 @@ def firmware(text: str, job: Job, layout: Layout, dialect: str) -> Firmware:
 
 def rooms(listing: Listing, layout: Layout) -> tuple[Room, ...]:
     """The time that the C takes between two slots and between two frames, beside what it has."""
-    widths = next(each.start for each in listing.functions if each.name == WIDTHS)
     most = partial(
         longest,
         {row.address: row.word for row in listing.rows},
@@ -69,7 +68,7 @@ def rooms(listing: Listing, layout: Layout) -> tuple[Room, ...]:
         {label(listing, CHECK)},
     )
     return (
-        Room("two slots", most(without={widths}), layout.between_slots),
+        Room("two slots", most(without={label(listing, WIDTHS)}), layout.between_slots),
         Room("two frames", most(), layout.between_frames),
     )
 
