@@ -19,7 +19,7 @@ from servogen.errors import InputError, ServogenError, ToolError
 from servogen.grade import ChipFacts, Grade, Lab, judge, load_lab, refused
 from servogen.grade.watch import watch
 from servogen.pic.image import Image
-from servogen.pipeline.time_limit import TookTooLong, time_limit
+from servogen.pipeline.time_limit import TookTooLong, within
 from servogen.simulator import Machine, Options, Repeat, State, find_repeat
 from servogen.units import Clock, Cycles
 
@@ -72,8 +72,7 @@ def grade_file(file: Path, lab_name: str, read: Read, limit_s: float = LIMIT_S) 
     """Grades one file. A worker of any kind can run it: all that it is given can be pickled."""
     lab = load_lab(lab_name)
     try:
-        with time_limit(limit_s):
-            return Graded(file, _grade_file(file, lab, read))
+        return Graded(file, within(limit_s, lambda: _grade_file(file, lab, read)))
     except TookTooLong:
         return Graded(
             file,

@@ -10,7 +10,7 @@ import pytest
 
 from servogen.cli.files import Program, read_program
 from servogen.pipeline.grading import Graded, grade_files
-from servogen.pipeline.time_limit import TookTooLong, time_limit
+from servogen.pipeline.time_limit import TookTooLong, within
 from tests.bench.conftest import Run, run  # noqa: F401 - a fixture
 
 PROGRAMS = Path(__file__).parent / "programs"
@@ -87,13 +87,31 @@ def test_the_command_says_it_in_the_table_and_goes_on(run: Run, tmp_path: Path) 
 
 
 def test_time_that_is_left_over_raises_nothing_later() -> None:
-    for _ in range(50):
-        with time_limit(0.002):
-            pass
-    time.sleep(0.05)
-    with pytest.raises(TookTooLong), time_limit(0.02):
-        while True:
-            pass
+    assert [within(0.5, lambda: 5) for _ in range(50)] == [5] * 50
+    time.sleep(0.6)
+    with pytest.raises(TookTooLong):
+        within(0.02, spin)
+
+
+def spin() -> None:
+    while True:
+        pass
+
+
+def test_what_swallows_the_exception_is_told_again() -> None:
+    """As a destructor does, or a callback of the garbage collection."""
+    swallowed = []
+
+    def work() -> None:
+        try:
+            spin()
+        except TookTooLong as error:
+            swallowed.append(error)
+        spin()
+
+    with pytest.raises(TookTooLong):
+        within(0.02, work)
+    assert len(swallowed) == 1
 
 
 # A cluster.
