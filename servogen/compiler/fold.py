@@ -106,8 +106,8 @@ def interval(expr: Expr) -> Interval:
             return min(one[0], two[0]), max(one[1], two[1])
         case Comma(_, second):
             return interval(second)
-        case Assign(_, value):
-            inner = interval(value)
+        case Assign(target, value):
+            full, inner = interval(target), interval(value)
             return inner if full[0] <= inner[0] and inner[1] <= full[1] else full
         case Update():
             return full

@@ -6,6 +6,8 @@
 // expect: once == 1
 // expect: sum == 30
 // expect: masked == 0xFF7F
+// expect: minus == -1
+// expect: three == 3
 // What random programs once showed, each smaller than it was found.
 #include <stdint.h>
 
@@ -13,11 +15,14 @@ struct pair { uint8_t a; uint16_t b; };       // declared alone at file level
 union both { uint16_t whole; uint8_t part[2]; };
 
 uint8_t sixth, odd, rounds, once, sum;
+signed char zero;
 uint16_t words[2] = {0x8000, 0x1234}, cleared;
 bool flags[3] = {0, 1, 0}, flag;
 const uint8_t table[4] = {3, 7, 9, 11};
 union both two;
 uint32_t masked = 0x1234FFFF;
+struct { signed char sign : 1; unsigned char three : 3; } narrow;
+int minus, three;
 
 static uint8_t added(const uint8_t *from, uint8_t count)
 {
@@ -56,4 +61,7 @@ L1: rounds++;                                  // not a label of the compiler's 
     if (--turns) goto L1;
     sum = added(table, 4) + never(index);      // read by address only, for the other reading is dropped
     masked &= ~(1U << 7);                      // 16 bits wide, so the upper ones go
+    zero = 0;
+    minus = (narrow.sign = 1) + zero;          // an assignment's value is what the field holds then
+    three = (narrow.three = 0x0B) + zero;
 }
