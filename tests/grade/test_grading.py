@@ -132,14 +132,3 @@ def test_on_a_cluster_too_a_compiler_that_hangs_is_stopped() -> None:
         found = graded([Path("hangs.c"), RIGHT, WRONG], scheduler=scheduler, limit_s=3)
     assert [each.grade.passed for each in found] == [False, True, False]
     assert "it took too long" in found[0].grade.reasons[0]
-
-
-def test_a_scheduler_that_is_not_there_is_named(
-    run: Run,  # noqa: F811
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("servogen.pipeline.grading.CONNECT_S", 1)
-    pytest.importorskip("distributed", reason="needs Dask: pip install 'servogen[dask]'")
-    done = run("grade", "lab8-exercise", RIGHT, "--scheduler", "tcp://127.0.0.1:1")
-    assert done.code == 3
-    assert "there is no Dask scheduler at tcp://127.0.0.1:1" in done.err
