@@ -19,6 +19,7 @@ from servogen.pipeline.tuning import DoesNotFit
 from servogen.pulse import PulsePlan, PulseSchedule, plan
 from servogen.report.html import PageFacts, html_page
 from servogen.report.result_tables import CaptureFacts
+from servogen.verify.capture_pieces import split
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,13 +37,13 @@ def page_of(job: Job, capture: Path | None = None, progress: Progress = lambda s
         done = build(job, progress)
     except DoesNotFit as error:
         planned = plan(job.trajectory, job.servos, job.frame)
-        beside = _capture(planned.schedule, capture)
+        beside = capture_facts(planned.schedule, capture) if capture else None
         facts = PageFacts(
             job, planned, (*job.warnings, *planned.warnings), capture=beside, not_built=error.message
         )
         return Page(html_page(facts), False, error.message)
     progress("writing the page")
-    beside = _capture(done.plan.schedule, capture)
+    beside = capture_facts(done.plan.schedule, capture) if capture else None
     seen = beside is None or beside.verdict.proven
     return Page(html_page(_facts(done, beside)), done.proven and seen, "")
 
@@ -66,9 +67,14 @@ def _once(planned: PulsePlan, done: Build) -> EdgeTrace:
     return running(schedule, done.programs[0].image, motion_cycles(schedule)).stored()
 
 
-def _capture(schedule: PulseSchedule, path: Path | None) -> CaptureFacts | None:
-    if path is None:
-        return None
+def capture_facts(schedule: PulseSchedule, path: Path) -> CaptureFacts:
+    """What is shown of a capture; of several in one file the longest piece, whose place in time is known."""
     found = read_capture(path)
     found = replace(found, trace=found.trace.stored())
-    return CaptureFacts(path.name, found.trace, prove_capture(schedule, found))
+    verdict = prove_capture(schedule, found)
+    if not verdict.pieces:
+        return CaptureFacts(path.name, found.trace, verdict)
+    longest = max(range(len(verdict.pieces)), key=lambda number: verdict.pieces[number].frames)
+    name = f"{path.name}, piece {longest + 1} of {len(verdict.pieces)}"
+    trace = tuple(split(found.trace, found.pieces))[longest]
+    return CaptureFacts(name, trace, replace(verdict, first_frame=verdict.pieces[longest].first_frame))

@@ -9,6 +9,9 @@ import pytest
 
 from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
 from servogen.bench.virtual.chip import VirtualChip
+from servogen.pipeline.reporting import capture_facts
+from servogen.pulse import from_json
+from servogen.report.signals import captured
 from servogen.units import Clock
 from tests.bench.conftest import LAB8, ROOT, Run, Serve, image_of, shorter_in
 
@@ -47,6 +50,23 @@ def test_a_motion_longer_than_the_memory_is_stitched_and_proven(
     assert verdict["frames"] >= frames
     assert verdict["crystal_ppm"] == pytest.approx(180, abs=2)
     assert verdict["different_frames_seen"] == verdict["different_frames"]
+    drawn_where_it_is_planned(folder, tmp_path / "run.vcd", said["captures"])
+
+
+def drawn_where_it_is_planned(folder: Path, path: Path, captures: int) -> None:
+    """A job's page shows one piece, each pulse at its place in the schedule."""
+    schedule = from_json((folder / "schedule.json").read_text(), "schedule.json")
+    facts = capture_facts(schedule, path)
+    assert re.fullmatch(rf"run\.vcd, piece \d of {captures}", facts.name)
+    first, *_ = captured(schedule, facts.trace, facts.verdict)
+    period = 20_000
+    runs = [run.pulses[0] for run in (*schedule.lead_in, *schedule.loop) for _ in range(run.frames)]
+    for rise, width in zip(first.rise[:50], first.width[:50], strict=True):
+        frame = round(rise / period)  # the first servo's pulses rise as their frame begins
+        pulse = runs[frame]
+        assert pulse is not None
+        assert abs(width - pulse.width) < 2
+        assert abs(rise - frame * period - pulse.rise) < 5
 
 
 def test_the_text_says_that_it_is_stitched(run: Run, serve: Serve, tmp_path: Path) -> None:
