@@ -1,4 +1,4 @@
-; Byte _n of the data EEPROM (DS35007 section 3.1), as cycles in _x_hi, _x_lo; the erased byte is no trim.
+; Byte _n of the data EEPROM (DS35007 section 3.1) to _x_lo.
     movf    _n, W
     movwf   EEADR
     bsf     STATUS, 5           ; bank 1
@@ -6,9 +6,3 @@
     bcf     STATUS, 5
     movf    EEDATA, W
     movwf   _x_lo
-    clrf    _x_hi
-    incf    _x_lo, W
-    btfsc   STATUS, 2
-    clrf    _x_lo
-    btfsc   _x_lo, 7
-    decf    _x_hi, F

@@ -90,7 +90,7 @@ def render_stream(streamed: Streaming, dialect: str, device: Device, title: str)
         tick=_lines(tick(streamed)),
         **{
             name: _lines(filled(f"stream_{name}.asm"))
-            for name in ("trim", "keep", "ready", "multiply", "add", "way", "divide")
+            for name in ("extend", "trim", "keep", "ready", "multiply", "add", "way", "step", "divide")
         },
     )
 
