@@ -13,6 +13,7 @@ from servogen.bench.looking import Record, cut, edges
 from servogen.bench.planning import Plan
 from servogen.bench.sump_client import Seen
 from servogen.edges import EdgeTrace, Expected
+from servogen.errors import ToolError
 from servogen.units import OSCILLATOR_PERIODS_PER_CYCLE, Clock, Cycles
 from servogen.verify import CaptureVerdict, verify_capture
 
@@ -43,6 +44,7 @@ def stitch(
     """Looks until `frames` whole frames are there and, for the `whole_loop`, each different one is seen.
 
     `look` takes a plan and the number of the look, from 1 on. `expected.chunks` is read anew for each.
+    Where a look fails, those before it are kept.
     """
     records: list[Record] = []
     seen: frozenset[int] = frozenset()
@@ -51,7 +53,12 @@ def stitch(
     most = MOST_TURNS * -(-frames // planned.frames)
     while len(records) < most and (whole < frames or (whole_loop and different - seen)):
         number = len(records)
-        found = look(planned.shorter(number % STAGGER), number + 1)
+        try:
+            found = look(planned.shorter(number % STAGGER), number + 1)
+        except ToolError as error:
+            if not records:
+                raise
+            return Stitched(tuple(records), error.message, len(different - seen))
         record = Record(edges(found.runs, wired), found.runs.end)
         if found.missing is not None:
             return Stitched((*records, record), found.missing, len(different - seen))

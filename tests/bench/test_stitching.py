@@ -5,12 +5,19 @@ import re
 from fractions import Fraction
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from servogen.bench.planning import Plan, Wanted, plan
+from servogen.bench.stitching import stitch
+from servogen.bench.sump import Runs
+from servogen.bench.sump_client import Seen
 from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
 from servogen.bench.virtual.chip import VirtualChip
+from servogen.errors import ToolError
 from servogen.pipeline.reporting import capture_facts
 from servogen.pulse import from_json
+from servogen.pulse.expected import expected
 from servogen.report.signals import captured
 from servogen.units import Clock
 from tests.bench.conftest import LAB8, ROOT, Run, Serve, image_of, shorter_in
@@ -129,3 +136,17 @@ def test_a_pulse_that_is_two_microseconds_too_long_is_caught_in_whatever_piece_i
     assert done.code == 1
     where = rf"- first at [0-9.]+ s \(piece \d\), RB0 \(L1-turn\), frame {frame} "
     assert re.search(where, done.out), done.out
+
+
+def test_a_look_that_fails_leaves_those_before_it() -> None:
+    schedule = from_json((LAB8 / "schedule.json").read_text(), "schedule.json")
+    one = Wanted(Fraction(1, 50), Fraction(2), 5, Fraction(2), 2)
+    silence = Runs(np.zeros(1, dtype=np.uint32), np.zeros(1, dtype=np.int64), 200_000)
+
+    def look(planned: Plan, number: int) -> Seen:
+        if number == 2:
+            raise ToolError("nothing rose on channel 0")
+        return Seen(silence)
+
+    found = stitch(look, plan(SMALL, 1_000_000, True, one), 50, False, expected(schedule), {0: 5})
+    assert (len(found.records), found.missing) == (1, "nothing rose on channel 0")
