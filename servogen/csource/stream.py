@@ -52,7 +52,6 @@ def render_stream(streamed: Streaming, dialect: str, device: Device, title: str)
     clock = schedule.clock
     pins = [channel.pin for channel in schedule.channels]
     two_ports = len({pin[1] for pin in pins}) > 1
-    travels, neutral = streamed.travels, streamed.neutral
     return filled(
         "stream.c.j2",
         dialect=dialect,
@@ -72,16 +71,8 @@ def render_stream(streamed: Streaming, dialect: str, device: Device, title: str)
         out=_out(stream.transmit_pin),
         answers=stream.transmit_pin is not None,
         two_ports=two_ports,
-        masks=[f"0x{1 << int(pin[2]):02X}" for pin in pins],
-        ports_at=[f"0x{registers()[f'PORT{pin[1]}'].address:02X}" for pin in pins],
-        bits=[f"0x{1 << number:02X}" for number in range(len(pins))],
+        facts=_facts(streamed, two_ports),
         everybody=_everybody(pins, two_ports),
-        least_low=[each.least & 0xFF for each in travels],
-        least_high=[each.least >> 8 for each in travels],
-        scale_low=[each.scale & 0xFF for each in travels],
-        scale_high=[each.scale >> 8 for each in travels],
-        neutral_low=[width & 0xFF for width in neutral],
-        neutral_high=[width >> 8 for width in neutral],
         fail_safe=stream.fail_safe,
         silence_frames=streamed.silence_frames,
         soft_frames=streamed.soft_frames,
@@ -135,6 +126,26 @@ def _out(pin: str | None) -> _Out | None:
     mask = 1 << int(pin[2])
     inputs = 0x1F if pin[1] == "A" else 0xFF
     return _Out(pin[1], f"0x{inputs & ~mask:02X}", f"0x{mask:02X}")
+
+
+def _facts(streamed: Streaming, two_ports: bool) -> list[int]:
+    """The rows of the table, a number a servo in each; two rows are looked up at a time."""
+    pins = [channel.pin for channel in streamed.plan.schedule.channels]
+    masks = [1 << int(pin[2]) for pin in pins]
+    rows = [
+        half
+        for widths in (
+            [each.least for each in streamed.travels],
+            [each.scale for each in streamed.travels],
+            streamed.neutral,
+        )
+        for half in ([width & 0xFF for width in widths], [width >> 8 for width in widths])
+    ]
+    rows.append([1 << number for number in range(len(pins))] if two_ports else masks)
+    rows.append(masks)
+    if two_ports:
+        rows.append([registers()[f"PORT{pin[1]}"].address for pin in pins])
+    return [number for row in rows for number in row]
 
 
 def _everybody(pins: list[str], two_ports: bool) -> str:
