@@ -92,7 +92,7 @@ st_third:
     goto    st_third
     call    st_look
     goto    st_out
-; Waits for the cycle in which TMR0 is W, at least 20 from now, and returns a fixed time after it.
+; Waits for the cycle in which TMR0 is W, at least 11 from now, and returns a fixed time after it.
 st_exactly:
     movwf   _t
 st_poll:
@@ -101,7 +101,7 @@ st_poll:
     addlw   0xF0
     btfsc   STATUS, 0
     goto    st_poll
-    movwf   _t                  ; it is 10 to 15 away: 2 to 7 in the lowest three bits
+    movwf   _t                  ; it is 8 to 15 away: 0 to 7 in the lowest three bits
     btfsc   _t, 0
     goto    $+1
     btfsc   _t, 1
