@@ -104,6 +104,8 @@ class Liveness:
             return W_BIT | self.foreign, W_BIT | ALL_FLAGS | self.foreign
         if op in ("RETURN", "RETFIE"):
             return self._exit, 0
+        if op == "RETLW":
+            return self._exit & ~W_BIT, W_BIT
         uses = W_BIT if ins.reads_w else 0
         kills = W_BIT if ins.writes_w else 0
         for letter in ins.flags:

@@ -8,6 +8,7 @@
 // expect: masked == 0xFF7F
 // expect: minus == -1
 // expect: three == 3
+// expect: again == 0x01020304
 // What random programs once showed, each smaller than it was found.
 #include <stdint.h>
 
@@ -23,6 +24,7 @@ union both two;
 uint32_t masked = 0x1234FFFF;
 struct { signed char sign : 1; unsigned char three : 3; } narrow;
 int minus, three;
+uint32_t again;
 
 static uint8_t added(const uint8_t *from, uint8_t count)
 {
@@ -30,6 +32,11 @@ static uint8_t added(const uint8_t *from, uint8_t count)
     while (count--)
         found += *from++;
     return found;
+}
+
+static uint32_t before(uint32_t other, uint32_t value)
+{
+    return value--;                            // the step is dropped, its result is not
 }
 
 static uint8_t never(uint8_t index)
@@ -63,5 +70,6 @@ L1: rounds++;                                  // not a label of the compiler's 
     masked &= ~(1U << 7);                      // 16 bits wide, so the upper ones go
     zero = 0;
     minus = (narrow.sign = 1) + zero;          // an assignment's value is what the field holds then
+    again = before(0, 0x01020304);
     three = (narrow.three = 0x0B) + zero;
 }
