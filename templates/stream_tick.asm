@@ -73,12 +73,21 @@ st_before:
     bsf     _due, 1
     call    st_look
     goto    st_out
+; One more look, unless the round would take too long or the next one has an edge that is near.
 st_fallen:
     clrf    _rest
     movlw   0xC0
     andwf   _fine, W
     btfsc   STATUS, 2
-    call    st_look             ; the next round is far enough
+    goto    st_over
+    xorlw   0xC0
+    btfsc   STATUS, 2
+    goto    st_out
+    decf    _ticks, W
+    btfsc   STATUS, 2
+    goto    st_out
+st_over:
+    call    st_look
     goto    st_out
 st_late:
     decf    _ticks, F

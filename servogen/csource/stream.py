@@ -19,13 +19,13 @@ from servogen.pulse.stream.streaming import Streaming
 NONE = 0xFE
 """In the place of a command: there is none. No command begins with this byte."""
 
-LAST = 92
+LAST = 84
 """Cycles from the last look before an edge to the edge: the longest look and the way to st_exactly fit."""
 
 SECOND, THIRD = 84, 152
 """TMR0 at the second and third look of a round without an edge."""
 
-READ_LATE = 28
+READ_LATE = 24
 """Cycles from the time stamps to the looks that they belong to, the start bit's and a bit's together."""
 
 

@@ -31,9 +31,8 @@ from servogen.units import Clock
 GUARD = 260
 """Cycles around a slot's rise in which no command of a random line ends: which side it falls on is open."""
 
-TRIM_PAUSE_S = 0.03
-ANSWER_S = 0.02
-"""So long a sender waits for an answer: three slots, and a byte."""
+PAUSES_S = {Kind.TRIM: 0.03, Kind.QUERY: 0.02}
+"""So long a sender waits for the EEPROM, and for an answer: three slots and a byte."""
 GLITCH = 70
 """Cycles: the longest low that is surely no start bit."""
 
@@ -90,8 +89,8 @@ class Line:
         command = self._receiver.byte(value)
         if command:
             self.heard.append((int(start + bit * Fraction(19, 2)), command))
-        if command and command.kind is Kind.QUERY:
-            self.seconds(ANSWER_S)
+        if command:
+            self.seconds(PAUSES_S.get(command.kind, 0))
 
     def send(self, data: bytes, error: Fraction | None = None) -> None:
         """Bytes at one rate, wrong by `error` (by chance up to 2 %), here and there with a little pause."""
@@ -157,7 +156,6 @@ def group(line: Line, servo: int) -> None:
 def trim(line: Line, servo: int) -> None:
     cycles = line.dice.randint(-127, 127)
     line.send(trim_command(servo, cycles + (cycles == -1)))
-    line.seconds(TRIM_PAUSE_S)
 
 
 def query(line: Line, servo: int) -> None:

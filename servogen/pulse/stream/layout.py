@@ -4,7 +4,7 @@ In: the servos and the frame asked for. Out: `Layout`; InputError where the puls
 
     |<------- slot: whole rounds of 256 cycles ------->|
     |    ▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁|
-      rise: TMR0 = 164             fall, at least 80 before the next slot's round
+      rise: TMR0 = 152             fall, at least 80 before the next slot's round
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from servogen.robot.servo import Servo
 from servogen.units import Clock, Cycles
 
 ROUND = 256
-RISE = 164
+RISE = 152
 """TMR0 when a pulse begins."""
 LATEST = 80
 """A fall may be so many cycles after TMR0 = RISE in the last round of its slot but one."""
