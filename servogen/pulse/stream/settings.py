@@ -18,7 +18,7 @@ MOST_UNITS = 255 - 32
 """What is left of a byte when the longest time between two samples is taken off."""
 
 SAMPLE_GAP = 120
-"""Cycles between two looks at the line, at most: two in a timer's round of 256, and around a pulse's end."""
+"""Cycles between two looks at the line: three in a round of the timer, as far apart as can be."""
 
 BAUD_ERROR = Fraction(2, 100)
 """How wrong a sender's rate may be."""
