@@ -1,4 +1,4 @@
-"""The `player` engine as C: `templates/player.c.j2` is the body, the `.asm` files beside it are its assembly.
+"""The `player` engine as C: `templates/player.c.j2` is the body, `player/*.asm` are its assembly.
 
 In: what is played and a dialect. Out: the text of one C file.
 """
@@ -9,7 +9,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-from servogen.csource.rendering import ChannelText, decimal, filled, ports_of, template_folder
+from servogen.csource.filling import AsmLine, assembly, filled
+from servogen.csource.head import ChannelText, decimal, ports_of
 from servogen.pic.device import Device, oscillator_for, registers
 from servogen.pulse.player import Playing
 from servogen.pulse.player.buttons import PRESSED_FRAMES, Button, Buttons
@@ -21,14 +22,6 @@ PRESCALER = 0x84
 
 WAY = 32
 """The kernel's cycles from the rise to the first fall beside its counted loops."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Line:
-    """A line of assembly; either may be empty."""
-
-    code: str
-    comment: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,12 +106,12 @@ def render_player(played: Playing, buttons: Buttons, dialect: str, device: Devic
         stop_off=buttons.stop is not None and buttons.off,
         pressed_frames=PRESSED_FRAMES,
         buttons_text=list(buttons.text()),
-        kernel=list(_lines(kernel(tick, played.layout.stagger))),
-        trim=list(_assembly("player_trim.asm")),
+        kernel=list(assembly(kernel(tick, played.layout.stagger))),
+        trim=list(assembly(filled("player/trim.asm"))),
         between=[
-            *_assembly("player_between.asm"),
-            _Line("    clrf    _value_high", ""),
-            *(line for _ in range(played.shift) for line in _assembly("player_scale.asm")),
+            *assembly(filled("player/between.asm")),
+            AsmLine("    clrf    _value_high", ""),
+            *(line for _ in range(played.shift) for line in assembly(filled("player/scale.asm"))),
         ],
     )
 
@@ -130,7 +123,7 @@ def kernel(tick: Cycles, stagger: Cycles) -> str:
     """
     reads = (tick - 2, 2 * tick - 1, 3 * tick - 1)
     pads = (_pad(tick - 9), _pad(tick - 9), _pad(tick - 7))
-    return filled("player_kernel.asm", tick=tick, reads=reads, pads=pads, stagger=stagger, way=WAY + stagger)
+    return filled("player/kernel.asm", tick=tick, reads=reads, pads=pads, stagger=stagger, way=WAY + stagger)
 
 
 def _pad(cycles: int) -> _Pad:
@@ -162,13 +155,3 @@ def _slots(played: Playing) -> Iterator[_SlotText]:
         port = registers()[f"PORT{slot.port}"].address
         yield _SlotText(f"0x{a:02X}", f"0x{b:02X}", f"0x{port:02X}", slot.ticks, first if masks else 0)
         first += len(masks)
-
-
-def _assembly(file: str) -> Iterator[_Line]:
-    return _lines((template_folder() / file).read_text())
-
-
-def _lines(text: str) -> Iterator[_Line]:
-    for line in text.splitlines():
-        code, _, comment = line.partition(";")
-        yield _Line(code, comment.strip())

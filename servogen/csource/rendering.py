@@ -1,8 +1,7 @@
-"""A `Sequence` as C: `templates/main.c.j2` is the body, `c2c.j2`, `xc8.j2` and `sdcc.j2` are the
+"""A `Sequence` as C: `templates/sequence.c.j2` is the body, `c2c.j2`, `xc8.j2` and `sdcc.j2` are the
 dialects' words.
 
-In: the program and a dialect. Out: the text of one C file. Nothing is computed in the templates; a name that
-they use and that is not given is an error.
+In: the program and a dialect. Out: the text of one C file.
 """
 
 from __future__ import annotations
@@ -10,15 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cache
-from pathlib import Path as FilePath
-from traceback import walk_tb
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError, TemplateSyntaxError
-
+from servogen.csource.filling import filled
+from servogen.csource.head import ChannelText, decimal, ports_of
 from servogen.csource.programs import Frame, Hold, Pause, Sequence, Step
 from servogen.csource.waits import CALLS
-from servogen.errors import Place, ServogenError
 from servogen.pic.device import Device, oscillator_for
 from servogen.pulse import PulseSchedule
 from servogen.units import Clock, Cycles
@@ -26,15 +21,11 @@ from servogen.units import Clock, Cycles
 DIALECTS = ("c2c", "xc8", "sdcc")
 
 
-class RenderError(ServogenError):
-    """A template is wrong: its name and line."""
-
-
 def render(program: Sequence, dialect: str, device: Device, title: str) -> str:
     """The C file of `program` in `dialect`. Raises RenderError, or InputError for a delay it cannot say."""
     clock = program.schedule.clock
     return filled(
-        "main.c.j2",
+        "sequence.c.j2",
         dialect=dialect,
         title=title,
         device=device.name,
@@ -63,44 +54,6 @@ def render(program: Sequence, dialect: str, device: Device, title: str) -> str:
         loop=[_step(step, program.schedule, dialect) for step in program.loop],
         long_waits=any(isinstance(step, Pause) for step in (*program.lead_in, *program.loop)),
     )
-
-
-def filled(template: str, **values: object) -> str:
-    """The text of a template. Raises RenderError, with the template's name and line."""
-    try:
-        return _environment().get_template(template).render(**values)
-    except TemplateError as error:
-        raise RenderError(error.message or "the template is wrong", _template_place(error)) from error
-
-
-def _template_place(error: TemplateError) -> Place:
-    """The template and line of an error: its own, or the last template line that was running."""
-    if isinstance(error, TemplateSyntaxError):
-        return Place(error.name, error.lineno)
-    lines = [
-        (frame.f_code.co_filename, line)
-        for frame, line in walk_tb(error.__traceback__)
-        if frame.f_code.co_filename.endswith(".j2")
-    ]
-    file, line = lines[-1] if lines else (None, None)
-    return Place(FilePath(file).name if file else None, line)
-
-
-@dataclass(frozen=True, slots=True)
-class ChannelText:
-    """A channel of the C file's head."""
-
-    name: str
-    pin: str
-    widths_us: str
-
-
-@dataclass(frozen=True, slots=True)
-class PortText:
-    """A port in use and the value of its TRIS register."""
-
-    name: str
-    tris: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,14 +94,6 @@ def _channels(schedule: PulseSchedule) -> Iterator[ChannelText]:
         yield ChannelText(
             channel.name, channel.pin, ", ".join(decimal(schedule.clock.us(width)) for width in widths)
         )
-
-
-def ports_of(schedule: PulseSchedule) -> Iterator[PortText]:
-    """The ports in use; their other pins stay inputs, as reset leaves them."""
-    for port, inputs in (("A", 0x1F), ("B", 0xFF)):
-        pins = [int(channel.pin[2]) for channel in schedule.channels if channel.pin[1] == port]
-        if pins:
-            yield PortText(port, f"0x{inputs & ~sum(1 << pin for pin in pins):02X}")
 
 
 def _lines(frame: Frame, schedule: PulseSchedule, dialect: str) -> tuple[_LineText, ...]:
@@ -194,27 +139,3 @@ def _frame_text(frame: Frame, schedule: PulseSchedule) -> str:
 
 def _calls(cycles: Cycles, dialect: str, clock: Clock) -> str:
     return " ".join(str(call) for call in CALLS[dialect](cycles, clock))
-
-
-def decimal(value: Fraction) -> str:
-    """A number as people write it: whole, or with the decimals it needs, three at most."""
-    return f"{float(value):.3f}".rstrip("0").rstrip(".")
-
-
-def template_folder() -> FilePath:
-    """`templates/`: inside the package when installed from a wheel, beside it in a checkout."""
-    package = FilePath(__file__).parent.parent
-    inside = package / "templates"
-    return inside if inside.is_dir() else package.parent / "templates"
-
-
-@cache
-def _environment() -> Environment:
-    return Environment(
-        loader=FileSystemLoader(template_folder()),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        autoescape=False,
-    )

@@ -1,4 +1,4 @@
-"""The `stream` engine as C: `templates/stream.c.j2` is the body, the `stream_*.asm` files are its assembly.
+"""The `stream` engine as C: `templates/stream.c.j2` is the body, `stream/*.asm` are its assembly.
 
 In: what is streamed and a dialect. Out: the text of one C file.
 """
@@ -9,7 +9,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-from servogen.csource.rendering import ChannelText, decimal, filled, ports_of
+from servogen.csource.filling import assembly, filled
+from servogen.csource.head import ChannelText, decimal, ports_of
 from servogen.pic.device import Device, oscillator_for, registers
 from servogen.pulse.stream.layout import RISE
 from servogen.pulse.stream.protocol import TRIM_ZERO
@@ -36,14 +37,6 @@ class _Out:
     name: str
     tris: str
     idle: str
-
-
-@dataclass(frozen=True, slots=True)
-class _Line:
-    """A line of assembly; either may be empty."""
-
-    code: str
-    comment: str
 
 
 def render_stream(streamed: Streaming, dialect: str, device: Device, title: str) -> str:
@@ -78,9 +71,9 @@ def render_stream(streamed: Streaming, dialect: str, device: Device, title: str)
         soft_frames=streamed.soft_frames,
         nothing=f"0x{NONE:02X}",
         trim_zero=TRIM_ZERO,
-        tick=_lines(tick(streamed)),
+        tick=list(assembly(tick(streamed))),
         **{
-            name: _lines(filled(f"stream_{name}.asm"))
+            name: list(assembly(filled(f"stream/{name}.asm")))
             for name in ("extend", "trim", "keep", "ready", "multiply", "add", "way", "step", "divide")
         },
     )
@@ -93,7 +86,7 @@ def tick(streamed: Streaming) -> str:
     line, out = streamed.stream.receive_pin, streamed.stream.transmit_pin
     bit = streamed.plan.schedule.clock.cycles_per_second / streamed.stream.baud
     return filled(
-        "stream_tick.asm",
+        "stream/tick.asm",
         rise=RISE,
         last=LAST,
         second=SECOND,
@@ -152,8 +145,3 @@ def _everybody(pins: list[str], two_ports: bool) -> str:
     """All servos' bits: by number, or by pin where one port has them all."""
     bits = range(len(pins)) if two_ports else [int(pin[2]) for pin in pins]
     return f"0x{sum(1 << bit for bit in bits):02X}"
-
-
-def _lines(text: str) -> list[_Line]:
-    parts = [line.partition(";") for line in text.splitlines()]
-    return [_Line(code, comment.strip()) for code, _, comment in parts]

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from jinja2 import Environment, StrictUndefined, TemplateError
 
-from servogen.csource.rendering import RenderError, template_folder
+from servogen.csource.filling import RenderError, template_folder
 from servogen.edges import EdgeTrace
 from servogen.errors import Caution, Place
 from servogen.job import Job

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from servogen.csource import DIALECTS, Overheads, render, sequence
+from servogen.csource.filling import RenderError, _environment
 from servogen.csource.overheads import Path
-from servogen.csource.rendering import RenderError, _environment
 from servogen.errors import InputError
 from servogen.pic.device import device
 from servogen.pulse import Channel, Pulse, PulseSchedule, Run
@@ -135,11 +135,11 @@ def test_a_name_that_a_template_does_not_know_is_an_error_with_its_place(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     schedule = schedule_of([], [(1, [1500])])
-    (tmp_path / "main.c.j2").write_text("/* {{ title }} */\n{{ nobody }}\n")
-    monkeypatch.setattr("servogen.csource.rendering.template_folder", lambda: tmp_path)
+    (tmp_path / "sequence.c.j2").write_text("/* {{ title }} */\n{{ nobody }}\n")
+    monkeypatch.setattr("servogen.csource.filling.template_folder", lambda: tmp_path)
     _environment.cache_clear()
     try:
-        with pytest.raises(RenderError, match=r"main\.c\.j2:2: 'nobody' is undefined"):
+        with pytest.raises(RenderError, match=r"sequence\.c\.j2:2: 'nobody' is undefined"):
             render(sequence(schedule, Overheads()), "c2c", device("PIC16F84"), "t")
     finally:
         _environment.cache_clear()

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from servogen.compiler import Options, Source, compile_sources
-from servogen.csource.rendering import _environment
+from servogen.csource.filling import _environment
 from servogen.csource.waits import CALLS, XC8_MOST
 from servogen.edges import join
 from servogen.simulator import simulate
