@@ -141,10 +141,12 @@ class TypeNames(Expressions):
             layout = Layout(tag, union)
             self.scopes.here.tags[tag] = layout
             return layout
-        known = self.scopes.here.tags.get(tag)
+        # two without a name are two types, on one line too
+        tags = self.scopes.here.tags if node.name else {}
+        known = tags.get(tag)
         layout = known if isinstance(known, Layout) and known.size is None else Layout(tag, union)
-        if known is layout or tag not in self.scopes.here.tags:
-            self.scopes.here.tags[tag] = layout
+        if known is layout or tag not in tags:
+            tags[tag] = layout
         else:
             raise self.fail(f"'{tag}' is defined twice", node)
         self._members(layout, node.decls)
