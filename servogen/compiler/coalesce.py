@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from servogen.compiler.emitter import Code
 from servogen.compiler.liveness import Liveness, is_private
-from servogen.compiler.machine import IN_PLACE, Byte, Ins
+from servogen.compiler.machine import IN_PLACE, LABEL, SKIPS, Byte, Ins
 from servogen.compiler.tree import Symbol
 
 
@@ -47,11 +47,16 @@ def _meet(found: dict[Byte, int], live: Liveness, changed: int, after: int) -> N
 
 
 def _copy_source(ins: list[Ins], at: int) -> Byte | None:
-    """The byte that a MOVWF copies, when the instruction before has just loaded it."""
-    if ins[at].op == "MOVWF" and at and ins[at - 1].op == "MOVF" and ins[at - 1].d == 0:
-        loaded = ins[at - 1].f
-        return loaded if isinstance(loaded, Byte) else None
-    return None
+    """The byte that a MOVWF copies, when the instruction before has just loaded it, and was not skipped."""
+    if at == 0 or ins[at].op != "MOVWF" or ins[at - 1].op != "MOVF" or ins[at - 1].d:
+        return None
+    before = at - 2
+    while before >= 0 and ins[before].op == LABEL:
+        before -= 1
+    loaded = ins[at - 1].f
+    if before >= 0 and ins[before].op in SKIPS:
+        return None
+    return loaded if isinstance(loaded, Byte) else None
 
 
 def _changed_source(ins: list[Ins], at: int) -> Byte | None:

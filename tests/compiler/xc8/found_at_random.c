@@ -8,6 +8,7 @@
 // expect: masked == 0xFF7F
 // expect: minus == -1
 // expect: three == 3
+// expect: counted == 6
 // expect: again == 0x01020304
 // What random programs once showed, each smaller than it was found.
 #include <stdint.h>
@@ -25,6 +26,7 @@ uint32_t masked = 0x1234FFFF;
 struct { signed char sign : 1; unsigned char three : 3; } narrow;
 int minus, three;
 uint32_t again;
+uint8_t counted, seen;
 
 static uint8_t added(const uint8_t *from, uint8_t count)
 {
@@ -70,6 +72,10 @@ L1: rounds++;                                  // not a label of the compiler's 
     masked &= ~(1U << 7);                      // 16 bits wide, so the upper ones go
     zero = 0;
     minus = (narrow.sign = 1) + zero;          // an assignment's value is what the field holds then
+    for (inner = 6; inner; inner--) {          // the value that is chosen is not the counter
+        counted++;
+        seen |= (counted ? counted : inner) < 1;
+    }
     again = before(0, 0x01020304);
     three = (narrow.three = 0x0B) + zero;
 }
