@@ -27,10 +27,10 @@
 const unsigned char SLOT_A[] = { 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00 };
 const unsigned char SLOT_B[] = { 0x02, 0x08, 0x20, 0x80, 0x02, 0x08, 0x00 };
 const unsigned char SLOT_PORT[] = { 0x06, 0x06, 0x06, 0x06, 0x05, 0x05, 0x06 };
-const unsigned char SLOT_TICKS[] = { 205, 70, 70, 70, 70, 70, 70 };
+const unsigned char SLOT_TICKS[] = { 153, 75, 75, 75, 75, 75, 97 };
 const unsigned char SLOT_CHANNEL[] = { 0, 2, 4, 6, 8, 10, 0 };
 
-/* Parts of the motion: frames, repeats, time of a frame in 256ths of a keyframe, keyframes that go round, row. */
+/* Parts of the motion: frames (0 is 256), repeats, time of a frame in 256ths of a keyframe, keyframes that go round, row. */
 const unsigned char PART_FRAMES[] = { 50, 80, 48 };
 const unsigned char PART_REPEATS[] = { 1, 1, 1 };
 const unsigned char PART_SPEED[] = { 1, 32, 128 };
@@ -136,7 +136,7 @@ void pulses(void)
     asm("    btfsc   STATUS, 2");
     asm("    clrf    _stay");   // the same cycle: one write lowers both
     // The sooner pulse: 32 cycles are the way, the rest is loops of 8 cycles and 0 to 7 cycles in _fine.
-    asm("    movlw   0x20");   // 32
+    asm("    movlw   32");
     asm("    subwf   _pulse_a_lo, F");
     asm("    btfss   STATUS, 0");
     asm("    decf    _pulse_a_hi, F");
@@ -193,19 +193,20 @@ void pulses(void)
     asm("    clrf    _pulse_b_lo");
     asm("    clrf    _pulse_b_hi");
     asm("pl_loops:");
-    asm("    clrwdt");   // a watchdog that was left on is fed in every slot
+    asm("    clrwdt");   // a watchdog that was left on is cleared before the pulses and after them
     asm("    incf    _pulse_b_lo, F");
     asm("    incf    _pulse_b_hi, F");
     asm("    movf    _port, W");
     asm("    movwf   FSR");
     // Is the beginning still to come? 1 to _ahead ticks are.
+    asm("pl_check:");
     asm("    movf    TMR0, W");
     asm("    subwf   _target, W");
     asm("    addlw   0xFF");
     asm("    subwf   _ahead, W");
     asm("    btfss   STATUS, 0");
     asm("    bsf     _overrun, 0");
-    // The lock. The poll sees TMR0 = _target 0 to 4 cycles after it came about.
+    // The lock. The poll sees TMR0 = _target 0 to 4 cycles after it came about. A tick is 32 cycles.
     asm("pl_poll:");
     asm("    movf    TMR0, W");   // cycle 0 to 4 of the tick
     asm("    xorwf   _target, W");
@@ -248,6 +249,8 @@ void pulses(void)
     asm("    goto    $+1");
     // Cycle 99 after the beginning, always.
     asm("    movf    _both, W");
+    asm("    btfsc   STATUS, 2");
+    asm("    goto    pl_done");   // no pulses
     asm("    movwf   INDF");   // both rise: cycle 0
     asm("    movf    _stay, W");
     asm("    btfsc   _fine, 0");
@@ -340,6 +343,7 @@ void pulses(void)
     asm("    goto    pl_loop2");
     asm("    clrf    INDF");   // 18 and more
     asm("pl_done:");
+    asm("    clrwdt");
     asm("    movlw   3");
     asm("    subwf   _target, F");   // where the lock began
 }
@@ -396,6 +400,14 @@ void begin_part(void)
     time = 0;
 }
 
+/* To the first part. */
+void rewind(void)
+{
+    part = 0;
+    repeats = PART_REPEATS[0];
+    begin_part();
+}
+
 /* On to the next frame. */
 void step(void)
 {
@@ -444,9 +456,7 @@ void main(void)
     TRISB = 0x00;
     OPTION_REG = 0x84;   /* TMR0 counts cycles, 1:32 */
     overrun = 0;
-    part = 0;
-    repeats = PART_REPEATS[0];
-    begin_part();
+    rewind();
     target = TMR0;
     while (1) {
         make_widths();

@@ -16,10 +16,10 @@
 const unsigned char SLOT_A[] = { 0x01, 0x04, 0x00, 0x00 };
 const unsigned char SLOT_B[] = { 0x02, 0x08, 0x00, 0x00 };
 const unsigned char SLOT_PORT[] = { 0x06, 0x06, 0x06, 0x06 };
-const unsigned char SLOT_TICKS[] = { 222, 78, 255, 70 };
+const unsigned char SLOT_TICKS[] = { 145, 90, 178, 212 };
 const unsigned char SLOT_CHANNEL[] = { 0, 2, 0, 0 };
 
-/* Parts of the motion: frames, repeats, time of a frame in 256ths of a keyframe, keyframes that go round, row. */
+/* Parts of the motion: frames (0 is 256), repeats, time of a frame in 256ths of a keyframe, keyframes that go round, row. */
 const unsigned char PART_FRAMES[] = { 50, 50, 24, 71, 25, 208, 25, 132 };
 const unsigned char PART_REPEATS[] = { 1, 1, 1, 1, 1, 1, 1, 1 };
 const unsigned char PART_SPEED[] = { 1, 4, 1, 32, 1, 32, 1, 32 };
@@ -134,7 +134,7 @@ pl_sorted:
     btfsc   STATUS, 2
     clrf    _stay               ; the same cycle: one write lowers both
 ; The sooner pulse: 32 cycles are the way, the rest is loops of 8 cycles and 0 to 7 cycles in _fine.
-    movlw   0x20                ; 32
+    movlw   32
     subwf   _pulse_a_lo, F
     btfss   STATUS, 0
     decf    _pulse_a_hi, F
@@ -191,19 +191,20 @@ pl_apart:
     clrf    _pulse_b_lo
     clrf    _pulse_b_hi
 pl_loops:
-    clrwdt                      ; a watchdog that was left on is fed in every slot
+    clrwdt                      ; a watchdog that was left on is cleared before the pulses and after them
     incf    _pulse_b_lo, F
     incf    _pulse_b_hi, F
     movf    _port, W
     movwf   FSR
 ; Is the beginning still to come? 1 to _ahead ticks are.
+pl_check:
     movf    TMR0, W
     subwf   _target, W
     addlw   0xFF
     subwf   _ahead, W
     btfss   STATUS, 0
     bsf     _overrun, 0
-; The lock. The poll sees TMR0 = _target 0 to 4 cycles after it came about.
+; The lock. The poll sees TMR0 = _target 0 to 4 cycles after it came about. A tick is 32 cycles.
 pl_poll:
     movf    TMR0, W             ; cycle 0 to 4 of the tick
     xorwf   _target, W
@@ -246,6 +247,8 @@ pl_pad3:
     goto    $+1
 ; Cycle 99 after the beginning, always.
     movf    _both, W
+    btfsc   STATUS, 2
+    goto    pl_done             ; no pulses
     movwf   INDF                ; both rise: cycle 0
     movf    _stay, W
     btfsc   _fine, 0
@@ -338,6 +341,7 @@ pl_loop2:
     goto    pl_loop2
     clrf    INDF                ; 18 and more
 pl_done:
+    clrwdt
     movlw   3
     subwf   _target, F          ; where the lock began
     }
@@ -395,6 +399,14 @@ void begin_part(void)
     time = 0;
 }
 
+/* To the first part. */
+void rewind(void)
+{
+    part = 0;
+    repeats = PART_REPEATS[0];
+    begin_part();
+}
+
 /* On to the next frame. */
 void step(void)
 {
@@ -445,9 +457,7 @@ void main(void)
     OPTION_REG = 0x84;   /* TMR0 counts cycles, 1:32 */
     clear_bit(STATUS, RP0);
     overrun = 0;
-    part = 0;
-    repeats = PART_REPEATS[0];
-    begin_part();
+    rewind();
     target = TMR0;
     while (1) {
         make_widths();

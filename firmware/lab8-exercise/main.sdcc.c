@@ -1,0 +1,112 @@
+/*
+ * lab8-exercise: servo pulses for the PIC16F84 at 4 MHz (SDCC).
+ * Generated from the job by servogen: change the job, not this file.
+ *
+ * RB0  arm: 1167, 1500, 1667 us
+ *
+ * A frame takes 20000 us, an instruction cycle 1 us. Each delay is shorter than
+ * the time in its comment by the cycles of the statements around it.
+ */
+#include <pic14/pic16f84.h>
+
+static __code unsigned int __at(_CONFIG) configuration = _FOSC_XT & _WDTE_OFF & _PWRTE_ON & _CP_OFF;
+#define _XTAL_FREQ 4000000
+
+/* No variable has a start value: in place of SDCC's start-up, which takes 160 words. */
+void main(void);
+void _sdcc_gsinit_startup(void)
+{
+    __asm
+    goto    _main
+    __endasm;
+}
+
+/* wait(n) takes n cycles: 14 and any number of fours more, up to 250 000. */
+#define nop() __asm__("nop")
+#define wait(cycles) \
+    __asm__("movlw ((" #cycles ") - 14) / 1000 + 1\n movwf _waited\n" \
+            " movlw ((" #cycles ") - 14) % 1000 / 4 + 1\n call _wait_loop")
+unsigned char waited;
+
+void wait_loop(void)
+{
+    __asm
+wait_fours:
+    addlw   0xFF
+    btfss   STATUS, 2
+    goto    wait_fours
+    decfsz  _waited, F
+    goto    wait_thousand
+    goto    wait_over
+wait_thousand:
+    goto    $+1
+    nop
+    movlw   248
+    goto    wait_fours
+wait_over:
+    __endasm;
+}
+
+/* arm 1167 us */
+void position_1(unsigned char frames)
+{
+    while (1) {
+        PORTB = 0x01;   /* arm high for 1167 us */
+        wait(1166);
+        PORTB = 0x00;   /* arm low */
+        wait(18766); nop(); nop(); nop();   /* the rest of the frame */
+        if (--frames == 0)
+            return;
+        wait(54); nop(); nop(); nop();   /* as long as the way from one position to the next */
+    }
+}
+
+/* arm 1500 us */
+void position_2(unsigned char frames)
+{
+    while (1) {
+        PORTB = 0x01;   /* arm high for 1500 us */
+        wait(1498); nop();
+        PORTB = 0x00;   /* arm low */
+        wait(18434); nop(); nop();   /* the rest of the frame */
+        if (--frames == 0)
+            return;
+        wait(54); nop(); nop(); nop();   /* as long as the way from one position to the next */
+    }
+}
+
+/* arm 1667 us */
+void position_3(unsigned char frames)
+{
+    while (1) {
+        PORTB = 0x01;   /* arm high for 1667 us */
+        wait(1666);
+        PORTB = 0x00;   /* arm low */
+        wait(18266); nop(); nop(); nop();   /* the rest of the frame */
+        if (--frames == 0)
+            return;
+        wait(54); nop(); nop(); nop();   /* as long as the way from one position to the next */
+    }
+}
+
+void main(void)
+{
+    PORTB = 0x00;
+    TRISB = 0xFE;
+    wait(19986); nop(); nop(); nop();   /* all low for one frame */
+
+    while (1) {
+
+        /* arm 1167 us, for 2 s */
+        position_1(100);
+        wait(54);
+
+        /* arm 1500 us, for 5 s */
+        position_2(250);
+        wait(54);
+
+        /* arm 1667 us, for 3 s */
+        position_3(150);
+        wait(50); nop(); nop();
+    }
+}
