@@ -124,6 +124,9 @@ class Layout:
     tag: str
     union: bool
     members: dict[str, Member] = field(default_factory=dict)
+    """By name, those of an unnamed structure inside it among them."""
+    parts: list[Member] = field(default_factory=list)
+    """As they stand, an unnamed structure whole: what an initialiser goes by."""
     size: int | None = None
 
 

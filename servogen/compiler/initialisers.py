@@ -181,7 +181,7 @@ class Initialisers(TypeNames):
     ) -> None:
         """Take from `items` what the elements of one array or structure need."""
         slots: list[tuple[int, CType]] = _elements(kind)
-        members = list(kind.layout.members.values()) if isinstance(kind, StructType) else []
+        parts = kind.layout.parts if isinstance(kind, StructType) else []
         if isinstance(kind, StructType) and kind.layout.union:
             slots = slots[:1]
         at = 0
@@ -190,15 +190,16 @@ class Initialisers(TypeNames):
             if isinstance(item, c_ast.NamedInitializer):
                 if not braced:
                     return
-                at = self._designated(kind, item, [each.name for each in members])
+                at = self._designated(kind, item)
                 slots = _elements(kind)
                 if at >= len(slots):
                     raise self.fail("this element does not exist", item.expr)
                 if len(item.name) > 1:
                     raise self.fail("nested designators are not supported", item.expr)
-                items[0] = item = item.expr
+                inside = bool(parts) and not parts[at].name
+                items[0] = item = c_ast.InitList([item]) if inside else item.expr
             where, element = slots[at]
-            member = members[at] if members else None
+            member = parts[at] if parts else None
             if (
                 isinstance(element, (ArrayType, StructType))
                 and not isinstance(item, c_ast.InitList)
@@ -213,13 +214,16 @@ class Initialisers(TypeNames):
                     self._leaves(element, item, offset + where, out)
             at += 1
 
-    def _designated(self, kind: CType, item: Any, names: list[str]) -> int:
+    def _designated(self, kind: CType, item: Any) -> int:
+        """The element or part that a designator names; an unnamed part for one of its members."""
         designator = item.name[0]
         inner = getattr(designator, "expr", designator)
         if isinstance(kind, StructType):
-            if not isinstance(inner, c_ast.ID) or inner.name not in names:
-                raise self.fail(f"'{kind}' has no such member", item.expr)
-            return names.index(inner.name)
+            for at, part in enumerate(kind.layout.parts):
+                within = part.type.layout.members if isinstance(part.type, StructType) else {}
+                if isinstance(inner, c_ast.ID) and inner.name in (within if not part.name else (part.name,)):
+                    return at
+            raise self.fail(f"'{kind}' has no such member", item.expr)
         return self.constant(inner, "an index")
 
 
@@ -227,12 +231,12 @@ def _elements(kind: ArrayType | StructType) -> list[tuple[int, CType]]:
     """(offset, type) of each element or member."""
     if isinstance(kind, ArrayType):
         return [(number * kind.element.size, kind.element) for number in range(kind.length or 0)]
-    return [(member.offset, member.type) for member in kind.layout.members.values()]
+    return [(part.offset, part.type) for part in kind.layout.parts]
 
 
 def _scalars(kind: CType, offset: int) -> list[tuple[int, CType]]:
     """(offset, type) of everything in an object that is not made of parts."""
-    if isinstance(kind, StructType) and any(member.width for member in kind.layout.members.values()):
+    if isinstance(kind, StructType) and any(part.width for part in kind.layout.parts):
         return [(offset + each, U8) for each in range(kind.size)]
     if isinstance(kind, StructType) and kind.layout.union:
         return [(offset + each, U8) for each in range(kind.size)]

@@ -176,6 +176,7 @@ class TypeNames(Expressions):
                 )
                 if decl.name is not None:
                     layout.members[decl.name] = Member(decl.name, small, offset, bit, width)
+                    layout.parts.append(layout.members[decl.name])
                 bit += width
                 largest = max(largest, offset + 1)
                 if layout.union:
@@ -188,12 +189,14 @@ class TypeNames(Expressions):
             if decl.name is None and isinstance(kind, StructType):
                 for name, member in kind.layout.members.items():
                     layout.members[name] = replace(member, offset=offset + member.offset)
+                layout.parts.append(Member("", kind, offset))
             elif decl.name is None:
                 continue  # `int;` declares nothing
             elif decl.name in layout.members:
                 raise self.fail(f"the member '{decl.name}' is there twice", decl)
             else:
                 layout.members[decl.name] = Member(decl.name, kind, offset)
+                layout.parts.append(layout.members[decl.name])
             largest = max(largest, offset + kind.size)
             if not layout.union:
                 offset += kind.size
