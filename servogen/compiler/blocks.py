@@ -20,6 +20,10 @@ from servogen.compiler.program import (
     Block,
     ExprStmt,
     Function,
+    If,
+    Jump,
+    Loop,
+    Return,
     Stmt,
     Switch,
 )
@@ -72,15 +76,16 @@ class Blocks(Declarations):
         ended = False
         for node in nodes:
             if ended and not _can_be_reached(node):
-                if not isinstance(node, (c_ast.Break, c_ast.EmptyStatement)):
+                if not isinstance(node, (c_ast.Break, c_ast.EmptyStatement, c_ast.Return)):
                     self.reporter.warn("this is never reached", self.place(node))
                 ended = False
+            before = len(out)
             try:
                 self._item(node, out)
             except Fatal:
                 self.pending.clear()
                 continue
-            if _leaves(node):
+            if len(out) > before and _leaves(out[-1]):
                 ended = True
             elif _can_be_reached(node):
                 ended = False
@@ -162,8 +167,30 @@ class Blocks(Declarations):
     # each kind
 
 
-def _leaves(node: Any) -> bool:
-    return isinstance(node, (c_ast.Return, c_ast.Break, c_ast.Continue, c_ast.Goto))
+def _leaves(made: Stmt) -> bool:
+    """Whether what stands behind a statement can only be reached by a label."""
+    match made:
+        case Return() | Jump():
+            return True
+        case Block(body):
+            return bool(body) and _leaves(body[-1])
+        case If(_, yes, no):
+            return no is not None and _leaves(yes) and _leaves(no)
+        case Loop(None, body):
+            return not _breaks(body)
+    return False
+
+
+def _breaks(made: Stmt) -> bool:
+    """Whether a `break` in a loop's body, outside the loops and switches inside it, ends the loop."""
+    match made:
+        case Jump("break"):
+            return True
+        case Block(body):
+            return any(map(_breaks, body))
+        case If(_, yes, no):
+            return _breaks(yes) or (no is not None and _breaks(no))
+    return False
 
 
 def _can_be_reached(node: Any) -> bool:

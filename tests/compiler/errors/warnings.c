@@ -7,6 +7,7 @@ void main(void) {
   // warning: this comparison is always true
   // hint: the left side lies in 0 … 255, the right side in 255 … 255
   for (i = 0; i <= 255; i++) b++;
+  // warning: this is never reached
   // warning: an assignment as a condition
   // hint: '==' compares; '((a = b) != 0)' says it is meant
   if (a = 3) b = 1;
