@@ -9,9 +9,21 @@ from servogen.errors import InputError
 from servogen.job import loads
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
 from servogen.pipeline import build, prove, running
+from servogen.pipeline.player import play
+from servogen.pulse.player.fitting import NO_WRAP
 from servogen.simulator import Machine
 from servogen.units import Cycles
-from tests.pipeline.player_jobs import ROOT, THIRTEEN, built, built_text, crossings, trimmed, widths
+from tests.pipeline.player_jobs import (
+    ROOT,
+    THIRTEEN,
+    built,
+    built_text,
+    crossings,
+    job_text,
+    poses,
+    trimmed,
+    widths,
+)
 
 TRIPOD = (ROOT / "jobs" / "hexapod-tripod.toml").read_text()
 
@@ -90,6 +102,21 @@ def test_thirteen_servos_that_sweep_across_each_other_are_exact() -> None:
         image = replace(program.image, eeprom=most)
         verdict = prove(schedule, running(schedule, image, span), span)
         assert verdict.worst_edge_error == 0, verdict.reasons
+
+
+def test_held_poses_between_two_steps_are_held() -> None:
+    # Steps of 4 µs; the poses are 1 and 2 µs off them. A part that is held has one keyframe and stays at it.
+    done = built_text(
+        job_text(3, poses([(10.3, 20, 31), (159, 144.4, 77)], 0.32).replace("move_s", "hold_s = 0.3, move_s"))
+    )
+    _, played = play(done.job)
+    held = [part for part in played.parts if part.wrap == 1]
+    assert played.shift == 2 and len(held) >= 3
+    for part in played.parts:
+        # `segment` must not pass the end of what goes round: the chip takes `wrap` off it once.
+        assert part.wrap == NO_WRAP or part.frames * (part.speed or 256) <= part.wrap * 256
+    for program in done.programs:
+        assert program.proven and program.verdict.worst_edge_error == 0
 
 
 def test_a_motion_with_too_many_keyframes_is_refused_with_its_bytes() -> None:

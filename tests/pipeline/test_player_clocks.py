@@ -59,6 +59,14 @@ def test_more_than_fits_is_refused_with_the_arithmetic(mhz: int, servos: int) ->
     assert needed > have and needed > -(-servos // 2) * (longest + 127 + 100)
 
 
+def test_the_refusal_counts_whole_ticks() -> None:
+    # In cycles the pulses and the C would be 4 less than a frame; slots begin at ticks.
+    with pytest.raises(InputError) as refused:
+        loads(text(4, 13, limits=(10, 162), frame="most_together = 1"), "job.toml")
+    found = re.search(r"take (\d+) cycles.*a frame is 20000 cycles", str(refused.value))
+    assert found and int(found[1]) > 20_000 and int(found[1]) % 32 == 0
+
+
 def test_the_longest_pulses_at_20_mhz_have_slots_of_more_than_8160_cycles() -> None:
     done = built_text(text(20, 13, limits=(0, 180)))
     _, played = play(done.job)

@@ -154,21 +154,28 @@ def _choices(section: Section, scale: Scale, best: float, worst: float) -> list[
     if stretch.silent:
         keys = np.zeros((1, rows.shape[1]), dtype=np.int64)
         return [(Made(stretch, 1, True, keys, np.repeat(scale.widths(keys), stretch.frames, axis=0)), 0.0)]
-    every = [_sampled(stretch, rows, scale, bits) for bits in range(MOST_BITS + 1)]
+    # A pose that is held has one keyframe, and no frame of it may be on the way to a second.
+    spacings = (MOST_BITS,) if _held(rows) else range(MOST_BITS + 1)
+    every = [_sampled(stretch, rows, scale, bits) for bits in spacings]
     errors = [float(np.abs(made.widths - rows[:-1]).max()) for made in every]
-    first = max((bits for bits, error in enumerate(errors) if error <= best), default=0)
+    first = max((number for number, error in enumerate(errors) if error <= best), default=0)
     return [
-        (every[bits], errors[bits])
-        for bits in range(first, MOST_BITS + 1)
-        if bits == first or (errors[bits] <= worst and len(every[bits].keys) < len(every[bits - 1].keys))
+        (every[number], errors[number])
+        for number in range(first, len(every))
+        if number == first
+        or (errors[number] <= worst and len(every[number].keys) < len(every[number - 1].keys))
     ]
+
+
+def _held(rows: Floats) -> bool:
+    return bool((np.abs(rows - rows[0]) < ALIKE).all())
 
 
 def _sampled(stretch: Stretch, rows: Floats, scale: Scale, bits: int) -> Made:
     """A keyframe every 2**bits frames: those whose interpolation is nearest to the rows, in least squares."""
     frames, apart = stretch.frames, 1 << bits
     segments = -(-frames // apart)
-    same = bool((np.abs(rows - rows[0]) < ALIKE).all())
+    same = _held(rows)
     round_again = frames % apart == 0 and segments < NO_WRAP
     ring = same or (round_again and bool((np.abs(rows[-1] - rows[0]) < ALIKE).all()))
     count = 1 if same else segments + (not ring)

@@ -153,8 +153,8 @@ def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, shift: int = 0) 
                 Slot(port, pair, ticks[number], longest[number]) for number, (port, pair) in enumerate(pairs)
             ]
             return Layout((*found, *waits), tick, stagger)
-    least = sum(_slot(length, SLOT_C, TICKS[0]) for length in longest)
-    least += motion_c
+    size = _Frame(longest, SLOT_C, motion_c, TICKS[0], frame.period.cycles)
+    least = size.least * TICKS[0]
     raise InputError(
         f"the pulses do not fit a frame: those of {len(servos)} servos, two at a time, and the C for them "
         f"take {least} cycles, {float(clock.us(least)):g} µs; a frame is {frame.period.cycles} cycles, "
@@ -194,6 +194,14 @@ class _Frame:
     def whole(self, pulse: int, c: int) -> int:
         """The ticks of a slot with that pulse and that C after it."""
         return -(-_slot(pulse, c, self.tick) // self.tick)
+
+    @property
+    def least(self) -> int:
+        """The ticks of the shortest frame."""
+        *others, last = self.longest
+        return sum(self.whole(each, self.slot_c) for each in others) + self.whole(
+            last, self.slot_c + self.frame_c
+        )
 
     def ticks(self, fed: int | None) -> list[int] | None:
         """The ticks before each slot, and before each that only waits; None where they do not fit.
