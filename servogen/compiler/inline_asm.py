@@ -44,7 +44,7 @@ class AsmError(Exception):
 
 def assemble_line(text: str, place: Place, names: Names, label: Callable[[str], str]) -> list[Ins]:
     """The instructions (none or one, and a label) of a line. Raises AsmError."""
-    code = re.split(r";|//", text, maxsplit=1)[0]
+    code = re.split(r";|//|/\*", text, maxsplit=1)[0]
     out: list[Ins] = []
     match = re.match(r"\s*([A-Za-z_.$][\w.$]*)\s*:\s*(.*)$", code, re.DOTALL)
     if match:
@@ -119,7 +119,7 @@ class _NoNames:
         return None
 
 
-def _number(text: str) -> int | None:
+def assembler_number(text: str) -> int | None:
     """A constant as the assembler computes it, `(1500 - 14) / 1000 + 1`; C's 0b101 too."""
     try:
         found = parse_expression(Text.of(re.sub(r"\b0[bB]([01]+)\b", r"B'\1'", text)), 10)
@@ -147,7 +147,7 @@ def _file(text: str, names: Names) -> Loc:
         )
         if register is not None:
             return Reg(register.address + offset)
-    value = _number(text)
+    value = assembler_number(text)
     if value is None:
         raise AsmError(f"'{text}' is neither a register nor a variable")
     if not 0 <= value <= 0xFF:
@@ -156,7 +156,7 @@ def _file(text: str, names: Names) -> Loc:
 
 
 def _bit(text: str) -> int:
-    value = _number(text)
+    value = assembler_number(text)
     found = register_bits().get(text.upper())
     if value is None and found is not None:
         value = found[1]
@@ -167,7 +167,7 @@ def _bit(text: str) -> int:
 
 def _literal(text: str, names: Names) -> int | AddressByte:
     match = re.fullmatch(r"(?i)(?:(low|high)\s*)?\(?\s*([A-Za-z_]\w*)\s*(?:\+\s*(\d+))?\s*\)?", text)
-    if match and _number(text) is None:
+    if match and assembler_number(text) is None:
         symbol = names(match[2])
         if symbol is not None:
             symbol.pinned = symbol.read = symbol.written = symbol.volatile = True
@@ -175,7 +175,7 @@ def _literal(text: str, names: Names) -> int | AddressByte:
         register = registers().get(match[2].upper())
         if register is not None:
             return register.address & 0x7F
-    value = _number(text)
+    value = assembler_number(text)
     if value is None:
         raise AsmError(f"'{text}' is not a number from 0 to 255")
     if not -128 <= value <= 255:

@@ -10,6 +10,7 @@ import re
 
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.dialect import config_names
+from servogen.compiler.inline_asm import assembler_number
 from servogen.compiler.preprocess import Pragma
 from servogen.errors import Place, nearest
 from servogen.pic.device import (
@@ -95,7 +96,7 @@ class Settings:
         total = 0x3FFF
         for word in text.split("&"):
             name = word.strip().strip("()").strip()
-            value = number(name)
+            value = assembler_number(name)
             if value is None:
                 value = config_names().get(name.upper())
             if value is None:

@@ -37,6 +37,9 @@ def errors(text: str, **options: object) -> list[str]:
         ("__CONFIG(FOSC_HS & WDTE_OFF & PWRTE_ON & CP_OFF);\n" + EMPTY, 0x3FF2),
         ("__CONFIG(0x3FF9);\n" + EMPTY, 0x3FF9),
         ("asm __config 0x3FF9\n" + EMPTY, 0x3FF9),
+        ("asm { __config 0x3FF9 }\n" + EMPTY, 0x3FF9),
+        ("asm\n{\n  __CONFIG H'3FF9' ; crystal\n}\n" + EMPTY, 0x3FF9),
+        ("asm __config 3FF9h;\n" + EMPTY, 0x3FF9),
         ("asm __config _HS_OSC & _WDT_OFF & _PWRTE_ON\n" + EMPTY, 0x3FF2),
     ],
 )
