@@ -47,7 +47,7 @@ def check_stack(codes: dict[str, Code], roots: list[str], reporter: Reporter) ->
         reporter.error(
             f"calls go {_total(chains, roots)} levels deep, "
             f"the chip's stack has {STACK_LEVELS}: {path}{also}",
-            Place(next(iter(reporter.texts), None)),
+            codes[codes[roots[0]].falls_into].place or Place(next(iter(reporter.texts), None)),
         )
     return room or {}
 

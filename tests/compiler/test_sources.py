@@ -109,8 +109,11 @@ def test_a_program_that_is_too_large_says_how_large() -> None:
 def test_calls_that_go_too_deep_show_their_path() -> None:
     functions = "".join(f"void f{n}(void) {{ f{n + 1}(); PORTB = {n}; }}\n" for n in range(1, 9))
     text = "void f9(void) { PORTB = 9; }\n" + functions + "void main(void) { f1(); PORTB = 0; }"
-    (message,) = errors(text)
-    assert message.startswith("calls go 9 levels deep, the chip's stack has 8: main → f1 → f2")
+    with pytest.raises(CompileError) as caught:
+        build(text)
+    (found,) = caught.value.diagnostics
+    assert str(found.place) == "main.c:10:6"
+    assert found.message.startswith("calls go 9 levels deep, the chip's stack has 8: main → f1 → f2")
 
 
 SERIAL = """
@@ -138,3 +141,24 @@ def test_putchar_sends_each_bit_for_the_cycles_of_the_baud_rate() -> None:
     assert sent == [0, *(ord("K") >> number & 1 for number in range(8)), 1]
     changes = [time - start for time in times if start < time <= start + 9 * bit]
     assert all(change % bit == 0 for change in changes)
+
+
+def test_true_rs232_0_turns_every_level_over() -> None:
+    """The same edges at the same times, the other way round."""
+    plain = SERIAL.replace("PORTB = 4;", "PORTB = 0; PORTB = 4;")
+    other = "#pragma TRUE_RS232 0" + SERIAL.replace("PORTB = 4;", "PORTB = 4; PORTB = 0;")
+    sent = []
+    for text in (plain, other):
+        found = build(text)
+        assert found.clock is not None
+        edges = Machine(found.image, found.clock).run(2500)
+        pins = zip(edges.cycle, edges.level, edges.pin, strict=True)
+        sent.append(
+            [(int(cycle), int(level)) for cycle, level, pin in pins if PINS[pin] == "RB2" and cycle > 100]
+        )
+    first = [part[0][0] for part in sent]
+    times = [[cycle - start for cycle, _ in part] for part, start in zip(sent, first, strict=True)]
+    assert times[0] == times[1]
+    assert [level for _, level in sent[0]] == [1 - level for _, level in sent[1]]
+    assert sent[0][0][1] == 0
+    assert len(sent[0]) > 4
