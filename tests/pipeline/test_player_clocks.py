@@ -59,6 +59,15 @@ def test_more_than_fits_is_refused_with_the_arithmetic(mhz: int, servos: int) ->
     assert needed > have and needed > -(-servos // 2) * (longest + 127 + 100)
 
 
+@pytest.mark.parametrize(("mhz", "servos"), [(1, 6), (2, 9), (4, 12), (8, 13), (20, 13)])
+def test_how_many_servos_with_pulses_of_2_ms_fit(mhz: int, servos: int) -> None:
+    _, played = play(loads(text(mhz, servos, limits=(10, 180)), "job.toml"))
+    assert len(played.layout.order) == servos
+    if servos < 13:
+        with pytest.raises(InputError, match="do not fit a frame"):
+            play(loads(text(mhz, servos + 1, limits=(10, 180)), "job.toml"))
+
+
 def test_the_refusal_counts_whole_ticks() -> None:
     # In cycles the pulses and the C would be 4 less than a frame; slots begin at ticks.
     with pytest.raises(InputError) as refused:
