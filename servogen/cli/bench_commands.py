@@ -59,11 +59,14 @@ def flash(
     order = Order(file, device_named(device), port)
     found = find(programmer)
     command = shlex.join(command_of(found, order))
-    against_it = (*objections(image), *_unproven(image, file, against))
+    schedule = against or _beside(file)
+    against_it = (*objections(image), *_unproven(image, schedule))
     if against_it and not force:
         raise InputError("; ".join(against_it), Place(str(file)), "--force programs it all the same")
     for text in (*against_it, *remarks(image, order.device)):
         warn(text)
+    if schedule is None:
+        warn(f"there is no schedule.json beside {file}: nothing shows what its pulses are (--against)")
     if dry_run:
         if json:
             as_json({"command": list(command_of(found, order)), "programmer": found.programmer.name})
@@ -84,12 +87,16 @@ def flash(
     print(f"{file}: {image.words} words on the {order.device.name}, {how}")
 
 
-def _unproven(image: Image, file: Path, against: Path | None) -> tuple[str, ...]:
+def _beside(file: Path) -> Path | None:
+    """The schedule that a build left beside the image."""
+    path = file.parent / "schedule.json"
+    return path if path.exists() else None
+
+
+def _unproven(image: Image, path: Path | None) -> tuple[str, ...]:
     """Why the image is not the schedule's; nothing where there is no schedule to hold it against."""
     from servogen.pipeline import checked_cycles, prove, running
 
-    beside = file.parent / "schedule.json"
-    path = against or (beside if beside.exists() else None)
     if path is None:
         return ()
     schedule = read_schedule(path)

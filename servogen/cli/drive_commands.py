@@ -30,12 +30,13 @@ KEYS_HELP = "w a s d or the arrows, q e sideways, 1 to 9 poses, space stops, x e
 
 Port = Annotated[str | None, typer.Option("--port", "-p", help="The robot's serial port.")]
 Baud = Annotated[
-    int | None, typer.Option("--baud", min=50, help="Of the line (default: the job's [stream]).")
+    int | None, typer.Option("--baud", min=50, help="Of the line (default: the job's stream table's).")
 ]
 RangeUs = Annotated[
     str | None,
     typer.Option(
-        "--range-us", help="The widths of positions 0 and 254, as 500,2500 (default: the job's [stream])."
+        "--range-us",
+        help="The widths of positions 0 and 254, as 500,2500 (default: those of the job's stream table).",
     ),
 ]
 First = Annotated[
@@ -109,6 +110,8 @@ def drive(
     with Line(_opener(port, speed, dry_run), speed, time, patience) as line, _orders(steer, dry_run) as words:
         if not json:
             _tell(loaded, controller, speed, line.byte_s)
+            if pose is not None and math.isinf(_pose_s(loaded, seconds, dry_run)):
+                print("the pose is kept until Ctrl-C (or --seconds)", flush=True)
         session = Session(controller, line, time, _log(json, dry_run), end, words, order, arrive_s)
         try:
             with _ended_by_signals():

@@ -281,6 +281,29 @@ def test_success_over_a_wrong_verification_is_found_by_reading_back(
     )
 
 
+@pytest.mark.parametrize(("word", "exit_code"), [(None, 0), (0x0064, 1)])
+def test_pk2cmd_success_is_believed_only_when_it_reads_the_same_back(
+    run: Run, program: Path, tmp_path: Path, word: int | None, exit_code: int
+) -> None:
+    image = image_of(BUILT)
+    held = image if word is None else Image({**image.program, 3: word}, image.config)
+    (tmp_path / "held.hex").write_text(to_hex(held))
+    path = stand_in(tmp_path, "pk2cmd", "PICkit 2 Program Report\n", 0)
+    copies = f"""\
+import shutil
+for each in sys.argv:
+    if each.startswith("-GF"):
+        shutil.copy({str(tmp_path / "held.hex")!r}, each[3:])
+"""
+    path.write_text(path.read_text().replace("sys.exit(0)", copies))
+    done = run("flash", program, "--programmer", path)
+    assert done.code == exit_code, done
+    if word is None:
+        assert "read back and compared: program memory" in done.out
+    else:
+        assert "differs from the file, first in the program memory at address 0x003" in done.err
+
+
 # What is refused before anything is programmed.
 
 
@@ -319,6 +342,12 @@ def test_an_image_whose_schedule_is_not_proven_is_refused(run: Run, tmp_path: Pa
     assert "its pulses are not those of" in done.err
     (tmp_path / "x.hex").write_text(BUILT.read_text())
     assert run("flash", wrong, "--programmer", tool, "--dry-run").code == 0
+
+
+def test_an_image_without_a_schedule_is_said_to_be_unproven(run: Run, program: Path, tmp_path: Path) -> None:
+    command = ("flash", program, "--programmer", stand_in(tmp_path, "pk2cmd", "", 0), "--dry-run")
+    assert "no schedule.json beside" in run(*command).err
+    assert run(*command, "--against", LAB8 / "schedule.json").err == ""
 
 
 def test_code_protection_and_a_chip_without_an_id_are_said(run: Run, tmp_path: Path) -> None:

@@ -159,3 +159,18 @@ def test_a_stream_jobs_line_and_widths_are_its_own(run: Run, tmp_path: Path, fai
     assert "ff 00 7f  arm 1500.0 µs" in done.out, "its positions 0 and 254 are the servo's limits"
     off = run("drive", job, "--dry-run", "--pose", "arm=90", "--stop", "off")
     assert off.code == (0 if fail_safe == "off" else 2)
+
+
+@pytest.mark.parametrize("fail_safe", ["hold", "neutral"])
+def test_a_pose_that_the_fail_safe_would_end_is_kept_and_said_to_be(
+    start: Start, serial: Serial, tmp_path: Path, fail_safe: str
+) -> None:
+    job = tmp_path / "stream.toml"
+    job.write_text(STREAM.format(fail_safe=fail_safe))
+    process = start("drive", job, "-p", serial.path, "--pose", "arm=90", "--arrive-s", 0)
+    if fail_safe == "neutral":
+        serial.wait_for(lambda decoder: len(decoder.moves) > 2)
+        process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == (130 if fail_safe == "neutral" else 0), err
+    assert ("kept until Ctrl-C" in out) == (fail_safe == "neutral")
