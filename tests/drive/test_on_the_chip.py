@@ -22,6 +22,7 @@ from servogen.drive.motions import Limited, Motion, Played, Still
 from servogen.drive.orders import Rates
 from servogen.drive.session import Session
 from servogen.drive.steering import steering_of
+from servogen.drive.sweep import Sweep, positions
 from servogen.drive.words import QUIT, Silence, Words, script
 from servogen.edges import PINS
 from servogen.job import Job, load, loads
@@ -180,6 +181,27 @@ def test_the_first_pose_is_gone_to_together_and_the_stop_pose_comes_at_once() ->
         assert widths[there] == pytest.approx(end, abs=4)
         assert np.abs(np.diff(widths[begin:there])).max() <= abs(end - 1500) / 40, "by small steps"
         assert widths[-1] == 1500
+
+
+def test_a_calibrations_widths_stand_on_the_pin_however_long_the_answer_takes() -> None:
+    """The chip's fail-safe would take the servo to neutral while somebody reads the angle."""
+    text = job_of(1, "neutral").replace("[stream]", "[stream]\nsilence_s = 1.0")
+    robot = OnChip(loads(text, "job.toml"), image_of(text))
+    baud, controller = controller_of(robot.job, None, None, 0)
+    channel, time = controller.channels[0], robot.time()
+    asked: list[tuple[float, float, float]] = []
+    with Line(robot.open, baud, time, 0.0) as line:
+        sweep = Sweep(controller, 0, line, time, channel.position(channel.servo.neutral))
+        for position in positions(channel, None, None, 3):
+            sweep.go(position)
+            began = time.now()
+            sweep.answered(lambda began=began: "90" if time.now() - began > 3 else None)  # type: ignore[misc]
+            asked.append((began, time.now(), channel.widths_us[position]))
+    moments, widths = robot.seen("RB0")
+    for began, ended, wanted in asked:
+        shown = [width for at, width in zip(moments, widths, strict=True) if began <= at < ended]
+        assert len(shown) > 140
+        assert all(abs(width - wanted) <= 1 for width in shown), wanted  # a cycle is a microsecond
 
 
 @pytest.fixture
