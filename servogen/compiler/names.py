@@ -210,4 +210,4 @@ def _register_layout(name: str) -> Any:
         for bit_name, bit in chip_bits().items()
         if bit.register is register
     }
-    return Layout(f"{register.name}bits", False, members, 1)
+    return Layout(f"{register.name}bits", False, members, size=1)

@@ -4,8 +4,9 @@
 // expect: c == 0x42
 // expect: d == 8
 // expect: e == 0x55
+// expect: f == 1
 #include <xc.h>
-unsigned char a, b, c, d, e;
+unsigned char a, b, c, d, e, f;
 unsigned char fixed __at(0x30);
 unsigned char other @ 0x31;
 void main(void) {
@@ -21,4 +22,5 @@ void main(void) {
   asm("movlw 0x55");
   asm("movwf _e");
   other = 1;
+  f = sizeof(PORTBbits);
 }
