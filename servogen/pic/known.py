@@ -11,6 +11,7 @@ from functools import cache
 
 from servogen.pic.device import RAM_FIRST, RAM_LAST
 from servogen.pic.isa import decode
+from servogen.pic.known_result import known_result
 
 INDF, PCL, STATUS, FSR = 0, 2, 3, 4
 C, Z = 0, 2
@@ -90,7 +91,7 @@ def execute(word: Word, known: Known) -> None:
         elif flag:
             known[flag] = int(name == "BSF")
         return
-    result, carry = _result(word, known.get("W"), known.get(place or ""), known.get("C"))
+    result, carry = known_result(name, known.get("W"), known.get(place or ""), word.k, word.b, known.get("C"))
     for flag, letter in (("C", "C"), ("Z", "Z")):
         if letter in word.flags:
             known.pop(flag, None)
@@ -109,48 +110,3 @@ def execute(word: Word, known: Known) -> None:
         known.pop(target, None)
         if result is not None:
             known[target] = result
-
-
-def _result(word: Word, w: int | None, f: int | None, carry: int | None) -> tuple[int | None, int | None]:
-    """(result, carry) of an instruction, each None where it is not known."""
-    name = word.name
-    if name in ("CLRF", "CLRW"):
-        return 0, None
-    if name == "MOVLW":
-        return word.k, None
-    if name == "MOVWF":
-        return w, None
-    if f is not None and name in _OF_ONE:
-        return _OF_ONE[name](f, word.b) & 0xFF, None
-    if f is not None and name == "RLF":
-        return None if carry is None else (f << 1 | carry) & 0xFF, f >> 7
-    if f is not None and name == "RRF":
-        return None if carry is None else f >> 1 | carry << 7, f & 1
-    other = word.k if name.endswith("LW") else f
-    if w is None or other is None:
-        return None, None
-    match name[:3]:
-        case "ADD":
-            return other + w & 0xFF, int(other + w > 0xFF)
-        case "SUB":
-            return other - w & 0xFF, int(other >= w)
-        case "AND":
-            return other & w, None
-        case "IOR":
-            return other | w, None
-        case "XOR":
-            return other ^ w, None
-    return None, None
-
-
-_OF_ONE = {
-    "MOVF": lambda f, b: f,
-    "INCF": lambda f, b: f + 1,
-    "INCFSZ": lambda f, b: f + 1,
-    "DECF": lambda f, b: f - 1,
-    "DECFSZ": lambda f, b: f - 1,
-    "COMF": lambda f, b: ~f,
-    "SWAPF": lambda f, b: f << 4 | f >> 4,
-    "BSF": lambda f, b: f | 1 << b,
-    "BCF": lambda f, b: f & ~(1 << b),
-}
