@@ -11,6 +11,9 @@ from servogen.pic.known_result import known_result
 from tests.simulator.helpers import machine, ram, steps
 
 WITH_F = [
+    *("ADDWF", "ANDWF", "COMF", "DECF", "DECFSZ", "INCF", "INCFSZ", "IORWF", "MOVF"),
+    *("RLF", "RRF", "SUBWF", "SWAPF", "XORWF"),
+]
     "ADDWF",
     "ANDWF",
     "COMF",
