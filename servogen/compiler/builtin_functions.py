@@ -112,7 +112,7 @@ def delay(self: ChipAccess, name: str, node: Any, arguments: list[Any]) -> Expr:
 
 def xc8_delay(self: ChipAccess, name: str, node: Any, arguments: list[Any]) -> Expr:
     place = self.place(node)
-    value = self.constant_us(arguments[0])
+    value = self.constant_us(arguments[0], fractions=name != "_delay")
     if value is None:
         raise self.fail(
             f"'{name}' needs a constant argument",
@@ -126,7 +126,7 @@ def xc8_delay(self: ChipAccess, name: str, node: Any, arguments: list[Any]) -> E
     else:
         if value < 0:
             raise self.fail(f"'{name}' takes no negative time", arguments[0])
-        cycles = self.delay_cycles(value * XC8_UNITS_US[name], node)
+        cycles = self.delay_cycles(value * XC8_UNITS_US[name], node, cut=True)
         if cycles > MAX_DELAY:
             raise self.fail(
                 f"'{name}' takes at most {MAX_DELAY} cycles, these are {cycles}",

@@ -5,6 +5,9 @@ In: names and nodes. Out: typed expressions; whole cycles of a time.
 
 from __future__ import annotations
 
+import operator
+import re
+from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
@@ -16,7 +19,7 @@ from servogen.compiler.statements import Statements
 from servogen.compiler.tree import Assign, Binary, Deref, Expr, Num, Ref
 from servogen.errors import Place
 from servogen.pic.device import register_bits, registers
-from servogen.units import Clock
+from servogen.units import Clock, Cycles
 
 
 class ChipAccess(Statements):
@@ -62,27 +65,60 @@ class ChipAccess(Statements):
         assert isinstance(work, IntType)
         return Binary("<<", Num(1, work, place), bit, work, place)
 
-    def delay_cycles(self, us: Fraction, node: Any) -> int:
-        """Whole cycles of a time; warns when it is rounded."""
+    def delay_cycles(self, us: Fraction, node: Any, *, cut: bool = False) -> int:
+        """Whole cycles of a time, the nearest or what is left when the rest is cut off; warns of both."""
         if self.clock is None:
             raise self.fail(
                 "the clock frequency is not known",
                 node,
                 hint="say '#pragma CLOCK_FREQ 4000000', '#define _XTAL_FREQ 4000000' or --clock-hz",
             )
-        rounded = self.clock.round_us(us)
-        if not rounded.exact:
+        cycles = Cycles(us // self.clock.cycle_us) if cut else self.clock.round_us(us).cycles
+        achieved = self.clock.us(cycles)
+        if achieved != us:
             self.reporter.warn(
                 f"{_decimal(us)} µs is not a whole number of cycles at {self.clock.hz} Hz: "
-                f"{rounded.cycles} cycles are {_decimal(rounded.achieved_us)} µs",
+                f"{cycles} cycles are {_decimal(achieved)} µs",
                 self.place(node),
             )
-        return rounded.cycles
+        return cycles
 
-    def constant_us(self, node: Any) -> Fraction | None:
-        """A constant argument of a delay; fractions are allowed in XC8."""
+    def constant_us(self, node: Any, *, fractions: bool = False) -> Fraction | None:
+        """A constant argument of a delay; with `fractions` also one that is made of floating constants."""
+        exact = self._fraction(node) if fractions else None
+        if exact is not None:
+            return exact
         expr = self.rvalue(self.expr(node))
         return Fraction(expr.value) if isinstance(expr, Num) else None
+
+    def _fraction(self, node: Any) -> Fraction | None:
+        """The exact value of `2.5` or `2.5 * 3`; None where there is no floating constant, or no value."""
+        match node:
+            case c_ast.Constant(type="float" | "double" | "long double", value=text):
+                return Fraction(text.rstrip("fFlL")) if _SHORT_FLOAT.fullmatch(text) else None
+            case c_ast.UnaryOp(op="+" | "-", expr=inner):
+                value = self._fraction(inner)
+                return -value if value is not None and node.op == "-" else value
+            case c_ast.BinaryOp(op="+" | "-" | "*" | "/"):
+                left, right = self._fraction(node.left), self._fraction(node.right)
+                if left is None and right is None:
+                    return None  # integers follow the rules of integers
+                left = self.constant_us(node.left) if left is None else left
+                right = self.constant_us(node.right) if right is None else right
+                if left is None or right is None or (node.op == "/" and right == 0):
+                    return None
+                return _ARITHMETIC[node.op](left, right)
+        return None
+
+
+_SHORT_FLOAT = re.compile(r"[\d.]{1,30}([eE][+-]?\d{1,2})?[fFlL]?")
+"""Numbers beyond this are no times."""
+_ARITHMETIC: dict[str, Callable[[Fraction, Fraction], Fraction]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+}
 
 
 def _decimal(value: Fraction) -> str:

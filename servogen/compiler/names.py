@@ -78,6 +78,10 @@ class Names(Base):
             if len(values) != 1:
                 raise self.fail("a character constant holds one character", node)
             return self.number(values[0], self.int_type, place)
+        if node.type in ("float", "double", "long double"):
+            raise self.fail(
+                f"'{node.value}': this compiler has no floating point", node, hint="use scaled integers"
+            )
         match = re.fullmatch(r"(0[xX][0-9a-fA-F]+|[0-9]+)([uUlL]*)", node.value)
         assert match is not None  # the parser has refused other numbers
         digits = match[1]

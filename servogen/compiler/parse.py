@@ -170,10 +170,7 @@ def _token(token: PToken, reporter: Reporter) -> c_lexer.Token:
                 reporter.error(f"'{text}' is not a number: octal digits are 0 to 7", token.place)
                 text = "0"
         elif re.fullmatch(r"(\d+\.\d*|\.\d+|\d+)([eE][+-]?\d+)?[fFlL]?", text):
-            reporter.error(
-                f"'{text}': this compiler has no floating point", token.place, hint="use scaled integers"
-            )
-            kind, text = "INT_CONST_DEC", "0"
+            kind = "FLOAT_CONST"
         elif text[0].isdigit():
             reporter.error(f"'{text}' is not a number", token.place)
             kind, text = "INT_CONST_DEC", "0"
