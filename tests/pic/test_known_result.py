@@ -14,21 +14,6 @@ WITH_F = [
     *("ADDWF", "ANDWF", "COMF", "DECF", "DECFSZ", "INCF", "INCFSZ", "IORWF", "MOVF"),
     *("RLF", "RRF", "SUBWF", "SWAPF", "XORWF"),
 ]
-    "ADDWF",
-    "ANDWF",
-    "COMF",
-    "DECF",
-    "DECFSZ",
-    "INCF",
-    "INCFSZ",
-    "IORWF",
-    "MOVF",
-    "RLF",
-    "RRF",
-    "SUBWF",
-    "SWAPF",
-    "XORWF",
-]
 WITH_K = ["ADDLW", "ANDLW", "IORLW", "MOVLW", "SUBLW", "XORLW"]
 CARRY = frozenset(["ADDWF", "SUBWF", "ADDLW", "SUBLW", "RLF", "RRF"])
 
