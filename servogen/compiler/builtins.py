@@ -35,6 +35,9 @@ from servogen.errors import Place
 from servogen.pic.device import CONFIG_ADDRESS, EEPROM_BYTES
 from servogen.pic.isa import WORD_MASK
 
+EEPROM_DATA_VALUES = 8
+"""What one `__EEPROM_DATA` holds (XC8 User's Guide, library functions)."""
+
 
 class Builtins(ChipAccess):
     """Adds the built-in functions, and what files as a whole say."""
@@ -69,9 +72,14 @@ class Builtins(ChipAccess):
         """What declarations said by their names: EEPROM data, configuration words."""
         for symbol in [each for each in self.program.symbols if each.name.startswith(EEPROM_NAME)]:
             self.program.symbols.remove(symbol)
-            for offset, value in (symbol.initial or {}).items():
+            if symbol.type.size != EEPROM_DATA_VALUES:
+                self.reporter.error(
+                    f"__EEPROM_DATA takes {EEPROM_DATA_VALUES} values, not {symbol.type.size}",
+                    symbol.place,
+                    hint="fill the rest with 0",
+                )
+            for value in (symbol.initial or {}).values():
                 at = len(self.program.eeprom)
-                del offset
                 if at >= EEPROM_BYTES:
                     self.reporter.error(f"__EEPROM_DATA gives more than {EEPROM_BYTES} bytes", symbol.place)
                     break

@@ -60,7 +60,7 @@ class Reporter:
         self._lines: dict[str, list[str]] = {}
         self._found: dict[Diagnostic, None] = {}
         self.lost: set[str] = set()
-        """Names whose declarations have syntax errors: that they are missing is no error of its own."""
+        """Names whose declarations have errors: that they are missing is no error of its own."""
 
     def add_source(self, file: str, text: str) -> None:
         self.texts[file] = text

@@ -191,7 +191,8 @@ def analyse(
                 elif isinstance(unit, c_ast.StaticAssert):
                     analysis.static_assertion(unit)
             except Fatal:
-                continue
+                declared = unit.decl if isinstance(unit, c_ast.FuncDef) else unit
+                reporter.lost.update(filter(None, [getattr(declared, "name", None)]))
         analysis.file_assembly(rewritten, settings)
     for function, unit, scopes in bodies:
         analysis.scopes = scopes

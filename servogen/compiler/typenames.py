@@ -164,7 +164,9 @@ class TypeNames(Expressions):
                 width, is_field = 1, True
             if is_field:
                 if not isinstance(kind, IntType) or not 0 <= width <= 8:
-                    raise self.fail("a bit-field has 1 to 8 bits of an integer type", decl)
+                    # the structure is read to its end, so that its members are known
+                    self.reporter.error("a bit-field has 1 to 8 bits of an integer type", self.place(decl))
+                    kind, width = U8, 8
                 if width == 0 or bit + width > 8:
                     offset, bit = offset + (bit > 0), 0
                 if width == 0:
