@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import pytest
 
 from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
 from servogen.edges import PINS
 from servogen.pic.device import device
 from servogen.simulator import Machine
+from servogen.simulator.sources import Serial
+from servogen.simulator.stimulus import Stimuli
 from servogen.units import Clock
 
 EMPTY = "void main(void) { }"
@@ -162,3 +166,29 @@ def test_true_rs232_0_turns_every_level_over() -> None:
     assert [level for _, level in sent[0]] == [1 - level for _, level in sent[1]]
     assert sent[0][0][1] == 0
     assert len(sent[0]) > 4
+
+
+HEARD = """
+#pragma CLOCK_FREQ 4000000
+#pragma RS232_RXPORT PORTB
+#pragma RS232_RXPIN 0
+#pragma RS232_BAUD 9600
+#pragma TRUE_RS232 {true}
+char c[3];
+void main(void) {{ char i; for (i = 0; i < 3; i++) c[i] = getchar(); }}
+"""
+
+
+@pytest.mark.parametrize("error", [Fraction(0), Fraction(2, 100), Fraction(-2, 100)])
+@pytest.mark.parametrize("true", [0, 1])
+def test_getchar_hears_a_line_of_either_level(true: int, error: Fraction) -> None:
+    found = build(HEARD.format(true=true))
+    assert found.clock is not None
+    sent = b"\x55\x01\xe7"
+    address = next(address for address, name, _ in found.listing.variables if name == "c")
+    for inverted in (False, True):
+        line = Serial(PINS.index("RB0"), sent, Fraction(9600), 500, error, inverted, gap=300)
+        machine = Machine(found.image, found.clock, stimulus=Stimuli((line,)))
+        machine.run(5000)
+        heard = bytes(machine.state().ram[address - 0x0C :][:3])
+        assert (heard == sent) is (inverted is (true == 0))
