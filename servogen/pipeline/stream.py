@@ -44,8 +44,12 @@ def _idle(job: Job, schedule: PulseSchedule) -> JointTrajectory:
 
 def compiled(job: Job, streamed: Streaming, dialect: str) -> Firmware:
     """The firmware in `dialect`. Raises DoesNotFit where the chip is too small."""
+    return firmware(render_stream(streamed, dialect, job.device, job.name), job, dialect)
+
+
+def firmware(text: str, job: Job, dialect: str) -> Firmware:
+    """What the compiler makes of a stream's C. Raises DoesNotFit where the chip is too small."""
     file = f"main.{dialect}.c"
-    text = render_stream(streamed, dialect, job.device, job.name)
     try:
         made = compile_sources([Source(text, file)], Options(dialect=dialect, device=job.device))
     except CompileError as error:
@@ -53,4 +57,5 @@ def compiled(job: Job, streamed: Streaming, dialect: str) -> Firmware:
             f"{job.name}: planned, but more than the stream engine can hold: {error.message}",
             hint="fewer servos, or none on the other port",
         ) from error
-    return Firmware(dialect, file, text, made, Overheads())
+    overrun = next(address for address, name, _ in made.listing.variables if name == "due")
+    return Firmware(dialect, file, text, made, Overheads(), overrun=overrun)

@@ -17,9 +17,11 @@ from servogen.errors import InputError
 from servogen.job import load, loads
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
 from servogen.pipeline import build, prove, running
+from servogen.pipeline.build import Build, proven, report
 from servogen.pipeline.forever import prove_forever
-from servogen.pipeline.proof import board_of
+from servogen.pipeline.proof import board_of, checked_cycles
 from servogen.pipeline.stream import compiled
+from servogen.pipeline.stream import firmware as made_of
 from servogen.pulse.stream.chip import Chip, schedule, widths
 from servogen.pulse.stream.layout import Layout
 from servogen.pulse.stream.protocol import (
@@ -42,7 +44,7 @@ from tests.pipeline.stream_soak import JOBS, Firmware, check, firmware_of, line_
 NAMES = ("stream-arm", "stream-eight", "stream-fast")
 WDT_ON = 0x0004
 """WDTE, bit 2 of the configuration word (DS30430 register 8-1)."""
-CLRF = 0x0180
+ANDWF_F = 0x0580
 firmware = cache(stream_soak.firmware)
 
 
@@ -68,6 +70,7 @@ def pulses(chunk: EdgeChunk, pin: str) -> tuple[np.ndarray, np.ndarray]:
 def test_a_stream_job_is_proven_in_all_dialects_and_fits_the_chip(name: str) -> None:
     done = build(load(JOBS / f"{name}.toml"))
     assert done.engine == "stream" and done.proven
+    assert report(done).count("overrun: never") == len(done.programs)
     for program in done.programs:
         assert program.firmware.compilation.words <= PROGRAM_WORDS
         assert program.firmware.compilation.ram_bytes <= RAM_BYTES
@@ -397,7 +400,7 @@ def test_a_pulse_is_prepared_before_its_slot() -> None:
     listing = compiled(job, made.streamed, "c2c").compilation.listing
     due = next(address for address, name, _ in listing.variables if name == "due")
     main = next(each for each in listing.functions if each.name == "main")
-    clears = CLRF | due
+    clears = ANDWF_F | due
     line = line_of(made, 19)
     while line.now < 6_000_000:
         for _ in range(3):
@@ -436,6 +439,37 @@ def test_c_that_is_late_loses_pulses_but_makes_no_wrong_one() -> None:
         rises, lengths = pulses(chunk, channel.pin)
         assert 10 < len(rises) < 290
         assert set(lengths.tolist()) <= {1000, 1050, 1100}
+
+
+def slower(turns: int) -> Build:
+    """The arm's build with so many turns of 5 cycles more before each pulse, in one frame only: the 20th."""
+    done = build(load(JOBS / "stream-arm.toml"))
+    wait = [
+        *("movlw 20", "subwf _silence, W", "btfss STATUS, 2", "goto not_now"),
+        *(f"movlw {turns}", "movwf _sum_hi", "waste:", "goto $+1", "decfsz _sum_hi, F", "goto waste"),
+        "not_now:",
+    ]
+    lines = done.programs[0].firmware.text.splitlines(keepends=True)
+    first = 1 + next(n for n, line in enumerate(lines) if line.startswith("; The way from _next to _x"))
+    text = "".join([*lines[:first], *(f"{each}\n" for each in wait), *lines[first:]])
+    schedule = done.plan.schedule
+    made = made_of(text, done.job, "c2c")
+    return replace(done, programs=(proven(schedule, made, checked_cycles(schedule)),))
+
+
+def test_c_that_is_late_once_is_said_for_ever() -> None:
+    used = slower(50)
+    assert used.proven and "overrun: never" in report(used)
+    late = slower(255)
+    (program,) = late.programs
+    assert not program.verdict.proven and not program.proven and not late.proven
+    assert program.verdict.difference is not None and program.overrun is not None
+    # A slot of the 20th frame is empty; 30 frames and more later the bit is still there to be read.
+    period = late.plan.schedule.period
+    assert 18 * period < program.overrun < 23 * period
+    assert abs(program.overrun - program.verdict.difference.cycle) <= 2 * period
+    assert late.frames > 50
+    assert f"overrun: by cycle {program.overrun} after reset" in report(late)
 
 
 def test_what_sdcc_makes_of_it_is_exact_too(tmp_path: Path) -> None:
