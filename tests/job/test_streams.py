@@ -1,5 +1,6 @@
 """[stream] of a job: its defaults, the rates that go with a clock, pins that are free."""
 
+import re
 from fractions import Fraction
 
 import pytest
@@ -61,7 +62,33 @@ def test_other_rates_are_refused_with_the_arithmetic(baud: int, clock_hz: int) -
         bit_units(Stream(baud), Clock(clock_hz))
     bit = clock_hz / 4 / baud
     assert f"a bit is {bit:.1f} cycles" in found.value.message
-    assert f"half a bit is {bit / 2:.0f}" in found.value.message
+    assert f"half a bit is {bit / 2:.1f}" in found.value.message
+    numbers = re.search(
+        r"up to ([\d.]+) from its middle: (\d+) .* \+ ([\d.]+) for .* \+ ([\d.]+) for", str(found.value)
+    )
+    assert numbers
+    whole, *parts = (Fraction(each) for each in numbers.groups())
+    assert whole == sum(parts)
+    assert (
+        f"{float(parts[1]):.1f}" == f"{9 * abs(bit - 4 * round(bit / 4)):.1f}"
+        and f"{float(parts[2]):.1f}" == f"{0.19 * bit:.1f}"
+    )
+
+
+@pytest.mark.parametrize("mhz", [1, 2, 4, 8, 10, 12, 16, 20])
+def test_a_refusal_names_the_rates_that_the_clock_can_receive(mhz: int) -> None:
+    clock = Clock(mhz * 1_000_000)
+    with pytest.raises(InputError) as found:
+        bit_units(Stream(38_400), clock)
+    assert found.value.hint and found.value.hint.startswith("at this clock: ")
+    named = [int(each) for each in re.findall(r"\d+", found.value.hint)]
+    assert named
+    for baud in (300, 600, 1200, 2400, 4800, 9600, 19_200):
+        if baud in named:
+            bit_units(Stream(baud), clock)
+        else:
+            with pytest.raises(InputError):
+                bit_units(Stream(baud), clock)
 
 
 def test_a_rate_too_slow_for_the_receiver_s_byte_is_refused() -> None:

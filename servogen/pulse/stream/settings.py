@@ -39,31 +39,55 @@ class Stream:
     place: Place | None = None
 
 
+USUAL = (300, 600, 1200, 2400, 4800, 9600, 14_400, 19_200, 38_400)
+"""Rates that are named where another is refused."""
+
+
 def bit_units(stream: Stream, clock: Clock) -> int:
     """A bit in units of 4 cycles, rounded. Raises InputError where the line cannot be received.
 
     A bit is looked at in its middle, give or take half the time between two looks, for the start bit as for
-    itself; until the stop bit a sender that is 2 % off has drifted by 0.19 bits. Together it must stay below
-    half a bit.
+    itself; until the stop bit the rounding to units has come nine times, and a sender that is 2 % off has
+    drifted by 0.19 bits. Together it must stay below half a bit.
     """
     bit = clock.cycles_per_second / stream.baud
-    units = round(bit / UNIT)
-    rounding = abs(units * UNIT - bit) * (BITS - 1)
-    drift = bit * BAUD_ERROR * (2 * BITS - 1) / 2
-    worst = SAMPLE_GAP + rounding + drift
-    if worst >= bit / 2:
+    units, rounding, drift = _off(bit)
+    if SAMPLE_GAP + rounding + drift >= bit / 2:
+        parts = round(rounding, 1), round(drift, 1)
         raise InputError(
             f"{stream.baud} baud at {clock.hz} Hz: a bit is {float(bit):.1f} cycles, it is looked at up to "
-            f"{float(worst):.0f} from its middle ({SAMPLE_GAP} between two looks, {float(drift):.0f} for a "
-            f"sender 2 % off), and half a bit is {float(bit / 2):.0f}",
+            f"{float(SAMPLE_GAP + sum(parts)):.1f} from its middle: {SAMPLE_GAP} between two looks + "
+            f"{float(parts[0]):.1f} for bits of {units * UNIT} cycles + {float(parts[1]):.1f} for a sender "
+            f"{float(100 * BAUD_ERROR):g} % off; half a bit is {float(bit / 2):.1f}",
             stream.place,
-            "2400 baud from 4 MHz on, 4800 from 8 MHz on, 9600 from 16 MHz on",
+            _rates(clock),
         )
     if units > MOST_UNITS:
         raise InputError(
             f"{stream.baud} baud at {clock.hz} Hz: a bit is {float(bit):.1f} cycles, the receiver counts "
             f"{MOST_UNITS * UNIT} at most",
             stream.place,
-            "a higher rate, or a slower clock",
+            _rates(clock),
         )
     return units
+
+
+def _off(bit: Fraction) -> tuple[int, Fraction, Fraction]:
+    """A bit's units; how far rounding and the sender's error move the stop bit, in cycles."""
+    units = round(bit / UNIT)
+    return units, abs(units * UNIT - bit) * (BITS - 1), bit * BAUD_ERROR * (2 * BITS - 1) / 2
+
+
+def _rates(clock: Clock) -> str:
+    """The usual rates that this clock can receive."""
+    found = []
+    for baud in USUAL:
+        bit = clock.cycles_per_second / baud
+        units, rounding, drift = _off(bit)
+        if SAMPLE_GAP + rounding + drift < bit / 2 and units <= MOST_UNITS:
+            found.append(str(baud))
+    return (
+        f"at this clock: {', '.join(found)} baud"
+        if found
+        else "no usual rate goes with this clock: take another"
+    )
