@@ -14,6 +14,7 @@ from typing import Any
 
 from pcpp.preprocessor import Action, OutputDirective, Preprocessor
 
+from servogen.compiler.asm_macros import assembly_macros, plain_numbers
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.rawtext import AsmBlock, rewrite
 from servogen.errors import Place
@@ -114,6 +115,14 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         yield from self.parsegen(self.prepare(found[1], found[0]), found[0], found[0])
         self.depth -= 1
 
+    def value(self, name: str) -> str | None:
+        """What an object-like macro stands for at this place, as assembly writes it."""
+        macro = self.macros.get(name)
+        if macro is None or macro.arglist is not None:
+            return None
+        expanded = self.expand_macros([copy.copy(tok) for tok in macro.value])
+        return plain_numbers("".join(tok.value for tok in expanded).strip())
+
     def prepare(self, text: str, file: str) -> str:
         """Register a source text; returns it as the lexer must see it."""
         text = text.replace("\r\n", "\n").replace("\r", "\n")
@@ -145,6 +154,7 @@ def preprocess(
     tokens: list[PToken] = []
     try:
         stream = pcpp.parsegen(pcpp.prepare(text, file), file, file)
+        stream = assembly_macros(stream, blocks, pcpp.value)
         tokens = list(_placed(stream, reporter, pcpp.starts))
     except (IndexError, AttributeError, ValueError, TypeError, StopIteration, RuntimeError, RecursionError):
         # pcpp trips over malformed directives (an #if or #define without operands) in these ways.
