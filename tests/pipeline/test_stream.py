@@ -15,7 +15,7 @@ from servogen.csource import render_stream
 from servogen.edges import HIGH, LOW, PINS, Driven, EdgeChunk, EdgeTrace, join, part
 from servogen.errors import InputError
 from servogen.job import load, loads
-from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
+from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, RAM_FIRST
 from servogen.pipeline import build, prove, running
 from servogen.pipeline.build import Build, proven, report
 from servogen.pipeline.forever import prove_forever
@@ -441,17 +441,47 @@ def test_c_that_is_late_loses_pulses_but_makes_no_wrong_one() -> None:
         assert set(lengths.tolist()) <= {1000, 1050, 1100}
 
 
+def waste(turns: int) -> tuple[str, ...]:
+    """1 + 5 * turns cycles."""
+    return (f"movlw {turns}", "movwf _sum_hi", "waste:", "goto $+1", "decfsz _sum_hi, F", "goto waste")
+
+
+def before_each_pulse(text: str, *code: str) -> str:
+    """A stream's C that also does this where it prepares a pulse."""
+    lines = text.splitlines(keepends=True)
+    first = 1 + next(n for n, line in enumerate(lines) if line.startswith("; The way from _next to _x"))
+    return "".join([*lines[:first], *(f"{each}\n" for each in code), *lines[first:]])
+
+
+@pytest.mark.parametrize(("name", "turns"), [("stream-eight", 9), ("stream-arm", 60), ("stream-fast", 200)])
+def test_a_pulse_could_take_the_c_longer_and_be_in_time(name: str, turns: int) -> None:
+    # Long ways in few frames, all servos at once, on a line that is never silent for long; then far too slow.
+    text = (JOBS / f"{name}.toml").read_text().replace('"off"', '"neutral"\nsilence_s = 0.12')
+    job = loads(text, "job.toml")
+    made = firmware_of(job)
+    plan, line = made.streamed.plan.schedule, line_of(made, 19)
+    while line.now < 5 * job.clock.cycles_per_second:
+        line.send(group_begins())
+        for servo in range(len(plan.channels)):
+            line.send(position_command(servo, line.dice.choice((0, MOST, line.dice.randint(0, MOST)))))
+        line.send(group_goes(line.dice.randint(1, 3)))
+        line.seconds(line.dice.random() * 0.2)
+    late = []
+    for more in (waste(turns), waste(255) + tuple(each.replace("waste", "again") for each in waste(255))):
+        slow = made_of(before_each_pulse(compiled(job, made.streamed, "c2c").text, *more), job, "c2c")
+        machine = Machine(slow.compilation.image, plan.clock, board_of(plan), Stimuli([line]))
+        for _ in machine.stream(int(line.now)):
+            pass
+        assert slow.overrun is not None
+        late.append(machine.state().ram[slow.overrun - RAM_FIRST] & 1)
+    assert late == [0, 1]
+
+
 def slower(turns: int) -> Build:
     """The arm's build with so many turns of 5 cycles more before each pulse, in one frame only: the 20th."""
     done = build(load(JOBS / "stream-arm.toml"))
-    wait = [
-        *("movlw 20", "subwf _silence, W", "btfss STATUS, 2", "goto not_now"),
-        *(f"movlw {turns}", "movwf _sum_hi", "waste:", "goto $+1", "decfsz _sum_hi, F", "goto waste"),
-        "not_now:",
-    ]
-    lines = done.programs[0].firmware.text.splitlines(keepends=True)
-    first = 1 + next(n for n, line in enumerate(lines) if line.startswith("; The way from _next to _x"))
-    text = "".join([*lines[:first], *(f"{each}\n" for each in wait), *lines[first:]])
+    only = ("movlw 20", "subwf _silence, W", "btfss STATUS, 2", "goto not_now")
+    text = before_each_pulse(done.programs[0].firmware.text, *only, *waste(turns), "not_now:")
     schedule = done.plan.schedule
     made = made_of(text, done.job, "c2c")
     return replace(done, programs=(proven(schedule, made, checked_cycles(schedule)),))
