@@ -5,7 +5,8 @@
  * RB0  arm: 1167, 1500, 1667 us
  *
  * A frame takes 20000 us, an instruction cycle 1 us. Each delay is shorter than
- * the time in its comment by the cycles of the statements around it.
+ * the time in its comment by the cycles of the statements around it. The watchdog is off; where somebody
+ * leaves it on, each frame feeds it.
  */
 #pragma CLOCK_FREQ 4000000
 
@@ -16,10 +17,11 @@ void position_1(unsigned char frames)
         PORTB = 0x01;   /* arm high for 1167 us */
         delay_ms(1); delay_10us(16); delay_us(6);
         PORTB = 0x00;   /* arm low */
+        clear_wdt();
         delay_ms(18); delay_10us(76); delay_us(9);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(7);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
     }
 }
 
@@ -30,10 +32,11 @@ void position_2(unsigned char frames)
         PORTB = 0x01;   /* arm high for 1500 us */
         delay_ms(1); delay_10us(49); delay_us(9);
         PORTB = 0x00;   /* arm low */
+        clear_wdt();
         delay_ms(18); delay_10us(43); delay_us(6);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(7);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
     }
 }
 
@@ -44,10 +47,11 @@ void position_3(unsigned char frames)
         PORTB = 0x01;   /* arm high for 1667 us */
         delay_ms(1); delay_10us(66); delay_us(6);
         PORTB = 0x00;   /* arm low */
+        clear_wdt();
         delay_ms(18); delay_10us(26); delay_us(9);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(7);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
     }
 }
 
@@ -63,14 +67,14 @@ void main(void)
 
         /* arm 1167 us, for 2 s */
         position_1(100);
-        delay_10us(5); delay_us(4);
+        delay_10us(5); delay_us(3);
 
         /* arm 1500 us, for 5 s */
         position_2(250);
-        delay_10us(5); delay_us(4);
+        delay_10us(5); delay_us(3);
 
         /* arm 1667 us, for 3 s */
         position_3(150);
-        delay_10us(5); delay_us(2);
+        delay_10us(5); delay_us(1);
     }
 }

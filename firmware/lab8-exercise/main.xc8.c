@@ -5,7 +5,8 @@
  * RB0  arm: 1167, 1500, 1667 us
  *
  * A frame takes 20000 us, an instruction cycle 1 us. Each delay is shorter than
- * the time in its comment by the cycles of the statements around it.
+ * the time in its comment by the cycles of the statements around it. The watchdog is off; where somebody
+ * leaves it on, each frame feeds it.
  */
 #include <xc.h>
 
@@ -19,10 +20,11 @@ void position_1(unsigned char frames)
         PORTB = 0x01;   /* arm high for 1167 us */
         _delay(1166);
         PORTB = 0x00;   /* arm low */
+        CLRWDT();
         _delay(18769);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(57);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the way from one position to the next */
     }
 }
 
@@ -33,10 +35,11 @@ void position_2(unsigned char frames)
         PORTB = 0x01;   /* arm high for 1500 us */
         _delay(1499);
         PORTB = 0x00;   /* arm low */
+        CLRWDT();
         _delay(18436);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(57);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the way from one position to the next */
     }
 }
 
@@ -47,10 +50,11 @@ void position_3(unsigned char frames)
         PORTB = 0x01;   /* arm high for 1667 us */
         _delay(1666);
         PORTB = 0x00;   /* arm low */
+        CLRWDT();
         _delay(18269);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(57);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the way from one position to the next */
     }
 }
 
@@ -64,14 +68,14 @@ void main(void)
 
         /* arm 1167 us, for 2 s */
         position_1(100);
-        _delay(54);
+        _delay(53);
 
         /* arm 1500 us, for 5 s */
         position_2(250);
-        _delay(54);
+        _delay(53);
 
         /* arm 1667 us, for 3 s */
         position_3(150);
-        _delay(52);
+        _delay(51);
     }
 }

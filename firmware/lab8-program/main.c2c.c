@@ -5,7 +5,8 @@
  * RB0  arm: 1000, 2000 us
  *
  * A frame takes 20000 us, an instruction cycle 1 us. Each delay is shorter than
- * the time in its comment by the cycles of the statements around it.
+ * the time in its comment by the cycles of the statements around it. The watchdog is off; where somebody
+ * leaves it on, each frame feeds it.
  */
 #pragma CLOCK_FREQ 4000000
 
@@ -16,10 +17,11 @@ void position_1(unsigned char frames)
         PORTB = 0x01;   /* arm high for 1000 us */
         delay_10us(99); delay_us(9);
         PORTB = 0x00;   /* arm low */
+        clear_wdt();
         delay_ms(18); delay_10us(93); delay_us(6);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(7);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
     }
 }
 
@@ -30,10 +32,11 @@ void position_2(unsigned char frames)
         PORTB = 0x01;   /* arm high for 2000 us */
         delay_ms(1); delay_10us(99); delay_us(9);
         PORTB = 0x00;   /* arm low */
+        clear_wdt();
         delay_ms(17); delay_10us(93); delay_us(6);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(7);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
     }
 }
 
@@ -49,14 +52,14 @@ void main(void)
 
         /* arm 1000 us, for 2 s */
         position_1(100);
-        delay_10us(5); delay_us(4);
+        delay_10us(5); delay_us(3);
 
         /* 5 s without pulses */
         delay_s(5);
 
         /* arm 2000 us, for 2 s */
         position_2(100);
-        delay_10us(5); delay_us(2);
+        delay_10us(5); delay_us(1);
 
         /* 5 s without pulses */
         delay_s(5);

@@ -5,7 +5,8 @@
  * RB0  arm: 1000, 2000 us
  *
  * A frame takes 20000 us, an instruction cycle 1 us. Each delay is shorter than
- * the time in its comment by the cycles of the statements around it.
+ * the time in its comment by the cycles of the statements around it. The watchdog is off; where somebody
+ * leaves it on, each frame feeds it.
  */
 #include <xc.h>
 
@@ -19,10 +20,11 @@ void position_1(unsigned char frames)
         PORTB = 0x01;   /* arm high for 1000 us */
         _delay(999);
         PORTB = 0x00;   /* arm low */
+        CLRWDT();
         _delay(18936);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(57);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the way from one position to the next */
     }
 }
 
@@ -33,10 +35,11 @@ void position_2(unsigned char frames)
         PORTB = 0x01;   /* arm high for 2000 us */
         _delay(1999);
         PORTB = 0x00;   /* arm low */
+        CLRWDT();
         _delay(17936);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(57);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the way from one position to the next */
     }
 }
 
@@ -50,14 +53,14 @@ void main(void)
 
         /* arm 1000 us, for 2 s */
         position_1(100);
-        _delay(54);
+        _delay(53);
 
         /* 5 s without pulses */
         _delay(5000000);
 
         /* arm 2000 us, for 2 s */
         position_2(100);
-        _delay(52);
+        _delay(51);
 
         /* 5 s without pulses */
         _delay(5000000);

@@ -6,7 +6,8 @@
  * RB1  horizontal: 1437, 1450, 1462, 1475, 1487, 1500, 1513, 1525, 1538, 1550, 1563 us
  *
  * A frame takes 20000 us, an instruction cycle 1 us. Each delay is shorter than
- * the time in its comment by the cycles of the statements around it.
+ * the time in its comment by the cycles of the statements around it. The watchdog is off; where somebody
+ * leaves it on, each frame feeds it.
  */
 #pragma CLOCK_FREQ 4000000
 
@@ -21,10 +22,11 @@ void position_1(unsigned char frames)
         PORTB = 0x02;   /* horizontal high for 1437 us */
         delay_ms(1); delay_10us(43); delay_us(6);
         PORTB = 0x00;   /* horizontal low */
+        clear_wdt();
         delay_ms(16); delay_10us(49); delay_us(9);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(7);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
     }
 }
 
@@ -39,10 +41,11 @@ void position_2(unsigned char frames)
         PORTB = 0x02;   /* horizontal high for 1563 us */
         delay_ms(1); delay_10us(56); delay_us(2);
         PORTB = 0x00;   /* horizontal low */
+        clear_wdt();
         delay_ms(16); delay_10us(37); delay_us(3);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(7);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
     }
 }
 
@@ -57,10 +60,11 @@ void position_3(unsigned char frames)
         PORTB = 0x02;   /* horizontal high for 1563 us */
         delay_ms(1); delay_10us(56); delay_us(2);
         PORTB = 0x00;   /* horizontal low */
+        clear_wdt();
         delay_ms(16); delay_10us(37); delay_us(3);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(7);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
     }
 }
 
@@ -75,10 +79,11 @@ void position_4(unsigned char frames)
         PORTB = 0x02;   /* horizontal high for 1437 us */
         delay_ms(1); delay_10us(43); delay_us(6);
         PORTB = 0x00;   /* horizontal low */
+        clear_wdt();
         delay_ms(16); delay_10us(49); delay_us(9);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(7);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
     }
 }
 
@@ -94,7 +99,7 @@ void main(void)
 
         /* vertical 1500 us, horizontal 1437 us, for 0.1 s */
         position_1(5);
-        delay_10us(5); delay_us(8);
+        delay_10us(5); delay_us(7);
 
         /* vertical 1500 us, horizontal 1450 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -104,7 +109,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1450 us */
         delay_ms(1); delay_10us(44); delay_us(9);
         PORTB = 0x00;   /* horizontal low */
-        delay_ms(16); delay_10us(54); delay_us(8);
+        clear_wdt();
+        delay_ms(16); delay_10us(54); delay_us(7);
 
         /* vertical 1500 us, horizontal 1462 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -114,7 +120,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1462 us */
         delay_ms(1); delay_10us(46); delay_us(1);
         PORTB = 0x00;   /* horizontal low */
-        delay_ms(16); delay_10us(53); delay_us(6);
+        clear_wdt();
+        delay_ms(16); delay_10us(53); delay_us(5);
 
         /* vertical 1500 us, horizontal 1475 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -124,7 +131,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1475 us */
         delay_ms(1); delay_10us(47); delay_us(4);
         PORTB = 0x00;   /* horizontal low */
-        delay_ms(16); delay_10us(52); delay_us(3);
+        clear_wdt();
+        delay_ms(16); delay_10us(52); delay_us(2);
 
         /* vertical 1500 us, horizontal 1487 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -134,7 +142,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1487 us */
         delay_ms(1); delay_10us(48); delay_us(6);
         PORTB = 0x00;   /* horizontal low */
-        delay_ms(16); delay_10us(51); delay_us(1);
+        clear_wdt();
+        delay_ms(16); delay_10us(51);
 
         /* vertical 1500 us, horizontal 1500 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -144,7 +153,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1500 us */
         delay_ms(1); delay_10us(49); delay_us(9);
         PORTB = 0x00;   /* horizontal low */
-        delay_ms(16); delay_10us(49); delay_us(8);
+        clear_wdt();
+        delay_ms(16); delay_10us(49); delay_us(7);
 
         /* vertical 1500 us, horizontal 1513 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -154,7 +164,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1513 us */
         delay_ms(1); delay_10us(51); delay_us(2);
         PORTB = 0x00;   /* horizontal low */
-        delay_ms(16); delay_10us(48); delay_us(5);
+        clear_wdt();
+        delay_ms(16); delay_10us(48); delay_us(4);
 
         /* vertical 1500 us, horizontal 1525 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -164,7 +175,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1525 us */
         delay_ms(1); delay_10us(52); delay_us(4);
         PORTB = 0x00;   /* horizontal low */
-        delay_ms(16); delay_10us(47); delay_us(3);
+        clear_wdt();
+        delay_ms(16); delay_10us(47); delay_us(2);
 
         /* vertical 1500 us, horizontal 1538 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -174,7 +186,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1538 us */
         delay_ms(1); delay_10us(53); delay_us(7);
         PORTB = 0x00;   /* horizontal low */
-        delay_ms(16); delay_10us(46);
+        clear_wdt();
+        delay_ms(16); delay_10us(45); delay_us(9);
 
         /* vertical 1500 us, horizontal 1550 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -184,18 +197,19 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1550 us */
         delay_ms(1); delay_10us(54); delay_us(9);
         PORTB = 0x00;   /* horizontal low */
-        delay_ms(16); delay_10us(44); delay_us(4);
+        clear_wdt();
+        delay_ms(16); delay_10us(44); delay_us(3);
 
         /* vertical 1500 us, horizontal 1563 us, for 0.12 s */
         position_2(6);
-        delay_10us(5); delay_us(4);
+        delay_10us(5); delay_us(3);
 
         /* vertical 1602 us, horizontal 1563 us, for 0.1 s */
         position_3(5);
-        delay_10us(5); delay_us(4);
+        delay_10us(5); delay_us(3);
 
         /* vertical 1602 us, horizontal 1437 us, for 0.1 s */
         position_4(5);
-        delay_10us(5); delay_us(2);
+        delay_10us(5); delay_us(1);
     }
 }

@@ -6,7 +6,8 @@
  * RB1  horizontal: 1437, 1450, 1462, 1475, 1487, 1500, 1513, 1525, 1538, 1550, 1563 us
  *
  * A frame takes 20000 us, an instruction cycle 1 us. Each delay is shorter than
- * the time in its comment by the cycles of the statements around it.
+ * the time in its comment by the cycles of the statements around it. The watchdog is off; where somebody
+ * leaves it on, each frame feeds it.
  */
 #include <xc.h>
 
@@ -24,10 +25,11 @@ void position_1(unsigned char frames)
         PORTB = 0x02;   /* horizontal high for 1437 us */
         _delay(1436);
         PORTB = 0x00;   /* horizontal low */
+        CLRWDT();
         _delay(16499);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(57);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the way from one position to the next */
     }
 }
 
@@ -42,10 +44,11 @@ void position_2(unsigned char frames)
         PORTB = 0x02;   /* horizontal high for 1563 us */
         _delay(1562);
         PORTB = 0x00;   /* horizontal low */
+        CLRWDT();
         _delay(16373);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(57);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the way from one position to the next */
     }
 }
 
@@ -60,10 +63,11 @@ void position_3(unsigned char frames)
         PORTB = 0x02;   /* horizontal high for 1563 us */
         _delay(1562);
         PORTB = 0x00;   /* horizontal low */
+        CLRWDT();
         _delay(16373);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(57);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the way from one position to the next */
     }
 }
 
@@ -78,10 +82,11 @@ void position_4(unsigned char frames)
         PORTB = 0x02;   /* horizontal high for 1437 us */
         _delay(1436);
         PORTB = 0x00;   /* horizontal low */
+        CLRWDT();
         _delay(16499);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(57);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the way from one position to the next */
     }
 }
 
@@ -95,7 +100,7 @@ void main(void)
 
         /* vertical 1500 us, horizontal 1437 us, for 0.1 s */
         position_1(5);
-        _delay(58);
+        _delay(57);
 
         /* vertical 1500 us, horizontal 1450 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -105,7 +110,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1450 us */
         _delay(1449);
         PORTB = 0x00;   /* horizontal low */
-        _delay(16548);
+        CLRWDT();
+        _delay(16547);
 
         /* vertical 1500 us, horizontal 1462 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -115,7 +121,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1462 us */
         _delay(1461);
         PORTB = 0x00;   /* horizontal low */
-        _delay(16536);
+        CLRWDT();
+        _delay(16535);
 
         /* vertical 1500 us, horizontal 1475 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -125,7 +132,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1475 us */
         _delay(1474);
         PORTB = 0x00;   /* horizontal low */
-        _delay(16523);
+        CLRWDT();
+        _delay(16522);
 
         /* vertical 1500 us, horizontal 1487 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -135,7 +143,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1487 us */
         _delay(1486);
         PORTB = 0x00;   /* horizontal low */
-        _delay(16511);
+        CLRWDT();
+        _delay(16510);
 
         /* vertical 1500 us, horizontal 1500 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -145,7 +154,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1500 us */
         _delay(1499);
         PORTB = 0x00;   /* horizontal low */
-        _delay(16498);
+        CLRWDT();
+        _delay(16497);
 
         /* vertical 1500 us, horizontal 1513 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -155,7 +165,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1513 us */
         _delay(1512);
         PORTB = 0x00;   /* horizontal low */
-        _delay(16485);
+        CLRWDT();
+        _delay(16484);
 
         /* vertical 1500 us, horizontal 1525 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -165,7 +176,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1525 us */
         _delay(1524);
         PORTB = 0x00;   /* horizontal low */
-        _delay(16473);
+        CLRWDT();
+        _delay(16472);
 
         /* vertical 1500 us, horizontal 1538 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -175,7 +187,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1538 us */
         _delay(1537);
         PORTB = 0x00;   /* horizontal low */
-        _delay(16460);
+        CLRWDT();
+        _delay(16459);
 
         /* vertical 1500 us, horizontal 1550 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -185,18 +198,19 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1550 us */
         _delay(1549);
         PORTB = 0x00;   /* horizontal low */
-        _delay(16444);
+        CLRWDT();
+        _delay(16443);
 
         /* vertical 1500 us, horizontal 1563 us, for 0.12 s */
         position_2(6);
-        _delay(54);
+        _delay(53);
 
         /* vertical 1602 us, horizontal 1563 us, for 0.1 s */
         position_3(5);
-        _delay(54);
+        _delay(53);
 
         /* vertical 1602 us, horizontal 1437 us, for 0.1 s */
         position_4(5);
-        _delay(52);
+        _delay(51);
     }
 }

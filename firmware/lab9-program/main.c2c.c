@@ -6,7 +6,8 @@
  * RB1  horizontal: 1250 us
  *
  * A frame takes 20000 us, an instruction cycle 1 us. Each delay is shorter than
- * the time in its comment by the cycles of the statements around it.
+ * the time in its comment by the cycles of the statements around it. The watchdog is off; where somebody
+ * leaves it on, each frame feeds it.
  */
 #pragma CLOCK_FREQ 4000000
 
@@ -21,10 +22,11 @@ void position_1(unsigned char frames)
         PORTB = 0x02;   /* horizontal high for 1250 us */
         delay_ms(1); delay_10us(24); delay_us(9);
         PORTB = 0x00;   /* horizontal low */
+        clear_wdt();
         delay_ms(16); delay_10us(68); delay_us(6);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(7);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
     }
 }
 
@@ -39,10 +41,11 @@ void position_2(unsigned char frames)
         PORTB = 0x02;   /* horizontal high for 1250 us */
         delay_ms(1); delay_10us(24); delay_us(9);
         PORTB = 0x00;   /* horizontal low */
+        clear_wdt();
         delay_ms(16); delay_10us(68); delay_us(6);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(7);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
     }
 }
 
@@ -58,10 +61,10 @@ void main(void)
 
         /* vertical 1500 us, horizontal 1250 us, for 0.4 s */
         position_1(20);
-        delay_10us(5); delay_us(4);
+        delay_10us(5); delay_us(3);
 
         /* vertical 1250 us, horizontal 1250 us, for 0.4 s */
         position_2(20);
-        delay_10us(5); delay_us(2);
+        delay_10us(5); delay_us(1);
     }
 }

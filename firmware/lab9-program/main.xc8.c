@@ -6,7 +6,8 @@
  * RB1  horizontal: 1250 us
  *
  * A frame takes 20000 us, an instruction cycle 1 us. Each delay is shorter than
- * the time in its comment by the cycles of the statements around it.
+ * the time in its comment by the cycles of the statements around it. The watchdog is off; where somebody
+ * leaves it on, each frame feeds it.
  */
 #include <xc.h>
 
@@ -24,10 +25,11 @@ void position_1(unsigned char frames)
         PORTB = 0x02;   /* horizontal high for 1250 us */
         _delay(1249);
         PORTB = 0x00;   /* horizontal low */
+        CLRWDT();
         _delay(16686);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(57);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the way from one position to the next */
     }
 }
 
@@ -42,10 +44,11 @@ void position_2(unsigned char frames)
         PORTB = 0x02;   /* horizontal high for 1250 us */
         _delay(1249);
         PORTB = 0x00;   /* horizontal low */
+        CLRWDT();
         _delay(16686);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(57);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the way from one position to the next */
     }
 }
 
@@ -59,10 +62,10 @@ void main(void)
 
         /* vertical 1500 us, horizontal 1250 us, for 0.4 s */
         position_1(20);
-        _delay(54);
+        _delay(53);
 
         /* vertical 1250 us, horizontal 1250 us, for 0.4 s */
         position_2(20);
-        _delay(52);
+        _delay(51);
     }
 }

@@ -7,7 +7,8 @@
  * RB2  wheel3: 1405, 1500, 1595 us
  *
  * A frame takes 20000 us, an instruction cycle 1 us. Each delay is shorter than
- * the time in its comment by the cycles of the statements around it.
+ * the time in its comment by the cycles of the statements around it. The watchdog is off; where somebody
+ * leaves it on, each frame feeds it.
  */
 #pragma CLOCK_FREQ 4000000
 
@@ -26,10 +27,11 @@ void position_1(unsigned char frames)
         PORTB = 0x04;   /* wheel3 high for 1500 us */
         delay_ms(1); delay_10us(49); delay_us(9);
         PORTB = 0x00;   /* wheel3 low */
+        clear_wdt();
         delay_ms(14); delay_10us(53); delay_us(6);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(7);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
     }
 }
 
@@ -48,10 +50,11 @@ void position_2(unsigned char frames)
         PORTB = 0x04;   /* wheel3 high for 1500 us */
         delay_ms(1); delay_10us(49); delay_us(9);
         PORTB = 0x00;   /* wheel3 low */
+        clear_wdt();
         delay_ms(14); delay_10us(53); delay_us(6);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(7);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
     }
 }
 
@@ -70,10 +73,11 @@ void position_3(unsigned char frames)
         PORTB = 0x04;   /* wheel3 high for 1595 us */
         delay_ms(1); delay_10us(59); delay_us(4);
         PORTB = 0x00;   /* wheel3 low */
+        clear_wdt();
         delay_ms(14); delay_10us(44); delay_us(1);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(7);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
     }
 }
 
@@ -92,10 +96,11 @@ void position_4(unsigned char frames)
         PORTB = 0x04;   /* wheel3 high for 1500 us */
         delay_ms(1); delay_10us(49); delay_us(9);
         PORTB = 0x00;   /* wheel3 low */
+        clear_wdt();
         delay_ms(14); delay_10us(53); delay_us(6);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(7);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
     }
 }
 
@@ -114,10 +119,11 @@ void position_5(unsigned char frames)
         PORTB = 0x04;   /* wheel3 high for 1405 us */
         delay_ms(1); delay_10us(40); delay_us(4);
         PORTB = 0x00;   /* wheel3 low */
+        clear_wdt();
         delay_ms(14); delay_10us(63); delay_us(1);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        delay_10us(5); delay_us(7);   /* as long as the way from one position to the next */
+        delay_10us(5); delay_us(6);   /* as long as the way from one position to the next */
     }
 }
 
@@ -133,34 +139,34 @@ void main(void)
 
         /* wheel1 1583 us, wheel2 1417 us, wheel3 1500 us, for 3 s */
         position_1(150);
-        delay_10us(5); delay_us(4);
+        delay_10us(5); delay_us(3);
 
         /* wheel1 1500 us, wheel2 1500 us, wheel3 1500 us, for 0.5 s */
         position_2(25);
-        delay_10us(5); delay_us(4);
+        delay_10us(5); delay_us(3);
 
         /* wheel1 1452 us, wheel2 1452 us, wheel3 1595 us, for 3 s */
         position_3(150);
-        delay_10us(5); delay_us(4);
+        delay_10us(5); delay_us(3);
 
         /* wheel1 1500 us, wheel2 1500 us, wheel3 1500 us, for 0.5 s */
         position_2(25);
-        delay_10us(5); delay_us(4);
+        delay_10us(5); delay_us(3);
 
         /* wheel1 1417 us, wheel2 1583 us, wheel3 1500 us, for 3 s */
         position_4(150);
-        delay_10us(5); delay_us(4);
+        delay_10us(5); delay_us(3);
 
         /* wheel1 1500 us, wheel2 1500 us, wheel3 1500 us, for 0.5 s */
         position_2(25);
-        delay_10us(5); delay_us(4);
+        delay_10us(5); delay_us(3);
 
         /* wheel1 1548 us, wheel2 1548 us, wheel3 1405 us, for 3 s */
         position_5(150);
-        delay_10us(5); delay_us(4);
+        delay_10us(5); delay_us(3);
 
         /* wheel1 1500 us, wheel2 1500 us, wheel3 1500 us, for 0.5 s */
         position_2(25);
-        delay_10us(5); delay_us(2);
+        delay_10us(5); delay_us(1);
     }
 }

@@ -7,7 +7,8 @@
  * RB2  wheel3: 1405, 1500, 1595 us
  *
  * A frame takes 20000 us, an instruction cycle 1 us. Each delay is shorter than
- * the time in its comment by the cycles of the statements around it.
+ * the time in its comment by the cycles of the statements around it. The watchdog is off; where somebody
+ * leaves it on, each frame feeds it.
  */
 #include <xc.h>
 
@@ -29,10 +30,11 @@ void position_1(unsigned char frames)
         PORTB = 0x04;   /* wheel3 high for 1500 us */
         _delay(1499);
         PORTB = 0x00;   /* wheel3 low */
+        CLRWDT();
         _delay(14536);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(57);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the way from one position to the next */
     }
 }
 
@@ -51,10 +53,11 @@ void position_2(unsigned char frames)
         PORTB = 0x04;   /* wheel3 high for 1500 us */
         _delay(1499);
         PORTB = 0x00;   /* wheel3 low */
+        CLRWDT();
         _delay(14536);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(57);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the way from one position to the next */
     }
 }
 
@@ -73,10 +76,11 @@ void position_3(unsigned char frames)
         PORTB = 0x04;   /* wheel3 high for 1595 us */
         _delay(1594);
         PORTB = 0x00;   /* wheel3 low */
+        CLRWDT();
         _delay(14441);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(57);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the way from one position to the next */
     }
 }
 
@@ -95,10 +99,11 @@ void position_4(unsigned char frames)
         PORTB = 0x04;   /* wheel3 high for 1500 us */
         _delay(1499);
         PORTB = 0x00;   /* wheel3 low */
+        CLRWDT();
         _delay(14536);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(57);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the way from one position to the next */
     }
 }
 
@@ -117,10 +122,11 @@ void position_5(unsigned char frames)
         PORTB = 0x04;   /* wheel3 high for 1405 us */
         _delay(1404);
         PORTB = 0x00;   /* wheel3 low */
+        CLRWDT();
         _delay(14631);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        _delay(57);   /* as long as the way from one position to the next */
+        _delay(56);   /* as long as the way from one position to the next */
     }
 }
 
@@ -134,34 +140,34 @@ void main(void)
 
         /* wheel1 1583 us, wheel2 1417 us, wheel3 1500 us, for 3 s */
         position_1(150);
-        _delay(54);
+        _delay(53);
 
         /* wheel1 1500 us, wheel2 1500 us, wheel3 1500 us, for 0.5 s */
         position_2(25);
-        _delay(54);
+        _delay(53);
 
         /* wheel1 1452 us, wheel2 1452 us, wheel3 1595 us, for 3 s */
         position_3(150);
-        _delay(54);
+        _delay(53);
 
         /* wheel1 1500 us, wheel2 1500 us, wheel3 1500 us, for 0.5 s */
         position_2(25);
-        _delay(54);
+        _delay(53);
 
         /* wheel1 1417 us, wheel2 1583 us, wheel3 1500 us, for 3 s */
         position_4(150);
-        _delay(54);
+        _delay(53);
 
         /* wheel1 1500 us, wheel2 1500 us, wheel3 1500 us, for 0.5 s */
         position_2(25);
-        _delay(54);
+        _delay(53);
 
         /* wheel1 1548 us, wheel2 1548 us, wheel3 1405 us, for 3 s */
         position_5(150);
-        _delay(54);
+        _delay(53);
 
         /* wheel1 1500 us, wheel2 1500 us, wheel3 1500 us, for 0.5 s */
         position_2(25);
-        _delay(52);
+        _delay(51);
     }
 }

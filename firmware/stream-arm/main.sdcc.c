@@ -43,7 +43,7 @@ unsigned char slot;
 /* A servo, and what is reckoned for it. */
 unsigned char n, x_lo, x_hi, sum_lo, sum_hi;
 
-/* The pulse of the next slot; due asks for it. */
+/* The pulse of the next slot. due: bit 1 asks for it, bit 2: a command came before; bit 0: a pulse was late, once. */
 unsigned char next_lo, next_hi, mask, due;
 
 /* A command that came whole; the interrupt's own. */
@@ -59,8 +59,10 @@ void tick(void) __interrupt(0)
 // STATUS bit 0 is the carry, bit 2 is zero. TMR0 counts cycles and is never written: it says what time it is, however
 // late the interrupt came. An edge is in the cycle that st_exactly finds; all else may take any time below its limit.
 
-// In:  _next_lo, _next_hi, _mask   the pulse of the slot that comes: width in cycles, pin; prepared when _due is 0
-// Out: _due                        1: prepare the next slot; 3: and a command that is in _todo came before
+// In:  _next_lo, _next_hi, _mask   the pulse of the slot that comes: width in cycles, pin
+// Out: _due                        bit 1: prepare the next slot; it is cleared when that is done
+// bit 2: a command that is in _todo came before
+// bit 0: a slot was not prepared in time, once (overrun)
 // _todo, _value               a command's second and third byte
     bcf     INTCON, 2           // T0IF
     call    st_look
@@ -73,9 +75,10 @@ void tick(void) __interrupt(0)
     btfss   STATUS, 2
     goto    st_fall
     clrf    _fine               // a rise; a fall is _fine cycles later in its round
-    movf    _due, F
-    btfss   STATUS, 2
+    btfss   _due, 1
+    goto    st_fall
     clrf    _mask               // not prepared: no pulse
+    bsf     _due, 0
 st_fall:
     movlw   0x3F
     andwf   _fine, W
@@ -113,12 +116,11 @@ st_before:
     movwf   _rest
     movf    _next_lo, W
     movwf   _fine
-    movlw   1
-    movwf   _due
+    bsf     _due, 1
     movlw   0xFE
     subwf   _todo, W
     btfss   STATUS, 2
-    bsf     _due, 1
+    bsf     _due, 2
     call    st_look
     goto    st_out
 // One more look, unless the round would take too long or the next one has an edge that is near.
@@ -720,12 +722,12 @@ void main(void)
     INTCON = 0xA0;
     while (1) {
         ready();
-        if (due != 0) {
+        if (due & 2) {
             prepare();
             sum_lo = due;
-            due = 0;
+            due &= 1;   /* one instruction: the interrupt's bit stays */
             ready();
-            if ((sum_lo & 2) && x_lo == 0)
+            if ((sum_lo & 4) && x_lo == 0)
                 execute();
         }
     }

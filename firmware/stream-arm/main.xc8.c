@@ -34,7 +34,7 @@ unsigned char slot;
 /* A servo, and what is reckoned for it. */
 unsigned char n, x_lo, x_hi, sum_lo, sum_hi;
 
-/* The pulse of the next slot; due asks for it. */
+/* The pulse of the next slot. due: bit 1 asks for it, bit 2: a command came before; bit 0: a pulse was late, once. */
 unsigned char next_lo, next_hi, mask, due;
 
 /* A command that came whole; the interrupt's own. */
@@ -48,8 +48,10 @@ void __interrupt() tick(void)
     // STATUS bit 0 is the carry, bit 2 is zero. TMR0 counts cycles and is never written: it says what time it is, however
     // late the interrupt came. An edge is in the cycle that st_exactly finds; all else may take any time below its limit.
     // 
-    // In:  _next_lo, _next_hi, _mask   the pulse of the slot that comes: width in cycles, pin; prepared when _due is 0
-    // Out: _due                        1: prepare the next slot; 3: and a command that is in _todo came before
+    // In:  _next_lo, _next_hi, _mask   the pulse of the slot that comes: width in cycles, pin
+    // Out: _due                        bit 1: prepare the next slot; it is cleared when that is done
+    // bit 2: a command that is in _todo came before
+    // bit 0: a slot was not prepared in time, once (overrun)
     // _todo, _value               a command's second and third byte
     asm("    bcf     INTCON, 2");   // T0IF
     asm("    call    st_look");
@@ -62,9 +64,10 @@ void __interrupt() tick(void)
     asm("    btfss   STATUS, 2");
     asm("    goto    st_fall");
     asm("    clrf    _fine");   // a rise; a fall is _fine cycles later in its round
-    asm("    movf    _due, F");
-    asm("    btfss   STATUS, 2");
+    asm("    btfss   _due, 1");
+    asm("    goto    st_fall");
     asm("    clrf    _mask");   // not prepared: no pulse
+    asm("    bsf     _due, 0");
     asm("st_fall:");
     asm("    movlw   0x3F");
     asm("    andwf   _fine, W");
@@ -102,12 +105,11 @@ void __interrupt() tick(void)
     asm("    movwf   _rest");
     asm("    movf    _next_lo, W");
     asm("    movwf   _fine");
-    asm("    movlw   1");
-    asm("    movwf   _due");
+    asm("    bsf     _due, 1");
     asm("    movlw   0xFE");
     asm("    subwf   _todo, W");
     asm("    btfss   STATUS, 2");
-    asm("    bsf     _due, 1");
+    asm("    bsf     _due, 2");
     asm("    call    st_look");
     asm("    goto    st_out");
     // One more look, unless the round would take too long or the next one has an edge that is near.
@@ -681,12 +683,12 @@ void main(void)
     INTCON = 0xA0;
     while (1) {
         ready();
-        if (due != 0) {
+        if (due & 2) {
             prepare();
             sum_lo = due;
-            due = 0;
+            due &= 1;   /* one instruction: the interrupt's bit stays */
             ready();
-            if ((sum_lo & 2) && x_lo == 0)
+            if ((sum_lo & 4) && x_lo == 0)
                 execute();
         }
     }
