@@ -39,7 +39,7 @@ def assembly_macros(stream: Iterator[Any], blocks: list[AsmBlock], value: Value)
             tok = copy.copy(tok)
             tok.value = str(len(blocks) - 1)
             within = ""
-        elif within and tok.value[0] == '"':
+        elif within and tok.value.startswith('"'):
             tok = copy.copy(tok)
             texts = [replace_macros(text, value) for text in tok.value[1:-1].split("\\n")]
             tok.value = '"' + "\\n".join(texts) + '"'

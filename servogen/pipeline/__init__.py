@@ -2,8 +2,8 @@
 
 from servogen.pipeline.build import Build, Program, build, report, write
 from servogen.pipeline.engines import Planned, planned
+from servogen.pipeline.fitting import DoesNotFit
 from servogen.pipeline.proof import LOOPS_CHECKED, checked_cycles, held, motion_cycles, prove, running
-from servogen.pipeline.tuning import DoesNotFit
 
 __all__ = [
     "LOOPS_CHECKED",

@@ -21,8 +21,9 @@ from servogen.pic.device import RAM_FIRST
 from servogen.pic.image import Image, to_hex
 from servogen.pic.listing import listing_text
 from servogen.pipeline.engines import planned
+from servogen.pipeline.fitting import DoesNotFit
 from servogen.pipeline.proof import LOOPS_CHECKED, START_FRAMES, checked_cycles, machine_of, prove
-from servogen.pipeline.tuning import DoesNotFit, Firmware
+from servogen.pipeline.tuning import Firmware
 from servogen.pulse import PulseSchedule
 from servogen.pulse.plan import PulsePlan
 from servogen.report import BuildFacts, Overrun, ProgramFacts, report_text

@@ -13,10 +13,11 @@ from types import MappingProxyType
 
 from servogen.errors import InputError
 from servogen.job import Job
+from servogen.pipeline.fitting import DoesNotFit
 from servogen.pipeline.player import compiled, play
 from servogen.pipeline.stream import compiled as compiled_stream
 from servogen.pipeline.stream import stream
-from servogen.pipeline.tuning import DoesNotFit, Firmware, tune
+from servogen.pipeline.tuning import Firmware, tune
 from servogen.pulse.plan import PulsePlan, plan
 
 

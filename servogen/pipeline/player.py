@@ -10,19 +10,23 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
-from servogen.compiler import CompileError, Options, Source, compile_sources
+from servogen.compiler import Options
 from servogen.csource import Overheads, render_player
 from servogen.errors import Caution
 from servogen.job import Job
 from servogen.motion import JointTrajectory
 from servogen.pic.listing import Listing
 from servogen.pic.longest import longest
-from servogen.pipeline.tuning import DoesNotFit, Firmware
+from servogen.pipeline.fitting import compiled_to_fit
+from servogen.pipeline.tuning import Firmware
 from servogen.pulse.player import Layout, Playing, Room, playing, soft_start
 from servogen.pulse.player.buttons import waited, waited_motion
 
 CHECK, DONE, WIDTHS = "pl_check", "pl_done", "pl_between"
 """Labels of the assembly: the kernel's look at the timer, its end; what is only run between two frames."""
+
+HINT = "fewer parts: let more of the motion repeat"
+"""What helps where the chip is too small."""
 
 
 def play(job: Job) -> tuple[JointTrajectory, Playing]:
@@ -46,13 +50,8 @@ def compiled(job: Job, played: Playing, dialect: str) -> Firmware:
 def firmware(text: str, job: Job, layout: Layout, dialect: str) -> Firmware:
     """What the compiler makes of a player's C, and how long that takes at most. Raises DoesNotFit."""
     file = f"main.{dialect}.c"
-    try:
-        made = compile_sources([Source(text, file)], Options(dialect=dialect, device=job.device))
-    except CompileError as error:
-        raise DoesNotFit(
-            f"{job.name}: planned, but more than the player can hold: {error.message}",
-            hint="fewer parts: let more of the motion repeat",
-        ) from error
+    options = Options(dialect=dialect, device=job.device)
+    made = compiled_to_fit(text, file, options, job.name, "the player", HINT)
     found = rooms(made.listing, layout)
     overrun = next(address for address, name, _ in made.listing.variables if name == "overrun")
     return Firmware(dialect, file, text, made, Overheads(), found, overrun, tuple(cautions(found)))

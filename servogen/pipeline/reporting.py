@@ -13,9 +13,9 @@ from servogen.edge_files.captures import read_capture
 from servogen.edges import EdgeTrace
 from servogen.job import Job
 from servogen.pipeline.build import Build, Progress, build, program_facts
+from servogen.pipeline.fitting import DoesNotFit
 from servogen.pipeline.proof import motion_cycles, running
 from servogen.pipeline.proof_of_capture import prove_capture
-from servogen.pipeline.tuning import DoesNotFit
 from servogen.pulse import PulsePlan, PulseSchedule, plan
 from servogen.report.html import PageFacts, html_page
 from servogen.report.result_tables import CaptureFacts

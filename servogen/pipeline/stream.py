@@ -10,14 +10,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from servogen.compiler import CompileError, Options, Source, compile_sources
+from servogen.compiler import Options
 from servogen.csource import Overheads, render_stream
 from servogen.errors import InputError
 from servogen.job import Job
 from servogen.motion import JointTrajectory
-from servogen.pipeline.tuning import DoesNotFit, Firmware
+from servogen.pipeline.fitting import compiled_to_fit
+from servogen.pipeline.tuning import Firmware
 from servogen.pulse.schedule import Input, PulseSchedule
 from servogen.pulse.stream.streaming import Streaming, streaming
+
+HINT = "fewer servos, or none on the other port"
+"""What helps where the chip is too small."""
 
 
 def stream(job: Job) -> tuple[JointTrajectory, Streaming]:
@@ -50,12 +54,7 @@ def compiled(job: Job, streamed: Streaming, dialect: str) -> Firmware:
 def firmware(text: str, job: Job, dialect: str) -> Firmware:
     """What the compiler makes of a stream's C. Raises DoesNotFit where the chip is too small."""
     file = f"main.{dialect}.c"
-    try:
-        made = compile_sources([Source(text, file)], Options(dialect=dialect, device=job.device))
-    except CompileError as error:
-        raise DoesNotFit(
-            f"{job.name}: planned, but more than the stream engine can hold: {error.message}",
-            hint="fewer servos, or none on the other port",
-        ) from error
+    options = Options(dialect=dialect, device=job.device)
+    made = compiled_to_fit(text, file, options, job.name, "the stream engine", HINT)
     overrun = next(address for address, name, _ in made.listing.variables if name == "due")
     return Firmware(dialect, file, text, made, Overheads(), overrun=overrun)

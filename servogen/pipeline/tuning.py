@@ -13,11 +13,12 @@ from itertools import islice
 
 import numpy as np
 
-from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
+from servogen.compiler import Compilation, Options
 from servogen.csource import Overheads, Path, Sequence, render, sequence
 from servogen.edges import EdgeChunk, EdgeTrace
-from servogen.errors import Caution, InputError, ServogenError
+from servogen.errors import Caution, ServogenError
 from servogen.pic.device import Device
+from servogen.pipeline.fitting import compiled_to_fit
 from servogen.pipeline.proof import board_of
 from servogen.pulse import PulseSchedule
 from servogen.pulse.player.room import Room
@@ -29,9 +30,8 @@ ROUNDS = 3
 
 SLACK_FRAMES = 4
 
-
-class DoesNotFit(InputError):
-    """The job's motion is more than its engine can put on the chip: planned, but not built."""
+SHORTER = "fewer positions, shorter moves between them, or holds in place of moves"
+"""What helps a sequence that does not fit."""
 
 
 class TuningError(ServogenError):
@@ -65,23 +65,13 @@ def tune(schedule: PulseSchedule, dialect: str, device: Device, title: str) -> F
         program = sequence(schedule, overheads)
         file = f"main.{dialect}.c"
         text = render(program, dialect, device, title)
-        compilation = _compiled(text, file, Options(dialect=dialect, device=device), title)
+        options = Options(dialect=dialect, device=device)
+        compilation = compiled_to_fit(text, file, options, title, "the sequence engine", SHORTER)
         measured = measure(program, compilation)
         if measured == overheads:
             return Firmware(dialect, file, text, compilation, overheads)
         overheads = measured
     raise TuningError(f"{file}: the cycles between the delays did not settle in {ROUNDS} rounds")
-
-
-def _compiled(text: str, file: str, options: Options, title: str) -> Compilation:
-    """The compiler refuses a program of the templates only where the chip is too small for it."""
-    try:
-        return compile_sources([Source(text, file)], options)
-    except CompileError as error:
-        raise DoesNotFit(
-            f"{title}: planned, but more than the sequence engine can hold: {error.message}",
-            hint="fewer positions, shorter moves between them, or holds in place of moves",
-        ) from error
 
 
 def measure(program: Sequence, compilation: Compilation) -> Overheads:
