@@ -5,7 +5,8 @@
  * RB0  arm: 1167, 1500, 1667 us
  *
  * A frame takes 20000 us, an instruction cycle 1 us. Each delay is shorter than
- * the time in its comment by the cycles of the statements around it.
+ * the time in its comment by the cycles of the statements around it. The watchdog is off; where somebody
+ * leaves it on, each frame feeds it.
  */
 #include <pic14/pic16f84.h>
 
@@ -54,10 +55,11 @@ void position_1(unsigned char frames)
         PORTB = 0x01;   /* arm high for 1167 us */
         wait(1166);
         PORTB = 0x00;   /* arm low */
+        __asm__("clrwdt");
         wait(18766); nop(); nop(); nop();   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the way from one position to the next */
     }
 }
 
@@ -68,10 +70,11 @@ void position_2(unsigned char frames)
         PORTB = 0x01;   /* arm high for 1500 us */
         wait(1498); nop();
         PORTB = 0x00;   /* arm low */
+        __asm__("clrwdt");
         wait(18434); nop(); nop();   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the way from one position to the next */
     }
 }
 
@@ -82,10 +85,11 @@ void position_3(unsigned char frames)
         PORTB = 0x01;   /* arm high for 1667 us */
         wait(1666);
         PORTB = 0x00;   /* arm low */
+        __asm__("clrwdt");
         wait(18266); nop(); nop(); nop();   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the way from one position to the next */
     }
 }
 
@@ -99,14 +103,14 @@ void main(void)
 
         /* arm 1167 us, for 2 s */
         position_1(100);
-        wait(54);
+        wait(50); nop(); nop(); nop();
 
         /* arm 1500 us, for 5 s */
         position_2(250);
-        wait(54);
+        wait(50); nop(); nop(); nop();
 
         /* arm 1667 us, for 3 s */
         position_3(150);
-        wait(50); nop(); nop();
+        wait(50); nop();
     }
 }

@@ -5,7 +5,8 @@
  * RB0  arm: 1000, 2000 us
  *
  * A frame takes 20000 us, an instruction cycle 1 us. Each delay is shorter than
- * the time in its comment by the cycles of the statements around it.
+ * the time in its comment by the cycles of the statements around it. The watchdog is off; where somebody
+ * leaves it on, each frame feeds it.
  */
 #include <pic14/pic16f84.h>
 
@@ -74,10 +75,11 @@ void position_1(unsigned char frames)
         PORTB = 0x01;   /* arm high for 1000 us */
         wait(998); nop();
         PORTB = 0x00;   /* arm low */
+        __asm__("clrwdt");
         wait(18934); nop(); nop();   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the way from one position to the next */
     }
 }
 
@@ -88,10 +90,11 @@ void position_2(unsigned char frames)
         PORTB = 0x01;   /* arm high for 2000 us */
         wait(1998); nop();
         PORTB = 0x00;   /* arm low */
+        __asm__("clrwdt");
         wait(17934); nop(); nop();   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the way from one position to the next */
     }
 }
 
@@ -105,14 +108,14 @@ void main(void)
 
         /* arm 1000 us, for 2 s */
         position_1(100);
-        wait(54);
+        wait(50); nop(); nop(); nop();
 
         /* 5 s without pulses */
         wait_long(24); wait(199994); nop();
 
         /* arm 2000 us, for 2 s */
         position_2(100);
-        wait(50); nop(); nop();
+        wait(50); nop();
 
         /* 5 s without pulses */
         wait_long(24); wait(199994); nop();

@@ -6,7 +6,8 @@
  * RB1  horizontal: 1437, 1450, 1462, 1475, 1487, 1500, 1513, 1525, 1538, 1550, 1563 us
  *
  * A frame takes 20000 us, an instruction cycle 1 us. Each delay is shorter than
- * the time in its comment by the cycles of the statements around it.
+ * the time in its comment by the cycles of the statements around it. The watchdog is off; where somebody
+ * leaves it on, each frame feeds it.
  */
 #include <pic14/pic16f84.h>
 
@@ -59,10 +60,11 @@ void position_1(unsigned char frames)
         PORTB = 0x02;   /* horizontal high for 1437 us */
         wait(1434); nop(); nop();
         PORTB = 0x00;   /* horizontal low */
+        __asm__("clrwdt");
         wait(16498); nop();   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the way from one position to the next */
     }
 }
 
@@ -77,10 +79,11 @@ void position_2(unsigned char frames)
         PORTB = 0x02;   /* horizontal high for 1563 us */
         wait(1562);
         PORTB = 0x00;   /* horizontal low */
+        __asm__("clrwdt");
         wait(16370); nop(); nop(); nop();   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the way from one position to the next */
     }
 }
 
@@ -95,10 +98,11 @@ void position_3(unsigned char frames)
         PORTB = 0x02;   /* horizontal high for 1563 us */
         wait(1562);
         PORTB = 0x00;   /* horizontal low */
+        __asm__("clrwdt");
         wait(16370); nop(); nop(); nop();   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the way from one position to the next */
     }
 }
 
@@ -113,10 +117,11 @@ void position_4(unsigned char frames)
         PORTB = 0x02;   /* horizontal high for 1437 us */
         wait(1434); nop(); nop();
         PORTB = 0x00;   /* horizontal low */
+        __asm__("clrwdt");
         wait(16498); nop();   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the way from one position to the next */
     }
 }
 
@@ -130,7 +135,7 @@ void main(void)
 
         /* vertical 1500 us, horizontal 1437 us, for 0.1 s */
         position_1(5);
-        wait(58);
+        wait(54); nop(); nop(); nop();
 
         /* vertical 1500 us, horizontal 1450 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -140,7 +145,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1450 us */
         wait(1446); nop(); nop(); nop();
         PORTB = 0x00;   /* horizontal low */
-        wait(16546); nop(); nop();
+        __asm__("clrwdt");
+        wait(16546); nop();
 
         /* vertical 1500 us, horizontal 1462 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -150,7 +156,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1462 us */
         wait(1458); nop(); nop(); nop();
         PORTB = 0x00;   /* horizontal low */
-        wait(16534); nop(); nop();
+        __asm__("clrwdt");
+        wait(16534); nop();
 
         /* vertical 1500 us, horizontal 1475 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -160,7 +167,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1475 us */
         wait(1474);
         PORTB = 0x00;   /* horizontal low */
-        wait(16522); nop();
+        __asm__("clrwdt");
+        wait(16522);
 
         /* vertical 1500 us, horizontal 1487 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -170,7 +178,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1487 us */
         wait(1486);
         PORTB = 0x00;   /* horizontal low */
-        wait(16510); nop();
+        __asm__("clrwdt");
+        wait(16510);
 
         /* vertical 1500 us, horizontal 1500 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -180,7 +189,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1500 us */
         wait(1498); nop();
         PORTB = 0x00;   /* horizontal low */
-        wait(16498);
+        __asm__("clrwdt");
+        wait(16494); nop(); nop(); nop();
 
         /* vertical 1500 us, horizontal 1513 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -190,7 +200,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1513 us */
         wait(1510); nop(); nop();
         PORTB = 0x00;   /* horizontal low */
-        wait(16482); nop(); nop(); nop();
+        __asm__("clrwdt");
+        wait(16482); nop(); nop();
 
         /* vertical 1500 us, horizontal 1525 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -200,7 +211,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1525 us */
         wait(1522); nop(); nop();
         PORTB = 0x00;   /* horizontal low */
-        wait(16470); nop(); nop(); nop();
+        __asm__("clrwdt");
+        wait(16470); nop(); nop();
 
         /* vertical 1500 us, horizontal 1538 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -210,7 +222,8 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1538 us */
         wait(1534); nop(); nop(); nop();
         PORTB = 0x00;   /* horizontal low */
-        wait(16458); nop(); nop();
+        __asm__("clrwdt");
+        wait(16458); nop();
 
         /* vertical 1500 us, horizontal 1550 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
@@ -220,18 +233,19 @@ void main(void)
         PORTB = 0x02;   /* horizontal high for 1550 us */
         wait(1546); nop(); nop(); nop();
         PORTB = 0x00;   /* horizontal low */
-        wait(16442); nop(); nop();
+        __asm__("clrwdt");
+        wait(16442); nop();
 
         /* vertical 1500 us, horizontal 1563 us, for 0.12 s */
         position_2(6);
-        wait(54);
+        wait(50); nop(); nop(); nop();
 
         /* vertical 1602 us, horizontal 1563 us, for 0.1 s */
         position_3(5);
-        wait(54);
+        wait(50); nop(); nop(); nop();
 
         /* vertical 1602 us, horizontal 1437 us, for 0.1 s */
         position_4(5);
-        wait(50); nop(); nop();
+        wait(50); nop();
     }
 }

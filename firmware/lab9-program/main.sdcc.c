@@ -6,7 +6,8 @@
  * RB1  horizontal: 1250 us
  *
  * A frame takes 20000 us, an instruction cycle 1 us. Each delay is shorter than
- * the time in its comment by the cycles of the statements around it.
+ * the time in its comment by the cycles of the statements around it. The watchdog is off; where somebody
+ * leaves it on, each frame feeds it.
  */
 #include <pic14/pic16f84.h>
 
@@ -59,10 +60,11 @@ void position_1(unsigned char frames)
         PORTB = 0x02;   /* horizontal high for 1250 us */
         wait(1246); nop(); nop(); nop();
         PORTB = 0x00;   /* horizontal low */
+        __asm__("clrwdt");
         wait(16686);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the way from one position to the next */
     }
 }
 
@@ -77,10 +79,11 @@ void position_2(unsigned char frames)
         PORTB = 0x02;   /* horizontal high for 1250 us */
         wait(1246); nop(); nop(); nop();
         PORTB = 0x00;   /* horizontal low */
+        __asm__("clrwdt");
         wait(16686);   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the way from one position to the next */
     }
 }
 
@@ -94,10 +97,10 @@ void main(void)
 
         /* vertical 1500 us, horizontal 1250 us, for 0.4 s */
         position_1(20);
-        wait(54);
+        wait(50); nop(); nop(); nop();
 
         /* vertical 1250 us, horizontal 1250 us, for 0.4 s */
         position_2(20);
-        wait(50); nop(); nop();
+        wait(50); nop();
     }
 }

@@ -7,7 +7,8 @@
  * RB2  wheel3: 1405, 1500, 1595 us
  *
  * A frame takes 20000 us, an instruction cycle 1 us. Each delay is shorter than
- * the time in its comment by the cycles of the statements around it.
+ * the time in its comment by the cycles of the statements around it. The watchdog is off; where somebody
+ * leaves it on, each frame feeds it.
  */
 #include <pic14/pic16f84.h>
 
@@ -64,10 +65,11 @@ void position_1(unsigned char frames)
         PORTB = 0x04;   /* wheel3 high for 1500 us */
         wait(1498); nop();
         PORTB = 0x00;   /* wheel3 low */
+        __asm__("clrwdt");
         wait(14534); nop(); nop();   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the way from one position to the next */
     }
 }
 
@@ -86,10 +88,11 @@ void position_2(unsigned char frames)
         PORTB = 0x04;   /* wheel3 high for 1500 us */
         wait(1498); nop();
         PORTB = 0x00;   /* wheel3 low */
+        __asm__("clrwdt");
         wait(14534); nop(); nop();   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the way from one position to the next */
     }
 }
 
@@ -108,10 +111,11 @@ void position_3(unsigned char frames)
         PORTB = 0x04;   /* wheel3 high for 1595 us */
         wait(1594);
         PORTB = 0x00;   /* wheel3 low */
+        __asm__("clrwdt");
         wait(14438); nop(); nop(); nop();   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the way from one position to the next */
     }
 }
 
@@ -130,10 +134,11 @@ void position_4(unsigned char frames)
         PORTB = 0x04;   /* wheel3 high for 1500 us */
         wait(1498); nop();
         PORTB = 0x00;   /* wheel3 low */
+        __asm__("clrwdt");
         wait(14534); nop(); nop();   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the way from one position to the next */
     }
 }
 
@@ -152,10 +157,11 @@ void position_5(unsigned char frames)
         PORTB = 0x04;   /* wheel3 high for 1405 us */
         wait(1402); nop(); nop();
         PORTB = 0x00;   /* wheel3 low */
+        __asm__("clrwdt");
         wait(14630); nop();   /* the rest of the frame */
         if (--frames == 0)
             return;
-        wait(54); nop(); nop(); nop();   /* as long as the way from one position to the next */
+        wait(54); nop(); nop();   /* as long as the way from one position to the next */
     }
 }
 
@@ -169,34 +175,34 @@ void main(void)
 
         /* wheel1 1583 us, wheel2 1417 us, wheel3 1500 us, for 3 s */
         position_1(150);
-        wait(54);
+        wait(50); nop(); nop(); nop();
 
         /* wheel1 1500 us, wheel2 1500 us, wheel3 1500 us, for 0.5 s */
         position_2(25);
-        wait(54);
+        wait(50); nop(); nop(); nop();
 
         /* wheel1 1452 us, wheel2 1452 us, wheel3 1595 us, for 3 s */
         position_3(150);
-        wait(54);
+        wait(50); nop(); nop(); nop();
 
         /* wheel1 1500 us, wheel2 1500 us, wheel3 1500 us, for 0.5 s */
         position_2(25);
-        wait(54);
+        wait(50); nop(); nop(); nop();
 
         /* wheel1 1417 us, wheel2 1583 us, wheel3 1500 us, for 3 s */
         position_4(150);
-        wait(54);
+        wait(50); nop(); nop(); nop();
 
         /* wheel1 1500 us, wheel2 1500 us, wheel3 1500 us, for 0.5 s */
         position_2(25);
-        wait(54);
+        wait(50); nop(); nop(); nop();
 
         /* wheel1 1548 us, wheel2 1548 us, wheel3 1405 us, for 3 s */
         position_5(150);
-        wait(54);
+        wait(50); nop(); nop(); nop();
 
         /* wheel1 1500 us, wheel2 1500 us, wheel3 1500 us, for 0.5 s */
         position_2(25);
-        wait(50); nop(); nop();
+        wait(50); nop();
     }
 }
