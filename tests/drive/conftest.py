@@ -39,11 +39,11 @@ class Serial:
         self._thread.start()
 
     def unplug(self) -> None:
+        self.path.unlink()  # first: the terminal's number may be another test's as soon as it is closed
         os.close(self._ended)
         self._thread.join()
         for end in (self._master, self._slave, self._stop):
             os.close(end)
-        self.path.unlink()
 
     def _read(self) -> None:
         import select
