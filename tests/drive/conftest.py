@@ -18,7 +18,10 @@ from tests.drive.mini_ssc import Decoder
 __all__ = ["Ran", "Run", "run"]
 
 ROOT = Path(__file__).parents[2]
-START = "from servogen.cli import main; main()"
+START = (
+    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "  # ignored in a background job
+    "from servogen.cli import main; main()"
+)
 
 
 class Serial:
