@@ -4,7 +4,8 @@ In: targets: positions (..., 3) in metres in the base's frame, with or without r
 Out: `Solutions`, or for one target its joint positions by the choice rule; `Unreachable` where there is none.
 
 Decided:
-- A turning joint is given in the turn about the middle of its limits.
+- `Solutions.q` gives a turning joint in the turn about the middle of its limits. A joint with a full turn of
+  travel or more has further turns, or both ends of ±180°: `Solutions.near` and `every_turn` give those.
 - Where infinitely many solutions exist (a target on the axis of a joint) the joint stays at home.
 - Choice rule: the solution nearest to where the arm is (`near`, else home), the sum of the squares of the
   joints' moves, each divided by its range; of equals the first in the order of the branches.
@@ -13,6 +14,7 @@ Decided:
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,13 +32,19 @@ from servogen.robot.model import Arm
 NUMERICAL_TOLERANCE = 1e-7
 """How far the numerical method may be from the target: it creeps where the arm is nearly singular."""
 
+TURN = 2 * np.pi
+
 SAME = 1e-7
 """Solutions whose joints are all nearer than this (radians, metres) count once."""
 
 
+MAX_LISTED = 10_000
+"""More solutions of one target are not listed: each joint multiplies them by its turns."""
+
+
 @dataclass(frozen=True, slots=True)
 class Solutions:
-    """Candidates of many targets: `q` (..., branches, n), NaN in every joint of a branch that is none."""
+    """Candidates of many targets: `q` (..., branches, n), NaN in every joint of a branch that has none."""
 
     arm: Arm
     q: Floats
@@ -46,14 +54,51 @@ class Solutions:
         """Which branches are solutions, shape (..., branches)."""
         return ~np.isnan(self.q[..., 0])
 
+    def near(self, reference: ArrayLike) -> Floats:
+        """The branches (..., branches, n), each joint in the turn within its limits that is nearest."""
+        lower, upper = limits(self.arm)
+        least, most = self._turns()
+        wanted = np.rint((np.asarray(reference, float)[..., None, :] - self.q) / TURN)
+        # q itself is within the limits even where rounding says that no turn of it is
+        turns = np.clip(wanted, np.minimum(least, 0.0), np.maximum(most, 0.0))
+        return np.asarray(np.clip(self.q + TURN * turns, lower, upper))
+
+    def every_turn(self) -> Floats:
+        """All solutions (k, n) of one target in every turn. Raises InputError for more than 10,000."""
+        lower, upper = limits(self.arm)
+        least, most = self._turns()
+        found: list[Floats] = []
+        for row, first, last in zip(self.q, np.minimum(least, 0.0), np.maximum(most, 0.0), strict=True):
+            if np.isnan(row[0]):
+                continue
+            count = float(np.prod(last - first + 1))
+            if len(found) + count > MAX_LISTED:
+                raise InputError(
+                    f"{self.arm.name} reaches this target in more than {MAX_LISTED} ways: "
+                    "its joints have so many turns of travel",
+                    hint="narrow the limits of its joints",
+                )
+            turns = [np.arange(low, high + 1) for low, high in zip(first, last, strict=True)]
+            found += [np.clip(row + TURN * np.array(each), lower, upper) for each in product(*turns)]
+        return np.array(found).reshape(-1, len(lower))
+
     def choose(self, near: ArrayLike | None = None) -> Floats:
         """The solution of each target by the choice rule, shape (..., n); NaN where there is none."""
         reference = np.asarray(self.arm.home if near is None else near, float)
         lower, upper = limits(self.arm)
-        moves = (self.q - reference[..., None, :]) / (upper - lower)
+        q = self.near(reference)
+        moves = (q - reference[..., None, :]) / (upper - lower)
         away = np.einsum("...ij,...ij->...i", moves, moves)
         best = np.argmin(np.where(np.isnan(away), np.inf, np.round(away, 12)), axis=-1)
-        return np.take_along_axis(self.q, best[..., None, None], axis=-2)[..., 0, :]
+        return np.take_along_axis(q, best[..., None, None], axis=-2)[..., 0, :]
+
+    def _turns(self) -> tuple[Floats, Floats]:
+        """The fewest and the most turns that can be added to each joint of `q` within its limits."""
+        lower, upper = limits(self.arm)
+        turning = np.array([joint.turning for joint in self.arm.joints])
+        least = np.ceil((lower - TOLERANCE - self.q) / TURN)
+        most = np.floor((upper + TOLERANCE - self.q) / TURN)
+        return np.where(turning, least, 0.0), np.where(turning, most, 0.0)
 
 
 def solve(
@@ -61,8 +106,12 @@ def solve(
     position: ArrayLike,
     rotation: ArrayLike | None = None,
     tolerance: float | None = None,
+    near: ArrayLike | None = None,
 ) -> Solutions:
-    """All solutions of all targets in closed form; the numerical method gives one where there is none."""
+    """All solutions of all targets in closed form.
+
+    Where there is no closed form, the numerical method gives one; it looks from `near` (else home) first.
+    """
     position, rotation = _checked(position, rotation)
     shape = position.shape[:-1]
     flat = position.reshape(-1, 3)
@@ -70,7 +119,10 @@ def solve(
     if has_closed_form(arm, rotation is not None):
         q = closed_solutions(arm, flat, turns, TOLERANCE if tolerance is None else tolerance, hard=True)
     else:
-        found = numerical.search(arm, flat, turns)
+        start = None if near is None else np.broadcast_to(near, (*shape, len(arm.joints)))
+        found = numerical.search(
+            arm, flat, turns, None if start is None else start.reshape(-1, len(arm.joints))
+        )
         q = np.where(found.within(tolerance or NUMERICAL_TOLERANCE)[:, None], found.q, np.nan)[:, None, :]
     return Solutions(arm, q.reshape(*shape, *q.shape[1:]))
 
@@ -79,8 +131,7 @@ def ik(
     arm: Arm, position: ArrayLike, rotation: ArrayLike | None = None, near: ArrayLike | None = None
 ) -> Floats:
     """Joint positions (..., n) by the choice rule. Raises `Unreachable` for the first target without one."""
-    solutions = solve(arm, position, rotation)
-    q = solutions.choose(near)
+    q = solve(arm, position, rotation, near=near).choose(near)
     lost = np.isnan(q[..., 0])
     if lost.any():
         index = tuple(int(each[0]) for each in np.nonzero(np.atleast_1d(lost)))[: lost.ndim]
@@ -96,18 +147,21 @@ def ik(
 def ik_all(
     arm: Arm, position: ArrayLike, rotation: ArrayLike | None = None, near: ArrayLike | None = None
 ) -> Floats:
-    """All solutions (k, n) of one target, the chosen one first. Raises `Unreachable` when there is none."""
+    """All solutions (k, n) of one target, every turn of each, the chosen one first.
+
+    Raises `Unreachable` when there is none.
+    """
     target, turn = _checked(position, rotation)
     if target.ndim != 1:
         raise InputError("one target at a time: give x, y, z")
     if has_closed_form(arm, turn is not None):
-        q = solve(arm, target, turn).q
+        found = solve(arm, target, turn)
     else:
         starts = np.vstack([arm.home if near is None else np.asarray(near, float), _spread(arm, 31)])
         turns = None if turn is None else np.broadcast_to(turn, (len(starts), 3, 3))
-        found = numerical.search(arm, np.broadcast_to(target, (len(starts), 3)), turns, starts, starts=1)
-        q = found.q[found.within(NUMERICAL_TOLERANCE)]
-    q = q[~np.isnan(q[:, 0])]
+        met = numerical.search(arm, np.broadcast_to(target, (len(starts), 3)), turns, starts, starts=1)
+        found = Solutions(arm, met.q[met.within(NUMERICAL_TOLERANCE)])
+    q = found.every_turn()
     if not len(q):
         raise why_unreachable(arm, target, turn)
     return _sorted_without_doubles(arm, q, near)
@@ -225,13 +279,11 @@ def _limit_reason(arm: Arm, free: Floats) -> str:
 def _sorted_without_doubles(arm: Arm, q: Floats, near: ArrayLike | None) -> Floats:
     reference = np.asarray(arm.home if near is None else near, float)
     lower, upper = limits(arm)
-    turning = np.array([joint.turning for joint in arm.joints])
     away = np.round((((q - reference) / (upper - lower)) ** 2).sum(axis=1), 12)
-    kept: list[Floats] = []
+    kept = np.empty_like(q)
+    count = 0
     for row in q[np.argsort(away, kind="stable")]:
-        apart = [
-            np.where(turning, np.abs(np.sin((row - other) / 2)) * 2, np.abs(row - other)) for other in kept
-        ]
-        if all(each.max() > SAME for each in apart):
-            kept.append(row)
-    return np.array(kept)
+        if (np.abs(kept[:count] - row).max(axis=1) > SAME).all():
+            kept[count] = row
+            count += 1
+    return kept[:count]

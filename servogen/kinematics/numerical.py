@@ -94,6 +94,13 @@ def search(
     return Found(best, best_error[0], best_error[1])
 
 
+def improved(
+    arm: Arm, q: Floats, position: Floats, rotation: Floats | None, tolerance: float = 1e-10
+) -> Floats:
+    """Descends from joint positions (m, n): nearer to their targets, and within the limits."""
+    return _descend(arm, q, position, rotation, tolerance)
+
+
 def _idle(arm: Arm, oriented: bool) -> NDArray[np.bool_]:
     """Which joints move nothing that a target gives, at any of a few configurations."""
     lower, upper = limits(arm)

@@ -47,6 +47,135 @@ def test_every_pose_comes_back_from_all_its_solutions(any_arm, configurations) -
     check_all(any_arm, configurations(any_arm, 10_000), oriented=True)
 
 
+def singular(found: Arm, count: int) -> np.ndarray:
+    """Configurations whose joints stand at limits, home and quarter turns: stretched, folded, on the axis."""
+    random = np.random.default_rng(3)
+    lower, upper = numerical.limits(found)
+    q = random.uniform(lower, upper, (count, len(lower)))
+    for column, joint in enumerate(found.joints):
+        special = [joint.lower, joint.upper, joint.home]
+        if joint.turning:
+            quarters = np.arange(-4, 5) * np.pi / 2
+            special += [angle for angle in quarters if joint.lower <= angle <= joint.upper]
+        chosen = random.random(count) < 0.6
+        q[chosen, column] = random.choice(special, int(chosen.sum()))
+    return q
+
+
+def missed(solutions: np.ndarray, pose: np.ndarray, product_of_rows, found: Arm) -> np.ndarray:
+    """How far the best solution of each pose is from it, through the textbook's product of matrices."""
+    given = product_of_rows(found, np.where(np.isnan(solutions), 0.0, solutions))
+    apart = np.abs(given - pose[:, None]).max(axis=(-1, -2))
+    return np.where(np.isnan(solutions[..., 0]), np.inf, apart).min(axis=1)
+
+
+def test_no_singular_pose_is_lost(any_arm, configurations, product_of_rows) -> None:
+    q = np.vstack([configurations(any_arm, 100), singular(any_arm, 300)])
+    pose = product_of_rows(any_arm, q)
+    solutions = solve(any_arm, pose[:, :3, 3], pose[:, :3, :3]).q
+    assert missed(solutions, pose, product_of_rows, any_arm).max() < 1e-8
+    lower, upper = numerical.limits(any_arm)
+    kept = solutions[~np.isnan(solutions[..., 0])]
+    assert (kept >= lower).all() and (kept <= upper).all()
+
+
+def test_no_singular_pose_is_lost_with_a_base_and_a_tool(any_arm, product_of_rows) -> None:
+    base, tool = Frame(0.1, -0.2, 0.3, 0.4, -0.5, 0.6), Frame(0.01, 0.02, 0.03, -0.4, 0.3, 0.2)
+    moved = replace(any_arm, base=base, tool=tool)
+    pose = product_of_rows(moved, singular(moved, 300))
+    solutions = solve(moved, pose[:, :3, 3], pose[:, :3, :3]).q
+    assert missed(solutions, pose, product_of_rows, moved).max() < 1e-8
+
+
+def test_no_singular_position_is_lost_with_the_wrist_at_home(any_arm) -> None:
+    position = fk_position(any_arm, with_wrist_at_home(any_arm, singular(any_arm, 300)))
+    assert solve(any_arm, position).valid.any(axis=1).all()
+
+
+def test_no_pose_of_the_rv_m1_over_its_first_axis_is_lost(product_of_rows) -> None:
+    robot = arm("rv-m1")
+    length, (lower, upper) = robot.length, numerical.limits(robot)
+    q = np.random.default_rng(5).uniform(lower, upper, (20_000, 5))
+    # K = a2 c2 + a3 c23 + d5 s234 = 0 gives q4
+    sine = -(length["a2"] * np.cos(q[:, 1]) + length["a3"] * np.cos(q[:, 1] + q[:, 2])) / length["d5"]
+    q = q[np.abs(sine) <= 1]
+    sum_ = np.arcsin(sine[np.abs(sine) <= 1])
+    q[:, 3] = wrapped(np.where(q[:, 0] > 1.5, np.pi - sum_, sum_) - q[:, 1] - q[:, 2])
+    q = q[(q[:, 3] >= lower[3]) & (q[:, 3] <= upper[3])][:300]
+    assert len(q) == 300
+    pose = product_of_rows(robot, q)
+    assert np.hypot(pose[:, 0, 3], pose[:, 1, 3]).max() < 1e-12
+    solutions = solve(robot, pose[:, :3, 3], pose[:, :3, :3]).q
+    assert missed(solutions, pose, product_of_rows, robot).max() < 1e-8
+
+
+def test_a_pose_that_is_nearly_right_is_still_refused(product_of_rows) -> None:
+    robot = arm("theta1-theta2")
+    pose = product_of_rows(robot, np.array([0.3, 0.0]))
+    twisted = pose[:3, :3] @ np.array([[1, 0, 0], [0, 1, -1e-6], [0, 1e-6, 1]])
+    assert not solve(robot, pose[:3, 3], twisted).valid.any()
+    outside = pose[:3, 3] * (1 + 1e-6)
+    assert not solve(robot, outside, pose[:3, :3]).valid.any()
+
+
+def with_limits(found: Arm, **degrees: tuple[float, float]) -> Arm:
+    joints = [
+        replace(each, lower=radians(degrees[each.name][0]), upper=radians(degrees[each.name][1]))
+        if each.name in degrees
+        else each
+        for each in found.joints
+    ]
+    return replace(found, joints=tuple(joints))
+
+
+@pytest.mark.parametrize("closed_form", ["scara", None])
+@pytest.mark.parametrize("turns", [-2, -1, 0, 1, 2])
+def test_the_turn_nearest_to_near_is_taken(closed_form: str | None, turns: int) -> None:
+    robot = replace(with_limits(arm("scara"), q1=(-1000, 1000), q4=(-800, 800)), closed_form=closed_form)
+    q = np.array([0.7, 0.9, 0.1, 0.2])
+    pose = fk(robot, q)
+    wanted = q + 2 * np.pi * np.array([turns, 0, 0, -turns])
+    found = ik(robot, pose[:3, 3], pose[:3, :3], near=wanted + np.array([1.0, 0.1, 0.0, -1.0]))
+    assert found == pytest.approx(wanted, abs=1e-6)
+
+
+def test_every_turn_within_the_limits_is_listed_once() -> None:
+    robot = with_limits(arm("scara"), q1=(-700, 400), q4=(-180, 900))
+    q = np.array([radians(30), radians(60), 0.1, radians(-10)])
+    pose = fk(robot, q)
+    found = np.degrees(ik_all(robot, pose[:3, 3], pose[:3, :3])[:, [0, 1, 3]])
+    right = {(first, 60, fourth) for first in (-690, -330, 30, 390) for fourth in (-10, 350, 710)}
+    mirrored = np.degrees(2 * np.arctan2(0.3 * np.sin(radians(60)), 0.4 + 0.3 * np.cos(radians(60))))
+    # The mirrored elbow: q1 turns by twice the angle at the shoulder, q4 keeps q1 + q2 - q4
+    first, fourth = 30 + mirrored, 30 + mirrored - 60 - 100
+    left = {
+        (round(first + 360 * a, 6), -60, round(fourth + 360 * b, 6))
+        for a in range(-4, 4) for b in range(-4, 4)
+        if -700 <= first + 360 * a <= 400 and -180 <= fourth + 360 * b <= 900
+    }  # fmt: skip
+    assert {tuple(row) for row in np.round(found, 6).tolist()} == right | left
+    assert len(found) == len(right | left)
+
+
+@pytest.mark.parametrize("end", [180, -180])
+def test_both_ends_of_a_full_turn_are_candidates_and_near_decides(end: int) -> None:
+    robot = with_limits(arm("scara"), q1=(-180, 180))
+    pose = fk(robot, [np.pi, 0.5, 0.1, 0.2])
+    near = np.array([radians(0.9 * end), 0.5, 0.1, 0.2])
+    assert ik(robot, pose[:3, 3], near=near)[0] == pytest.approx(radians(end), abs=1e-9)
+    both = ik_all(robot, pose[:3, 3], pose[:3, :3], near=near)
+    assert both[0, 0] == pytest.approx(radians(end), abs=1e-9)
+    assert {180, -180} <= {round(value, 6) for value in np.degrees(both[:, 0]).tolist()}
+
+
+def test_an_arm_with_too_many_turns_to_list_is_refused() -> None:
+    robot = with_limits(arm("scara"), q1=(-1e9, 1e9))
+    target = fk_position(robot, [0.7, 0.9, 0.1, 0.2])
+    assert ik(robot, target)[0] == pytest.approx(0.7)
+    with pytest.raises(InputError, match="in more than 10000 ways"):
+        ik_all(robot, target)
+
+
 def test_every_position_comes_back_with_the_wrist_at_home(any_arm, configurations) -> None:
     check_all(any_arm, with_wrist_at_home(any_arm, configurations(any_arm, 10_000)), oriented=False)
 
