@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from servogen.plan_error import PlanError
 from servogen.units import Clock, Cycles
 
 PINS = (*(f"RA{bit}" for bit in range(5)), *(f"RB{bit}" for bit in range(8)))
@@ -108,6 +109,8 @@ class Expected:
     lead_in: int
     loop: int
     chunks: Iterable[ExpectedChunk]
+    plan_error: PlanError | None = None
+    """How far the schedule is from the motion that it was rounded from; None: nothing says."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -77,6 +77,7 @@ def test_a_proven_program_passes_and_the_report_says_what_was_measured(project: 
     assert found["servogen_source"] == "the simulated chip"
     assert found["servogen_verdict"] == "proven"
     assert found["servogen_frames"] == "1500"  # three loops of 500 frames
+    assert found["servogen_plan_error"] == "0.333 µs, 0.06°"
     assert found["servogen_RB0_worst_width_error_cycles"] == "0"
 
 
@@ -87,7 +88,7 @@ def test_a_wrong_program_fails_with_the_verdict_and_its_capture(project: pytest.
     result.stdout.fnmatch_lines(
         [
             "*the pulses seen on the simulated chip are not the schedule's*",
-            "*NOT proven: compared*",
+            "*NOT proven: compared*; the schedule is within 0.333 µs, 0.06° of the plan",
             "*RB0 arm:*",
             "*servogen-captures/test_firmware-test_arm.vcd: what was seen on the simulated chip*",
         ]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from servogen.cli.options import Json
-from servogen.cli.show import as_json, counted, status, table, warn
+from servogen.cli.show import as_json, counted, status, table, warn_of_all
 
 if TYPE_CHECKING:
     from servogen.pipeline.build import Build
@@ -42,6 +42,7 @@ def check(job: JobFile, json: Json = False) -> None:
     """Read a job file and say what its pulses will be, without building it."""
     from servogen.job import load
     from servogen.pipeline import planned as planned_job
+    from servogen.plan_error import plan_words
 
     loaded = load(job)
     with status(f"{loaded.name}: planning"):
@@ -57,20 +58,20 @@ def check(job: JobFile, json: Json = False) -> None:
                 "period_cycles": schedule.period,
                 "lead_in_frames": schedule.lead_in_frames,
                 "loop_frames": schedule.loop_frames,
+                "plan_error": schedule.plan_error.to_json() if schedule.plan_error else None,
                 "widths": _widths(planned.widths),
                 "warnings": [{"code": warning.code, "text": str(warning)} for warning in warnings],
                 "notes": [{"code": note.code, "text": note.text} for note in loaded.notes],
             }
         )
         return
-    for warning in warnings:
-        warn(str(warning))
     _width_table(planned.widths)
     for note in loaded.notes:
         print(note.text)
     seconds = float(schedule.clock.seconds(schedule.loop_frames * schedule.period))
     loop = f"loop of {counted(schedule.loop_frames, 'frame')}, {seconds:g} s"
-    print(f"{job}: {counted(len(loaded.servos), 'servo')}, {loop}")
+    print(f"{job}: {counted(len(loaded.servos), 'servo')}, {loop}; {plan_words(schedule.plan_error)}")
+    warn_of_all(warnings)
 
 
 def build(
@@ -86,6 +87,7 @@ def build(
     from servogen.pipeline import build as built
     from servogen.pipeline import write
     from servogen.pipeline.build import program_facts
+    from servogen.plan_error import plan_words
     from servogen.report import rooms_text
 
     loaded = load(job)
@@ -93,15 +95,15 @@ def build(
     with status(f"{loaded.name}: planning") as tell:
         done = built(loaded, lambda step: tell(f"{loaded.name}: {step}"))
         write(done, folder)
-    for warning in done.warnings:
-        warn(str(warning))
     if json:
         as_json(_as_dict(done, folder))
     else:
         _width_table(done.plan.widths)
         _program_table([done])
         print("\n".join(rooms_text(program_facts(done), done.job.clock)))
-        print(f"{folder}: {'proven' if done.proven else 'NOT PROVEN'}; all of it in report.txt")
+        plan = plan_words(done.plan.schedule.plan_error)
+        print(f"{folder}: {'proven' if done.proven else 'NOT PROVEN'}; {plan}; all of it in report.txt")
+    warn_of_all(done.warnings)
     raise typer.Exit(0 if done.proven else 1)
 
 
@@ -137,6 +139,9 @@ def demo(
         _program_table(done)
         for message in refused:
             print(message)
+        for each in done:
+            if each.warnings:
+                print(f"{each.job.name}: {counted(len(each.warnings), 'warning')} in its report.txt")
     raise typer.Exit(0 if all(each.proven for each in done) else 1)
 
 
@@ -164,7 +169,10 @@ def _program_table(builds: list[Build]) -> None:
 
     table(
         "Programs",
-        ("job", "engine", "dialect", "words", "left", "RAM", "left", "frames", "worst edge error", "verdict"),
+        (
+            *("job", "engine", "dialect", "words", "left", "RAM", "left", "frames"),
+            *("worst edge error", "from the plan", "verdict"),
+        ),
         [
             (
                 done.job.name,
@@ -176,6 +184,7 @@ def _program_table(builds: list[Build]) -> None:
                 RAM_BYTES - program.firmware.compilation.ram_bytes,
                 done.frames,
                 f"{program.verdict.worst_edge_error} cycles",
+                "?" if program.verdict.plan_error is None else program.verdict.plan_error.text(),
                 "proven" if program.proven else "NOT PROVEN",
             )
             for done in builds
@@ -202,11 +211,13 @@ def _widths(widths: Any) -> list[dict[str, object]]:
 def _as_dict(done: Build, folder: Path) -> dict[str, object]:
     from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
 
+    error = done.plan.schedule.plan_error
     return {
         "job": done.job.name,
         "folder": str(folder),
         "proven": done.proven,
         "frames": done.frames,
+        "plan_error": error.to_json() if error else None,
         "widths": _widths(done.plan.widths),
         "programs": [
             {

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from servogen.cli.options import Json
-from servogen.cli.show import as_json, counted, status, table, warn
+from servogen.cli.show import as_json, counted, status, table, warn_of_all
 
 if TYPE_CHECKING:
     from servogen.job import Job
@@ -88,8 +88,6 @@ def _show_plan(
 ) -> None:
     from servogen.report.tool_error import worst_of
 
-    for warning in (*job.warnings, *made.warnings):
-        warn(str(warning))
     _show_servos(job, facts)
     frame_s = _seconds(made, 1)
     if errors:
@@ -110,6 +108,7 @@ def _show_plan(
         if frames
     )
     print(f"{job.file}: {counted(len(job.servos), 'servo')}, {text}")
+    warn_of_all((*job.warnings, *made.warnings))
 
 
 def _show_servos(job: Job, facts: tuple[ServoFacts, ...]) -> None:

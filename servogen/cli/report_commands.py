@@ -30,6 +30,7 @@ def report(
     from servogen.job import load
     from servogen.outputs import write_text
     from servogen.pipeline.reporting import page_of
+    from servogen.plan_error import plan_words
 
     loaded = load(job)
     target = output or Path(f"{loaded.name}.html")
@@ -37,10 +38,11 @@ def report(
         page = page_of(loaded, capture, lambda step: tell(f"{loaded.name}: {step}"))
     write_text(target, page.html)
     if json:
-        as_json({"file": str(target), "proven": page.proven, "not_built": page.message})
+        error = page.plan_error.to_json() if page.plan_error else None
+        as_json({"file": str(target), "proven": page.proven, "plan_error": error, "not_built": page.message})
     elif page.message:
         print(page.message)
-        print(f"{target}: the plan")
+        print(f"{target}: the plan; {plan_words(page.plan_error)}")
     else:
-        print(f"{target}: {'proven' if page.proven else 'NOT PROVEN'}")
+        print(f"{target}: {'proven' if page.proven else 'NOT PROVEN'}; {plan_words(page.plan_error)}")
     raise typer.Exit(0 if page.proven or page.message else 1)

@@ -41,7 +41,18 @@ def counted(number: int, what: str) -> str:
 
 
 def warn(text: str) -> None:
+    """Print one warning on standard error."""
     print(f"warning: {text}", file=sys.stderr)
+
+
+def warn_of_all(warnings: Sequence[object]) -> None:
+    """Print all warnings behind their number; call it last, so that no table scrolls them away."""
+    if not warnings:
+        return
+    sys.stdout.flush()  # on a terminal both streams go to one screen
+    print(f"{counted(len(warnings), 'warning')}:", file=sys.stderr)
+    for warning in warnings:
+        warn(str(warning))
 
 
 @contextmanager

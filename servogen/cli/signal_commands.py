@@ -9,7 +9,7 @@ import typer
 
 from servogen.cli.files import PROGRAM_SUFFIXES, clock_of, keep_apart, read_program, read_schedule
 from servogen.cli.options import ClockHz, Json, Ra4PullUp, Seconds
-from servogen.cli.show import as_json, status, warn
+from servogen.cli.show import as_json, status, warn_of_all
 from servogen.errors import InputError, Place
 
 if TYPE_CHECKING:
@@ -129,8 +129,7 @@ def measure(
         as_json({**measurement.to_json(), "warnings": warnings})
         return
     print("\n".join(measurement_lines(measurement)))
-    for caution in found:
-        warn(str(caution))
+    warn_of_all(found)
 
 
 def plot(

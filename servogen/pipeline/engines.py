@@ -18,7 +18,10 @@ from servogen.pipeline.player import compiled, play
 from servogen.pipeline.stream import compiled as compiled_stream
 from servogen.pipeline.stream import stream
 from servogen.pipeline.tuning import Firmware, tune
+from servogen.plan_error import DECIMALS
 from servogen.pulse.plan import PulsePlan, plan
+from servogen.report.tool_error import errors_of, worst_of
+from servogen.report.tracks import tracks_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +35,28 @@ class Planned:
 
 
 def planned(job: Job) -> Planned:
-    """The job as its engine plays it. Raises InputError, DoesNotFit where no engine can hold the motion."""
+    """Return the job as its engine plays it.
+
+    Raises InputError, DoesNotFit where no engine can hold the motion.
+    """
+    found = _planned(job)
+    schedule = replace(found.plan.schedule, device=job.device.name)
+    return replace(found, plan=with_end_error(found.job, replace(found.plan, schedule=schedule)))
+
+
+def with_end_error(job: Job, plan: PulsePlan) -> PulsePlan:
+    """Return the plan, its error also measured at the foot, tool or base that `job`'s servos move."""
+    error = plan.schedule.plan_error
+    ends = errors_of(tracks_of(job, plan.schedule))
+    if error is None or not ends:
+        return plan
+    worst = worst_of(ends)
+    end = worst.name if worst.name == worst.kind else f"{worst.kind} {worst.name}"
+    error = replace(error, end=end, end_mm=round(1000 * worst.worst_m, DECIMALS))
+    return replace(plan, schedule=replace(plan.schedule, plan_error=error))
+
+
+def _planned(job: Job) -> Planned:
     if job.stream is not None:
         return _stream(job)
     if job.firmware.engine != "auto":

@@ -16,6 +16,7 @@ from math import lcm
 from servogen.edges import PINS
 from servogen.pic.image import Image
 from servogen.pipeline.proof import board_of, inputs_of, prove, running
+from servogen.plan_error import plan_words
 from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
 from servogen.simulator import NoRepeat, find_repeat
@@ -39,11 +40,16 @@ class Forever:
     def text(self) -> str:
         """One line: what is proven, or why not."""
         if self.proven:
-            return f"proven for all time: lead-in {self.lead_in} frames, loop {self.loop} frames"
+            return (
+                f"proven for all time: lead-in {self.lead_in} frames, loop {self.loop} frames; "
+                f"0 cycles from the schedule; {plan_words(self.verdict.plan_error)}"
+            )
         if self.reason:
             seconds = float(self.verdict.clock.seconds(self.verdict.span.compared))
-            return f"NOT proven for all time: {self.reason}; covered {seconds:g} s"
-        return "NOT proven for all time: the edges are not the schedule's"
+            why = f"{self.reason}; covered {seconds:g} s"
+        else:
+            why = "the edges are not the schedule's"
+        return f"NOT proven for all time: {why}; {plan_words(self.verdict.plan_error)}"
 
     def to_json(self) -> dict[str, object]:
         return {

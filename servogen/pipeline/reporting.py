@@ -13,9 +13,11 @@ from servogen.edge_files.captures import read_capture
 from servogen.edges import EdgeTrace
 from servogen.job import Job
 from servogen.pipeline.build import Build, Progress, build, program_facts
+from servogen.pipeline.engines import with_end_error
 from servogen.pipeline.fitting import DoesNotFit
 from servogen.pipeline.proof import motion_cycles, running
 from servogen.pipeline.proof_of_capture import prove_capture
+from servogen.plan_error import PlanError
 from servogen.pulse import PulsePlan, PulseSchedule, plan
 from servogen.report.html import PageFacts, html_page
 from servogen.report.result_tables import CaptureFacts
@@ -29,6 +31,7 @@ class Page:
     html: str
     proven: bool
     message: str
+    plan_error: PlanError | None = None
 
 
 def page_of(job: Job, capture: Path | None = None, progress: Progress = lambda step: None) -> Page:
@@ -36,16 +39,17 @@ def page_of(job: Job, capture: Path | None = None, progress: Progress = lambda s
     try:
         done = build(job, progress)
     except DoesNotFit as error:
-        planned = plan(job.trajectory, job.servos, job.frame)
+        planned = with_end_error(job, plan(job.trajectory, job.servos, job.frame))
         beside = capture_facts(planned.schedule, capture) if capture else None
         facts = PageFacts(
             job, planned, (*job.warnings, *planned.warnings), capture=beside, not_built=error.message
         )
-        return Page(html_page(facts), False, error.message)
+        return Page(html_page(facts), False, error.message, planned.schedule.plan_error)
     progress("writing the page")
     beside = capture_facts(done.plan.schedule, capture) if capture else None
     seen = beside is None or beside.verdict.proven
-    return Page(html_page(_facts(done, beside)), done.proven and seen, "")
+    html = html_page(_facts(done, beside))
+    return Page(html, done.proven and seen, "", done.plan.schedule.plan_error)
 
 
 def _facts(done: Build, capture: CaptureFacts | None) -> PageFacts:

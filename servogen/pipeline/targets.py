@@ -21,6 +21,7 @@ from servogen.errors import InputError, Place
 from servogen.pic.image import Image
 from servogen.pipeline.proof import checked_cycles, held, prove, running
 from servogen.pipeline.proof_of_capture import prove_capture
+from servogen.plan_error import NO_PLAN, PlanError
 from servogen.pulse import PulseSchedule
 from servogen.units import Cycles
 from servogen.verify import CaptureVerdict, Tolerances, Verdict, capture_lines, verdict_lines
@@ -151,6 +152,7 @@ def _of_edges(verdict: Verdict) -> Iterator[tuple[str, str]]:
     yield "servogen_verdict", "proven" if verdict.proven else "not proven"
     yield "servogen_seconds", f"{float(verdict.clock.seconds(verdict.span.compared)):g}"
     yield "servogen_frames", str(verdict.span.frames)
+    yield from _of_plan(verdict.plan_error)
     for channel in verdict.channels:
         pin = PINS[channel.pin]
         yield f"servogen_{pin}_pulses", str(channel.observed)
@@ -158,10 +160,15 @@ def _of_edges(verdict: Verdict) -> Iterator[tuple[str, str]]:
         yield f"servogen_{pin}_worst_period_error_cycles", str(channel.period.error)
 
 
+def _of_plan(error: PlanError | None) -> Iterator[tuple[str, str]]:
+    yield "servogen_plan_error", NO_PLAN if error is None else error.text()
+
+
 def _of_capture(verdict: CaptureVerdict) -> Iterator[tuple[str, str]]:
     yield "servogen_verdict", "proven within tolerances" if verdict.proven else "not proven"
     yield "servogen_seconds", f"{verdict.duration_us / 1e6:g}"
     yield "servogen_frames", str(verdict.frames)
+    yield from _of_plan(verdict.plan_error)
     if verdict.pieces:
         yield "servogen_captures_stitched", str(len(verdict.pieces))
     if verdict.ppm is not None:

@@ -28,6 +28,7 @@ def expected(schedule: PulseSchedule) -> Expected:
         schedule.lead_in_frames,
         schedule.loop_frames,
         _Chunks(schedule),
+        schedule.plan_error,
     )
 
 

@@ -14,7 +14,9 @@ import numpy.typing as npt
 
 from servogen.errors import Caution
 from servogen.motion.trajectory import JointTrajectory
+from servogen.plan_error import PlanError
 from servogen.pulse.checks import check_calibration, check_motion, check_period
+from servogen.pulse.plan_errors import error_of_rows, largest
 from servogen.pulse.quantise import NO_PULSE, Quantised, quantise
 from servogen.pulse.schedule import Channel, Pulse, PulseSchedule, Run
 from servogen.pulse.slots import Frame, rises
@@ -37,12 +39,14 @@ def plan(trajectory: JointTrajectory, servos: Sequence[Servo], frame: Frame) -> 
     starts = rises(servos, frame, clock)
     columns = []
     rows: list[Quantised] = []
+    errors: list[PlanError] = []
     warnings = [*check_period(frame.period, frame.place)]
     for index, servo in enumerate(servos):
         angles = trajectory.angles[:, index]
         cycles, widths = quantise(servo, angles, clock)
         columns.append(cycles)
         rows += widths
+        errors.append(error_of_rows(servo, widths))
         warnings += check_calibration(servo)
         warnings += check_motion(
             servo, angles, trajectory.loop_start, float(clock.seconds(trajectory.period))
@@ -54,6 +58,7 @@ def plan(trajectory: JointTrajectory, servos: Sequence[Servo], frame: Frame) -> 
         tuple(Channel(servo.name, servo.pin, servo.model.name) for servo in servos),
         _runs(table[: trajectory.loop_start], starts),
         _runs(table[trajectory.loop_start :], starts),
+        plan_error=largest(errors),
     )
     return PulsePlan(schedule, tuple(rows), tuple(warnings))
 

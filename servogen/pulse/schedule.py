@@ -10,16 +10,24 @@ In: run-length frames. Out: the same as deterministic JSON, and back. Its edges 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 from servogen.edges import PINS
 from servogen.errors import InputError, Place, nearest
+from servogen.plan_error import PlanError
 from servogen.units import Clock, Cycles
 
 VERSION = 1
 """The version of the JSON schema."""
+
+OPTIONAL: Mapping[str, Any] = MappingProxyType({"inputs": [], "plan_error": None, "device": None})
+"""Keys that a schedule may leave out, with what stands for them then."""
+
+MAX_DISTANCE = 1e9
+"""Of a plan error: beyond it a number is a mistake, whatever its unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +76,10 @@ class PulseSchedule:
     lead_in: tuple[Run, ...]
     loop: tuple[Run, ...]
     inputs: tuple[Input, ...] = ()
+    plan_error: PlanError | None = None
+    """How far its pulses are from the planned motion; None where no plan is known."""
+    device: str | None = None
+    """The chip that it was built for; None where nothing says."""
 
     @property
     def lead_in_frames(self) -> int:
@@ -85,10 +97,12 @@ class PulseSchedule:
         )
         return (
             f'{{\n  "version": {VERSION},\n'
+            f"{self._device_text()}"
             f'  "clock_hz": {self.clock.hz},\n'
             f'  "period_cycles": {self.period},\n'
             f'  "channels": [\n{channels}\n  ],\n'
             f"{self._inputs_text()}"
+            f"{self._plan_error_text()}"
             f'  "lead_in": {_runs_text(self.lead_in)},\n'
             f'  "loop": {_runs_text(self.loop)}\n}}\n'
         )
@@ -97,6 +111,14 @@ class PulseSchedule:
         """Nothing where the program reads no pin."""
         each = [{"pin": one.pin, "level": one.level} for one in self.inputs]
         return f'  "inputs": {json.dumps(each)},\n' if each else ""
+
+    def _device_text(self) -> str:
+        return "" if self.device is None else f'  "device": {json.dumps(self.device)},\n'
+
+    def _plan_error_text(self) -> str:
+        return (
+            "" if self.plan_error is None else f'  "plan_error": {json.dumps(self.plan_error.to_json())},\n'
+        )
 
 
 def _runs_text(runs: Iterable[Run]) -> str:
@@ -133,9 +155,11 @@ class _Reader:
     file: str
 
     def schedule(self, data: Any) -> PulseSchedule:
-        keys = ("version", "clock_hz", "period_cycles", "channels", "lead_in", "loop", "inputs")
-        known = {**data, "inputs": data.get("inputs", [])} if isinstance(data, dict) else data
-        version, clock_hz, period, channels, lead_in, loop, inputs = self._table(known, "", keys)
+        keys = ("version", "clock_hz", "period_cycles", "channels", "lead_in", "loop", *OPTIONAL)
+        known = {**OPTIONAL, **data} if isinstance(data, dict) else data
+        version, clock_hz, period, channels, lead_in, loop, inputs, plan_error, device = self._table(
+            known, "", keys
+        )
         if self._whole(version, "version", 0) != VERSION:
             raise self._error("version", f"is {version}, this servogen reads version {VERSION}")
         cycles = self._whole(period, "period_cycles", 1)
@@ -164,13 +188,34 @@ class _Reader:
             self._input(each, f"inputs[{index}]", read)
             for index, each in enumerate(self._array(inputs, "inputs"))
         )
-        return PulseSchedule(clock, Cycles(cycles), read, runs[0], runs[1], held)
+        return PulseSchedule(
+            clock,
+            Cycles(cycles),
+            read,
+            runs[0],
+            runs[1],
+            held,
+            None if plan_error is None else self._plan_error(plan_error),
+            None if device is None else self._text(device, "device"),
+        )
+
+    def _plan_error(self, data: Any) -> PlanError:
+        keys = ("width_us", "angle_deg", "speed_deg_s", "end", "end_mm")
+        width, angle, speed, end, away = self._table(data, "plan_error", keys)
+        if (end is None) != (away is None):
+            raise self._error("plan_error", "has one of 'end' and 'end_mm': give both, or null for both")
+        return PlanError(
+            self._distance(width, "plan_error.width_us"),
+            None if angle is None else self._distance(angle, "plan_error.angle_deg"),
+            None if speed is None else self._distance(speed, "plan_error.speed_deg_s"),
+            None if end is None else self._text(end, "plan_error.end"),
+            None if away is None else self._distance(away, "plan_error.end_mm"),
+        )
 
     def _channel(self, data: Any, key: str) -> Channel:
         values = self._table(data, key, ("name", "pin", "servo"))
         for value, name in zip(values, ("name", "pin", "servo"), strict=True):
-            if not isinstance(value, str):
-                raise self._error(f"{key}.{name}", f"is not a text: {value!r}")
+            self._text(value, f"{key}.{name}")
         if values[1] not in PINS:
             raise self._error(f"{key}.pin", f"unknown pin {values[1]!r}", nearest(values[1], PINS))
         return Channel(*values)
@@ -227,6 +272,17 @@ class _Reader:
     def _whole(self, data: Any, key: str, least: int) -> int:
         if not isinstance(data, int) or isinstance(data, bool) or data < least:
             raise self._error(key, f"is not a whole number of at least {least}: {data!r}")
+        return data
+
+    def _distance(self, data: Any, key: str) -> float:
+        number = isinstance(data, int | float) and not isinstance(data, bool)
+        if not number or not 0 <= data <= MAX_DISTANCE:
+            raise self._error(key, f"is not a number from 0 to {MAX_DISTANCE:g}: {data!r}")
+        return float(data)
+
+    def _text(self, data: Any, key: str) -> str:
+        if not isinstance(data, str):
+            raise self._error(key, f"is not a text: {data!r}")
         return data
 
     def _error(self, key: str, message: str, hint: str | None = None) -> InputError:

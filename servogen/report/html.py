@@ -20,6 +20,7 @@ from servogen.errors import Caution, Place
 from servogen.job import Job
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, oscillator_for
 from servogen.pic.listing import Listing, listing_text
+from servogen.plan_error import plan_words
 from servogen.pulse import PulsePlan
 from servogen.report.plan_charts import angle_chart, path_charts, rounding, width_chart
 from servogen.report.result_tables import CaptureFacts, capture_values, costs, memory, program_values
@@ -73,6 +74,7 @@ def _values(facts: PageFacts) -> dict[str, object]:
     return {
         "title": job.name,
         "state": _state(facts),
+        "distance": _distance(facts),
         "tiles": tuple(_tiles(facts)),
         "chip": f"{job.device.name}, {job.clock.hz / 1e6:g} MHz crystal ({oscillator_for(job.clock.hz)}); "
         f"one instruction cycle is {float(job.clock.cycle_us):g} µs",
@@ -106,6 +108,13 @@ def _state(facts: PageFacts) -> tuple[str, str]:
     if facts.capture is not None and not facts.capture.verdict.proven:
         return "bad", "program proven, capture NOT"
     return "good", "every edge proven"
+
+
+def _distance(facts: PageFacts) -> str:
+    """Return how far the edges are from the schedule, and the schedule from the plan."""
+    words = plan_words(facts.plan.schedule.plan_error)
+    proven = bool(facts.programs) and all(program.proven for program in facts.programs)
+    return f"0 cycles from the schedule; {words}" if proven else words
 
 
 def _tiles(facts: PageFacts) -> Iterator[tuple[str, str]]:

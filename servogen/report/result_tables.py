@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from servogen.edges import PINS, EdgeTrace
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
 from servogen.pic.listing import ListedFunction, Listing
+from servogen.plan_error import plan_words
 from servogen.report.text import ProgramFacts
 from servogen.verify import CaptureVerdict, capture_lines
 
@@ -45,7 +46,7 @@ def program_values(program: ProgramFacts) -> dict[str, object]:
         ),
         "proven": program.proven,
         "span": f"{verdict.span.frames} frames, {float(verdict.clock.seconds(verdict.span.compared)):g} s, "
-        f"{verdict.span.compared} cycles, on all 13 pins",
+        f"{verdict.span.compared} cycles, on all 13 pins; {plan_words(verdict.plan_error)}",
         "start": None
         if verdict.start is None
         else f"{float(verdict.clock.us(verdict.start)):g} µs after reset",

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from servogen.report.tracks import Track
+from servogen.report.tracks import Kind, Track
 
 SAME_DIGITS = 9
 """Of metres: errors nearer than a nanometre are one, so that the first of them is named on every machine."""
@@ -21,6 +21,7 @@ class EndError:
     """Of one foot or tool: metres, the frame in which it is worst, and the same through the Jacobian."""
 
     name: str
+    kind: Kind
     worst_m: float
     rms_m: float
     frame: int
@@ -42,6 +43,7 @@ def _error(track: Track) -> EndError:
     direct, slope = track.error, track.first_order
     return EndError(
         track.name,
+        track.kind,
         float(np.nanmax(direct)),
         _rms(direct),
         int(np.nanargmax(np.round(direct, SAME_DIGITS))),

@@ -78,8 +78,10 @@ def verify_capture(
     if pieces:
         found = [_found(expected, piece, allowed, sample) for piece in split(captured, pieces)]
         step_us = float(captured.clock.cycle_us)
-        return merged(found, [begin * step_us for begin, _ in pieces])
-    return with_reasons(_found(expected, captured, allowed, sample))
+        verdict = merged(found, [begin * step_us for begin, _ in pieces])
+    else:
+        verdict = with_reasons(_found(expected, captured, allowed, sample))
+    return replace(verdict, plan_error=expected.plan_error)
 
 
 def _found(

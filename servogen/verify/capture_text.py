@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from servogen.edges import PINS
+from servogen.plan_error import plan_words
 from servogen.verify.capture_verdict import CapturedChannel, CaptureVerdict
 from servogen.verify.reasons import counted
 
@@ -14,7 +15,7 @@ def capture_lines(verdict: CaptureVerdict) -> list[str]:
     lines = [
         f"{'proven within tolerances' if verdict.proven else 'NOT proven'}: "
         f"{counted(verdict.frames, 'frame')}{first} in {seconds:g} s, "
-        f"a sample every {verdict.sample_us:g} µs",
+        f"a sample every {verdict.sample_us:g} µs; {plan_words(verdict.plan_error)}",
         _clock_words(verdict),
     ]
     if verdict.pieces:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from servogen.edges import PINS
+from servogen.plan_error import PlanError
 from servogen.verify.capture_frames import WholeFrames
 from servogen.verify.verdict import StrayPin
 
@@ -154,6 +155,8 @@ class CaptureVerdict:
     seen: frozenset[int] = frozenset()
     """Those of them that were seen whole."""
     pieces: tuple[CapturePiece, ...] = ()
+    plan_error: PlanError | None = None
+    """How far the schedule itself is from the planned motion."""
 
     def but(self, reason: str) -> CaptureVerdict:
         """The same, not proven because of `reason`, which comes first."""
@@ -184,4 +187,5 @@ class CaptureVerdict:
             "channels": [channel.to_json() for channel in self.channels],
             "first_problem": self.problem.to_json() if self.problem else None,
             "stray_pins": [PINS[stray.pin] for stray in self.stray],
+            "plan_error": self.plan_error.to_json() if self.plan_error else None,
         }

@@ -101,7 +101,18 @@ def _verdict(
     why += short
     overlap = found.overlap if found else None
     cycle = None if start.cycle is None else Cycles(start.cycle)
-    return Verdict(not why, tuple(why), expected.clock, cycle, span, channels, difference, overlap, stray)
+    return Verdict(
+        not why,
+        tuple(why),
+        expected.clock,
+        cycle,
+        span,
+        channels,
+        difference,
+        overlap,
+        stray,
+        expected.plan_error,
+    )
 
 
 def _exact(expected: Expected, seen: Seen) -> tuple[ChannelVerdict, ...]:
@@ -123,7 +134,18 @@ def _silent(expected: Expected, observed: EdgeTrace, start: Start, asked: Cycles
         why.append(reasons.short_reason(asked - compared, observed.end, expected.clock))
     channels = tuple(ChannelVerdict(channel.name, channel.pin, 0, 0) for channel in expected.channels)
     difference = _first(start.stray)
-    return Verdict(not why, tuple(why), expected.clock, None, span, channels, difference, None, start.stray)
+    return Verdict(
+        not why,
+        tuple(why),
+        expected.clock,
+        None,
+        span,
+        channels,
+        difference,
+        None,
+        start.stray,
+        expected.plan_error,
+    )
 
 
 def _span(expected: Expected, asked: Cycles, compared: int) -> Span:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from servogen.edges import PINS
+from servogen.plan_error import plan_words
 from servogen.verify.reasons import counted
 from servogen.verify.verdict import ChannelVerdict, Span, Verdict, Worst
 
 
 def verdict_lines(verdict: Verdict) -> list[str]:
-    """Lines without colour; the first says whether the trace is proven."""
-    lines = [f"{'proven' if verdict.proven else 'NOT proven'}: {_span_words(verdict)}"]
+    """Return lines without colour; the first says whether the trace is proven, and how near to the plan."""
+    lines = [
+        f"{'proven' if verdict.proven else 'NOT proven'}: {_span_words(verdict)}; "
+        f"{'0 cycles from the schedule; ' if verdict.proven else ''}{plan_words(verdict.plan_error)}"
+    ]
     if verdict.start is not None:
         start = float(verdict.clock.us(verdict.start))
         lines.append(f"first edge {counted(verdict.start, 'cycle')} ({start:g} µs) after reset")

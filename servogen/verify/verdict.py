@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from servogen.edges import PINS
+from servogen.plan_error import PlanError
 from servogen.units import Clock, Cycles
 
 
@@ -157,6 +158,8 @@ class Verdict:
     difference: Difference | None = None
     overlap: Overlap | None = None
     stray: tuple[StrayPin, ...] = ()
+    plan_error: PlanError | None = None
+    """How far the schedule itself is from the planned motion."""
 
     @property
     def worst_edge_error(self) -> int:
@@ -175,4 +178,5 @@ class Verdict:
             "first_difference": self.difference.to_json() if self.difference else None,
             "overlap": self.overlap.to_json() if self.overlap else None,
             "stray_pins": [stray.to_json() for stray in self.stray],
+            "plan_error": self.plan_error.to_json() if self.plan_error else None,
         }

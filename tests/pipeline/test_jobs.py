@@ -108,6 +108,8 @@ def test_the_schedule_in_the_folder_is_the_one_that_was_proven(tmp_path: Path, j
     assert from_json(text, "schedule.json") == job.plan.schedule
     assert set(json.loads(text)) == {
         "version",
+        "device",
+        "plan_error",
         "clock_hz",
         "period_cycles",
         "channels",

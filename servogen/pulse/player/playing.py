@@ -13,7 +13,9 @@ import numpy as np
 
 from servogen.errors import InputError
 from servogen.motion.trajectory import Floats, JointTrajectory
+from servogen.plan_error import PlanError
 from servogen.pulse.plan import PulsePlan
+from servogen.pulse.plan_errors import channel_error, largest
 from servogen.pulse.player.fitting import Part, fitting, pooled, scale_of, sections
 from servogen.pulse.player.interpolation import Whole
 from servogen.pulse.player.layout import Layout, layout
@@ -79,6 +81,7 @@ def playing(
         channels,
         tuple(_runs(every[:first_loop], heard[:first_loop], rises)),
         tuple(_runs(every[first_loop:], heard[first_loop:], rises)),
+        plan_error=_plan_error(trajectory, servos, every, rows, clock),
     )
     return Playing(
         PulsePlan(
@@ -112,6 +115,19 @@ def ideal_widths(trajectory: JointTrajectory, servos: Sequence[Servo], clock: Cl
         us = [np.nan if np.isnan(angle) else servo.width_us(angle) for angle in distinct.tolist()]
         rows[:, index] = np.array(us)[back] / float(clock.cycle_us)
     return rows
+
+
+def _plan_error(
+    trajectory: JointTrajectory, servos: Sequence[Servo], made: Whole, ideal: Floats, clock: Clock
+) -> PlanError:
+    """Return the largest distance between the widths `made` and `ideal`, cycles of each frame and servo."""
+    cycle_us = float(clock.cycle_us)
+    errors = []
+    for index, servo in enumerate(servos):
+        pulsed = ~np.isnan(ideal[:, index])
+        widths = [cycle_us * each[pulsed, index] for each in (ideal, made)]
+        errors.append(channel_error(servo, trajectory.angles[pulsed, index], *widths))
+    return largest(errors)
 
 
 def _runs(widths: Whole, heard: np.ndarray, rises: Sequence[Cycles]) -> Iterator[Run]:

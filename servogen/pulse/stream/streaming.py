@@ -7,12 +7,13 @@ comes: the neutral pose, then what the fail-safe says.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from servogen.errors import Caution, InputError
 from servogen.pulse.checks import check_calibration, check_period
 from servogen.pulse.plan import PulsePlan
+from servogen.pulse.plan_errors import error_of_rows, largest
 from servogen.pulse.quantise import PARTS, Quantised
 from servogen.pulse.schedule import Channel, Pulse, PulseSchedule, Run
 from servogen.pulse.slots import Frame
@@ -63,6 +64,8 @@ def streaming(
         _quantised(servo, width, clock, schedule.lead_in_frames + schedule.loop_frames)
         for servo, width in zip(servos, neutral, strict=True)
     )
+    errors = (error_of_rows(servo, (row,)) for servo, row in zip(servos, widths, strict=True))
+    schedule = replace(schedule, plan_error=largest(errors))
     plan = PulsePlan(schedule, widths, _warnings(servos, frame, slots, clock))
     travels = tuple(travel(servo, clock) for servo in servos)
     return Streaming(plan, slots, stream, units, travels, neutral, silence, soft)
