@@ -69,11 +69,19 @@ class Caution:
         return f"{self.place}: {self.text}" if self.place else self.text
 
 
+MAX_LISTED, MAX_COMPARED = 100, 1000
+"""Known words that are listed, and that are compared with a misspelt one."""
+
+MAX_WORD = 100
+"""Letters of a word for which a near one is looked for."""
+
+
 def nearest(word: str, known: Iterable[str]) -> str:
-    """A sentence that names the known word nearest to `word`, or all of them when none is near."""
+    """Returns a sentence that names the known word nearest to `word`, or all of them when none is near."""
     names = sorted(known)
-    close = get_close_matches(word.lower(), [name.lower() for name in names], n=1, cutoff=0.6)
-    for name in names:
-        if close and name.lower() == close[0]:
-            return f"did you mean '{name}'?"
-    return f"known: {', '.join(names)}"
+    lower = {name.lower(): name for name in reversed(names[:MAX_COMPARED])}
+    close = get_close_matches(word[:MAX_WORD].lower(), lower, n=1, cutoff=0.6)
+    if close:
+        return f"did you mean '{lower[close[0]]}'?"
+    more = ", …" if len(names) > MAX_LISTED else ""
+    return f"known: {', '.join(names[:MAX_LISTED])}{more}"

@@ -25,16 +25,47 @@ def _parser() -> Parser:
     return tree_sitter.Parser(tree_sitter.Language(tree_sitter_toml.language()))
 
 
+MAX_ENTRIES = 200_000
+"""Keys, tables and array elements of a document."""
+
+MAX_DEPTH = 32
+"""Steps of a key: the deepest that a file of this program has is 5."""
+
+
+class TooMuch(Exception):
+    """The document is larger than is read; says at which line and what is allowed."""
+
+    def __init__(self, message: str, line: int, hint: str) -> None:
+        super().__init__(message)
+        self.message = message
+        self.line = line
+        self.hint = hint
+
+
 def places_of(text: str) -> dict[Key, tuple[int, int]]:
-    """Line and column (from 1, in characters) of every key and array element of a valid document."""
+    """Returns line and column (from 1, in characters) of every key and array element of a valid document.
+
+    Raises TooMuch for more than MAX_ENTRIES of them, and for one that is deeper than MAX_DEPTH.
+    """
     raw = text.encode()
     lines = raw.split(b"\n")
+    last_row, last_byte, last_column = -1, 0, 0
     places: dict[Key, tuple[int, int]] = {}
     counts: dict[Key, int] = {}
 
     def note(key: Key, node: Node) -> None:
-        row, column = node.start_point
-        places.setdefault(key, (row + 1, len(lines[row][:column].decode(errors="replace")) + 1))
+        nonlocal last_row, last_byte, last_column
+        row, byte = node.start_point
+        if len(key) > MAX_DEPTH:
+            raise TooMuch("tables or arrays are nested too deeply", row + 1, f"at most {MAX_DEPTH} deep")
+        if row != last_row or byte < last_byte:
+            last_row, last_byte, last_column = row, 0, 0
+        # From where the last node began: decoding a long line from its begin each time is quadratic.
+        last_column += len(lines[row][last_byte:byte].decode(errors="replace"))
+        last_byte = byte
+        places.setdefault(key, (row + 1, last_column + 1))
+        if len(places) > MAX_ENTRIES:
+            raise TooMuch("has too many values", row + 1, f"at most {MAX_ENTRIES} keys and array elements")
 
     def header(names: list[str]) -> Key:
         """A table's key: each array of tables on the way stands for its newest element."""

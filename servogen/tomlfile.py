@@ -17,7 +17,8 @@ from typing import Any, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from servogen.errors import InputError, Place, nearest
-from servogen.toml_places import Key, places_of
+from servogen.inputs import read_input
+from servogen.toml_places import Key, TooMuch, places_of
 
 UNITS = {
     *("us", "ms", "s", "deg", "rad", "mm", "cm", "m", "hz", "khz", "mhz", "v", "mv", "a", "ma", "nm", "ncm"),
@@ -63,10 +64,7 @@ def load(path: str | Path, model: type[Model]) -> tuple[Document, Model]:
 
 def read(path: str | Path) -> Document:
     """The file at `path`, parsed but not checked. Raises InputError."""
-    try:
-        raw = Path(path).read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", Place(str(path))) from error
+    raw = read_input(path)
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -83,10 +81,20 @@ def parse(text: str, file: str) -> Document:
     except tomllib.TOMLDecodeError as error:
         raise _syntax_error(text, file, str(error)) from error
     except ValueError as error:  # a number of thousands of digits
-        raise InputError(f"TOML syntax: {error}", Place(file)) from error
+        digits = re.search(r"\d[\d_]{4000}", text)
+        line = text.count("\n", 0, digits.start()) + 1 if digits else None
+        message = "a number has thousands of digits" if digits else f"TOML syntax: {error}"
+        raise InputError(message, Place(file, line), _WHOLE_RANGE) from error
     except RecursionError as error:
         raise InputError("tables or arrays are nested too deeply", Place(file)) from error
-    return Document(file, _frozen(data), places_of(text))
+    try:
+        document = Document(file, _frozen(data), places_of(text))
+        _check_range(document, document.data, ())
+        return document
+    except TooMuch as error:
+        raise InputError(error.message, Place(file, error.line), error.hint) from error
+    except RecursionError as error:
+        raise InputError("tables or arrays are nested too deeply", Place(file)) from error
 
 
 def validate(document: Document, model: type[Model], key: Key = ()) -> Model:
@@ -98,9 +106,10 @@ def validate(document: Document, model: type[Model], key: Key = ()) -> Model:
         return model.model_validate(data)
     except ValidationError as error:
         details = [dict(detail) for detail in error.errors(include_url=False)]
-        found = [_input_error(document, model, key, detail) for detail in details if not _consequence(detail)]
+        causes = [detail for detail in details if not _consequence(detail)]
         # A missing key tells least: its place is the table, above the misspelt key that explains it.
-        raise min(found, key=_order) from error
+        first = min(causes, key=lambda detail: _order(document, key, detail))
+        raise _input_error(document, model, key, first) from error
 
 
 def unknown_key(document: Document, key: Key, known: Iterable[str]) -> InputError:
@@ -138,6 +147,22 @@ def key_text(key: Key) -> str:
     for step in key:
         text += f"[{step + 1}]" if isinstance(step, int) else f".{step}" if text else step
     return text
+
+
+_WHOLE_RANGE = "whole numbers are those of 64 bits: -2^63 to 2^63 - 1"
+
+
+def _check_range(document: Document, value: Any, key: Key) -> None:
+    """Refuses integers that TOML does not have: those of more than 64 bits."""
+    if isinstance(value, dict):
+        for name, item in value.items():
+            _check_range(document, item, (*key, name))
+    elif isinstance(value, tuple):
+        for index, item in enumerate(value):
+            if not isinstance(item, float | str):
+                _check_range(document, item, (*key, index))
+    elif isinstance(value, int) and not -(2**63) <= value < 2**63:
+        raise document.error(key, f"{shown(value)} is too large", _WHOLE_RANGE)
 
 
 def _frozen(value: Any) -> Any:
@@ -198,9 +223,7 @@ def _input_error(document: Document, model: type[Table], root: Key, detail: Mapp
     if kind == "missing":
         if where and isinstance(where[-1], int):
             return document.error(key[:-1], f"has too few values: number {where[-1] + 1} is missing")
-        return _Missing(
-            f"'{key[-1]}' is missing", document.place(*key[:-1]), f"add {_added(model, key, where)}"
-        )
+        return document.error(key[:-1], f"'{key[-1]}' is missing", f"add {_added(model, key, where)}")
     if kind == "value_error":
         return document.error(key, str(context["error"]))
     value = shown(detail["input"])
@@ -245,13 +268,12 @@ def _added(model: type[Table], key: Key, where: Key) -> str:
     return f"[[{key[0]}]]" if get_origin(annotation) is tuple else f"[{key[0]}]"
 
 
-class _Missing(InputError):
-    """A key that is not there."""
-
-
-def _order(error: InputError) -> tuple[bool, int, int]:
-    place = error.place or Place()
-    return isinstance(error, _Missing), place.line or 0, place.column or 0
+def _order(document: Document, root: Key, detail: Mapping[str, Any]) -> tuple[bool, int, int]:
+    """Returns what the errors of a document are sorted by: a missing key after all others, then the place."""
+    where = tuple(detail["loc"])
+    missing = detail["type"] == "missing"
+    place = document.place(*root, *(where[:-1] if missing else where))
+    return missing and not isinstance(where[-1], int), place.line or 0, place.column or 0
 
 
 def shown(value: Any) -> str:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from servogen.cli.options import DEFAULT_CLOCK_HZ
 from servogen.cli.show import warn
 from servogen.errors import InputError, Place
+from servogen.inputs import MAX_TEXT_BYTES, read_input
 
 if TYPE_CHECKING:
     from servogen.pic.image import Image
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
 C_SUFFIX = ".c"
 ASSEMBLY_SUFFIXES = (".asm", ".s", ".src")
 HEX_SUFFIXES = (".hex", ".ihx", ".h8", ".obj")
+MAX_SCHEDULE_BYTES = 16 << 20
+"""Of a schedule: an hour of frames that all differ, for two servos."""
+
 PROGRAM_SUFFIXES = (C_SUFFIX, *ASSEMBLY_SUFFIXES, *HEX_SUFFIXES)
 
 
@@ -45,12 +49,9 @@ def keep_apart(inputs: Sequence[Path], *outputs: Path | None) -> None:
         taken[output.resolve()] = "is written already"
 
 
-def read_source(path: Path) -> str:
-    """A text file; old editors' code pages are taken as Latin-1. Raises InputError."""
-    try:
-        raw = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", Place(str(path))) from error
+def read_source(path: Path, limit: int = MAX_TEXT_BYTES) -> str:
+    """Returns a text file's contents; what is not UTF-8 is taken as Latin-1. Raises InputError."""
+    raw = read_input(path, limit)
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -59,10 +60,7 @@ def read_source(path: Path) -> str:
 
 def read_assembly(path: Path) -> str:
     """An assembly file: each byte is a character, as in the assemblers of the time. Raises InputError."""
-    try:
-        return path.read_bytes().decode("latin-1")
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", Place(str(path))) from error
+    return read_input(path).decode("latin-1")
 
 
 def read_image(path: Path) -> Image:
@@ -123,7 +121,7 @@ def dialect_of(texts: list[str]) -> str:
 
 
 def read_schedule(path: Path) -> PulseSchedule:
-    """The schedule in a schedule.json. Raises InputError."""
+    """Returns the schedule in a schedule.json. Raises InputError."""
     from servogen.pulse import from_json
 
-    return from_json(read_source(path), str(path))
+    return from_json(read_source(path, MAX_SCHEDULE_BYTES), str(path))

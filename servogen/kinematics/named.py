@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from servogen.errors import InputError, Place
+from servogen.inputs import read_input
 from servogen.kinematics.urdf import from_urdf
 from servogen.robot import robots
 from servogen.robot.model import Arm, Robot
@@ -27,7 +28,7 @@ def arm(name: str) -> Arm:
 
 def _read(path: Path) -> Arm:
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot be read: {error}", Place(str(path))) from error
+        text = read_input(path).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError("is not UTF-8 text", Place(str(path))) from error
     return from_urdf(text, str(path))

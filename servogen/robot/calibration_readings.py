@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from servogen.errors import InputError, Place
+from servogen.inputs import read_input
 from servogen.robot.calibration_fit import Reading
 
 WIDTH, ANGLE, SPEED = "width_us", "angle_deg", "speed_deg_s"
@@ -39,9 +40,9 @@ def read_csv(path: Path, speed: bool) -> Sequence[Reading]:
     Raises InputError.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError("cannot be read", Place(str(path)), str(error)) from error
+        text = read_input(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError("is not UTF-8 text", Place(str(path))) from error
     rows = csv.DictReader(io.StringIO(text), skipinitialspace=True)
     wanted = SPEED if speed else ANGLE
     for column in (WIDTH, wanted):

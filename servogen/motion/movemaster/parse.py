@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from servogen.errors import InputError, Place, nearest
+from servogen.inputs import read_input
 from servogen.motion.movemaster.language import (
     COMMANDS,
     LINES,
@@ -89,9 +90,7 @@ class Source:
 def read(path: str | Path) -> Source:
     """The file at `path`. Raises InputError."""
     try:
-        text = Path(path).read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", Place(str(path))) from error
+        text = read_input(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = error.object.count(b"\n", 0, error.start) + 1
         raise InputError("is not UTF-8 text", Place(str(path), line), "save the file as UTF-8") from error

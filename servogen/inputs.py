@@ -1,0 +1,76 @@
+"""Files that commands read: regular files only, and none larger than its reader takes.
+
+In: a path, and for a file that is read whole the largest number of bytes. Out: an open binary file, or the
+bytes. A named pipe, a device, a socket or a directory is refused before it is opened, because reading one may
+block or never end.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+from typing import IO
+
+from servogen.errors import InputError, Place
+
+MAX_TEXT_BYTES = 1 << 20
+"""The largest text that is read whole: a job, a program, a HEX file. The largest real ones have a tenth."""
+
+_KINDS = (
+    (stat.S_ISDIR, "a directory"),
+    (stat.S_ISFIFO, "a named pipe"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+)
+
+
+def open_input(path: str | Path) -> IO[bytes]:
+    """Returns the regular file at `path`, open for reading. Raises InputError."""
+    name = os.fspath(path)
+    try:
+        _require_regular(name, Path(name).stat().st_mode)
+        # Not blocking: what was a file a moment ago may be a named pipe now.
+        file = os.fdopen(os.open(name, os.O_RDONLY | _FLAGS), "rb")
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", Place(name)) from error
+    except ValueError as error:  # a NUL in the name, or a letter that the file system's encoding lacks
+        raise InputError("cannot be read: the name is not a file name", Place(name)) from error
+    try:
+        _require_regular(name, os.fstat(file.fileno()).st_mode)
+    except InputError:
+        file.close()
+        raise
+    return file
+
+
+_FLAGS = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0) | getattr(os, "O_BINARY", 0)
+
+
+def read_input(path: str | Path, limit: int = MAX_TEXT_BYTES) -> bytes:
+    """Returns the contents of the regular file at `path`, at most `limit` bytes. Raises InputError."""
+    with open_input(path) as file:
+        try:
+            data = file.read(limit + 1)
+        except OSError as error:
+            raise InputError(f"cannot be read: {error.strerror}", Place(os.fspath(path))) from error
+    if len(data) > limit:
+        raise InputError(
+            f"is larger than {size_text(limit)}", Place(os.fspath(path)), "files of this kind are smaller"
+        )
+    return data
+
+
+def size_text(size: int) -> str:
+    """Returns a number of bytes for people: `1 MiB`, `600 bytes`."""
+    for factor, unit in ((1 << 30, "GiB"), (1 << 20, "MiB"), (1 << 10, "KiB")):
+        if size >= factor:
+            return f"{size / factor:.3g} {unit}"
+    return f"{size} bytes"
+
+
+def _require_regular(name: str, mode: int) -> None:
+    for is_kind, kind in _KINDS:
+        if is_kind(mode):
+            raise InputError(f"is {kind}: only regular files are read", Place(name))
