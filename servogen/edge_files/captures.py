@@ -15,7 +15,7 @@ from pathlib import Path
 
 from servogen.edge_files.csv_file import HEADER as EDGES_HEADER
 from servogen.edge_files.formats import EdgeWriter
-from servogen.edge_files.lines import open_input
+from servogen.edge_files.lines import first_lines
 from servogen.edge_files.rates import rate_in, step_clock
 from servogen.edge_files.saleae_csv import read_saleae
 from servogen.edge_files.sigrok_session import read_session
@@ -23,6 +23,7 @@ from servogen.edge_files.vcd_read import read_header, read_vcd
 from servogen.edge_files.vcd_write import MADE, PARTIAL, STITCHED, VcdWriter
 from servogen.edges import EdgeTrace
 from servogen.errors import InputError, Place
+from servogen.inputs import open_input
 from servogen.outputs import atomic_write
 
 SUFFIXES = (".vcd", ".sr", ".csv")
@@ -65,8 +66,7 @@ def is_capture(path: str | Path) -> bool:
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".csv":
-        with open_input(path) as file:
-            return file.readline().strip() != EDGES_HEADER.encode()
+        return first_lines(path, 1)[0].strip() != EDGES_HEADER.encode()
     if suffix == ".vcd":
         with open_input(path) as file:
             version = _VERSION.search(file.read(1 << 16))

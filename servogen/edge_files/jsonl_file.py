@@ -55,7 +55,7 @@ def read_jsonl(path: str | Path, clock: Clock, end: int | None = None) -> EdgeTr
     source = _JsonlChunks(Path(path))
     try:
         cycle = json.loads(last_line(source.path))["cycle"]
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         cycle = None  # the iteration names the line
     known = Cycles(cycle + 1 if _is_cycle(cycle) else 0)
     return ended(clock, source, known, end)
@@ -85,7 +85,7 @@ def _parse(block: bytes, last: int) -> EdgeChunk | None:
         cycle = [edge["cycle"] for edge in objects]
         pin = [_PIN_NUMBER[edge["pin"]] for edge in objects]
         level = [LEVELS.index(edge["level"]) for edge in objects]
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         return None
     if len(objects) != len(lines) or not all(map(_is_cycle, cycle)):
         return None
@@ -106,7 +106,7 @@ def _check(text: str, last: int, place: Place) -> int:
     """The cycle of one line; an InputError that says what is wrong with it."""
     try:
         edge = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(
             f"is not JSON: {error}", place, f"expected one object a line, like {_EXAMPLE}"
         ) from error
@@ -118,19 +118,24 @@ def _check(text: str, last: int, place: Place) -> int:
     cycle, pin, level = (edge[key] for key in KEYS)
     if not _is_cycle(cycle):
         raise InputError(
-            f"cycle {cycle!r} is not allowed",
+            f"cycle {_shown(cycle)} is not allowed",
             place,
             "a whole number of instruction cycles since reset, below 10^18",
         )
     if pin not in PINS:
-        raise InputError(f"pin {pin!r} is not allowed", place, nearest(str(pin), PINS))
+        raise InputError(f"pin {_shown(pin)} is not allowed", place, nearest(str(pin), PINS))
     if level not in LEVELS:
-        raise InputError(f"level {level!r} is not allowed", place, 'allowed: 0, 1, "z"')
+        raise InputError(f"level {_shown(level)} is not allowed", place, 'allowed: 0, 1, "z"')
     if cycle < last:
         raise InputError(
             f"cycle {cycle} comes after cycle {last}", place, "edges must be in the order of their cycles"
         )
     return int(cycle)
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 40 else f"{text[:37]}…"
 
 
 def _is_cycle(value: object) -> bool:

@@ -7,24 +7,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO
 
 from servogen.errors import InputError, Place
+from servogen.inputs import open_input, size_text
 
 BLOCK_BYTES = 1 << 22
 TAIL_BYTES = 1 << 12
-
-
-def open_input(path: Path) -> IO[bytes]:
-    """The file at `path`, or an InputError that says why it cannot be read."""
-    try:
-        return path.open("rb")
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", Place(str(path))) from error
+MAX_LINE_BYTES = 1 << 20
+"""Of a line; without a bound, a file without line ends would be held in memory whole."""
 
 
 def line_blocks(path: Path, start: int = 0, line: int = 1) -> Iterator[tuple[int, bytes]]:
-    """(number of the first line, whole lines) from byte `start`, which is the start of line `line`."""
+    """Yields (number of the first line, whole lines) from byte `start`, the start of line `line`.
+
+    Raises InputError for a line that is longer than MAX_LINE_BYTES.
+    """
     with open_input(path) as file:
         file.seek(start)
         rest = b""
@@ -37,12 +34,14 @@ def line_blocks(path: Path, start: int = 0, line: int = 1) -> Iterator[tuple[int
                 rest = after
             else:
                 rest += after
+            if len(rest) > MAX_LINE_BYTES:
+                raise _too_long(path, line)
         if rest:
             yield line, rest.removesuffix(b"\r") + b"\n"
 
 
 def last_line(path: Path) -> bytes:
-    """The last line that is not blank, stripped; empty when there is none."""
+    """Returns the last line that is not blank, stripped; empty when there is none. Raises InputError."""
     with open_input(path) as file:
         size = file.seek(0, 2)
         wanted = TAIL_BYTES
@@ -51,4 +50,21 @@ def last_line(path: Path) -> bytes:
             tail = file.read().rstrip()
             if b"\n" in tail or wanted >= size:
                 return tail.rpartition(b"\n")[2].strip()
+            if wanted > MAX_LINE_BYTES:
+                raise _too_long(path, None)
             wanted *= 8
+
+
+def first_lines(path: Path, count: int) -> list[bytes]:
+    """Returns the first `count` lines, with their ends; empty ones behind the end. Raises InputError."""
+    with open_input(path) as file:
+        lines = [file.readline(MAX_LINE_BYTES + 1) for _ in range(count)]
+    for number, line in enumerate(lines, 1):
+        if len(line) > MAX_LINE_BYTES:
+            raise _too_long(path, number)
+    return lines
+
+
+def _too_long(path: Path, line: int | None) -> InputError:
+    which = "the last line" if line is None else "the line"
+    return InputError(f"{which} is longer than {size_text(MAX_LINE_BYTES)}", Place(str(path), line))

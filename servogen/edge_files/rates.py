@@ -8,7 +8,7 @@ from fractions import Fraction
 from servogen.errors import InputError, Place
 from servogen.units import OSCILLATOR_PERIODS_PER_CYCLE, Clock
 
-_RATE = re.compile(r"(\d+(?:\.\d+)?)\s*([kMG]?)Hz")
+_RATE = re.compile(r"(\d{1,18}(?:\.\d{1,18})?)\s*([kMG]?)Hz")
 _FACTOR = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9}
 
 

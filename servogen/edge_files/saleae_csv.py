@@ -7,6 +7,7 @@ found at the beginning. Source: Saleae's support pages, "Binary and CSV Export F
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
@@ -15,7 +16,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from servogen.edge_files.lines import last_line, line_blocks, open_input
+from servogen.edge_files.lines import first_lines, last_line, line_blocks
 from servogen.edge_files.rates import step_clock
 from servogen.edge_files.wires import pins_of
 from servogen.edges import HIGH, LOW, UNDRIVEN, Changes, EdgeChunk, EdgeTrace, edge_chunk
@@ -26,6 +27,10 @@ NANOSECONDS = 10**9
 LEVELS = {b"0": LOW, b"1": HIGH, b"X": UNDRIVEN, b"x": UNDRIVEN}
 LONGEST = 9e9
 """Seconds; more nanoseconds are no 64-bit integer."""
+
+
+_SECONDS = re.compile(r"[-+]?\d{1,20}(\.\d{0,20})?([eE][-+]?\d{1,3})?", re.ASCII)
+"""With an exponent of more digits, the exact value would fill the memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,9 +70,8 @@ class _Rows:
 def read_saleae(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrace:
     """The edges of the channels; the file does not tell the capture's end, so it ends with the last row."""
     place = Place(str(path), 1)
-    with open_input(path) as file:
-        header = file.readline().decode("utf-8-sig", "replace").strip().split(",")
-        first = file.readline()
+    head, first = first_lines(path, 2)
+    header = head.decode("utf-8-sig", "replace").strip().split(",")
     if not header[0].replace(" ", "").lower().startswith("time[s]") or len(header) < 2:
         raise InputError("is not a digital CSV file of Saleae's", place, "expected: Time [s],Channel 0,…")
     names = [(name.strip(), column) for column, name in enumerate(header) if column]
@@ -79,12 +83,10 @@ def read_saleae(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrace
 
 def _nanoseconds(line: bytes, path: Path, number: int | None) -> int:
     text = line.split(b",")[0].decode("utf-8", "replace").strip()
-    try:
-        seconds = Fraction(text)
-    except (ValueError, ZeroDivisionError) as error:
+    if not _SECONDS.fullmatch(text) or not _is_time(text.encode()):
         place = Place(str(path), number)
-        raise InputError(f"time '{text[:40]}' is not a number of seconds", place) from error
-    return round(seconds * NANOSECONDS)
+        raise InputError(f"time '{text[:40]}' is not a number of seconds", place, "export times in seconds")
+    return round(Fraction(text) * NANOSECONDS)
 
 
 def _complain(lines: list[bytes], number: int, path: Path, columns: int) -> NoReturn:

@@ -12,24 +12,32 @@ import re
 import struct
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from servogen.edge_files.lines import open_input
 from servogen.edge_files.rates import rate_in, step_clock
 from servogen.edge_files.wires import pins_of
 from servogen.edges import EdgeChunk, EdgeTrace, edge_chunk
 from servogen.errors import InputError, Place
+from servogen.inputs import open_input, size_text
 from servogen.units import Cycles
 
 MOST_BYTES = 8
 """Of a sample: 64 probes."""
 
 BLOCK_SAMPLES = 1 << 20
+MAX_METADATA_BYTES = 1 << 16
+"""A session of 64 probes has three thousand."""
+
+MAX_MEMBERS = 10_000
+"""Files in the archive: sigrok splits its samples into pieces of some megabytes."""
+
+MAX_SAMPLE_BYTES = 1 << 31
+"""Of all samples, unpacked: 35 minutes of 8 probes at 1 MHz. A packed megabyte can unpack to a thousand."""
 
 _DAMAGED = (
     zipfile.BadZipFile,
@@ -49,7 +57,7 @@ class _Session:
     """Where the samples are, how many bytes each has, and which bit is which pin."""
 
     path: Path
-    members: tuple[str, ...]
+    pieces: tuple[str, ...]
     size: int
     pins: Mapping[int, int]
 
@@ -94,8 +102,8 @@ class _Session:
     def _unpacked(self) -> Iterator[npt.NDArray[np.uint64]]:
         with zipfile.ZipFile(self.path) as archive:
             rest = b""
-            for member in self.members:
-                with archive.open(member) as file:
+            for piece in self.pieces:
+                with archive.open(piece) as file:
                     while data := file.read(BLOCK_SAMPLES * self.size):
                         data = rest + data
                         whole = len(data) // self.size * self.size
@@ -112,29 +120,40 @@ class _Session:
 def read_session(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrace:
     """The edges of a session's logic probes; the trace ends behind the last sample."""
     place = Place(str(path))
-    with open_input(path):
-        pass
     try:
+        _check_directory(path)
         with zipfile.ZipFile(path) as archive:
-            metadata = archive.read("metadata").decode("utf-8")
-            sizes = {info.filename: info.file_size for info in archive.infolist()}
+            members = {info.filename: info for info in archive.infolist()}
+            with archive.open("metadata") as file:
+                metadata = file.read(MAX_METADATA_BYTES + 1).decode("utf-8")
     except _DAMAGED as error:
         raise InputError("is not a sigrok session", place, "a ZIP archive with a file `metadata`") from error
+    if len(metadata) > MAX_METADATA_BYTES:
+        raise InputError(f"has more than {size_text(MAX_METADATA_BYTES)} of metadata", place)
     device = _device(metadata, place)
     rate = rate_in(device.get("samplerate", ""))
     if not rate:
         raise InputError("does not say its samplerate", place, "capture with a samplerate set")
-    size = int(device.get("unitsize", "0")) if device.get("unitsize", "0").isdigit() else 0
-    if not 1 <= size <= MOST_BYTES:
+    unit = str(device.get("unitsize"))
+    if not re.fullmatch(f"[1-{MOST_BYTES}]", unit):
+        raise InputError(f"unitsize '{unit[:40]}' is not allowed", place, f"1 to {MOST_BYTES} bytes")
+    size = int(unit)
+    pieces = _pieces(device.get("capturefile", "logic-1"), members)
+    packed = next((piece for piece in pieces if members[piece].compress_type not in _COMPRESSIONS), None)
+    if packed is not None:
+        raise InputError(f"packs '{packed}' in a way that sigrok does not use", place, "stored or deflated")
+    unpacked = sum(members[piece].file_size for piece in pieces)
+    if unpacked > MAX_SAMPLE_BYTES:
         raise InputError(
-            f"unitsize '{device.get('unitsize')}' is not allowed", place, f"1 to {MOST_BYTES} bytes"
+            f"unpacks to {size_text(unpacked)} of samples, more than {size_text(MAX_SAMPLE_BYTES)}",
+            place,
+            "capture for a shorter time, at a lower rate, or fewer probes",
         )
-    members = _members(device.get("capturefile", "logic-1"), sizes)
-    samples = sum(sizes[member] for member in members) // size
+    samples = unpacked // size
     if not samples:
         raise InputError("holds no samples of logic probes", place)
     pins = pins_of(_probes(device, size), wires, place)
-    return EdgeTrace(step_clock(rate, place), _Session(path, members, size, pins), Cycles(samples))
+    return EdgeTrace(step_clock(rate, place), _Session(path, pieces, size, pins), Cycles(samples))
 
 
 def _device(metadata: str, place: Place) -> Mapping[str, str]:
@@ -156,8 +175,40 @@ def _probes(device: Mapping[str, str], size: int) -> list[tuple[str, int]]:
     return [(name, bit) for name, bit in probes if bit < 8 * size]
 
 
-def _members(name: str, sizes: Mapping[str, int]) -> tuple[str, ...]:
-    """The archive's files of samples, in order."""
-    parts = [file for file in sizes if re.fullmatch(re.escape(name) + r"-\d+", file)]
-    parts.sort(key=lambda file: int(file.rpartition("-")[2]))
-    return tuple(parts) or ((name,) if name in sizes else ())
+def _pieces(name: str, members: Collection[str]) -> tuple[str, ...]:
+    """Returns the names of the archive's files of samples, in order."""
+    pieces = [file for file in members if re.fullmatch(re.escape(name) + r"-[0-9]{1,9}", file)]
+    pieces.sort(key=lambda file: int(file.rpartition("-")[2]))
+    return tuple(pieces) or ((name,) if name in members else ())
+
+
+_COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+_END = struct.Struct("<4s4H2LH")
+"""A ZIP archive's last record: signature, disk numbers, files here and in all, bytes of the directory and
+where it begins, bytes of the comment. Source: PKWARE's APPNOTE, section 4.3.16."""
+
+_END_SIGNATURE = b"PK\5\6"
+_ZIP64_SIGNATURE = b"PK\6\7"
+_MAX_COMMENT_BYTES = (1 << 16) - 1
+_MAX_DIRECTORY_BYTES = 1 << 22
+
+
+def _check_directory(path: Path) -> None:
+    """Refuses an archive whose directory would fill the memory: zipfile reads it whole.
+
+    Raises InputError, and ValueError for a file that is not an archive.
+    """
+    with open_input(path) as file:
+        size = file.seek(0, 2)
+        file.seek(max(0, size - _END.size - _MAX_COMMENT_BYTES))
+        tail = file.read()
+    at = tail.rfind(_END_SIGNATURE)
+    if at < 0 or len(tail) - at < _END.size:
+        raise ValueError("no end of the central directory")
+    _, _, _, _, count, directory_bytes, _, _ = _END.unpack_from(tail, at)
+    is_64 = tail[max(0, at - 20) : at].startswith(_ZIP64_SIGNATURE)
+    if is_64 or count > MAX_MEMBERS or directory_bytes > _MAX_DIRECTORY_BYTES:
+        raise InputError("is an archive of too many or too large files", Place(str(path)), _SMALL)
+
+
+_SMALL = f"at most {MAX_MEMBERS} files, none of 4 GiB"

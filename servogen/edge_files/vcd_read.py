@@ -20,10 +20,11 @@ from vcd.reader import TokenKind, VarDecl, VCDParseError, tokenize
 
 from servogen.edge_files import rows
 from servogen.edge_files.endings import ended
-from servogen.edge_files.lines import TAIL_BYTES, last_line, line_blocks, open_input
+from servogen.edge_files.lines import TAIL_BYTES, last_line, line_blocks
 from servogen.edge_files.wires import pins_of
 from servogen.edges import HIGH, LOW, UNDRIVEN, Changes, EdgeChunk, EdgeTrace, edge_chunk
 from servogen.errors import InputError, Place
+from servogen.inputs import open_input, size_text
 from servogen.units import Clock, Cycles
 
 LEVEL_OF = {
@@ -35,6 +36,11 @@ UNIT_POWER = {"s": 0, "ms": 3, "us": 6, "ns": 9, "ps": 12, "fs": 15, "as": 18, "
 MOST_DIGITS = 18
 """So many decimal digits always fit a signed 64-bit integer."""
 MOST_CYCLES = 10**17
+MAX_HEADER_BYTES = 1 << 22
+"""Of the declarations: 100 000 wires."""
+
+MAX_TAIL_BYTES = 1 << 20
+"""In how much of a file's end its last time stamps are looked for."""
 
 # sigrok-cli puts a line "META samplerate: …" in front of what it writes.
 _FIRST_KEYWORD = re.compile(rb"^\s*\$", re.MULTILINE)
@@ -73,11 +79,12 @@ def read_header(path: Path, wires: Mapping[str, str] | None = None) -> VcdHeader
     place = Place(str(path))
     with open_input(path) as file:
         text = file.read(1 << 16)
-        while not (end := _END_OF_HEADER.search(text)):
-            more = file.read(1 << 20)
-            if not more:
-                raise InputError("is not a VCD file: it has no $enddefinitions", place)
-            text += more
+        if not (end := _END_OF_HEADER.search(text)):
+            text += file.read(MAX_HEADER_BYTES - len(text))
+            end = _END_OF_HEADER.search(text)
+    if end is None:
+        within = f" in its first {size_text(MAX_HEADER_BYTES)}" if len(text) == MAX_HEADER_BYTES else ""
+        raise InputError(f"is not a VCD file: it has no $enddefinitions{within}", place)
     first = _FIRST_KEYWORD.search(text)
     before = first.start() if first else 0
     step: Fraction | None = None
@@ -140,6 +147,8 @@ def _last_times(path: Path, start: int) -> list[int]:
                 return [int(time) for time in times]
             if at == start:
                 raise InputError("is not a whole VCD file: no time stamp follows the declarations", place)
+            if wanted > MAX_TAIL_BYTES:
+                raise InputError(f"has no time stamp in its last {size_text(wanted)}", place)
             wanted *= 8
 
 
