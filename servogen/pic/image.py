@@ -157,15 +157,19 @@ class _Record:
     memory: IntelHex
 
 
+MAX_RECORDS = 10_000
+"""Of a file: with one byte in each, a full chip has 2200."""
+
 _DATA, _END = "00", "01"
 _BASES = ("02", "04")
 """Extended segment and linear addresses: they count for the records that follow."""
 
 
 def _records(text: str, file: str | None) -> list[_Record]:
-    """Each data record, read by intelhex by itself so that a defect has its line."""
+    """Returns each data record, read by intelhex by itself so that a defect has its line."""
     records: list[_Record] = []
     base = ""
+    count = 0
     ended = False
     for number, raw in enumerate(re.split("\r\n|\n|\r", text), 1):
         line = raw.strip(" \t\f\x1a\ufeff")
@@ -176,6 +180,11 @@ def _records(text: str, file: str | None) -> list[_Record]:
             raise InputError(_not_hex(line, bool(records or base or ended)), place, HEX_HINT)
         if ended:
             raise InputError("a record after the end-of-file record", place)
+        count += 1
+        if count > MAX_RECORDS:
+            raise InputError(
+                f"the file has more than {MAX_RECORDS} records", place, "the chip has 1024 words"
+            )
         defect = _defect(line)
         if defect:
             raise InputError(defect, place)

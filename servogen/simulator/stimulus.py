@@ -32,7 +32,8 @@ class Stimuli:
 
     def changes(self, clock: Clock) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
         """Pieces: (the cycle before which they are all, the packed changes)."""
-        ordered = merge(*(source.changes(clock) for source in self.sources), key=lambda change: change.cycle)
+        merged = merge(*(source.changes(clock) for source in self.sources), key=lambda change: change.cycle)
+        ordered = takewhile(lambda change: change.cycle < _END, merged)
         ahead = next(ordered, None)
         before = 0
         while ahead is not None:
@@ -86,6 +87,10 @@ def _check(piece: list[Change], before: int) -> int:
             )
         before = change.cycle
     return before
+
+
+_END = NEVER >> PACK_CYCLE
+"""The cycle from which on a change cannot be packed: no simulation is as long."""
 
 
 def _pack(change: Change) -> int:

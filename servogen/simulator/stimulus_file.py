@@ -19,12 +19,18 @@ from servogen.edges import HIGH, LOW
 from servogen.errors import InputError
 from servogen.simulator.sources import RELEASED, Button, Levels, Periodic, Reset, Serial, Source, pin_number
 from servogen.simulator.stimulus import Stimuli
-from servogen.tomlfile import Document, Table, exact, parse, read, validate
+from servogen.tomlfile import Document, Table, exact, parse, read, shown, validate
 from servogen.units import Clock
 
+MAX_US = 10**15
+"""Thirty years."""
+
+MAX_BOUNCES = 1000
+"""Of a button; they are random moments that are drawn at once."""
+
 Number = int | float
-Time = Annotated[Number, Field(ge=0)]
-Length = Annotated[Number, Field(gt=0)]
+Time = Annotated[Number, Field(ge=0, le=MAX_US)]
+Length = Annotated[Number, Field(gt=0, le=MAX_US)]
 
 
 class _Level(Table):
@@ -45,7 +51,7 @@ class _Button(Table):
     pin: str
     pressed_us: Time
     released_us: Time
-    bounces: Annotated[int, Field(ge=0)] = 5
+    bounces: Annotated[int, Field(ge=0, le=MAX_BOUNCES)] = 5
     bounce_us: Time = 5000
     seed: int = 1
     pressed_level: Literal[0, 1] = 0
@@ -94,6 +100,12 @@ def _stimuli(document: Document, clock: Clock) -> Stimuli:
     for n, periodic in enumerate(file.periodic):
         if periodic.high_us >= periodic.period_us:
             raise document.error(("periodic", n, "high_us"), "is not shorter than period_us")
+        if exact(periodic.period_us) < clock.cycle_us:
+            raise document.error(
+                ("periodic", n, "period_us"),
+                f"{shown(periodic.period_us)} is shorter than an instruction cycle",
+                f"at least {float(clock.cycle_us):g}",
+            )
         pin = _pin(document, ("periodic", n, "pin"), periodic.pin)
         period, high, start = (
             _exactly(us, clock) for us in (periodic.period_us, periodic.high_us, periodic.from_us)
@@ -129,6 +141,12 @@ def _levels(document: Document, n: int, table: _Level, clock: Clock) -> Levels:
 def _serial(document: Document, n: int, table: _Serial, clock: Clock) -> Serial:
     if (table.text is None) == (table.data is None):
         raise document.error(("serial", n), "needs either text or data")
+    if exact(table.baud) > clock.cycles_per_second:
+        raise document.error(
+            ("serial", n, "baud"),
+            f"{shown(table.baud)} is more than one bit in an instruction cycle",
+            f"at most {float(clock.cycles_per_second):g}",
+        )
     return Serial(
         _pin(document, ("serial", n, "pin"), table.pin),
         bytes(table.data or ()) if table.text is None else table.text.encode(),

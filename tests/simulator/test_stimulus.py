@@ -24,6 +24,7 @@ from servogen.simulator import (
     record,
     simulate,
 )
+from servogen.simulator.layout import NEVER
 from servogen.simulator.sources import Source
 from servogen.units import Clock
 from tests.simulator.helpers import CLOCK, image, ram
@@ -215,3 +216,25 @@ def test_mistakes_in_a_file_are_told_with_their_place(text: str, message: str) -
     assert caught.value.place is not None
     assert caught.value.place.file == "stimulus.toml"
     assert caught.value.place.line is not None
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('[[periodic]]\npin="RB0"\nperiod_us=1e-9\nhigh_us=1e-10', "shorter than an instruction cycle"),
+        ('[[serial]]\npin="RB0"\nbaud=1e300\ntext="x"', "less than or|at most"),
+        ('[[serial]]\npin="RB0"\nbaud=1_000_001\ntext="x"', "more than one bit in an instruction cycle"),
+        ('[[button]]\npin="RB0"\npressed_us=0\nreleased_us=9\nbounces=1001', "at most 1000"),
+        ('[[level]]\npin="RB0"\nat_us=[1e16]\nlevel=[1]', "at most 1e\\+15"),
+    ],
+)
+def test_a_stimulus_that_would_take_for_ever_is_refused(text: str, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        parse_stimuli(text, "s.toml", Clock(4_000_000))
+
+
+def test_changes_beyond_all_simulations_are_never_made() -> None:
+    text = '[[periodic]]\npin="RB0"\nperiod_us=1e15\nhigh_us=1\n[[level]]\npin="RB1"\nat_us=[1e15]\nlevel=[1]'
+    pieces = list(parse_stimuli(text, "s.toml", Clock(4_000_000)).changes(Clock(4_000_000)))
+    assert pieces[-1][0] == NEVER
+    assert all(change >= 0 for _, piece in pieces for change in piece.tolist())

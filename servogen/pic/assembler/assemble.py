@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from servogen.errors import Place
-from servogen.pic.assembler.blocks import EndOfSource, ExitMacro, TooManyErrors
+from servogen.inputs import read_input
+from servogen.pic.assembler.blocks import EndOfSource, ExitMacro, OutOfBudget, TooManyErrors
 from servogen.pic.assembler.control import CONTROL
 from servogen.pic.assembler.definitions import DEFINITIONS
 from servogen.pic.assembler.layout import LAYOUT
@@ -60,6 +61,8 @@ def assemble(
             state.run(lines)
         except EndOfSource:
             ended = True
+        except OutOfBudget:
+            break
         except (ExitMacro, TooManyErrors):
             pass
         if number == 2 and not ended and not state.log.errors:
@@ -87,7 +90,7 @@ def beside(directory: Path) -> Include:
             if not found:
                 return None
             wanted = found[0]
-        return wanted.read_text(encoding="latin-1")
+        return read_input(wanted).decode("latin-1")
 
     return read
 

@@ -49,6 +49,10 @@ class ExitMacro(Exception):
     """EXITM was met."""
 
 
+class OutOfBudget(Exception):
+    """The source takes more work than any program of the chip; the log has the error."""
+
+
 class TooManyErrors(Exception):
     """The rest of the source would say nothing new."""
 

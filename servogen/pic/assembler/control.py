@@ -115,6 +115,7 @@ MOST_TURNS_IN_ALL = 16384
 def _while(state: Pass, found: Statement) -> None:
     condition = state.expression(found.rest)
     body = state.readers[-1].block("while", "endw", found)
+    state.spend(len(body))
     for _ in range(MOST_TURNS):
         if not state.evaluate(condition):
             return
@@ -131,6 +132,7 @@ def _while(state: Pass, found: Statement) -> None:
 
 def _macro(state: Pass, found: Statement) -> None:
     body = state.readers[-1].block("macro", "endm", found)
+    state.spend(len(body))
     if found.label is None:
         raise SourceError("MACRO needs a name in front of it", found.column, number=130)
     if found.label in state.macros:

@@ -92,13 +92,15 @@ def _cblock(state: Pass, found: Statement) -> None:
     if found.rest:
         state.cblock = state.one(found)
     for raw in state.readers[-1].block("cblock", "endc", found):
-        line = state.substituted(raw)
+        state.line = raw
+        state.spend()
         try:
+            line = state.substituted(raw)
             for part in line.text.without_comment().strip().split(","):
                 if part:
                     _cblock_entry(state, part)
         except SourceError as error:
-            state.report("error", error.number, error.text, line, error.column, error.hint)
+            state.report("error", error.number, error.text, raw, error.column, error.hint)
 
 
 def _cblock_entry(state: Pass, part: Text) -> None:

@@ -131,6 +131,9 @@ BINARY: Mapping[str, tuple[int, Callable[[int, int], int]]] = {
 DEEPEST = 50
 """Brackets and signs within each other."""
 
+MAX_OPERATORS = 200
+"""Between two operands, in the fields of a line; each is a level of the tree."""
+
 
 class Parser:
     """Reads expressions from tokens; the fields between commas are separate expressions."""
@@ -140,6 +143,7 @@ class Parser:
         self._index = 0
         self._end_column = end_column
         self._depth = 0
+        self._operators = 0
 
     @classmethod
     def of(cls, text: Text, radix: int) -> Parser:
@@ -180,6 +184,9 @@ class Parser:
             if strength < weakest:
                 return left
             self._index += 1
+            self._operators += 1
+            if self._operators > MAX_OPERATORS:
+                raise SourceError(f"more than {MAX_OPERATORS} operators in a line", token.column)
             left = Binary(token.text, left, self.expression(strength + 1), token.column)
 
     def _operand(self) -> Expression:

@@ -22,12 +22,21 @@ def _org(state: Pass, found: Statement) -> None:
 
 def _res(state: Pass, found: Statement) -> None:
     """Reserved words are erased words."""
-    for _ in range(state.one(found)):
+    for _ in range(_counted(state.one(found), found)):
         state.emit(WORD_MASK, found)
 
 
-MOST_FILL = 0x2200
-"""More words than there are addresses."""
+MAX_COUNT = 0x2200
+"""Of FILL and RES: more words than there are addresses."""
+
+
+def _counted(count: int, found: Statement) -> int:
+    """Returns a number of words that a line places. Raises SourceError for one that no chip has."""
+    if not 0 <= count <= MAX_COUNT:
+        raise SourceError(
+            f"{found.operation.upper()} of {count} words", found.column, f"0 to {MAX_COUNT} words", 126
+        )
+    return count
 
 
 def _fill(state: Pass, found: Statement) -> None:
@@ -35,12 +44,12 @@ def _fill(state: Pass, found: Statement) -> None:
     bracketed = _BRACKETED.match(found.rest.chars)
     if bracketed is None or bracketed[1].upper() not in instructions.mnemonics():
         value, count = state.fields(found, 2, 2)
-        for _ in range(min(state.evaluate(count), MOST_FILL)):
+        for _ in range(_counted(state.evaluate(count), found)):
             state.emit(state.evaluate(value), found)
         return
     fields = state.parser(found.rest[bracketed.end(1) : bracketed.end(2)]).fields()
     count = state.expression(found.rest[bracketed.end() :])
-    for _ in range(min(state.evaluate(count), MOST_FILL)):
+    for _ in range(_counted(state.evaluate(count), found)):
         for each in instructions.instructions(bracketed[1], fields, found.place):
             state.encode(each, found)
 

@@ -62,7 +62,8 @@ MOST_ERRORS = 100
 class Log:
     """The remarks of one pass; `errorlevel` chooses which warnings and messages are kept."""
 
-    entries: list[Diagnostic] = field(default_factory=list)
+    entries: dict[Diagnostic, None] = field(default_factory=dict)
+    """Each once, in order."""
     least: int = 0
     """0 keeps all, 1 drops messages, 2 drops warnings too."""
     muted: set[int] = field(default_factory=set)
@@ -70,8 +71,7 @@ class Log:
     def add(self, entry: Diagnostic) -> None:
         if entry.level != "error" and (entry.number in self.muted or self.least > _SEVERITY[entry.level]):
             return
-        if entry not in self.entries:
-            self.entries.append(entry)
+        self.entries[entry] = None
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:

@@ -159,7 +159,7 @@ def _badram(state: Pass, found: Statement) -> None:
     for field in state.fields(found, 1):
         if isinstance(field, Binary) and field.operator == "-":
             first, last = state.evaluate(field.left), state.evaluate(field.right)
-            state.bad_ram.update(range(first, min(last, WORD_MASK) + 1))
+            state.bad_ram.update(range(max(first, 0), min(last, WORD_MASK) + 1))
         else:
             state.bad_ram.add(state.evaluate(field))
 

@@ -12,14 +12,22 @@ from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 
 from servogen.pic.assembler import instructions
-from servogen.pic.assembler.blocks import Condition, ExitMacro, Macro, Placed, Reader, TooManyErrors
+from servogen.pic.assembler.blocks import (
+    Condition,
+    ExitMacro,
+    Macro,
+    OutOfBudget,
+    Placed,
+    Reader,
+    TooManyErrors,
+)
 from servogen.pic.assembler.expressions import Expression, Parser, evaluate, parse_expression, suggestion
 from servogen.pic.assembler.memory import Memory
 from servogen.pic.assembler.messages import MOST_ERRORS, Diagnostic, Level, Log, SourceError
 from servogen.pic.assembler.source import ASSIGNMENTS, SourceLine, Statement, statement
 from servogen.pic.assembler.substitution import Definition, parameters, paste, substitute
 from servogen.pic.assembler.symbols import Symbols
-from servogen.pic.assembler.text import Text
+from servogen.pic.assembler.text import MAX_LINE, Text, line_too_long
 from servogen.pic.device import Device, register_bits, registers
 from servogen.pic.isa import WORD_MASK
 
@@ -27,6 +35,15 @@ Include = Callable[[str], str | None]
 """Gives the text of an include file by the name that the source writes; None when there is no such file."""
 
 Directive = Callable[["Pass", Statement], None]
+
+MAX_STEPS = 100_000
+"""Lines that a pass reads, words that it places and names that it replaces; a large program has 5000.
+
+Macros and `#define` that use each other twice double the work at each level.
+"""
+
+_STEPS_OF_A_GUESS = 20
+"""Comparing a word with all operations takes as long as so many lines."""
 
 DEEPEST_NESTING = 100
 """Macro calls and include files within each other; more are taken for endless."""
@@ -60,6 +77,9 @@ class Pass:
     turning: int = 0
     """How many WHILEs the line in hand is within."""
     turns: int = 0
+    steps: int = 0
+    line: SourceLine | None = None
+    """The line in hand."""
 
     # -- where expressions find their names -----------------------------------------------------------
 
@@ -100,8 +120,21 @@ class Pass:
             del self.conditions[opened:]
             self.readers.pop()
 
+    def spend(self, steps: int = 1) -> None:
+        """Counts work. Raises OutOfBudget, with an error at the line in hand, after MAX_STEPS."""
+        self.steps += steps
+        if self.steps > MAX_STEPS and self.line is not None:
+            text = f"the source takes more than {MAX_STEPS} steps to assemble"
+            hint = "a macro, a WHILE or a #define that grows without end?"
+            self.report("error", 132, text, self.line, hint=hint)
+            raise OutOfBudget
+
     def _guarded(self, line: SourceLine) -> None:
+        self.line = line
+        self.spend()
         try:
+            if len(line.text.chars) > MAX_LINE:
+                raise line_too_long(MAX_LINE + 1)
             self._line(line)
         except SourceError as error:
             column = error.column or line.text.strip().column(0)
@@ -117,7 +150,7 @@ class Pass:
 
     def substituted(self, line: SourceLine) -> SourceLine:
         """The line after `#define` and `#v`."""
-        text = substitute(line.text, self.definitions)
+        text = substitute(line.text, self.definitions, self.spend)
         return replace(line, text=paste(text, lambda part: self.evaluate(self.expression(part))))
 
     def _statement(self, found: Statement) -> None:
@@ -166,6 +199,7 @@ class Pass:
 
     def is_almost_operation(self, word: str) -> bool:
         """Whether a word is so near to an operation that it is a slip of the pen."""
+        self.spend(_STEPS_OF_A_GUESS)
         known = (*self.directives, *(name.lower() for name in instructions.mnemonics()), *self.macros)
         return bool(get_close_matches(word.lower(), known, n=1, cutoff=0.8))
 
@@ -178,6 +212,7 @@ class Pass:
     def encode(self, instruction: instructions.ParsedInstruction, found: Statement) -> None:
         """Places an instruction; in the first pass only its room, for its operands may be unknown yet."""
         if self.first:
+            self.spend()
             self.location += 1
             return
         try:
@@ -251,6 +286,7 @@ class Pass:
 
     def emit(self, word: int, found: Statement, *, is_code: bool = False) -> None:
         """Places a word at the location, which goes on by one."""
+        self.spend()
         address = self.location
         self.location += 1
         self.put(address, word, found, is_code=is_code)
@@ -277,7 +313,7 @@ class Pass:
     ) -> None:
         notes = "; ".join(([hint] if hint else []) + list(line.within))
         self.log.add(Diagnostic(level, number, text, line.place(column), notes or None))
-        if len(self.log.errors) >= MOST_ERRORS:
+        if level == "error" and len(self.log.errors) >= MOST_ERRORS:
             raise TooManyErrors
 
 

@@ -22,21 +22,33 @@ class Definition:
     parameters: tuple[str, ...] = ()
 
 
+DEEPEST_DEFINITIONS = 100
+"""`#define`d names within the replacement of each other."""
+
 _KEPT = re.compile(r"\s*#?(?:define|undefine|ifdef|ifndef|elifdef|elifndef)\b", re.IGNORECASE)
 """These directives take a name as it stands."""
 
 _WORD = re.compile(r"[bodhqaBODHQA]'[^']*'|" + IDENTIFIER.pattern + r"|[0-9][\w]*")
 
 
-def substitute(text: Text, definitions: Mapping[str, Definition]) -> Text:
-    """The line with its `#define`d names replaced, and those in what replaces them.
+def substitute(
+    text: Text,
+    definitions: Mapping[str, Definition],
+    spend: Callable[[], None],
+    within: frozenset[str] = frozenset(),
+) -> Text:
+    """Returns the line with its `#define`d names replaced, and those in what replaces them.
 
-    A name is not replaced within its own replacement, so that a circle ends.
+    A name is not replaced within its own replacement, so that a circle ends; `within` has the names that are
+    being replaced. Calls `spend` for each replacement, because replacements can double at each step.
     """
     if not definitions or _KEPT.match(text.chars):
         return text
+    if len(within) > DEEPEST_DEFINITIONS:
+        raise SourceError("definitions are nested too deeply", text.column(0), number=132)
     index = 0
-    while found := _next_name(text, index, definitions):
+    while found := _next_name(text, index, definitions, within):
+        spend()
         start, end = found
         name = text.chars[start:end]
         definition = definitions[name]
@@ -46,22 +58,23 @@ def substitute(text: Text, definitions: Mapping[str, Definition]) -> Text:
             if arguments is None:
                 index = end
                 continue
-            values = [substitute(Text.of(each), definitions).chars for each in arguments]
+            values = [substitute(Text.of(each), definitions, spend, within).chars for each in arguments]
             body = parameters(body, dict(zip(definition.parameters, values, strict=True)))
-        others = {each: value for each, value in definitions.items() if each != name}
-        body = substitute(body, others)
+        body = substitute(body, definitions, spend, within | {name})
         text = text.replace(start, end, body.chars)
         index = start + len(body.chars)
     return text
 
 
-def _next_name(text: Text, index: int, names: Mapping[str, object]) -> tuple[int, int] | None:
-    """Where the next known name outside strings and comment begins and ends."""
+def _next_name(
+    text: Text, index: int, names: Mapping[str, object], but: frozenset[str] = frozenset()
+) -> tuple[int, int] | None:
+    """Returns where the next known name outside strings and comment begins and ends, one of `but` omitted."""
     limit = len(text.without_comment().chars)
     spans = [span for span in text.quoted() if text.chars[span[0]] == '"' or span[1] - span[0] > 1]
     for match in _WORD.finditer(text.chars, index, limit):
         start, end = match.span()
-        if match[0] in names and not any(a <= start < b for a, b in spans):
+        if match[0] in names and match[0] not in but and not any(a <= start < b for a, b in spans):
             return start, end
     return None
 

@@ -10,11 +10,21 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from servogen.pic.assembler.messages import SourceError
+
 IDENTIFIER = re.compile(r"[.]?[A-Za-z_?@\u0080-\U0010FFFF][\w.?@]*")
 """A name as MPASM spells it. A `.` in front must be followed by a letter, or it is a decimal number."""
 
 _QUOTED = re.compile(r'"(?:\\.|[^"\\])*"?' + r"|'(?:\\[^\s]|[^'\\])[^' ,;]*'")
 """A string, or a quoted number or character: what no substitution and no comment may touch."""
+
+
+MAX_LINE = 2000
+"""Characters of a line, with what macros and `#define` put into it; MPASM takes 200."""
+
+
+def line_too_long(column: int) -> SourceError:
+    return SourceError(f"the line has more than {MAX_LINE} characters", column)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +54,9 @@ class Text:
         return self[start : max(start, len(self.chars.rstrip()))]
 
     def replace(self, start: int, end: int, chars: str) -> Text:
-        """This text with `chars` in the place of `start` to `end`."""
+        """Returns this text with `chars` in the place of `start` to `end`. Raises SourceError."""
+        if len(self.chars) - (end - start) + len(chars) > MAX_LINE:
+            raise line_too_long(self.column(start))
         columns = (self.column(start),) * len(chars)
         return Text(
             self.chars[:start] + chars + self.chars[end:],
