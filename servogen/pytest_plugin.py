@@ -87,7 +87,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--servogen-programmer-port", metavar="PORT", help="the bench's programmer, as /dev/ttyUSB0"
     )
     group.addoption(
-        "--servogen-device", metavar="CHIP", default="PIC16F84A", help="the bench's chip (default: PIC16F84A)"
+        "--servogen-device",
+        metavar="CHIP",
+        help="the bench's chip (default: what the schedule was built for)",
     )
     group.addoption(
         "--servogen-build", metavar="DIR", help="main.hex and schedule.json of tests without a mark"
@@ -191,6 +193,8 @@ def servogen_capture(
     if there:
         request.node.user_properties.append(("servogen_program", "what was on the chip"))
     elif not isinstance(servogen_target, Replay):
+        if isinstance(servogen_target, Bench):
+            servogen_target.built_for = servogen_schedule.device
         servogen_target.load(request.getfixturevalue("servogen_image"))
     mark = request.node.get_closest_marker(MARK)
     seen = servogen_target.capture(servogen_schedule, mark.kwargs.get("seconds") if mark else None)
@@ -248,10 +252,13 @@ class Bench:
     port: str
     programmer: str | None
     programmer_port: str | None
-    device: str
+    device: str | None
+    """None: what the program under test was built for."""
     folder: Path
     on_chip: Image | None = None
     """What was programmed by this run."""
+    built_for: str | None = None
+    """The device of the test's schedule."""
     name = "bench"
 
     def load(self, image: Image) -> None:
@@ -268,12 +275,15 @@ class Bench:
         if image == self.on_chip:
             return
         against_it = objections(image)
-        if against_it:
+        chip = self.device or self.built_for
+        if chip is None:
+            against_it += ("nothing says which chip it is for: --servogen-device=PIC16F84",)
+        if against_it or chip is None:
             raise InputError("; ".join(against_it))
         self.on_chip = None
         path = self.folder / "image.hex"
         write_text(path, to_hex(image))
-        flash(find(self.programmer), Order(path, device(self.device), self.programmer_port), image)
+        flash(find(self.programmer), Order(path, device(chip), self.programmer_port), image)
         self.on_chip = image
 
     def capture(self, schedule: PulseSchedule, seconds: float | None) -> Seen:

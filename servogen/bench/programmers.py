@@ -221,6 +221,14 @@ def find(named: str | None) -> Found:
     return Found(programmer, start)
 
 
+def installed(programmer: Programmer) -> str | None:
+    """Return what `find` would start for the programmer, as doctor shows it; None: it is not installed."""
+    start = _start(programmer, programmer.name)
+    if not start:
+        return None
+    return start[0] if len(start) == 1 else f"{programmer.name} of {start[0]}"
+
+
 def _start(programmer: Programmer, named: str) -> tuple[str, ...]:
     if named == PICPRO.name and importlib.util.find_spec("picpro"):
         return (sys.executable, "-u", "-m", "servogen.bench.picpro_here")

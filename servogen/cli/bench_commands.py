@@ -10,7 +10,7 @@ import typer
 
 from servogen.cli.capture_command import capture
 from servogen.cli.files import read_image, read_schedule
-from servogen.cli.options import DeviceName, Json
+from servogen.cli.options import Json
 from servogen.cli.show import as_json, status, warn
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from servogen.pic.image import Image
     from servogen.pipeline import Planned
+    from servogen.pulse import PulseSchedule
 
 
 def register(app: typer.Typer) -> None:
@@ -33,7 +34,10 @@ def flash(
         typer.Option("--programmer", help="picpro, pk2cmd, ipecmd, pickit3, usbpicprog, picprog, or a path."),
     ] = None,
     port: Annotated[str | None, typer.Option("--port", "-p", help="The programmer's serial port.")] = None,
-    device: DeviceName = "PIC16F84A",
+    device: Annotated[
+        str | None,
+        typer.Option("--device", help="PIC16F84 or PIC16F84A (default: what the program was built for)."),
+    ] = None,
     against: Annotated[
         Path | None,
         typer.Option(
@@ -56,17 +60,17 @@ def flash(
     from servogen.pic.device import device as device_named
 
     image = read_image(file)
-    order = Order(file, device_named(device), port)
+    path = against or _beside(file)
+    schedule = read_schedule(path) if path else None
+    chip, wrong_chip = _chip(file, device, schedule)
+    order = Order(file, device_named(chip), port)
     found = find(programmer)
     command = shlex.join(command_of(found, order))
-    schedule = against or _beside(file)
-    against_it = (*objections(image), *_unproven(image, schedule))
+    against_it = (*objections(image), *wrong_chip, *_unproven(image, path, schedule))
     if against_it and not force:
         raise InputError("; ".join(against_it), Place(str(file)), "--force programs it all the same")
     for text in (*against_it, *remarks(image, order.device)):
         warn(text)
-    if schedule is None:
-        warn(f"there is no schedule.json beside {file}: nothing shows what its pulses are (--against)")
     if dry_run:
         if json:
             as_json({"command": list(command_of(found, order)), "programmer": found.programmer.name})
@@ -93,13 +97,29 @@ def _beside(file: Path) -> Path | None:
     return path if path.exists() else None
 
 
-def _unproven(image: Image, path: Path | None) -> tuple[str, ...]:
-    """Why the image is not the schedule's; nothing where there is no schedule to hold it against."""
+def _chip(file: Path, asked: str | None, schedule: PulseSchedule | None) -> tuple[str, tuple[str, ...]]:
+    """Return the device's name, and what speaks against it. Raises InputError where nothing names one."""
+    from servogen.errors import InputError, Place
+    from servogen.pic.device import device
+
+    built = schedule.device if schedule else None
+    if asked is None and built is None:
+        raise InputError(
+            "nothing says which chip it is for",
+            Place(str(file)),
+            "add --device PIC16F84 or --device PIC16F84A; a schedule.json that servogen built names it",
+        )
+    if asked is None or built is None or device(asked) == device(built):
+        return asked or built or "", ()
+    return asked, (f"it was built for a {device(built).name}, --device is {device(asked).name}",)
+
+
+def _unproven(image: Image, path: Path | None, schedule: PulseSchedule | None) -> tuple[str, ...]:
+    """Return why nothing shows that the image's pulses are the schedule's; empty where they are."""
     from servogen.pipeline import checked_cycles, prove, running
 
-    if path is None:
-        return ()
-    schedule = read_schedule(path)
+    if schedule is None:
+        return ("there is no schedule.json beside it: nothing shows what its pulses are (--against)",)
     span = checked_cycles(schedule)
     verdict = prove(schedule, running(schedule, image, span), span)
     return () if verdict.proven else (f"its pulses are not those of {path}: {verdict.reasons[0]}",)

@@ -15,15 +15,10 @@ TOOLS = (
     ("gtkwave", "shows main.vcd"),
     ("pulseview", "shows main.vcd"),
     ("sigrok-cli", "captures with a logic analyser"),
-    ("picpro", "programs the chip (K128, K149, K150, K182)"),
-    ("pk2cmd", "programs the chip (PICkit 2)"),
-    ("ipecmd", "programs the chip (PICkit 3, PICkit 4)"),
-    ("usbpicprog", "programs the chip (usbpicprog)"),
-    ("picprog", "programs the chip (JDM)"),
     ("xc8-cc", "compiles main.xc8.c, should you want a second opinion"),
     ("sdcc", "compiles main.sdcc.c, where it has its pic14 port"),
 )
-"""None of them is needed to build and prove a job."""
+"""Beside the programmers, which `servogen flash` knows. None is needed to build and prove a job."""
 
 MISSING = "missing"
 
@@ -36,8 +31,14 @@ def doctor(json: Json = False) -> None:
     """Say which versions, tools and ports are found on this machine."""
     from serial.tools.list_ports import comports
 
+    from servogen.bench.programmers import PROGRAMMERS, installed
+
     libraries = _libraries()
-    tools = {name: shutil.which(name) for name, _ in TOOLS}
+    found = [(name, use, shutil.which(name)) for name, use in TOOLS]
+    found += [
+        (each.name, f"programs the chip: {each.hardware} (servogen flash)", installed(each))
+        for each in PROGRAMMERS
+    ]
     ports = [(port.device, port.description) for port in sorted(comports())]
     if json:
         as_json(
@@ -46,7 +47,7 @@ def doctor(json: Json = False) -> None:
                 "python": platform.python_version(),
                 "system": platform.platform(),
                 "libraries": libraries,
-                "tools": tools,
+                "tools": {name: path for name, _, path in found},
                 "ports": [{"port": port, "description": description} for port, description in ports],
             }
         )
@@ -56,7 +57,7 @@ def doctor(json: Json = False) -> None:
         table(
             "Tools (none is needed to build and prove a job)",
             ("tool", "what for", "found"),
-            [(name, use, tools[name] or MISSING) for name, use in TOOLS],
+            [(name, use, path or MISSING) for name, use, path in found],
         )
         table("Serial ports", ("port", "description"), ports or [("none", "")])
     if MISSING in libraries.values():

@@ -1,6 +1,7 @@
 """`servogen flash`: the real picpro against the virtual K150, and stand-ins that say what others do."""
 
 import fcntl
+import json
 import os
 import sys
 from fractions import Fraction
@@ -10,9 +11,10 @@ import pytest
 from intelhex import IntelHex
 
 from servogen.bench.flashing import command_of
-from servogen.bench.programmers import PROGRAMMERS, Found, Order
+from servogen.bench.programmers import PROGRAMMERS, Found, Order, find
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.bench.virtual.k150 import ProgrammerOptions, VirtualProgrammer
+from servogen.errors import ToolError
 from servogen.pic.device import config_word, device
 from servogen.pic.image import Image, to_hex
 from servogen.units import Clock
@@ -20,6 +22,9 @@ from tests.bench.conftest import LAB8, Run, Serve, image_of
 
 BUILT = LAB8 / "main.hex"
 EMPTY = Image({0: 0x2800}, 0x3FF1)
+
+FREE = ("--device", "PIC16F84A", "--force")
+"""Options for an image that has no schedule."""
 
 SAYS = """\
 #!{python}
@@ -31,9 +36,10 @@ sys.exit({code})
 
 @pytest.fixture
 def program(tmp_path: Path) -> Path:
-    """The lab exercise's program, with no schedule beside it."""
+    """The lab exercise's program with its schedule beside it: built for a PIC16F84."""
     path = tmp_path / "lab8.hex"
     path.write_text(BUILT.read_text())
+    (tmp_path / "schedule.json").write_text((LAB8 / "schedule.json").read_text())
     return path
 
 
@@ -80,7 +86,7 @@ def test_picpro_programs_the_eeprom_too(run: Run, program: Path, serve: Serve, t
     device = programmer()
     port = serve({"programmer": device}).paths["programmer"]
     image = Image(image_of(BUILT).program, 0x3FF1, {n: n + 1 for n in range(64)})
-    done = run("flash", hex_file(tmp_path, image), "--programmer", "picpro", "--port", port)
+    done = run("flash", hex_file(tmp_path, image), *FREE, "--programmer", "picpro", "--port", port)
     assert done.code == 0, done.err
     assert dict(device.chip.image.eeprom) == dict(image.eeprom)
 
@@ -122,7 +128,7 @@ def test_of_a_protected_chip_the_configuration_word_is_compared(
 ) -> None:
     image = Image(image_of(BUILT).program, config_word("XT", code_protect=True))
     port = serve({"programmer": programmer()}).paths["programmer"]
-    done = run("flash", hex_file(tmp_path, image), "--programmer", "picpro", "--port", port)
+    done = run("flash", hex_file(tmp_path, image), *FREE, "--programmer", "picpro", "--port", port)
     assert done.code == 0, done.err
     assert "read back and compared: configuration word" in done.out
 
@@ -319,10 +325,10 @@ def test_an_image_that_cannot_work_is_refused_unless_forced(
     run: Run, tmp_path: Path, image: Image, sentence: str
 ) -> None:
     path, tool = hex_file(tmp_path, image), stand_in(tmp_path, "pk2cmd", "", 0)
-    done = run("flash", path, "--programmer", tool, "--dry-run")
+    done = run("flash", path, "--programmer", tool, "--dry-run", "--device", "PIC16F84A")
     assert done.code == 2
     assert sentence in done.err
-    done = run("flash", path, "--programmer", tool, "--dry-run", "--force")
+    done = run("flash", path, "--programmer", tool, "--dry-run", *FREE)
     assert done.code == 0
     assert sentence in done.err
 
@@ -330,7 +336,7 @@ def test_an_image_that_cannot_work_is_refused_unless_forced(
 def test_a_watchdog_that_is_cleared_is_no_objection(run: Run, tmp_path: Path) -> None:
     image = Image({0: 0x0064, 1: 0x2800}, config_word("XT", watchdog=True))
     tool = stand_in(tmp_path, "pk2cmd", "", 0)
-    assert run("flash", hex_file(tmp_path, image), "--programmer", tool, "--dry-run").code == 0
+    assert run("flash", hex_file(tmp_path, image), "--programmer", tool, "--dry-run", *FREE).code == 0
 
 
 def test_an_image_whose_schedule_is_not_proven_is_refused(run: Run, tmp_path: Path) -> None:
@@ -344,16 +350,67 @@ def test_an_image_whose_schedule_is_not_proven_is_refused(run: Run, tmp_path: Pa
     assert run("flash", wrong, "--programmer", tool, "--dry-run").code == 0
 
 
-def test_an_image_without_a_schedule_is_said_to_be_unproven(run: Run, program: Path, tmp_path: Path) -> None:
+def test_an_image_without_a_schedule_needs_force(run: Run, program: Path, tmp_path: Path) -> None:
+    (tmp_path / "schedule.json").unlink()
     command = ("flash", program, "--programmer", stand_in(tmp_path, "pk2cmd", "", 0), "--dry-run")
-    assert "no schedule.json beside" in run(*command).err
-    assert run(*command, "--against", LAB8 / "schedule.json").err == ""
+    refused = run(*command, "--device", "PIC16F84")
+    assert refused.code == 2
+    assert "no schedule.json beside" in refused.err
+    forced = run(*command, "--device", "PIC16F84", "--force")
+    assert forced.code == 0
+    assert "no schedule.json beside" in forced.err
+    assert run(*command, "--against", LAB8 / "schedule.json").code == 0
+
+
+def test_the_chip_is_the_one_that_the_program_was_built_for(run: Run, program: Path, tmp_path: Path) -> None:
+    command = ("flash", program, "--programmer", stand_in(tmp_path, "pk2cmd", "", 0), "--dry-run")
+    assert "-PPIC16F84 " in run(*command).out
+    schedule = tmp_path / "schedule.json"
+    schedule.write_text(schedule.read_text().replace('"PIC16F84"', '"PIC16F84A"'))
+    assert "-PPIC16F84A " in run(*command).out
+
+
+def test_another_chip_than_the_one_that_it_was_built_for_is_refused(
+    run: Run, program: Path, tmp_path: Path
+) -> None:
+    command = ("flash", program, "--programmer", stand_in(tmp_path, "pk2cmd", "", 0), "--dry-run")
+    refused = run(*command, "--device", "16F84A")
+    assert refused.code == 2
+    assert "it was built for a PIC16F84, --device is PIC16F84A" in refused.err
+    assert "-PPIC16F84A " in run(*command, "--device", "16F84A", "--force").out
+    assert run(*command, "--device", "16f84").code == 0
+
+
+def test_a_chip_that_nothing_names_is_asked_for_even_by_force(
+    run: Run, program: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "schedule.json").unlink()
+    tool = stand_in(tmp_path, "pk2cmd", "", 0)
+    done = run("flash", program, "--programmer", tool, "--dry-run", "--force")
+    assert done.code == 2
+    assert "nothing says which chip it is for" in done.err
+    assert "--device PIC16F84 " in done.err
+
+
+def test_doctor_finds_what_flash_finds(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """picpro is a library of this Python, and PICkit 3 and 4 are both programmed by ipecmd."""
+    stand_in(tmp_path, "ipecmd", "", 0)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    told = json.loads(run("doctor", "--json").out)["tools"]
+    for programmer in PROGRAMMERS:
+        try:
+            find(programmer.name)
+        except ToolError:
+            assert told[programmer.name] is None, programmer.name
+        else:
+            assert told[programmer.name], programmer.name
+    assert told["ipecmd"] == told["pickit3"] == str(tmp_path / "ipecmd")
 
 
 def test_code_protection_and_a_chip_without_an_id_are_said(run: Run, tmp_path: Path) -> None:
     tool = stand_in(tmp_path, "pk2cmd", "", 0)
     path = hex_file(tmp_path, Image({0: 0x2800}, config_word("XT", code_protect=True)))
-    done = run("flash", path, "--programmer", tool, "--dry-run", "--device", "PIC16F84")
+    done = run("flash", path, "--programmer", tool, "--dry-run", "--device", "PIC16F84", "--force")
     assert done.code == 0
     assert "code protection is on" in done.err
     assert "has no device ID" in done.err
