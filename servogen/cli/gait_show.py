@@ -40,6 +40,8 @@ def show_walk(robot: Hexapod, rhythm: Gait, made: Walk, facts: GaitFacts) -> Non
     )
     frames, loop = len(made.trajectory.angles), len(made.trajectory.angles) - made.trajectory.loop_start
     print(f"a cycle: {made.frames_per_cycle} frames, {facts.cycle_s:g} s")
+    for change in made.changes:
+        print(change.text())
     again = f"the last {loop} of them for ever" if loop < frames else "start and stop included, and again"
     print(f"the walk: {frames} frames, {again}")
     if facts.margin is not None:
@@ -66,6 +68,15 @@ def walk_as_dict(robot: Hexapod, rhythm: Gait, made: Walk, facts: GaitFacts) -> 
         "loop_start": made.trajectory.loop_start,
         "frames_per_cycle": made.frames_per_cycle,
         "cycle_s": facts.cycle_s,
+        "phase_changes": [
+            {
+                "what": each.what,
+                "asked": float(each.asked),
+                "used": float(each.used),
+                "frames": float(each.frames),
+            }
+            for each in made.changes
+        ],
         "stability": None
         if facts.margin is None
         else {

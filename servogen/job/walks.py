@@ -141,6 +141,7 @@ def _notes(document: Document, made: Walk, table: WalkTable) -> list[Caution]:
     seconds = float(made.trajectory.clock.seconds(made.trajectory.period)) * made.frames_per_cycle
     notes = [
         Caution("cycle", f"a cycle takes {made.frames_per_cycle} frames, {seconds:.6g} s", place),
+        *(Caution("phase", each.text(), place) for each in made.changes),
         Caution("spring", f"the legs' springs give up to {1000 * made.largest_correction_m:.2f} mm", place),
         Caution("lift", f"the feet rise {1000 * made.lift_m:.1f} mm", place),
     ]

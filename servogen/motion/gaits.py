@@ -24,6 +24,12 @@ from servogen.robot.model import Hexapod
 
 SIXTH = Fraction(1, 6)
 
+LEAST_SHARE = Fraction(1, 24)
+"""Of a cycle, for a stance and for a swing: a shorter one is a mistake."""
+
+THREE_DIGITS = Fraction(1, 1000)
+"""How far a simple fraction may be from the number that stands for it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Gait:
@@ -43,6 +49,49 @@ class Gait:
         """The least number of frames a cycle for which every leg lifts and lands on a frame."""
         shares = (self.duty, *(lift for _, lift in self.lifts))
         return math.lcm(*(share.denominator for share in shares))
+
+    def on_frames(self, count: int) -> Gait:
+        """Return the gait whose legs all lift and land on one of the `count` frames of a cycle.
+
+        Lifts go to the nearest frame and swings are shortened to whole frames, so that a leg that has landed
+        before another lifts still has: for whole k, ⌊x + k + ½⌋ = ⌊x + ½⌋ + k, and the floor is monotonic.
+        """
+        swing = Fraction(math.floor(self.swing * count), count)
+        half = Fraction(1, 2)
+        lifts = tuple((leg, Fraction(math.floor(lift * count + half), count) % 1) for leg, lift in self.lifts)
+        return Gait(self.name, 1 - swing, lifts)
+
+    def changes_from(self, asked: Gait, count: int) -> tuple[PhaseChange, ...]:
+        """Return what differs from `asked` by more than half of one of the `count` frames of a cycle."""
+        shares = [("duty", asked.duty, self.duty)]
+        pairs = zip(asked.lifts, self.lifts, strict=True)
+        shares += [(leg, before, after) for (leg, before), (_, after) in pairs]
+        changes = (PhaseChange(what, before, after, count) for what, before, after in shares)
+        return tuple(change for change in changes if change.frames > Fraction(1, 2))
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseChange:
+    """A share of the cycle that was moved to the frames: a leg's lift, by its name, or the duty factor."""
+
+    what: str
+    asked: Fraction
+    used: Fraction
+    count: int
+
+    @property
+    def frames(self) -> Fraction:
+        """By how many frames, the shorter way round the cycle."""
+        away = abs(self.used - self.asked) % 1
+        return min(away, 1 - away) * self.count
+
+    def text(self) -> str:
+        """Return the change as a sentence's part."""
+        name = "the duty factor" if self.what == "duty" else f"the lift of {self.what}"
+        return (
+            f"{name} is {float(self.used):.4g} of the cycle, not {float(self.asked):.4g}: "
+            f"{float(self.frames):.2f} frames"
+        )
 
 
 # Name -> duty factor, and for left and right legs from the front to the rear when they lift, in sixths.
@@ -97,7 +146,7 @@ def custom(
             raise InputError(f"the phase of the leg {leg} is missing")
         if not 0 <= lifts[leg] < 1:
             raise InputError(f"the phase of {leg} is {float(lifts[leg]):g}: it is at least 0 and below 1")
-    if not 0 < duty < 1 or not 0 < _simple(duty) < 1:
+    if not LEAST_SHARE <= _simple(duty) <= 1 - LEAST_SHARE:
         raise InputError(
             f"a duty factor of {float(duty):g}: it is between 0 and 1, 1/24 away from both or more"
         )
@@ -105,5 +154,7 @@ def custom(
 
 
 def _simple(share: Fraction | float) -> Fraction:
-    """A share as people mean it: 0.667 is two thirds when it is that to three digits."""
-    return Fraction(share).limit_denominator(24)
+    """Return a share as people mean it: 0.667 is two thirds, since it is that to three digits."""
+    exact = Fraction(share).limit_denominator(10**6)
+    simple = exact.limit_denominator(24)
+    return simple if abs(simple - exact) < THREE_DIGITS else exact

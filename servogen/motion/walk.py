@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from servogen.errors import InputError
 from servogen.motion.footwork import MOST_CYCLES, Frames, Posture, footwork, joined
-from servogen.motion.gaits import Gait
+from servogen.motion.gaits import Gait, PhaseChange
 from servogen.motion.limits import Limits, stretch
 from servogen.motion.stability import margin
 from servogen.motion.steps import Segment
@@ -29,6 +29,10 @@ SAME_RAD = 1e-7
 
 LEAST_SWING = 4
 """Frames of a swing; with fewer the foot would hardly be seen in the air."""
+
+
+MAX_GRAIN = 24
+"""Frames: a cycle is not made longer to be a multiple of more."""
 
 
 MOST_FRAMES_A_CYCLE = 3000
@@ -55,6 +59,8 @@ class Walk:
     corrections: Floats
     margins: Floats
     frames_per_cycle: int
+    changes: tuple[PhaseChange, ...] = ()
+    """Where the frames moved the gait's phases by more than half a frame."""
 
     @property
     def largest_correction_m(self) -> float:
@@ -85,8 +91,9 @@ def walk(
 ) -> Walk:
     """The walk along `segments`, each from standstill to standstill; one without an end can only be the last.
 
-    A cycle takes `frames_per_cycle` frames, rounded up so that every leg lifts and lands on a frame; None: as
-    few as `limits` (of a servo) allow. A walk without an end loops over one cycle, others over the whole way.
+    A cycle takes `frames_per_cycle` frames, to which the gait's phases are moved; None: as few as `limits`
+    (of a servo) allow, and a multiple of the gait's grain where that is small. A walk without an end loops
+    over one cycle, others over the whole way.
     `spring_m` is the most that a leg's spring can give.
 
     Raises InputError for a posture that the legs cannot take, a step beyond their limits, a correction that
@@ -108,15 +115,17 @@ def walk(
             f"a cycle of {frames_per_cycle} frames is too short for the gait '{gait.name}'",
             hint=f"at least {least} frames: each swing takes {LEAST_SWING} or more",
         )
-    count = _whole(gait, frames_per_cycle or least)
+    count = frames_per_cycle or _whole(gait, least)
     cycles = sum(MOST_CYCLES if segment.cycles is None else segment.cycles for segment in segments)
     while True:
         if not count * cycles <= MOST_FRAMES:
             raise InputError(
                 f"the walk is more than {MOST_FRAMES} frames long", hint="walk fewer cycles, or faster ones"
             )
+        rhythm = gait.on_frames(count)
+        steps = replace(plan, gait=rhythm)
         frames, loop_start = _round(
-            [plan.frames(segment, count) for segment in segments], segments[-1].cycles is None, count
+            [steps.frames(segment, count) for segment in segments], segments[-1].cycles is None, count
         )
         angles = frames.angles.reshape(len(frames.angles), -1)
         _check_limits(robot, joints, angles)
@@ -132,7 +141,8 @@ def walk(
             )
     trajectory = JointTrajectory(joints, clock, period, angles, loop_start)
     margins = _margins(robot, frames)
-    made = Walk(trajectory, names, frames.feet, frames.ground, frames.corrections, margins, count)
+    changes = rhythm.changes_from(gait, count)
+    made = Walk(trajectory, names, frames.feet, frames.ground, frames.corrections, margins, count, changes)
     _refuse(made, spring_m, allow_falling)
     return made
 
@@ -143,7 +153,8 @@ def one_leg(robot: Hexapod, leg: str) -> Hexapod:
 
 
 def _whole(gait: Gait, frames: int) -> int:
-    return -(-frames // gait.grain) * gait.grain
+    """Return at least `frames`, and a multiple of the gait's grain where that is small."""
+    return -(-frames // gait.grain) * gait.grain if gait.grain <= MAX_GRAIN else frames
 
 
 def _round(parts: Sequence[Frames], endless: bool, count: int) -> tuple[Frames, int]:

@@ -262,3 +262,14 @@ def test_a_film_of_unknown_kind_is_refused(run: Run, tmp_path: Path) -> None:
     done = run("gait", "hexapod", "--animate", tmp_path / "walk.avi")
     assert done.code == 2
     assert ".gif, .mp4" in done.err
+
+
+def test_the_time_of_a_cycle_is_kept_and_what_moves_for_it_is_said(run: Run) -> None:
+    """Thirds of 50 frames are not whole: the swing has 16 of 16.67."""
+    assert told(run, "--gait", "ripple", "--cycle-s", 1)["cycle_s"] == 1
+    (change,) = told(run, "--gait", "ripple", "--cycle-s", 1)["phase_changes"]
+    assert change["what"] == "duty"
+    assert change["frames"] == pytest.approx(2 / 3)
+    done = run("gait", "hexapod", "--gait", "ripple", "--cycle-s", 1)
+    assert "the duty factor is 0.68 of the cycle, not 0.6667: 0.67 frames" in done.out
+    assert told(run, "--gait", "tripod", "--cycle-s", 1)["phase_changes"] == []

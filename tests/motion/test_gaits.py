@@ -119,3 +119,50 @@ def test_the_margin_is_the_least_over_all_directions(
     points, point = np.array(feet), np.array(centre)
     least = float(((points @ directions).max(axis=0) - point @ directions).min())
     assert margin(points, point) == pytest.approx(least, abs=2e-3)
+
+
+@settings(derandomize=True, deadline=None)
+@given(
+    duty=st.floats(0.05, 0.95),
+    lifts=st.lists(st.floats(0, 0.999), min_size=6, max_size=6),
+    count=st.integers(4, 200),
+)
+def test_on_frames_every_leg_lifts_and_lands_on_one_and_the_order_stays(
+    duty: float, lifts: list[float], count: int
+) -> None:
+    asked = custom("mine", duty, lifts, hexapod())
+    made = asked.on_frames(count)
+    assert count % made.grain == 0
+    assert 0 <= asked.swing - made.swing < Fraction(1, count)
+    for (leg, before), (same, after) in zip(asked.lifts, made.lifts, strict=True):
+        away = abs(after - before) % 1
+        assert leg == same
+        assert min(away, 1 - away) <= Fraction(1, 2 * count)
+    for one, first in asked.lifts:
+        for other, second in asked.lifts:
+            gap = (second - first - asked.swing) % 1
+            new = (dict(made.lifts)[other] - dict(made.lifts)[one] - made.swing) % 1
+            if asked.swing + gap < 1:  # `other` lifted after `one` had landed: it still does
+                assert made.swing + new <= 1, (one, other)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_gait_that_is_on_the_frames_already_is_not_moved(name: str) -> None:
+    asked = gait(name, hexapod())
+    assert asked.on_frames(48) == asked
+    assert asked.on_frames(48).changes_from(asked, 48) == ()
+
+
+def test_what_moves_by_more_than_half_a_frame_is_said() -> None:
+    """A third of 50 frames is 16.67: a swing of 16, two thirds of a frame shorter. No lift moves so far."""
+    asked = gait("ripple", hexapod())
+    (change,) = asked.on_frames(50).changes_from(asked, 50)
+    assert (change.what, change.used, change.frames) == ("duty", Fraction(34, 50), Fraction(2, 3))
+    assert change.text() == "the duty factor is 0.68 of the cycle, not 0.6667: 0.67 frames"
+
+
+@pytest.mark.parametrize(
+    ("share", "meant"), [(0.667, "2/3"), (0.17, "17/100"), (0.52, "13/25"), (0.083, "1/12"), (0.5, "1/2")]
+)
+def test_a_share_is_a_simple_fraction_only_to_three_digits(share: float, meant: str) -> None:
+    assert custom("mine", share, [0] * 6, hexapod()).duty == Fraction(meant)

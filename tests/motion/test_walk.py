@@ -2,6 +2,7 @@
 
 import math
 from itertools import pairwise
+from random import Random
 
 import numpy as np
 import pytest
@@ -238,3 +239,29 @@ def test_a_way_of_nothing_is_stood() -> None:
 def test_a_walk_that_is_too_long_to_be_meant_is_refused() -> None:
     with pytest.raises(InputError, match="more than 524288 frames long"):
         walked("tripod", Segment(0.04, cycles=1e7))
+
+
+def test_a_second_is_a_second_for_26_random_gaits() -> None:
+    """50 frames of 20 ms a cycle, whatever the phases: every leg lifts and lands once in each of them."""
+    dice = Random(26)
+    clock = Clock(4_000_000)
+    for number in range(26):
+        duty = round(dice.uniform(0.5, 0.85), 3)
+        lifts = [round(dice.random(), 3) % 1 for _ in range(6)]
+        made = walk(
+            hexapod(),
+            custom("mine", duty, lifts, hexapod()),
+            [Segment(0.02, 0.0, 0.0, None)],
+            Posture(),
+            Cycles(20_000),
+            clock,
+            frames_per_cycle=50,
+            allow_falling=True,
+        )
+        loop = made.ground[made.trajectory.loop_start :]
+        assert len(loop) == made.frames_per_cycle == 50, number
+        swing = int((1 - duty) * 50 + 1e-9)
+        for column in loop.T:
+            assert (~column).sum() == swing - 1, (number, duty)  # at both ends it is on the ground
+            begins = np.flatnonzero(column & ~np.roll(column, -1))
+            assert len(begins) == 1
