@@ -1,7 +1,7 @@
 """Names of the loops that are not counted: "while at line 12".
 
-In: a function's code and the graph of its labels and known values. Out: a name of each loop that can go on
-for ever.
+In: a function's code and the graph of its labels and known values. Out: a name of each loop that may never
+end.
 """
 
 from __future__ import annotations
@@ -16,22 +16,25 @@ Key = tuple[int, tuple[tuple[str, int], ...]]
 """An instruction, and the values that are known there."""
 
 
-def uncounted(code: Code, graph: Mapping[Key, Sequence[Key]]) -> list[str]:
-    """Each loop that is not counted: an outer one, then those that are left inside it."""
+def uncounted(code: Code, graph: Mapping[Key, Sequence[Key]], *, returns: bool) -> list[str]:
+    """Return each loop that is not counted: an outer one, then those that are left inside it.
+
+    In a function that never `returns`, a jump to itself is where the program ends, not a loop to be named.
+    """
     found: dict[str, None] = {}
     for part in components(graph):
-        if len(part) == 1 and _stands_still(code, part[0][0]):
+        if not returns and len(part) == 1 and _stands_still(code, part[0][0]):
             continue
         found[name_of(code, [at for at, _ in part])] = None
         first = min(at for at, _ in part)
         inside = {key for key in part if key[0] != first}
         rest = {key: [each for each in graph[key] if each in inside] for key in inside}
-        found.update(dict.fromkeys(uncounted(code, rest)))
+        found.update(dict.fromkeys(uncounted(code, rest, returns=returns)))
     return list(found)
 
 
 def _stands_still(code: Code, at: int) -> bool:
-    """Whether a label is followed by a jump to itself: the end of main."""
+    """Return whether a label is followed by a jump to itself."""
     behind = next((each for each in code.ins[at:] if each.op != LABEL), None)
     return behind is not None and behind.op == "GOTO" and behind.target == code.ins[at].target
 

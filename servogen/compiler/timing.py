@@ -128,7 +128,7 @@ class _Explorer:
         graph = {
             key: [after for _, _, after in ways if after is not None] for key, ways in self.edges.items()
         }
-        self.reasons.update(dict.fromkeys(uncounted(self.code, graph)))
+        self.reasons.update(dict.fromkeys(uncounted(self.code, graph, returns=least is not None)))
         if self.reasons or least is None:
             return Times(least, None, tuple(self.reasons) or ("stands still at its end",))
         return Times(least, longest(start, self.edges))

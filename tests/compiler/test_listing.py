@@ -7,6 +7,7 @@ from itertools import pairwise
 import pytest
 
 from servogen.compiler import Options, Source, compile_sources
+from servogen.compiler.driver import LEVELS
 from servogen.edges import PINS
 from servogen.pic.listing import ListedFunction, listing_text
 from servogen.simulator import Machine
@@ -179,6 +180,17 @@ def test_a_loop_of_too_many_turns_is_named() -> None:
     found = compile_sources([Source(text, "main.c")], Options(dialect="xc8"))
     main = next(each for each in found.listing.functions if each.name == "main")
     assert main.unbounded == ("for at line 3, too long to be counted",)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("body", ["if (d) while (1);", "if (d) for (;;);", "if (d) { stay: goto stay; }"])
+def test_a_function_that_returns_or_stands_still_is_unbounded(body: str, level: str) -> None:
+    text = f"unsigned char d;\nvoid t(void) {{ {body} }}\nvoid main(void) {{ t(); PORTB = 1; }}"
+    found = compile_sources([Source(text, "main.c")], Options(dialect="xc8", optimise=level))
+    listed = next(each for each in found.listing.functions if each.name == "t")
+    (why,) = listed.unbounded
+    assert why.endswith("at line 2") and listed.most_cycles is None
+    assert listed.least_cycles  # the way past the loop
 
 
 @pytest.mark.parametrize(("unit_us", "call"), [(1000, "delay_ms"), (10, "delay_10us")])
