@@ -16,9 +16,11 @@ from servogen.compiler.ctypes import (
     ArrayType,
     CType,
     IntType,
+    Member,
     PointerType,
     StructType,
     VoidType,
+    qualified,
     same,
 )
 from servogen.compiler.diagnostics import Fatal
@@ -69,22 +71,23 @@ class Access(Names):
         return self._lvalue(Ref(base.symbol, base.offset, offset, element, place))
 
     def _lvalue(self, target: Ref | Deref) -> Expr:
-        """Elements of flash with a known offset are constants."""
+        """Return a part of an object; one in flash at a known offset is its constant value."""
         if (
             isinstance(target, Ref)
             and target.symbol.kind == "flash"
             and target.index is None
             and target.symbol.initial is not None
             and isinstance(target.type, IntType)
-            and not target.width
             and 0 <= target.offset <= target.symbol.size - target.type.size
         ):
             data = [target.symbol.initial.get(target.offset + each, 0) for each in range(target.type.size)]
             if all(isinstance(each, int) for each in data):
                 value = sum(each << 8 * number for number, each in enumerate(data) if isinstance(each, int))
-                return ConstNum(
-                    target.symbol, target.type.wrap(value), target.type.plain(), target.place, target.offset
-                )
+                if target.width:
+                    value = value >> (target.bit or 0) & (1 << target.width) - 1
+                    if target.type.signed and value >> target.width - 1:
+                        value -= 1 << target.width
+                return ConstNum(target, target.type.wrap(value))
         return target
 
     def _scaled(self, index: Expr, size: int, kind: IntType) -> Expr:
@@ -154,21 +157,15 @@ class Access(Names):
         value = self._member(target, member, place)
         return Comma(Assign(target, base, base.type, place), value, value.type, place)
 
-    def _member(self, base: Ref | Deref, member: Any, place: Place) -> Expr:
-        from dataclasses import replace
-
-        kind = member.type
-        if base.type.const or base.type.volatile:
-            kind = replace(
-                kind, const=kind.const or base.type.const, volatile=kind.volatile or base.type.volatile
-            )
+    def _member(self, base: Ref | Deref, member: Member, place: Place) -> Expr:
+        kind = qualified(member.type, const=base.type.const, volatile=base.type.volatile)
         if isinstance(base, Ref):
             target: Ref | Deref = Ref(
                 base.symbol, base.offset + member.offset, base.index, kind, place, member.bit, member.width
             )
         else:
             target = Deref(base.pointer, base.offset + member.offset, kind, place, member.bit, member.width)
-        return target if member.width else self._lvalue(target)
+        return self._lvalue(target)
 
     def bit_of(self, base: Expr, bit: int, node: Any) -> Expr:
         """One bit of an integer variable."""
@@ -247,7 +244,7 @@ class Access(Names):
             raise self.fail("function pointers are not supported", node)
         target = self.expr(node.expr)
         if isinstance(target, ConstNum):
-            target = target.reference()
+            target = target.reference
         if isinstance(target, Deref) and not target.width:
             return self.offset_pointer(self.rvalue(target.pointer), target.offset, PointerType(target.type))
         if not isinstance(target, Ref) or target.width:
@@ -257,7 +254,7 @@ class Access(Names):
 
     def assignable(self, target: Expr, node: Any) -> Ref | Deref:
         if isinstance(target, ConstNum):
-            raise self.fail(f"'{target.symbol.name}' is const and cannot be changed", node)
+            raise self.fail(f"'{target.reference.symbol.name}' is const and cannot be changed", node)
         if not isinstance(target, (Ref, Deref)):
             raise self.fail("this cannot be assigned to", node)
         if isinstance(target.type, ArrayType):

@@ -10,7 +10,7 @@ stays as it is and the carry stays set, so that skipping the ADDWF is exactly ri
 from __future__ import annotations
 
 from servogen.compiler.emitter import Emitter
-from servogen.compiler.machine import C, Imm, Loc, Operand, Z
+from servogen.compiler.machine import C, Imm, Loc, Operand, Z, exposed
 
 
 def const(operands: list[Operand]) -> int | None:
@@ -55,7 +55,7 @@ class Adding(Emitter):
             elif isinstance(b, Imm) or isinstance(a, Imm):
                 self._carry_middle_imm(t, a, b)
             elif t == a:
-                self.load(b)
+                b = self._load_twice(b)
                 self.skip_if(C, False)
                 self.emit("INCFSZ", b, 0)
                 self.emit("ADDWF", a, 1)
@@ -66,16 +66,23 @@ class Adding(Emitter):
                 self.emit("ADDWF", b, self.result(t, b))
                 self.finish(t, b)
             elif t == b:
-                self.load(a)
+                a = self._load_twice(a)
                 self.skip_if(C, False)
                 self.emit("INCFSZ", a, 0)
                 self.emit("ADDWF", b, 1)
             else:
                 self.move(t, a)
-                self.load(b)
+                b = self._load_twice(b)
                 self.skip_if(C, False)
                 self.emit("INCFSZ", b, 0)
                 self.emit("ADDWF", t, 1)
+
+    def _load_twice(self, operand: Operand) -> Loc:
+        """W = a byte of memory; return where it can be read again."""
+        operand = self.steady(operand)
+        assert not isinstance(operand, Imm)
+        self.load(operand)
+        return operand
 
     def _add_first(self, t: Loc, a: Operand, b: Operand) -> None:
         if isinstance(a, Imm):
@@ -191,7 +198,7 @@ class Adding(Emitter):
         if len(t) == 1:
             self.emit("DECF", t[0], 1)
             return
-        if len(t) == 2:
+        if len(t) == 2 and not exposed(t[0]):
             self.emit("MOVF", t[0], 1)
             self.skip_if(Z, False)
             self.emit("DECF", t[1], 1)
@@ -235,7 +242,7 @@ class Adding(Emitter):
                 self.move(held_b, b)
                 b = held_b
             self.move(t, a)
-            self.load(b)
+            b = self._load_twice(b)
             self.skip_if(C, True)
             self.emit("INCFSZ", b, 0)
             self.emit("SUBWF", t, 1)

@@ -26,6 +26,7 @@ class Arithmetic(Adding):
                 self.move(t, a)
                 return
             if (op, value) in (("&", 0), ("|", 0xFF)):
+                self.read_unused([a])
                 self.move(t, Imm(value))
                 return
             if (op, value) == ("^", 0xFF):
@@ -54,6 +55,7 @@ class Arithmetic(Adding):
     def shift_left(self, target: list[Loc], operand: list[Operand], count: int) -> None:
         size = len(target)
         whole, rest = divmod(count, 8)
+        self.read_unused(operand[max(0, size - whole) :])
         if whole >= size:
             self.move_all(target, imms(0, size))
             return
@@ -107,11 +109,13 @@ class Arithmetic(Adding):
         size = len(target)
         count = min(count, 8 * size - 1) if signed else count
         whole, rest = divmod(count, 8)
+        self.read_unused(operand[:whole])
         if whole >= size:
             self.move_all(target, imms(0, size))
             return
         live = size - whole
         if signed and whole:
+            operand = [*operand[:-1], self.steady(operand[-1])]
             sign = self.sign_byte(operand[-1])
             self.move_all(target, [*operand[whole:], *[sign] * whole])
         elif live == 1 and rest and not signed:
@@ -200,7 +204,7 @@ class Arithmetic(Adding):
                     held = self.temp()[0]
                     self.move(held, b)
                     b = held
-                self.load(b)
+                b = self._load_twice(b)
                 self.skip_if(C, True)
                 self.emit("INCFSZ", b, 0)
             if isinstance(a, Imm):

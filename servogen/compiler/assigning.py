@@ -5,11 +5,11 @@ In: targets and values. Out: instructions. A port is written once, with the resu
 
 from __future__ import annotations
 
-from servogen.compiler.ctypes import IntType
-from servogen.compiler.effects import calls_something, is_condition, stripped, touches
+from servogen.compiler.ctypes import CType, IntType
+from servogen.compiler.effects import calls_something, in_flash, is_condition, stripped, touches
 from servogen.compiler.fold import has_effect
 from servogen.compiler.indirect import Indirect
-from servogen.compiler.machine import FSR, INDF, Byte, Imm, Loc, Operand, Reg
+from servogen.compiler.machine import FSR, INDF, Byte, Imm, Loc, Operand, Reg, exposed
 from servogen.compiler.tree import (
     Binary,
     Cast,
@@ -49,10 +49,8 @@ class Assignments(Indirect):
                 self.point(target)
                 self.move(INDF, self.value(value, 1)[0])
                 return
-            simple_address = not has_effect(target) and not calls_something(target)
             held = self.temp()[0]
             self.into(value, [held])
-            del simple_address
             self.point(target)
             self.move(INDF, held)
             return
@@ -70,9 +68,8 @@ class Assignments(Indirect):
 
     def _assign_direct(self, locs: list[Loc], target: Ref, value: Expr) -> None:
         """A variable: in place where that is safe, else through a temporary."""
-        multi_port = len(locs) > 1 and isinstance(locs[0], Reg)
         symbol_locs: list[Loc] = [Byte(target.symbol, 0)] if isinstance(locs[0], Byte) else locs
-        if not multi_port and (self._in_place(value, locs) or not touches(value, symbol_locs)):
+        if self._in_place(value, locs) or not touches(value, symbol_locs):
             self.into(value, locs)
             return
         if len(locs) == 1 and (isinstance(value.type, IntType) or value.type.scalar):
@@ -113,31 +110,25 @@ class Assignments(Indirect):
 
     def _update(self, expr: Update, target: Ref | Deref) -> None:
         """target = target op value"""
-        place = expr.place
         kind = target.type
         if expr.op == "^" and isinstance(expr.value, Num) and self._toggled(target, expr.value.value):
             return
-        if isinstance(kind, IntType):
-            old: Expr = target if kind.plain() == expr.work else Cast(target, expr.work, place)
-        else:
-            old = Cast(target, expr.work, place)
-        right = expr.value
-        if expr.op not in ("<<", ">>") and right.type.plain() != expr.work:
-            right = (
-                Num(right.value, expr.work, place)
-                if isinstance(right, Num)
-                else Cast(right, expr.work, place)
-            )
-        whole: Expr = Binary(expr.op, old, right, expr.work, place)
-        if expr.op in "*/" and isinstance(right, Num) and right.value == 1:
-            return
+        whole = self.updated(expr, target)
         plain = not target.width and not (isinstance(kind, IntType) and kind.is_bool)
         behind = plain and kind.size == 1 and not (isinstance(target, Ref) and self.direct(target))
-        if behind and self._update_indirect(expr.op, target, right):
+        if behind and self._update_indirect(expr.op, target, _operand(expr)):
             return
-        if isinstance(kind, IntType):
-            whole = whole if kind.plain() == expr.work else Cast(whole, kind.plain(), place)
         self._assign(target, whole)
+
+    def updated(self, expr: Update, old: Ref | Deref) -> Expr:
+        """Return what `op=` stores, from the value that the object has had."""
+        kind, right = old.type, _operand(expr)
+        left: Expr = old if kind.plain() == expr.work else Cast(old, expr.work, expr.place)
+        same = isinstance(right, Num) and _leaves_alone(expr.op, right.value, kind)
+        whole = left if same else Binary(expr.op, left, right, expr.work, expr.place)
+        if isinstance(kind, IntType) and kind.plain() != expr.work:
+            return Cast(whole, kind.plain(), expr.place)
+        return whole
 
     def _toggled(self, target: Ref | Deref, value: int) -> bool:
         """Turn one bit over where it lies. True when it was done."""
@@ -229,14 +220,14 @@ class Assignments(Indirect):
             inner = value
             if isinstance(inner, Cast) and isinstance(inner.type, IntType) and inner.type.is_bit:
                 inner = inner.operand
-            if not (isinstance(inner, Ref) and inner.width == 1 and inner.index is None):
+            if not (isinstance(inner, Ref) and inner.width == 1 and inner.index is None) or in_flash(inner):
                 self._set_by_jumps(byte, bit, value)
                 return
             source = self.bit_source(self.loc(inner.symbol, inner.offset))
             source_bit = inner.bit or 0
             if source == byte and source_bit == bit:
                 return
-            if isinstance(source, Reg) or source == byte:  # what may change is read once
+            if exposed(source) or source == byte:  # what may change is read once
                 self._set_by_jumps(byte, bit, inner)
                 return
         self.skip_if(source_bit, False, source)
@@ -252,6 +243,33 @@ class Assignments(Indirect):
         self.label(no)
         self.emit("BCF", byte, b=bit)
         self.label(end)
+
+
+def _operand(expr: Update) -> Expr:
+    """Return the right operand of `op=` in the type in which it is computed; a shift's count stays."""
+    right = expr.value
+    if expr.op in ("<<", ">>") or right.type.plain() == expr.work:
+        return right
+    if isinstance(right, Num):
+        return Num(right.value, expr.work, expr.place)
+    return Cast(right, expr.work, expr.place)
+
+
+def _leaves_alone(op: str, value: int, kind: CType) -> bool:
+    """Return whether `op= value` keeps every value of a type."""
+    if isinstance(kind, IntType) and kind.is_bool:
+        return False
+    mask = (1 << 8 * kind.size) - 1
+    match op:
+        case "+" | "-" | "|" | "^":
+            return value & mask == 0
+        case "&":
+            return value & mask == mask
+        case "<<" | ">>":
+            return value == 0
+        case "*" | "/":
+            return value == 1
+    return False
 
 
 def _negated(value: Expr) -> Expr | None:

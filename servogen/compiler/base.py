@@ -23,7 +23,6 @@ from servogen.compiler.ctypes import (
     StructType,
     VoidType,
     common,
-    is_const_object,
     promote,
     same,
 )
@@ -177,16 +176,21 @@ class Base:
                 self.reporter.warn(f"{what} makes a pointer of '{expr.type}' without a cast", expr.place)
                 return self.cast(expr, kind)
             raise self.fail(f"{what} needs '{kind}', this is '{expr.type}'", expr)
+        self.keep_const(expr, kind, what)
         source, target = expr.type.target, kind.target
-        if is_const_object(source) and not is_const_object(target):
+        if not same(source, target) and not isinstance(source, VoidType) and not isinstance(target, VoidType):
+            self.reporter.warn(f"{what} makes '{kind}' of '{expr.type}' without a cast", expr.place)
+        return self.cast(expr, kind)
+
+    def keep_const(self, expr: Expr, kind: CType, what: str) -> None:
+        """Refuse to make a pointer that reaches RAM only of one that may lead to flash."""
+        both = isinstance(expr.type, PointerType) and isinstance(kind, PointerType)
+        if both and expr.type.size > kind.size:
             raise self.fail(
                 f"{what} would drop const: '{expr.type}' may point to flash, '{kind}' cannot",
                 expr,
                 hint="declare the pointer as a pointer to const",
             )
-        if not same(source, target) and not isinstance(source, VoidType) and not isinstance(target, VoidType):
-            self.reporter.warn(f"{what} makes '{kind}' of '{expr.type}' without a cast", expr.place)
-        return self.cast(expr, kind)
 
     def truth(self, expr: Expr) -> Expr:
         """An operand of a condition."""

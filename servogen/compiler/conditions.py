@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from servogen.compiler.comparisons import Comparisons
 from servogen.compiler.ctypes import IntType
-from servogen.compiler.effects import stripped, width_of
-from servogen.compiler.fold import COMPARISONS, interval
-from servogen.compiler.machine import INDF, Imm, Reg, Z
+from servogen.compiler.effects import in_flash, stripped, width_of
+from servogen.compiler.fold import COMPARISONS, has_effect, interval
+from servogen.compiler.machine import INDF, Imm, Reg, Z, exposed
 from servogen.compiler.tree import (
     AddressOf,
     Assign,
@@ -67,7 +67,10 @@ class Conditions(Comparisons):
             case Update() if self._counted(expr, sense, label):
                 pass
             case Assign(target, value) if (
-                not target.width and isinstance(target, Ref) and self.direct(target)
+                not target.width
+                and isinstance(target, Ref)
+                and self.direct(target)
+                and not has_effect(target)
             ):
                 self.effect(expr)
                 self.zero_test(list(self.ref_locs(target)))
@@ -106,6 +109,11 @@ class Conditions(Comparisons):
 
     def _bit(self, expr: Ref | Deref, sense: bool, label: str) -> None:
         assert expr.bit is not None
+        if in_flash(expr):
+            self.to_w(self.field_byte(expr))
+            self.emit("ANDLW", k=1 << expr.bit)
+            self.goto_if(Z, not sense, label)
+            return
         if isinstance(expr, Ref) and expr.index is None:
             self.goto_if(expr.bit, sense, label, self.bit_source(self.loc(expr.symbol, expr.offset)))
             return
@@ -141,7 +149,7 @@ class Conditions(Comparisons):
         if isinstance(loc, Reg) and loc.address & 0x80:
             return False
         if expr.post:
-            if expr.op == "+" or isinstance(loc, Reg):
+            if expr.op == "+" or exposed(loc):
                 return False
             self.emit("DECF", loc, 1)
             if sense:

@@ -182,6 +182,23 @@ def is_const_object(kind: CType) -> bool:
     return kind.const and not kind.volatile
 
 
+def qualified(kind: CType, *, const: bool, volatile: bool) -> CType:
+    """Return a type with qualifiers added; those of an array belong to its elements (ISO C 6.7.3)."""
+    if not const and not volatile:
+        return kind
+    if isinstance(kind, ArrayType):
+        return replace(kind, element=qualified(kind.element, const=const, volatile=volatile))
+    return replace(kind, const=kind.const or const, volatile=kind.volatile or volatile)
+
+
+def holds_volatile(kind: CType) -> bool:
+    """Return whether an object of this type, or any part of it, is volatile."""
+    while isinstance(kind, ArrayType):
+        kind = kind.element
+    inside = isinstance(kind, StructType) and any(holds_volatile(part.type) for part in kind.layout.parts)
+    return kind.volatile or inside
+
+
 def same(left: CType, right: CType) -> bool:
     """Whether two types are compatible, qualifiers of the pointed-to object apart from size."""
     left, right = left.plain(), right.plain()
@@ -193,7 +210,7 @@ def same(left: CType, right: CType) -> bool:
         sizes = None in (left.length, right.length) or left.length == right.length
         return sizes and same(left.element, right.element)
     if isinstance(left, StructType) and isinstance(right, StructType):
-        return left.layout is right.layout
+        return _same_layout(left.layout, right.layout)
     if isinstance(left, FuncType) and isinstance(right, FuncType):
         if not same(left.result, right.result):
             return False
@@ -203,6 +220,24 @@ def same(left: CType, right: CType) -> bool:
             same(one, two) for one, two in zip(left.parameters, right.parameters, strict=True)
         )
     return type(left) is type(right)
+
+
+def _same_layout(left: Layout, right: Layout) -> bool:
+    """Return whether two structures, of two files, are declared alike (ISO C 6.2.7)."""
+    if left is right:
+        return True
+    if (left.tag, left.union, left.size) != (right.tag, right.union, right.size):
+        return False
+    return len(left.parts) == len(right.parts) and all(
+        (one.name, one.offset, one.bit, one.width) == (two.name, two.offset, two.bit, two.width)
+        and (_leads_to_structure(one.type) or same(one.type, two.type))
+        for one, two in zip(left.parts, right.parts, strict=True)
+    )
+
+
+def _leads_to_structure(kind: CType) -> bool:
+    """Return whether it is a pointer to a structure, which may be the one that it is a member of."""
+    return isinstance(kind, PointerType) and isinstance(kind.target, StructType)
 
 
 def promote(kind: IntType, *, c2c: bool) -> IntType:

@@ -17,7 +17,9 @@ from servogen.compiler.ctypes import (
     IntType,
     StructType,
     VoidType,
+    holds_volatile,
     is_const_object,
+    qualified,
     same,
 )
 from servogen.compiler.initialisers import Initialisers
@@ -55,9 +57,13 @@ class Declarations(Initialisers):
             self._global(node, kind, static, "extern" in storage, address)
         elif "extern" in storage:
             known = self.externals.get(node.name)
-            if not isinstance(known, Symbol):
+            if isinstance(known, Symbol) and same(known.type, kind):
+                self._redeclare(known, kind, place, address)
+            elif known is None:
                 known = self._new_global(node.name, kind, place, address)
                 self.externals[node.name] = known
+            else:
+                raise self.fail(f"'{node.name}' is already declared", node, hint=f"at {known.place}")
             self._declare(node.name, known, node)
         else:
             self._local(node, kind, static, address)
@@ -65,27 +71,54 @@ class Declarations(Initialisers):
     def _new_global(self, name: str, kind: CType, place: Place, address: int | None) -> Symbol:
         if address == CONFIG_ADDRESS:
             return self._configuration(name, kind, place)
-        where = "fixed" if address is not None else "flash" if is_const_object(kind) else "global"
-        symbol = Symbol(name, kind, where, place, address=address, asm_name=f"_{name}")
-        symbol.volatile = kind.volatile or (address is not None and not RAM_FIRST <= address <= RAM_LAST)
+        where = "flash" if is_const_object(kind) else "global"
+        symbol = Symbol(name, kind, where, place, asm_name=f"_{name}")
+        symbol.volatile = holds_volatile(kind)
         if address is not None:
-            symbol.pinned = True
-            symbol.bank1 = bool(address & 0x80) and not RAM_FIRST <= address & 0x7F <= RAM_LAST
-            if not 0 <= address <= 0xFF:
-                self.reporter.error(f"the address 0x{address:X} is not in the data memory (0x00-0xFF)", place)
-            elif not all(_exists(address + each) for each in range(kind.size)):
-                self.reporter.error(
-                    f"there is no memory at 0x{address:02X} for {kind.size} byte{'s' * (kind.size != 1)}",
-                    place,
-                    hint=f"RAM is 0x{RAM_FIRST:02X} to 0x{RAM_LAST:02X}",
-                )
-        if isinstance(kind, ArrayType):
-            element: CType = kind
-            while isinstance(element, ArrayType):
-                element = element.element
-            symbol.volatile = element.volatile
+            self._fix(symbol, address, place)
+        elif where == "flash" and symbol.volatile:
+            raise self.reporter.fatal(f"the constant '{name}' cannot have a volatile member", place)
         self.program.symbols.append(symbol)
         return symbol
+
+    def _fix(self, symbol: Symbol, address: int, place: Place) -> None:
+        """Put a variable at an address."""
+        symbol.kind, symbol.address, symbol.pinned = "fixed", address, True
+        in_ram = RAM_FIRST <= address & 0x7F <= RAM_LAST
+        symbol.volatile = symbol.volatile or not RAM_FIRST <= address <= RAM_LAST
+        symbol.bank1 = bool(address & 0x80) and not in_ram
+        size = symbol.size
+        if not 0 <= address <= 0xFF:
+            self.reporter.error(f"the address 0x{address:X} is not in the data memory (0x00-0xFF)", place)
+        elif not all(_exists(address + each) for each in range(size)):
+            self.reporter.error(
+                f"there is no memory at 0x{address:02X} for {size} byte{'s' * (size != 1)}",
+                place,
+                hint=f"RAM is 0x{RAM_FIRST:02X} to 0x{RAM_LAST:02X}",
+            )
+
+    def _redeclare(self, symbol: Symbol, kind: CType, place: Place, address: int | None) -> None:
+        """Add what a further declaration of a variable says: its length, volatile, its address."""
+        if is_const_object(symbol.type) != is_const_object(kind):
+            raise self.reporter.fatal(
+                f"'{symbol.name}' is const in one declaration only",
+                place,
+                hint=f"the other is at {symbol.place}",
+            )
+        if isinstance(symbol.type, ArrayType) and symbol.type.length is None:
+            symbol.type = kind
+        if holds_volatile(kind) and not holds_volatile(symbol.type):
+            symbol.type = qualified(symbol.type, const=False, volatile=True)
+        symbol.volatile = symbol.volatile or holds_volatile(kind)
+        if address is None or address == symbol.address:
+            return
+        if symbol.address is not None:
+            raise self.reporter.fatal(
+                f"'{symbol.name}' has two addresses: 0x{symbol.address:02X} and 0x{address:02X}",
+                place,
+                hint=f"the other declaration is at {symbol.place}",
+            )
+        self._fix(symbol, address, place)
 
     def _configuration(self, name: str, kind: CType, place: Place) -> Symbol:
         """SDCC's way to say the configuration word: a constant at its address."""
@@ -109,8 +142,7 @@ class Declarations(Initialisers):
                 raise self.fail(
                     f"'{name}' is already declared", node, hint=f"at {getattr(known, 'place', '')}"
                 )
-            if isinstance(known.type, ArrayType) and known.type.length is None:
-                known.type = kind
+            self._redeclare(known, kind, place, address)
             symbol = known
         else:
             symbol = self._new_global(name, kind, place, address)
@@ -143,7 +175,7 @@ class Declarations(Initialisers):
             if constant and kind.scalar and self._constant_local(node, kind, place):
                 return
             symbol = Symbol(name, kind, "local", place, function=self.function.name)
-            symbol.volatile = kind.volatile
+            symbol.volatile = holds_volatile(kind)
             symbol.pinned = isinstance(kind, (ArrayType, StructType))
             self._declare(name, symbol, node)
             self.function.locals.append(symbol)
@@ -234,7 +266,7 @@ class Declarations(Initialisers):
             symbol = Symbol(name, each, "param", self.place(names[number]), function=function)
             symbol.asm_name = f"_{name}_{function}"
             symbol.pinned = isinstance(each, StructType)
-            symbol.volatile = each.volatile
+            symbol.volatile = holds_volatile(each)
             found.append(symbol)
         return found
 

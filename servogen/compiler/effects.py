@@ -58,15 +58,20 @@ def changes(expr: Expr) -> bool:
     return True
 
 
+def in_flash(expr: Ref | Deref) -> bool:
+    """Return whether an object lies in flash, or may lie there."""
+    return expr.symbol.kind == "flash" if isinstance(expr, Ref) else expr.pointer.type.size > 1
+
+
 def calls_something(expr: Expr) -> bool:
     """Whether evaluating it may call a function or a library routine."""
     match expr:
         case Num():
             return False
-        case Ref(symbol, _, index):
-            return symbol.kind == "flash" or (index is not None and calls_something(index))
+        case Ref(_, _, index):
+            return in_flash(expr) or (index is not None and calls_something(index))
         case Deref(pointer):
-            return pointer.type.size > 1 or calls_something(pointer)
+            return in_flash(expr) or calls_something(pointer)
         case AddressOf(target):
             return target.index is not None and calls_something(target.index)
         case Cast(operand) | Unary(_, operand):

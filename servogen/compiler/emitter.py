@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from servogen.compiler.ctypes import U8, ArrayType
-from servogen.compiler.machine import DELAY, LABEL, STATUS, Byte, Imm, Ins, Loc, Operand, Reg
+from servogen.compiler.machine import DELAY, LABEL, STATUS, Byte, Imm, Ins, Loc, Operand, Reg, exposed
 from servogen.compiler.program import Function
 from servogen.compiler.tree import AddressByte, Symbol
 from servogen.errors import Place
@@ -171,6 +171,20 @@ class Emitter:
             return
         self.load(operand)
         self.store(target)
+
+    def steady(self, operand: Operand) -> Operand:
+        """Return an operand that can be read several times: of a volatile object a copy."""
+        if not exposed(operand):
+            return operand
+        held = self.temp()[0]
+        self.move(held, operand)
+        return held
+
+    def read_unused(self, operands: list[Operand]) -> None:
+        """Read the bytes of volatile objects on which the value does not depend."""
+        for each in operands:
+            if exposed(each):
+                self.load(each)
 
     def move_all(self, targets: list[Loc], operands: list[Operand]) -> None:
         """Copy bytes that may overlap, and never load the same constant twice in a row."""

@@ -228,6 +228,7 @@ class Expressions(Access):
             if same(kind, operand.type):
                 return operand
             raise self.fail(f"'{operand.type}' cannot be cast to '{kind}'", node)
+        self.keep_const(operand, kind, "the cast")
         if (
             isinstance(operand, AddressOf)
             and isinstance(kind, PointerType)

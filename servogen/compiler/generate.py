@@ -8,9 +8,9 @@ from __future__ import annotations
 from servogen.compiler.adding import imms
 from servogen.compiler.assigning import Assignments
 from servogen.compiler.ctypes import IntType, StructType, VoidType
-from servogen.compiler.effects import touches, width_of
+from servogen.compiler.effects import is_condition, touches, width_of
 from servogen.compiler.fold import COMPARISONS, has_effect, interval
-from servogen.compiler.machine import Byte, Loc, Operand
+from servogen.compiler.machine import Byte, Loc, Operand, exposed
 from servogen.compiler.tree import (
     AddressOf,
     Assign,
@@ -34,18 +34,62 @@ class Generator(Assignments):
     """Adds `into` and `effect`."""
 
     def into(self, expr: Expr, target: list[Loc]) -> None:
-        """Store the low len(target) bytes of a value, widened where it has fewer."""
+        """Store the low len(target) bytes of a value, widened where it has fewer.
+
+        A byte of a volatile object is stored once, with the result.
+        """
         before = self.place
         method = getattr(self, "_into_" + type(expr).__name__.removeprefix("Const"))
-        method(expr, target)
+        if not any(map(exposed, target)) or self._stored_once(expr, target):
+            method(expr, target)
+        elif len(target) == 1:
+            self.to_w(expr)
+            self.store(target[0])
+        else:
+            held: list[Loc] = self.temp(len(target))
+            method(expr, held)
+            self.move_all(target, list(held))
         self.place = before
+
+    def _stored_once(self, expr: Expr, target: list[Loc]) -> bool:
+        """Return whether the code for a value stores no byte of its target twice and never reads one back."""
+        size = len(target)
+        if size > expr.type.size and self.negative_possible(expr):
+            return False
+        match expr:
+            case Unary("-"):
+                return size == 1 and not self._same_bytes(expr.operand, target)
+            case Binary(op) if op not in COMPARISONS:
+                return self._operator_stores_once(expr, target)
+            case Ref() | Deref() if expr.width:
+                return is_condition(expr)
+        return True
+
+    def _operator_stores_once(self, expr: Binary, target: list[Loc]) -> bool:
+        size = len(target)
+        need = min(size, expr.type.size, width_of(*interval(expr))[0])
+        if need < size and self.negative_possible(expr):
+            return False
+        match expr.op, expr.right:
+            case ("&" | "|" | "^", _):
+                return True
+            case ("+" | "-", _):
+                return size <= 2 or self._same_bytes(expr.left, target)
+            case (("<<" | ">>" | "*" | "/" | "%"), Num(value)):
+                return expr.op == "<<" and size == 1 and value in (1, 4)
+        return True
 
     def _into_Num(self, expr: Num, target: list[Loc]) -> None:
         self.move_all(target, imms(expr.value, len(target)))
 
     def _into_Ref(self, expr: Ref, target: list[Loc]) -> None:
         if self.direct(expr):
-            self.move_all(target, self.value(expr, len(target)))
+            operands = self.value(expr, len(target))
+            for each, operand in zip(target, operands, strict=True):
+                if each == operand and exposed(each):  # x = x
+                    self.load(each)
+                    self.store(each)
+            self.move_all(target, operands)
         elif expr.width:
             self._into_field(expr, target)
         elif expr.symbol.kind == "flash":
@@ -76,10 +120,7 @@ class Generator(Assignments):
             self.effect(expr.operand)
             return
         if isinstance(expr.type, IntType) and expr.type.is_bool:
-            if expr.type.is_bit:
-                self.boolean(expr, target)  # only the lowest bit counts
-            else:
-                self.boolean(expr, target)
+            self.boolean(expr, target)
             return
         size = expr.type.size
         if isinstance(expr.type, StructType):
@@ -110,7 +151,7 @@ class Generator(Assignments):
 
     def boolean(self, expr: Expr, target: list[Loc]) -> None:
         """0 or 1 by a condition."""
-        if target and isinstance(target[0], Byte) and not touches(expr, target):
+        if target and not exposed(target[0]) and not touches(expr, target):
             self.move_all(target, imms(0, len(target)))
             end = self.new_label()
             self.jump(expr, False, end)
@@ -147,35 +188,52 @@ class Generator(Assignments):
         self.into(expr.second, target)
 
     def _into_Assign(self, expr: Assign, target: list[Loc]) -> None:
-        if isinstance(expr.type, IntType) and not expr.target.width and not expr.target.type.volatile:
-            held: list[Loc] = self.temp(expr.type.size)
-            self.into(expr.value, held)
-            self.assign_bytes(expr.target, list(held))
-            self.move_all(target, self.extended(list(held), expr, len(target)))
+        """The value is what has been stored; a volatile object is not read back."""
+        there = expr.target
+        if not there.type.scalar or (there.width and not has_effect(there)):
+            self.effect(expr)
+            self.into(there, target)
             return
-        self.effect(expr)
-        self._read_back(expr.target, target)
+        if there.width:
+            held: Expr = self.held(expr.value, there)
+            self._assign(there, held)
+            self.into(held, target)
+            return
+        ready: list[Loc] = self.temp(there.type.size)
+        self.into(expr.value, ready)
+        self.assign_bytes(there, list(ready))
+        self.move_all(target, self.extended(list(ready), expr, len(target)))
 
-    def _read_back(self, source: Ref | Deref, target: list[Loc]) -> None:
-        self.into(source, target)
+    def held(self, value: Expr, target: Ref | Deref) -> Ref:
+        """Return a temporary with a value as `target` holds it: of a bit-field only its bits are kept."""
+        size = target.type.size
+        block = self.temp() if size == 1 else self.block_temp(size)
+        self.into(value, list(block))
+        if target.width and not (isinstance(target.type, IntType) and target.type.is_bool):
+            self.cut_to_field(list(block), target)
+        first = block[0]
+        assert isinstance(first, Byte)
+        return Ref(first.symbol, 0, None, target.type.plain(), target.place)
 
     def _into_Update(self, expr: Update, target: list[Loc]) -> None:
-        if isinstance(expr.target, Ref) and self.direct(expr.target):
-            if expr.post:
-                self.move_all(target, self.value(expr.target, len(target)))
-                self.effect(expr)
-            else:
-                self.effect(expr)
-                self.move_all(target, self.value(expr.target, len(target)))
-            return
+        direct = isinstance(expr.target, Ref) and self.direct(expr.target)
         # the address is evaluated once: an index or pointer with effects must not run twice
-        source = self.settled(expr.target)
-        if expr.post:
+        source = expr.target if direct else self.settled(expr.target)
+        if has_effect(source):
+            self._volatile_update(expr, source, target)
+        elif expr.post:
             self.into(source, target)
             self._update(expr, source)
         else:
             self._update(expr, source)
             self.into(source, target)
+
+    def _volatile_update(self, expr: Update, source: Ref | Deref, target: list[Loc]) -> None:
+        """Read the object once and store it once; the value comes from temporaries."""
+        old = self.held(source, source) if expr.post else source
+        new = self.held(self.updated(expr, old), source)
+        self._assign(source, new)
+        self.into(old if expr.post else new, target)
 
     def _into_Binary(self, expr: Binary, target: list[Loc]) -> None:
         if expr.op in COMPARISONS:
@@ -231,9 +289,7 @@ class Generator(Assignments):
             case Assign(target, value):
                 self._assign(target, value)
             case Update():
-                direct = isinstance(expr.target, Ref) and (self.direct(expr.target) or expr.target.width)
-                source = expr.target if direct else self.settled(expr.target)
-                self._update(expr, source)
+                self._update(expr, self.settled(expr.target))
             case Cast(operand) | Unary(_, operand):
                 self._effect(operand)
             case Binary(_, left, right):
@@ -259,6 +315,7 @@ class Generator(Assignments):
                 self.call(expr)
             case Builtin():
                 self.builtin(expr)
-            case Ref() | Deref() if has_effect(expr):
-                if expr.type.scalar:
-                    self.to_w(expr)
+            case Ref() | Deref() if has_effect(expr) and expr.type.scalar:
+                self.to_w(expr)
+            case Ref(index=inner) | Deref(pointer=inner) | AddressOf(Ref(index=inner)) if inner is not None:
+                self._effect(inner)

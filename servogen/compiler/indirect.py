@@ -85,13 +85,17 @@ class Indirect(Shifts):
         byte = self.field_byte(expr)
         self.into(byte, target[:1])
         self.shift_right(target[:1], list(target[:1]), expr.bit, signed=False)
-        self.bitwise("&", target[:1], list(target[:1]), [Imm((1 << expr.width) - 1)])
-        if signed:
-            self.emit("MOVLW", k=1 << expr.width - 1)
-            self.emit("XORWF", target[0], 1)
-            self.emit("SUBWF", target[0], 1)
+        self.cut_to_field(target[:1], expr)
         if len(target) > 1:
             self.widen(target, 1, signed=signed)
+
+    def cut_to_field(self, value: list[Loc], field: Ref | Deref) -> None:
+        """Keep the bits of a value that a bit-field has, with their sign."""
+        self.bitwise("&", value, list(value), [Imm((1 << field.width) - 1)])
+        if isinstance(field.type, IntType) and field.type.signed:
+            self.emit("MOVLW", k=1 << field.width - 1)
+            self.emit("XORWF", value[0], 1)
+            self.emit("SUBWF", value[0], 1)
 
     def field_byte(self, expr: Ref | Deref) -> Ref | Deref:
         """The byte that holds a bit-field."""

@@ -41,6 +41,12 @@ class Reg:
 Loc = Byte | Reg
 Operand = Imm | Byte | Reg
 
+
+def exposed(operand: Operand | None) -> bool:
+    """Return whether loads and stores of it are seen: a register, or a byte of a volatile object."""
+    return isinstance(operand, Reg) or (isinstance(operand, Byte) and operand.symbol.volatile)
+
+
 _SFR = registers()
 INDF, PCL, STATUS, FSR, PCLATH, INTCON = (
     Reg(_SFR[name].address) for name in ("INDF", "PCL", "STATUS", "FSR", "PCLATH", "INTCON")

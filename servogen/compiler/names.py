@@ -154,7 +154,7 @@ class Names(Base):
             data = [symbol.initial.get(offset, 0) for offset in range(kind.size)]
             if all(isinstance(each, int) for each in data) and isinstance(kind, IntType):
                 value = sum(each << 8 * index for index, each in enumerate(data) if isinstance(each, int))
-                return ConstNum(symbol, kind.wrap(value), kind.plain(), place)
+                return ConstNum(Ref(symbol, 0, None, kind, place), kind.wrap(value))
         if isinstance(kind, IntType) and kind.is_bit:
             return Ref(symbol, 0, None, kind, place, 0, 1)
         return Ref(symbol, 0, None, kind, place)
@@ -191,17 +191,11 @@ class Names(Base):
 class ConstNum(Num):
     """The known value of a const object: a number that remembers where it lies, for `&`."""
 
-    __slots__ = ("offset", "symbol")
+    __slots__ = ("reference",)
 
-    def __init__(self, symbol: Symbol, value: int, kind: CType, place: Place, offset: int = 0) -> None:
-        super().__init__(value, kind, place)
-        self.symbol = symbol
-        self.offset = offset
-
-    def reference(self) -> Ref:
-        from dataclasses import replace
-
-        return Ref(self.symbol, self.offset, None, replace(self.type, const=True), self.place)
+    def __init__(self, reference: Ref, value: int) -> None:
+        super().__init__(value, reference.type.plain(), reference.place)
+        self.reference = reference
 
 
 def _register_layout(name: str) -> Any:

@@ -111,6 +111,7 @@ class Operands(Arithmetic):
         missing = size - len(operands)
         if not self.negative_possible(expr):
             return operands + imms(0, missing)
+        operands = [*operands[:-1], self.steady(operands[-1])]
         sign = self.sign_byte(operands[-1])
         return operands + [sign] * missing
 

@@ -7,7 +7,7 @@ as the result has; the low bytes of a sum depend on the low bytes of its operand
 from __future__ import annotations
 
 from servogen.compiler.effects import changes, is_condition, stripped
-from servogen.compiler.machine import Byte, Imm, Loc, Operand, Reg
+from servogen.compiler.machine import Byte, Imm, Loc, Operand
 from servogen.compiler.operands import Operands
 from servogen.compiler.tree import (
     AddressByte,
@@ -31,11 +31,6 @@ class Operators(Operands):
             return
         a, b = self.pair(expr.left, expr.right, size)
         a, b = self.apart(target, a), self.apart(target, b)
-        if size > 1 and any(isinstance(each, Reg) for each in target):  # written once, with the result
-            held: list[Loc] = self.temp(size)
-            self._apply(expr.op, held, a, b)
-            self.move_all(target, list(held))
-            return
         self._apply(expr.op, target, a, b)
 
     def _apply(self, op: str, target: list[Loc], a: list[Operand], b: list[Operand]) -> None:

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from servogen.compiler.emitter import Code
 from servogen.compiler.liveness import C_BIT, D_BIT, W_BIT, Z_BIT, Liveness, is_private
-from servogen.compiler.machine import IN_PLACE, LABEL, SKIPS, Ins
+from servogen.compiler.machine import IN_PLACE, LABEL, SKIPS, Ins, exposed
 
+_COUNTS: dict[object, str] = {1: "INCF", 0xFF: "DECF"}
+"""By the constant that is added."""
 _COMMUTING = {"ADDLW": "ADDWF", "ANDLW": "ANDWF", "IORLW": "IORWF", "XORLW": "XORWF"}
 
 
@@ -49,11 +51,14 @@ def _match(ins: list[Ins], at: int, live: Liveness) -> tuple[list[Ins], int] | N
             return [Ins(one.op, one.f, 1)], 2
         if one.op == "MOVLW" and one.k == 0 and not after_two & Z_BIT:
             return [Ins("CLRF", two.f)], 2
-        if one.op == "MOVF" and one.d == 0 and one.f == two.f and not after_two & Z_BIT:
+        copied = one.op == "MOVF" and one.d == 0 and one.f == two.f
+        if copied and not exposed(one.f) and not after_two & Z_BIT:
             return [], 2
-    counted = one.op == "MOVLW" and two.op == "ADDWF" and two.d == 1 and one.k in (1, 0xFF)
-    if counted and not after_two & (W_BIT | C_BIT | D_BIT):
-        return [Ins("INCF" if one.k == 1 else "DECF", two.f, 1)], 2
+    if not after_two & (C_BIT | D_BIT):
+        if one.op == "MOVLW" and one.k in _COUNTS and two.op == "ADDWF" and not (two.d and after_two & W_BIT):
+            return [Ins(_COUNTS[one.k], two.f, two.d)], 2
+        if one.op == "MOVF" and one.d == 0 and two.op == "ADDLW" and two.k in _COUNTS:
+            return [Ins(_COUNTS[two.k], one.f)], 2
     if one.op == "MOVLW" and two.op == "RETURN":
         return [Ins("RETLW", k=one.k)], 2
     three = ins[at + 2] if at + 2 < len(ins) else None

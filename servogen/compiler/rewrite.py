@@ -116,19 +116,25 @@ class _Rewriter:
         return total
 
 
+def _declared_name(tokens: list[PToken]) -> PToken | None:
+    """Return the name that a declarator ends with, before the lengths of an array."""
+    depth = 0
+    for token in reversed(tokens):
+        depth += {"]": 1, "[": -1}.get(token.text, 0)
+        if depth == 0 and token.text != "[":
+            return token
+    return None
+
+
 def _at_sign(self: _Rewriter, token: PToken) -> bool:
     """`name @ address`"""
-    name_index = len(self.out.tokens) - 1
-    while name_index >= 0 and self.out.tokens[name_index].text in ("[", "]"):  # char a[4] @ 0x20
-        name_index -= 1
-    while name_index >= 0 and not re.match(r"[A-Za-z_]", self.out.tokens[name_index].text):
-        name_index -= 1
+    name = _declared_name(self.out.tokens)
     self.at += 1
     found = []
     while self.at < len(self.tokens) and self.text() not in (";", ",", "="):
         found.append(self.tokens[self.at])
         self.at += 1
-    place = self.out.tokens[name_index].place if name_index >= 0 else token.place
+    place = name.place if name is not None else token.place
     self.out.addresses[(place.file, place.line, place.column)] = self.constant(found, token.place)
     return True
 
@@ -139,10 +145,8 @@ def _at_word(self: _Rewriter, token: PToken) -> bool:
         return False
     self.at += 1
     value = self.constant(self.arguments(), token.place)
-    before = self.out.tokens[-1] if self.out.tokens else None
+    before = _declared_name(self.out.tokens)
     if self.text() in (";", "=", ",") and before is not None:
-        while before.text in ("]", "[") or before.text[0].isdigit():
-            before = self.out.tokens[self.out.tokens.index(before) - 1]
         self.out.addresses[(before.place.file, before.place.line, before.place.column)] = value
     else:
         self.pending_address = value

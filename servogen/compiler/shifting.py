@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from servogen.compiler.effects import calls_something, width_of
 from servogen.compiler.fold import has_effect, interval
-from servogen.compiler.machine import Loc, Operand, Reg, Z
+from servogen.compiler.machine import Loc, Z
 from servogen.compiler.operators import Operators
 from servogen.compiler.tree import (
     Binary,
@@ -24,17 +24,9 @@ class Shifts(Operators):
         if isinstance(count, Num):
             operand = self.apart(target, self.value(expr.left, size))
             if left:
-                self._apart_shift(target, operand, lambda t, o: self.shift_left(t, o, count.value & 0xFF))
+                self.shift_left(target, operand, count.value & 0xFF)
             return
         self._variable_shift(expr, target, size, left=left, signed=False)
-
-    def _apart_shift(self, target: list[Loc], operand: list[Operand], shift: object) -> None:
-        if any(isinstance(each, Reg) for each in target):
-            held: list[Loc] = self.temp(len(target))
-            shift(held, operand)  # type: ignore[operator]
-            self.move_all(target, list(held))
-        else:
-            shift(target, operand)  # type: ignore[operator]
 
     def _right_shift(self, expr: Binary, target: list[Loc]) -> None:
         low, high = interval(expr.left)
@@ -45,9 +37,7 @@ class Shifts(Operators):
         work = target if len(target) == size else self.temp(size)
         if isinstance(count, Num):
             operand = self.apart(work, self.value(expr.left, size))
-            self._apart_shift(
-                work, operand, lambda t, o: self.shift_right(t, o, count.value & 0xFF, signed=signed)
-            )
+            self.shift_right(work, operand, count.value & 0xFF, signed=signed)
         else:
             self._variable_shift(expr, work, size, left=False, signed=signed)
         if work is not target:

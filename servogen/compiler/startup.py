@@ -18,7 +18,7 @@ from servogen.compiler.emitter import ISR_SUFFIX, Code
 from servogen.compiler.machine import FSR, INDF, LABEL, PCLATH, STATUS, Byte, Ins, Z
 from servogen.compiler.program import Program
 from servogen.compiler.settings import Settings
-from servogen.compiler.tables import add_tables
+from servogen.compiler.tables import add_tables, pointed_to
 from servogen.compiler.tree import AddressByte, Data, Symbol
 from servogen.pic.device import INTERRUPT_VECTOR
 
@@ -114,29 +114,24 @@ def _clear_loop(zero: list[Symbol]) -> list[Ins]:
 
 
 def used_statics(statics: list[Symbol], codes: dict[str, Code]) -> list[Symbol]:
-    """Variables that some instruction or start value names; those that start as zero come first."""
+    """Return the variables that an instruction names, or a start value or constant that is used itself;
+    those that start as zero come first.
+    """
     named: set[Symbol] = set()
+    waiting: list[Symbol] = []
     for code in codes.values():
         for ins in code.ins:
             if isinstance(ins.f, Byte):
-                named.add(ins.f.symbol)
+                waiting.append(ins.f.symbol)
             if isinstance(ins.k, AddressByte):
-                named.add(ins.k.symbol)
-        if code.table is not None:
-            named |= {
-                each.symbol for each in (code.table.initial or {}).values() if isinstance(each, AddressByte)
-            }
-    grown = True
-    while grown:
-        more = {
-            each.symbol
-            for symbol in statics
-            if symbol in named
-            for each in (symbol.initial or {}).values()
-            if isinstance(each, AddressByte)
-        }
-        grown = not more <= named
-        named |= more
+                waiting.append(ins.k.symbol)
+            if ins.table is not None:
+                waiting.append(ins.table)
+    while waiting:
+        symbol = waiting.pop()
+        if symbol not in named:
+            named.add(symbol)
+            waiting += pointed_to(symbol)
     found = [symbol for symbol in statics if symbol in named or symbol.kind == "fixed"]
     return sorted(found, key=lambda symbol: bool(symbol.initial))
 

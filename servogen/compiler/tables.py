@@ -50,19 +50,19 @@ def add_tables(codes: dict[str, Code], statics: list[Symbol]) -> dict[Symbol, st
         held = Symbol("index", U8, "temp", function=name)
         codes[name] = Code(name, own=[held], table=symbol, w_parameter=held)
         found.setdefault(symbol, data_label(name))
-        waiting += _named(symbol)
+        waiting += pointed_to(symbol)
     while waiting:
         symbol = waiting.pop(0)
         if symbol.kind == "flash" and symbol not in found:
             name = table_name(symbol)
             codes[name] = Code(name, table=symbol)
             found[symbol] = data_label(name)
-            waiting += _named(symbol)
+            waiting += pointed_to(symbol)
     return found
 
 
-def _named(symbol: Symbol) -> list[Symbol]:
-    """The objects whose addresses a flash object holds."""
+def pointed_to(symbol: Symbol) -> list[Symbol]:
+    """Return the objects whose addresses a variable starts with or a flash object holds."""
     return [each.symbol for each in (symbol.initial or {}).values() if isinstance(each, AddressByte)]
 
 

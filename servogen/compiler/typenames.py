@@ -23,6 +23,7 @@ from servogen.compiler.ctypes import (
     PointerType,
     StructType,
     VoidType,
+    qualified,
     same,
 )
 from servogen.compiler.dialect import int_type
@@ -69,12 +70,7 @@ class TypeNames(Expressions):
         raise self.fail("this type is not supported", node)
 
     def _qualified(self, kind: CType, quals: list[str]) -> CType:
-        const, volatile = "const" in quals, "volatile" in quals
-        if isinstance(kind, ArrayType) and (const or volatile):
-            return replace(kind, element=self._qualified(kind.element, quals))
-        if const or volatile:
-            return replace(kind, const=kind.const or const, volatile=kind.volatile or volatile)
-        return kind
+        return qualified(kind, const="const" in quals, volatile="volatile" in quals)
 
     def _array(self, node: Any) -> CType:
         element = self.declared_type(node.type)
@@ -171,10 +167,10 @@ class TypeNames(Expressions):
                     offset, bit = offset + (bit > 0), 0
                 if width == 0:
                     continue
-                small = (
-                    BIT
-                    if width == 1 and not kind.signed
-                    else (U8 if not kind.signed else self.types["int8_t"])
+                small = qualified(
+                    self.types["int8_t"] if kind.signed else BIT if width == 1 else U8,
+                    const=kind.const,
+                    volatile=kind.volatile,
                 )
                 if decl.name is not None:
                     layout.members[decl.name] = Member(decl.name, small, offset, bit, width)
