@@ -1,3 +1,6 @@
 """servogen: from a robot's job file to a PIC16F84 HEX whose every servo pulse edge is proven."""
 
 __version__ = "0.1.0"
+
+INTERRUPTED = 130
+"""The exit code after Ctrl-C. It stands here so that it is known before anything else is imported."""

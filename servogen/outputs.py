@@ -1,20 +1,37 @@
-"""Files that are whole or not there: written under a temporary name, then renamed.
+"""Files that are whole or not there, and sets of files that change all at once.
 
-In: a path and its text or bytes. Out: the file, complete; after an error or an interrupt the old file, if
-there was one, as it was. Line ends are \\n on every system, so that the same input gives the same bytes.
+In: a path and its text or bytes, or a folder and the names of a set. Out: the file, or all files of the set,
+complete; after an error, an interrupt or a kill the old ones as they were. What a killed process has left
+behind is removed by the next one that writes the same. Line ends are \\n on every system, so that the same
+input gives the same bytes.
+
+    folder/            ◀── exchanged in one step ──▶   .folder.1f2e3d4c.part/     the new set, written here
+      main.hex  the old set                              main.hex  the new set
+      notes.txt  the user's own    ── linked before ──▶  notes.txt
 """
 
 from __future__ import annotations
 
 import contextlib
+import ctypes
+import filecmp
 import os
+import re
 import secrets
-from collections.abc import Iterator
-from contextlib import contextmanager
+import shutil
+import sys
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any, Literal, TextIO, overload
 
 from servogen.errors import InputError, Place, ToolError
+
+if os.name == "posix":
+    import fcntl
+
+PART = ".part"
+"""The ending of what is not yet complete: `.NAME.1f2e3d4c.part`."""
 
 
 @overload
@@ -26,16 +43,17 @@ def atomic_write(path: str | Path, mode: Literal["wb"]) -> contextlib.AbstractCo
 
 
 def atomic_write(path: str | Path, mode: str = "w") -> contextlib.AbstractContextManager[Any]:
-    """A file, UTF-8 text ("w") or bytes ("wb"), that takes the name `path` when the block ends without error.
+    """Opens a file, UTF-8 text ("w") or bytes ("wb"), that takes the name `path` when the block ends.
 
-    A device or a pipe (/dev/null, /dev/stdout) is written in place: it has no old content to keep.
-    Raises InputError where the path cannot be written and ToolError where the disk fails.
+    After an error it does not. A device, a pipe and an open file of this process (/dev/null, /dev/stdout) are
+    written in place: they have no old content to keep. Raises InputError where the path cannot be written and
+    ToolError where the disk fails.
     """
     return _opened(Path(path), mode)
 
 
 def make_folder(path: str | Path) -> Path:
-    """The folder `path`, made where it is not there. Raises InputError where it cannot be."""
+    """Makes the folder `path` where it is not there, and returns it. Raises InputError where it cannot be."""
     folder = Path(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -48,26 +66,217 @@ def make_folder(path: str | Path) -> Path:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """`text` as the whole of the file `path`."""
+    """Writes `text` as the whole of the file `path`."""
     with atomic_write(path) as file:
         file.write(text)
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:
-    """`data` as the whole of the file `path`."""
+    """Writes `data` as the whole of the file `path`."""
     with atomic_write(path, "wb") as file:
         file.write(data)
 
 
 @contextmanager
-def _opened(path: Path, mode: str) -> Iterator[IO[Any]]:
-    target = _target(path)
-    in_place = target.exists() and not target.is_file()
-    name = target if in_place else target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
-    text = {} if "b" in mode else {"encoding": "utf-8", "newline": "\n"}
+def replaced_files(folder: str | Path, names: Collection[str]) -> Iterator[Path]:
+    """Yields an empty folder to write files into, which become `folder`'s when the block ends without error.
+
+    `names` are all files that such a set may have. They change in one step: whenever the process is killed,
+    `folder` has the whole old set or the whole new one. Other files in it stay. Where the system cannot
+    exchange folders, and where `folder` is the working directory, the old set is removed before the new one
+    takes its place, so that even then no two sets are mixed. Raises InputError where `folder` cannot be made.
+    """
+    folder = Path(folder)
+    if folder.exists():
+        make_folder(folder)
+    target = folder.resolve()
+    parent = make_folder(target.parent)
+    if not os.access(parent, os.W_OK):
+        parent = make_folder(target)
+    _remove_abandoned(parent, target, names)
+    with _staging_folder(parent, target, folder) as staging:
+        yield staging
+        _swap_in(staging, target, names)
+
+
+@contextmanager
+def _staging_folder(parent: Path, target: Path, shown: Path) -> Iterator[Path]:
+    """A new folder beside `target`, locked as long as this process lives, and removed at the end."""
+    with contextlib.ExitStack() as held:
+        locked = False
+        while not locked:
+            staging = _part_name(parent / target.name)
+            try:
+                staging.mkdir()
+            except OSError as error:
+                raise InputError(f"cannot be written: {_reason(error)}", Place(str(shown))) from error
+            held.callback(shutil.rmtree, staging, ignore_errors=True)
+            if os.name != "posix":
+                break
+            with suppress(FileNotFoundError):  # it may be removed as soon as it is there
+                locked = _lock(held.enter_context(_held(os.open(staging, os.O_RDONLY))), staging)
+        yield staging
+
+
+def _swap_in(staging: Path, target: Path, names: Collection[str]) -> None:
+    """Puts the files in `staging` in the place of those of `names` that `target` has."""
+    if not target.exists():
+        staging.rename(target)
+    elif _same_files(staging, target, names):
+        return  # the folder stays the same folder, for whoever is in it
+    elif _exchanged(staging, target, names):
+        _carry(staging, target, names)
+    else:
+        _replace_in_place(staging, target, names)
+
+
+def _exchanged(staging: Path, target: Path, names: Collection[str]) -> bool:
+    """Gives `staging` what else is in `target`, and exchanges the two; False where that is not possible."""
+    if Path.cwd().is_relative_to(target) or staging.is_relative_to(target):
+        return False
     try:
-        file: IO[Any] = name.open(mode, **text)  # type: ignore[call-overload]
+        shutil.copystat(target, staging)
+        old, new = target.stat(), staging.stat()
+        if (old.st_uid, old.st_gid) != (new.st_uid, new.st_gid):
+            os.chown(staging, old.st_uid, old.st_gid)
+        for entry in _others(target, names):
+            if entry.is_symlink() or not entry.is_dir():
+                os.link(entry, staging / entry.name, follow_symlinks=False)
+        _exchange(staging, target)
+    except (OSError, NotImplementedError):
+        return False
+    return True
+
+
+def _replace_in_place(staging: Path, target: Path, names: Collection[str]) -> None:
+    """Removes the old set and then moves the new one in: never two of them, if not whole at each moment."""
+    try:
+        for name in names:
+            (target / name).unlink(missing_ok=True)
+        for entry in sorted(staging.iterdir()):
+            if entry.name in names:
+                entry.replace(target / entry.name)
     except OSError as error:
+        raise ToolError(f"could not be written: {_reason(error)}", Place(str(target))) from error
+
+
+def _same_files(staging: Path, target: Path, names: Collection[str]) -> bool:
+    """Whether the old set is the new one, byte for byte."""
+    new = {entry.name for entry in staging.iterdir()}
+    if new != {name for name in names if (target / name).is_file()}:
+        return False
+    return all(filecmp.cmp(staging / name, target / name, shallow=False) for name in new)
+
+
+def _others(folder: Path, names: Collection[str]) -> list[Path]:
+    """What is in `folder` beside the set, and beside what killed processes have left of it."""
+    return [
+        entry
+        for entry in folder.iterdir()
+        if entry.name not in names and not any(_is_part_of(entry.name, name) for name in names)
+    ]
+
+
+def _carry(old: Path, target: Path, names: Collection[str]) -> None:
+    """Moves to `target` what is only in `old` and is not of the set: folders, and files that came late."""
+    for entry in _others(old, names):
+        if not os.path.lexists(target / entry.name):
+            with suppress(FileNotFoundError):  # another process that cleans up was faster
+                entry.rename(target / entry.name)
+
+
+def _remove_abandoned(parent: Path, target: Path, names: Collection[str]) -> None:
+    """Removes what killed processes have left of the set; what is not of the set goes back to `target`."""
+    for entry in _abandoned(parent, target.name):
+        if entry.is_dir():
+            if target.is_dir():
+                _carry(entry, target, names)
+            shutil.rmtree(entry, ignore_errors=True)
+    if target.is_dir():
+        for name in names:
+            for entry in _abandoned(target, name):
+                entry.unlink(missing_ok=True)
+
+
+def _abandoned(folder: Path, name: str) -> Iterator[Path]:
+    """Yields this user's parts of `name` whose process has ended: nobody holds their lock any more."""
+    if os.name != "posix":  # there is no such lock, so that nobody knows
+        return
+    for entry in [each for each in folder.iterdir() if _is_part_of(each.name, name)]:
+        with suppress(OSError), _held(os.open(entry, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)) as handle:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.fstat(handle).st_uid == os.geteuid():
+                yield entry  # removed while it is locked: no process can have just begun it
+
+
+@contextmanager
+def _held(handle: int) -> Iterator[int]:
+    try:
+        yield handle
+    finally:
+        os.close(handle)
+
+
+def _lock(handle: int, path: Path) -> bool:
+    """Locks a new part as long as it is open; False where a process that cleans up has taken it for old."""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks, where nobody cleans up either
+        return True
+    try:
+        return os.path.samestat(os.fstat(handle), path.stat())
+    except FileNotFoundError:
+        return False
+
+
+def _part_name(target: Path) -> Path:
+    return target.with_name(f".{target.name}.{secrets.token_hex(4)}{PART}")
+
+
+def _is_part_of(entry: str, name: str) -> bool:
+    return re.fullmatch(rf"\.{re.escape(name)}\.[0-9a-f]{{8}}{re.escape(PART)}", entry) is not None
+
+
+def _exchange(first: Path, second: Path) -> None:
+    """Gives two folders each other's name in one step.
+
+    Raises OSError where the file system cannot and NotImplementedError where the operating system cannot.
+    """
+    if os.name != "posix":
+        raise NotImplementedError
+    library = ctypes.CDLL(None, use_errno=True)
+    names = os.fsencode(first), os.fsencode(second)
+    if hasattr(library, "renameat2"):
+        here, exchange = -100, 2  # AT_FDCWD, RENAME_EXCHANGE of linux/fs.h
+        failed = library.renameat2(here, names[0], here, names[1], exchange)
+    elif hasattr(library, "renamex_np"):
+        failed = library.renamex_np(*names, 2)  # RENAME_SWAP of macOS's sys/stdio.h
+    else:
+        raise NotImplementedError
+    if failed:
+        code = ctypes.get_errno()
+        raise OSError(code, os.strerror(code))
+
+
+@contextmanager
+def _opened(path: Path, mode: str) -> Iterator[IO[Any]]:
+    text = {} if "b" in mode else {"encoding": "utf-8", "newline": "\n", "errors": "backslashreplace"}
+    descriptor = _descriptor(path)
+    target = path if descriptor is not None else _target(path)
+    in_place = descriptor is not None or (target.exists() and not target.is_file())
+    try:
+        if descriptor is not None:
+            sys.stdout.flush()  # so that what was printed before comes before
+            name, file = target, os.fdopen(os.dup(descriptor), mode, **text)  # type: ignore[call-overload]
+        elif in_place:
+            name, file = target, target.open(mode, **text)  # type: ignore[call-overload]
+        else:
+            name, file = _open_part(target, mode, text)
+    except BrokenPipeError:  # of what was printed before
+        raise
+    except (OSError, ValueError) as error:  # ValueError: the name is not one that the system can have
         raise InputError(f"cannot be written: {_reason(error)}", Place(str(path))) from error
     try:
         with file:
@@ -84,6 +293,29 @@ def _opened(path: Path, mode: str) -> Iterator[IO[Any]]:
             name.unlink(missing_ok=True)
 
 
+def _open_part(target: Path, mode: str, text: dict[str, str]) -> tuple[Path, IO[Any]]:
+    """A new file beside `target` that is locked while it is open; parts of killed processes are removed."""
+    for entry in _abandoned(target.parent, target.name):
+        entry.unlink(missing_ok=True)
+    while True:
+        name = _part_name(target)
+        file: IO[Any] = name.open(mode.replace("w", "x"), **text)  # type: ignore[call-overload]
+        if os.name != "posix" or _lock(file.fileno(), name):
+            return name, file
+        file.close()
+
+
+_DESCRIPTOR = re.compile(r"/dev/(?:(stdout)|(stderr)|fd/(\d{1,6}))|/proc/self/fd/(\d{1,6})")
+
+
+def _descriptor(path: Path) -> int | None:
+    """The number of this process's open file that `path` names: to open it by name would begin it anew."""
+    found = _DESCRIPTOR.fullmatch(str(path))
+    if found is None:
+        return None
+    return 1 if found[1] else 2 if found[2] else int(found[3] or found[4])
+
+
 def _target(path: Path) -> Path:
     """The file itself where `path` is a link to it, so that the link stays."""
     if path.is_dir():
@@ -97,5 +329,6 @@ def _target(path: Path) -> Path:
     return path
 
 
-def _reason(error: OSError) -> str:
-    return os.strerror(error.errno) if error.errno else str(error)
+def _reason(error: OSError | ValueError) -> str:
+    code = error.errno if isinstance(error, OSError) else None
+    return os.strerror(code) if code else str(error)

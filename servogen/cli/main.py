@@ -1,7 +1,8 @@
 """`servogen`: the commands put together, and what every command shares: exit codes and how an error is shown.
 
 Exit codes: 0 done or proven, 1 checked and found wrong, 2 bad input, 3 a tool or the bench is missing or
-failed, 130 interrupted, 141 nobody reads the output any more.
+failed, 130 interrupted, 141 nobody reads the output: its reader has gone, or it was closed from the start.
+What is written to standard error where nobody reads it is dropped, and does not change the exit code.
 """
 
 from __future__ import annotations
@@ -10,12 +11,12 @@ import io
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Annotated, TextIO
 
 import typer
 
-from servogen import __version__
+from servogen import INTERRUPTED, __version__
 from servogen.cli import (
     bench_commands,
     calibrate_commands,
@@ -33,11 +34,10 @@ from servogen.cli import (
     simulate_commands,
     tune_commands,
 )
-from servogen.errors import ServogenError, ToolError
+from servogen.errors import InputError, Place, ServogenError, ToolError
 
-INTERRUPTED = 130
 NOBODY_READS = 141
-"""What a shell says of a program that a closed pipe has ended."""
+"""What a shell reports for a program that a closed pipe has ended; also where standard output is closed."""
 
 app = typer.Typer(
     name="servogen",
@@ -46,7 +46,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="From a robot's job file to a PIC16F84 HEX whose every servo pulse edge is proven.",
     epilog="Exit codes: 0 done or proven, 1 found wrong, 2 bad input, 3 a tool is missing or failed, "
-    "130 interrupted.",
+    "130 interrupted, 141 nobody reads the output.",
 )
 
 
@@ -87,14 +87,17 @@ for group in GROUPS:
 
 
 class _Output:
-    """Standard output that remembers whether its reader has gone away: libraries make that an exit with 1."""
+    """Standard output that notices when nobody reads it, which libraries turn into an exit with 1."""
 
-    def __init__(self, stream: TextIO) -> None:
+    def __init__(self, stream: TextIO, closed: bool) -> None:
         self._stream = stream
-        self.closed_by_reader = False
+        self._closed = closed
+        self.unread = False
+        """Whether something was written that nobody reads."""
 
     def write(self, text: str) -> int:
         with self._noticing():
+            self.unread |= self._closed and bool(text)
             return self._stream.write(text)
 
     def flush(self) -> None:
@@ -106,53 +109,102 @@ class _Output:
         try:
             yield
         except BrokenPipeError:
-            self.closed_by_reader = True
+            self.unread = True
             raise
+        except OSError as error:
+            raise ToolError(f"could not be written: {error.strerror}", Place("standard output")) from error
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._stream, name)
+
+
+class _Messages:
+    """Standard error that drops what cannot be written: a command's result does not depend on who listens."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        with suppress(OSError):
+            return self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        with suppress(OSError):
+            self._stream.flush()
 
     def __getattr__(self, name: str) -> object:
         return getattr(self._stream, name)
 
 
 def main() -> None:
-    """Runs one command and exits with the code that scripts rely on; a reader that goes away is no error."""
+    """Runs one command and exits with the code that scripts rely on."""
+    stdout_closed = _open_closed_streams()
     for each in (sys.stdout, sys.stderr):
         if isinstance(each, io.TextIOWrapper):
             each.reconfigure(errors="replace")  # a locale without µ gets a question mark, not a traceback
     stream = sys.stdout
-    output = _Output(stream)
-    sys.stdout = output
+    output = _Output(stream, stdout_closed)
+    sys.stdout, sys.stderr = output, _Messages(sys.stderr)
+    code = _run()
+    if sys.stdout is not output:  # what typer does, with exit code 1, where any pipe is broken
+        code = NOBODY_READS
     try:
-        try:
-            _run()
-        finally:
-            output.flush()
-    except (BrokenPipeError, SystemExit):
-        if not output.closed_by_reader:
-            raise
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())  # what is left is for nobody
-        sys.exit(NOBODY_READS)
+        output.flush()
+    except BrokenPipeError:
+        code = NOBODY_READS
+    except ToolError as error:
+        _say(str(error))
+        code = error.exit_code
+    if output.unread or code == NOBODY_READS:
+        code = NOBODY_READS
+        with suppress(OSError, ValueError):  # a stream of a test has no descriptor
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())  # what is left is for nobody
+    sys.exit(code)
 
 
-def _run() -> None:
-    """One command; shows errors without a traceback."""
+def _open_closed_streams() -> bool:
+    """Opens the null device in the place of standard streams that are closed; returns whether the output was.
+
+    Otherwise the next file to be opened would be the standard stream, and be written into by every message.
+    """
+    was_closed = sys.stdout is None
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        if getattr(sys, name) is None:
+            null = os.open(os.devnull, os.O_RDWR)
+            if null != number:
+                os.dup2(null, number)
+                os.close(null)
+            setattr(sys, name, os.fdopen(number, mode, encoding="utf-8", closefd=False))
+    return was_closed
+
+
+def _run() -> int:
+    """Runs one command and returns its exit code; shows errors without a traceback."""
     try:
         app(prog_name="servogen")
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else int(end.code is not None)
     except ServogenError as error:
         _say(str(error))
-        sys.exit(error.exit_code)
+        return error.exit_code
     except KeyboardInterrupt:  # before or after the command itself
-        sys.exit(INTERRUPTED)
-    except BrokenPipeError:
-        raise
+        return INTERRUPTED
+    except BrokenPipeError:  # of standard output, or of a file that is a pipe
+        return NOBODY_READS
     except OSError as error:
         _say(f"{error.filename}: {error.strerror}" if error.filename else str(error))
-        sys.exit(2)
+        return InputError.exit_code
+    except MemoryError:
+        _say("out of memory: the input is too large for this machine")
+        return ToolError.exit_code
     except Exception:  # a defect of servogen: never the exit code of a verdict
         import traceback
 
         traceback.print_exc()
         _say("this is a defect of servogen itself; please report it with the lines above")
-        sys.exit(ToolError.exit_code)
+        return ToolError.exit_code
+    return 0
 
 
 def _say(text: str) -> None:

@@ -92,7 +92,7 @@ def _job(document: Document) -> Job:
         planned, poses = _motion(document, table, servos, rig, frame, clock)
     _check_travel(document, planned, servos)
     return Job(
-        Path(document.file).stem,
+        _name(document),
         document.file,
         chip,
         clock,
@@ -114,6 +114,18 @@ def _job(document: Document) -> Job:
         planned.warnings,
         planned.notes,
     )
+
+
+def _name(document: Document) -> str:
+    """Returns the job's name, the file's without its ending: a folder in `build/`, and in comments of the C."""
+    name = Path(document.file).stem
+    if name in (".", "..") or any(ord(sign) < ord(" ") for sign in name):
+        raise InputError(
+            f"the file's name makes the job's name {name!r}, which cannot be a folder",
+            Place(document.file),
+            "name the file after the job, as arm.toml",
+        )
+    return name
 
 
 def _chip(document: Document, table: JobTable) -> tuple[Device, Clock]:

@@ -7,7 +7,6 @@ day, host or path.
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from servogen.edge_files import write_edges
 from servogen.edges import EdgeTrace
 from servogen.errors import Caution, Place
 from servogen.job import Job
-from servogen.outputs import atomic_write, make_folder
+from servogen.outputs import replaced_files, write_text
 from servogen.pic.device import RAM_FIRST
 from servogen.pic.image import Image, to_hex
 from servogen.pic.listing import listing_text
@@ -136,9 +135,17 @@ def _overrun(machine: Machine, address: int) -> bool:
     return address in state.ram_written and bool(state.ram[address - RAM_FIRST] & 1)
 
 
+FILES = frozenset(
+    (
+        *("schedule.json", "main.lst", "report.txt", "edges.csv", "main.vcd", "main.hex"),
+        *(f"main.{dialect}.{suffix}" for dialect in DIALECTS for suffix in ("c", "hex")),
+    )
+)
+"""All files that a build may write; those that it does not are removed with the build before."""
+
+
 def write(done: Build, folder: Path) -> None:
-    """The files of a build. The folder is made; none takes its name before all are written."""
-    make_folder(folder)
+    """Writes the files of a build. They take the place of those of an earlier one all at once."""
     own = done.programs[0]
     servos = {servo.pin: servo.name for servo in done.job.servos}
     texts = {"schedule.json": done.plan.schedule.to_json()}
@@ -148,10 +155,10 @@ def write(done: Build, folder: Path) -> None:
             _hex_name(done, program): to_hex(program.image),
         }
     texts |= {"main.lst": listing_text(own.firmware.compilation.listing), "report.txt": report(done)}
-    with ExitStack() as files:
+    with replaced_files(folder, FILES) as new:
         for name, text in texts.items():
-            files.enter_context(atomic_write(folder / name)).write(text)
-        write_edges(checked_edges(done), folder / "edges.csv", folder / "main.vcd", servos=servos)
+            write_text(new / name, text)
+        write_edges(checked_edges(done), new / "edges.csv", new / "main.vcd", servos=servos)
 
 
 def checked_edges(done: Build) -> EdgeTrace:

@@ -62,3 +62,17 @@ def test_several_jobs_as_json(run: Run, tmp_path: Path) -> None:
     told = json.loads(ran.out)
     assert [(job["job"], job["proven"]) for job in told["jobs"]] == [("lab9-program", True)]
     assert told["not_built"] == []
+
+
+@pytest.mark.parametrize("name", ["...toml", "a\nb.toml"])
+@pytest.mark.parametrize("command", ["build", "demo", "check"])
+def test_a_job_whose_name_is_not_a_folder_writes_nothing(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, command: str
+) -> None:
+    work = tmp_path / "a" / "work"
+    work.mkdir(parents=True)
+    shutil.copy(JOB, work / name)
+    monkeypatch.chdir(work)
+    ran = run(command, name)
+    assert ran.code == 2 and "which cannot be a folder" in ran.err, ran.err
+    assert [entry.name for entry in tmp_path.rglob("*")] == ["a", "work", name]
