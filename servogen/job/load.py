@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from servogen import tomlfile
-from servogen.errors import InputError
+from servogen.errors import InputError, Place
 from servogen.job.buttons import buttons_of
 from servogen.job.drives import drive_of
 from servogen.job.job import Firmware, Job, NamedPose
@@ -117,7 +117,7 @@ def _job(document: Document) -> Job:
 
 
 def _name(document: Document) -> str:
-    """Returns the job's name, the file's without its ending: a folder in `build/`, and in comments of the C."""
+    """Returns the name of the job: of a folder in `build/`, and in comments of the C."""
     name = Path(document.file).stem
     if name in (".", "..") or any(ord(sign) < ord(" ") for sign in name):
         raise InputError(

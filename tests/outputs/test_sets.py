@@ -89,8 +89,6 @@ def no_exchange(first: Path, second: Path) -> None:
 
 
 def test_without_an_exchange_sets_are_never_mixed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
     """Each file that moves in sees no file of the old set."""
     monkeypatch.setattr(outputs, "_exchange", no_exchange)
     write_set(tmp_path / "out", "old")
