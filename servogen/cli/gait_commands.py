@@ -10,13 +10,15 @@ import typer
 
 from servogen.cli.gait_show import show_walk, walk_as_dict
 from servogen.cli.options import Json
-from servogen.cli.show import as_json, status
+from servogen.cli.show import as_json, status, warn_of_all
 
 if TYPE_CHECKING:
     from servogen.motion.gaits import Gait
+    from servogen.motion.loads import Loads
     from servogen.motion.walk import Walk
     from servogen.report.gait_facts import GaitFacts
     from servogen.robot.model import Hexapod
+    from servogen.robot.servo import ServoModel
 
 CLOCK_HZ = 4_000_000
 """A cycle of it is a microsecond, so that a frame's microseconds are its cycles."""
@@ -101,13 +103,14 @@ def gait(
     from servogen.errors import InputError, Place
     from servogen.motion.footwork import Posture
     from servogen.motion.limits import Limits
+    from servogen.motion.loads import loads_of
     from servogen.motion.steps import Segment
     from servogen.motion.walk import walk
     from servogen.report.gait_facts import facts_of
     from servogen.robot.servo_models import servo_model
     from servogen.units import Clock, Cycles
 
-    chosen = _robot(robot)
+    chosen, model = _robot(robot), servo_model(servo)
     rhythm, walker = _gait(chosen, name, duty, lifts, leg)
     if beta_sign not in (1, -1):
         raise InputError(f"the sign of β is 1 or -1, not {beta_sign}", Place(key="--beta-sign"))
@@ -127,11 +130,11 @@ def gait(
         period,
         clock,
         frames_per_cycle=frames,
-        limits=Limits(servo_model(servo).speed or float("inf")),
+        limits=Limits(model.speed or float("inf")),
         spring_m=_metres(spring_mm),
         allow_falling=allow_falling,
     )
-    facts = facts_of(walker, made)
+    facts, loads = facts_of(walker, made), loads_of(walker, made)
     if clearance_mm is not None and 1000 * facts.clearance < clearance_mm:
         raise InputError(
             f"{1000 * facts.clearance:.1f} mm are free under the robot, not {clearance_mm:g} mm",
@@ -140,9 +143,24 @@ def gait(
         )
     _write(walker, rhythm, made, facts, picture, csv, animate)
     if json:
-        as_json(walk_as_dict(walker, rhythm, made, facts))
+        as_json(walk_as_dict(walker, rhythm, made, facts, loads))
     else:
         show_walk(walker, rhythm, made, facts)
+        warn_of_all(_too_heavy(loads, walker.leg.joints[1].name, model))
+
+
+def _too_heavy(loads: Loads | None, joint: str, model: ServoModel) -> list[str]:
+    """Return a warning where standing asks the servo for more than its torque."""
+    if loads is None or loads.worst is None or model.torque_nm is None:
+        return []
+    leg, frame = loads.worst
+    asked = float(loads.torques[frame, leg])
+    if asked <= model.torque_nm:
+        return []
+    return [
+        f"too-heavy: holding {loads.legs[leg]}_{joint} still asks for {asked:.2f} N·m in frame {frame}, "
+        f"a {model.title} is rated {model.torque_nm:g} N·m; {loads.detail(leg, frame)}"
+    ]
 
 
 def _metres(millimetres: float | None) -> float | None:

@@ -9,6 +9,7 @@ from servogen.cli.show import table
 
 if TYPE_CHECKING:
     from servogen.motion.gaits import Gait
+    from servogen.motion.loads import Loads
     from servogen.motion.walk import Walk
     from servogen.report.gait_facts import GaitFacts
     from servogen.robot.model import Hexapod
@@ -57,8 +58,11 @@ def show_walk(robot: Hexapod, rhythm: Gait, made: Walk, facts: GaitFacts) -> Non
     )
 
 
-def walk_as_dict(robot: Hexapod, rhythm: Gait, made: Walk, facts: GaitFacts) -> dict[str, object]:
-    """Metres, radians and seconds."""
+def walk_as_dict(
+    robot: Hexapod, rhythm: Gait, made: Walk, facts: GaitFacts, loads: Loads | None
+) -> dict[str, object]:
+    """Return the walk in metres, radians, seconds and N·m."""
+    worst = loads.worst if loads else None
     return {
         "robot": robot.name,
         "gait": rhythm.name,
@@ -88,6 +92,14 @@ def walk_as_dict(robot: Hexapod, rhythm: Gait, made: Walk, facts: GaitFacts) -> 
             "largest_m": facts.correction,
             "leg": facts.correction_leg,
             "frame": facts.correction_frame,
+        },
+        "torque": None
+        if loads is None or worst is None
+        else {
+            "largest_nm": float(loads.torques[worst[1], worst[0]]),
+            "leg": loads.legs[worst[0]],
+            "frame": worst[1],
+            "foot_n": float(loads.forces[worst[1], worst[0]]),
         },
         "lift_m": facts.lift,
         "clearance_m": facts.clearance,

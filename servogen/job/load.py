@@ -23,6 +23,8 @@ from servogen.job.programs import program_of
 from servogen.job.robots import Rig, rig_of
 from servogen.job.servos import servos_of
 from servogen.job.streams import still, stream_of
+from servogen.job.tip import ArmTip
+from servogen.job.torques import arm_torques
 from servogen.job.walks import walk_of
 from servogen.motion import Motion, Planned, trajectory
 from servogen.motion.limits import Limits
@@ -91,6 +93,7 @@ def _job(document: Document) -> Job:
     else:
         planned, poses = _motion(document, table, servos, rig, frame, clock)
     _check_travel(document, planned, servos)
+    heavy = arm_torques(rig.tip, planned.trajectory.angles, servos) if isinstance(rig.tip, ArmTip) else ()
     return Job(
         _name(document),
         document.file,
@@ -111,7 +114,7 @@ def _job(document: Document) -> Job:
         stream,
         planned.trajectory,
         poses,
-        planned.warnings,
+        (*planned.warnings, *heavy),
         planned.notes,
     )
 
@@ -233,7 +236,7 @@ def _walk(
             raise document.error(
                 ("servo", index), f"{servo.name} turns no joint of the robot", "say which: joint = …"
             )
-    return walk_of(document, table, rig.robot, rig.bindings, joints, period, clock)
+    return walk_of(document, table, rig.robot, rig.bindings, joints, servos, period, clock)
 
 
 def _poses(

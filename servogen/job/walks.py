@@ -11,6 +11,7 @@ import numpy as np
 
 from servogen.errors import Caution, InputError, nearest
 from servogen.job.model import WalkTable
+from servogen.job.torques import walk_torques
 from servogen.motion import JointTrajectory, Planned, bound
 from servogen.motion.footwork import Posture
 from servogen.motion.gaits import Gait, custom, gait
@@ -19,6 +20,7 @@ from servogen.motion.steps import Segment
 from servogen.motion.walk import Walk, one_leg, walk
 from servogen.robot.binding import Binding
 from servogen.robot.model import Hexapod, Robot
+from servogen.robot.servo import Servo
 from servogen.tomlfile import Document, exact
 from servogen.units import Clock, Cycles
 
@@ -29,6 +31,7 @@ def walk_of(
     robot: Robot | None,
     bindings: tuple[Binding, ...],
     limits: tuple[Limits, ...],
+    servos: tuple[Servo, ...],
     period: Cycles,
     clock: Clock,
 ) -> Planned:
@@ -65,9 +68,9 @@ def walk_of(
         )
     except InputError as error:
         raise document.error(("walk",), error.message, error.hint) from error
-    return Planned(
-        _ended(_bound(document, made.trajectory, bindings), table), notes=tuple(_notes(document, made, table))
-    )
+    trajectory = _ended(_bound(document, made.trajectory, bindings), table)
+    heavy = tuple(walk_torques(robot, made, bindings, servos))
+    return Planned(trajectory, warnings=heavy, notes=tuple(_notes(document, made, table)))
 
 
 def _gait(document: Document, table: WalkTable, whole: Hexapod, robot: Hexapod) -> Gait:

@@ -8,6 +8,7 @@ In: a servo and its widths or angles, frame by frame. Out: `Caution` values; eac
     angle-range    a pulse asks for an angle outside the servo's travel
     too-fast       the angle moves on, frame by frame, faster than the servo turns
     frames-few     a position is left before the servo can have reached it
+    too-heavy      holding a pose against gravity asks for more torque than the servo gives
 """
 
 from __future__ import annotations
@@ -32,6 +33,9 @@ CALIBRATION_SPREAD = 0.1
 
 ANY_SERVO_US = (1000.0, 2000.0)
 """The widths that every position servo takes: what is judged when the servo is not known."""
+
+SAME_DIGITS = 9
+"""Of N·m: torques nearer than this are one, so that the first frame of them is named on every machine."""
 
 WIDTH_TOLERANCE_US = 2.0
 """A width this far outside of a servo's range is not worth a word: rounding, or a statement's cycles."""
@@ -145,6 +149,28 @@ def check_motion(servo: Servo, angles: Floats, loop_start: int, period_s: float)
     around = np.concatenate((angles, angles[loop_start:]))
     runs = list(_constant(around[~np.isnan(around)]))
     return tuple(_follow(servo, runs, reach, period_s))
+
+
+def check_torque(servo: Servo, joint: str, torque_nm: Floats) -> tuple[Caution, ...]:
+    """Of the static torque that a joint asks of its servo, one value a frame (NaN: none), its worst frame.
+
+    A model without a stated torque is not judged.
+    """
+    rated = servo.model.torque_nm
+    if rated is None or np.isnan(torque_nm).all():
+        return ()
+    frame = int(np.nanargmax(np.round(torque_nm, SAME_DIGITS)))
+    asked = float(torque_nm[frame])
+    if asked <= rated * (1 + 1e-9):
+        return ()
+    return (
+        Caution(
+            "too-heavy",
+            f"{servo.name}: holding {joint} still asks for {asked:.2f} N·m in frame {frame} of the motion, "
+            f"the servo is rated {rated:g} N·m",
+            servo.place,
+        ),
+    )
 
 
 def check_measured(

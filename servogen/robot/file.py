@@ -23,10 +23,21 @@ Find = Callable[[str], Robot]
 
 # Which keys a kind of robot takes beside the common ones.
 _COMMON = {"name", "title", "aliases", "kind", "dimensions", "source"}
-_ARM = {"like", "convention", "closed_form", "orientation", "lengths_mm", "joint", "row", "base", "tool"}
+_ARM = {
+    "like",
+    "convention",
+    "closed_form",
+    "orientation",
+    "lengths_mm",
+    "joint",
+    "row",
+    "base",
+    "tool",
+    "payload_g",
+}
 _KEYS = {
     "arm": _COMMON | _ARM,
-    "hexapod": _COMMON | {"like", "leg", "lengths_mm", "mount", "centre_of_mass_mm"},
+    "hexapod": _COMMON | {"like", "leg", "lengths_mm", "mount", "centre_of_mass_mm", "mass_g"},
     "omni": _COMMON | {"wheel_diameter_mm", "wheel_distance_mm", "gear", "counts_per_turn", "sensors"},
 }
 
@@ -93,6 +104,7 @@ def _hexapod(document: Document, table: RobotTable, find: Find) -> Hexapod:
         (x, y, z),
         table.dimensions,
         table.source,
+        _kilograms(table.mass_g, model.mass if model else None),
     )
 
 
@@ -126,6 +138,7 @@ def _like(document: Document, table: RobotTable, find: Find) -> Arm:
         tool=_frame(table.tool) if table.tool else arm.tool,
         dimensions=table.dimensions if table.lengths_mm else arm.dimensions,
         source=table.source or model.source,
+        payload=_kilograms(table.payload_g, model.payload) or 0.0,
     )
 
 
@@ -189,6 +202,7 @@ def _arm(document: Document, table: RobotTable) -> Arm:
         _frame(table.tool),
         table.dimensions,
         table.source,
+        _kilograms(table.payload_g, None) or 0.0,
     )
 
 
@@ -241,7 +255,31 @@ def _joint(document: Document, index: int, table: JointTable, model: Joint | Non
     home = given("home", model.home if model and lower <= model.home <= upper else rest)
     if home is None or not lower <= home <= upper:
         raise document.error(("joint", index, f"home_{unit}"), "home is outside the limits")
-    return Joint(table.name, kind, lower, upper, home, given("speed", model.speed if model else None))
+    centre = table.centre_of_mass_mm
+    mass = _kilograms(table.mass_g, model.mass if model else None) or 0.0
+    if centre is not None and not mass:
+        raise document.error(
+            ("joint", index, "centre_of_mass_mm"), f"the joint '{table.name}' has no mass", "add mass_g = …"
+        )
+    return Joint(
+        table.name,
+        kind,
+        lower,
+        upper,
+        home,
+        given("speed", model.speed if model else None),
+        mass,
+        (model.centre if model else (0.0, 0.0, 0.0)) if centre is None else _metres(centre),
+    )
+
+
+def _kilograms(grams: float | None, default: float | None) -> float | None:
+    return default if grams is None else grams / 1000
+
+
+def _metres(millimetres: tuple[float, float, float]) -> tuple[float, float, float]:
+    x, y, z = millimetres
+    return x / 1000, y / 1000, z / 1000
 
 
 def _row(

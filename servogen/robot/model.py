@@ -42,6 +42,10 @@ class Joint:
     upper: float
     home: float
     speed: float | None = None
+    mass: float = 0.0
+    """Of the link that it moves, kg; 0: not stated."""
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Of that mass, metres, in the frame after the joint's DH row."""
 
     @property
     def turning(self) -> bool:
@@ -101,6 +105,8 @@ class Arm:
     tool: Frame = Frame()
     dimensions: Dimensions = "user"
     source: str = ""
+    payload: float = 0.0
+    """What the tool carries, kg; 0: not stated."""
 
     @property
     def length(self) -> dict[str, float]:
@@ -156,6 +162,8 @@ class Hexapod:
     centre_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0)
     dimensions: Dimensions = "user"
     source: str = ""
+    mass: float | None = None
+    """Of all of it, kg; None: not stated."""
 
     def mount(self, name: str) -> Mount:
         for mount in self.mounts:

@@ -11,10 +11,16 @@ from pydantic import BeforeValidator, Field
 
 from servogen.tomlfile import Table
 
+MAX_GRAMS = 1e7
+"""Ten tonnes: a greater mass is a mistake."""
+
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
 
 MOST_MM = 100_000.0
 """Beyond it a length is a slip of the pen."""
+
+
+Millimetres = Annotated[float, Field(ge=-MOST_MM, le=MOST_MM)]
 
 
 def _as_text(value: Any) -> Any:
@@ -36,6 +42,8 @@ class JointTable(Table):
     upper_mm: float | None = None
     home_mm: float | None = None
     speed_mm_s: float | None = Field(default=None, gt=0)
+    mass_g: float | None = Field(default=None, ge=0, le=MAX_GRAMS)
+    centre_of_mass_mm: tuple[Millimetres, Millimetres, Millimetres] | None = None
 
 
 class RowTable(Table):
@@ -87,6 +95,8 @@ class RobotTable(Table):
     leg: str = "leg"
     mount: tuple[MountTable, ...] = ()
     centre_of_mass_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    mass_g: float | None = Field(default=None, gt=0, le=MAX_GRAMS)
+    payload_g: float | None = Field(default=None, ge=0, le=MAX_GRAMS)
     wheel_diameter_mm: float | None = Field(default=None, gt=0)
     wheel_distance_mm: float | None = Field(default=None, gt=0)
     gear: float = Field(default=1.0, gt=0)

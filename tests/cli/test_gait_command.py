@@ -273,3 +273,17 @@ def test_the_time_of_a_cycle_is_kept_and_what_moves_for_it_is_said(run: Run) -> 
     done = run("gait", "hexapod", "--gait", "ripple", "--cycle-s", 1)
     assert "the duty factor is 0.68 of the cycle, not 0.6667: 0.67 frames" in done.out
     assert told(run, "--gait", "tripod", "--cycle-s", 1)["phase_changes"] == []
+
+
+def test_a_walk_that_is_too_heavy_for_its_servo_is_said(run: Run, tmp_path: Path) -> None:
+    robot = tmp_path / "heavy.toml"
+    robot.write_text('name = "heavy"\nkind = "hexapod"\nlike = "hexapod"\nmass_g = 2240\n')
+    command = ("gait", robot, "--body-height-mm", 120, "--cycle-s", 1)
+    done = run(*command)
+    assert "0.49 N·m" in done.err
+    assert "(0.33 N·m if all standing feet carried alike)" in done.err
+    torque = json.loads(run(*command, "--json").out)["torque"]
+    assert torque["largest_nm"] == pytest.approx(2.24 * 9.80665 / 2 * 0.0447214, rel=1e-3)
+    assert torque["leg"][1] == "2"
+    assert run(*command, "--servo", "futaba-s3001").code == 0
+    assert json.loads(run("gait", "hexapod", "--cycle-s", 1, "--json").out)["torque"] is None

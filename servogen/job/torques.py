@@ -1,0 +1,63 @@
+"""The static torque of every servo of a job in every frame, held against what its model can give.
+
+In: an arm or a walk, the bindings of joints to servos, the servos. Out: warnings. A robot without stated
+masses, and a servo without a stated torque, are not judged.
+
+    a servo that turns `ratio` radians for each unit of a joint gives 1 / ratio of the joint's torque
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from servogen.errors import Caution
+from servogen.job.tip import ArmTip
+from servogen.kinematics.statics import gravity_torques, has_masses
+from servogen.motion.loads import loads_of
+from servogen.motion.trajectory import Floats
+from servogen.motion.walk import Walk
+from servogen.pulse.checks import SAME_DIGITS, check_torque
+from servogen.robot.binding import Binding
+from servogen.robot.model import Hexapod
+from servogen.robot.servo import Servo
+
+
+def arm_torques(tip: ArmTip, angles: Floats, servos: Sequence[Servo]) -> Iterator[Caution]:
+    """Yield a warning for each servo of an arm that its links and payload ask too much of.
+
+    `angles` (frames, servos): NaN where there is no pulse; such a frame asks nothing.
+    """
+    if not has_masses(tip.arm):
+        return
+    columns = [servos.index(servo) for servo in tip.servos]
+    pulsed = np.flatnonzero(~np.isnan(angles[:, columns]).any(axis=1))
+    distinct, back = np.unique(angles[pulsed][:, columns], axis=0, return_inverse=True)
+    if not len(pulsed):
+        return
+    joints = [each.position(column) for each, column in zip(tip.bindings, distinct.T, strict=True)]
+    held = gravity_torques(tip.arm, np.stack(joints, axis=1))[back.reshape(-1)]
+    for index, (binding, servo) in enumerate(zip(tip.bindings, tip.servos, strict=True)):
+        torque = np.full(len(angles), np.nan)
+        torque[pulsed] = np.abs(held[:, index] / binding.ratio)
+        yield from check_torque(servo, binding.joint, torque)
+
+
+def walk_torques(
+    robot: Hexapod, made: Walk, bindings: Sequence[Binding], servos: Sequence[Servo]
+) -> Iterator[Caution]:
+    """Yield a warning for each servo of a walking robot that its weight asks too much of."""
+    loads = loads_of(robot, made)
+    if loads is None:
+        return
+    by_joint = {binding.joint: binding for binding in bindings}
+    by_name = {servo.name: servo for servo in servos}
+    lifting = robot.leg.joints[1].name
+    for index, leg in enumerate(loads.legs):
+        binding = by_joint[f"{leg}_{lifting}"]
+        torque = loads.torques[:, index] / abs(binding.ratio)
+        found = check_torque(by_name[binding.servo], binding.joint, torque)
+        for caution in found:
+            frame = int(np.nanargmax(np.round(torque, SAME_DIGITS)))
+            yield Caution(caution.code, f"{caution.text}; {loads.detail(index, frame)}", caution.place)

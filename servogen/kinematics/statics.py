@@ -1,0 +1,83 @@
+"""What gravity asks of the joints of an arm that stands still, and of the feet under a body.
+
+In: an `Arm` with masses and its joint positions; or feet on the ground and a centre of mass. Out: torques in
+N·m (forces in N of sliding joints), and the vertical force at each foot.
+
+    arm     V = Σ m g z,  τ = ∂V/∂q: the z row of the Jacobian of each link's centre of mass, times m g
+    feet    Σ F = W,  Σ F x = W x_c,  Σ F y = W y_c,  F ≥ 0
+
+Three feet share the weight in one way only. More are taken as equally stiff legs under a rigid body, whose
+forces are the shortest vector that keeps the balance; a foot that would have to pull carries nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+from numpy.typing import ArrayLike
+
+from servogen.kinematics.chain import joint_array
+from servogen.kinematics.jacobian import jacobian
+from servogen.kinematics.transforms import Floats
+from servogen.robot.model import Arm, Frame
+
+GRAVITY = 9.80665
+"""Standard gravity, m/s² (3rd CGPM, 1901)."""
+
+BALANCED = 1e-6
+"""Of the weight: a sum of forces and moments that is nearer to it is in balance."""
+
+BLOCK = 16_384
+"""Frames worked on at a time."""
+
+
+def has_masses(arm: Arm) -> bool:
+    """Return whether the arm's file states any mass."""
+    return arm.payload > 0 or any(joint.mass > 0 for joint in arm.joints)
+
+
+def gravity_torques(arm: Arm, q: ArrayLike) -> Floats:
+    """Return what each joint must give to hold the links and the payload, (..., n), for positions (..., n).
+
+    The base's frame stands with its z upwards.
+    """
+    q = joint_array(arm, q)
+    found = np.zeros(q.shape)
+    for index, joint in enumerate(arm.joints):
+        if joint.mass > 0:
+            last = next(number for number, row in enumerate(arm.rows) if row.joint == index)
+            link = replace(arm, rows=arm.rows[: last + 1], tool=Frame(*joint.centre))
+            found += joint.mass * GRAVITY * jacobian(link, q)[..., 2, :]
+    if arm.payload > 0:
+        found += arm.payload * GRAVITY * jacobian(arm, q)[..., 2, :]
+    return found
+
+
+def foot_forces(feet: Floats, ground: npt.NDArray[np.bool_], centre: Floats, weight_n: float) -> Floats:
+    """Return the vertical forces (frames, legs), N, at feet (frames, legs, 2) of which `ground` stand.
+
+    NaN in a frame in which the standing feet cannot carry the centre of mass (2,).
+    """
+    forces = np.empty(ground.shape)
+    for start in range(0, len(ground), BLOCK):
+        part = slice(start, start + BLOCK)
+        forces[part] = _forces(feet[part], ground[part], centre, weight_n)
+    return forces
+
+
+def _forces(feet: Floats, ground: npt.NDArray[np.bool_], centre: Floats, weight_n: float) -> Floats:
+    # About the centre of mass: then the moments on the right are 0.
+    balance = np.stack([np.ones(ground.shape), *np.moveaxis(feet - centre, -1, 0)], axis=1)
+    load = np.array([weight_n, 0.0, 0.0])
+    carrying = ground.copy()
+    while True:
+        forces: Floats = np.linalg.pinv(balance * carrying[:, None, :]) @ load
+        pulling = forces.min(axis=1) < -BALANCED * weight_n
+        if not pulling.any():
+            break
+        carrying[np.flatnonzero(pulling), forces[pulling].argmin(axis=1)] = False
+    left = np.abs(np.einsum("nij,nj->ni", balance, forces) - load).max(axis=1)
+    forces[left > BALANCED * weight_n] = np.nan
+    return np.maximum(forces, 0.0)

@@ -1,0 +1,70 @@
+"""What standing asks of a walking robot's legs, frame by frame.
+
+In: a `Hexapod` with a mass and its `Walk`. Out: the force at each foot and the torque at each joint β. A
+vertical force has no moment about the vertical axis of α.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from servogen.kinematics.leg import Leg
+from servogen.kinematics.statics import GRAVITY, foot_forces
+from servogen.motion.trajectory import Floats
+from servogen.motion.walk import Walk
+from servogen.robot.model import Hexapod
+
+SAME_DIGITS = 9
+"""Of N·m: torques nearer than this are one, so that the first of them is named on every machine."""
+
+LEAST_LEGS = 3
+"""With fewer the robot stands on something else."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loads:
+    """`forces` (N) and `torques` (N·m, of β) have the shape (frames, legs); NaN where the robot falls."""
+
+    legs: tuple[str, ...]
+    weight_n: float
+    forces: Floats
+    torques: Floats
+    alike: Floats
+    """The torques if the feet on the ground shared the weight alike."""
+
+    @property
+    def worst(self) -> tuple[int, int] | None:
+        """The leg and the frame in which a torque is greatest; None where the robot never stands."""
+        if np.isnan(self.torques).all():
+            return None
+        at = int(np.nanargmax(np.round(self.torques, SAME_DIGITS)))
+        frame, leg = divmod(at, len(self.legs))
+        return leg, frame
+
+    def detail(self, leg: int, frame: int) -> str:
+        """Return in words what a leg carries in a frame."""
+        return (
+            f"its foot carries {self.forces[frame, leg]:.1f} of {self.weight_n:.1f} N "
+            f"({self.alike[frame, leg]:.2f} N·m if all standing feet carried alike)"
+        )
+
+
+def loads_of(robot: Hexapod, made: Walk) -> Loads | None:
+    """Return the loads of a walk; None for a robot without a stated mass or with too few legs."""
+    if robot.mass is None or len(robot.mounts) < LEAST_LEGS:
+        return None
+    weight = robot.mass * GRAVITY
+    stand = (made.feet + made.corrections)[:, :, :2]
+    forces = foot_forces(stand, made.ground, np.array(robot.centre_of_mass[:2]), weight)
+    leg = Leg.of(robot.leg.length)
+    beta = made.trajectory.angles.reshape(len(made.ground), -1, 2)[:, :, 1]
+    standing = np.maximum(made.ground.sum(axis=1, keepdims=True), 1)
+    return Loads(
+        made.legs,
+        weight,
+        forces,
+        np.abs(leg.torque(beta, forces)),
+        np.abs(leg.torque(beta, np.where(made.ground, weight / standing, 0.0))),
+    )
