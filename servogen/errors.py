@@ -46,6 +46,16 @@ class ServogenError(Exception):
         first = f"{where}: {self.message}" if where else self.message
         return f"{first}\n  {self.hint}" if self.hint else first
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """Returns how to make it again in another process, whatever a derived class is constructed from."""
+        return _made_again, (type(self), self.args), self.__dict__
+
+
+def _made_again(kind: type[ServogenError], args: tuple[object, ...]) -> ServogenError:
+    error = kind.__new__(kind)
+    error.args = args
+    return error
+
 
 class InputError(ServogenError):
     """What the user gave is wrong: exit code 2."""

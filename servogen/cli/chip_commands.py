@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from servogen.cli.compiling import MemoryLimit, TimeLimit, within_limits
 from servogen.cli.files import beside_c, dialect_of, keep_apart, read_assembly, read_image, read_source
 from servogen.cli.options import DeviceName, Dialect, Json, Output
 from servogen.cli.show import as_json, warn
+from servogen.isolation import COMPILING, Limits
 
 if TYPE_CHECKING:
     from servogen.pic.image import Image
@@ -47,6 +49,8 @@ def compile_c(
     clock_hz: Annotated[
         int | None, typer.Option("--clock-hz", min=1, help="The clock, where the source does not say it.")
     ] = None,
+    timeout: TimeLimit = COMPILING.seconds,
+    memory_mb: MemoryLimit = COMPILING.memory_mb,
     json: Json = False,
 ) -> None:
     """Compile C of a dialect to Intel HEX (default: the first file's name with .hex)."""
@@ -62,7 +66,12 @@ def compile_c(
         optimise={"0": "none", "1": "speed", "s": "size"}.get(optimise, optimise),
         include=beside_c,
     )
-    compilation = compile_sources(texts, options)
+    compilation = within_limits(
+        lambda: compile_sources(texts, options),
+        sources[0],
+        Limits(timeout, memory_mb),
+        "--timeout and --memory-mb allow more",
+    )
     target = output or sources[0].with_suffix(".hex")
     keep_apart(sources, target, listing)
     _write(target, compilation.image, listing, compilation.listing)
@@ -90,6 +99,8 @@ def assemble(
     device: Annotated[
         str | None, typer.Option("--device", help="Default: the chip that the source names, else PIC16F84.")
     ] = None,
+    timeout: TimeLimit = COMPILING.seconds,
+    memory_mb: MemoryLimit = COMPILING.memory_mb,
 ) -> None:
     """Assemble MPASM source to Intel HEX (default: the file's name with .hex)."""
     from servogen.pic.assembler import assemble as assembled
@@ -97,7 +108,13 @@ def assemble(
     from servogen.pic.device import device as device_named
 
     chip = device_named(device) if device else None
-    assembly = assembled(read_assembly(source), str(source), chip, beside(source.parent))
+    text = read_assembly(source)
+    assembly = within_limits(
+        lambda: assembled(text, str(source), chip, beside(source.parent)),
+        source,
+        Limits(timeout, memory_mb),
+        "--timeout and --memory-mb allow more",
+    )
     for warning in assembly.warnings:
         warn(str(warning))
     target = output or source.with_suffix(".hex")

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from servogen.cli.compiling import within_limits
 from servogen.cli.options import DEFAULT_CLOCK_HZ
 from servogen.cli.show import warn
 from servogen.errors import InputError, Place
 from servogen.inputs import MAX_TEXT_BYTES, read_input
 
 if TYPE_CHECKING:
+    from servogen.grade import Submission
     from servogen.pic.image import Image
     from servogen.pic.listing import Listing
     from servogen.pulse import PulseSchedule
@@ -26,6 +29,9 @@ MAX_SCHEDULE_BYTES = 16 << 20
 
 PROGRAM_SUFFIXES = (C_SUFFIX, *ASSEMBLY_SUFFIXES, *HEX_SUFFIXES)
 
+Included = Callable[[str, str], Path | None]
+"""(name, including file) -> the file that is included; None where there is none. Raises InputError."""
+
 
 @dataclass(frozen=True)
 class Program:
@@ -34,6 +40,8 @@ class Program:
     image: Image
     listing: Listing | None = None
     clock: Clock | None = None
+    remarks: tuple[str, ...] = ()
+    """What is odd about a HEX file that can be read all the same."""
 
 
 def keep_apart(inputs: Sequence[Path], *outputs: Path | None) -> None:
@@ -74,7 +82,20 @@ def read_image(path: Path) -> Image:
 
 
 def read_program(path: Path, device_name: str = "PIC16F84") -> Program:
-    """A HEX file, or a C or assembly file, which is compiled or assembled. Raises InputError."""
+    """Returns the program in a HEX file, or in a C or assembly file, compiled within limits.
+
+    Raises InputError.
+    """
+    if path.suffix.lower() not in (C_SUFFIX, *ASSEMBLY_SUFFIXES):
+        return Program(read_image(path))
+    return within_limits(lambda: compile_program(path, device_name), path)
+
+
+def compile_program(path: Path, device_name: str = "PIC16F84", included: Included | None = None) -> Program:
+    """Returns the program in a HEX, C or assembly file. `included` finds its include files.
+
+    It takes what time and memory the program asks for, see `read_program`. Raises InputError.
+    """
     from servogen.pic.device import device
 
     chip = device(device_name)
@@ -82,15 +103,45 @@ def read_program(path: Path, device_name: str = "PIC16F84") -> Program:
         from servogen.compiler import Options, Source, compile_sources
 
         text = read_source(path)
-        options = Options(dialect=dialect_of([text]), device=chip, include=beside_c)
+        include = beside_c if included is None else _c_includes(included)
+        options = Options(dialect=dialect_of([text]), device=chip, include=include)
         made = compile_sources([Source(text, str(path))], options)
         return Program(made.image, made.listing, made.clock)
     if path.suffix.lower() in ASSEMBLY_SUFFIXES:
         from servogen.pic.assembler import assemble, beside
 
-        assembly = assemble(read_assembly(path), str(path), chip, beside(path.parent))
+        files = beside(path.parent) if included is None else _assembly_includes(included, path)
+        assembly = assemble(read_assembly(path), str(path), chip, files)
         return Program(assembly.image, assembly.listing)
-    return Program(read_image(path))
+    from servogen.pic.image import read_hex
+
+    file = read_hex(read_source(path), str(path))
+    return Program(file.image, remarks=tuple(str(remark) for remark in file.remarks))
+
+
+def read_submission(submission: Submission) -> Program:
+    """Returns a student's program; it includes only what is the student's own. Raises InputError.
+
+    It takes what time and memory the program asks for: the caller limits them.
+    """
+    in_any_case = submission.file.suffix.lower() in ASSEMBLY_SUFFIXES
+    return compile_program(submission.file, included=partial(submission.included, in_any_case=in_any_case))
+
+
+def _c_includes(included: Included) -> Callable[[str, str], tuple[str, str] | None]:
+    def read(name: str, including: str) -> tuple[str, str] | None:
+        path = included(name, including)
+        return None if path is None else (str(path), read_source(path))
+
+    return read
+
+
+def _assembly_includes(included: Included, source: Path) -> Callable[[str], str | None]:
+    def read(name: str) -> str | None:
+        path = included(name.replace("\\", "/"), str(source))
+        return None if path is None else read_assembly(path)
+
+    return read
 
 
 def clock_of(program: Program | None, clock_hz: int | None) -> Clock:

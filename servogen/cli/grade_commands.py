@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from servogen.cli.files import PROGRAM_SUFFIXES, read_program
+from servogen.cli.compiling import MemoryLimit
+from servogen.cli.files import HEX_SUFFIXES, PROGRAM_SUFFIXES, read_submission
 from servogen.cli.options import Json
 from servogen.cli.show import as_json, progress, table, warn
-from servogen.errors import InputError, Place
+from servogen.errors import ServogenError
+from servogen.isolation import COMPILING, missing_limits
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from servogen.grade import Lab
     from servogen.pipeline.grading import Graded
 
-PROGRAMS = tuple(suffix for suffix in PROGRAM_SUFFIXES if suffix != ".obj")
-"""What counts as a program in a folder: other tools write .obj files that are none."""
+IMAGES = tuple(suffix for suffix in HEX_SUFFIXES if suffix != ".obj")
+"""What counts as a HEX file in a folder: other tools write .obj files that are not."""
+
+SOURCES = tuple(suffix for suffix in PROGRAM_SUFFIXES if suffix not in HEX_SUFFIXES)
 
 
 def register(app: typer.Typer) -> None:
@@ -36,84 +43,107 @@ def grade(
     pages: Annotated[
         Path | None, typer.Option("--pages", help="Write a page (Markdown) for each program to this folder.")
     ] = None,
+    level: Annotated[
+        int,
+        typer.Option(
+            "--level",
+            min=0,
+            max=8,
+            help="How far below a folder given the students' own folders are; a program includes only files "
+            "of its student's.",
+        ),
+    ] = 1,
     scheduler: Annotated[
         str | None,
         typer.Option("--scheduler", help="A Dask scheduler's address; default: this machine's cores."),
     ] = None,
     timeout: Annotated[
         float,
-        typer.Option("--timeout", min=0.1, help="Seconds that compiling and running one file may take."),
+        typer.Option(
+            "--timeout",
+            min=0.1,
+            help=f"Seconds that running one program may take; compiling it at most {COMPILING.seconds:g}.",
+        ),
     ] = 120.0,
+    memory_mb: MemoryLimit = COMPILING.memory_mb,
     json: Json = False,
 ) -> None:
     """Check programs against a lab's task and say what is wrong with each."""
-    from servogen.grade import load_lab
-    from servogen.pipeline.grading import grade_files
+    from servogen.grade import find_submissions, load_lab, page_names, visible
+    from servogen.pipeline.grading import RUNNING, Task, grade_submissions
 
-    task = load_lab(lab)
-    programs = dict(_programs(files))
-    with progress(task.title, len(programs)) as tell:
-        graded = grade_files(list(programs.values()), lab, read_program, scheduler, tell, timeout)
-    named = list(zip(programs, graded, strict=True))
-    if pages:
-        _write_pages(pages, task, named)
+    task = Task(
+        load_lab(lab),
+        read_submission,
+        replace(COMPILING, seconds=min(timeout, COMPILING.seconds), memory_mb=memory_mb),
+        replace(RUNNING, seconds=timeout, memory_mb=memory_mb),
+    )
+    if sentence := missing_limits():
+        warn(sentence)
+    found = find_submissions(files, SOURCES, IMAGES, level)
+    for warning in found.warnings:
+        warn(visible(warning))
+    with progress(task.lab.title, len(found.submissions)) as tell:
+        graded = grade_submissions(found.submissions, task, scheduler, tell)
+    names = page_names([each.submission.name for each in graded]) if pages else []
+    failure = _write_pages(pages, names, task.lab, graded) if pages else None
     if json:
-        as_json({"lab": task.name, "title": task.title, "task": task.task, "programs": _rows(named)})
+        what = {"lab": task.lab.name, "title": task.lab.title, "task": task.lab.task}
+        as_json({**what, "programs": _rows(graded, names)})
     else:
-        _show(task, named)
+        _show(task.lab, graded)
+    if failure:
+        raise failure
     if any(each.defect for each in graded):
         raise typer.Exit(3)
     raise typer.Exit(0 if all(each.grade.passed for each in graded) else 1)
 
 
-def _programs(files: list[Path]) -> list[tuple[str, Path]]:
-    """(name on the page, file); names are the paths below a given folder, without what is the same twice."""
-    found: list[tuple[str, Path]] = []
-    for each in files:
-        if each.is_dir():
-            inside = sorted(
-                path for path in each.rglob("*") if path.suffix.lower() in PROGRAMS and path.is_file()
-            )
-            if not inside:
-                raise InputError(f"holds no program ({', '.join(PROGRAMS)})", Place(str(each)))
-            found += [(path.relative_to(each).as_posix(), path) for path in _sources_first(inside)]
-        else:
-            found.append((each.name, each))
-    names = [name for name, _ in found]
-    return [(name if names.count(name) == 1 else path.as_posix(), path) for name, path in found]
-
-
-def _sources_first(files: list[Path]) -> list[Path]:
-    """Without a HEX file that stands beside a source of the same name: it is what the source became."""
-    sources = {path.with_suffix("") for path in files if path.suffix.lower() not in (".hex", ".ihx", ".h8")}
-    kept = []
-    for path in files:
-        if path.with_suffix("") in sources and path.suffix.lower() in (".hex", ".ihx", ".h8"):
-            warn(f"{path}: not graded, as its source stands beside it")
-        else:
-            kept.append(path)
-    return kept
-
-
-def _write_pages(folder: Path, lab: Lab, graded: list[tuple[str, Graded]]) -> None:
+def _write_pages(
+    folder: Path, names: Sequence[str], lab: Lab, graded: Sequence[Graded]
+) -> ServogenError | None:
+    """Writes each page that can be written; returns why the first one could not."""
     from servogen.grade import page
-    from servogen.outputs import write_text
+    from servogen.outputs import make_folder, write_text
 
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, each in graded:
-        write_text(folder / f"{name.strip('/').replace('/', '-')}.md", page(lab, name, each.grade))
+    make_folder(folder)
+    failure = None
+    for name, each in zip(names, graded, strict=True):
+        target = folder / name
+        if target.is_symlink():  # a link that a student has left must not lead the page elsewhere
+            target.unlink()
+        try:
+            write_text(target, page(lab, each.submission.name, each.grade))
+        except ServogenError as error:
+            failure = failure or error
+    return failure
 
 
-def _rows(graded: list[tuple[str, Graded]]) -> list[dict[str, object]]:
-    return [{"program": name, "file": str(each.file), **each.grade.to_json()} for name, each in graded]
+def _rows(graded: Sequence[Graded], pages: Sequence[str]) -> list[dict[str, object]]:
+    from servogen.grade import shown_name
+
+    rows: list[dict[str, object]] = [
+        {
+            "program": shown_name(each.submission.name),
+            "file": shown_name(str(each.submission.file)),
+            **each.grade.to_json(),
+        }
+        for each in graded
+    ]
+    for row, page in zip(rows, pages, strict=False):
+        row["page"] = page
+    return rows
 
 
-def _show(lab: Lab, graded: list[tuple[str, Graded]]) -> None:
+def _show(lab: Lab, graded: Sequence[Graded]) -> None:
+    from servogen.grade import shown_name
+
     rows = []
-    for name, each in graded:
+    for each in graded:
         says = each.grade.reasons or each.grade.remarks
         text = "\n".join(" ".join(line.strip() for line in one.splitlines()[:2]) for one in says)
-        rows.append((name, "passed" if each.grade.passed else "NOT PASSED", text))
+        verdict = "passed" if each.grade.passed else "NOT PASSED"
+        rows.append((shown_name(each.submission.name), verdict, text))
     table(f"{lab.title}: {lab.task}", ("program", "verdict", "why, or what is good to know"), rows)
-    passed = sum(each.grade.passed for _, each in graded)
+    passed = sum(each.grade.passed for each in graded)
     print(f"{passed} of {len(graded)} passed")

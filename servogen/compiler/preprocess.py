@@ -17,7 +17,7 @@ from pcpp.preprocessor import Action, OutputDirective, Preprocessor
 from servogen.compiler.asm_macros import assembly_macros, plain_numbers
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.rawtext import AsmBlock, rewrite
-from servogen.errors import Place
+from servogen.errors import InputError, Place
 
 Resolver = Callable[[str, str], tuple[str, str] | None]
 """(name, including file) -> (file name to show, text), or None when there is no such file."""
@@ -99,7 +99,11 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         if name in self.headers:
             found: tuple[str, str] | None = (f"<{name}>", self.headers[name])
         else:
-            found = self.resolver(name, place.file or "") if self.resolver else None
+            try:
+                found = self.resolver(name, place.file or "") if self.resolver else None
+            except InputError as refusal:
+                self.reporter.error(f"include file '{name}' {refusal.message}", place, hint=refusal.hint)
+                return
         if found is None:
             known = ", ".join(sorted(self.headers))
             self.reporter.error(

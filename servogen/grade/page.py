@@ -1,44 +1,53 @@
-"""A grade as one page of Markdown for the student: the verdict, why, and what was measured."""
+"""A grade as one page of Markdown for the student: the verdict, why, and what was measured.
+
+Names and reasons hold what strangers wrote: they are escaped, so that no heading, link or HTML tag is theirs.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
+from servogen.grade.display import markdown, shown_name
 from servogen.grade.grade import Grade, Row
 from servogen.grade.lab import Lab
 
 
 def page(lab: Lab, student: str, grade: Grade) -> str:
-    """The page, the same for the same grade."""
+    """Returns the page, the same for the same grade. `student` is the name of the program."""
     return "\n".join(_lines(lab, student, grade)) + "\n"
 
 
 def _lines(lab: Lab, student: str, grade: Grade) -> Iterator[str]:
-    yield f"# {student}: {'passed' if grade.passed else 'not passed'}"
+    yield f"# {markdown(shown_name(student))}: {'passed' if grade.passed else 'not passed'}"
     yield ""
-    yield f"{lab.title}. {lab.task}"
+    yield markdown(f"{lab.title}. {lab.task}")
     if grade.reasons:
         yield from ("", "## What is wrong", "")
         for reason in grade.reasons:
             yield from _item(reason)
     if grade.remarks:
         yield from ("", "## Good to know", "")
-        yield from (f"- {remark}" for remark in grade.remarks)
+        for remark in grade.remarks:
+            yield from _item(remark)
     if grade.rows:
         yield from ("", "## What was measured", "")
-        yield f"Order: {grade.seen}"
+        yield f"Order: {markdown(grade.seen)}"
         yield ""
         yield from _table(grade)
         yield ""
-        yield f"Servos: {', '.join(f'{servo} on {pin}' for servo, pin in grade.pins)}. {_how_long(grade)}"
+        servos = markdown(", ".join(f"{servo} on {pin}" for servo, pin in grade.pins))
+        yield f"Servos: {servos}. {_how_long(grade)}"
 
 
 def _item(reason: str) -> Iterator[str]:
     """A reason of one line as a sentence, a compiler's message of several as it is."""
     first, *rest = reason.splitlines()
-    yield f"- {first}"
+    yield f"- {markdown(first)}"
     if rest:
-        yield from ("", "  ```", *(f"  {line}".rstrip() for line in rest), "  ```")
+        longest = max((len(run) for run in re.findall("`+", reason)), default=0)
+        fence = "`" * max(3, longest + 1)
+        yield from ("", f"  {fence}", *(f"  {line}".rstrip() for line in rest), f"  {fence}")
 
 
 def _table(grade: Grade) -> Iterator[str]:
@@ -46,7 +55,7 @@ def _table(grade: Grade) -> Iterator[str]:
     yield "|---|---|---|---|---|---|---|---|"
     for row in grade.rows:
         cells = (
-            row.name,
+            markdown(row.name),
             str(row.visits),
             " and ".join(_range(width, "µs", 0) for width in row.widths_us),
             " and ".join(_range(angle, "°", 1) for angle in row.angles_deg),

@@ -48,6 +48,10 @@ class Image:
         for name in ("program", "eeprom", "ids"):
             object.__setattr__(self, name, _frozen(getattr(self, name)))
 
+    def __reduce__(self) -> tuple[type[Image], tuple[object, ...]]:
+        """Returns how to make it again: it crosses from one process to another, its mappings cannot."""
+        return Image, (dict(self.program), self.config, dict(self.eeprom), dict(self.ids))
+
     @property
     def words(self) -> int:
         """How many program words are used."""

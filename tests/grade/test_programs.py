@@ -4,16 +4,17 @@ from pathlib import Path
 
 import pytest
 
-from servogen.cli.files import read_program
-from servogen.grade import Grade
-from servogen.pipeline.grading import grade_file
+from servogen.cli.files import read_submission
+from servogen.grade import Grade, Submission, load_lab
+from servogen.pipeline.grading import Task, grade_submissions
 
 PROGRAMS = Path(__file__).parent / "programs"
 ROOT = Path(__file__).parents[2]
 
 
 def graded(lab: str, file: Path) -> Grade:
-    done = grade_file(file, lab, read_program)
+    submission = Submission(file.name, file, file.parent)
+    (done,) = grade_submissions([submission], Task(load_lab(lab), read_submission))
     assert not done.defect
     return done.grade
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+from servogen.errors import InputError
 from servogen.pic.assembler.blocks import Condition, EndOfSource, ExitMacro, Macro
 from servogen.pic.assembler.header import header_device, header_text
 from servogen.pic.assembler.messages import Diagnostic, SourceError
@@ -162,7 +163,12 @@ def _include(state: Pass, found: Statement) -> None:
     if match is None:
         raise SourceError("INCLUDE needs a file name", found.column, number=128)
     name = match[1] or match[2] or match[3]
-    text = state.include(name)
+    try:
+        text = state.include(name)
+    except InputError as refusal:
+        raise SourceError(
+            f"include file '{name}' {refusal.message}", found.rest.column(0), refusal.hint, 102
+        ) from refusal
     if text is None:
         chip = header_device(name)
         if chip is None:

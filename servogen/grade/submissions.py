@@ -1,0 +1,233 @@
+"""Which programs there are to grade, whose they are, and which files each may include.
+
+In: the files and folders given to `servogen grade`. Out: `Submission`s. Programs come from strangers: a link
+that leads out of the student's own folder, a pipe or a device is not opened.
+
+    class/ana/main.c        level 1: each folder in class/ is one student's
+    class/dan/src/main.c    includes what lies in class/dan/, nothing else
+    class/eva.c             has no folder of its own and includes nothing
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import islice
+from pathlib import Path
+
+from servogen.errors import InputError, Place
+
+MAX_PROGRAMS = 200
+MAX_FOLDERS = 1000
+MAX_ENTRIES = 10_000
+"""Of one student's programs, folders and files in one folder: one student must not take everybody's time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Submission:
+    """A program to grade. `name` is its path below the folder given."""
+
+    name: str
+    file: Path
+    folder: Path | None
+    """The student's own folder, without links in its path; None: the program has none."""
+    given: bool = False
+    """Whether the file itself was given, not a folder that it lies in: then it may be a link."""
+
+    def require_readable(self) -> None:
+        """Raises InputError where the program must not be opened."""
+        if not self.given:
+            _require_inside(self.file, self.folder or self.file.parent.resolve())
+        if not _is_file(self.file):
+            raise InputError("there is no such file", Place(str(self.file)))
+
+    def included(self, name: str, including: str, in_any_case: bool = False) -> Path | None:
+        """Returns the file that the file `including` includes as `name`; None where there is none.
+
+        `in_any_case`: the name may be written in other capitals, as sources for DOS write it. Raises
+        InputError where the file must not be included.
+        """
+        path = Path(including).parent / name
+        if "\0" in name:
+            return None
+        if self.folder is not None:
+            _require_inside(path, self.folder)
+            if in_any_case and not _is_file(path):
+                path = _in_any_case(path)
+                _require_inside(path, self.folder)
+            return path if _is_file(path) else None
+        if not os.path.lexists(path):
+            return None
+        raise InputError(
+            "is not included: other programs lie beside this one, so the file may be another student's",
+            Place(str(path)),
+            "give each student a folder of their own; --level 0: a folder given is one student's",
+        )
+
+
+@dataclass(slots=True)
+class Found:
+    """The programs to grade, and a warning for each file and folder that is left out."""
+
+    submissions: list[Submission] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+
+def find_submissions(
+    given: Sequence[Path], sources: Collection[str], images: Collection[str], level: int = 1
+) -> Found:
+    """Returns the programs among the files and folders `given`, by their suffixes.
+
+    Each folder `level` levels below a folder given is one student's; 0: the folder given itself is. A file of
+    `images` (HEX) beside one of `sources` of the same name is left out, for it is what the source became.
+    Raises InputError for a path that does not exist and for a folder without a program.
+    """
+    found = Found()
+    for path in given:
+        if path.is_dir():
+            search = _Search(path, frozenset((*sources, *images)), level, found.warnings)
+            programs = search.programs()
+            if not programs:
+                raise InputError(f"holds no program ({', '.join((*sources, *images))})", Place(str(path)))
+            found.submissions += _sources_first(programs, images, found.warnings)
+        elif not os.path.lexists(path):
+            raise InputError("there is no such file or folder", Place(str(path)))
+        else:
+            own = level == 0 or not _has_others(path, frozenset((*sources, *images)))
+            folder = path.parent.resolve() if own else None
+            found.submissions.append(Submission(path.name, path, folder, given=True))
+    count = Counter(each.name for each in found.submissions)
+    named = (
+        each if count[each.name] == 1 else replace(each, name=each.file.as_posix())
+        for each in found.submissions
+    )
+    found.submissions = list({each.name: each for each in named}.values())
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """The search through one folder given."""
+
+    folder: Path
+    suffixes: frozenset[str]
+    level: int
+    warnings: list[str]
+
+    def programs(self) -> list[Submission]:
+        """Returns every program in the folder, by path."""
+        above: list[Path] = []
+        students = [self.folder]
+        for _ in range(self.level):
+            inside = [self._entries(folder, None) for folder in students]
+            above += [file for files, _ in inside for file in files]
+            students = [folder for _, folders in inside for folder in folders]
+        found = [
+            self._submission(file, student.resolve()) for student in students for file in self._of(student)
+        ]
+        alone = len(above) == 1 and not found
+        found += [self._submission(file, self.folder.resolve() if alone else None) for file in above]
+        return sorted(found, key=lambda each: each.file)
+
+    def _submission(self, file: Path, owner: Path | None) -> Submission:
+        return Submission(file.relative_to(self.folder).as_posix(), file, owner)
+
+    def _of(self, student: Path) -> list[Path]:
+        """The programs in a student's folder, at any depth."""
+        found: list[Path] = []
+        waiting, searched = [student], 0
+        while waiting:
+            if searched == MAX_FOLDERS:
+                self.warnings.append(f"{student}: only the first {MAX_FOLDERS} folders were searched")
+                break
+            files, folders = self._entries(waiting.pop(), MAX_ENTRIES)
+            searched += 1
+            found += files
+            waiting += reversed(folders)
+        if len(found) > MAX_PROGRAMS:
+            self.warnings.append(
+                f"{student}: only the first {MAX_PROGRAMS} of {len(found)} programs are graded"
+            )
+        return found[:MAX_PROGRAMS]
+
+    def _entries(self, folder: Path, limit: int | None) -> tuple[list[Path], list[Path]]:
+        """The programs and the folders directly in `folder`, by name."""
+        try:
+            with os.scandir(folder) as scan:
+                entries = list(islice(scan, None if limit is None else limit + 1))
+        except OSError as error:
+            self.warnings.append(f"{folder}: not searched: {error.strerror}")
+            return [], []
+        if limit is not None and len(entries) > limit:
+            self.warnings.append(f"{folder}: not searched: it holds more than {limit} files")
+            return [], []
+        files, folders = [], []
+        for entry in sorted(entries, key=lambda each: each.name):
+            path = folder / entry.name
+            if entry.is_dir(follow_symlinks=False):
+                folders.append(path)
+            elif entry.is_symlink() and _leads_to_folder(path):
+                self.warnings.append(f"{path}: not searched: it is a link to a folder")
+            elif path.suffix.lower() in self.suffixes:
+                files.append(path)
+        return files, folders
+
+
+def _sources_first(
+    found: Sequence[Submission], images: Collection[str], warnings: list[str]
+) -> Iterator[Submission]:
+    """Without the images that lie beside a source of the same name."""
+    sources = {each.file.with_suffix("") for each in found if each.file.suffix.lower() not in images}
+    for each in found:
+        if each.file.suffix.lower() in images and each.file.with_suffix("") in sources:
+            warnings.append(f"{each.file}: not graded, as its source lies beside it")
+        else:
+            yield each
+
+
+def _has_others(path: Path, suffixes: frozenset[str]) -> bool:
+    """Whether programs lie beside `path` that are not it under another suffix."""
+    try:
+        with os.scandir(path.parent) as entries:
+            beside = [Path(entry.name) for entry in entries]
+    except OSError:
+        return True
+    return any(other.suffix.lower() in suffixes and other.stem != path.stem for other in beside)
+
+
+def _require_inside(path: Path, folder: Path) -> None:
+    if not Path(os.path.realpath(path)).is_relative_to(folder):
+        raise InputError("is outside the student's own folder", Place(str(path)))
+
+
+def _is_file(path: Path) -> bool:
+    """Whether there is a regular file. Raises InputError where there is something else."""
+    try:
+        mode = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", Place(str(path))) from error
+    if not stat.S_ISREG(mode):
+        raise InputError("is not a regular file", Place(str(path)))
+    return True
+
+
+def _in_any_case(path: Path) -> Path:
+    """Returns the file beside `path` whose name differs only in capitals; `path` where there is none."""
+    try:
+        with os.scandir(path.parent) as entries:
+            names = sorted(entry.name for entry in islice(entries, MAX_ENTRIES))
+    except OSError:
+        return path
+    return next((path.with_name(name) for name in names if name.lower() == path.name.lower()), path)
+
+
+def _leads_to_folder(path: Path) -> bool:
+    try:
+        return path.is_dir()
+    except OSError:
+        return False

@@ -1,0 +1,265 @@
+"""A student's program includes only regular files of the student's own; what lies elsewhere stays unread."""
+
+import os
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from servogen.cli.files import read_submission
+from servogen.cli.grade_commands import IMAGES, SOURCES
+from servogen.errors import InputError
+from servogen.grade import Found, find_submissions, load_lab, submissions
+from servogen.isolation import Limits
+from servogen.pipeline.grading import Task, grade_submissions
+from tests.bench.conftest import Run, run  # noqa: F401 - a fixture
+
+PROGRAMS = Path(__file__).parent / "programs"
+SOLUTION = (PROGRAMS / "lab8-right" / "delays.c").read_text()
+ASSEMBLY_SOLUTION = (PROGRAMS / "lab8-right" / "timer.asm").read_text()
+OUTSIDE = "is outside the student's own folder"
+NOT_REGULAR = "is not a regular file"
+
+
+def find(*given: Path, level: int = 1) -> Found:
+    return find_submissions(given, SOURCES, IMAGES, level)
+
+
+def names(found: Found) -> list[str]:
+    return [each.name for each in found.submissions]
+
+
+def reasons(*given: Path, level: int = 1) -> dict[str, str]:
+    """Name of each program -> why it did not pass; empty where it did."""
+    task = Task(load_lab("lab8-exercise"), read_submission, Limits(seconds=5))
+    graded = grade_submissions(find(*given, level=level).submissions, task)
+    assert not any(each.defect for each in graded)
+    return {each.submission.name: "\n".join(each.grade.reasons) for each in graded}
+
+
+@pytest.fixture
+def classroom(tmp_path: Path) -> Path:
+    """Dan has solved the exercise in C, Eva in assembly; the teacher's solution lies beside the class."""
+    for path, text in (
+        ("secret/solution.c", SOLUTION),
+        ("secret/solution.asm", ASSEMBLY_SOLUTION),
+        ("class/dan/main.c", SOLUTION),
+        ("class/eva/main.asm", ASSEMBLY_SOLUTION),
+    ):
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text(text)
+    (tmp_path / "class" / "ana").mkdir()
+    return tmp_path / "class"
+
+
+def reason_of_ana(classroom: Path, text: str, file: str = "main.c") -> str:
+    (classroom / "ana" / file).parent.mkdir(exist_ok=True)
+    (classroom / "ana" / file).write_text(text)
+    return reasons(classroom)[f"ana/{file}"]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../../secret/solution.c",
+        "../dan/main.c",
+        "..//./dan/../dan/main.c",
+        "/etc/passwd",
+        "/dev/stdin",
+        "/dev/zero",
+        "/proc/self/environ",
+        "/proc/self/fd/0",
+        "../nothing-there.c",
+    ],
+)
+def test_nothing_outside_is_included_and_not_even_looked_for(classroom: Path, name: str) -> None:
+    reason = reason_of_ana(classroom, f'#include "{name}"\n')
+    assert f"main.c:1:1: error: include file '{name}' {OUTSIDE}" in reason
+    assert "root:" not in reason
+
+
+def test_an_absolute_path_from_a_macro_is_refused(classroom: Path) -> None:
+    secret = classroom.parent / "secret" / "solution.c"
+    assert OUTSIDE in reason_of_ana(classroom, f'#define FILE "{secret}"\n#include FILE\n')
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../../secret/solution.asm", "../eva/main.asm", "..\\eva\\MAIN.ASM", "/etc/passwd", "/dev/stdin"],
+)
+def test_assembly_includes_nothing_outside(classroom: Path, name: str) -> None:
+    reason = reason_of_ana(classroom, f'  include "{name}"\n  end\n', "main.asm")
+    assert "main.asm:1:" in reason
+    assert OUTSIDE in reason
+
+
+def test_a_link_out_of_the_folder_is_not_followed(classroom: Path) -> None:
+    (classroom / "ana" / "lib.h").symlink_to(classroom / "dan" / "main.c")
+    (classroom / "ana" / "far").symlink_to(classroom / "dan")
+    assert OUTSIDE in reason_of_ana(classroom, '#include "lib.h"\n')
+    assert OUTSIDE in reason_of_ana(classroom, '#include "far/main.c"\n')
+
+
+def test_a_program_that_is_a_link_out_of_the_folder_is_not_read(classroom: Path) -> None:
+    (classroom / "ana" / "main.c").symlink_to("../dan/main.c")
+    assert OUTSIDE in reasons(classroom)["ana/main.c"]
+
+
+def test_a_header_of_ones_own_may_not_lead_outside_either(classroom: Path) -> None:
+    (classroom / "ana" / "lib.h").write_text('#include "../dan/main.c"\n')
+    reason = reason_of_ana(classroom, '#include "lib.h"\n')
+    assert "lib.h:1:1: error: include file '../dan/main.c' is outside" in reason
+
+
+def test_ones_own_files_are_included(classroom: Path) -> None:
+    """From a folder above, through a link within the student's folder, and in other capitals in assembly."""
+    (classroom / "ana" / "inc").mkdir()
+    (classroom / "ana" / "inc" / "delays.h").write_text(SOLUTION)
+    (classroom / "ana" / "link.h").symlink_to("inc/delays.h")
+    (classroom / "ana" / "timer.inc").write_text(ASSEMBLY_SOLUTION)
+    assert reason_of_ana(classroom, '#include "../inc/delays.h"\n', "src/main.c") == ""
+    assert reason_of_ana(classroom, '#include "link.h"\n') == ""
+    assert reason_of_ana(classroom, '  include "TIMER.INC"\n', "main.asm") == ""
+
+
+def fifo(path: Path) -> None:
+    os.mkfifo(path)
+
+
+def unix_socket(path: Path) -> None:
+    here = Path.cwd()
+    os.chdir(path.parent)  # a socket's path has at most 107 bytes
+    try:
+        with socket.socket(socket.AF_UNIX) as made:
+            made.bind(path.name)
+    finally:
+        os.chdir(here)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [fifo, unix_socket, Path.mkdir, lambda path: path.symlink_to(path)],
+    ids=["fifo", "socket", "dir", "loop"],
+)
+def test_only_regular_files_are_included(classroom: Path, make: Callable[[Path], None]) -> None:
+    make(classroom / "ana" / "odd.h")
+    reason = reason_of_ana(classroom, '#include "odd.h"\n')
+    assert NOT_REGULAR in reason or "cannot be read" in reason
+
+
+@pytest.mark.parametrize("make", [fifo, unix_socket, lambda path: path.symlink_to("gone.c")])
+def test_a_program_that_is_not_a_file_has_its_line(classroom: Path, make: Callable[[Path], None]) -> None:
+    make(classroom / "ana" / "main.c")
+    found = reasons(classroom)
+    assert NOT_REGULAR in found["ana/main.c"] or "there is no such file" in found["ana/main.c"]
+    assert (found["dan/main.c"], found["eva/main.asm"]) == ("", "")
+
+
+def test_a_name_with_a_nul_is_not_found(classroom: Path) -> None:
+    assert "was not found" in reason_of_ana(classroom, '#include "a\0b.h"\n')
+
+
+def test_a_name_longer_than_names_may_be_is_refused(classroom: Path) -> None:
+    reason = reason_of_ana(classroom, f'#include "{"a" * 260}"\n')
+    assert f"include file '{'a' * 260}' cannot be read: File name too long" in reason
+
+
+def test_programs_beside_others_include_nothing(classroom: Path) -> None:
+    (classroom / "eva.c").write_text(SOLUTION)
+    (classroom / "ana.c").write_text('#include "eva.c"\n')
+    (classroom / "ion.c").write_text('#include "dan/main.c"\n')
+    (classroom / "leo.c").write_text('#include "missing.h"\n')
+    (classroom / "mia.c").write_text('#include "mia.c"\n')
+    found = reasons(classroom)
+    for name in ("ana.c", "ion.c", "mia.c"):
+        assert "is not included: other programs lie beside this one" in found[name]
+        assert "--level 0" in found[name]
+    assert "'missing.h' was not found" in found["leo.c"]
+    assert found["eva.c"] == ""
+
+
+def test_files_that_are_given_one_by_one_include_no_other(classroom: Path) -> None:
+    (classroom / "eva.c").write_text(SOLUTION)
+    (classroom / "ana.c").write_text('#include "eva.c"\n')
+    for given in ([classroom / "ana.c"], [classroom / "ana.c", classroom / "eva.c"]):
+        assert "is not included" in reasons(*given)["ana.c"]
+
+
+def test_a_single_program_includes_what_lies_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "lib.h").write_text(SOLUTION)
+    (tmp_path / "main.c").write_text('#include "lib.h"\n')
+    assert reasons(tmp_path / "main.c") == {"main.c": ""}
+    assert reasons(tmp_path) == {"main.c": ""}
+
+
+def test_the_level_says_whose_a_folder_is(tmp_path: Path) -> None:
+    """Groups of students: a level deeper. A student's folder alone: no level at all."""
+    for name in ("ana", "dan"):
+        (tmp_path / "group" / name).mkdir(parents=True)
+    (tmp_path / "group" / "dan" / "lib.c").write_text(SOLUTION)
+    (tmp_path / "group" / "dan" / "main.c").write_text('#include "lib.c"\n')
+    (tmp_path / "group" / "ana" / "main.c").write_text('#include "../dan/lib.c"\n')
+    assert reasons(tmp_path)["group/ana/main.c"] == ""
+    found = reasons(tmp_path, level=2)
+    assert OUTSIDE in found["group/ana/main.c"]
+    assert found["group/dan/main.c"] == ""
+    assert reasons(tmp_path / "group" / "dan", level=0) == {"lib.c": "", "main.c": ""}
+
+
+# What is found.
+
+
+def test_folders_are_searched_in_order_and_links_to_folders_are_not(classroom: Path) -> None:
+    (classroom / "ana" / "loop").symlink_to(classroom)
+    (classroom / "ana" / "b.c").mkdir()
+    (classroom / "ana" / "b.c" / "a.c").write_text("")
+    (classroom / "ana" / "notes.txt").write_text("")
+    found = find(classroom)
+    assert names(found) == ["ana/b.c/a.c", "dan/main.c", "eva/main.asm"]
+    assert found.warnings == [f"{classroom}/ana/loop: not searched: it is a link to a folder"]
+
+
+def test_a_hex_file_beside_its_source_is_left_out(classroom: Path) -> None:
+    (classroom / "dan" / "main.hex").write_text("")
+    (classroom / "dan" / "other.HEX").write_text("")
+    found = find(classroom)
+    assert names(found) == ["dan/main.c", "dan/other.HEX", "eva/main.asm"]
+    assert found.warnings == [f"{classroom}/dan/main.hex: not graded, as its source lies beside it"]
+
+
+def test_one_student_does_not_take_everybodys_time(classroom: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(submissions, "MAX_PROGRAMS", 3)
+    monkeypatch.setattr(submissions, "MAX_FOLDERS", 4)
+    monkeypatch.setattr(submissions, "MAX_ENTRIES", 5)
+    for number in range(5):
+        (classroom / "ana" / f"{number}.c").write_text("")
+        (classroom / "ion" / f"{number}").mkdir(parents=True)
+    for number in range(6):
+        (classroom / "leo" / f"{number}").mkdir(parents=True)
+    deep = classroom / "mia" / "/".join("deep" for _ in range(500))
+    deep.mkdir(parents=True)
+    found = find(classroom)
+    assert names(found) == ["ana/0.c", "ana/1.c", "ana/2.c", "dan/main.c", "eva/main.asm"]
+    assert found.warnings == [
+        f"{classroom}/ana: only the first 3 of 5 programs are graded",
+        f"{classroom}/ion: only the first 4 folders were searched",
+        f"{classroom}/leo: not searched: it holds more than 5 files",
+        f"{classroom}/mia: only the first 4 folders were searched",
+    ]
+
+
+def test_two_of_one_name_are_told_apart_by_their_paths(classroom: Path) -> None:
+    dan, other = classroom / "dan", classroom.parent / "other"
+    other.mkdir()
+    (other / "main.c").write_text("")
+    assert names(find(dan, other)) == [f"{dan}/main.c", f"{other}/main.c"]
+    assert names(find(dan / "main.c", dan / "main.c")) == [f"{dan}/main.c"]
+
+
+def test_what_is_not_there_is_an_error(run: Run, tmp_path: Path) -> None:  # noqa: F811
+    with pytest.raises(InputError, match="there is no such file or folder"):
+        find(tmp_path / "gone.c")
+    with pytest.raises(InputError, match="holds no program"):
+        find(tmp_path)
+    assert run("grade", "lab8-exercise", tmp_path / "gone.c").code == 2

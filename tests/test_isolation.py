@@ -1,0 +1,211 @@
+"""Work in a process of its own ends at its limits, whatever it does, and leaves this process as it was."""
+
+import os
+import signal
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from servogen import isolation
+from servogen.errors import InputError, Place
+from servogen.isolation import LimitExceeded, Limits, ProcessDied, Resource, run, run_each
+
+SHORT = Limits(seconds=0.5)
+
+
+def spin() -> None:
+    while True:
+        pass
+
+
+def swallow() -> None:
+    """Goes on whatever is raised in it, as a bare `except` in a library does."""
+    while True:
+        with suppress(BaseException):
+            spin()
+
+
+def deaf() -> None:
+    """Ignores what can be ignored."""
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGALRM, signal.SIGXCPU):
+        signal.signal(number, signal.SIG_IGN)
+    spin()
+
+
+def hoard() -> None:
+    """Takes memory in small pieces, 56 bytes and more each."""
+    kept = []
+    while True:
+        kept.append([len(kept)])
+
+
+def test_a_result_comes_back() -> None:
+    assert run(lambda: {"answer": 42}, Limits()) == {"answer": 42}
+
+
+def test_an_error_comes_back_with_its_place_and_hint() -> None:
+    def work() -> None:
+        raise InputError("is wrong", Place("a.c", 3, 4), "mend it")
+
+    with pytest.raises(InputError) as caught:
+        run(work, Limits())
+    assert str(caught.value) == "a.c:3:4: is wrong\n  mend it"
+
+
+@pytest.mark.parametrize("work", [spin, swallow, deaf, lambda: time.sleep(100)])
+def test_work_that_never_ends_is_stopped(work: Callable[[], None]) -> None:
+    with pytest.raises(LimitExceeded, match=r"took more than 0\.5 s") as caught:
+        run(work, SHORT)
+    assert caught.value.resource is Resource.TIME
+
+
+@pytest.mark.parametrize("work", [hoard, lambda: bytearray(400_000_000)])
+def test_work_that_takes_all_memory_is_stopped(work: Callable[[], object]) -> None:
+    with pytest.raises(LimitExceeded, match="needed more than 150 MB of memory") as caught:
+        run(work, Limits(seconds=60, memory_mb=150))
+    assert caught.value.resource is Resource.MEMORY
+
+
+def test_the_memory_of_the_process_stays_below_the_limit() -> None:
+    """The kernel's own count of the pages that the child ever held, in KiB."""
+
+    def work() -> int:
+        import resource
+
+        kept = []
+        try:
+            while True:
+                kept.append(b"x" * 1_000_000)
+        except MemoryError:
+            kept.clear()
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+    before = int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    allowed = max(200_000_000, before + 100_000_000)
+    assert before + 50_000_000 < run(work, Limits(memory_mb=200)) * 1024 < allowed + 20_000_000
+
+
+def test_work_that_fits_in_its_memory_is_done() -> None:
+    assert run(lambda: len(bytearray(100_000_000)), Limits(memory_mb=300)) == 100_000_000
+
+
+def test_a_result_that_is_too_large_is_refused() -> None:
+    with pytest.raises(LimitExceeded, match="gave more than 1 MB of results") as caught:
+        run(lambda: b"x" * 2_000_000, Limits(result_mb=1))
+    assert caught.value.resource is Resource.RESULT
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [(signal.SIGSEGV, "signal 11"), (signal.SIGKILL, "signal 9"), (signal.SIGABRT, "signal 6")],
+)
+def test_a_crash_is_said_with_its_signal(number: int, words: str) -> None:
+    with pytest.raises(ProcessDied, match=words):
+        run(lambda: os.kill(os.getpid(), number), Limits())
+
+
+def test_an_end_without_an_answer_is_said_with_its_exit_code() -> None:
+    with pytest.raises(ProcessDied, match="exit code 3"):
+        run(lambda: os._exit(3), Limits())
+
+
+def test_it_has_no_standard_input_and_its_output_goes_nowhere(capfd: pytest.CaptureFixture[str]) -> None:
+    def work() -> bytes:
+        os.write(1, b"out")
+        os.write(2, b"err")
+        return os.read(0, 100)
+
+    assert run(work, SHORT) == b""
+    assert capfd.readouterr() == ("", "")
+
+
+def test_it_has_none_of_this_process_open_files(tmp_path: Path) -> None:
+    with (tmp_path / "secret").open("w+") as secret:
+        number = secret.fileno()
+        with pytest.raises(OSError, match="Bad file descriptor"):
+            run(lambda: os.read(number, 1), Limits())
+
+
+def test_it_can_open_few_files_and_write_none(tmp_path: Path) -> None:
+    def flood() -> None:
+        for _ in range(100):
+            os.open(os.devnull, os.O_RDONLY)
+
+    with pytest.raises(OSError, match="Too many open files"):
+        run(flood, Limits(open_files=32))
+    with pytest.raises(OSError, match="File too large"):
+        run(lambda: (tmp_path / "file").write_bytes(b"x"), Limits())
+
+
+def test_what_it_starts_ends_with_it(tmp_path: Path) -> None:
+    """The child of the child tells its process id through a named pipe before both hang."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reading = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+
+    def work() -> None:
+        if os.fork() == 0:
+            os.write(os.open(pipe, os.O_WRONLY), str(os.getpid()).encode())
+        spin()
+
+    with pytest.raises(LimitExceeded):
+        run(work, Limits(seconds=1))
+    grandchild = int(os.read(reading, 100))
+    os.close(reading)
+    state = Path(f"/proc/{grandchild}/stat")
+    while state.exists() and state.read_text().split()[2] not in "ZX":  # killed: its entry goes in a moment
+        time.sleep(0.01)
+
+
+def test_one_that_crashes_costs_no_other_its_result() -> None:
+    works: list[Callable[[], object]] = [
+        lambda: 1,
+        lambda: os.kill(os.getpid(), signal.SIGSEGV),
+        hoard,
+        spin,
+        lambda: 5,
+        lambda: b"x" * 20_000_000,
+        lambda: 7,
+    ]
+    found = dict(run_each(works, Limits(seconds=5, memory_mb=100), at_once=2))
+    assert [found[index] for index in (0, 4, 6)] == [1, 5, 7]
+    assert isinstance(found[1], ProcessDied)
+    stopped = [found[2], found[3], found[5]]
+    assert [each.resource for each in stopped if isinstance(each, LimitExceeded)] == [
+        Resource.MEMORY,
+        Resource.TIME,
+        Resource.RESULT,
+    ]
+
+
+def test_all_end_when_nobody_wants_more_results() -> None:
+    results = run_each([lambda: 1, spin, spin], Limits(seconds=600), at_once=3)
+    assert next(results) == (0, 1)
+    results.close()
+    with pytest.raises(ChildProcessError):  # there is none left
+        os.waitpid(-1, os.WNOHANG)
+
+
+def test_an_exception_that_cannot_be_sent_is_said_in_words() -> None:
+    class Odd(Exception):
+        def __init__(self, one: int, two: int) -> None:
+            super().__init__(f"{one} and {two}")
+
+    def work() -> None:
+        raise Odd(1, 2)
+
+    with pytest.raises(RuntimeError, match="Odd: 1 and 2"):
+        run(work, Limits())
+
+
+def test_a_system_without_these_limits_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert isolation.missing_limits() == ""
+    monkeypatch.setattr(isolation.sys, "platform", "darwin")
+    assert "darwin does not limit the memory" in isolation.missing_limits()
+    monkeypatch.setattr(isolation.sys, "platform", "win32")
+    monkeypatch.setattr(isolation, "_resource", None)
+    assert "win32 cannot limit the memory and the open files" in isolation.missing_limits()
+    assert run(os.getpid, SHORT) == os.getpid()
