@@ -21,7 +21,7 @@ $(READY): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "servogen needs Python 3.11 or newer: make PYTHON=python3.11 ..."; exit 3; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev,plot,urdf,flash]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev,plot,urdf,flash,dask]'
 	@touch $@
 
 demo: $(READY)

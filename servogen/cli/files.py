@@ -86,7 +86,10 @@ def read_program(path: Path, device_name: str = "PIC16F84") -> Program:
 
     Raises InputError.
     """
+    from servogen.pic.device import device
+
     if path.suffix.lower() not in (C_SUFFIX, *ASSEMBLY_SUFFIXES):
+        device(device_name)  # is refused where it is unknown
         return Program(read_image(path))
     return within_limits(lambda: compile_program(path, device_name), path)
 

@@ -42,7 +42,7 @@ class Submission:
         if not self.given:
             _require_inside(self.file, self.folder or self.file.parent.resolve())
         if not _is_file(self.file):
-            raise InputError("there is no such file", Place(str(self.file)))
+            raise InputError("cannot be read: there is no such file", Place(str(self.file)))
 
     def included(self, name: str, including: str, in_any_case: bool = False) -> Path | None:
         """Returns the file that the file `including` includes as `name`; None where there is none.
@@ -83,7 +83,7 @@ def find_submissions(
 
     Each folder `level` levels below a folder given is one student's; 0: the folder given itself is. A file of
     `images` (HEX) beside one of `sources` of the same name is left out, for it is what the source became.
-    Raises InputError for a path that does not exist and for a folder without a program.
+    A path that does not exist is a program that cannot be read. Raises InputError for a folder without one.
     """
     found = Found()
     for path in given:
@@ -93,8 +93,6 @@ def find_submissions(
             if not programs:
                 raise InputError(f"holds no program ({', '.join((*sources, *images))})", Place(str(path)))
             found.submissions += _sources_first(programs, images, found.warnings)
-        elif not os.path.lexists(path):
-            raise InputError("there is no such file or folder", Place(str(path)))
         else:
             own = level == 0 or not _has_others(path, frozenset((*sources, *images)))
             folder = path.parent.resolve() if own else None

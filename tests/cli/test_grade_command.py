@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import distributed
 import pytest
 
 PROGRAMS = Path(__file__).parents[1] / "grade" / "programs"
@@ -32,11 +33,11 @@ def test_a_folder_is_graded_in_parallel_with_a_page_for_each(run: Run, tmp_path:
         ("s/main.c", False),
     ]
     pages = {path.name: path.read_text() for path in (tmp_path / "pages").iterdir()}
-    assert sorted(pages) == ["h-main.c.md", "p-main.c.md", "s-main.c.md"]
-    assert pages["h-main.c.md"].startswith("# h/main.c: passed")
-    assert "for ever." in pages["h-main.c.md"].splitlines()[-1]
-    assert "- after 90° there are no pulses for 4.02 s" in pages["p-main.c.md"]
-    assert "syntax error before 'for'" in pages["s-main.c.md"]
+    assert sorted(pages) == ["h+main.c.md", "p+main.c.md", "s+main.c.md"]
+    assert pages["h+main.c.md"].startswith("# h/main.c: passed")
+    assert "for ever." in pages["h+main.c.md"].splitlines()[-1]
+    assert "- after 90° there are no pulses for 4.02 s" in pages["p+main.c.md"]
+    assert "syntax error before 'for'" in pages["s+main.c.md"]
 
 
 def test_a_hex_file_beside_its_source_is_not_graded_twice(run: Run, tmp_path: Path) -> None:
@@ -44,7 +45,7 @@ def test_a_hex_file_beside_its_source_is_not_graded_twice(run: Run, tmp_path: Pa
     (tmp_path / "ana.hex").write_text(":00000001FF\n")
     ran = run("grade", "lab8-exercise", tmp_path, "--json")
     assert ran.code == 0
-    assert "ana.hex: not graded, as its source stands beside it" in ran.err
+    assert "ana.hex: not graded, as its source lies beside it" in ran.err
 
 
 def test_an_empty_folder_and_an_unknown_lab_are_bad_input(run: Run, tmp_path: Path) -> None:
@@ -69,7 +70,6 @@ def test_a_scheduler_that_is_not_there_is_a_missing_tool(run: Run, monkeypatch: 
 
 
 def test_a_dask_cluster_gives_the_same_grades(run: Run) -> None:
-    distributed = pytest.importorskip("distributed", reason="the extra 'dask' is not installed")
     files = [PROGRAMS / "lab8-right" / "delays.c", PROGRAMS / "lab8-wrong" / "pause.c"]
     alone = run("grade", "lab8-exercise", *files, "--json")
     with distributed.LocalCluster(

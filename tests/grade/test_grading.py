@@ -145,7 +145,7 @@ def test_the_command_goes_on_and_says_it(run: Run, tmp_path: Path) -> None:  # n
     (tmp_path / "right.c").write_text(RIGHT.read_text())
     done = run("grade", "lab8-exercise", tmp_path, "--timeout", 3)
     assert done.code == 1
-    assert "compiling it took more than 3 s" in done.out or "of memory" in done.out
+    assert "bomb.c    NOT PASSED" in done.out
     assert "1 of 2 passed" in done.out
 
 
