@@ -3,6 +3,7 @@
 numba compiles the loop once for this processor (about ten seconds); what it made is kept as an object file,
 so that a later process loads that through llvmlite in milliseconds, without numba and its start-up time.
 The file's name is a digest of the sources, the versions and the processor: any change makes a new one.
+A file is loaded only where nobody but the user and root can have written it: it is run as machine code.
 """
 
 from __future__ import annotations
@@ -11,8 +12,10 @@ import ctypes
 import hashlib
 import os
 import re
+import stat
 import tempfile
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -60,28 +63,64 @@ def _features() -> str:
 
 
 def _folders() -> Iterator[Path]:
-    """Where object files are kept: beside the sources, or where the user may write."""
+    """Where object files are kept: beside the sources, or in the user's cache."""
     yield Path(__file__).parent / "__pycache__"
-    base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or Path.home() / ".cache"
-    yield Path(base) / "servogen"
+    base = Path(os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or "~/.cache")
+    with suppress(RuntimeError):  # a user without a home
+        base = base.expanduser()
+        if base.is_absolute():
+            yield base / "servogen"
 
 
 def _kept(path: Path) -> bytes | None:
-    """The machine code in a file, if it is there whole: a digest stands before it."""
+    """The machine code in a file, if it is there whole, as the digest before it says, and nobody else's."""
     try:
-        content = path.read_bytes()
+        if not _only_ours(path):
+            return None
+        with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0)), "rb") as file:
+            content = file.read()
     except OSError:
         return None
     code = content[DIGEST_BYTES:]
     return code if hashlib.sha256(code).digest() == content[:DIGEST_BYTES] else None
 
 
+def _only_ours(path: Path) -> bool:
+    """Whether only the user and root can change what is at `path`: the file, and each folder above it.
+
+    A folder that all may write in, but in which they may not touch each other's files (/tmp), is not a danger
+    to what is the user's in it. Raises OSError where there is nothing.
+    """
+    if os.name != "posix":  # the folders are the user's own
+        return True
+    if path.is_symlink():
+        return False
+    path = path.resolve(strict=True)
+    for each in (path, *path.parents):
+        found = each.stat()
+        shared = found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+        if found.st_uid not in (0, os.geteuid()) or (
+            shared and (each == path or not found.st_mode & stat.S_ISVTX)
+        ):
+            return False
+    return True
+
+
+def _make_own(folder: Path) -> None:
+    """Makes a folder, and those above it that are missing, for the user alone."""
+    if not folder.exists():
+        _make_own(folder.parent)
+        folder.mkdir(mode=0o700, exist_ok=True)
+
+
 def _keep(name: str, code: bytes) -> None:
-    """Write the object file where it can be written first; a process that cannot compiles each time."""
+    """Writes the object file to the first folder from which it may be loaded, if there is one."""
     content = hashlib.sha256(code).digest() + code
     for folder in _folders():
         try:
-            folder.mkdir(parents=True, exist_ok=True)
+            _make_own(folder)
+            if not _only_ours(folder):
+                continue
             with tempfile.NamedTemporaryFile(dir=folder, delete=False) as file:
                 file.write(content)
             Path(file.name).chmod(0o644)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -64,3 +65,78 @@ def test_code_that_needs_what_only_numba_has_is_refused() -> None:
         native._alone(text, "f")
     kept = native._alone("declare void @NRT_Free(ptr)\ndefine i32 @f() {\n  ret i32 0\n}\n", "f")
     assert f"@{native.ENTRY}()" in kept
+
+
+@pytest.mark.parametrize("mode", [0o664, 0o646, 0o666])
+def test_a_file_that_others_can_write_is_not_loaded(folders: list[Path], mode: int) -> None:
+    native._keep("simulator-plain-1.o", CODE)
+    path = folders[0] / "simulator-plain-1.o"
+    path.chmod(mode)
+    assert native._kept(path) is None
+    path.chmod(0o644)
+    assert native._kept(path) == CODE
+
+
+@pytest.mark.parametrize("mode", [0o775, 0o757, 0o1777])
+@pytest.mark.parametrize("above", [0, 1])
+def test_a_file_below_a_folder_that_others_can_write_is_not_loaded(
+    folders: list[Path], tmp_path: Path, mode: int, above: int
+) -> None:
+    folders[0] = tmp_path / "above" / "first"
+    native._keep("simulator-plain-1.o", CODE)
+    path = folders[0] / "simulator-plain-1.o"
+    path.parents[above].chmod(mode)
+    sticky = mode == 0o1777  # there nobody can replace what is another's
+    assert native._kept(path) == (CODE if sticky else None)
+
+
+def test_a_file_of_another_user_is_not_loaded(folders: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    native._keep("simulator-plain-1.o", CODE)
+    path = folders[0] / "simulator-plain-1.o"
+    if os.geteuid() == 0:
+        os.chown(path, 12345, 12345)
+    else:
+        monkeypatch.setattr(os, "geteuid", lambda: 12345)
+    assert native._kept(path) is None
+
+
+def test_a_folder_of_another_user_is_neither_written_nor_read(folders: list[Path]) -> None:
+    if os.geteuid() != 0:
+        pytest.skip("only root can give a folder away")
+    folders[0].mkdir()
+    os.chown(folders[0], 12345, 12345)
+    native._keep("simulator-plain-1.o", CODE)
+    assert not list(folders[0].iterdir())
+    assert native._kept(folders[1] / "simulator-plain-1.o") == CODE
+
+
+def test_a_link_to_machine_code_is_not_loaded(folders: list[Path], tmp_path: Path) -> None:
+    native._keep("simulator-plain-1.o", CODE)
+    link = folders[0] / "simulator-plain-2.o"
+    link.symlink_to(folders[0] / "simulator-plain-1.o")
+    assert native._kept(link) is None
+
+
+def test_what_is_made_is_the_users_alone_whatever_the_umask(folders: list[Path], tmp_path: Path) -> None:
+    folders[0] = tmp_path / "cache" / "servogen"
+    before = os.umask(0)
+    try:
+        native._keep("simulator-plain-1.o", CODE)
+    finally:
+        os.umask(before)
+    assert native._kept(folders[0] / "simulator-plain-1.o") == CODE
+
+
+def test_a_user_without_a_home_keeps_nothing_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    def homeless(self: Path) -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.delenv("LOCALAPPDATA", raising=False)
+    monkeypatch.setattr(Path, "expanduser", homeless)
+    assert [folder.name for folder in native._folders()] == ["__pycache__"]
+
+
+def test_a_cache_that_depends_on_the_working_directory_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", "not/absolute")
+    assert [folder.name for folder in native._folders()] == ["__pycache__"]
