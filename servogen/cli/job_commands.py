@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,6 +14,10 @@ from servogen.cli.show import as_json, counted, status, table, warn_of_all
 
 if TYPE_CHECKING:
     from servogen.pipeline.build import Build
+    from servogen.pulse import Quantised
+
+LEAST_FOLDED = 3
+"""Rows of a table that are worth a row of their own."""
 
 JobFile = Annotated[Path, typer.Argument(help="A job file (TOML).", show_default=False)]
 
@@ -145,22 +151,40 @@ def demo(
     raise typer.Exit(0 if all(each.proven for each in done) else 1)
 
 
-def _width_table(widths: Any) -> None:
+def _width_table(widths: Sequence[Quantised]) -> None:
+    """Print one row for each width, and one for each ramp."""
     examples = any(row.which for row in widths)
     table(
         "Pulse widths",
         ("servo", *(["pulse"] if examples else []), "requested µs", "cycles", "error µs", "frames"),
-        [
-            (
-                row.channel,
-                *([row.which] if examples else []),
-                f"{float(row.requested_us):.3f}",
-                row.cycles,
-                f"{float(row.error_us):+.3f}",
-                row.frames,
-            )
-            for row in widths
-        ],
+        [_width_cells(rows, examples) for rows in _folded(widths)],
+    )
+
+
+def _folded(widths: Sequence[Quantised]) -> Iterator[list[Quantised]]:
+    """Yield the rows, those of neighbouring widths that no pose holds together: they are a ramp's."""
+    for (_, held), group in groupby(widths, key=lambda row: (row.channel, row.held)):
+        rows = list(group)
+        if held or len(rows) < LEAST_FOLDED:
+            yield from ([row] for row in rows)
+        else:
+            yield rows
+
+
+def _width_cells(rows: list[Quantised], examples: bool) -> tuple[object, ...]:
+    first, last = rows[0], rows[-1]
+    if len(rows) == 1:
+        which = [first.which] if examples else []
+        error = f"{float(first.error_us):+z.3f}"
+        return (first.channel, *which, f"{float(first.requested_us):.3f}", first.cycles, error, first.frames)
+    errors = [float(row.error_us) for row in rows]
+    return (
+        f"{first.channel}, {len(rows)} widths of ramps",
+        *([""] if examples else []),
+        f"{float(first.requested_us):.3f} to {float(last.requested_us):.3f}",
+        f"{first.cycles} to {last.cycles}",
+        f"{min(errors):+z.3f} to {max(errors):+z.3f}",
+        sum(row.frames for row in rows),
     )
 
 
@@ -193,7 +217,7 @@ def _program_table(builds: list[Build]) -> None:
     )
 
 
-def _widths(widths: Any) -> list[dict[str, object]]:
+def _widths(widths: Sequence[Quantised]) -> list[dict[str, object]]:
     return [
         {
             "servo": row.channel,

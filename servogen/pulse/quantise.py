@@ -36,6 +36,8 @@ class Quantised:
     frames: int
     which: str = ""
     """Where a row is not one of all widths but an example: of what."""
+    held: bool = True
+    """Whether some two frames in a row have it; if not, it is only passed on a ramp."""
 
     @property
     def error_us(self) -> Fraction:
@@ -51,6 +53,7 @@ def quantise(
     """
     pulsed = ~np.isnan(angles)
     distinct, back, counts = np.unique(angles[pulsed], return_inverse=True, return_counts=True)
+    held = frozenset(angles[:-1][angles[:-1] == angles[1:]].tolist())
     cycles_of: list[int] = []
     rows: dict[Fraction, Quantised] = {}
     for angle, count in zip(distinct.tolist(), counts.tolist(), strict=True):
@@ -62,8 +65,16 @@ def quantise(
                 servo.place,
                 f"a cycle is {float(clock.cycle_us):g} µs at {clock.hz} Hz",
             )
-        before = rows[width].frames if width in rows else 0
-        rows[width] = Quantised(servo.name, angle, width, rounded.cycles, rounded.achieved_us, before + count)
+        before = rows.get(width)
+        rows[width] = Quantised(
+            servo.name,
+            angle,
+            width,
+            rounded.cycles,
+            rounded.achieved_us,
+            count + (before.frames if before else 0),
+            held=angle in held or (before is not None and before.held),
+        )
         cycles_of.append(rounded.cycles)
     cycles = np.full(len(angles), NO_PULSE, dtype=np.int64)
     cycles[pulsed] = np.array(cycles_of, dtype=np.int64)[back]

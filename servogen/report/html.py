@@ -24,7 +24,7 @@ from servogen.plan_error import plan_words
 from servogen.pulse import PulsePlan
 from servogen.report.plan_charts import angle_chart, path_charts, rounding, width_chart
 from servogen.report.result_tables import CaptureFacts, capture_values, costs, memory, program_values
-from servogen.report.signals import captured, planned, scopes, shown_us, simulated
+from servogen.report.signals import captured, planned, pose_frames, scopes, shown_us, simulated
 from servogen.report.text import ProgramFacts
 from servogen.report.tool_error import error_rows, errors_of
 from servogen.report.tracks import tracks_of
@@ -160,7 +160,7 @@ def _signal_values(facts: PageFacts) -> dict[str, object]:
     if facts.capture is not None:
         groups.append(captured(schedule, facts.capture.trace, facts.capture.verdict))
     rows = [row for channel in zip(*groups, strict=True) for row in channel]
-    shown = scopes(schedule)
+    shown = scopes(schedule, pose_frames(facts.job))
     span = shown_us(schedule)
     period = float(schedule.clock.us(schedule.period))
     start = min(shown[0].start_us if shown else 0.0, max(0.0, span - FIRST_FRAMES * period))

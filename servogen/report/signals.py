@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.edges import HIGH, PINS, EdgeTrace, join
+from servogen.job import Job
 from servogen.pulse import PulseSchedule, Run
 from servogen.report.drawing import PALETTE, pulses_path, px
 from servogen.verify import CaptureVerdict
@@ -22,7 +23,12 @@ Floats = npt.NDArray[np.float64]
 MOST_FRAMES = 2000
 """A longer motion is drawn up to there."""
 
-MOST_SCOPES = 6
+MAX_SCOPES = 6
+"""Frames that are shown, unless there are more poses."""
+
+SAME_DIGITS = 9
+"""Of radians: angles that are nearer than this are one."""
+
 WIDTH, LOW, HIGH_Y = 880.0, 26.0, 6.0
 LANE = 32
 
@@ -180,18 +186,37 @@ def _signal(
     return Signal(channel, pin, kind, colour, tuple(rise.tolist()), tuple(width.tolist()), path)
 
 
-def scopes(schedule: PulseSchedule) -> tuple[Scope, ...]:
-    """A few of the distinct frames, spread over the motion."""
+def scopes(schedule: PulseSchedule, poses: Sequence[int] = ()) -> tuple[Scope, ...]:
+    """Return the distinct frames of all `poses` (frames of the motion) and a few others, spread over it."""
     us = float(schedule.clock.cycle_us)
     seen: dict[tuple[int, ...], int] = {}
+    first_alike = []
     frame = 0
     for run in (*schedule.lead_in, *schedule.loop):
-        seen.setdefault(tuple(pulse.width if pulse else 0 for pulse in run.pulses), frame)
+        widths = tuple(pulse.width if pulse else 0 for pulse in run.pulses)
+        first_alike += [seen.setdefault(widths, frame)] * run.frames
         frame += run.frames
     starts = [start for widths, start in seen.items() if any(widths)]
-    if len(starts) > MOST_SCOPES:
-        starts = [starts[len(starts) * number // MOST_SCOPES] for number in range(MOST_SCOPES)]
-    return tuple(_scope(schedule, start, us) for start in starts)
+    chosen = {first_alike[pose] for pose in poses} & set(starts)
+    others = [start for start in starts if start not in chosen]
+    room = max(0, MAX_SCOPES - len(chosen))
+    if len(others) > room:
+        others = [others[len(others) * number // room] for number in range(room)]
+    return tuple(_scope(schedule, start, us) for start in sorted({*chosen, *others}))
+
+
+def pose_frames(job: Job) -> tuple[int, ...]:
+    """Return for each pose of a job the first frame of its motion that is nearest to it.
+
+    A pose without pulses, and a motion whose servos never have pulses together, have none.
+    """
+    angles = job.trajectory.angles
+    found = []
+    for pose in job.poses:
+        away = np.abs(angles - np.array(pose.angles)).max(axis=1)
+        if not np.isnan(away).all():
+            found.append(int(np.nanargmin(np.round(away, SAME_DIGITS))))
+    return tuple(found)
 
 
 def _scope(schedule: PulseSchedule, start: int, us: float) -> Scope:

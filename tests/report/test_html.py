@@ -1,6 +1,7 @@
 """The HTML report: whole, self-contained, the same each time, and its numbers those of the build."""
 
 import json
+import math
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -12,9 +13,12 @@ from servogen.edge_files.captures import capture_writer
 from servogen.edges import edge_chunk
 from servogen.job import load
 from servogen.pic.listing import ListedFunction, Listing
+from servogen.pipeline import planned
 from servogen.pipeline.reporting import Page, page_of
+from servogen.pulse import plan
 from servogen.report.drawing import Axis, dots_path, nice, points_path, pulses_path, steps_path
 from servogen.report.result_tables import costs
+from servogen.report.signals import pose_frames, scopes
 from servogen.report.wiring import remarks, wires
 from servogen.units import Cycles
 
@@ -239,3 +243,24 @@ def test_ticks_lie_within_the_axis() -> None:
     ticks = Axis(-3.0, 17.0, 100.0, 300.0).ticks(5)
     assert [tick.label for tick in ticks] == ["0", "5", "10", "15"]
     assert [tick.at for tick in ticks] == ["130", "180", "230", "280"]
+
+
+def test_the_frames_hold_every_pose(tmp_path: Path) -> None:
+    """Nine poses, in no order, with ramps between them: 1000 + 1000 α / 180 µs each."""
+    angles = [90, 10, 170, 40, 140, 20, 160, 60, 120]
+    poses = ", ".join(f"{{ arm_deg = {angle}, move_s = 1, hold_s = 0.2 }}" for angle in angles)
+    text = re.sub(r"poses = .*", f"poses = [{poses}]", JOB)
+    assert str(angles[-1]) in text
+    job = load(job_file(tmp_path, text + '\n[firmware]\nengine = "sequence"\n', "nine-poses"))
+    schedule = plan(job.trajectory, job.servos, job.frame).schedule
+    shown = {line.label for scope in scopes(schedule, pose_frames(job)) for line in scope.lines}
+    wanted = {f"{round(job.servos[0].width_us(math.radians(angle)))} µs" for angle in angles}
+    assert len(wanted) == 9
+    assert wanted <= shown
+    assert not wanted <= {line.label for scope in scopes(schedule) for line in scope.lines}
+
+
+def test_a_walk_has_no_poses_and_shows_six_frames() -> None:
+    job = load(Path(__file__).parents[2] / "jobs" / "hexapod-tripod.toml")
+    assert pose_frames(job) == ()
+    assert len(scopes(planned(job).plan.schedule)) == 6
