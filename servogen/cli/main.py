@@ -8,6 +8,7 @@ What is written to standard error where nobody reads it is dropped, and does not
 from __future__ import annotations
 
 import io
+import logging
 import os
 import sys
 from collections.abc import Iterator
@@ -146,6 +147,7 @@ def main() -> None:
     stream = sys.stdout
     output = _Output(stream, stdout_closed)
     sys.stdout, sys.stderr = output, _Messages(sys.stderr)
+    _show_log()
     code = _run()
     if sys.stdout is not output:  # what typer does, with exit code 1, where any pipe is broken
         code = NOBODY_READS
@@ -177,6 +179,21 @@ def _open_closed_streams() -> bool:
                 os.close(null)
             setattr(sys, name, os.fdopen(number, mode, encoding="utf-8", closefd=False))
     return was_closed
+
+
+class _LogHandler(logging.Handler):
+    """Shows a record on what is standard error at that moment."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        _say(record.getMessage())
+
+
+def _show_log() -> None:
+    """Show what the packages log: work that takes seconds and that the user did not ask for."""
+    log = logging.getLogger("servogen")
+    if not any(isinstance(handler, _LogHandler) for handler in log.handlers):
+        log.addHandler(_LogHandler())
+    log.setLevel(logging.INFO)
 
 
 def _run() -> int:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import logging
 import os
 import re
 import stat
@@ -30,6 +31,8 @@ ENTRY = "servogen_run"
 SIGNATURE = "pipppppppipp"
 """The arguments of `kernel.instruction_loop`: pointers to int64 (p) and int64 (i)."""
 
+_LOG = logging.getLogger(__name__)
+
 DIGEST_BYTES = hashlib.sha256().digest_size
 
 Loop = Callable[..., int]
@@ -43,6 +46,7 @@ def loop(observed: bool) -> Loop:
         kept = _kept(folder / name)
         if kept is not None:
             return _load(kept)
+    _LOG.info("compiling the simulator for this processor, which takes about ten seconds")
     code = compile_loop(observed)
     _keep(name, code)
     return _load(code)

@@ -140,3 +140,25 @@ def test_a_user_without_a_home_keeps_nothing_there(monkeypatch: pytest.MonkeyPat
 def test_a_cache_that_depends_on_the_working_directory_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", "not/absolute")
     assert [folder.name for folder in native._folders()] == ["__pycache__"]
+
+
+def test_the_first_start_says_what_takes_so_long(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(native, "_folders", lambda: iter(()))
+    monkeypatch.setattr(native, "compile_loop", lambda observed: CODE)
+    monkeypatch.setattr(native, "_load", lambda code: code)
+    with caplog.at_level("INFO", "servogen"):
+        assert native.loop.__wrapped__(False) == CODE
+    assert "compiling the simulator for this processor, which takes about ten seconds" in caplog.text
+
+
+def test_a_later_start_says_nothing(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(native, "_folders", lambda: iter((Path("kept"),)))
+    monkeypatch.setattr(native, "_kept", lambda path: CODE)
+    monkeypatch.setattr(native, "_load", lambda code: code)
+    with caplog.at_level("INFO", "servogen"):
+        assert native.loop.__wrapped__(False) == CODE
+    assert caplog.text == ""
