@@ -3,6 +3,7 @@
 import fcntl
 import json
 import os
+import random
 import sys
 from fractions import Fraction
 from pathlib import Path
@@ -449,3 +450,52 @@ def test_a_programmer_on_a_port_needs_one(run: Run, program: Path, tmp_path: Pat
     done = run("flash", program, "--programmer", stand_in(tmp_path, "picprog", "", 0))
     assert done.code == 2
     assert "--port" in done.err
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_programmer_answers_again_after_garbage_and_a_silence(seed: int) -> None:
+    clock = [0.0]
+    device_under_test = programmer()
+    device_under_test.now = lambda: clock[0]
+    dice = random.Random(seed)
+    for _ in range(100):
+        device_under_test.received(b"P" + dice.randbytes(1023))
+        assert len(device_under_test.outgoing) <= 4096
+    clock[0] += 1.5
+    for sent, answer in ((b"\1", b"Q"), (b"P", b"P"), (b"\2x", b"x"), (b"\x15", b"P18A"), (b"\1", b"Q")):
+        device_under_test.received(sent)
+        assert bytes(device_under_test.outgoing) == answer
+        device_under_test.outgoing.clear()
+
+
+def test_a_silence_in_the_middle_of_a_session_changes_nothing_that_was_answered() -> None:
+    clock = [0.0]
+    device_under_test = programmer()
+    device_under_test.now = lambda: clock[0]
+    device_under_test.received(b"P\7\xff")  # half of the number of words that are to follow
+    clock[0] += 0.9
+    device_under_test.received(b"\xff")
+    assert bytes(device_under_test.outgoing) == b"PN", "no chip has as many words"
+    clock[0] += 1.1
+    device_under_test.received(b"\1")
+    assert bytes(device_under_test.outgoing) == b"Q"
+
+
+def test_without_the_programming_voltage_nothing_changes_on_the_chip() -> None:
+    device_under_test = programmer()
+    for garbage in (b"P\7\0\1" + bytes(32), b"\x0e", b"\5", b"\1"):
+        device_under_test.received(garbage)
+    assert device_under_test.chip.image == EMPTY
+
+
+def test_a_chip_is_programmed_after_100_kb_of_garbage(run: Run, program: Path, serve: Serve) -> None:
+    port = serve({"programmer": programmer()}).paths["programmer"]
+    handle = os.open(port, os.O_RDWR | os.O_NOCTTY)
+    try:
+        data = memoryview(random.Random(7).randbytes(100_000))
+        while data:
+            data = data[os.write(handle, data) :]
+    finally:
+        os.close(handle)
+    done = run("flash", program, "--port", port, "--programmer", "picpro")
+    assert done.code == 0, done.err

@@ -6,11 +6,15 @@ K182 ("P18A"), of which those commands are here that a 14-bit chip needs.
 
     idle ──'P'──▶ jump table ──a command's number──▶ its data and answers ──▶ jump table
                        └──────1──▶ 'Q', idle
+
+A client resets a real K150 by DTR, which a pseudo-terminal does not have. In its place, silence begins anew:
+whatever was sent before, also in the middle of a command, the next client finds the programmer idle.
 """
 
 from __future__ import annotations
 
 import random
+import time
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass, field
 
@@ -30,6 +34,12 @@ PROTOCOL = b"P18A"
 NO_DEVICE_ID = 0x3FFF  # the plain PIC16F84 has none: its place reads as erased
 ERASED_BYTE = 0xFF
 ID_BITS = 0x7F  # DS35007 section 6.13: the low four bits are meant; seven are programmed
+
+SILENCE_S = 1.0
+"""After so long without a byte the programmer is idle again; picpro waits for that time as it resets one."""
+
+MAX_UNREAD = 4096
+"""Bytes that wait for a client that does not read; older ones are lost, as on a real line."""
 
 QUIT, ECHO, VARIABLES, POWER_ON, POWER_OFF, POWER_CYCLE = range(1, 7)
 PROGRAM_ROM, PROGRAM_EEPROM, PROGRAM_FUSES = 7, 8, 9
@@ -66,14 +76,17 @@ class VirtualProgrammer:
     """Bytes received since it was plugged in."""
     erased: int = 0
     """How often it erased a chip."""
-    _rom: list[int] = field(default_factory=list)
-    _eeprom: list[int] = field(default_factory=list)
-    _ids: list[int] = field(default_factory=list)
+    now: Callable[[], float] = time.monotonic
+    """Seconds."""
+    _rom: list[int] = field(default_factory=lambda: [ERASED_WORD] * PROGRAM_WORDS)
+    _eeprom: list[int] = field(default_factory=lambda: [ERASED_BYTE] * EEPROM_BYTES)
+    _ids: list[int] = field(default_factory=lambda: [ID_BITS] * ID_WORDS)
     _config: int = ERASED_WORD
     _powered: bool = False
     _waiting: bytearray = field(default_factory=bytearray)
     _talk: Talk | None = None
     _needs: int = 1
+    _heard_at: float | None = None
     _dice: random.Random = field(default_factory=lambda: random.Random(1))
 
     @property
@@ -92,6 +105,10 @@ class VirtualProgrammer:
         if self.options.garbage:
             self.outgoing += self._dice.randbytes(len(data))
             return
+        now = self.now()
+        if self._heard_at is not None and now > self._heard_at + SILENCE_S:
+            self._begin_anew()
+        self._heard_at = now
         self._waiting += data
         if self._talk is None:
             self._talk = self._conversation()
@@ -100,6 +117,16 @@ class VirtualProgrammer:
             piece = bytes(self._waiting[: self._needs])
             del self._waiting[: self._needs]
             self._needs = self._talk.send(piece)
+            del self.outgoing[:-MAX_UNREAD]
+
+    def _begin_anew(self) -> None:
+        """Forgets the command in hand and what nobody has read; the programming voltage goes off."""
+        self._talk = None
+        self._waiting.clear()
+        self.outgoing.clear()
+        self.reset = True
+        if self._powered:
+            self._power_off()
 
     def _conversation(self) -> Talk:
         commands: Mapping[int, Callable[[], Talk]] = {
@@ -147,6 +174,9 @@ class VirtualProgrammer:
 
     def _program_rom(self) -> Talk:
         words = int.from_bytes((yield 2), "big")
+        if words > PROGRAM_WORDS:
+            self.outgoing += b"N"
+            return
         self.outgoing += b"Y"
         for first in range(0, words, BLOCK // 2):
             data = yield BLOCK
@@ -161,6 +191,9 @@ class VirtualProgrammer:
 
     def _program_eeprom(self) -> Talk:
         count = int.from_bytes((yield 2), "big")
+        if count > EEPROM_BYTES:
+            self.outgoing += b"N"
+            return
         self.outgoing += b"Y"
         for first in range(0, count, 2):
             self._eeprom[first : first + 2] = yield 2
@@ -209,6 +242,8 @@ class VirtualProgrammer:
 
     def _power_off(self) -> bytes:
         """The chip starts anew with what is on it."""
+        if not self._powered:
+            return b"v"
         self._powered = False
         self.chip.load(
             Image(
