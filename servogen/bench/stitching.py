@@ -1,7 +1,7 @@
 """Several captures of one motion, where one is too short: each is cut to whole frames of the schedule.
 
 In: a way to look once more, and the schedule's edges. Out: the captures, of which each is a record of its
-own: what the pins did between two is not known. A capture that is not proven stays as it is, uncut.
+own: what the pins did between two is not known. A capture in which something is wrong stays as it is, uncut.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def stitch(
         if found.missing is not None:
             return Stitched((*records, record), found.missing, len(different - seen))
         verdict = _verdict(record, planned, expected)
-        seen, different = seen | verdict.seen, verdict.different
+        seen, different = seen | verdict.coverage.seen, verdict.coverage.different
         whole += verdict.whole.count if verdict.whole else planned.frames
         records.append(_cut(record, verdict))
     return Stitched(tuple(records), None, len(different - seen))
@@ -76,6 +76,6 @@ def _verdict(record: Record, planned: Plan, expected: Expected) -> CaptureVerdic
 
 
 def _cut(record: Record, verdict: CaptureVerdict) -> Record:
-    if not verdict.proven or verdict.whole is None:
+    if not verdict.agrees or verdict.whole is None:
         return record
     return cut(record, verdict.whole.begin, verdict.whole.end)

@@ -48,6 +48,13 @@ Ra4PullUp = Annotated[bool, typer.Option("--ra4-pull-up", help="RA4, an open dra
 ClockHz = Annotated[
     int | None, typer.Option("--clock-hz", min=1, help="Default: what the C says, else 4 MHz.")
 ]
+Partial = Annotated[
+    bool,
+    typer.Option(
+        "--partial",
+        help="Exit with 0 as well where all that was seen is right, but not every frame was seen.",
+    ),
+]
 Output = Annotated[Path | None, typer.Option("--output", "-o", help="The file to write.")]
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from servogen.cli.options import Json
+from servogen.cli.options import Json, Partial
 from servogen.cli.show import as_json, status
 
 
@@ -24,6 +24,7 @@ def report(
         Path | None,
         typer.Option("--capture", help="An analyser's capture to show beside the plan: .vcd, .sr, .csv."),
     ] = None,
+    partial: Partial = False,
     json: Json = False,
 ) -> None:
     """Build and prove a job and write one HTML page of it, which needs no network."""
@@ -31,6 +32,7 @@ def report(
     from servogen.outputs import write_text
     from servogen.pipeline.reporting import page_of
     from servogen.plan_error import plan_words
+    from servogen.verify import capture_lines
 
     loaded = load(job)
     target = output or Path(f"{loaded.name}.html")
@@ -39,10 +41,24 @@ def report(
     write_text(target, page.html)
     if json:
         error = page.plan_error.to_json() if page.plan_error else None
-        as_json({"file": str(target), "proven": page.proven, "plan_error": error, "not_built": page.message})
+        seen = {} if page.capture is None else {"capture": page.capture.to_json()}
+        as_json(
+            {
+                "file": str(target),
+                "proven": page.proven,
+                "plan_error": error,
+                "not_built": page.message,
+                **seen,
+            }
+        )
     elif page.message:
         print(page.message)
         print(f"{target}: the plan; {plan_words(page.plan_error)}")
     else:
-        print(f"{target}: {'proven' if page.proven else 'NOT PROVEN'}; {plan_words(page.plan_error)}")
-    raise typer.Exit(0 if page.proven or page.message else 1)
+        said = "proven" if page.programs_proven else "NOT PROVEN"
+        print(f"{target}: {said}; {plan_words(page.plan_error)}")
+    if page.capture and not json:
+        print(f"{capture}: {capture_lines(page.capture)[0]}")
+    found = page.capture
+    right = found is None or found.proven or (partial and found.agrees)
+    raise typer.Exit(0 if right and (page.programs_proven or page.message) else 1)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from servogen.cli.files import PROGRAM_SUFFIXES, clock_of, keep_apart, read_program, read_schedule
-from servogen.cli.options import ClockHz, Json, Ra4PullUp, Seconds
+from servogen.cli.options import ClockHz, Json, Partial, Ra4PullUp, Seconds
 from servogen.cli.show import as_json, status, warn_of_all
 from servogen.errors import InputError, Place
 
@@ -42,33 +42,44 @@ def verify(
     forever: Annotated[
         bool, typer.Option("--forever", help="Prove it for all time, by a repeat of the chip's whole state.")
     ] = False,
+    partial: Partial = False,
+    rate: Annotated[
+        int | None,
+        typer.Option("--rate", min=1, help="A capture's samples a second, where its file does not tell."),
+    ] = None,
     json: Json = False,
 ) -> None:
-    """Hold every edge of a program or of a file against a schedule (default: the motion, three times)."""
+    """Hold a program (default: the motion, three times) or a file, to its end, against a schedule."""
     from servogen.edge_files.captures import is_capture
-    from servogen.pipeline import checked_cycles, held, prove
+    from servogen.pipeline import checked_cycles, prove, prove_file
     from servogen.verify import verdict_lines
 
     schedule = read_schedule(against)
     if forever:
         raise typer.Exit(_verify_forever(file, schedule, seconds, json))
     if not _is_program(file) and is_capture(file):
-        raise typer.Exit(_verify_capture(file, schedule, json))
-    span = checked_cycles(schedule) if seconds is None else schedule.clock.round_seconds(seconds)
-    if span < schedule.period:
+        if seconds is not None:
+            place = Place(str(file), key="--seconds")
+            raise InputError("a capture is checked to its end", place, "leave --seconds out")
+        raise typer.Exit(_verify_capture(file, schedule, rate, partial, json))
+    if rate is not None:
+        raise InputError("only a capture has a sampling rate", Place(str(file), key="--rate"))
+    span = None if seconds is None else schedule.clock.round_seconds(seconds)
+    if span is not None and span < schedule.period:
         raise InputError(
             f"--seconds {seconds:g} is less than one frame of {schedule.period} cycles: it proves nothing"
         )
-    trace = _trace(file, schedule, span)
-    if seconds is None and not _is_program(file):
-        trace, span = held(schedule, trace, ends=file.suffix.lower() == ".vcd")
+    trace = _trace(file, schedule, span or checked_cycles(schedule))
     with status("comparing every edge"):
-        verdict = prove(schedule, trace, span)
+        if _is_program(file):
+            verdict = prove(schedule, trace, span)
+        else:
+            verdict = prove_file(schedule, trace, file.suffix.lower() == ".vcd", span)
     if json:
         as_json(verdict.to_json())
     else:
         print("\n".join(verdict_lines(verdict)))
-    raise typer.Exit(0 if verdict.proven else 1)
+    raise typer.Exit(0 if verdict.proven or (partial and verdict.agrees) else 1)
 
 
 def _verify_forever(file: Path, schedule: PulseSchedule, seconds: float | None, json: bool) -> int:
@@ -88,19 +99,23 @@ def _verify_forever(file: Path, schedule: PulseSchedule, seconds: float | None, 
     return 0 if found.proven else 1
 
 
-def _verify_capture(file: Path, schedule: PulseSchedule, json: bool) -> int:
-    """What a logic analyser saw: its own clock, the crystal's error and the samples' grid are allowed for."""
-    from servogen.edge_files.captures import read_capture
+def _verify_capture(file: Path, schedule: PulseSchedule, rate: int | None, partial: bool, json: bool) -> int:
+    """Judge what a logic analyser saw and return the exit code.
+
+    The analyser's own clock, the crystal's error and the samples' grid are allowed for.
+    """
+    from servogen.edge_files.captures import read_capture, sampled_at
     from servogen.pipeline.proof_of_capture import prove_capture
     from servogen.verify import capture_lines
 
+    capture = read_capture(file) if rate is None else sampled_at(read_capture(file), rate)
     with status("comparing every edge"):
-        verdict = prove_capture(schedule, read_capture(file))
+        verdict = prove_capture(schedule, capture)
     if json:
         as_json(verdict.to_json())
     else:
         print("\n".join(capture_lines(verdict)))
-    return 0 if verdict.proven else 1
+    return 0 if verdict.proven or (partial and verdict.agrees) else 1
 
 
 def measure(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -45,6 +45,7 @@ class Capture:
     """Why it is not whole, where the file says so."""
     pieces: tuple[tuple[int, int], ...] = ()
     """Begin and end, in steps, of each where it is several captures; the time between two is not known."""
+    file: str | None = None
 
 
 def read_capture(path: str | Path, wires: Mapping[str, str] | None = None) -> Capture:
@@ -54,9 +55,9 @@ def read_capture(path: str | Path, wires: Mapping[str, str] | None = None) -> Ca
     if suffix == ".vcd":
         return _read_vcd(path, wires)
     if suffix == ".sr":
-        return Capture(read_session(path, wires), 1.0)
+        return Capture(read_session(path, wires), 1.0, file=str(path))
     if suffix == ".csv":
-        return Capture(read_saleae(path, wires), None)
+        return Capture(read_saleae(path, wires), None, file=str(path))
     hint = f"one of: {', '.join(SUFFIXES)}"
     raise InputError(f"'{path.suffix}' is not the ending of a capture", Place(str(path)), hint)
 
@@ -72,6 +73,18 @@ def is_capture(path: str | Path) -> bool:
             version = _VERSION.search(file.read(1 << 16))
         return version is None or version.group(1).strip() != MADE.encode()
     return suffix in SUFFIXES
+
+
+def sampled_at(capture: Capture, samples_per_second: int) -> Capture:
+    """Return the capture with the sampling rate that its file does not tell. Raises InputError if it does."""
+    if capture.sample is not None:
+        step_us = float(capture.trace.clock.cycle_us)
+        told = 1e6 / (capture.sample * step_us)
+        raise InputError(
+            f"tells its own sampling rate, {told:g} Hz", Place(capture.file, key="--rate"), "leave --rate out"
+        )
+    steps = float(capture.trace.clock.cycles_per_second) / samples_per_second
+    return replace(capture, sample=steps)
 
 
 @contextmanager
@@ -100,7 +113,8 @@ def _read_vcd(path: Path, wires: Mapping[str, str] | None) -> Capture:
     sample = None if rate is None else float(1 / (rate * header.step_s))
     missing = next((text.partition(PARTIAL)[2] for text in header.comments if PARTIAL in text), None)
     steps = Fraction(1) if rate is None else 1 / (rate * header.step_s)
-    return Capture(read_vcd(path, clock, wires=wires), sample, missing, _pieces(header.comments, steps))
+    pieces = _pieces(header.comments, steps)
+    return Capture(read_vcd(path, clock, wires=wires), sample, missing, pieces, str(path))
 
 
 def _pieces(comments: Iterable[str], steps: Fraction) -> tuple[tuple[int, int], ...]:

@@ -3,7 +3,14 @@
 from servogen.pipeline.build import Build, Program, build, report, write
 from servogen.pipeline.engines import Planned, planned
 from servogen.pipeline.fitting import DoesNotFit
-from servogen.pipeline.proof import LOOPS_CHECKED, checked_cycles, held, motion_cycles, prove, running
+from servogen.pipeline.proof import (
+    LOOPS_CHECKED,
+    checked_cycles,
+    motion_cycles,
+    prove,
+    prove_file,
+    running,
+)
 
 __all__ = [
     "LOOPS_CHECKED",
@@ -13,10 +20,10 @@ __all__ = [
     "Program",
     "build",
     "checked_cycles",
-    "held",
     "motion_cycles",
     "planned",
     "prove",
+    "prove_file",
     "report",
     "running",
     "write",

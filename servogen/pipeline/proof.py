@@ -5,7 +5,9 @@ In: a `PulseSchedule` and an `Image`, or a trace from elsewhere. Out: the `Verdi
 
 from __future__ import annotations
 
-from servogen.edges import EdgeTrace
+import numpy as np
+
+from servogen.edges import EdgeTrace, Expected
 from servogen.pic.device import OPEN_DRAIN_PIN
 from servogen.pic.image import Image
 from servogen.pulse import PulseSchedule
@@ -13,7 +15,8 @@ from servogen.pulse.expected import expected
 from servogen.simulator import Levels, Machine, Options, Stimuli
 from servogen.simulator.sources import pin_number
 from servogen.units import Cycles
-from servogen.verify import Verdict, verify, whole_motion
+from servogen.verify import Verdict, channel_pins, find_start, verify, whole_motion
+from servogen.verify.reasons import unseen_motion_reason
 
 LOOPS_CHECKED = 3
 """The whole motion and two repeats of it."""
@@ -54,25 +57,56 @@ def board_of(schedule: PulseSchedule) -> Options:
     return Options(ra4_pull_up=any(channel.pin == OPEN_DRAIN_PIN for channel in schedule.channels))
 
 
-def held(schedule: PulseSchedule, trace: EdgeTrace, ends: bool) -> tuple[EdgeTrace, Cycles]:
-    """A recorded trace, and the span that it can be held to: whole frames, at most `checked_cycles`.
+def prove_file(
+    schedule: PulseSchedule, trace: EdgeTrace, tells_end: bool, span: Cycles | None = None
+) -> Verdict:
+    """Return the verdict on a recorded trace, which is checked to its end.
 
-    The span is never less than the whole motion, so that a torn file is not proven. Where a file says no end
-    (not `ends`: CSV, JSONL) what follows its last edge counts as silence.
+    It must hold the whole motion. A format that does not tell when the recording ended (not `tells_end`:
+    CSV, JSONL) ends with its last edge; the rest of that frame, and of the motion, counts as recorded where
+    the schedule has no edge in it. Where the caller asks for a shorter `span`, what follows is not compared,
+    and the verdict says so.
     """
     stored = trace.stored()
-    cycles = [chunk.cycle for chunk in stored.driven() if len(chunk.cycle)]
-    if not cycles:
-        return stored, checked_cycles(schedule)
-    first = int(cycles[0][0])
-    frames = -(-(stored.end - first) // schedule.period)
-    whole = Cycles(frames * schedule.period)
-    span = max(min(whole, checked_cycles(schedule)), motion_cycles(schedule))
-    if ends:
-        return stored, Cycles(min(span, max(stored.end - first, motion_cycles(schedule))))
-    return EdgeTrace(stored.clock, stored.chunks, Cycles(max(stored.end, first + span))), span
+    if span is not None:
+        verdict = prove(schedule, stored, span)
+        after = 0 if verdict.start is None else stored.end - verdict.start - span
+        return verdict.not_all(_rest(schedule, after)) if after > 0 else verdict
+    wanted = expected(schedule)
+    first = find_start(stored, channel_pins(wanted)).cycle
+    if first is None:
+        return prove(schedule, stored, Cycles(max(stored.end, motion_cycles(schedule))))
+    known = Cycles(stored.end - first)
+    if tells_end:
+        return prove(schedule, stored, Cycles(max(known, motion_cycles(schedule))))
+    frames = -(-known // schedule.period)
+    whole = Cycles(max(frames * schedule.period, motion_cycles(schedule)))
+    if not _has_edges(wanted, known, whole):
+        stored = EdgeTrace(stored.clock, stored.chunks, Cycles(first + whole))
+    return prove(schedule, stored, whole)
+
+
+def _rest(schedule: PulseSchedule, cycles: int) -> str:
+    seconds = float(schedule.clock.seconds(cycles))
+    return f"the recording goes on for {seconds:g} s, which were not compared"
+
+
+def _has_edges(wanted: Expected, begin: Cycles, end: Cycles) -> bool:
+    """Return whether the schedule has an edge from time `begin` up to `end`."""
+    for chunk in wanted.chunks:
+        row = int(np.searchsorted(chunk.cycle, begin))
+        if row < len(chunk.cycle):
+            return bool(chunk.cycle[row] < end)
+    return False
 
 
 def prove(schedule: PulseSchedule, trace: EdgeTrace, span: Cycles | None = None) -> Verdict:
-    """The verdict on `trace` over `span` cycles from its first pulse (default: `checked_cycles`)."""
-    return verify(expected(schedule), trace, checked_cycles(schedule) if span is None else span)
+    """Return the verdict on `trace` over `span` cycles from its first pulse (default: `checked_cycles`).
+
+    Less than the whole motion, even where no more was asked for, is not proven.
+    """
+    verdict = verify(expected(schedule), trace, checked_cycles(schedule) if span is None else span)
+    if verdict.agrees and verdict.span.compared < motion_cycles(schedule):
+        whole = schedule.lead_in_frames + schedule.loop_frames
+        return verdict.not_all(unseen_motion_reason(verdict.span.frames, whole))
+    return verdict

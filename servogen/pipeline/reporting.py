@@ -1,7 +1,7 @@
 """From a job to its HTML page: build it, take its edges, hold a capture beside its plan.
 
-In: a `Job`, perhaps a capture. Out: the page and whether all that is on it is proven. A job whose motion
-no engine can hold has a page, too: of its plan.
+In: a `Job`, perhaps a capture. Out: the page and the verdicts on it. A job whose motion no engine can hold
+has a page, too: of its plan.
 """
 
 from __future__ import annotations
@@ -21,17 +21,24 @@ from servogen.plan_error import PlanError
 from servogen.pulse import PulsePlan, PulseSchedule, plan
 from servogen.report.html import PageFacts, html_page
 from servogen.report.result_tables import CaptureFacts
+from servogen.verify import CaptureVerdict
 from servogen.verify.capture_pieces import split
 
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """`proven`: every program's edges, and the capture where there is one. Of a job not built: False."""
+    """A page, whether every program's edges are proven, and why none was built, where none was."""
 
     html: str
-    proven: bool
+    programs_proven: bool
     message: str
     plan_error: PlanError | None = None
+    capture: CaptureVerdict | None = None
+
+    @property
+    def proven(self) -> bool:
+        """Whether the programs are proven, and the capture where there is one."""
+        return self.programs_proven and (self.capture is None or self.capture.proven)
 
 
 def page_of(job: Job, capture: Path | None = None, progress: Progress = lambda step: None) -> Page:
@@ -44,12 +51,12 @@ def page_of(job: Job, capture: Path | None = None, progress: Progress = lambda s
         facts = PageFacts(
             job, planned, (*job.warnings, *planned.warnings), capture=beside, not_built=error.message
         )
-        return Page(html_page(facts), False, error.message, planned.schedule.plan_error)
+        seen = beside.verdict if beside else None
+        return Page(html_page(facts), False, error.message, planned.schedule.plan_error, seen)
     progress("writing the page")
     beside = capture_facts(done.plan.schedule, capture) if capture else None
-    seen = beside is None or beside.verdict.proven
-    html = html_page(_facts(done, beside))
-    return Page(html, done.proven and seen, "", done.plan.schedule.plan_error)
+    seen = beside.verdict if beside else None
+    return Page(html_page(_facts(done, beside)), done.proven, "", done.plan.schedule.plan_error, seen)
 
 
 def _facts(done: Build, capture: CaptureFacts | None) -> PageFacts:

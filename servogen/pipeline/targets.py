@@ -19,7 +19,7 @@ from servogen.edge_files.captures import Capture, is_capture, read_capture
 from servogen.edges import PINS, EdgeTrace
 from servogen.errors import InputError, Place
 from servogen.pic.image import Image
-from servogen.pipeline.proof import checked_cycles, held, prove, running
+from servogen.pipeline.proof import checked_cycles, prove, prove_file, running
 from servogen.pipeline.proof_of_capture import prove_capture
 from servogen.plan_error import NO_PLAN, PlanError
 from servogen.pulse import PulseSchedule
@@ -37,16 +37,20 @@ class Seen:
     capture: Capture | None = None
     """All that an analyser's file says: its clock is its own, its edges are on its samples."""
     span: Cycles | None = None
-    """How much of it is to be judged; None: whole frames."""
+    """How much of it is to be judged; None: all of it."""
     file: Path | None = None
     """Where it is recorded already."""
 
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """Whether what was seen is the schedule; in words, and as properties of a test report."""
+    """Whether what was seen is the schedule; in words, and as properties of a test report.
+
+    `agrees` without `proven`: nothing that was seen is wrong, but not every different frame was seen.
+    """
 
     proven: bool
+    agrees: bool
     lines: tuple[str, ...]
     properties: tuple[tuple[str, str], ...]
 
@@ -94,7 +98,7 @@ class Replay:
         return
 
     def capture(self, schedule: PulseSchedule, seconds: float | None) -> Seen:
-        """The recording, up to `seconds`. Raises InputError where there is none."""
+        """Return the recording, all of it whatever `seconds` say. Raises InputError where there is none."""
         suffixes = dict.fromkeys((*CAPTURE_SUFFIXES, *EDGE_SUFFIXES))
         paths = [self.folder / f"{self.test}{suffix}" for suffix in suffixes]
         path = next((path for path in paths if path.is_file()), None)
@@ -106,32 +110,28 @@ class Replay:
             )
         source = f"the recording {path}"
         if not is_capture(path):
-            span = None if seconds is None else schedule.clock.round_seconds(seconds)
-            return Seen(read_edges(path, schedule.clock).stored(), source, span=span, file=path)
-        return captured(path, source, seconds)
+            return Seen(read_edges(path, schedule.clock).stored(), source, file=path)
+        return captured(path, source)
 
 
-def captured(path: Path, source: str, seconds: float | None = None) -> Seen:
-    """An analyser's capture in a file, up to `seconds`."""
+def captured(path: Path, source: str) -> Seen:
+    """Return an analyser's capture in a file."""
     found = read_capture(path)
     trace = found.trace.stored()
-    if seconds is not None:
-        trace = trace.until(trace.clock.round_seconds(seconds)).stored()
-    pieces = tuple((begin, min(end, trace.end)) for begin, end in found.pieces if begin < trace.end)
-    return Seen(trace, source, replace(found, trace=trace, pieces=pieces), file=path)
+    return Seen(trace, source, replace(found, trace=trace), file=path)
 
 
 def check(seen: Seen, schedule: PulseSchedule, tolerances: Tolerances | None = None) -> Checked:
-    """Whether the pins did what the schedule says."""
+    """Return whether the pins did what the schedule says."""
     if seen.capture is not None:
         found = prove_capture(schedule, seen.capture, tolerances)
-        return Checked(found.proven, tuple(capture_lines(found)), tuple(_of_capture(found)))
+        return Checked(found.proven, found.agrees, tuple(capture_lines(found)), tuple(_of_capture(found)))
     if seen.span is None:
-        ends = seen.file is not None and seen.file.suffix.lower() == ".vcd"
-        verdict = prove(schedule, *held(schedule, seen.trace, ends))
+        tells_end = seen.file is not None and seen.file.suffix.lower() == ".vcd"
+        verdict = prove_file(schedule, seen.trace, tells_end)
     else:
         verdict = prove(schedule, seen.trace, seen.span)
-    return Checked(verdict.proven, tuple(verdict_lines(verdict)), tuple(_of_edges(verdict)))
+    return Checked(verdict.proven, verdict.agrees, tuple(verdict_lines(verdict)), tuple(_of_edges(verdict)))
 
 
 def record(seen: Seen, path: Path) -> Path:
@@ -149,7 +149,8 @@ def record(seen: Seen, path: Path) -> Path:
 
 
 def _of_edges(verdict: Verdict) -> Iterator[tuple[str, str]]:
-    yield "servogen_verdict", "proven" if verdict.proven else "not proven"
+    yield "servogen_verdict", verdict.word
+    yield "servogen_different_frames", verdict.coverage.words()
     yield "servogen_seconds", f"{float(verdict.clock.seconds(verdict.span.compared)):g}"
     yield "servogen_frames", str(verdict.span.frames)
     yield from _of_plan(verdict.plan_error)
@@ -165,7 +166,8 @@ def _of_plan(error: PlanError | None) -> Iterator[tuple[str, str]]:
 
 
 def _of_capture(verdict: CaptureVerdict) -> Iterator[tuple[str, str]]:
-    yield "servogen_verdict", "proven within tolerances" if verdict.proven else "not proven"
+    yield "servogen_verdict", verdict.word
+    yield "servogen_different_frames", verdict.coverage.words()
     yield "servogen_seconds", f"{verdict.duration_us / 1e6:g}"
     yield "servogen_frames", str(verdict.frames)
     yield from _of_plan(verdict.plan_error)

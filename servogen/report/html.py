@@ -106,6 +106,8 @@ def _state(facts: PageFacts) -> tuple[str, str]:
     if not all(program.proven for program in facts.programs):
         return "bad", "NOT proven"
     if facts.capture is not None and not facts.capture.verdict.proven:
+        if facts.capture.verdict.agrees:
+            return "open", f"program proven, capture {facts.capture.verdict.word}"
         return "bad", "program proven, capture NOT"
     return "good", "every edge proven"
 

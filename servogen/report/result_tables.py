@@ -73,7 +73,8 @@ def capture_values(capture: CaptureFacts | None) -> dict[str, object] | None:
     verdict = capture.verdict
     return {
         "name": capture.name,
-        "proven": verdict.proven,
+        "badge": "good" if verdict.proven else "open" if verdict.agrees else "bad",
+        "word": verdict.word if verdict.agrees else "NOT proven",
         "lines": [line for line in capture_lines(verdict) if not line.startswith("- ")],
         "reasons": verdict.reasons,
         "rows": [

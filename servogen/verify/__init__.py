@@ -7,6 +7,8 @@ from servogen.verify.measure_text import measurement_lines
 from servogen.verify.measurement import Measurement, PinMeasurement
 from servogen.verify.measuring import measure
 from servogen.verify.prove import GLITCH, verify, whole_motion
+from servogen.verify.sampling import Sampling, sampling
+from servogen.verify.start import channel_pins, find_start
 from servogen.verify.text import verdict_lines
 from servogen.verify.verdict import ChannelVerdict, Difference, Overlap, Span, StrayPin, Verdict, Worst
 
@@ -20,14 +22,18 @@ __all__ = [
     "Overlap",
     "PinMeasurement",
     "Problem",
+    "Sampling",
     "Span",
     "StrayPin",
     "Tolerances",
     "Verdict",
     "Worst",
     "capture_lines",
+    "channel_pins",
+    "find_start",
     "measure",
     "measurement_lines",
+    "sampling",
     "verdict_lines",
     "verify",
     "verify_capture",

@@ -19,14 +19,16 @@ import numpy.typing as npt
 
 from servogen.edges import HIGH, PINS, EdgeTrace, Expected, join
 from servogen.verify.capture_align import Line, Signals, align
-from servogen.verify.capture_frames import different_frames, seen_of, whole_frames
+from servogen.verify.capture_frames import whole_frames
 from servogen.verify.capture_judge import Judged, Scale, judge
 from servogen.verify.capture_pieces import merged, split
 from servogen.verify.capture_reasons import with_reasons
 from servogen.verify.capture_verdict import CapturedChannel, CaptureVerdict, Problem, Tolerances
+from servogen.verify.coverage import coverage
 from servogen.verify.overlap import Levels, overlap, together
 from servogen.verify.prove import whole_motion
 from servogen.verify.pulses import Pulses, pulses_of, without_glitches
+from servogen.verify.sampling import Sampling, sampling
 from servogen.verify.start import StrayCount
 from servogen.verify.verdict import StrayPin
 from servogen.verify.windows import Edges, Ints, Windows, expected_edges, observed_edges
@@ -66,29 +68,36 @@ def verify_capture(
     sample: float | None = None,
     pieces: Sequence[tuple[int, int]] = (),
 ) -> CaptureVerdict:
-    """Compares a capture with the schedule.
+    """Compare a capture with the schedule.
 
     `captured.clock` is such that one of its cycles is one time step of the capture; `sample` is the number of
     steps from one sample to the next. By default it is the largest that divides the time of every edge, but
     no more than a microsecond. Levels at time 0 are what the analyser found, not edges; a pin without any
     was not connected. `pieces` are the begin and end (in steps) of each of several captures in one trace,
     whose distance in time is not known: each is judged by itself, and `expected.chunks` is read for each.
+
+    Raises InputError where a sample is longer than the tolerances allow. Where `sample` is not given and the
+    edges do not show that it is shorter, the capture is not proven.
     """
     allowed = tolerances or Tolerances()
+    captured = captured.stored()
+    sampled = sampling(captured, sample)
+    if sampled.stated:
+        sampled.check(allowed.glitch_us)
     if pieces:
-        found = [_found(expected, piece, allowed, sample) for piece in split(captured, pieces)]
+        found = [_found(expected, piece, allowed, sampled) for piece in split(captured, pieces)]
         step_us = float(captured.clock.cycle_us)
         verdict = merged(found, [begin * step_us for begin, _ in pieces])
     else:
-        verdict = with_reasons(_found(expected, captured, allowed, sample))
+        verdict = with_reasons(_found(expected, captured, allowed, sampled))
+    if sampled.too_slow(allowed.glitch_us):
+        verdict = verdict.but(sampled.words(allowed.glitch_us))
     return replace(verdict, plan_error=expected.plan_error)
 
 
-def _found(
-    expected: Expected, captured: EdgeTrace, allowed: Tolerances, sample: float | None
-) -> CaptureVerdict:
-    """What one continuous capture holds."""
-    setup = _set_up(expected, captured, allowed, sample)
+def _found(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sampled: Sampling) -> CaptureVerdict:
+    """Return what one continuous capture holds."""
+    setup = _set_up(expected, captured, allowed, sampled)
     line = align(setup.signals)
     if line is None:
         return _facts(setup, None, {})
@@ -101,12 +110,13 @@ def _found(
     return _facts(setup, line, judged)
 
 
-def _set_up(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sample: float | None) -> _Setup:
+def _set_up(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sampled: Sampling) -> _Setup:
     end = int(captured.end)
     step_us, cycle_us = float(captured.clock.cycle_us), float(expected.clock.cycle_us)
     nominal = cycle_us / step_us
     level, changes, connected = _changes(captured)
-    quantum = _sample(changes, step_us) if sample is None else float(sample)
+    longest_us = sampled.sample_us if sampled.stated else min(sampled.sample_us, LONGEST_GUESS_US)
+    quantum = max(1.0, longest_us / step_us)
     reach = int(end / nominal * MOST_CYCLES)
     candidates = whole_motion(expected, 2)
     scheduled = Windows(expected_edges(chunk) for chunk in expected.chunks).until(candidates + reach)
@@ -137,12 +147,6 @@ def _set_up(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sample
     )
 
 
-def _sample(changes: Edges, step_us: float) -> float:
-    """Steps from sample to sample as the times of the edges suggest; chance must not make it long."""
-    common = int(np.gcd.reduce(changes.cycle)) if len(changes.cycle) else 1
-    return max(1.0, min(common, LONGEST_GUESS_US / step_us))
-
-
 def _rounded(values: npt.ArrayLike) -> Ints:
     return np.rint(values).astype(np.int64)
 
@@ -171,8 +175,11 @@ def _facts(setup: _Setup, line: Line | None, judged: Mapping[int, Judged]) -> Ca
     problems = [problem for found in judged.values() for problem in found.problems]
     ppm, ppm_error = _clock(setup, line)
     frames = [frame for found in judged.values() for frame in found.frames]
-    same = different_frames(setup.scheduled, setup.expected)
-    whole = None if line is None else whole_frames(setup.scheduled, line, setup.signals.quantum, setup.end)
+    whole = None
+    if line is not None:
+        whole = whole_frames(
+            setup.scheduled, line, setup.signals.quantum, setup.end, int(setup.expected.period)
+        )
     stray = _stray(setup)
     for pin in stray:
         text = f"{PINS[pin.pin]} changes, which the schedule does not drive"
@@ -193,8 +200,7 @@ def _facts(setup: _Setup, line: Line | None, judged: Mapping[int, Judged]) -> Ca
         _overlap_us(setup, line),
         sum(found.paired for found in judged.values()),
         whole,
-        frozenset(same[setup.expected.lead_in :].tolist()),
-        seen_of(same, whole, setup.expected),
+        coverage(setup.scheduled, setup.expected, whole.frames if whole else range(0)),
     )
 
 

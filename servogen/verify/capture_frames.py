@@ -1,4 +1,4 @@
-"""Which frames of the schedule a capture holds whole, and which of the loop's different frames these are.
+"""Which frames of the schedule a capture holds whole.
 
      frame 6              frame 7                       frame 8
     ──┌─┐──┌┐───────┊────┌─┐──┌┐───────────────┊───────┌─┐
@@ -10,11 +10,10 @@ In: the scheduled edges and the line that joins their times with the capture's s
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil, floor
 
 import numpy as np
-import numpy.typing as npt
 
-from servogen.edges import Expected
 from servogen.verify.capture_align import Line
 from servogen.verify.windows import Edges, Ints
 
@@ -31,57 +30,45 @@ class WholeFrames:
     begin: int
     end: int
 
+    @property
+    def frames(self) -> range:
+        return range(self.first, self.first + self.count)
 
-def whole_frames(scheduled: Edges, line: Line, quantum: float, end: int) -> WholeFrames | None:
-    """The frames whose every edge is in a capture of `end` steps; None where there is none."""
+
+def whole_frames(scheduled: Edges, line: Line, quantum: float, end: int, period: int) -> WholeFrames | None:
+    """Return the frames whose every edge is in a capture of `end` steps; None where there is none.
+
+    Frames without edges at either end are among them where the capture holds their whole `period`.
+    """
     frames, first, last = _extents(scheduled)
     rise, fall = line.steps(first), line.steps(last)
     rows = np.flatnonzero((rise > MARGIN * quantum) & (fall < end - MARGIN * quantum))
     if not len(rows):
         return None
     one, other = int(rows[0]), int(rows[-1])
-    before = max(0.0, float(fall[one - 1])) if one else 0.0
-    after = min(float(end), float(rise[other + 1])) if other + 1 < len(rise) else float(end)
+    # A frame without edges begins where, in the others, the earliest edge can be.
+    zero = int((first - frames * period).min())
+    inside = (line.cycles(np.array([0.0, float(end)])) - zero) / period
+    begin_frame = max(ceil(float(inside[0])), int(frames[one - 1]) + 1 if one else 0)
+    end_frame = floor(float(inside[1]))
+    if other + 1 < len(frames):
+        end_frame = min(end_frame, int(frames[other + 1]))
+    from_frame = min(int(frames[one]), begin_frame)
+    to_frame = max(int(frames[other]) + 1, end_frame)
+    before = float(fall[one - 1]) if one else 0.0
+    after = float(rise[other + 1]) if other + 1 < len(rise) else float(end)
+    begin = line.steps(from_frame * period + zero) if from_frame < frames[one] else rise[one]
+    until = line.steps(to_frame * period + zero) if to_frame > frames[other] + 1 else fall[other]
     return WholeFrames(
-        int(frames[one]),
-        int(frames[other] - frames[one]) + 1,
-        int((before + rise[one]) / 2),
-        -int(-(fall[other] + after) // 2),
+        from_frame,
+        to_frame - from_frame,
+        int((before + float(begin)) / 2) if before > 0 else 0,
+        ceil((float(until) + after) / 2) if after < end else end,
     )
 
 
-def different_frames(scheduled: Edges, expected: Expected) -> npt.NDArray[np.int64]:
-    """For each frame of lead-in and loop the loop's first one with the same edges, or -1."""
-    total = expected.lead_in + expected.loop
-    inside = scheduled.take(scheduled.frame < total)
-    order = np.argsort(inside.frame, kind="stable")
-    cycle, pin, level, frame = (column[order] for column in inside)
-    since = cycle - frame * int(expected.period)
-    starts = np.searchsorted(frame, np.arange(total + 1))
-    known: dict[bytes, int] = {}
-    found = np.full(total, -1, dtype=np.int64)
-    for number in (*range(expected.lead_in, total), *range(expected.lead_in)):
-        rows = slice(starts[number], starts[number + 1])
-        edges = since[rows].tobytes() + pin[rows].tobytes() + level[rows].tobytes()
-        if number >= expected.lead_in:
-            known.setdefault(edges, number)
-        found[number] = known.get(edges, -1)
-    return found
-
-
-def seen_of(different: Ints, whole: WholeFrames | None, expected: Expected) -> frozenset[int]:
-    """Those of the loop's different frames, by the first of each, that are among the whole ones."""
-    if whole is None:
-        return frozenset()
-    frames = np.arange(whole.first, whole.first + whole.count)
-    if expected.loop:
-        late = frames >= expected.lead_in
-        frames[late] = expected.lead_in + (frames[late] - expected.lead_in) % expected.loop
-    return frozenset(different[frames[frames < len(different)]].tolist()) - {-1}
-
-
 def _extents(scheduled: Edges) -> tuple[Ints, Ints, Ints]:
-    """Each frame that has edges, and the cycles of its first and its last."""
+    """Return each frame that has edges, and the cycles of its first and its last."""
     order = np.argsort(scheduled.frame, kind="stable")
     frames, starts = np.unique(scheduled.frame[order], return_index=True)
     cycle = scheduled.cycle[order]

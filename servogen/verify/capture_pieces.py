@@ -19,6 +19,7 @@ from servogen.edges import UNDRIVEN, EdgeTrace, edge_chunk, join
 from servogen.units import Cycles
 from servogen.verify.capture_reasons import with_reasons
 from servogen.verify.capture_verdict import CapturedChannel, CapturePiece, CaptureVerdict, Spread
+from servogen.verify.coverage import joined
 from servogen.verify.verdict import StrayPin
 
 
@@ -70,7 +71,7 @@ def merged(found: Sequence[CaptureVerdict], begins_us: Sequence[float]) -> Captu
             overlap_us=max(each.overlap_us for each in found),
             paired=sum(each.paired for each in found),
             whole=found[0].whole if len(found) == 1 else None,
-            seen=frozenset().union(*(each.seen for each in found)),
+            coverage=joined(each.coverage for each in found),
             pieces=pieces,
         )
     )

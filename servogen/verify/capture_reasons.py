@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from servogen.edges import PINS
 from servogen.verify.capture_verdict import CapturedChannel, CapturePiece, CaptureVerdict
-from servogen.verify.reasons import counted
+from servogen.verify.reasons import counted, unseen_reason
 
 FEWEST = 2
 """Pulses in their places that a judgement on one capture needs."""
@@ -20,9 +20,10 @@ CLOCK_PPM = 5.0
 
 
 def with_reasons(found: CaptureVerdict) -> CaptureVerdict:
-    """The verdict: proven where nothing speaks against it."""
+    """Return the verdict: proven where nothing speaks against it and every different frame was seen."""
     why = tuple(_reasons(found))
-    return replace(found, proven=not why, reasons=why)
+    unseen = () if why or found.coverage.complete else (unseen_reason(found.coverage),)
+    return replace(found, proven=not why and not unseen, reasons=why or unseen, unseen=unseen)
 
 
 def _reasons(found: CaptureVerdict) -> Iterator[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from servogen.edges import PINS
 from servogen.plan_error import plan_words
 from servogen.verify.capture_verdict import CapturedChannel, CaptureVerdict
+from servogen.verify.coverage import Coverage
 from servogen.verify.reasons import counted
 
 
@@ -13,20 +14,38 @@ def capture_lines(verdict: CaptureVerdict) -> list[str]:
     seconds = verdict.duration_us / 1e6
     first = "" if verdict.first_frame is None else f" from frame {verdict.first_frame} on"
     lines = [
-        f"{'proven within tolerances' if verdict.proven else 'NOT proven'}: "
-        f"{counted(verdict.frames, 'frame')}{first} in {seconds:g} s, "
+        f"{_headline(verdict)}{counted(verdict.frames, 'frame')}{first} in {seconds:g} s, "
         f"a sample every {verdict.sample_us:g} µs; {plan_words(verdict.plan_error)}",
         _clock_words(verdict),
     ]
     if verdict.pieces:
         lines.append(_seams_words(verdict))
-    if verdict.proven:
-        lines.append(
-            f"of the loop's {counted(len(verdict.different), 'different frame')} "
-            f"{len(verdict.seen)} {'was' if len(verdict.seen) == 1 else 'were'} seen whole"
-        )
+    if verdict.agrees:
+        lines.append(_seen_words(verdict.coverage))
     lines += [_channel_line(channel) for channel in verdict.channels if channel.connected]
     return lines + [f"- {reason}" for reason in verdict.reasons]
+
+
+def _headline(verdict: CaptureVerdict) -> str:
+    """Return what the first line begins with."""
+    if verdict.proven:
+        return f"{verdict.word}: "
+    return f"{verdict.word}: {verdict.coverage.words()}; " if verdict.agrees else "NOT proven: "
+
+
+def _seen_words(coverage: Coverage) -> str:
+    """Return how much of the schedule was seen whole."""
+    whose, seen = "schedule" if coverage.once else "loop", len(coverage.seen)
+    different = counted(len(coverage.different), "different frame")
+    words = f"of the {whose}'s {different} {seen} {'was' if seen == 1 else 'were'} seen whole"
+    if len(coverage.loop_seen) < coverage.loop_frames and not coverage.once:
+        words += f", in {len(coverage.loop_seen)} of its {counted(coverage.loop_frames, 'frame')}"
+    if coverage.lead_in:
+        words += (
+            f"; of the {counted(len(coverage.lead_in), 'different frame')} that only the lead-in has, "
+            f"{len(coverage.lead_in_seen)}: the verdict is on the loop"
+        )
+    return words
 
 
 def _seams_words(verdict: CaptureVerdict) -> str:

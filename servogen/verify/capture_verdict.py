@@ -6,12 +6,13 @@ taken out of them. An error is measured less scheduled. `scheduled`, `captured` 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from servogen.edges import PINS
 from servogen.plan_error import PlanError
 from servogen.verify.capture_frames import WholeFrames
-from servogen.verify.verdict import StrayPin
+from servogen.verify.coverage import Coverage
+from servogen.verify.verdict import AGREES, StrayPin
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +26,10 @@ class Tolerances:
     crystal_ppm: float = 300.0
     """Of the chip's crystal and the analyser's together."""
     glitch_us: float = 10.0
-    """Pulses and gaps shorter than this are glitches, where the schedule has none as short."""
+    """Pulses and gaps shorter than this are glitches, where the schedule has none as short.
+
+    A sample may be no longer: a slower analyser proves nothing.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +125,7 @@ class CapturePiece:
 
 @dataclass(frozen=True, slots=True)
 class CaptureVerdict:
-    """`proven`: all that was captured is the schedule within `tolerances`, and `reasons` is empty.
+    """`proven`: every different frame was captured, and all that was is the schedule within `tolerances`.
 
     Of several captures in one file, whose distance in time is not known, `pieces` has each, and the numbers
     are those of all together.
@@ -129,6 +133,7 @@ class CaptureVerdict:
 
     proven: bool
     reasons: tuple[str, ...]
+    """Why it is not proven, in sentences; empty when it is."""
     tolerances: Tolerances
     sample_us: float
     duration_us: float
@@ -150,16 +155,28 @@ class CaptureVerdict:
     """Pulses that belong to scheduled ones."""
     whole: WholeFrames | None = None
     """The frames that are in it from the first to the last edge; of several captures, None."""
-    different: frozenset[int] = frozenset()
-    """The loop's frames without those that are as an earlier one."""
-    seen: frozenset[int] = frozenset()
-    """Those of them that were seen whole."""
+    coverage: Coverage = field(default_factory=Coverage)
+    """Which of the schedule's different frames were seen whole."""
     pieces: tuple[CapturePiece, ...] = ()
     plan_error: PlanError | None = None
     """How far the schedule itself is from the planned motion."""
+    unseen: tuple[str, ...] = ()
+    """Those of the reasons that only say that not everything was seen."""
+
+    @property
+    def agrees(self) -> bool:
+        """Whether nothing that was seen is wrong."""
+        return self.reasons == self.unseen
+
+    @property
+    def word(self) -> str:
+        """Return the verdict in a few words."""
+        if self.proven:
+            return "proven within tolerances"
+        return AGREES if self.agrees else "not proven"
 
     def but(self, reason: str) -> CaptureVerdict:
-        """The same, not proven because of `reason`, which comes first."""
+        """Return the same verdict, not proven because of `reason`, which comes first."""
         return replace(self, proven=False, reasons=(reason, *self.reasons))
 
     def to_json(self) -> dict[str, object]:
@@ -167,6 +184,7 @@ class CaptureVerdict:
         allowed = self.tolerances
         return {
             "proven": self.proven,
+            "verdict": self.word,
             "reasons": list(self.reasons),
             "tolerances": {
                 "width_us": allowed.width_us,
@@ -181,8 +199,7 @@ class CaptureVerdict:
             "crystal_ppm_error": self.ppm_error,
             "first_frame": self.first_frame,
             "frames": self.frames,
-            "different_frames": len(self.different),
-            "different_frames_seen": len(self.seen),
+            **self.coverage.to_json(),
             "pieces": [piece.to_json() for piece in self.pieces],
             "channels": [channel.to_json() for channel in self.channels],
             "first_problem": self.problem.to_json() if self.problem else None,

@@ -7,14 +7,13 @@ kept and handed to the diagnosis.
 
 from __future__ import annotations
 
-import numpy as np
-
 from servogen.edges import HIGH, EdgeTrace, Expected
 from servogen.errors import InputError
 from servogen.units import Cycles
 from servogen.verify import reasons
+from servogen.verify.coverage import Coverage, compared_frames, coverage
 from servogen.verify.diagnose import Found, Seen, Stretch, diagnose
-from servogen.verify.start import Start, find_start
+from servogen.verify.start import Start, channel_pins, find_start
 from servogen.verify.verdict import ChannelVerdict, Difference, Span, StrayPin, Verdict
 from servogen.verify.windows import Edges, Windows, concatenate, expected_edges
 
@@ -36,7 +35,7 @@ def whole_motion(expected: Expected, repeats: int = 2) -> Cycles:
 def verify(
     expected: Expected, observed: EdgeTrace, checked: Cycles | None = None, glitch: Cycles = GLITCH
 ) -> Verdict:
-    """Compares the driven edges of `observed`, from reset on, with the schedule over `checked` cycles.
+    """Compare the driven edges of `observed`, from reset on, with the schedule over `checked` cycles.
 
     The first rising edge of a scheduled pin is the schedule's time zero. `checked` counts from there; by
     default it is the whole motion with two repeats of its loop. A trace that ends earlier is not proven.
@@ -49,18 +48,20 @@ def verify(
             hint="state the clock of the chip that the schedule is for",
         )
     asked = whole_motion(expected) if checked is None else checked
-    start = find_start(observed, np.array([channel.pin for channel in expected.channels], dtype=np.uint8))
+    start = find_start(observed, channel_pins(expected))
     if start.cycle is None:
         return _silent(expected, observed, start, asked)
     reach = max(0, min(asked, observed.end - start.cycle))
     schedule = Windows(expected_edges(chunk) for chunk in expected.chunks)
+    motion = schedule.ahead(whole_motion(expected, 1))
     trace = Windows(start.edges)
     seen = Seen.at_start()
     stretch = _compare(schedule, trace, reach, start.cycle, seen)
     found = None if stretch is None else diagnose(stretch, expected, glitch)
     span = _span(expected, asked, reach if stretch is None else stretch.end)
+    covered = coverage(motion, expected, compared_frames(motion, expected, span.compared))
     short = [] if reach >= asked else [reasons.short_reason(asked - reach, observed.end, expected.clock)]
-    return _verdict(expected, start, span, seen, found, short)
+    return _verdict(expected, start, span, seen, found, short, covered)
 
 
 def _compare(schedule: Windows, trace: Windows, reach: int, start: int, seen: Seen) -> Stretch | None:
@@ -86,9 +87,15 @@ def _size(parts: list[Edges]) -> int:
 
 
 def _verdict(
-    expected: Expected, start: Start, span: Span, seen: Seen, found: Found | None, short: list[str]
+    expected: Expected,
+    start: Start,
+    span: Span,
+    seen: Seen,
+    found: Found | None,
+    short: list[str],
+    covered: Coverage,
 ) -> Verdict:
-    """The verdict on a trace in which a scheduled pin rises; `short` says that it ends too early."""
+    """Return the verdict on a trace in which a scheduled pin rises; `short` says what it does not hold."""
     stray = _merged(start.stray, found.stray if found else ())
     early = _first(start.stray)
     difference = early or (found.difference if found else None)
@@ -98,6 +105,7 @@ def _verdict(
     if found and found.overlap:
         why.append(reasons.overlap_reason(found.overlap))
     why += [reasons.stray_reason(pin) for pin in stray]
+    unseen = () if why else tuple(short)
     why += short
     overlap = found.overlap if found else None
     cycle = None if start.cycle is None else Cycles(start.cycle)
@@ -112,6 +120,8 @@ def _verdict(
         overlap,
         stray,
         expected.plan_error,
+        covered,
+        unseen,
     )
 
 

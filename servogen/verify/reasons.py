@@ -9,6 +9,7 @@ from collections.abc import Iterable
 
 from servogen.edges import HIGH, PINS, Expected
 from servogen.units import Clock
+from servogen.verify.coverage import Coverage
 from servogen.verify.verdict import ChannelVerdict, Difference, Overlap, StrayPin, Worst
 
 _MOTION = {True: "rise", False: "fall"}
@@ -89,6 +90,20 @@ def short_reason(missing: int, end: int, clock: Clock) -> str:
     seconds = float(clock.seconds(missing))
     short = f"{counted(missing, 'cycle')} ({seconds:.6g} s)"
     return f"the trace ends at cycle {end}, {short} before the end of the check"
+
+
+def unseen_reason(coverage: Coverage) -> str:
+    """Return what is missing where not every different frame was seen."""
+    missing = len(coverage.different) - len(coverage.seen)
+    were = "was" if missing == 1 else "were"
+    return f"{counted(missing, 'different frame')} of the schedule {were} not seen whole"
+
+
+def unseen_motion_reason(frames: int, whole: int) -> str:
+    """Return what is missing where less than the `whole` motion was compared."""
+    missing = whole - frames
+    are = "is" if missing == 1 else "are"
+    return f"of the motion's {counted(whole, 'frame')} the last {missing} {are} missing in what was compared"
 
 
 def silent_reason(pin: int) -> str:

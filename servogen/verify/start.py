@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from servogen.edges import HIGH, PINS, EdgeChunk, EdgeTrace, part
+from servogen.edges import HIGH, PINS, EdgeChunk, EdgeTrace, Expected, part
 from servogen.units import Cycles
 from servogen.verify.verdict import StrayPin
 from servogen.verify.windows import Edges, Ints, observed_edges
@@ -47,6 +47,11 @@ class StrayCount:
             StrayPin(pin, int(self._counts[pin]), Cycles(int(self._firsts[pin])))
             for pin in np.flatnonzero(self._counts).tolist()
         )
+
+
+def channel_pins(expected: Expected) -> npt.NDArray[np.uint8]:
+    """Return the scheduled pins."""
+    return np.array([channel.pin for channel in expected.channels], dtype=np.uint8)
 
 
 def find_start(observed: EdgeTrace, pins: npt.NDArray[np.uint8]) -> Start:

@@ -11,14 +11,21 @@ from servogen.verify.verdict import ChannelVerdict, Span, Verdict, Worst
 def verdict_lines(verdict: Verdict) -> list[str]:
     """Return lines without colour; the first says whether the trace is proven, and how near to the plan."""
     lines = [
-        f"{'proven' if verdict.proven else 'NOT proven'}: {_span_words(verdict)}; "
-        f"{'0 cycles from the schedule; ' if verdict.proven else ''}{plan_words(verdict.plan_error)}"
+        f"{_headline(verdict)}{_span_words(verdict)}; "
+        f"{'0 cycles from the schedule; ' if verdict.agrees else ''}{plan_words(verdict.plan_error)}"
     ]
     if verdict.start is not None:
         start = float(verdict.clock.us(verdict.start))
         lines.append(f"first edge {counted(verdict.start, 'cycle')} ({start:g} µs) after reset")
     lines += [_channel_line(channel) for channel in verdict.channels]
     return lines + [f"- {reason}" for reason in verdict.reasons]
+
+
+def _headline(verdict: Verdict) -> str:
+    """Return what the first line begins with."""
+    if verdict.proven:
+        return f"{verdict.word}: "
+    return f"{verdict.word}: {verdict.coverage.words()}; " if verdict.agrees else "NOT proven: "
 
 
 def _span_words(verdict: Verdict) -> str:

@@ -6,11 +6,15 @@ expected, so that late and long are positive.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 from servogen.edges import PINS
 from servogen.plan_error import PlanError
 from servogen.units import Clock, Cycles
+from servogen.verify.coverage import Coverage
+
+AGREES = "agrees as far as it was seen"
+"""The verdict where nothing that was seen is wrong, and not everything was seen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,6 +164,27 @@ class Verdict:
     stray: tuple[StrayPin, ...] = ()
     plan_error: PlanError | None = None
     """How far the schedule itself is from the planned motion."""
+    coverage: Coverage = field(default_factory=Coverage)
+    """Which of the schedule's different frames were compared."""
+    unseen: tuple[str, ...] = ()
+    """Those of the reasons that only say that not everything was seen."""
+
+    @property
+    def agrees(self) -> bool:
+        """Whether nothing that was seen is wrong."""
+        return self.reasons == self.unseen
+
+    @property
+    def word(self) -> str:
+        """Return the verdict in a few words."""
+        if self.proven:
+            return "proven"
+        return AGREES if self.agrees else "not proven"
+
+    def not_all(self, reason: str) -> Verdict:
+        """Return the same verdict, which is not proven either because of something that was not seen."""
+        unseen = (*self.unseen, reason) if self.agrees else self.unseen
+        return replace(self, proven=False, reasons=(*self.reasons, reason), unseen=unseen)
 
     @property
     def worst_edge_error(self) -> int:
@@ -170,10 +195,12 @@ class Verdict:
         """Plain values for a JSON file."""
         return {
             "proven": self.proven,
+            "verdict": self.word,
             "reasons": list(self.reasons),
             "clock_hz": self.clock.hz,
             "start_cycle": self.start,
             "span": self.span.to_json(),
+            **self.coverage.to_json(),
             "channels": [channel.to_json() for channel in self.channels],
             "first_difference": self.difference.to_json() if self.difference else None,
             "overlap": self.overlap.to_json() if self.overlap else None,

@@ -80,6 +80,13 @@ class Windows:
         self._pending = [edges.take(slice(size, None))] if size < len(edges.cycle) else []
         return _in_order(edges.take(slice(size)))
 
+    def ahead(self, limit: int) -> Edges:
+        """Return all edges before cycle `limit` that were not taken yet, and leave them there."""
+        edges = self.until(limit)
+        if len(edges.cycle):
+            self._pending.insert(0, edges)
+        return edges
+
     def first(self) -> int | None:
         """The cycle of the next edge that was not taken yet; None where there is none."""
         while not self._ended and not self._pending:

@@ -78,7 +78,7 @@ def test_numbers_are_those_of_all_pieces() -> None:
         assert channel.captured == sum(single.channels[number].captured for single in each)
         worst = max((single.channels[number].width.worst_us for single in each), key=abs)
         assert channel.width.worst_us == pytest.approx(worst)
-    assert verdict.seen == frozenset().union(*(single.seen for single in each))
+    assert verdict.coverage.seen == frozenset().union(*(single.coverage.seen for single in each))
     assert verdict.duration_us == pytest.approx(2e6)
 
 

@@ -1,0 +1,99 @@
+"""How often a capture was sampled, and whether that is often enough to prove anything.
+
+    pin        ┌──────────┐           ┌──┐
+    samples  ·    ·    ·    ·    ·    ·    ·    what is shorter than a sample may be seen, or not;
+               0    1    1    0    0    0       a width is known to one sample
+
+The rule: a sample may be no longer than the shortest pulse or gap that counts, `Tolerances.glitch_us`.
+
+In: a capture and what its file says. Out: a `Sampling`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from servogen.edges import EdgeTrace, join
+from servogen.errors import InputError, Place
+from servogen.verify.windows import Ints
+
+USUAL_HZ = tuple(
+    mantissa * 10.0**power
+    for power in range(6)
+    for mantissa in (1, 1.2, 1.25, 1.5, 1.6, 2, 2.4, 2.5, 3, 3.2, 4, 4.8, 5, 6, 6.4, 7.5, 8, 9.6)
+)
+"""Rates at which analysers sample, the slowest first; their samples may be no whole number of steps."""
+
+ROUNDING = 0.51
+"""Steps by which a sample's time differs from what the file has."""
+
+FIRST_LOOK = 50
+"""Edges that most of the rates are dismissed with."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sampling:
+    """A sample every `sample_us`; where the file does not say it (not `stated`), the longest it can be."""
+
+    sample_us: float
+    stated: bool
+
+    def too_slow(self, longest_us: float) -> bool:
+        """Return whether a sample is longer than `longest_us`; a rounding error of a time does not count."""
+        return self.sample_us > longest_us * (1 + 1e-9)
+
+    def check(self, longest_us: float, place: Place | None = None) -> None:
+        """Raise InputError where a sample is longer than `longest_us`."""
+        if not self.too_slow(longest_us):
+            return
+        hint = f"a sample may be no longer than {longest_us:g} µs, the shortest pulse or gap that counts"
+        if not self.stated:
+            hint += "; if it was sampled more often, say so: --rate"
+        raise InputError(self.words(longest_us), place, hint)
+
+    def words(self, longest_us: float) -> str:
+        """Return why it is too slow, and the rate that is needed."""
+        needed = f"at least {rate_words(longest_us)} is needed"
+        every = f"every {self.sample_us:g} µs ({rate_words(self.sample_us)})"
+        if self.stated:
+            return f"sampled {every}, too slow to prove anything: {needed}"
+        return f"does not say how often it was sampled, and all its edges are on a grid of {every}: {needed}"
+
+
+def sampling(captured: EdgeTrace, sample: float | None) -> Sampling:
+    """Return how often a capture was sampled, whose cycles are time steps; times are no finer than steps.
+
+    `sample` is the number of steps from sample to sample where the file says it.
+    """
+    step_us = float(captured.clock.cycle_us)
+    if sample is not None:
+        return Sampling(max(sample, 1.0) * step_us, True)
+    edges = np.unique(join(captured.driven()).cycle)
+    if not edges.any():
+        return Sampling(step_us, False)
+    return Sampling(max(int(np.gcd.reduce(edges)) * step_us, _grid_us(edges, step_us)), False)
+
+
+def _grid_us(edges: Ints, step_us: float) -> float:
+    """Return the slowest usual rate's sample on whose grid all edges lie, rounded to steps; 0 for none."""
+    for hz in USUAL_HZ:
+        sample = 1e6 / hz / step_us
+        if sample > 1 and all(_on_grid(part, sample) for part in (edges[:FIRST_LOOK], edges)):
+            return sample * step_us
+    return 0.0
+
+
+def _on_grid(edges: Ints, sample: float) -> bool:
+    away = np.abs(edges - np.rint(edges / sample) * sample)
+    return bool(away.max() <= ROUNDING)
+
+
+def rate_words(sample_us: float) -> str:
+    """Return the sampling rate, as `100 kHz`."""
+    hz = 1e6 / sample_us
+    for unit, size in (("MHz", 1e6), ("kHz", 1e3)):
+        if hz >= size:
+            return f"{hz / size:g} {unit}"
+    return f"{hz:g} Hz"
