@@ -41,7 +41,7 @@ TWICE = """
 
 @pytest.mark.servogen("job", seconds=1)
 def test_again(servogen_capture, servogen_schedule):
-    assert_pulses(servogen_capture, servogen_schedule)
+    assert_pulses(servogen_capture, servogen_schedule, partial=True)
 """
 
 
@@ -180,7 +180,7 @@ def test_the_bench_is_programmed_with_the_program_under_test_once(
     assert programmer.erased == 1
     found = properties(project.path / "report.xml")
     assert found["servogen_program"] == "job/main.hex"
-    assert found["servogen_verdict"] == "proven within tolerances"
+    assert found["servogen_verdict"] == AGREES  # of the second, which looks for one second
     assert found["servogen_source"].startswith(
         "the bench's chip, which this run programmed, by the analyser on"
     )
@@ -235,13 +235,55 @@ def test_a_partial_recording_is_never_taken_for_whole(project: pytest.Pytester) 
 def pulses(frames: int) -> list[tuple[int, int, int]]:
     """The job's own edges from a moment before its first, as an analyser sees them."""
     schedule = from_json((JOB / "schedule.json").read_text(), "schedule.json")
-    widths = [run.pulses[0] for run in schedule.loop for _ in range(run.frames)][:frames]
+    loop = [run.pulses[0] for run in schedule.loop for _ in range(run.frames)]
+    widths = [loop[frame % len(loop)] for frame in range(frames)]
     rows = [(0, 5, 0)]
     for number, pulse in enumerate(widths):
         assert pulse is not None
         rise = 500 + number * schedule.period
         rows += [(rise, 5, 1), (rise + pulse.width, 5, 0)]
     return rows
+
+
+ONE_SECOND = TEST.replace('"job")', '"job", seconds=1)')
+AGREES = "agrees as far as it was seen"
+
+
+def test_a_look_that_does_not_show_every_frame_fails_unless_the_test_allows_it(
+    project: pytest.Pytester,
+) -> None:
+    project.makepyfile(test_firmware=ONE_SECOND)
+    result = run(project, "--junitxml=report.xml")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines([f"*{AGREES}: 1 of 3 different frames; *"])
+    found = properties(project.path / "report.xml")
+    assert found["servogen_verdict"] == AGREES
+    assert found["servogen_different_frames"] == "1 of 3 different frames"
+    project.makepyfile(
+        test_firmware=ONE_SECOND.replace(
+            "assert_pulses(servogen_capture, servogen_schedule)",
+            "assert_pulses(servogen_capture, servogen_schedule, partial=True)",
+        )
+    )
+    run(project).assert_outcomes(passed=1)
+    break_the_program(project)
+    run(project).assert_outcomes(failed=1)
+
+
+@pytest.mark.parametrize("frames", [150, 502])
+def test_a_recording_of_an_analyser_is_judged_by_the_frames_in_it(
+    project: pytest.Pytester, frames: int
+) -> None:
+    """150 frames are all of the first position; the test's own seconds cut nothing off."""
+    project.makepyfile(test_firmware=ONE_SECOND)
+    path = project.mkdir("seen") / "test_firmware-test_arm.vcd"
+    with capture_writer(path, 1_000_000) as writer:
+        writer.add(edge_chunk(*zip(*pulses(frames), strict=True)))
+        writer.finish(Cycles(frames * 20_000 + 10_000))
+    result = run(project, "--servogen-replay=seen", "--junitxml=report.xml")
+    result.assert_outcomes(**{"failed" if frames < 500 else "passed": 1})
+    verdict = properties(project.path / "report.xml")["servogen_verdict"]
+    assert verdict == (AGREES if frames < 500 else "proven within tolerances")
 
 
 def test_the_bench_needs_its_port(project: pytest.Pytester) -> None:
@@ -259,7 +301,7 @@ def test_a_test_that_does_not_say_its_program_is_told_how(project: pytest.Pytest
 
 
 def test_c_is_compiled_and_the_time_is_said(project: pytest.Pytester) -> None:
-    mark = '@pytest.mark.servogen("job", image="job/main.xc8.c", seconds=1)'
+    mark = '@pytest.mark.servogen("job", image="job/main.xc8.c", seconds=11)'
     project.makepyfile(test_firmware=TEST.replace('@pytest.mark.servogen("job")', mark))
     run(project, "--junitxml=report.xml").assert_outcomes(passed=1)
     assert properties(project.path / "report.xml")["servogen_program"] == "job/main.xc8.c"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,10 +12,9 @@ import typer
 from servogen.cli.files import read_schedule
 from servogen.cli.options import Json
 from servogen.cli.show import as_json, progress, status, warn
+from servogen.errors import InputError, Place, ToolError
 
 if TYPE_CHECKING:
-    from fractions import Fraction
-
     from servogen.bench.planning import Plan, Wanted
     from servogen.bench.ports import Port as Line
     from servogen.bench.stitching import Stitched
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from servogen.pulse import PulseSchedule, Run
 
 RATE = 1_000_000
+MOST_DRIFT = Fraction(1, 1000)
+"""A chip whose crystal is so much too slow still shows in a capture what is wanted."""
 SECONDS = 1.0
 SLACK = 1.25
 PATIENCE_S = 5.0
@@ -76,10 +78,11 @@ def capture(
     from servogen.bench.ports import open_port
     from servogen.bench.sump_client import BAUD, identify
     from servogen.bench.wires import channel_of, wires
-    from servogen.errors import InputError, Place, ToolError
 
     schedule = None if against is None else read_schedule(against)
     wanted = _wanted(schedule, seconds)
+    if schedule is not None:
+        _check_rate(rate)
     if sigrok is not None:
         _look_by_sigrok(sigrok, rate, wanted, wire or [], rle, output, against, json)
         return
@@ -92,7 +95,10 @@ def capture(
     with open_port(port, BAUD) as line:
         device = identify(line)
         several = stitch and schedule is not None
-        planned = plan(memory or device.memory, min(rate, device.fastest or rate), rle, wanted, several)
+        fastest = min(rate, device.fastest or rate)
+        if schedule is not None:
+            _check_rate(fastest)
+        planned = plan(memory or device.memory, fastest, rle, wanted, several)
         seen = _looks(line, planned, wanted.frames, channel, wired, schedule, seconds is None)
     servos = {each.pin: each.name for each in schedule.channels} if schedule else {}
     path = write_capture(
@@ -104,6 +110,13 @@ def capture(
         looks = len(seen.records)
         warn(f"{seen.unseen} of the loop's different frames were not seen whole in {looks} captures")
     _tell(device, planned, seen, output, against, json)
+
+
+def _check_rate(rate: int) -> None:
+    """Raise InputError where a capture of so many samples a second would prove nothing."""
+    from servogen.verify import Sampling, Tolerances
+
+    Sampling(1e6 / rate, True).check(Tolerances().glitch_us, Place(key="--rate"))
 
 
 def _looks(
@@ -146,7 +159,6 @@ def _look(line: Line, planned: Plan, channel: int, label: str) -> Seen:
 
 def _wanted(schedule: PulseSchedule | None, seconds: float | None) -> Wanted:
     """What is to be seen: by default the whole loop of the schedule, and a lead-in before it."""
-    from fractions import Fraction
     from math import ceil
 
     from servogen.bench.planning import FEWEST_EDGES, USUAL_EDGES, USUAL_PERIOD_S, Wanted
@@ -166,8 +178,6 @@ def _wanted(schedule: PulseSchedule | None, seconds: float | None) -> Wanted:
 
 def _edges(runs: Sequence[Run]) -> tuple[Fraction, int]:
     """Moments of change in a frame: on average, at least a tenth, and at most; 0 where there is no frame."""
-    from fractions import Fraction
-
     moments = [
         (each.frames, len({time for p in each.pulses if p for time in (p.rise, p.rise + p.width)}))
         for each in runs
@@ -181,8 +191,6 @@ def _edges(runs: Sequence[Run]) -> tuple[Fraction, int]:
 
 def _exact(seconds: float) -> Fraction:
     """The decimal number that was typed."""
-    from fractions import Fraction
-
     return Fraction(str(seconds))
 
 
@@ -196,13 +204,13 @@ def _look_by_sigrok(
     against: Path | None,
     json: bool,
 ) -> None:
-    """A frame more than is wanted: sigrok begins anywhere."""
+    """Look for two frames more than is wanted, as sigrok begins anywhere, and for a slow crystal's share."""
     from math import ceil
 
     from servogen.bench.sigrok import SigrokLook, sigrok_wires
     from servogen.bench.sigrok import capture as captured
 
-    samples = ceil(rate * (wanted.frames + 1) * wanted.period_s)
+    samples = ceil(rate * (wanted.frames + 2) * wanted.period_s * (1 + MOST_DRIFT))
     counts = rle and driver.partition(":")[0] == "ols"  # the one driver that has it
     look = SigrokLook(driver, rate, samples, sigrok_wires(wire), counts)
     with status("sigrok-cli is looking"):

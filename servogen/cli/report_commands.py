@@ -56,6 +56,7 @@ def report(
         print(f"{target}: the plan; {plan_words(page.plan_error)}")
     else:
         said = "proven" if page.programs_proven else "NOT PROVEN"
+        said = f"programs {said}" if page.capture else said
         print(f"{target}: {said}; {plan_words(page.plan_error)}")
     if page.capture and not json:
         print(f"{capture}: {capture_lines(page.capture)[0]}")

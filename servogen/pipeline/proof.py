@@ -62,10 +62,10 @@ def prove_file(
 ) -> Verdict:
     """Return the verdict on a recorded trace, which is checked to its end.
 
-    It must hold the whole motion. A format that does not tell when the recording ended (not `tells_end`:
-    CSV, JSONL) ends with its last edge; the rest of that frame, and of the motion, counts as recorded where
-    the schedule has no edge in it. Where the caller asks for a shorter `span`, what follows is not compared,
-    and the verdict says so.
+    It must hold the whole motion and, where a format does not tell when the recording ended (not `tells_end`:
+    CSV, JSONL), the last frame of which it holds an edge; such a recording ends where the schedule has its
+    next edge. Where the caller asks for a shorter `span`, what follows is not compared, and the verdict says
+    so.
     """
     stored = trace.stored()
     if span is not None:
@@ -81,9 +81,8 @@ def prove_file(
         return prove(schedule, stored, Cycles(max(known, motion_cycles(schedule))))
     frames = -(-known // schedule.period)
     whole = Cycles(max(frames * schedule.period, motion_cycles(schedule)))
-    if not _has_edges(wanted, known, whole):
-        stored = EdgeTrace(stored.clock, stored.chunks, Cycles(first + whole))
-    return prove(schedule, stored, whole)
+    end = Cycles(first + min(whole, _next_edge(wanted, known, whole)))
+    return prove(schedule, EdgeTrace(stored.clock, stored.chunks, end), whole)
 
 
 def _rest(schedule: PulseSchedule, cycles: int) -> str:
@@ -91,13 +90,13 @@ def _rest(schedule: PulseSchedule, cycles: int) -> str:
     return f"the recording goes on for {seconds:g} s, which were not compared"
 
 
-def _has_edges(wanted: Expected, begin: Cycles, end: Cycles) -> bool:
-    """Return whether the schedule has an edge from time `begin` up to `end`."""
+def _next_edge(wanted: Expected, time: Cycles, otherwise: Cycles) -> int:
+    """Return the time of the schedule's first edge from `time` on, or what to take where there is none."""
     for chunk in wanted.chunks:
-        row = int(np.searchsorted(chunk.cycle, begin))
+        row = int(np.searchsorted(chunk.cycle, time))
         if row < len(chunk.cycle):
-            return bool(chunk.cycle[row] < end)
-    return False
+            return int(chunk.cycle[row])
+    return otherwise
 
 
 def prove(schedule: PulseSchedule, trace: EdgeTrace, span: Cycles | None = None) -> Verdict:

@@ -47,14 +47,14 @@ def test_a_second_capture_goes_on_where_the_chip_is(
     port = serve(analyser(lab8, 180)).paths["analyser"]
     for number in range(2):
         captured(run, port, tmp_path / f"{number}.vcd", "--against", SCHEDULE, "--seconds", 3)
-        assert run("verify", tmp_path / f"{number}.vcd", "--against", SCHEDULE).code == 0
+        assert run("verify", tmp_path / f"{number}.vcd", "--against", SCHEDULE, "--partial").code == 0
     assert (tmp_path / "0.vcd").read_bytes() != (tmp_path / "1.vcd").read_bytes()
 
 
 def test_without_rle_every_sample_is_a_word(run: Run, serve: Serve, lab8: Image, tmp_path: Path) -> None:
     port = serve(analyser(lab8, memory=1 << 18)).paths["analyser"]
     captured(run, port, tmp_path / "run.vcd", "--no-rle", "--seconds", 0.06, "--json")
-    done = run("verify", tmp_path / "run.vcd", "--against", SCHEDULE)
+    done = run("verify", tmp_path / "run.vcd", "--against", SCHEDULE, "--partial")
     assert done.code == 0, done.out
 
 
@@ -74,7 +74,7 @@ def test_a_device_without_metadata_is_used_with_the_memory_that_is_said(
 ) -> None:
     port = serve(analyser(lab8, metadata=False)).paths["analyser"]
     captured(run, port, tmp_path / "run.vcd", "--memory", 8192, "--seconds", 2, "--against", SCHEDULE)
-    assert run("verify", tmp_path / "run.vcd", "--against", SCHEDULE).code == 0
+    assert run("verify", tmp_path / "run.vcd", "--against", SCHEDULE, "--partial").code == 0
 
 
 def test_single_wrong_samples_are_told_as_glitches(

@@ -91,4 +91,4 @@ def test_in_real_time_a_capture_takes_as_long_as_it_shows(run: Run, bench: Rig, 
     done = run("capture", "--port", port, "-o", tmp_path / "run.vcd", "--against", SCHEDULE, "--seconds", 1)
     assert done.code == 0, done.err
     assert time.monotonic() - begin >= 1
-    assert run("verify", tmp_path / "run.vcd", "--against", SCHEDULE).code == 0
+    assert run("verify", tmp_path / "run.vcd", "--against", SCHEDULE, "--partial").code == 0

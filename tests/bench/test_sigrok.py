@@ -43,7 +43,7 @@ def test_sigrok_cli_sees_the_same_pulses(
         *("--against", SCHEDULE, rle),
     )
     assert done.code == 0, done.err
-    done = run("verify", path, "--against", SCHEDULE, "--json")
+    done = run("verify", path, "--against", SCHEDULE, "--json", "--partial")
     assert done.code == 0, done.out
     if rle == "--rle":
         assert json.loads(done.out)["crystal_ppm"] == pytest.approx(180, abs=2)
@@ -132,3 +132,46 @@ def test_without_an_analyser_that_is_said(run: Run, tmp_path: Path) -> None:
     done = run("capture", "-o", tmp_path / "run.vcd")
     assert done.code == 2
     assert "--port" in done.err
+
+
+FAKE = """#!/bin/sh
+printf '%s\\n' "$@" > {log}
+while [ "$1" != -o ]; do shift; done
+: > "$2"
+"""
+
+
+def samples_asked(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *options: object) -> int:
+    """How many samples `servogen capture --sigrok` asks sigrok-cli for."""
+    cli, log = tmp_path / "sigrok-cli", tmp_path / "log"
+    cli.write_text(FAKE.format(log=log))
+    cli.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    path = tmp_path / "run.sr"
+    done = run("capture", "--sigrok", "fx2lafw", "--wire", "D0=RB0", "-o", path, *options)
+    assert done.code == 0, done.err
+    words = log.read_text().split("\n")
+    return int(words[words.index("--samples") + 1])
+
+
+@pytest.mark.parametrize(("folder", "seconds"), [("lab8-exercise", 10), ("hexapod-turn", 15.44)])
+def test_the_length_is_the_schedules(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: str, seconds: float
+) -> None:
+    """Lead-in and loop, wherever in the loop it begins, and of a crystal that is 300 ppm slow, too."""
+    against = LAB8.parent / folder / "schedule.json"
+    asked = samples_asked(run, tmp_path, monkeypatch, "--against", against)
+    assert asked >= (seconds * 1.0003 + 0.02) * 1_000_000
+    assert asked < (seconds * 1.002 + 0.05) * 1_000_000
+    short = samples_asked(run, tmp_path, monkeypatch, "--against", against, "--seconds", 0.5)
+    assert 500_000 <= short < 560_000
+    assert 1_000_000 <= samples_asked(run, tmp_path, monkeypatch) < 1_060_000
+
+
+@pytest.mark.parametrize("how", [("--sigrok", "fx2lafw", "--wire", "D0=RB0"), ("--port", "/dev/none")])
+def test_a_rate_that_would_prove_nothing_is_refused_before_anything_is_looked_at(
+    run: Run, tmp_path: Path, how: tuple[str, ...]
+) -> None:
+    done = run("capture", *how, "--rate", 50_000, "--against", SCHEDULE, "-o", tmp_path / "run.sr")
+    assert done.code == 2
+    assert "--rate: sampled every 20 µs (50 kHz), too slow to prove anything: at least 100 kHz" in done.err
