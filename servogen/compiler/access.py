@@ -31,6 +31,7 @@ from servogen.compiler.program import Function
 from servogen.compiler.rewrite import BIT_MEMBER
 from servogen.compiler.tree import AddressOf, Assign, Binary, Call, Comma, Deref, Expr, Num, Ref, Symbol
 from servogen.errors import Place, nearest
+from servogen.pic.device import RAM_FIRST, RAM_LAST, data_byte_exists
 
 
 class Access(Names):
@@ -72,6 +73,8 @@ class Access(Names):
 
     def _lvalue(self, target: Ref | Deref) -> Expr:
         """Return a part of an object; one in flash at a known offset is its constant value."""
+        if isinstance(target, Deref) and isinstance(target.pointer, Num) and target.pointer.type.size == 1:
+            self._check_memory(target.pointer.value + target.offset, target)
         if (
             isinstance(target, Ref)
             and target.symbol.kind == "flash"
@@ -89,6 +92,16 @@ class Access(Names):
                         value -= 1 << target.width
                 return ConstNum(target, target.type.wrap(value))
         return target
+
+    def _check_memory(self, address: int, target: Deref) -> None:
+        """Refuse a constant address where the chip has no memory."""
+        size = target.type.size
+        if not all(data_byte_exists(address + each) for each in range(size)):
+            raise self.fail(
+                f"there is no memory at 0x{address:02X} for {size} byte{'s' * (size != 1)}",
+                target,
+                hint=f"RAM is 0x{RAM_FIRST:02X} to 0x{RAM_LAST:02X}",
+            )
 
     def _scaled(self, index: Expr, size: int, kind: IntType) -> Expr:
         index = self.cast(index, kind)

@@ -34,6 +34,9 @@ from servogen.compiler.syntax_errors import place_of
 from servogen.compiler.tree import AddressOf, Binary, Cast, Data, Deref, Expr, Num, Ref, Symbol
 from servogen.errors import Place
 
+_ALL_ONES = (1 << 16, 1 << 24, 1 << 32)
+"""One more than the numbers that stand for -1 where programs compare pointers with it."""
+
 
 class Base:
     """State of one compilation's analysis."""
@@ -128,7 +131,14 @@ class Base:
             if isinstance(kind, IntType):
                 return Num(kind.wrap(expr.value), kind, expr.place)
             if isinstance(kind, PointerType):
-                return Num(expr.value & (1 << 8 * kind.size) - 1, kind, expr.place)
+                bits = 8 * kind.size
+                if not -(1 << bits - 1) <= expr.value < 1 << bits and expr.value + 1 not in _ALL_ONES:
+                    raise self.fail(
+                        f"the address 0x{expr.value & 0xFFFFFFFF:X} does not fit '{kind}'",
+                        expr,
+                        hint=f"it has {kind.size} byte{'s' * (kind.size > 1)}",
+                    )
+                return Num(expr.value & (1 << bits) - 1, kind, expr.place)
         return Cast(expr, kind, expr.place)
 
     def convert(self, expr: Expr, kind: CType, what: str) -> Expr:

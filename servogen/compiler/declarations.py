@@ -27,7 +27,7 @@ from servogen.compiler.program import ExprStmt, Function
 from servogen.compiler.scopes import TypeName
 from servogen.compiler.tree import Assign, Num, Ref, Symbol
 from servogen.errors import Place
-from servogen.pic.device import CONFIG_ADDRESS, RAM_FIRST, RAM_LAST, registers
+from servogen.pic.device import CONFIG_ADDRESS, RAM_FIRST, RAM_LAST, data_byte_exists
 
 
 class Declarations(Initialisers):
@@ -90,7 +90,7 @@ class Declarations(Initialisers):
         size = symbol.size
         if not 0 <= address <= 0xFF:
             self.reporter.error(f"the address 0x{address:X} is not in the data memory (0x00-0xFF)", place)
-        elif not all(_exists(address + each) for each in range(size)):
+        elif not all(data_byte_exists(address + each) for each in range(size)):
             self.reporter.error(
                 f"there is no memory at 0x{address:02X} for {size} byte{'s' * (size != 1)}",
                 place,
@@ -269,10 +269,3 @@ class Declarations(Initialisers):
             symbol.volatile = holds_volatile(each)
             found.append(symbol)
         return found
-
-
-def _exists(address: int) -> bool:
-    """Whether the chip has a byte of RAM or a register at an address."""
-    return RAM_FIRST <= address & 0x7F <= RAM_LAST or any(
-        address in (row.address, row.address & 0x7F) for row in registers().values()
-    )

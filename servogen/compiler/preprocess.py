@@ -80,6 +80,8 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
             self.reporter.error(f"#error {words}", place)
         elif directive.value == "warning":
             self.reporter.warn(f"#warning {words}", place)
+        elif directive.value == "line":
+            self.reporter.error("#line is not supported: messages name the lines of the file itself", place)
         else:
             self.reporter.error(f"unknown preprocessor directive #{directive.value}", place)
         raise OutputDirective(Action.IgnoreAndRemove)

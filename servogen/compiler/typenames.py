@@ -219,9 +219,16 @@ class TypeNames(Expressions):
             )
             self._declare(each.name, Constant(value, kind), each)
             values.append(value)
+            if not -32768 <= value <= 65535 or (value > 32767 and min(values) < 0):
+                raise self.fail(
+                    f"the enumeration constant '{each.name}' is {value}",
+                    each,
+                    hint="an enumeration holds 0 to 65535 or -32768 to 32767",
+                )
         self.reading_config = False
-        small = all(0 <= each <= 255 for each in values)
-        chosen = U8 if small else self.int_type
+        chosen: CType = U8
+        if not all(0 <= each <= 255 for each in values):
+            chosen = self.types["uint16_t"] if max(values) > 32767 else self.int_type
         if node.name:
             self.scopes.here.tags[node.name] = TypeName(chosen)
         return chosen

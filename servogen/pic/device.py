@@ -84,6 +84,16 @@ def register_bits() -> Mapping[str, tuple[Register, int]]:
     )
 
 
+def data_byte_exists(address: int) -> bool:
+    """Return whether the data memory has a byte of RAM or a register at an address of both banks (DS35007
+    figure 2-2).
+    """
+    return 0 <= address <= 0xFF and (
+        RAM_FIRST <= address & 0x7F <= RAM_LAST
+        or any(address in (row.address, row.address & 0x7F) for row in REGISTERS)
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class Pin:
     """A pin of the DIP-18 package."""

@@ -339,6 +339,12 @@ ROWS = [
     ("xc8", "‸#include 5\nvoid main(void) {  }", "error", "#include needs a name in <…> or quotes"),
     ("xc8", "‸#warning take care\nvoid main(void) {  }", "warning", "#warning take care"),
     ("xc8", "‸#nothing\nvoid main(void) {  }", "error", "unknown preprocessor directive #nothing"),
+    (
+        "xc8",
+        '‸#line 7 "b.c"\nvoid main(void) {  }',
+        "error",
+        "#line is not supported: messages name the lines of the file itself",
+    ),
     ("xc8", "‸# 5x\nvoid main(void) {  }", "error", "unknown preprocessor directive #5"),
     ("xc8", "char x ‸@ PORTB;\nvoid main(void) {  }", "error", "a fixed address must be a number"),
     ("xc8", "char x ‸@ y + 1;\nvoid main(void) {  }", "error", "a fixed address must be a number"),
