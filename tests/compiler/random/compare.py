@@ -9,13 +9,17 @@ from __future__ import annotations
 import subprocess
 import tempfile
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
-from servogen.pic.device import RAM_FIRST
-from servogen.simulator import Machine
+from servogen.pic.device import PROGRAM_WORDS, RAM_FIRST
+from servogen.pic.image import Image
+from servogen.pic.isa import Decoded, decode
+from servogen.simulator import Machine, Observation
 from servogen.simulator import Options as MachineOptions
 from servogen.units import Clock
 from tests.compiler.random.host_c import batch
@@ -38,7 +42,8 @@ TOO_BIG = (
     "too deep",
     "deep",
 )
-Check = tuple[int, int, int]
+Check = tuple[int, ...]
+"""Three bytes of checksums, then the address and the value of each store to a watched variable."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +79,8 @@ def host(programs: Sequence[Program], *, timeout: float = 120) -> list[Check | N
 
 def compiled(program: Program) -> Compilation:
     options = Options(dialect=program.dialect, clock_hz=CLOCK.hz, optimise=program.level)
-    return compile_sources([Source(TargetC(program).text(), "random.c")], options)
+    texts = TargetC(program).files()
+    return compile_sources([Source(text, f"random{number}.c") for number, text in enumerate(texts)], options)
 
 
 def target(program: Program, expected: Check | None) -> Outcome:
@@ -98,9 +104,63 @@ def target(program: Program, expected: Check | None) -> Outcome:
         return Outcome("endless", expected, words=found.words, message=f"at 0x{state.pc:03X}")
     at = CHECK - RAM_FIRST
     got: Check = (state.ram[at], state.ram[at + 1], state.ram[at + 2])
+    watched = {address for each in program.globals for address in each.watched_bytes}
+    if watched:
+        got += stores(found.image, watched, int(machine.cycles))
+        expected = by_address(expected)
     if state.stack_wraps or state.undefined_words:
         return Outcome("crash", expected, got, found.words, "; ".join(map(str, state.warnings)))
     return Outcome("same" if got == expected else "different", expected, got, found.words)
+
+
+def by_address(check: Check | None) -> Check | None:
+    """Return the stores in the order of their addresses, those of one address as they came."""
+    if check is None:
+        return None
+    pairs = sorted(zip(check[3::2], check[4::2], strict=True), key=lambda pair: pair[0])
+    return (*check[:3], *(number for pair in pairs for number in pair))
+
+
+def stores(image: Image, watched: Set[int], cycles: int) -> tuple[int, ...]:
+    """Return each store to the RAM addresses `watched` as a watcher of the bus sees it: by address, in order.
+
+    The watcher begins when the program has stored 0 at `DONE`. A first run says which instruction ran when; a
+    second is stopped around each that may store there.
+    """
+    machine, found, begun = Machine(image, CLOCK, MACHINE), list[tuple[int, int]](), False
+    for cycle, operand in candidates(image, {*watched, DONE}, cycles):
+        machine.run_until(cycle=cycle)
+        address = machine.state().registers["FSR"] & 0x7F if operand == 0 else operand
+        if address != DONE and address not in watched:
+            continue
+        machine.run_until(cycle=cycle + 1)
+        if address == DONE:
+            begun = True
+        elif begun:
+            found.append((address, machine.state().ram[address - RAM_FIRST]))
+    found.sort(key=lambda pair: pair[0])
+    return tuple(number for pair in found for number in pair)
+
+
+def stores_to_file(decoded: Decoded) -> bool:
+    """Whether an instruction writes a file register."""
+    target = decoded.instruction.operation.partition("-> ")[2].partition(",")[0]
+    return target in ("f", "f<b>") or (target == "d" and decoded.d == 1)
+
+
+def candidates(image: Image, addresses: Set[int], cycles: int) -> Iterator[tuple[int, int]]:
+    """Give the cycle and operand of each executed instruction that stores to one of `addresses` or through
+    INDF.
+    """
+    operands = np.full(PROGRAM_WORDS, -1)
+    for address, word in image.program.items():
+        decoded = decode(word)
+        if decoded is not None and stores_to_file(decoded) and decoded.f in {0, *addresses}:
+            operands[address] = decoded.f
+    observation = Observation(trace=np.zeros((1 << 14, 4), dtype=np.int64))
+    for _, rows in Machine(image, CLOCK, MACHINE).observe(cycles, observation):
+        at = operands[rows[:, 1] % PROGRAM_WORDS]
+        yield from zip(rows[at >= 0, 0].tolist(), at[at >= 0].tolist(), strict=True)
 
 
 def compare(programs: Sequence[Program]) -> list[Outcome]:

@@ -25,6 +25,7 @@ from tests.compiler.random.program import (
     Function,
     Int,
     Logic,
+    Member,
     MemberOf,
     Num,
     Part,
@@ -336,14 +337,51 @@ class Expressions:
             chosen = self.rng.choice(found)
             touch.reads.add(chosen)
             return Var(chosen)
-        variable = self.rng.choice(parameter.pointees)
-        if isinstance(variable.type, Array) and not parameter.base and self.chance(0.4):
-            return AddressOf(variable, self.index(variable.type.dims[0], touch, 0))
-        return AddressOf(variable)
+        return self.address(self.rng.choice(parameter.pointees), kind.target, touch, parameter.limit)
+
+    def address(self, variable: Variable, kind: Int | Struct, touch: Touch, limit: int = 0) -> AddressOf:
+        """Where a pointer to `kind` may point in a variable; with a limit, to the first of so many."""
+        whole = variable.type
+        assert isinstance(whole, (Int, Array, Struct))
+        if isinstance(whole, Int) or whole == kind:
+            return AddressOf(variable)
+        if isinstance(whole, Array) and whole.element == kind:
+            inside = not limit and self.chance(0.4)
+            return AddressOf(variable, self.index(whole.dims[0], touch, 0) if inside else None)
+        base: Var | Element = Var(variable)
+        if isinstance(whole, Array):
+            base = Element(base, self.indices(whole, touch, 0))
+        struct = whole.element if isinstance(whole, Array) else whole
+        assert isinstance(struct, Struct)
+        member = self.rng.choice([each for each in struct.members if elements(each, kind) >= max(limit, 1)])
+        inside = isinstance(member.type, Array) and not limit and self.chance(0.4)
+        size = member.type.dims[0] if isinstance(member.type, Array) else 0
+        return AddressOf(variable, self.index(size, touch, 0) if inside else None, MemberOf(base, member))
 
 
 def _countable(kind: Int) -> bool:
     return kind.kind == "int"
+
+
+def elements(member: Member, kind: Int | Struct) -> int:
+    """How many elements of a type a pointer to the member has behind it."""
+    if isinstance(member.type, Array):
+        return member.type.count if member.type.element == kind and len(member.type.dims) == 1 else 0
+    return int(member.type == kind and not member.width)
+
+
+def reachable(variable: Variable, kind: Int | Struct) -> int:
+    """How many elements of a type lie in a row in a variable; 0 where a pointer to it has nothing there."""
+    whole = variable.type
+    if isinstance(whole, Array) and len(whole.dims) > 1:
+        return 0
+    if whole == kind:
+        return 1
+    if isinstance(whole, Array):
+        if whole.element == kind:
+            return whole.dims[0]
+        whole = whole.element
+    return max(elements(each, kind) for each in whole.members) if isinstance(whole, Struct) else 0
 
 
 def base_of(place: Expr) -> Variable:

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import random
 
+from tests.compiler.random.expressions import reachable
 from tests.compiler.random.program import (
     BIT,
     BOOL,
+    FILES,
     S8,
     S16,
     S24,
@@ -40,7 +42,7 @@ from tests.compiler.random.program import (
     Variable,
 )
 from tests.compiler.random.scope import Scope
-from tests.compiler.random.statements import Statements
+from tests.compiler.random.statements import NEVER, Statements
 from tests.compiler.random.target_c import DONE
 from tests.compiler.random.touch import CHECKSUM, Touch
 
@@ -77,6 +79,7 @@ class Generator(Statements):
     def program(self) -> Program:
         self._globals()
         interrupt = self.chance(0.12)
+        files = self.rng.choice(FILES) if self.chance(0.4) else "one"
         count = self.rng.choice((0, 1, 1, 2, 2, 3))
         for number in range(count):
             self._function(number)
@@ -88,6 +91,7 @@ class Generator(Statements):
             tuple(self.globals),
             tuple(self.functions),
             interrupt,
+            files,
         )
 
     # data
@@ -136,8 +140,15 @@ class Generator(Statements):
             self.add(
                 Variable(f"t{number}", table, "const", tuple(self.value(kind) for _ in range(table.count)))
             )
-        if self.chance(0.35):
+        if self.chance(0.4):
             self._structures()
+        if self.chance(0.3):
+            self._watched()
+        if self.chance(0.3):
+            self._constant_pointers()
+        if self.chance(0.25):
+            where = rng.choice(("", "volatile"))
+            self.add(Variable(NEVER, U8, "never", (0,) if self.chance(0.5) else None, where=where))
 
     def _structures(self) -> None:
         rng = self.rng
@@ -160,6 +171,67 @@ class Generator(Statements):
                 self.add(Variable(f"r{number}", Array(kind, (2,)), "global"))
             else:
                 self.add(Variable(f"s{number}", kind, "global"))
+        for number in range(rng.choice((0, 1, 1, 2))):
+            struct = rng.choice(self.structs)
+            held = Array(struct, (rng.choice((2, 3, 4)),)) if self.chance(0.7) else struct
+            self.add(Variable(f"c{number}", held, "const", tuple(self.flat(held))))
+
+    def flat(self, kind: Int | Array | Struct) -> list[int]:
+        """Random initial values of everything in a type."""
+        if isinstance(kind, Array):
+            return [value for _ in range(kind.count) for value in self.flat(kind.element)]
+        if isinstance(kind, Int):
+            return [self.value(kind)]
+        members = kind.members[:1] if kind.union else kind.members
+        found: list[int] = []
+        for each in members:
+            if each.width:
+                assert isinstance(each.type, Int)
+                found.append(Int("", each.width, each.type.signed).wrap(self.rng.getrandbits(each.width)))
+            else:
+                found += self.flat(each.type)
+        return found
+
+    def _watched(self) -> None:
+        """Volatile variables of which every store is compared. Bit-fields fill their bytes."""
+        for number in range(self.rng.choice((1, 1, 2))):
+            kind: Int | Struct = self.rng.choice((U8, U8, S8, BOOL))
+            if self.chance(0.35):
+                widths = self.rng.choice(((3, 5), (1, 7), (4, 4), (1, 2, 5), (2, 6)))
+                fields = [
+                    Member(f"f{each}", S8 if self.chance(0.2) else U8, width)
+                    for each, width in enumerate(widths)
+                ]
+                plain = Member("m9", self.rng.choice((U8, Array(U8, (2,)))))
+                kind = Struct(f"W{number}", (*fields, plain))
+                self.structs.append(kind)
+            size = kind.offsets()[-1] if isinstance(kind, Struct) else 1
+            if self.used + size > _RAM:
+                return
+            self.used += size
+            self.top -= size
+            self.globals.append(Variable(f"w{number}", kind, "global", where=f"watched @ 0x{self.top:02X}"))
+
+    def _constant_pointers(self) -> None:
+        """`T *const p`, perhaps to an object that nothing else names."""
+        for number in range(self.rng.choice((1, 1, 2))):
+            if self.chance(0.4):
+                kind = self.stored()
+                held = Array(kind, (2,)) if self.chance(0.5) else kind
+                hidden = Variable(f"h{number}", held, "global", where="hidden")
+                self.add(hidden)
+                if hidden not in self.globals or kind.kind != "int":
+                    continue
+                limit = reachable(hidden, kind) if self.chance(0.5) else 0
+                pointer = Variable(
+                    f"z{number}", Pointer(kind, False, True), "global", AddressOf(hidden), (hidden,), limit
+                )
+            else:
+                found = self.pointer(f"z{number}", "constant")
+                if found is None:
+                    continue
+                pointer = found
+            self.add(pointer)
 
     def _kept(self, variable: Variable) -> Variable:
         """Perhaps volatile, or at an address of its own below the checksum."""
@@ -170,19 +242,24 @@ class Generator(Statements):
             variable.where, variable.initial = f"@ 0x{self.top:02X}", variable.initial or (0,)
         return variable
 
+    def named(self) -> list[Variable]:
+        """The globals that functions may name."""
+        return [each for each in self.globals if each.where != "hidden"]
+
     # functions
 
     def pointees(self, *, const: bool) -> dict[Int | Struct, tuple[Variable, ...]]:
         """The globals that a pointer may point to, by the type it points at."""
         found: dict[Int | Struct, list[Variable]] = {}
         for each in self.globals:
-            kind = each.type
             if each.storage == "const" and not const:
                 continue
-            if isinstance(kind, Array) and len(kind.dims) == 1:
-                found.setdefault(kind.element, []).append(each)
-            elif isinstance(kind, (Int, Struct)) and kind != BIT:
-                found.setdefault(kind, []).append(each)
+            if each.watched is not None or each.where == "hidden" or each.storage == "never":
+                continue
+            kinds = {*self.types, *self.structs} - {BIT}
+            for kind in sorted(kinds, key=repr):
+                if reachable(each, kind):
+                    found.setdefault(kind, []).append(each)
         return {kind: tuple(objects) for kind, objects in found.items()}
 
     def pointer(self, name: str, storage: str) -> Variable | None:
@@ -194,12 +271,22 @@ class Generator(Statements):
         if isinstance(kind, Int) and kind.kind != "int":
             return None
         pointees, limit = choices[kind], 0
-        arrays = tuple(each for each in pointees if isinstance(each.type, Array))
+        arrays = tuple(each for each in pointees if reachable(each, kind) > 1)
         if arrays and self.chance(0.4):
             pointees = arrays
-            limit = min(each.type.dims[0] for each in arrays if isinstance(each.type, Array))
-        initial = AddressOf(self.rng.choice(pointees)) if storage == "local" else None
-        return Variable(name, Pointer(kind, const), storage, initial, pointees, limit)
+            limit = min(reachable(each, kind) for each in arrays)
+        if storage == "param":
+            return Variable(name, Pointer(kind, const), storage, None, pointees, limit)
+        scope, touch = self.scope, Touch()
+        fixed = storage == "constant" or self.chance(0.15)
+        if storage == "constant":
+            self.scope = Scope([], [])  # nothing variable may be in its address
+        target = self.rng.choice(pointees)
+        initial = self.address(target, kind, touch, limit)
+        self.scope = scope
+        self.settle(touch)
+        storage = "global" if storage == "constant" else storage
+        return Variable(name, Pointer(kind, const, fixed), storage, initial, pointees, limit)
 
     def _function(self, number: int) -> None:
         rng = self.rng
@@ -221,7 +308,7 @@ class Generator(Statements):
             result = returns.type
         called = [each for each in self.functions if self.chance(0.6)]
         own = result if isinstance(result, Int) else None
-        self.scope = Scope([*self.globals, *parameters], called, own)
+        self.scope = Scope([*self.named(), *parameters], called, own)
         locals_ = self._locals(rng.choice((0, 1, 1, 2)))
         body = self.body(2, rng.randrange(1, 5))
         if returns is not None:
@@ -286,7 +373,7 @@ class Generator(Statements):
         return found
 
     def _main(self) -> None:
-        self.scope = Scope(list(self.globals), list(self.functions))
+        self.scope = Scope(self.named(), list(self.functions))
         locals_ = self._locals(self.rng.choice((0, 1, 2)))
         body: list[Stmt] = []
         for function in self.functions:
@@ -296,8 +383,8 @@ class Generator(Statements):
             if call is not None:
                 body.append(Out(call) if isinstance(function.result, Int) else ExprStmt(call))
         body += self.body(3, self.rng.randrange(2, 7))
-        for variable in self.globals:
-            if variable.storage != "const":
+        for variable in self.named():
+            if variable.storage != "const" and not isinstance(variable.type, Pointer):
                 body += self._shown(variable)
         self._finish("main", None, (), locals_, tuple(body))
 

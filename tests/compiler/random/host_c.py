@@ -9,7 +9,8 @@ one, taken modulo 2**bits of the type that `typing_rules` gives. Objects in memo
 
 from __future__ import annotations
 
-from tests.compiler.random.printing import Printer, count_mask
+from tests.compiler.random.expressions import base_of
+from tests.compiler.random.printing import STOP, Printer, count_mask
 from tests.compiler.random.program import (
     BIT,
     BOOL,
@@ -18,7 +19,6 @@ from tests.compiler.random.program import (
     U8,
     U24,
     AddressOf,
-    Array,
     Assign,
     Binary,
     Call,
@@ -49,7 +49,14 @@ from tests.compiler.random.program import (
     Var,
     Variable,
 )
-from tests.compiler.random.typing_rules import COMPARISONS, common, dims_of, is_struct, promote, type_of
+from tests.compiler.random.typing_rules import (
+    COMPARISONS,
+    common,
+    dims_of,
+    is_struct,
+    promote,
+    type_of,
+)
 
 PRELUDE = """
 #include <stdint.h>
@@ -70,6 +77,13 @@ static void out(V v) {
     check0 = (uint8_t)(check0 << 1 | check0 >> 7) ^ (uint8_t)v;
     check1 += check0;
     check2 += 1;
+}
+#define STORES 20000
+static struct { int address, value; } stores[STORES];
+static int stored;
+static void store(int address, uint8_t value) {
+    if (stored < STORES) { stores[stored].address = address; stores[stored].value = value; }
+    stored++;
 }
 """
 
@@ -93,6 +107,7 @@ class HostC(Printer):
     def text(self) -> str:
         parts = [self.struct(each) for each in self.program.structs]
         parts += [f"static {self.declaration(each)}" for each in self.program.globals]
+        parts.append(f"static void {self.name(STOP)}(void) {{ while (1); }}")
         parts += [self.function(each) for each in self.program.functions]
         return "\n".join(parts) + "\n"
 
@@ -122,7 +137,7 @@ class HostC(Printer):
         return f"{'union' if kind.union else 'struct'} {self.prefix}{kind.tag}"
 
     def name(self, variable: Variable) -> str:
-        return f"{self.prefix if variable.storage in ('global', 'const') else ''}{variable.name}"
+        return f"{self.prefix if variable.storage in ('global', 'const', 'never') else ''}{variable.name}"
 
     def number(self, value: int, kind: Int) -> str:
         return str(kind.wrap(value))
@@ -145,7 +160,7 @@ class HostC(Printer):
             case MemberOf(base, member):
                 return f"{self.place(base)}.{member.name}"
             case Deref(pointer):
-                return f"(*{pointer.name})"
+                return f"(*{self.name(pointer)})"
         raise TypeError(expr)
 
     def index(self, index: Expr, size: int) -> str:
@@ -219,12 +234,8 @@ class HostC(Printer):
         match expr:
             case Var(variable):
                 return self.name(variable)
-            case AddressOf(variable, index):
-                name = self.name(variable)
-                if index is None:
-                    return name if isinstance(variable.type, Array) else f"&{name}"
-                assert isinstance(variable.type, Array)
-                return f"&{name}[{self.index(index, variable.type.dims[0])}]"
+            case AddressOf():
+                return self.address(expr)
         raise TypeError(expr)
 
     def divisor(self, right: Expr, kind: Int) -> str:
@@ -245,10 +256,38 @@ class HostC(Printer):
         place = self.place(target)
         return f"__typeof__({place}) *p_ = &{place}"
 
+    def seen(self, target: Place) -> str:
+        """What tells the watcher of the bus that `target` was stored to."""
+        variable = base_of(target)
+        if variable.watched is None:
+            return ""
+        start = f"(uint8_t *)&{self.name(variable)}"
+        at = f"((uint8_t *)p_ - {start})"
+        if isinstance(target, MemberOf) and target.member.width:
+            assert isinstance(variable.type, Struct)
+            at = str(variable.type.offsets()[variable.type.members.index(target.member)])
+        bytes_ = range(type_of(target, self.dialect).size)
+        return " ".join(
+            f"store({variable.watched + each} + {at}, ({start})[{at} + {each}]);" for each in bytes_
+        )
+
+    def copy(self, target: Var, value: str) -> str:
+        plain = super().copy(target, value)
+        address = target.variable.watched
+        if address is None:
+            return plain
+        size, name = f"sizeof {self.name(target.variable)}", self.name(target.variable)
+        each = f"store({address} + i_, ((uint8_t *)&{name})[i_]);"
+        return f"{{ {plain} for (unsigned i_ = 0; i_ < {size}; i_++) {each} }}"
+
+    def field(self, target: Place, value: str) -> str:
+        """An assignment to a bit-field."""
+        return f"({{ {self.place(target)} = {value}; {self.seen(target)} (V){self.place(target)}; }})"
+
     def store(self, target: Place, value: str) -> str:
         if isinstance(target, MemberOf) and target.member.width:
-            return f"(V)({self.place(target)} = {value})"
-        return f"({{ V v_ = {value}; {self.where(target)}; *p_ = v_; (V)*p_; }})"
+            return self.field(target, value)
+        return f"({{ V v_ = {value}; {self.where(target)}; *p_ = v_; {self.seen(target)} (V)*p_; }})"
 
     def update(self, op: str, target: Place, value: Expr) -> str:
         kind = type_of(target, self.dialect)
@@ -262,15 +301,16 @@ class HostC(Printer):
             right = self.divisor(value, work) if op in "/%" else self.converted(value, work)
         new = f"{kind.name}({work.name}({work.name}({old}) {op} {right}))"
         if field:
-            return f"(V)({self.place(target)} = {new})"
-        return f"({{ {self.where(target)}; *p_ = {new}; (V)*p_; }})"
+            return self.field(target, new)
+        return f"({{ {self.where(target)}; *p_ = {new}; {self.seen(target)} (V)*p_; }})"
 
     def step(self, op: str, target: Place, prefix: bool) -> str:
         kind = type_of(target, self.dialect)
         if isinstance(target, MemberOf) and target.member.width:
-            return f"(V)({self.place(target)} = {kind.name}((V){self.place(target)} {op[0]} 1))"
+            return self.field(target, f"{kind.name}((V){self.place(target)} {op[0]} 1)")
         value = "(V)*p_" if prefix else "o_"
-        return f"({{ {self.where(target)}; V o_ = *p_; *p_ = {kind.name}((V)*p_ {op[0]} 1); {value}; }})"
+        new = f"{kind.name}((V)*p_ {op[0]} 1)"
+        return f"({{ {self.where(target)}; V o_ = *p_; *p_ = {new}; {self.seen(target)} {value}; }})"
 
     def out(self, expr: Expr, pad: str) -> str:
         shifts = range(0, 8 * type_of(expr, self.dialect).size, 8)
@@ -280,22 +320,26 @@ class HostC(Printer):
         kind = type_of(stmt.target, self.dialect)
         name, bit = self.place(stmt.target), 1 << stmt.bit
         new = {"set": f"{name} | {bit}", "clear": f"{name} & ~{bit}", "toggle": f"{name} ^ {bit}"}[stmt.what]
-        return f"{name} = {kind.name}({new});"
+        return f"{{ {self.where(stmt.target)}; {name} = {kind.name}({new}); {self.seen(stmt.target)} }}"
 
     def move_in(self, pointer: Variable, value: Expr, element: Int) -> str:
-        return f"{{ V v_ = {self.converted(value, element)}; *{pointer.name}++ = v_; }}"
+        return f"{{ V v_ = {self.converted(value, element)}; *{self.name(pointer)}++ = v_; }}"
 
     def move_out(self, pointer: Variable, target: Place) -> str:
         kind = type_of(target, self.dialect)
-        return f"{self.store(target, f'{kind.name}(*{pointer.name}++)')};"
+        return f"{self.store(target, f'{kind.name}(*{self.name(pointer)}++)')};"
 
 
 def batch(programs: list[Program]) -> str:
-    """One translation unit that runs them all and prints a line of three checksum bytes each."""
+    """One translation unit that runs them all and prints a line each: three checksum bytes, then the address
+    and the value of each watched store."""
     printers = [HostC(each, f"p{number}_") for number, each in enumerate(programs)]
     calls = "".join(
-        f"    check0 = check1 = check2 = 0; {each.entry}(); "
-        'printf("%d %d %d\\n", check0, check1, check2); fflush(stdout);\n'
+        f"    check0 = check1 = check2 = stored = 0; {each.entry}(); "
+        'printf("%d %d %d", check0, check1, check2);\n'
+        "    for (int i = 0; i < stored && i < STORES; i++)\n"
+        '        printf(" %d %d", stores[i].address, stores[i].value);\n'
+        '    puts(""); fflush(stdout);\n'
         for each in printers
     )
     return (

@@ -10,6 +10,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 
 from tests.compiler.random.program import (
+    U8,
+    AddressOf,
     Again,
     Array,
     Block,
@@ -18,6 +20,7 @@ from tests.compiler.random.program import (
     Expr,
     ExprStmt,
     Function,
+    Hang,
     If,
     Int,
     Jump,
@@ -41,6 +44,9 @@ from tests.compiler.random.program import (
     Walk,
 )
 from tests.compiler.random.typing_rules import promote, type_of
+
+STOP = Variable("stop", U8, "global")
+"""Names the function that never returns."""
 
 
 class Printer(ABC):
@@ -104,7 +110,8 @@ class Printer(ABC):
         if isinstance(kind, Array):
             return f"{self.base(kind.element)} {name}" + "".join(f"[{each}]" for each in kind.dims)
         if isinstance(kind, Pointer):
-            return f"{'const ' if kind.const else ''}{self.base(kind.target)} *{name}"
+            fixed = "const " if kind.fixed else ""
+            return f"{'const ' if kind.const else ''}{self.base(kind.target)} *{fixed}{name}"
         return f"{self.base(kind)} {name}"
 
     def declaration(self, variable: Variable) -> str:
@@ -118,20 +125,37 @@ class Printer(ABC):
         if value is None:
             return ""
         if isinstance(value, tuple):
-            if isinstance(kind, Array):
-                assert isinstance(kind.element, Int)
-                return f" = {nested([self.number(each, kind.element) for each in value], kind.dims)}"
-            if isinstance(kind, Struct):
-                return " = {" + ", ".join(map(str, value)) + "}"
-            assert isinstance(kind, Int)
-            return f" = {self.number(value[0], kind)}"
+            return f" = {self.values(list(value), kind)}"
         if isinstance(kind, Pointer):
             return f" = {self.pointer(value)}"
         assert isinstance(kind, Int)
         return f" = {self.converted(value, kind)}"
 
+    def values(self, numbers: list[int], kind: Type) -> str:
+        """Numbers as the initialiser of a type; they are taken from the list."""
+        if isinstance(kind, Array):
+            element = kind.element
+            return nested([self.values(numbers, element) for _ in range(kind.count)], kind.dims)
+        if isinstance(kind, Struct):
+            members = kind.members[:1] if kind.union else kind.members
+            return "{" + ", ".join(self.values(numbers, each.type) for each in members) + "}"
+        assert isinstance(kind, Int)
+        return self.number(numbers.pop(0), kind)
+
     def number(self, value: int, kind: Int) -> str:
         return str(value)
+
+    def address(self, to: AddressOf) -> str:
+        """What a pointer is given."""
+        where = self.name(to.variable) if to.place is None else self.place(to.place)
+        kind = to.variable.type if to.place is None else to.place.member.type
+        if not isinstance(kind, Array):
+            return f"&{where}"
+        return where if to.index is None else f"&{where}[{self.index(to.index, kind.dims[0])}]"
+
+    @abstractmethod
+    def index(self, index: Expr, size: int) -> str:
+        """An index, kept inside an array."""
 
     def body(self, function: Function) -> list[str]:
         self.result = function.result if isinstance(function.result, Int) else None
@@ -195,7 +219,9 @@ class Printer(ABC):
                 return [f"{pad}{pointer.name} = {self.pointer(to)};"]
             case CopyStruct(target, source):
                 value = self.expr(source) if isinstance(source, Call) else self.place(source)
-                return [f"{pad}{self.place(target)} = {value};"]
+                return [f"{pad}{self.copy(target, value)}"]
+            case Hang():
+                return self.hang(stmt, depth)
             case SetBit():
                 return [pad + self.set_bit(stmt)]
             case Return(None):
@@ -204,6 +230,25 @@ class Printer(ABC):
                 assert self.result is not None and expr is not None
                 return [f"{pad}return {self.converted(expr, self.result)};"]
         raise TypeError(stmt)
+
+    def copy(self, target: Var, value: str) -> str:
+        """The assignment of a structure."""
+        return f"{self.place(target)} = {value};"
+
+    def hang(self, stmt: Hang, depth: int) -> list[str]:
+        pad, never = "    " * depth, self.name(stmt.never)
+        match stmt.form:
+            case "self":
+                return self.braces(f"while ({never})", stmt.body, depth)
+            case "call":
+                return [f"{pad}if ({never}) {self.name(STOP)}();"]
+            case "jump":
+                lines = [f"{pad}    {stmt.label}: ;", *self.statements(stmt.body, depth + 1)]
+                return [f"{pad}if ({never}) {{", *lines, f"{pad}    goto {stmt.label};", f"{pad}}}"]
+        heads = {"while": ("while (1)", ""), "for": ("for (;;)", ""), "do": ("do", " while (1);")}
+        head, tail = heads[stmt.form]
+        inner = self.braces(head, stmt.body, depth + 1, tail)
+        return [f"{pad}if ({never}) {{", *inner, f"{pad}}}"]
 
     def loop(self, stmt: Loop, depth: int) -> list[str]:
         pad, name, rounds = "    " * depth, stmt.counter.name, stmt.rounds
@@ -229,14 +274,13 @@ class Printer(ABC):
 
     def walk(self, stmt: Walk, depth: int) -> list[str]:
         pad, p, name = "    " * depth, stmt.pointer.name, stmt.counter.name
-        assert isinstance(stmt.array.type, Array)
-        head = f"for ({name} = 0; {name} < {stmt.array.type.dims[0]}; {name}++"
-        start = f"{pad}{p} = {self.name(stmt.array)};"
+        head = f"for ({name} = 0; {name} < {stmt.count}; {name}++"
+        start = f"{pad}{p} = {self.address(stmt.start)};"
         if stmt.value is None and stmt.target is None:
             return [start, *self.braces(f"{head}, {stmt.step.format(p)})", stmt.body, depth), start]
         if stmt.value is not None:
-            assert isinstance(stmt.array.type.element, Int)
-            move = self.move_in(stmt.pointer, stmt.value, stmt.array.type.element)
+            assert isinstance(stmt.pointer.type, Pointer) and isinstance(stmt.pointer.type.target, Int)
+            move = self.move_in(stmt.pointer, stmt.value, stmt.pointer.type.target)
         else:
             assert stmt.target is not None
             move = self.move_out(stmt.pointer, stmt.target)

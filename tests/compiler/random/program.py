@@ -77,13 +77,29 @@ class Struct:
         sizes = [each.type.size for each in self.members]
         return max(sizes) if self.union else sum(sizes)
 
+    def offsets(self) -> tuple[int, ...]:
+        """Where each member's byte lies, and the number of bytes behind them all: bit-fields fill a byte from
+        bit 0 on and cross none.
+        """
+        found, at, bit = [], 0, 0
+        for each in self.members:
+            if bit and (not each.width or bit + each.width > 8):
+                at, bit = at + 1, 0
+            found.append(at)
+            if each.width:
+                bit += each.width
+            else:
+                at += each.type.size
+        return (*found, at + (bit > 0))
+
 
 @dataclass(frozen=True)
 class Pointer:
-    """To elements of one type; `const` ones may point to flash."""
+    """To elements of one type; `const` ones may point to flash. `fixed` is `T *const p`."""
 
     target: Int | Struct
     const: bool = False
+    fixed: bool = False
 
     @property
     def size(self) -> int:
@@ -95,7 +111,7 @@ Type = Int | Array | Struct | Pointer
 
 @dataclass(eq=False)
 class Variable:
-    """`storage`: "global", "const", "static", "local", "param", "counter".
+    """`storage`: "global", "const", "static", "local", "param", "counter", or "never": a global that stays 0.
 
     `initial` is a flat tuple of numbers, or an expression for a local. `pointees` are the objects that a
     pointer may point to. `limit` is a bound that a counter stays below, or
@@ -109,7 +125,19 @@ class Variable:
     pointees: tuple[Variable, ...] = ()
     limit: int = 0
     where: str = ""
-    """How the chip keeps a global: "volatile", "register" (the chip's of this name) or "@ address"."""
+    """How the chip keeps a global: "volatile", "register" (the chip's of this name) or "@ address"; "hidden"
+    is named by constant pointers alone, and every store to a "watched @ address" is compared."""
+
+    @property
+    def watched(self) -> int | None:
+        """The address where a watcher of the bus sees every store, or None."""
+        return int(self.where.split()[-1], 16) if self.where.startswith("watched") else None
+
+    @property
+    def watched_bytes(self) -> range:
+        """Their addresses; none where it is not watched."""
+        size = self.type.offsets()[-1] if isinstance(self.type, Struct) else self.type.size
+        return range(0) if self.watched is None else range(self.watched, self.watched + size)
 
     @property
     def base(self) -> bool:
@@ -249,10 +277,12 @@ class Step:
 
 @dataclass(frozen=True)
 class AddressOf:
-    """Where a pointer is to point: an element of an array (or the array itself), or a scalar."""
+    """Where a pointer is to point: an element of an array (or the array itself), or a scalar. `place` is the
+    member in the variable that is meant."""
 
     variable: Variable
     index: Expr | None = None
+    place: MemberOf | None = None
 
 
 @dataclass(frozen=True)
@@ -336,12 +366,13 @@ class Loop:
 
 @dataclass(frozen=True)
 class Walk:
-    """A pointer over the whole of an array, a step a round; with a value or target by `*p++ = value` or
-    `target = *p++`.
+    """A pointer over the `count` elements from `start` on, a step a round; with a value or target by
+    `*p++ = value` or `target = *p++`.
     """
 
     pointer: Variable
-    array: Variable
+    start: AddressOf
+    count: int
     counter: Variable
     body: tuple[Stmt, ...]
     value: Expr | None = None
@@ -427,6 +458,17 @@ class SetBit:
 
 
 @dataclass(frozen=True)
+class Hang:
+    """A loop that never ends, behind a condition that never holds: `never` stays 0. `form`: "while", "for",
+    "do", "self" (`while (never);`), "jump" or "call" (of a function that never returns)."""
+
+    never: Variable
+    form: str
+    label: str
+    body: tuple[Stmt, ...] = ()
+
+
+@dataclass(frozen=True)
 class Return:
     value: Expr | None
 
@@ -446,6 +488,7 @@ Stmt = (
     | Point
     | CopyStruct
     | SetBit
+    | Hang
     | Return
 )
 
@@ -470,6 +513,9 @@ class Function:
         return self.name
 
 
+FILES = ("one", "extern", "first", "last")
+"""One file; one that declares every global `extern` before it defines it; two files, of which the first or
+the last defines the globals that the other declares."""
 LEVELS = ("speed", "size", "none")
 """Of optimisation."""
 
@@ -485,5 +531,7 @@ class Program:
     functions: tuple[Function, ...] = field(default=())
     interrupt: bool = False
     """Whether a timer interrupt runs beside it, which must change nothing."""
+    files: str = "one"
+    """`FILES`: how it is divided into source files."""
     level: str = "speed"
     """The level of optimisation that it is compiled at."""

@@ -38,6 +38,7 @@ class Scope:
             and each.type.const == const
             and each not in self.locked
             and not each.base
+            and not each.type.fixed
         ]
 
     def local_bytes(self) -> int:
@@ -50,7 +51,7 @@ def reaches(variable: Variable) -> tuple[Variable, ...]:
 
 
 def writable(variable: Variable) -> bool:
-    if variable.storage in ("const", "counter"):
+    if variable.storage in ("const", "counter", "never"):
         return False
     return not (isinstance(variable.type, Pointer) and variable.type.const)
 

@@ -109,6 +109,8 @@ def candidates(program: Program) -> Iterator[Program]:
     """Smaller programs, the boldest cuts first."""
     if program.interrupt:
         yield replace(program, interrupt=False)
+    if program.files != "one":
+        yield replace(program, files="one")
     yield from _without_unused(program)
     for function in reversed(program.functions):
         for body in _cut_bodies(function.body):
@@ -322,6 +324,9 @@ def _smaller(node: Any) -> Iterator[Any]:
             "function",
             "variable",
             "pointer",
+            "place",
+            "start",
+            "never",
         ):
             if _is_value(old) and isinstance(old, Element):
                 for smaller in _smaller(old):

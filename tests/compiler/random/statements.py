@@ -5,20 +5,19 @@ In: a `Scope`. Out: statements. Loops count with variables that nothing else wri
 
 from __future__ import annotations
 
-from tests.compiler.random.expressions import Expressions, base_of
+from tests.compiler.random.expressions import Expressions, base_of, reachable
 from tests.compiler.random.program import (
     S16,
     U8,
     U16,
-    AddressOf,
     Again,
-    Array,
     Binary,
     Block,
     Case,
     CopyStruct,
     Expr,
     ExprStmt,
+    Hang,
     If,
     Int,
     Jump,
@@ -38,15 +37,17 @@ from tests.compiler.random.program import (
     Variable,
     Walk,
 )
-from tests.compiler.random.scope import reaches
+from tests.compiler.random.scope import reaches, writable
 from tests.compiler.random.touch import CHECKSUM, Touch
 from tests.compiler.random.typing_rules import promote, type_of
 
 _WEIGHTS = {
     "assign": 5.0, "update": 3.0, "step": 1.5, "out": 1.5, "call": 1.2, "if": 3.0, "loop": 1.5, "walk": 0.7,
     "switch": 0.9, "skip": 0.4, "again": 0.25, "block": 0.5, "point": 0.6, "copy": 0.4, "bits": 0.7,
-    "jump": 0.8, "leave": 0.5, "return": 0.25, "expr": 0.2,
+    "jump": 0.8, "leave": 0.5, "return": 0.25, "expr": 0.2, "hang": 0.5,
 }  # fmt: skip
+NEVER = "never"
+"""The variable that stays 0."""
 _COMPOUND = ("if", "loop", "walk", "switch", "skip", "again", "block")
 _COUNTERS = ((U8, "i"), (U8, "i"), (U8, "i"), (U16, "n"), (S16, "k"))
 
@@ -126,18 +127,20 @@ class Statements(Expressions):
         if not pointers:
             return None
         pointer = self.rng.choice(pointers)
-        target = self.rng.choice(pointer.pointees)
-        touch, index = Touch(), None
-        if isinstance(target.type, Array):
-            index = self.index(target.type.dims[0], touch, 1)
+        assert isinstance(pointer.type, Pointer)
+        touch = Touch()
+        to = self.address(self.rng.choice(pointer.pointees), pointer.type.target, touch)
         self.settle(touch)
-        return Point(pointer, AddressOf(target, index))
+        return Point(pointer, to)
 
     def _copy(self, depth: int) -> Stmt | None:
         found = [each for each in self.scope.visible if isinstance(each.type, Struct)]
         if not found:
             return None
-        target = self.rng.choice(found)
+        targets = [each for each in found if writable(each)]
+        if not targets:
+            return None
+        target = self.rng.choice(targets)
         makers = [each for each in self.scope.callable if each.result == target.type]
         if makers and self.chance(0.6):
             touch = Touch()
@@ -156,7 +159,7 @@ class Statements(Expressions):
             for each in self.scope.visible
             if isinstance(each.type, Int)
             and each.type.kind == "int"
-            and each.storage not in ("const", "counter")
+            and each.storage not in ("const", "counter", "never")
         ]
         if not found:
             return None
@@ -166,6 +169,16 @@ class Statements(Expressions):
         return SetBit(
             self.rng.choice(("set", "clear", "toggle")), Var(target), self.rng.randrange(target.type.bits)
         )
+
+    def _hang(self, depth: int) -> Stmt | None:
+        never = [each for each in self.scope.visible if each.storage == "never"]
+        if not never:
+            return None
+        forms = ("while", "for", "do", "self", "jump", "call")
+        body = self.body(0, 1) if self.chance(0.4) else ()
+        self.scope.touched.reads.add(never[0])
+        form = self.rng.choice(forms)
+        return Hang(never[0], form, self.label(), () if form == "call" else body)
 
     def _jump(self, depth: int) -> Stmt | None:
         kinds = ["break"] * (self.scope.breakable > 0) + ["continue"] * (self.scope.continuable > 0)
@@ -244,20 +257,22 @@ class Statements(Expressions):
             return None
         const = self.chance(0.5)
         choices = [
-            (pointer, array)
+            (pointer, array, reachable(array, pointer.type.target))
             for pointer in self.scope.pointers(const=const)
             for array in pointer.pointees
-            if isinstance(array.type, Array) and len(array.type.dims) == 1
+            if isinstance(pointer.type, Pointer) and reachable(array, pointer.type.target) > 1
         ]
         if not choices:
             return None
-        pointer, array = self.rng.choice(choices)
-        assert isinstance(array.type, Array) and isinstance(pointer.type, Pointer)
-        count = array.type.dims[0]
+        pointer, array, count = self.rng.choice(choices)
+        assert isinstance(pointer.type, Pointer)
+        touch = Touch()
+        start = self.address(array, pointer.type.target, touch, count)
+        self.settle(touch)
         counter = self.counter(count)
         self.scope.locked.add(pointer)
         value = target = None
-        whole = isinstance(array.type.element, Int)
+        whole = isinstance(pointer.type.target, Int)
         if whole and self.chance(0.3) and not const:
             touch = Touch(set(), {pointer, *pointer.pointees})
             value = self.pure(2, touch)
@@ -271,7 +286,7 @@ class Statements(Expressions):
         self.settle(Touch(set(pointer.pointees), set() if const else set(pointer.pointees)))
         self.scope.locked.discard(pointer)
         step = self.rng.choice(("{}++", "{}++", "++{}", "{} += 1", "{0} = {0} + 1"))
-        return Walk(pointer, array, counter, body, value, target, step)
+        return Walk(pointer, start, count, counter, body, value, target, step)
 
     def _switch(self, depth: int) -> Stmt | None:
         if self.scope.breakable > 2:

@@ -72,11 +72,13 @@ NAMES = {
     },
 }
 
-_OUT = """
+_CHECKS = """
 unsigned char check0 @ 0x4D;
 unsigned char check1 @ 0x4E;
 unsigned char check2 @ 0x4F;
-unsigned char done @ 0x4C;
+unsigned char done @ 0x4C;"""
+_DECLARED_CHECKS = "extern unsigned char check0, check1, check2, done;"
+_OUT = """
 void out(unsigned char v) {
     check0 = (unsigned char)(check0 << 1 | check0 >> 7) ^ v;
     check1 += check0;
@@ -112,12 +114,21 @@ _BESIDE = """    twisted = twist(9, 1234);
         if (twist(9, 1234) != twisted) check1 ^= 0x55;"""
 """The handler and main use one function; it must give main the same whenever it is interrupted."""
 _ARM = "    OPTION_REG = 0xD3; INTCON = 0xA0;"
+_STOPS = {
+    "xc8": "void stop(void) { for (;;) ; }",
+    "c2c": "void stop(void) { while (1) { nop(); } }",
+}
 
 
 class TargetC(Printer):
     """Prints one program."""
 
     def text(self) -> str:
+        """All files, one behind the other."""
+        return "\n// next file\n".join(self.files())
+
+    def files(self) -> list[str]:
+        """The source files, in the order in which the compiler takes them."""
         program = self.program
         heads = [self.head(each) for each in program.functions[:-1]]
         order = list(program.functions)
@@ -125,14 +136,31 @@ class TargetC(Printer):
             order.reverse()
         prototypes = [f"{head};" for head in heads] if program.seed % 2 and self.dialect == "xc8" else []
         bodies = [self.function(each) for each in order]
-        helpers = "".join(
-            text for size, text in _WIDER.items() if any(f"out{size}(" in each for each in bodies)
-        )
-        parts = ["#include <xc.h>" if self.dialect == "xc8" else "", "#include <stdint.h>", _OUT + helpers]
-        parts += [self.struct(each) for each in program.structs]
-        parts += [self.declaration(each) for each in program.globals]
-        parts += [self.interrupt()] if program.interrupt else []
-        return "\n".join(parts + prototypes + bodies) + "\n"
+        helpers = [text for size, text in _WIDER.items() if any(f"out{size}(" in each for each in bodies)]
+        top = ["#include <xc.h>" if self.dialect == "xc8" else "", "#include <stdint.h>"]
+        data = [_CHECKS, *(self.declaration(each) for each in program.globals)]
+        structs = [self.struct(each) for each in program.structs]
+        code = [_OUT, *helpers]
+        code += [_STOPS[self.dialect]] if any("stop();" in each for each in bodies) else []
+        code += [self.interrupt()] if program.interrupt else []
+        code += prototypes + bodies
+        if program.files == "one":
+            return ["\n".join([*top, *structs, *data, *code, ""])]
+        declared = [_DECLARED_CHECKS, *(f"{self.extern(each)};" for each in self.shared())]
+        if program.files == "extern":
+            return ["\n".join([*top, *structs, *declared, *data, *code, ""])]
+        definitions = "\n".join([*top, *structs, *declared, *data, ""])
+        functions = "\n".join([*top, *structs, *declared, *code, ""])
+        return [definitions, functions] if program.files == "first" else [functions, definitions]
+
+    def shared(self) -> list[Variable]:
+        """The globals that may be declared `extern`."""
+        return [each for each in self.program.globals if each.where != "register"]
+
+    def extern(self, variable: Variable) -> str:
+        volatile = "volatile " if variable.where == "volatile" or variable.watched is not None else ""
+        const = "const " if variable.storage == "const" else ""
+        return f"extern {volatile}{const}{self.declarator(variable.type, variable.name)}"
 
     def interrupt(self) -> str:
         """The handler; it also calls the functions of the program that only read."""
@@ -157,8 +185,11 @@ class TargetC(Printer):
         if function is self.program.functions[-1]:
             start = ["    check0 = check1 = check2 = 0;", *([_ARM] if self.program.interrupt else [])]
             for each in self.program.globals:
-                if each.where not in ("", "volatile"):
+                if each.where.startswith(("@", "register")):
                     start.append(f"    {each.name}{self.initial(each)};")
+                elif each.watched is not None:
+                    start += self.clear(each)
+            start += ["    done = 0;"]
             start += [_BESIDE] if self.program.interrupt else []
             lines = [*start, *lines, f"    done = 0x{FINISHED:X};", "    while (1);"]
         elif isinstance(function.result, Int) and not (
@@ -181,9 +212,26 @@ class TargetC(Printer):
             return f"// {variable.name} is a register"
         if variable.where == "volatile":
             return f"volatile {super().declaration(variable)}"
-        if variable.where:
+        if variable.watched is not None:
+            where = variable.where.removeprefix("watched")
+            return f"volatile {self.declarator(variable.type, variable.name)}{where};"
+        if variable.where.startswith("@"):
             return f"{self.declarator(variable.type, variable.name)} {variable.where};"
         return super().declaration(variable)
+
+    def clear(self, variable: Variable) -> list[str]:
+        """A watched variable starts at 0, before the watcher counts."""
+        if isinstance(variable.type, Int):
+            return [f"    {variable.name} = 0;"]
+        assert isinstance(variable.type, Struct)
+        found = []
+        for member in variable.type.members:
+            name = f"{variable.name}.{member.name}"
+            if isinstance(member.type, Array):
+                found += [f"    {name}[{each}] = 0;" for each in range(member.type.count)]
+            else:
+                found.append(f"    {name} = 0;")
+        return found
 
     def case(self, value: int, kind: Int) -> str:
         return str(value)
@@ -271,11 +319,8 @@ class TargetC(Printer):
         match expr:
             case Var(variable):
                 return variable.name
-            case AddressOf(variable, None):
-                return variable.name if isinstance(variable.type, Array) else f"&{variable.name}"
-            case AddressOf(variable, index):
-                assert isinstance(variable.type, Array) and index is not None
-                return f"&{variable.name}[{self.index(index, variable.type.dims[0])}]"
+            case AddressOf():
+                return self.address(expr)
         raise TypeError(expr)
 
     def divisor(self, right: Expr, kind: Int) -> str:

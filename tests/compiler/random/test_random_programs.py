@@ -17,10 +17,10 @@ BATCH, BATCHES = 25, 6
 
 @pytest.mark.parametrize("number", range(BATCHES))
 def test_both_compilers_agree(number: int) -> None:
-    assert_same(programs_from(1_000_000 + number * BATCH), least=0.9)
+    assert_same(programs_from(1_000_000 + number * BATCH), least=0.8)
 
 
-@pytest.mark.parametrize(("level", "least"), [("none", 0.5), ("size", 0.9)])
+@pytest.mark.parametrize(("level", "least"), [("none", 0.5), ("size", 0.8)])
 def test_both_agree_at_every_level(level: str, least: float) -> None:
     programs = [replace(each, level=level) for each in programs_from(2_000_000)]
     assert_same(programs, least=least)
