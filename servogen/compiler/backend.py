@@ -14,10 +14,12 @@ from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.emitter import ISR_SUFFIX, Code
 from servogen.compiler.functions import FunctionGenerator
 from servogen.compiler.inline_asm import AsmError
+from servogen.compiler.limits import INSTRUCTIONS
 from servogen.compiler.program import Asm, Block, ExprStmt, Function, Program
 from servogen.compiler.runtime import build
 from servogen.compiler.tree import AddressOf, Call, Expr, Ref, Symbol
 from servogen.errors import Place
+from servogen.pic.device import PROGRAM_WORDS
 
 _TREES = ("servogen.compiler.tree", "servogen.compiler.program")
 
@@ -146,7 +148,16 @@ class Backend:
             lambda symbol: self._symbol(symbol, isr=isr),
             lambda kind, key: self._library(kind, key, isr=isr),
         )
-        generator.generate()
+        try:
+            generator.generate()
+        except RecursionError:
+            raise self.reporter.too_deep(generator.place or function.place) from None
+        made = sum(len(code.ins) for code in self.codes.values())
+        if made > INSTRUCTIONS:
+            raise self.reporter.fatal(
+                f"the program has {made} instructions up to here, the chip has {PROGRAM_WORDS} words",
+                function.place,
+            )
 
     def _symbol(self, symbol: Symbol, *, isr: bool) -> Symbol:
         """The interrupt's own copy of a local of a shared function."""

@@ -27,7 +27,7 @@ from servogen.compiler.program import ExprStmt, Function
 from servogen.compiler.scopes import TypeName
 from servogen.compiler.tree import Assign, Num, Ref, Symbol
 from servogen.errors import Place
-from servogen.pic.device import CONFIG_ADDRESS, RAM_FIRST, RAM_LAST, data_byte_exists
+from servogen.pic.device import CONFIG_ADDRESS, RAM_BYTES, RAM_FIRST, RAM_LAST, data_byte_exists
 
 
 class Declarations(Initialisers):
@@ -177,6 +177,8 @@ class Declarations(Initialisers):
             symbol = Symbol(name, kind, "local", place, function=self.function.name)
             symbol.volatile = holds_volatile(kind)
             symbol.pinned = isinstance(kind, (ArrayType, StructType))
+            if symbol.pinned and kind.size > RAM_BYTES:
+                raise self.fail(f"'{name}' needs {kind.size} bytes of RAM, the chip has {RAM_BYTES}", node)
             self._declare(name, symbol, node)
             self.function.locals.append(symbol)
             if node.init is not None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from servogen.compiler.limits import ERRORS
 from servogen.errors import InputError, Place
 
 
@@ -59,6 +60,7 @@ class Reporter:
         self.texts: dict[str, str] = {}
         self._lines: dict[str, list[str]] = {}
         self._found: dict[Diagnostic, None] = {}
+        self._errors = 0
         self.lost: set[str] = set()
         """Names whose declarations have errors: that they are missing is no error of its own."""
 
@@ -81,6 +83,9 @@ class Reporter:
 
     def error(self, message: str, place: Place, hint: str | None = None) -> None:
         self._add("error", message, place, hint)
+        self._errors += 1
+        if self._errors >= ERRORS:
+            raise CompileError(self.ordered())
 
     def warn(self, message: str, place: Place, hint: str | None = None) -> None:
         self._add("warning", message, place, hint)
@@ -89,6 +94,14 @@ class Reporter:
         """Report an error; the caller raises what comes back."""
         self.error(message, place, hint)
         return Fatal(message)
+
+    def too_deep(self, place: Place) -> Fatal:
+        """Report nesting beyond what the compiler can follow; the caller raises what comes back."""
+        return self.fatal(
+            "something in the program is nested too deeply",
+            place,
+            hint="look for parentheses or braces that are never closed, or divide the expression",
+        )
 
     def ordered(self) -> tuple[Diagnostic, ...]:
         """All of them in source order."""

@@ -30,6 +30,7 @@ from servogen.compiler.settings import Settings
 from servogen.compiler.sharing import share
 from servogen.compiler.stack import check_stack
 from servogen.compiler.startup import RESET, arrange
+from servogen.compiler.syntax_errors import place_of
 from servogen.compiler.timing import all_times
 from servogen.errors import InputError, Place, nearest
 from servogen.pic.device import Device, device
@@ -96,11 +97,7 @@ def compile_sources(sources: Sequence[Source], options: Options | None = None) -
     except Fatal:
         raise CompileError(reporter.ordered()) from None
     except RecursionError:
-        reporter.error(
-            "something in the program is nested too deeply",
-            Place(sources[0].file),
-            hint="look for parentheses or braces that are never closed, or divide the expression",
-        )
+        reporter.too_deep(Place(sources[0].file))
         raise CompileError(reporter.ordered()) from None
 
 
@@ -190,13 +187,18 @@ def analyse(
                     analysis.declare(unit)
                 elif isinstance(unit, c_ast.StaticAssert):
                     analysis.static_assertion(unit)
+            except RecursionError:
+                raise reporter.too_deep(place_of(unit.coord)) from None
             except Fatal:
                 declared = unit.decl if isinstance(unit, c_ast.FuncDef) else unit
                 reporter.lost.update(filter(None, [getattr(declared, "name", None)]))
         analysis.file_assembly(rewritten, settings)
     for function, unit, scopes in bodies:
         analysis.scopes = scopes
-        analysis.define_function(function, unit)
+        try:
+            analysis.define_function(function, unit)
+        except RecursionError:
+            raise reporter.too_deep(function.place) from None
     analysis.finish(settings)
     return analysis
 

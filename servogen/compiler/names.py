@@ -19,6 +19,7 @@ from servogen.compiler.ctypes import (
 from servogen.compiler.diagnostics import Fatal
 from servogen.compiler.dialect import ChipBit, config_names
 from servogen.compiler.fold import has_effect
+from servogen.compiler.limits import DIGITS
 from servogen.compiler.program import Function
 from servogen.compiler.scopes import Constant
 from servogen.compiler.tree import Binary, Builtin, Cast, Choice, Comma, Expr, Logic, Num, Ref, Symbol, Unary
@@ -86,9 +87,10 @@ class Names(Base):
         assert match is not None  # the parser has refused other numbers
         digits = match[1]
         octal = len(digits) > 1 and digits[0] == "0" and digits[1] not in "xX"
-        value = int(digits, 8 if octal else 0)
-        if value > 0xFFFFFFFF:
-            raise self.fail(f"{digits} does not fit 32 bits", node)
+        shown = digits if len(digits) <= DIGITS else digits[:DIGITS] + "…"
+        value = int(digits, 8 if octal else 0) if shown == digits else None
+        if value is None or value > 0xFFFFFFFF:
+            raise self.fail(f"{shown} does not fit 32 bits", node)
         return Num(
             value, self.literal_type(value, match[2].lower(), digits[0] != "0" or digits == "0"), place
         )

@@ -129,8 +129,15 @@ class _Parser(CParser):  # type: ignore[misc]
             start = self.index()
             try:
                 found.extend(self._parse_external_declaration())
-            except (ParseError, AssertionError, AttributeError, IndexError, TypeError) as error:
-                # pycparser raises the last four on input that its grammar did not foresee
+            except (
+                ParseError,
+                AssertionError,
+                AttributeError,
+                IndexError,
+                TypeError,
+                RecursionError,
+            ) as error:
+                # pycparser raises those after the first on input that its grammar did not foresee
                 del self._scope_stack[1:]
                 self._typedef_checked_token = None
                 self._tokens.reset(fault(error, start, self.index()))
@@ -143,6 +150,8 @@ def parse(tokens: list[PToken], typedefs: Iterable[str], reporter: Reporter) -> 
     parser = _Parser(lexer=_Feed)
 
     def fault(error: Exception, start: int, at: int) -> int:
+        if isinstance(error, RecursionError):
+            raise reporter.too_deep(tokens[min(at, len(tokens) - 1)].place) from None
         report_syntax(error, stream, tokens, start, at, reporter)
         after = resume(tokens, start, max(at, start + 1))
         reporter.lost |= declared(tokens[start:after])

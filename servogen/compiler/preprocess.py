@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import copy
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from pcpp.evaluator import Value
 from pcpp.preprocessor import Action, OutputDirective, Preprocessor
 
+from servogen.compiler import limits
 from servogen.compiler.asm_macros import assembly_macros, plain_numbers
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.rawtext import AsmBlock, rewrite
@@ -21,6 +23,10 @@ from servogen.errors import InputError, Place
 
 Resolver = Callable[[str, str], tuple[str, str] | None]
 """(name, including file) -> (file name to show, text), or None when there is no such file."""
+
+
+_LONGEST_MESSAGE = 200
+"""Characters of the preprocessor's own messages, which quote the source."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +51,16 @@ class Preprocessed:
     """Object-like macros at the end of the file."""
 
 
+def _shifted(self: Value, count: object) -> Value:
+    """Return a number of #if shifted to the left; pcpp would make the whole of 1 << 1000000000."""
+    bits = int(Value(count))
+    return _SHIFT(self, count) if 0 <= bits < 64 else Value(0)
+
+
+_SHIFT = Value.__lshift__
+Value.__lshift__ = _shifted
+
+
 class _Pcpp(Preprocessor):  # type: ignore[misc]
     """pcpp with its files, errors and pragmas led to this compiler."""
 
@@ -65,8 +81,15 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         self.depth = 0
         self.starts: dict[str, list[int]] = {}
         """Where each line starts in the text that the lexer sees."""
+        self.included = 0
+        self.read = 0
+        self.expanded = 0
+        self.outer: str | None = None
+        """The file whose macros are being expanded."""
 
     def on_error(self, file: str, line: int, msg: str) -> None:
+        if len(msg) > _LONGEST_MESSAGE:
+            msg = msg[:_LONGEST_MESSAGE] + "…"
         self.reporter.error(f"preprocessor: {msg}", Place(file or None, line or None))
 
     def on_directive_unknown(self, directive: Any, toks: Any, ifpassthru: bool, precedingtoks: Any) -> bool:
@@ -114,11 +137,14 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
             return
         if found[0] in self.include_once:
             return
+        self.included += 1
+        if self.included > limits.INCLUDES:
+            raise self.reporter.fatal(f"more than {limits.INCLUDES} files are included", place)
         if self.depth > 20:
             self.reporter.error("#include nested more than 20 deep", place)
             return
         self.depth += 1
-        yield from self.parsegen(self.prepare(found[1], found[0]), found[0], found[0])
+        yield from self.parsegen(self.prepare(found[1], found[0], place), found[0], found[0])
         self.depth -= 1
 
     def value(self, name: str) -> str | None:
@@ -129,12 +155,43 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         expanded = self.expand_macros([copy.copy(tok) for tok in macro.value])
         return plain_numbers("".join(tok.value for tok in expanded).strip())
 
-    def prepare(self, text: str, file: str) -> str:
-        """Register a source text; returns it as the lexer must see it."""
+    def expand_macros(self, tokens: list[Any], expanding_from: Sequence[str] = ()) -> list[Any]:
+        """Expand the macros in a list of tokens, up to a bound on what they may grow to."""
+        before = len(tokens)
+        if not expanding_from and tokens:
+            self.outer = tokens[0].source
+        found: list[Any] = super().expand_macros(tokens, list(expanding_from))
+        if expanding_from or len(found) != before:
+            self.expanded += sum(len(each.value) for each in found)
+        if self.expanded > limits.EXPANDED_CHARACTERS:
+            place = Place(self.outer, self.linemacro or None)
+            raise self.reporter.fatal(
+                f"the macros expand to more than {limits.EXPANDED_CHARACTERS} characters", place
+            )
+        return found
+
+    def prepare(self, text: str, file: str, place: Place) -> str:
+        """Register a source text that is asked for at a place; returns it as the lexer must see it."""
+        self.read += len(text)
+        if len(text) > limits.SOURCE_CHARACTERS:
+            raise self.reporter.fatal(
+                f"'{file}' has {len(text)} characters, a source file has at most {limits.SOURCE_CHARACTERS}",
+                place,
+            )
+        if self.read > limits.ALL_CHARACTERS:
+            raise self.reporter.fatal(
+                f"the source files have more than {limits.ALL_CHARACTERS} characters together", place
+            )
         text = text.replace("\r\n", "\n").replace("\r", "\n")
         self.reporter.add_source(file, text)
         clean = "\n".join(line.rstrip() for line in text.splitlines())
-        lines = [line.rstrip() for line in rewrite(clean, file, self.blocks).splitlines()]
+        lines = [line.rstrip() for line in rewrite(clean, file, self.blocks, self.reporter).splitlines()]
+        if sum(len(block.lines) for block in self.blocks) > limits.ASSEMBLY_LINES:
+            last = self.blocks[-1].lines
+            raise self.reporter.fatal(
+                f"the program has more than {limits.ASSEMBLY_LINES} lines of assembly",
+                Place(file, last[-1][0] if last else None),
+            )
         offsets = [0]
         for line in lines:
             offsets.append(offsets[-1] + len(line) + 1)
@@ -159,10 +216,17 @@ def preprocess(
     predefined = set(pcpp.macros)
     tokens: list[PToken] = []
     try:
-        stream = pcpp.parsegen(pcpp.prepare(text, file), file, file)
+        stream = pcpp.parsegen(pcpp.prepare(text, file, Place(file)), file, file)
         stream = assembly_macros(stream, blocks, pcpp.value)
-        tokens = list(_placed(stream, reporter, pcpp.starts))
-    except (IndexError, AttributeError, ValueError, TypeError, StopIteration, RuntimeError, RecursionError):
+        for token in _placed(stream, reporter, pcpp.starts):
+            tokens.append(token)
+            if len(tokens) > limits.TOKENS:
+                raise reporter.fatal(
+                    f"the program has more than {limits.TOKENS} words and signs", token.place
+                )
+    except RecursionError:
+        reporter.error("macros are nested too deeply", Place(file))
+    except (IndexError, AttributeError, ValueError, TypeError, StopIteration, RuntimeError):
         # pcpp trips over malformed directives (an #if or #define without operands) in these ways.
         where = pcpp.lastdirective
         place = Place(where.source, where.lineno) if where is not None else Place(file)
@@ -192,7 +256,8 @@ def _placed(stream: Iterator[Any], reporter: Reporter, starts: dict[str, list[in
             touching = False
             continue
         place = _place(tok, starts, reporter, last)
-        if held is not None and touching and _belongs(held.text, tok.value):
+        long = held is not None and len(held.text) > limits.TOKEN_CHARACTERS
+        if held is not None and touching and not long and _belongs(held.text, tok.value):
             held = PToken(held.text + tok.value, held.place)
         else:
             if held is not None:

@@ -9,12 +9,15 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from servogen.compiler.diagnostics import Reporter
+from servogen.errors import Place
+
 MARKER = "__servogen_asm"
 
 _TOKEN = re.compile(
-    r"""(?P<comment>//[^\n]*|/\*.*?\*/)
+    r"""(?P<comment>//[^\n]*|/\*.*?(?:\*/|\Z))
       | (?P<string>"(?:[^"\\\n]|\\.)*"|'(?:[^'\\\n]|\\.)*')
-      | (?P<hash>\#[ \t]*asm\b.*?\#[ \t]*endasm\b[^\n]*)
+      | (?P<hash>\#[ \t]*asm\b.*?(?:\#[ \t]*endasm\b[^\n]*|\Z))
       | (?P<sdcc>\b_?_asm\b(?!\s*[({])(?:(?!\b_?_asm\b).)*?\b_?_endasm\b[ \t]*;?)
       | (?P<asm>\b(?:__asm__|__asm|_asm|asm)\b(?!\s*\())
       | (?P<binary>\b(?:0[bB][01]+|[01]+[bB])\b)
@@ -31,23 +34,41 @@ class AsmBlock:
     lines: tuple[tuple[int, str], ...]
 
 
-def rewrite(text: str, file: str, blocks: list[AsmBlock]) -> str:
+class _Lines:
+    """Line numbers of ascending positions in a text, each line counted once."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.position, self.line = 0, 1
+
+    def at(self, position: int) -> int:
+        self.line += self.text.count("\n", self.position, position)
+        self.position = position
+        return self.line
+
+
+def rewrite(text: str, file: str, blocks: list[AsmBlock], reporter: Reporter) -> str:
     """The text as the preprocessor takes it. Found blocks of assembly are appended to `blocks`."""
     out: list[str] = []
     position = 0
+    lines = _Lines(text)
     while match := _TOKEN.search(text, position):
         out.append(text[position : match.start()])
         position = match.end()
-        if match["binary"]:
+        comment = match["comment"]
+        if comment and comment.startswith("/*") and (len(comment) < 4 or not comment.endswith("*/")):
+            reporter.error("the comment is not closed", Place(file, lines.at(match.start())))
+            out.append("\n" * comment.count("\n"))
+        elif match["binary"]:
             out.append(_hexadecimal(match["binary"]))
-        elif match["hash"]:
+        elif match["hash"] and "endasm" in match["hash"]:
             body = match["hash"].split("\n", 1)
             inside = body[1].rsplit("\n", 1)[0] if len(body) > 1 and "\n" in body[1] else ""
-            start = text.count("\n", 0, match.start()) + 2
+            start = lines.at(match.start()) + 1
             out.append(_marker(blocks, file, start, inside) + "\n" * match["hash"].count("\n"))
         elif match["sdcc"]:
             inside = re.sub(r"^_?_asm|_?_endasm\s*;?$", "", match["sdcc"])
-            start = text.count("\n", 0, match.start()) + 1
+            start = lines.at(match.start())
             out.append(_marker(blocks, file, start, inside) + "\n" * match["sdcc"].count("\n"))
         elif match["asm"]:
             body_start, end = _asm_extent(text, position)
@@ -56,7 +77,7 @@ def rewrite(text: str, file: str, blocks: list[AsmBlock]) -> str:
                 if text[body_start : body_start + 1] == "{"
                 else text[body_start:end]
             )
-            start = text.count("\n", 0, body_start) + 1
+            start = lines.at(body_start)
             out.append(_marker(blocks, file, start, inside) + "\n" * text.count("\n", position, end))
             position = end
         else:

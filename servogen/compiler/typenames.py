@@ -198,6 +198,8 @@ class TypeNames(Expressions):
             largest = max(largest, offset + kind.size)
             if not layout.union:
                 offset += kind.size
+        if largest > PROGRAM_WORDS:
+            raise self.fail(f"a structure of {largest} bytes is larger than the chip's memory", decls[0])
         layout.size = largest
 
     def _enumeration(self, node: Any) -> CType:
