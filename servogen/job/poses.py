@@ -6,17 +6,18 @@ In: the checked table, the servos and what they move. Out: one pose each, with e
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 
-from servogen.errors import InputError, nearest
+from servogen.errors import InputError, Place, nearest
 from servogen.job.model import MotionTable, PoseTable
 from servogen.job.tip import LegTip, Tip
 from servogen.motion import Pose
-from servogen.motion.follow import Followed, follow
+from servogen.motion.follow import SMALL, Branch, ChangesBranch, Followed, LeavesReach, trace
 from servogen.motion.paths import Arc, Line, arc
 from servogen.motion.trajectory import Floats
 from servogen.robot.servo import Servo
@@ -24,6 +25,12 @@ from servogen.toml_places import Key
 from servogen.tomlfile import Document, exact, shown, unknown_key
 
 ANGLE = "_deg"
+
+OFF_THE_PATH = 'path = "joint" goes to this pose, but not along the path'
+"""What to do where a path cannot be followed."""
+
+MAX_CHOICES = 32
+"""Of more solutions of a pose, the nearest are tried as the start of the paths that follow it."""
 
 
 def _key_of(servo: Servo) -> str:
@@ -43,16 +50,28 @@ def poses_of(
     document: Document, table: MotionTable, servos: tuple[Servo, ...], tip: Tip | None
 ) -> tuple[Pose, ...]:
     """All poses; a servo that a pose does not name stays where it was. Raises InputError."""
-    reader = _Reader(document, servos, tip)
-    states: list[_State] = []
+    reader = _Reader(document, servos, tip, table.poses)
     for index, row in enumerate(table.poses):
         if row.name is not None and row.name in [other.name for other in table.poses[:index]]:
-            raise document.error(("motion", "poses", index, "name"), f"two poses have the name '{row.name}'")
-        states.append(reader.state(("motion", "poses", index), row, states[-1] if states else _State({})))
+            raise document.error((*_key(index), "name"), f"two poses have the name '{row.name}'")
+    states: list[_State] = []
+    ways: list[_Way | None] = []
+    while len(states) < len(table.poses):
+        end = len(states) + 1
+        while end < len(table.poses) and table.poses[end].path != "joint":
+            end += 1
+        for state, way in reader.run(len(states), end, states[-1] if states else _State({})):
+            states.append(state)
+            ways.append(way)
+    ways[0] = reader.way(0, states[-1], states[0])
     return tuple(
-        reader.pose(("motion", "poses", index), row, table, states[index - 1], states[index])
-        for index, row in enumerate(table.poses)
+        reader.pose(index, table, state, way)
+        for index, (state, way) in enumerate(zip(states, ways, strict=True))
     )
+
+
+def _key(index: int) -> Key:
+    return "motion", "poses", index
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,9 +79,39 @@ class _Reader:
     document: Document
     servos: tuple[Servo, ...]
     tip: Tip | None
+    rows: Sequence[PoseTable]
 
-    def state(self, key: Key, row: PoseTable, before: _State) -> _State:
-        """The angles of a pose."""
+    def run(self, first: int, end: int, before: _State) -> list[tuple[_State, _Way | None]]:
+        """The states of the pose `first` and of those up to `end` that are reached on paths from it.
+
+        Of the solutions of the pose, the nearest from which all paths can be followed is taken; where there
+        is none, the error is that of the nearest.
+        """
+        refused: list[InputError] = []
+        for state in self.states(first, before)[:MAX_CHOICES]:
+            found: list[tuple[_State, _Way | None]] = [(state, None)]
+            try:
+                for index in range(first + 1, end):
+                    found.append(self._arrived(index, found[-1][0]))
+            except (ChangesBranch, LeavesReach) as error:
+                refused.append(error)
+            else:
+                return found
+        raise refused[0]
+
+    def _arrived(self, index: int, before: _State) -> tuple[_State, _Way | None]:
+        """The state of a pose that is reached on a path, and the path."""
+        state = self.states(index, before)[0]
+        way = self.way(index, before, state)
+        return way.arrival(state) if way else state, way
+
+    def states(self, index: int, before: _State) -> list[_State]:
+        """The angles of a pose, one state for each solution, the nearest to the pose before first."""
+        key, row = _key(index), self.rows[index]
+        if row.through_mm is not None and row.path != "arc":
+            raise self.document.error(
+                (*key, "through_mm"), "only an arc goes through a point", 'add path = "arc"'
+            )
         named = self._named(key, row)
         orientation = before.orientation
         if row.orientation_deg is not None:
@@ -71,6 +120,7 @@ class _Reader:
                     (*key, "orientation_deg"), "an orientation needs a position", "add tip_mm = [x, y, z]"
                 )
             orientation = tuple(math.radians(angle) for angle in row.orientation_deg)
+        choices = [named]
         for name in ("foot_mm", "tip_mm"):
             point = getattr(row, name)
             if point is None:
@@ -86,20 +136,24 @@ class _Reader:
             near = np.array([before.angles.get(servo.name, math.pi / 2) for servo in tip.servos])
             turn = None if orientation is None else np.array(orientation)
             place = self.document.place(*key, name)
-            found = tip.angles(np.array(point) / 1000, turn, near, place).tolist()
-            named |= {servo.name: angle for servo, angle in zip(tip.servos, found, strict=True)}
-        angles = {**before.angles, **named}
+            found = tip.choices(np.array(point) / 1000, turn, near, place).tolist()
+            choices = [
+                each | {servo.name: angle for servo, angle in zip(tip.servos, solution, strict=True)}
+                for each in choices
+                for solution in found
+            ]
         for servo in self.servos:
-            if servo.name not in angles:
+            if servo.name not in {**before.angles, **choices[0]}:
                 raise self.document.error(
                     key,
                     f"the first pose does not say where {servo.name} is",
                     f"add {_key_of(servo)} = … (later poses may leave it away: it stays)",
                 )
-        return _State(angles, orientation)
+        return [_State({**before.angles, **each}, orientation) for each in choices]
 
-    def pose(self, key: Key, row: PoseTable, table: MotionTable, before: _State, state: _State) -> Pose:
+    def pose(self, index: int, table: MotionTable, state: _State, way: _Way | None) -> Pose:
         """The pose, with how the servos get there from the one before."""
+        key, row = _key(index), self.rows[index]
         if row.release and not row.pause_s:
             raise self.document.error(
                 (*key, "release"), "release = true without a pause", "say how long: pause_s = …"
@@ -120,7 +174,7 @@ class _Reader:
             row.release,
             law or "linear",
             row.via,
-            self._way(key, row, before, state),
+            way,
             self.document.place(*key),
         )
 
@@ -157,11 +211,9 @@ class _Reader:
             raise self.document.error(key, f"this robot's positions are called {wanted}")
         return self.tip
 
-    def _way(self, key: Key, row: PoseTable, before: _State, state: _State) -> _Way | None:
-        if row.through_mm is not None and row.path != "arc":
-            raise self.document.error(
-                (*key, "through_mm"), "only an arc goes through a point", 'add path = "arc"'
-            )
+    def way(self, index: int, before: _State, state: _State) -> _Way | None:
+        """The path from the pose before, if the pose is reached on one."""
+        key, row = _key(index), self.rows[index]
         if row.path == "joint":
             return None
         here = (*key, "path")
@@ -180,41 +232,58 @@ class _Reader:
             )
         else:
             path = arc(a, np.array(row.through_mm) / 1000, b, self.document.place(*key, "through_mm"))
-        turns = None
+        turn = None
         if before.orientation is not None and state.orientation is not None:
-            turns = np.array([before.orientation, state.orientation])
-        return _Way(path, tip, tuple(columns), start, end, turns, self.document, key)
+            turn = np.array(before.orientation), np.array(state.orientation)
+        return _Way(path, tip, tuple(columns), start, end, turn, self.document.place(*here))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(eq=False)
 class _Way:
-    """A path of the tip; servos that do not move it, and the orientation, go straight from start to end."""
+    """A path of the tip; servos that do not move it go straight from start to end."""
 
     path: Line | Arc
     tip: Tip
     columns: tuple[int, ...]
     start: Floats
     end: Floats
-    turns: Floats | None
-    document: Document
-    key: Key
+    turn: tuple[Floats, Floats] | None
+    place: Place
 
     def __call__(self, shares: Floats) -> Followed:
-        turns = None
-        if self.turns is not None:
-            turns = self.turns[0] + shares[:, None] * (self.turns[1] - self.turns[0])
-        columns = list(self.columns)
-        made = follow(
-            self.path,
-            shares,
-            lambda points: self.tip.solutions(points, turns),
-            self.tip.where,
-            self.start[columns],
-            self.document.place(*self.key, "path"),
-        )
+        """The servos' angles at shares of the path. Raises InputError where it has to change its branch."""
+        columns, branch = list(self.columns), self._branch
+        if np.abs(branch.end - self.end[columns]).max() > SMALL:
+            here, there = self._shown(branch.end), self._shown(self.end[columns])
+            point = _triple(self.path.point(np.array([1.0]))[0])
+            raise ChangesBranch(1.0, point, (here, there), self.place, OFF_THE_PATH)
+        made = branch.followed(shares, self.tip.where)
         angles = self.start + shares[:, None] * (self.end - self.start)
         angles[:, columns] = made.angles
-        return Followed(shares, angles, made.chord_error_m)
+        return replace(made, angles=angles)
+
+    def arrival(self, state: _State) -> _State:
+        """The state of the pose at the end of the path: on the branch that the path arrives on."""
+        columns, found = list(self.columns), self._branch.end
+        if np.abs(found - self.end[columns]).max() > SMALL:
+            self.end[columns] = found
+            reached = {
+                servo.name: angle for servo, angle in zip(self.tip.servos, found.tolist(), strict=True)
+            }
+            return replace(state, angles={**state.angles, **reached})
+        return state
+
+    @cached_property
+    def _branch(self) -> Branch:
+        start = self.start[list(self.columns)]
+        return trace(self.path, self._solutions, start, self._shown, self.place, OFF_THE_PATH)
+
+    def _solutions(self, shares: Floats, near: Floats) -> Floats:
+        return self.tip.solutions(self.path.point(shares), shares, self.turn, near)
+
+    def _shown(self, angles: Floats) -> str:
+        named = zip(self.tip.servos, np.degrees(angles).tolist(), strict=True)
+        return ", ".join(f"{servo.name} {angle:.1f}°" for servo, angle in named)
 
 
 def _angle(document: Document, key: Key, value: object) -> float:

@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
 from servogen.errors import InputError, Place
 from servogen.kinematics.chain import fk_position
-from servogen.kinematics.inverse import orientation_matrix, solve, why_unreachable
+from servogen.kinematics.inverse import ik_all, solutions_near, solve, why_unreachable
 from servogen.kinematics.leg import Leg
+from servogen.kinematics.tool_orientation import orientation_matrix, rotations_between
 from servogen.kinematics.unreachable import Unreachable, in_mm
 from servogen.motion.trajectory import Floats
 from servogen.robot.binding import Binding
@@ -30,11 +31,17 @@ class Tip(Protocol):
     @property
     def servos(self) -> tuple[Servo, ...]: ...
 
-    def angles(self, point: Floats, orientation: Floats | None, before: Floats, place: Place) -> Floats:
-        """The servo angles (k,) for one point, nearest to `before`. Raises InputError."""
+    def choices(self, point: Floats, orientation: Floats | None, before: Floats, place: Place) -> Floats:
+        """The servo angles (s, k) that reach one point, nearest to `before` first. Raises InputError."""
 
-    def solutions(self, points: Floats, orientation: Floats | None) -> Floats:
-        """All servo angles (n, solutions, k) for points (n, 3), NaN where there is none."""
+    def solutions(
+        self, points: Floats, shares: Floats, turn: tuple[Floats, Floats] | None, near: Floats
+    ) -> Floats:
+        """All servo angles (n, solutions, k) for points (n, 3), NaN where there is none.
+
+        The points are at shares (n,) of the way between the two orientations of `turn`; `near` are the servo
+        angles (n, k) that are expected, which decide the turn of joints with more than one.
+        """
 
     def where(self, angles: Floats) -> Floats:
         """The points (n, 3) at servo angles (n, k)."""
@@ -54,19 +61,21 @@ class LegTip:
     beta_sign: int
     tolerance: float
 
-    def angles(self, point: Floats, orientation: Floats | None, before: Floats, place: Place) -> Floats:
+    def choices(self, point: Floats, orientation: Floats | None, before: Floats, place: Place) -> Floats:
         near = np.array(self.leg.nearest(point))
         if float(np.linalg.norm(near - point)) > self.tolerance:
             try:
                 self.leg.ik(point)
             except Unreachable as error:
                 raise error.at(place) from error
-        return _nearest(self._of(near[None])[0], self.servos, before, point, place)
+        return _sorted(self._of(near[None])[0], self.servos, before, point, place)
 
-    def solutions(self, points: Floats, orientation: Floats | None) -> Floats:
-        near = np.array([self.leg.nearest(point) for point in points])
-        found = self._of(near)
-        found[np.linalg.norm(near - points, axis=1) > self.tolerance] = np.nan
+    def solutions(
+        self, points: Floats, shares: Floats, turn: tuple[Floats, Floats] | None, near: Floats
+    ) -> Floats:
+        reached = np.array([self.leg.nearest(point) for point in points])
+        found = self._of(reached)
+        found[np.linalg.norm(reached - points, axis=1) > self.tolerance] = np.nan
         return _within(found, self.servos)
 
     def where(self, angles: Floats) -> Floats:
@@ -93,27 +102,40 @@ class ArmTip:
     bindings: tuple[Binding, ...]
     servos: tuple[Servo, ...]
 
-    def angles(self, point: Floats, orientation: Floats | None, before: Floats, place: Place) -> Floats:
+    def choices(self, point: Floats, orientation: Floats | None, before: Floats, place: Place) -> Floats:
         turn = None if orientation is None else self._turn(point, orientation, place)
-        joints = solve(self.arm, point, turn).q
-        if np.isnan(joints).any(axis=1).all():
-            raise why_unreachable(self.arm, point, turn).at(place)
-        return _nearest(self._bound(joints), self.servos, before, point, place)
+        try:
+            joints = ik_all(self._on_servos(), point, turn, self._positions(before[None])[0])
+        except Unreachable:
+            joints = solve(self.arm, point, turn).q
+            if np.isnan(joints).any(axis=1).all():
+                raise why_unreachable(self.arm, point, turn).at(place) from None
+        except InputError as error:
+            raise InputError(error.message, place, error.hint) from error
+        return _sorted(self._bound(joints), self.servos, before, point, place)
 
-    def solutions(self, points: Floats, orientation: Floats | None) -> Floats:
-        turns = None
-        if orientation is not None:
-            turns = np.array(
-                [
-                    orientation_matrix(self.arm, point, row)
-                    for point, row in zip(points, orientation, strict=True)
-                ]
-            )
-        return _within(self._bound(solve(self.arm, points, turns).q), self.servos)
+    def solutions(
+        self, points: Floats, shares: Floats, turn: tuple[Floats, Floats] | None, near: Floats
+    ) -> Floats:
+        rotations = None if turn is None else rotations_between(self.arm, points, *turn, shares)
+        found = solutions_near(self._on_servos(), points, rotations, self._positions(near))
+        return _within(self._bound(found), self.servos)
 
     def where(self, angles: Floats) -> Floats:
+        return fk_position(self.arm, self._positions(angles))
+
+    def _positions(self, angles: Floats) -> Floats:
+        """The joint positions (n, k) at servo angles (n, k)."""
         columns = [each.position(column) for each, column in zip(self.bindings, angles.T, strict=True)]
-        return fk_position(self.arm, np.stack(columns, axis=1))
+        return np.stack(columns, axis=1)
+
+    def _on_servos(self) -> Arm:
+        """The arm with its joints' limits narrowed to the servos' travel."""
+        joints = []
+        for joint, binding, servo in zip(self.arm.joints, self.bindings, self.servos, strict=True):
+            low, high = sorted(binding.position(servo.limits).tolist())
+            joints.append(replace(joint, lower=max(joint.lower, low), upper=min(joint.upper, high)))
+        return replace(self.arm, joints=tuple(joints))
 
     def _turn(self, point: Floats, orientation: Floats, place: Place) -> Floats:
         try:
@@ -135,11 +157,11 @@ def _within(found: Floats, servos: Sequence[Servo]) -> Floats:
     return np.where(allowed[..., None], found, np.nan)
 
 
-def _nearest(found: Floats, servos: Sequence[Servo], before: Floats, point: Floats, place: Place) -> Floats:
-    """Of the solutions (s, k) the one whose farthest moving servo moves least. Raises InputError for none."""
+def _sorted(found: Floats, servos: Sequence[Servo], before: Floats, point: Floats, place: Place) -> Floats:
+    """The solutions (s, k) that the servos allow, those first whose farthest moving servo moves least."""
     allowed = _within(found, servos)
-    away = np.abs(allowed - before).max(axis=1)
-    if np.isnan(away).all():
+    allowed = allowed[~np.isnan(allowed).any(axis=1)]
+    if not len(allowed):
         shown = " or ".join(
             ", ".join(
                 f"{servo.name} {math.degrees(angle):.1f}°" for servo, angle in zip(servos, row, strict=True)
@@ -151,4 +173,4 @@ def _nearest(found: Floats, servos: Sequence[Servo], before: Floats, point: Floa
             place,
             "move it, or change the servos' angles at which the joints are 0 to how they are mounted",
         )
-    return np.asarray(allowed[int(np.nanargmin(away))])
+    return np.asarray(allowed[np.argsort(np.abs(allowed - before).max(axis=1), kind="stable")])

@@ -21,11 +21,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from servogen.errors import InputError
 from servogen.kinematics import numerical
-from servogen.kinematics.chain import fk, fk_position
+from servogen.kinematics.chain import fk_position
 from servogen.kinematics.checked_forms import RIGHT_HANDED, TOLERANCE, closed_solutions, has_closed_form
 from servogen.kinematics.closed_forms import WRIST_JOINTS
 from servogen.kinematics.numerical import limits
-from servogen.kinematics.transforms import Floats, is_rotation, rot
+from servogen.kinematics.transforms import Floats, is_rotation
 from servogen.kinematics.unreachable import Unreachable
 from servogen.robot.model import Arm
 
@@ -127,6 +127,20 @@ def solve(
     return Solutions(arm, q.reshape(*shape, *q.shape[1:]))
 
 
+def solutions_near(arm: Arm, position: ArrayLike, rotation: ArrayLike | None, near: ArrayLike) -> Floats:
+    """Return the solutions (m, branches, n) of targets (m, 3), each in the turn nearest to `near` (m, n).
+
+    Where there is no closed form, it is the one that a descent from `near` ends at, if it ends at the target.
+    """
+    position, rotation = _checked(position, rotation)
+    if has_closed_form(arm, rotation is not None):
+        return solve(arm, position, rotation).near(near)
+    start = np.asarray(near, float)
+    found = numerical.search(arm, position, rotation, start, starts=1)
+    q = np.where(found.within(NUMERICAL_TOLERANCE)[:, None], found.q, np.nan)[:, None, :]
+    return Solutions(arm, q).near(start)
+
+
 def ik(
     arm: Arm, position: ArrayLike, rotation: ArrayLike | None = None, near: ArrayLike | None = None
 ) -> Floats:
@@ -165,41 +179,6 @@ def ik_all(
     if not len(q):
         raise why_unreachable(arm, target, turn)
     return _sorted_without_doubles(arm, q, near)
-
-
-def orientation_matrix(arm: Arm, position: ArrayLike, values: ArrayLike) -> Floats:
-    """The rotation (3, 3) of a target whose orientation is given in the robot's own terms, radians.
-
-    `rpy`: Rot(z, φ) Rot(y, θ) Rot(x, η). Arms with fewer joints: the angle `roll` about the approach, and for
-    the RV-M1 before it the `pitch` of the approach above the horizontal; the rest follows from the position.
-    """
-    names, given = orientation_names(arm), np.asarray(values, float)
-    if given.shape != (len(names),):
-        wanted = ", ".join(names) or "nothing"
-        raise InputError(
-            f"{arm.name} takes {wanted} beside x, y, z, not {given.size} values", hint="angles in degrees"
-        )
-    if arm.orientation == ("rpy",):
-        return np.asarray(rot("z", given[0]) @ rot("y", given[1]) @ rot("x", given[2]))
-    x, y, _ = np.asarray(position, float)
-    q = np.array(arm.home)
-    if np.hypot(x, y) > 1e-12:
-        q[0] = np.arctan2(y, x)
-    if arm.closed_form == "scara":
-        return np.asarray(rot("z", given[0]) @ rot("x", np.pi))
-    if arm.closed_form == "rv-m1":
-        q[1:] = 0.0, 0.0, given[0] + np.pi / 2, given[1]
-    elif arm.closed_form == "cylindrical":
-        q[3] = given[0]
-    else:
-        up = np.asarray(position, float)[2] - arm.length["l1"]
-        q[1:] = np.arctan2(up, np.hypot(x, y)), given[0]
-    return fk(arm, q)[:3, :3]
-
-
-def orientation_names(arm: Arm) -> tuple[str, ...]:
-    """What a target may give beside x, y, z, one name a number."""
-    return ("phi", "theta", "eta") if arm.orientation == ("rpy",) else arm.orientation
 
 
 def why_unreachable(arm: Arm, position: ArrayLike, rotation: ArrayLike | None = None) -> Unreachable:

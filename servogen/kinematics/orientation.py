@@ -146,6 +146,17 @@ def rotation_vector(rotation: ArrayLike) -> Floats:
     return np.asarray(axis * angle[..., None])
 
 
+def slerp(first: ArrayLike, last: ArrayLike, share: ArrayLike) -> Floats:
+    """Return the rotations (n, 3, 3) at the shares (n,) of the shortest turn from `first` to `last` (3, 3).
+
+    R(s) = first exp(s log(firstᵀ last)): about one axis, evenly, by at most half a turn.
+    """
+    start = np.asarray(first, float)
+    axis, angle = to_axis_angle(start.T @ np.asarray(last, float))
+    share = np.asarray(share, float)
+    return np.asarray(start @ from_axis_angle(np.broadcast_to(axis, (*share.shape, 3)), share * angle))
+
+
 def configuration_vector(position: ArrayLike, approach: ArrayLike, roll: ArrayLike) -> Floats:
     """W = (p, e^{θ/π} a), shape (..., 6): position, and the approach vector scaled by the roll θ."""
     scaled = np.exp(np.asarray(roll, float) / np.pi)[..., None] * np.asarray(approach, float)

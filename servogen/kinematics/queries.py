@@ -15,8 +15,9 @@ from servogen.errors import InputError, Place
 from servogen.kinematics import mobility, named, omni
 from servogen.kinematics.chain import fk, joint_array
 from servogen.kinematics.hexapod import feet
-from servogen.kinematics.inverse import ik_all, orientation_matrix, orientation_names
+from servogen.kinematics.inverse import ik_all
 from servogen.kinematics.jacobian import FrameName, jacobian, manipulability, singularity
+from servogen.kinematics.tool_orientation import orientation_matrix, orientation_names
 from servogen.kinematics.transform_text import parse
 from servogen.kinematics.transforms import Floats, apply
 from servogen.robot import robots
@@ -280,10 +281,11 @@ def jacobian_symbolic(name: str, frame: FrameName = 0, style: str = "text") -> A
 
 def joint_text(arm: Arm, q: Sequence[float]) -> str:
     """Joint positions for people: degrees and millimetres with the joints' names."""
-    return "  ".join(
-        f"{joint.name} {degrees(value):.3f}°" if joint.turning else f"{joint.name} {1000 * value:.3f} mm"
-        for joint, value in zip(arm.joints, q, strict=True)
-    )
+    parts = []
+    for joint, value in zip(arm.joints, q, strict=True):
+        shown = round(degrees(value) if joint.turning else 1000 * value, 3) + 0.0
+        parts.append(f"{joint.name} {shown:.3f}" + ("°" if joint.turning else " mm"))
+    return "  ".join(parts)
 
 
 def _plain(array: Floats) -> Any:

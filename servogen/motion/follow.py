@@ -1,11 +1,16 @@
-"""A path in space as joint angles, and how far the joints' straight ways between them stray from it.
+"""A path in space as joint angles, on one branch of the inverse kinematics from its start to its end.
 
-In: a path, the robot's inverse (all solutions) and its forward kinematics. Out: `Followed`: joint angles at
-chosen shares of the path with a stated chord error: between two of them the joints go straight in joint
-space, and the point leaves the path by that much.
+In: a path, the inverse kinematics along it, the joint angles at its start. Out: a `Branch`, the way of the
+joints along the path, or `LeavesReach` and `ChangesBranch` where there is none; and `Followed`: joint angles
+at chosen shares of the path with a stated chord error.
 
-         path  ___________        the chord: where the joints are half way between two
-              ╱   chord   ╲       samples, seen through the forward kinematics
+    joints │  ╲___            the branch is traced in steps that are small beside the distance to the
+           │      ╲___○       next solution; where even the smallest step is not (○), the joints would
+           │  ┄┄┄┄┄┄┄┄╲___    have to jump to another branch, and the path is refused
+           └───────────────▶ share of the path
+
+         path  ___________    the chord: where the joints are half way between two samples, seen through
+              ╱   chord   ╲   the forward kinematics
 """
 
 from __future__ import annotations
@@ -17,78 +22,248 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from servogen.errors import InputError, Place
+from servogen.kinematics.unreachable import in_mm
 from servogen.motion.paths import Path
 from servogen.motion.trajectory import Floats
 
-Inverse = Callable[[Floats], Floats]
-"""Points (n, 3) -> all solutions (n, solutions, joints), NaN where there is none."""
+Inverse = Callable[[Floats, Floats], Floats]
+"""Shares (n,) of the path and the joint angles expected there (n, joints) -> the solutions (n, solutions,
+joints), NaN where there is none. What is expected decides the turn; a numerical method starts from it."""
 
 Forward = Callable[[Floats], Floats]
 """Joint angles (n, joints) -> points (n, 3)."""
 
+Shown = Callable[[Floats], str]
+"""Joint angles (joints,) -> text for a message."""
+
 INSIDE = np.array([0.25, 0.5, 0.75])
 """Where between two samples the chord error is looked at."""
 
-MOST_SAMPLES = 1 << 14
+STEP = 0.1
+"""No joint goes further (radians, metres) between two samples of a traced branch."""
+
+SMALL = 0.005
+"""A step of less than this (radians, metres) is not a jump."""
+
+FASTER = 3.0
+"""A larger step is at most this many times as steep as the one before it; a steeper one is divided."""
+
+APART = 4.0
+"""How many steps away the next solution must be for a step to be surely on the same branch."""
+
+SAME = 1e-6
+"""Solutions nearer together than this (radians, metres) are one."""
+
+LEAST = 1e-10
+"""The smallest step, as a share of the path."""
+
+BESIDE = 1e-7
+"""How far beside a singular point, as a share of the path, the branch goes on."""
+
+FIRST_SAMPLES, BLOCK, SPLIT = 64, 64, 8
+MAX_SAMPLES = 1 << 14
+
+
+class LeavesReach(InputError):
+    """The path has no solution at `share`, at `point` (metres)."""
+
+    def __init__(
+        self, share: float, point: tuple[float, float, float], place: Place | None, hint: str | None = None
+    ) -> None:
+        super().__init__(f"the path leaves what can be reached at {in_mm(point)}", place, hint)
+        self.share = share
+        self.point = point
+
+
+class ChangesBranch(InputError):
+    """The joints would have to jump from one solution to another at `share` of the path, `point` (metres)."""
+
+    def __init__(
+        self,
+        share: float,
+        point: tuple[float, float, float],
+        branches: tuple[str, str],
+        place: Place | None,
+        hint: str | None = None,
+    ) -> None:
+        ends = "at its start, " if share < SAME else "at its end, " if share > 1 - SAME else "at "
+        super().__init__(
+            f"the path would change the branch of the inverse kinematics {ends}{in_mm(point)}: "
+            f"from {branches[0]} to {branches[1]}",
+            place,
+            hint,
+        )
+        self.share = share
+        self.point = point
+        self.branches = branches
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Followed:
-    """Joint angles (n, joints) at the `shares` (n,) of the path, and the worst chord error in metres."""
+    """Joint angles (n, joints) at the `shares` (n,) of the path.
+
+    `chord_error_m`: the worst distance from the path between them. `missed_m`: the worst distance at them,
+    which is more than rounding where a tolerance allows it.
+    """
 
     shares: Floats
     angles: Floats
     chord_error_m: float
+    missed_m: float = 0.0
 
 
-def follow(
+@dataclass(frozen=True, slots=True, eq=False)
+class Branch:
+    """One branch along a path: joint angles (m, joints) at rising `shares` (m,) from 0 to 1."""
+
+    path: Path
+    inverse: Inverse
+    shares: Floats
+    angles: Floats
+    place: Place | None = None
+
+    @property
+    def end(self) -> Floats:
+        """The joint angles at the end of the path."""
+        return np.asarray(self.angles[-1])
+
+    def at(self, shares: Floats) -> Floats:
+        """Return the joint angles (n, joints) at shares of the path. Raises LeavesReach."""
+        expected = self._expected(shares)
+        chosen, away = _nearest(self.inverse(shares, expected), expected)
+        for index in np.nonzero(~(away <= STEP))[0]:
+            chosen[index] = self._beside(float(shares[index]))
+        return chosen
+
+    def followed(self, shares: ArrayLike, forward: Forward) -> Followed:
+        """Return the joint angles at shares of the path with their chord error. Raises LeavesReach."""
+        shares = np.asarray(shares, float)
+        angles = self.at(shares)
+        chord_error = float(chord_errors(self.path, angles, forward).max(initial=0.0))
+        missed = float(self.path.distance(forward(angles)).max(initial=0.0))
+        return Followed(shares, angles, chord_error, missed)
+
+    def _expected(self, shares: Floats) -> Floats:
+        return np.stack([np.interp(shares, self.shares, column) for column in self.angles.T], axis=-1)
+
+    def _beside(self, share: float) -> Floats:
+        """The branch next to a singular point, where the inverse does not give its joint angles."""
+        for near in (share - BESIDE, share + BESIDE):
+            if 0 <= near <= 1:
+                there = np.array([near])
+                expected = self._expected(there)
+                chosen, away = _nearest(self.inverse(there, expected), expected)
+                if away[0] <= STEP:
+                    return np.asarray(chosen[0])
+        if share == 0 or share == 1:
+            return np.asarray(self.angles[0 if share == 0 else -1])
+        raise LeavesReach(share, _point(self.path, share), self.place)
+
+
+def trace(
     path: Path,
-    shares: ArrayLike,
     inverse: Inverse,
-    forward: Forward,
     start: ArrayLike,
+    shown: Shown,
     place: Place | None = None,
-) -> Followed:
-    """The joint angles at `shares` of the path, on the branch nearest to the joint angles `start`.
+    hint: str | None = None,
+) -> Branch:
+    """Return the branch on which the joints go along `path` from the joint angles `start`.
 
-    Raises InputError where the path leaves what the robot reaches, or breaks off the branch.
+    Raises LeavesReach or ChangesBranch (`hint` says what goes instead), or InputError when that takes more
+    than 16384 samples.
     """
-    shares = np.asarray(shares, float)
-    points = path.point(shares)
-    angles = _connected(points, inverse(points), np.asarray(start, float), place)
-    return Followed(shares, angles, float(_chord_errors(path, angles, forward).max(initial=0.0)))
+    return _Tracer(path, inverse, shown, place, hint).run(np.asarray(start, float))
 
 
-def refine(
-    path: Path,
-    chord_m: float,
-    inverse: Inverse,
-    forward: Forward,
-    start: ArrayLike,
-    place: Place | None = None,
-) -> Followed:
-    """As `follow`, at as few halvings of the path as keep the chord error within `chord_m`.
+class _Tracer:
+    """The branch so far, and the shares still to come, the next one last."""
 
-    Raises InputError when that takes more than 16384 samples.
-    """
-    shares = np.linspace(0.0, 1.0, 3)
-    while True:
-        followed = follow(path, shares, inverse, forward, start, place)
-        errors = _chord_errors(path, followed.angles, forward)
-        far = errors > chord_m
-        if not far.any():
-            return followed
-        if len(shares) + far.sum() > MOST_SAMPLES:
+    def __init__(
+        self, path: Path, inverse: Inverse, shown: Shown, place: Place | None, hint: str | None
+    ) -> None:
+        self.path, self.inverse, self.shown, self.place, self.hint = path, inverse, shown, place, hint
+        self.shares = [0.0]
+        self.angles: list[Floats] = []
+        self.ahead = np.linspace(1.0, 0.0, FIRST_SAMPLES + 1)[:-1].tolist()
+        self.samples = 0
+
+    def run(self, start: Floats) -> Branch:
+        self.angles.append(start)
+        while self.ahead:
+            block = np.array(self.ahead[: -BLOCK - 1 : -1])
+            if not self._go(block):
+                self._divide()
+        return Branch(self.path, self.inverse, np.array(self.shares), np.array(self.angles), self.place)
+
+    def _go(self, block: Floats) -> bool:
+        """Goes on as far as the block's shares are surely on the branch; whether by one at least."""
+        count = len(self.shares)
+        for candidates in self._solved(block, self.angles[-1]):
+            chosen, away = _nearest(candidates[None], self.angles[-1][None])
+            step = float(away[0])
+            if step > self._allowed() or not _sure(candidates, chosen[0], step):
+                break
+            self._take(chosen[0])
+        return len(self.shares) > count
+
+    def _allowed(self) -> float:
+        """How far the joints may go to the next share: as steeply as before, but for a factor."""
+        if len(self.shares) == 1:
+            return SMALL
+        longer = (self.ahead[-1] - self.shares[-1]) / (self.shares[-1] - self.shares[-2])
+        if longer > 2 * SPLIT:
+            return SMALL
+        before = float(np.abs(self.angles[-1] - self.angles[-2]).max())
+        return float(min(STEP, max(SMALL, FASTER * before * longer)))
+
+    def _take(self, angles: Floats) -> None:
+        self.shares.append(self.ahead.pop())
+        self.angles.append(angles)
+
+    def _divide(self) -> None:
+        """Puts shares before the next one, or, where there is no room for one, passes a singular point."""
+        here, there = self.shares[-1], self.ahead[-1]
+        if there - here > LEAST:
+            self.ahead += np.linspace(there, here, SPLIT + 1)[1:-1].tolist()
+        else:
+            self._pass(there)
+
+    def _pass(self, there: float) -> None:
+        """Goes on beside a point where the inverse does not know a joint; a jump beside it is refused."""
+        here = self.angles[-1]
+        if there == 1.0:
+            self._take(here)
+            return
+        beside = min(there + BESIDE, 1.0)
+        candidates = self._solved(np.array([beside]), here)[0]
+        chosen, away = _nearest(candidates[None], here[None])
+        if away[0] <= SMALL:
+            while self.ahead and self.ahead[-1] <= beside:
+                self.ahead.pop()
+            self.ahead.append(beside)
+            self._take(chosen[0])
+            return
+        share = self.shares[-1]
+        if np.isinf(away[0]):
+            raise LeavesReach(beside, _point(self.path, beside), self.place, self.hint)
+        both = self.shown(here), self.shown(chosen[0])
+        raise ChangesBranch(share, _point(self.path, share), both, self.place, self.hint)
+
+    def _solved(self, shares: Floats, here: Floats) -> Floats:
+        self.samples += len(shares)
+        if self.samples > MAX_SAMPLES:
+            share = self.shares[-1]
             raise InputError(
-                f"the path cannot be followed within {1000 * chord_m:g} mm",
-                place,
-                "allow a larger chord error",
+                f"the path cannot be followed beyond {in_mm(_point(self.path, share))}, {100 * share:.3g} % "
+                f"of it: the joints' way there is too steep for {MAX_SAMPLES} samples",
+                self.place,
             )
-        shares = np.sort(np.concatenate((shares, (shares[:-1][far] + shares[1:][far]) / 2)))
+        return self.inverse(shares, np.tile(here, (len(shares), 1)))
 
 
-def _chord_errors(path: Path, angles: Floats, forward: Forward) -> Floats:
-    """The worst distance from the path inside each of the n - 1 intervals."""
+def chord_errors(path: Path, angles: Floats, forward: Forward) -> Floats:
+    """Return the worst distance (n - 1,) from the path inside each interval of samples (n, joints)."""
     if len(angles) < 2:
         return np.zeros(0)
     between = angles[:-1, None, :] + INSIDE[:, None] * (angles[1:, None, :] - angles[:-1, None, :])
@@ -96,19 +271,22 @@ def _chord_errors(path: Path, angles: Floats, forward: Forward) -> Floats:
     return np.asarray(path.distance(points).reshape(-1, len(INSIDE)).max(axis=1))
 
 
-def _connected(points: Floats, solutions: Floats, start: Floats, place: Place | None) -> Floats:
-    """For each point the solution nearest to the one before it, the first nearest to `start`."""
-    lost = np.all(np.isnan(solutions).any(axis=2), axis=1)
-    if lost.any():
-        x, y, z = (1000 * float(value) for value in points[np.argmax(lost)])
-        raise InputError(
-            f"the path leaves what can be reached at ({x:.3f}, {y:.3f}, {z:.3f}) mm",
-            place,
-            "move the ends, or go from pose to pose without a path",
-        )
-    chosen = np.empty((len(points), solutions.shape[2]))
-    before = start
-    for index, candidates in enumerate(solutions):
-        away = np.abs(candidates - before).max(axis=1)
-        chosen[index] = before = candidates[np.nanargmin(away)]
-    return chosen
+def _nearest(solutions: Floats, expected: Floats) -> tuple[Floats, Floats]:
+    """The solutions (n, joints) nearest to what is expected, and how far (n,) they are; inf where none is."""
+    away = np.abs(solutions - expected[:, None, :]).max(axis=2)
+    away = np.where(np.isnan(away), np.inf, away)
+    best = np.argmin(away, axis=1)[:, None]
+    chosen = np.take_along_axis(solutions, best[..., None], axis=1)[:, 0]
+    return chosen, np.take_along_axis(away, best, axis=1)[:, 0]
+
+
+def _sure(candidates: Floats, chosen: Floats, step: float) -> bool:
+    """Whether no other solution is so near that a step might have gone to it instead."""
+    apart = np.abs(candidates - chosen).max(axis=1)
+    others = apart[apart > SAME]
+    return step <= SAME or not others.size or APART * step <= float(others.min())
+
+
+def _point(path: Path, share: float) -> tuple[float, float, float]:
+    x, y, z = path.point(np.array([share]))[0].tolist()
+    return x, y, z

@@ -45,12 +45,14 @@ def along(way: Way, name: str, frames: int) -> Followed:
     return way(law(name).share(np.concatenate(([0.0], _shares(frames)))))
 
 
-def fastest_along(
-    way: Way, name: str, limits: Sequence[Limits], frame_s: float, most: int
-) -> Followed | None:
-    """As `along`, in as few frames as the limits allow; None when that is more than `most`."""
+MAX_PATH_FRAMES = 1 << 15
+"""A path without a time takes no more frames: 11 minutes at 50 frames a second."""
+
+
+def fastest_along(way: Way, name: str, limits: Sequence[Limits], frame_s: float) -> Followed | None:
+    """As `along`, in as few frames as the limits allow; None when that is more than `MAX_PATH_FRAMES`."""
     frames = 1
-    while frames <= most:
+    while frames <= MAX_PATH_FRAMES:
         made = along(way, name, frames)
         slower = stretch(made.angles, frame_s, limits)
         if slower <= 1 + EXACT:

@@ -19,12 +19,17 @@ import numpy as np
 
 from servogen.errors import Caution, InputError, Place
 from servogen.motion import moves
+from servogen.motion.follow import Followed
 from servogen.motion.limits import Limits
 from servogen.motion.trajectory import Floats, JointTrajectory
 from servogen.units import Clock, Cycles
 
 MOST_FRAMES = 1 << 23
 """Longer motions are refused: more than a day at 50 frames a second."""
+
+
+OFF_THE_PATH_M = 1e-3
+"""A point that leaves its path by so much more between two frames than at them is worth a warning."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,16 +181,26 @@ class _Sampler:
 
     def _along(self, pose: Pose, way: moves.Way) -> None:
         frame_s, limits = float(self.period_s), self.motion.limits
+        number = next(number for number, each in enumerate(self.motion.poses, 1) if each is pose)
+        made: Followed | None
         if pose.move_s is None:
-            made = moves.fastest_along(way, pose.law, limits, frame_s, MOST_FRAMES - self._frames)
+            made = moves.fastest_along(way, pose.law, limits, frame_s)
         else:
             made = moves.along(way, pose.law, self._count(pose.move_s, "move_s", pose))
         if made is None:
-            raise self._too_long(pose)
+            raise InputError(
+                f"the path to pose {number} cannot be followed within the joints' limits: "
+                f"not even in {moves.MAX_PATH_FRAMES} frames, {moves.MAX_PATH_FRAMES * frame_s:g} s",
+                pose.place,
+                "give it a time: move_s = … is kept, and what is then too fast is a warning",
+            )
         self._add(made.angles[1:], pose)
-        number = next(number for number, each in enumerate(self.motion.poses, 1) if each is pose)
         followed = f"the path to pose {number} is followed within {1000 * made.chord_error_m:.3f} mm"
-        self.notes.append(Caution("chord-error", followed, pose.place))
+        if made.chord_error_m <= made.missed_m + OFF_THE_PATH_M:
+            self.notes.append(Caution("chord-error", followed, pose.place))
+        else:
+            followed += _slower(pose, way, len(made.angles) - 1, frame_s)
+            self.warnings.append(Caution("off-the-path", followed, pose.place))
 
     def _through(self, chain: Sequence[Pose], closed: bool) -> None:
         points = np.array([pose.angles for pose in chain])
@@ -234,3 +249,14 @@ class _Sampler:
                 )
             )
         return count
+
+
+def _slower(pose: Pose, way: moves.Way, frames: int, frame_s: float) -> str:
+    """Say how long a move must take to stay near its path, if any of a few longer times is enough."""
+    for longer in (2 * frames, 4 * frames, 8 * frames, 16 * frames):
+        if longer <= moves.MAX_PATH_FRAMES:
+            made = moves.along(way, pose.law, longer)
+            if made.chord_error_m <= made.missed_m + OFF_THE_PATH_M:
+                error_mm = 1000 * made.chord_error_m
+                return f"; move_s = {longer * frame_s:g} keeps it within {error_mm:.3f} mm"
+    return ""

@@ -10,7 +10,8 @@ from servogen.errors import InputError
 from servogen.kinematics import numerical
 from servogen.kinematics.chain import fk, fk_position
 from servogen.kinematics.closed_forms import WRIST_JOINTS
-from servogen.kinematics.inverse import ik, ik_all, nearest_point, orientation_matrix, solve
+from servogen.kinematics.inverse import ik, ik_all, nearest_point, solve
+from servogen.kinematics.tool_orientation import orientation_matrix
 from servogen.kinematics.transforms import wrapped
 from servogen.kinematics.unreachable import Unreachable
 from servogen.robot.model import Arm, Frame
@@ -116,6 +117,11 @@ def test_a_pose_that_is_nearly_right_is_still_refused(product_of_rows) -> None:
     assert not solve(robot, pose[:3, 3], twisted).valid.any()
     outside = pose[:3, 3] * (1 + 1e-6)
     assert not solve(robot, outside, pose[:3, :3]).valid.any()
+
+
+def full_turns(found: Arm) -> Arm:
+    """The arm without limits but a full turn of each joint."""
+    return with_limits(found, **{joint.name: (-180, 180) for joint in found.joints})
 
 
 def with_limits(found: Arm, **degrees: tuple[float, float]) -> Arm:
@@ -265,7 +271,7 @@ def test_a_missing_orientation_leaves_the_wrist_at_home() -> None:
 
 
 def test_pitch_and_roll_of_the_rv_m1_are_those_of_its_command_language() -> None:
-    robot, target = arm("rv-m1"), [0.2, 0.1, 0.4]
+    robot, target = full_turns(arm("rv-m1")), [0.2, 0.1, 0.4]
     turn = orientation_matrix(robot, target, [radians(-60), radians(25)])
     first = [q for q in ik_all(robot, target, turn) if abs(q[0] - np.arctan2(0.1, 0.2)) < 1e-9]
     assert len(first) == 2
@@ -295,7 +301,7 @@ def test_an_arm_says_what_it_takes_beside_the_position() -> None:
 
 
 def test_above_its_first_axis_the_rv_m1_takes_the_plane_of_its_tool() -> None:
-    robot = arm("rv-m1")
+    robot = full_turns(arm("rv-m1"))
     for q in ([0.7, 1.0, 1.2, 0.4, 0.3], [0.7, np.pi / 2, 0.0, np.pi / 2, 0.3]):
         q = np.array(q)
         pose = fk(robot, q)
@@ -368,7 +374,7 @@ def test_targets_at_the_edge_of_reach_and_at_the_limits_themselves_are_reached()
 
 
 def test_an_arm_without_a_closed_form_is_solved_numerically(configurations) -> None:
-    robot = replace(arm("rv-m1"), closed_form=None)
+    robot = replace(full_turns(arm("rv-m1")), closed_form=None)
     pose = fk(robot, configurations(robot, 50))
     q = ik(robot, pose[:, :3, 3], pose[:, :3, :3])
     np.testing.assert_allclose(fk(robot, q), pose, atol=2e-7)

@@ -120,6 +120,34 @@ def test_the_back_formula_of_the_table_agrees_where_it_is_safe() -> None:
     assert axis == pytest.approx(np.array(minors) / (2 * np.sin(theta)))
 
 
+def test_slerp_is_that_of_the_quaternions() -> None:
+    share = np.linspace(0, 1, 11)
+    for first, last in zip(random_rotations(40)[:20], random_rotations(40)[20:], strict=True):
+        p, q = o.to_quaternion(first), o.to_quaternion(last)
+        q = q if p @ q >= 0 else -q  # of q and -q the nearer: the short way
+        angle = np.arccos(p @ q)
+        one, other = np.sin((1 - share) * angle)[:, None], np.sin(share * angle)[:, None]
+        expected = o.from_quaternion((one * p + other * q) / np.sin(angle))
+        np.testing.assert_allclose(o.slerp(first, last, share), expected, atol=1e-12)
+
+
+def test_slerp_turns_evenly_and_never_by_more_than_half_a_turn() -> None:
+    for first, last in zip(random_rotations(40)[:20], random_rotations(40)[20:], strict=True):
+        between = o.slerp(first, last, np.linspace(0, 1, 9))
+        cosines = (np.trace(np.swapaxes(between[:-1], 1, 2) @ between[1:], axis1=1, axis2=2) - 1) / 2
+        whole = np.arccos((np.trace(first.T @ last) - 1) / 2)
+        assert np.arccos(cosines) == pytest.approx(np.full(8, whole / 8), abs=1e-7)
+
+
+@pytest.mark.parametrize(("angle", "turned"), [(170, 170), (180, 180), (190, -170), (340, -20), (0, 0)])
+def test_slerp_goes_the_short_way_about_one_axis(angle: float, turned: float) -> None:
+    first = rot("y", 0.3)
+    between = o.slerp(first, first @ rot("z", np.radians(angle)), [0.0, 0.5, 1.0])
+    np.testing.assert_allclose(between[0], first, atol=1e-15)
+    np.testing.assert_allclose(between[1], first @ rot("z", np.radians(turned / 2)), atol=1e-12)
+    np.testing.assert_allclose(between[2], first @ rot("z", np.radians(angle)), atol=1e-12)
+
+
 def test_the_configuration_vector_keeps_the_roll_in_the_length_of_the_approach() -> None:
     vector = o.configuration_vector([1, 2, 3], [0, 0.6, 0.8], 2.0)
     assert np.linalg.norm(vector[3:]) == pytest.approx(np.exp(2.0 / np.pi))

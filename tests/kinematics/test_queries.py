@@ -95,7 +95,8 @@ def test_numbers_that_are_none_are_refused(wrong: float) -> None:
 def test_ik_with_an_orientation_and_with_the_wrong_number_of_values() -> None:
     answer = q.ik_answer("rv-m1", (200, 100, 400, -60, 25), everything=True)
     assert answer["joints"] == ["q1", "q2", "q3", "q4", "q5"]
-    assert answer["found"] == 4
+    # Turned round and with the elbow up it would be reached as well, but not within the limits
+    assert answer["found"] == 1
     with pytest.raises(InputError, match="rv-m1 takes x y z or x y z pitch roll, not 4 numbers"):
         q.ik_answer("rv-m1", (200, 100, 400, -60))
     with pytest.raises(InputError, match="theta-r takes x y z, not 6 numbers"):

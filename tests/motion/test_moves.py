@@ -8,7 +8,7 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.motion import Motion, Planned, Pose, bound, trajectory
-from servogen.motion.follow import Followed, follow
+from servogen.motion.follow import Followed, trace
 from servogen.motion.laws import NAMES, law
 from servogen.motion.limits import Limits, stretch
 from servogen.motion.paths import Line
@@ -122,12 +122,13 @@ def test_a_path_says_its_chord_error_and_keeps_the_limits() -> None:
         r, turn = angles.T
         return np.stack([r * np.cos(turn), r * np.sin(turn), 0 * r], axis=1)
 
-    def inverse(points: np.ndarray) -> np.ndarray:
+    def inverse(shares: np.ndarray, near: np.ndarray) -> np.ndarray:
+        points = line.point(shares)
         polar = [np.hypot(points[:, 0], points[:, 1]), np.arctan2(points[:, 1], points[:, 0])]
         return np.stack(polar, axis=1)[:, None, :]
 
     def way(shares: np.ndarray) -> Followed:
-        return follow(line, shares, inverse, forward, (1.0, 0.0))
+        return trace(line, inverse, (1.0, 0.0), str).followed(shares, forward)
 
     made = planned(
         Pose((1.0, 0.0), hold_s=HOLD),

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from servogen.errors import InputError
-from servogen.motion.follow import follow, refine
+from servogen.motion.follow import ChangesBranch, Inverse, LeavesReach, trace
 from servogen.motion.limits import Limits
-from servogen.motion.paths import Line, arc
+from servogen.motion.paths import Line, Path, arc
 from servogen.motion.splines import fastest_spline, spline
 
 SHARES = np.linspace(0, 1, 101)
@@ -82,50 +82,135 @@ def forward(angles: np.ndarray) -> np.ndarray:
     return np.stack([x, y, np.zeros(len(x))], axis=1)
 
 
-def inverse(points: np.ndarray) -> np.ndarray:
+def solved(points: np.ndarray) -> np.ndarray:
     x, y = points[:, 0], points[:, 1]
     cosine = (x**2 + y**2 - 0.5) / 0.5
-    bend = np.where(np.abs(cosine) <= 1, np.arccos(np.clip(cosine, -1, 1)), np.nan)
+    bend = np.where(np.abs(cosine) <= 1 + 1e-12, np.arccos(np.clip(cosine, -1, 1)), np.nan)
     first = np.arctan2(y, x)[:, None] - np.stack([bend, -bend], axis=1) / 2
     return np.stack([first, np.stack([bend, -bend], axis=1)], axis=2)
+
+
+def inverse_of(path: Path, most_bend: float = np.pi, counted: list[int] | None = None) -> Inverse:
+    """The arm's inverse along a path; its elbow bends to the left by `most_bend` at most."""
+
+    def inverse(shares: np.ndarray, near: np.ndarray) -> np.ndarray:
+        if counted is not None:
+            counted.append(len(shares))
+        found = solved(path.point(shares))
+        found[found[..., 1] > most_bend] = np.nan
+        return found
+
+    return inverse
+
+
+def degrees_of(angles: np.ndarray) -> str:
+    return " ".join(f"{angle:.2f}" for angle in np.degrees(angles))
 
 
 LINE = Line((0.9, 0.0, 0.0), (0.3, 0.5, 0.0))
 
 
-def test_a_followed_path_stays_on_its_branch() -> None:
-    for sign in (1, -1):
-        start = inverse(LINE.point([0.0]))[0, 0 if sign == 1 else 1]
-        made = follow(LINE, SHARES, inverse, forward, start)
-        assert (np.sign(made.angles[:, 1]) == sign).all()
-        assert forward(made.angles) == pytest.approx(LINE.point(SHARES), abs=1e-12)
+@pytest.mark.parametrize("elbow", [0, 1])
+def test_a_traced_path_stays_on_its_branch(elbow: int) -> None:
+    start = solved(LINE.point([0.0]))[0, elbow]
+    branch = trace(LINE, inverse_of(LINE), start, degrees_of)
+    angles = branch.at(SHARES)
+    assert (np.sign(angles[:, 1]) == np.sign(start[1])).all()
+    assert forward(angles) == pytest.approx(LINE.point(SHARES), abs=1e-12)
+    assert branch.end == pytest.approx(angles[-1])
+
+
+def test_two_frames_end_on_the_same_branch_as_a_thousand() -> None:
+    # Past the base at 10 mm the first joint turns by half a turn: seen from the start, the end of the other
+    # branch is nearer, so choosing the nearest from frame to frame would change to it.
+    passing = Line((0.8, -0.01, 0.0), (-0.8, -0.01, 0.0))
+    start = solved(passing.point([0.0]))[0, 0]
+    end = solved(passing.point([1.0]))[0]
+    assert np.argmin(np.abs(end - start).max(axis=1)) == 1
+    branch = trace(passing, inverse_of(passing), start, degrees_of)
+    assert branch.at(np.array([0.0, 1.0]))[1] == pytest.approx(end[0])
+    assert branch.at(np.linspace(0, 1, 1000))[-1] == pytest.approx(end[0])
+
+
+@pytest.mark.parametrize("straight_deg", [10.0, 1.0, 0.1])
+def test_near_the_stretched_arm_the_branch_is_kept(straight_deg: float) -> None:
+    # An arc about the base whose radius grows to that of an elbow bent by so little, and falls again.
+    radius = float(np.cos(np.radians(straight_deg / 2)))
+    bow = arc((0.8, -0.3, 0.0), (radius, 0.0, 0.0), (0.8, 0.3, 0.0))
+    start = solved(bow.point([0.0]))[0, 0]
+    angles = trace(bow, inverse_of(bow), start, degrees_of).at(np.linspace(0, 1, 999))
+    assert (angles[:, 1] > 0).all()
+    assert np.degrees(angles[:, 1].min()) == pytest.approx(straight_deg, rel=1e-2)
+
+
+def test_a_path_that_touches_the_end_of_the_reach_is_followed() -> None:
+    touching = Line((1.0, -0.0, 0.0), (0.2, 0.0, 0.0))
+    branch = trace(touching, inverse_of(touching), (0.0, 0.0), degrees_of)
+    assert forward(branch.at(SHARES)) == pytest.approx(touching.point(SHARES), abs=1e-7)
+
+
+def test_a_path_that_would_change_the_branch_is_refused_with_its_place_and_both_branches() -> None:
+    # The left elbow bends by 100° at most: |p|² = 0.5 + 0.5 cos 100°, where the line along y = 0 stops.
+    along = Line((0.9, 0.0, 0.0), (0.1, 0.0, 0.0))
+    start = solved(along.point([0.0]))[0, 0]
+    x = math.sqrt(0.5 + 0.5 * math.cos(math.radians(100)))
+    counted: list[int] = []
+    with pytest.raises(ChangesBranch) as caught:
+        trace(along, inverse_of(along, math.radians(100), counted), start, degrees_of)
+    assert caught.value.point == pytest.approx((x, 0.0, 0.0), abs=1e-9)
+    assert caught.value.branches == ("-50.00 100.00", "50.00 -100.00")
+    assert f"({1000 * x:.3f}, 0.000, 0.000) mm: from -50.00 100.00 to 50.00 -100.00" in str(caught.value)
+    assert sum(counted) < 4000
+    # Without the limit, and from the other elbow, the same line is followed.
+    trace(along, inverse_of(along), start, degrees_of)
+    trace(along, inverse_of(along, math.radians(100)), -start, degrees_of)
+
+
+def test_a_start_that_is_not_on_the_path_s_branches_is_refused_there() -> None:
+    with pytest.raises(
+        ChangesBranch, match=r"at its start, \(900\.000, 0\.000, 0\.000\) mm: from 0.00 57.30 to "
+    ):
+        trace(LINE, inverse_of(LINE), (0.0, 1.0), degrees_of)
+
+
+def test_a_single_point_where_the_inverse_does_not_know_a_joint_is_passed() -> None:
+    def inverse(shares: np.ndarray, near: np.ndarray) -> np.ndarray:
+        found = solved(LINE.point(shares))
+        found[shares == 0.5] = [7.0, 7.0]  # half way, as at home where a joint is free
+        found[shares == 1.0] = [7.0, 7.0]
+        return found
+
+    start = solved(LINE.point([0.0]))[0, 0]
+    angles = trace(LINE, inverse, start, degrees_of).at(SHARES)
+    assert angles == pytest.approx(solved(LINE.point(SHARES))[:, 0], abs=1e-6)
 
 
 def test_the_stated_chord_error_is_the_worst_there_is() -> None:
-    made = follow(LINE, np.linspace(0, 1, 5), inverse, forward, (0.0, 1.0))
+    start = solved(LINE.point([0.0]))[0, 0]
+    made = trace(LINE, inverse_of(LINE), start, degrees_of).followed(np.linspace(0, 1, 5), forward)
     dense = np.linspace(0, 4, 4001)
     between = np.stack([np.interp(dense, np.arange(5), column) for column in made.angles.T], axis=1)
     assert made.chord_error_m == pytest.approx(LINE.distance(forward(between)).max(), rel=0.05)
-
-
-@pytest.mark.parametrize("chord_m", [1e-2, 1e-3, 1e-4])
-@pytest.mark.parametrize("path", [LINE, arc((0.8, 0, 0), (0.5, 0.3, 0), (0.2, 0.2, 0))])
-def test_refined_samples_keep_the_chord_error_with_few_samples(path: Line, chord_m: float) -> None:
-    made = refine(path, chord_m, inverse, forward, (0.0, 1.0))
-    assert made.chord_error_m <= chord_m
-    # The error falls with the square of the interval: a tenth of it takes about three times the samples.
-    assert len(made.shares) < 3 + 4 / math.sqrt(chord_m)
-    assert (made.shares[0], made.shares[-1]) == (0, 1)
+    assert made.missed_m < 1e-12
 
 
 def test_a_path_out_of_reach_is_refused_with_the_point() -> None:
-    with pytest.raises(InputError, match=r"leaves what can be reached at \(1"):
-        follow(Line((0.5, 0.0, 0.0), (1.5, 0.0, 0.0)), SHARES, inverse, forward, (0.0, 1.0))
+    beyond = Line((0.5, 0.0, 0.0), (1.5, 0.0, 0.0))
+    start = solved(beyond.point([0.0]))[0, 0]
+    with pytest.raises(LeavesReach, match=r"leaves what can be reached at \(1000\.000, 0\.000, 0\.000\) mm"):
+        trace(beyond, inverse_of(beyond), start, degrees_of)
 
 
-def test_a_path_that_no_samples_can_follow_is_refused() -> None:
-    with pytest.raises(InputError, match="cannot be followed within 0 mm"):
-        refine(LINE, 0.0, inverse, forward, (0.0, 1.0))
+def test_joints_that_go_to_and_fro_without_end_are_given_up_after_so_many_samples() -> None:
+    counted: list[int] = []
+
+    def inverse(shares: np.ndarray, near: np.ndarray) -> np.ndarray:
+        counted.append(len(shares))
+        return np.stack([shares, 5 * np.sin(1e5 * shares)], axis=1)[:, None]
+
+    with pytest.raises(InputError, match="too steep for 16384 samples"):
+        trace(Line((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)), inverse, (0.0, 0.0), degrees_of)
+    assert sum(counted) <= 16384 + 64
 
 
 VIA = np.array([[0.0, 0.0], [1.0, -1.0], [0.5, 2.0], [3.0, 0.0]])

@@ -1,6 +1,6 @@
 """Robot files: what they describe, and errors that name the line."""
 
-from math import inf, radians
+from math import degrees, inf, radians
 from pathlib import Path
 
 import pytest
@@ -276,3 +276,19 @@ def test_other_lengths_of_an_arm() -> None:
     assert (changed.length["d5"], changed.dimensions) == (0.1, "user")
     with pytest.raises(InputError, match="rv-m1 has no length 'd9'"):
         robots.arm("rv-m1").with_lengths(d9=0.1)
+
+
+def test_the_rv_m1_turns_as_far_as_its_maker_says() -> None:
+    # Movemaster EX RV-M1: waist 300°, shoulder 130°, elbow 110°, wrist pitch ±90°, wrist roll ±180°
+    joints = robots.arm("rv-m1").joints
+    assert [round(degrees(joint.upper - joint.lower)) for joint in joints] == [300, 130, 110, 180, 360]
+    # in the angles of its rows: the waist about home, the pitch about the line of the forearm (q4 = 90°)
+    ends = [(round(degrees(joint.lower)), round(degrees(joint.upper))) for joint in joints]
+    assert ends == [(-60, 240), (-30, 100), (-110, 0), (0, 180), (-180, 180)]
+    assert all(joint.lower <= joint.home <= joint.upper for joint in joints)
+
+
+def test_the_rv_m1_file_says_what_of_its_limits_is_assumed() -> None:
+    text = (Path(robots.__file__).parent / "catalogue" / "robots" / "rv-m1.toml").read_text("utf-8")
+    assert "is assumed" in text
+    assert "was not at hand" in text

@@ -17,10 +17,11 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from servogen.errors import InputError
 from servogen.kinematics.chain import fk
-from servogen.kinematics.inverse import ik
+from servogen.kinematics.inverse import ik, solutions_near
 from servogen.kinematics.transforms import Floats, rot
 from servogen.motion.movemaster.memory import Pose
 from servogen.robot.model import Arm
@@ -52,7 +53,8 @@ class Manipulator:
         matrix = fk(self.arm, q)
         x, y, z = (float(value) for value in matrix[:3, 3])
         n, o, a = matrix[:3, 0], matrix[:3, 1], matrix[:3, 2]
-        cosine, sine = math.cos(self._azimuth(x, y)), math.sin(self._azimuth(x, y))
+        azimuth = float(self._azimuth(x, y))
+        cosine, sine = math.cos(azimuth), math.sin(azimuth)
         lean, side_n, side_o = (
             cosine * a[0] + sine * a[1],
             sine * n[0] - cosine * n[1],
@@ -74,6 +76,14 @@ class Manipulator:
             return ik(self.arm, point, None, near)
         return ik(self.arm, point, self._rotation(pose), near)
 
+    def solutions(self, poses: Floats, near: Floats) -> Floats:
+        """Return the joint positions (n, solutions, joints) for poses (n, 5), NaN where there is none.
+
+        Each is in the turn nearest to `near` (n, joints).
+        """
+        turns = self._rotations(poses) if self.arm.orientation else None
+        return solutions_near(self.arm, poses[:, :3] / 1000, turns, near)
+
     def approach(self, pose: Pose) -> Floats:
         """The unit vector along the tool."""
         if not self.arm.orientation:
@@ -81,17 +91,22 @@ class Manipulator:
         return np.asarray(self._rotation(pose)[:, 2])
 
     def _rotation(self, pose: Pose) -> Floats:
+        return np.asarray(self._rotations(np.array([pose.values]))[0])
+
+    def _rotations(self, poses: Floats) -> Floats:
+        """The rotations (n, 3, 3) of poses (n, 5)."""
+        x, y, _, pitch, roll = poses.T
         turns = (
-            rot("z", self._azimuth(pose.x / 1000, pose.y / 1000)),
-            rot("x", math.pi / 2),
-            rot("z", math.radians(pose.p) + math.pi / 2),
-            rot("x", math.pi / 2),
-            rot("z", math.radians(pose.r)),
+            rot("z", self._azimuth(x / 1000, y / 1000)),
+            rot("x", np.pi / 2),
+            rot("z", np.radians(pitch) + np.pi / 2),
+            rot("x", np.pi / 2),
+            rot("z", np.radians(roll)),
         )
         return np.asarray(turns[0] @ turns[1] @ turns[2] @ turns[3] @ turns[4])
 
-    def _azimuth(self, x: float, y: float) -> float:
-        return math.atan2(y, x) if math.hypot(x, y) > _ON_AXIS else self.arm.home[0]
+    def _azimuth(self, x: ArrayLike, y: ArrayLike) -> Floats:
+        return np.where(np.hypot(x, y) > _ON_AXIS, np.arctan2(y, x), self.arm.home[0])
 
 
 def _degrees(angle: float) -> float:

@@ -1,7 +1,8 @@
 """The order in which program lines run: jumps, loops (RC/NX) and subroutines (GS/RT).
 
 In: the program lines and where to begin and end. Out: the next statement, one at a time. Loops belong to the
-subroutine that opened them: RT closes those still open.
+subroutine that opened them: RT closes those still open. A loop that no way through the program closes is
+refused before the program runs.
 """
 
 from __future__ import annotations
@@ -15,6 +16,10 @@ from servogen.motion.movemaster.parse import Statement
 
 JUMPS: Mapping[str, int] = {"GT": 0, "GS": 0, "EQ": 1, "NE": 1, "LG": 1, "SM": 1, "TB": 1}
 """Commands that go to a line, and which of their arguments is its number."""
+
+
+_OPENS: Mapping[str, int] = {"RC": 1, "NX": -1}
+"""How many loops are open after a command more than before it."""
 
 
 @dataclass(slots=True)
@@ -35,7 +40,7 @@ class _Level:
 
 
 class Flow:
-    """One run of a program. Raises InputError at once for a jump to a line that there is none of."""
+    """One run of a program. Raises InputError at once for a jump to a missing line, and for RC without NX."""
 
     def __init__(self, program: Mapping[int, Statement], first: int, last: int | None) -> None:
         self._lines = [program[number] for number in sorted(program)]
@@ -48,6 +53,7 @@ class Flow:
                 self._check(line, line.whole(JUMPS[line.command.mnemonic]))
         self._next = self._index[first]
         self._end = len(self._lines) if last is None else self._index[last]
+        self._check_loops()
         self._levels = [_Level()]
 
     def take(self) -> Statement | None:
@@ -101,9 +107,66 @@ class Flow:
         if target not in self._index:
             raise line.error(f"there is no program line {target} to go to", self._known(target))
 
+    def _check_loops(self) -> None:
+        """Raises InputError for an RC that is run and from which no way leads to the NX that closes its loop.
+
+        The search goes from the states (line, loops open) in which NX closes the last loop back along all
+        ways through the program, whatever its conditions say. What nests too deep is refused when it runs.
+        """
+        before: dict[tuple[int, int], list[tuple[int, int]]] = {}
+        found: list[tuple[int, int]] = []
+        for index, line in enumerate(self._lines):
+            for depth in range(1, DEEPEST + 1):
+                deeper = depth + _OPENS.get(_mnemonic(line), 0)
+                if deeper == 0 or deeper > DEEPEST:
+                    found.append((index, depth))
+                for target in self._after(index):
+                    before.setdefault((target, deeper), []).append((index, depth))
+        closed = set(found)
+        while found:
+            for state in before.get(found.pop(), ()):
+                if state not in closed:
+                    closed.add(state)
+                    found.append(state)
+        for index in sorted(self._run()):
+            line = self._lines[index]
+            if _mnemonic(line) == "RC" and (index + 1, 1) not in closed:
+                raise line.error(
+                    "RC without an NX: nothing closes this loop", "RC n opens a loop, NX closes it"
+                )
+
+    def _after(self, index: int) -> list[int]:
+        """The lines to which a line leads in its subroutine; none where the program or subroutine ends."""
+        line, mnemonic = self._lines[index], _mnemonic(self._lines[index])
+        if mnemonic in ("ED", "RT"):
+            return []
+        # GS comes back to the next line with the loops that it found
+        targets = [] if mnemonic == "GT" else [index + 1]
+        if mnemonic in JUMPS and mnemonic != "GS":
+            targets.append(self._index[line.whole(JUMPS[mnemonic])])
+        return [target for target in targets if target not in (self._end, len(self._lines))]
+
+    def _run(self) -> set[int]:
+        """The lines that may be run from where the program begins."""
+        found = [self._next] if self._next not in (self._end, len(self._lines)) else []
+        seen = set(found)
+        while found:
+            index = found.pop()
+            line, targets = self._lines[index], self._after(index)
+            if _mnemonic(line) == "GS":
+                targets.append(self._index[line.whole(JUMPS["GS"])])
+            fresh = [target for target in targets if target not in seen]
+            seen.update(fresh)
+            found += fresh
+        return seen
+
     def _known(self, number: int) -> str:
         numbers = [line.number or 0 for line in self._lines]
         near = sorted(sorted(numbers, key=lambda each: abs(each - number))[:4])
         if not near:
             return "the program stands before RN in the file, each line with its number"
         return f"near it are the lines {', '.join(map(str, near))}"
+
+
+def _mnemonic(line: Statement) -> str:
+    return line.command.mnemonic if line.command else ""

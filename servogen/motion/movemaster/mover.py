@@ -14,7 +14,10 @@ import numpy as np
 
 from servogen.errors import Caution, InputError
 from servogen.kinematics.chain import fk_position
+from servogen.kinematics.queries import joint_text
+from servogen.kinematics.tool_orientation import short_way
 from servogen.kinematics.unreachable import Unreachable, in_mm
+from servogen.motion.follow import Branch, ChangesBranch, LeavesReach, chord_errors, trace
 from servogen.motion.movemaster.arm import Manipulator
 from servogen.motion.movemaster.memory import CLOSED, OPEN, Pose
 from servogen.motion.movemaster.path import sampled
@@ -29,7 +32,10 @@ FIRST_GRIP_TENTHS = 3
 """Before the first SP and GP (the manufacturer's)."""
 
 OFF_THE_LINE_MM = 1.0
-"""A tool further than this from the line of an MS is worth a word."""
+"""A tool further than this from the line of an MS is worth a warning."""
+
+MOST_POINTS = 99
+"""The most intermediate points that MS takes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,15 +108,11 @@ class Mover:
 
     def line(self, pose: Pose, intermediate: int, what: str) -> None:
         """To `pose` through `intermediate` points at equal distances on the straight line."""
-        start = self.pose
-        way = pose.plus(start, -1.0)
-        points = [self.q]
-        for index in range(1, intermediate + 2):
-            point = pose if index > intermediate else start.plus(way, index / (intermediate + 1))
-            name = what if index > intermediate else f"point {index} of {intermediate} on the line to {what}"
-            points.append(self._solved(point, points[-1], name))
-        samples = self._path(np.stack(points), even=True)
-        self._check_line(samples, start, pose, what, intermediate)
+        self._solved(pose, self.q, what)
+        branch = self._branch(pose, what)
+        points = _points_on(branch, self.q, intermediate)
+        samples = self._path(points, even=True)
+        self._check_line(samples, branch, what, intermediate)
 
     def grip(self, state: str) -> None:
         """Opens or closes the hand; it takes GP's time, and longer if its servo needs that."""
@@ -167,19 +169,77 @@ class Mover:
         self._add(np.concatenate(columns, axis=1))
         return samples
 
-    def _check_line(self, samples: Floats, start: Pose, end: Pose, what: str, intermediate: int) -> None:
-        """How far the tool leaves the line between its points, where only the joints are straight."""
-        line = Line(*((each.x / 1000, each.y / 1000, each.z / 1000) for each in (start, end)))
+    def _branch(self, pose: Pose, what: str) -> Branch:
+        """The branch on which the arm goes straight to `pose`, its pitch and roll the short way."""
+        start = np.array(self.pose.values)
+        way = np.array(pose.values) - start
+        way[3:] = np.degrees(short_way(np.radians(way[3:])))
+        manipulator = self.manipulator
+
+        def inverse(shares: Floats, near: Floats) -> Floats:
+            return manipulator.solutions(start + shares[:, None] * way, near)
+
+        def shown(q: Floats) -> str:
+            return ", ".join(joint_text(manipulator.arm, q.tolist()).split("  "))
+
+        line = Line(_metres(start), _metres(start + way))
+        try:
+            return trace(line, inverse, self.q, shown)
+        except ChangesBranch as error:
+            raise InputError(
+                f"the straight line to {what} would change the branch of the inverse kinematics at "
+                f"{in_mm(error.point)}: from {error.branches[0]} to {error.branches[1]}",
+                hint=f"MO goes to {what} through joint space",
+            ) from error
+        except LeavesReach as error:
+            raise InputError(
+                f"the straight line to {what} leaves what the arm reaches at {in_mm(error.point)}: "
+                f"{self._reason(Pose(*(start + error.share * way).tolist()))}",
+                hint=f"MO goes to {what} through joint space",
+            ) from error
+
+    def _reason(self, pose: Pose) -> str:
+        """Why there is no solution for a pose."""
+        try:
+            self.manipulator.solve(pose, self.q)
+        except Unreachable as error:
+            return error.reason
+        return "the arm is at the end of its reach"
+
+    def _check_line(self, samples: Floats, branch: Branch, what: str, intermediate: int) -> None:
+        """Warns where the tool leaves the line between its points, where only the joints are straight."""
         tools = fk_position(self.manipulator.arm, samples)
-        worst = 1000 * float(line.distance(tools).max(initial=0.0))
-        if worst > OFF_THE_LINE_MM:
-            self.cautions.append(
-                Caution(
-                    "off-the-line",
-                    f"on its way to {what} the tool is up to {worst:.1f} mm off the straight line: "
-                    f"more than {intermediate} intermediate points would keep it nearer",
-                )
+        worst = 1000 * float(branch.path.distance(tools).max(initial=0.0))
+        if worst <= OFF_THE_LINE_MM:
+            return
+        text = f"on its way to {what} the tool is up to {worst:.1f} mm off the straight line"
+        enough = self._enough(branch, intermediate)
+        self.cautions.append(
+            Caution(
+                "off-the-line",
+                f"{text}: {enough} intermediate points keep it within {OFF_THE_LINE_MM:g} mm"
+                if enough
+                else f"{text}: {MOST_POINTS} intermediate points, the most there are, do not keep it within "
+                f"{OFF_THE_LINE_MM:g} mm",
             )
+        )
+
+    def _enough(self, branch: Branch, intermediate: int) -> int | None:
+        """How many intermediate points, more than these, keep the tool near the line."""
+
+        def error_mm(count: int) -> float:
+            points = _points_on(branch, branch.angles[0], count)
+            errors = chord_errors(branch.path, points, lambda q: fk_position(self.manipulator.arm, q))
+            return 1000 * float(errors.max(initial=0.0))
+
+        return next(
+            (
+                count
+                for count in range(intermediate + 1, MOST_POINTS + 1)
+                if error_mm(count) <= OFF_THE_LINE_MM
+            ),
+            None,
+        )
 
     def _allowed(self, frames: int) -> int:
         if (self.frame + frames - self.uncounted) * self.period_s > self.most_s:
@@ -193,3 +253,14 @@ class Mover:
         self._allowed(len(rows))
         self.frame += len(rows)
         self._blocks.append(rows)
+
+
+def _points_on(branch: Branch, start: Floats, intermediate: int) -> Floats:
+    """The joint positions at the start of a branch, at points at equal distances on it, and at its end."""
+    shares = np.arange(1, intermediate + 2) / (intermediate + 1)
+    return np.vstack([start, branch.at(shares)])
+
+
+def _metres(pose: Floats) -> tuple[float, float, float]:
+    x, y, z = (pose[:3] / 1000).tolist()
+    return x, y, z

@@ -2,13 +2,15 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
 import pytest
 
 from servogen.errors import InputError
-from servogen.motion.movemaster import Budget, Hand, Run, manipulator, parse, run
+from servogen.motion.movemaster import Budget, Hand, Manipulator, Run, manipulator, parse, run
+from servogen.robot.model import Arm
 from servogen.robot.robots import arm
 from servogen.units import Clock, Cycles
 
@@ -25,6 +27,14 @@ def _refused(text: str, **options: Any) -> str:
     with pytest.raises(InputError) as caught:
         _ran(text, **options)
     return str(caught.value)
+
+
+def full_turns(found: Arm, degrees: float = 180) -> Manipulator:
+    """The arm with speeds and without limits but a full turn of each joint: every branch is allowed."""
+    joints = [
+        replace(each, lower=math.radians(-degrees), upper=math.radians(degrees)) for each in found.joints
+    ]
+    return manipulator(replace(found, joints=tuple(joints)))
 
 
 @pytest.fixture

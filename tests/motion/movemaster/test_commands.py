@@ -4,16 +4,22 @@ Expected poses come from the specification's closed form of the RV-M1: p = (c1 K
 d5 c234), K = a2 c2 + a3 c23 + d5 s234, with d1 300, a2 250, a3 160, d5 72 mm.
 """
 
+import re
 from collections.abc import Callable
-from math import cos, degrees, radians, sin
+from math import acos, cos, degrees, radians, sin
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from servogen.motion.movemaster import Run
+from servogen.motion.movemaster import Run, mover
+from servogen.robot.robots import arm
+from tests.motion.movemaster.conftest import full_turns
 
 Ran = Callable[..., Run]
 Refused = Callable[..., str]
+
+CASES = Path(__file__).with_name("programs")
 
 P1 = "PD 1, 250, 200, 350, -60, 20\n"
 P2 = "PD 2, 100, 300, 250, -90, 90\n"
@@ -63,8 +69,8 @@ def test_mj_turns_each_joint_by_degrees(ran: Ran) -> None:
 
 
 def test_mj_beyond_a_limit_names_the_joint(refused: Refused) -> None:
-    assert refused("MJ 91, 0, 0, 0, 0") == (
-        "a.rvm:1:1: joint q1 would turn to 181°\n  its limits are -180° to 180°"
+    assert refused("MJ 151, 0, 0, 0, 0") == (
+        "a.rvm:1:1: joint q1 would turn to 241°\n  its limits are -60° to 240°"
     )
 
 
@@ -104,16 +110,90 @@ def test_ms_follows_the_straight_line(ran: Ran) -> None:
     assert pose(end(run)) == pytest.approx((100, 300, 250, -90, 90), abs=1e-6)
 
 
-def test_ms_with_few_points_warns_of_how_far_the_tool_leaves_the_line(ran: Ran) -> None:
-    (warning,) = ran(P1 + "PD 2, -250, 200, 350, -60, 20\n10 MO 1\n20 MS 2, 1").warnings
+P_FAR = "PD 1, 250, 300, 350, -60, 20\nPD 2, -250, 300, 350, -60, 20\n"
+
+
+def off_the_line_mm(run: Run, number: int) -> float:
+    """How far the tool is at most from the line between P_FAR's positions in step `number`."""
+    step = run.steps[number]
+    tools = [pose(row)[1:3] for row in run.trajectory.angles[step.frame : step.frame + step.frames]]
+    return float(np.linalg.norm(np.array(tools) - [300, 350], axis=1).max())
+
+
+def test_ms_with_few_points_warns_and_says_how_many_are_enough(ran: Ran) -> None:
+    run = ran(P_FAR + "10 MO 1\n20 MS 2, 1")
+    (warning,) = run.warnings
     assert warning.code == "off-the-line"
     assert str(warning.place) == "a.rvm:4:4: program line 20"
+    found = re.fullmatch(
+        r"on its way to position 2 the tool is up to ([\d.]+) mm off the straight line: "
+        r"(\d+) intermediate points keep it within 1 mm",
+        warning.text,
+    )
+    assert found
+    assert float(found[1]) == pytest.approx(off_the_line_mm(run, -1), abs=0.06)
+    enough = int(found[2])
+    run = ran(P_FAR + f"10 MO 1\n20 MS 2, {enough}")
+    assert not run.warnings
+    assert off_the_line_mm(run, -1) <= 1
+    assert ran(P_FAR + f"10 MO 1\n20 MS 2, {enough - 1}").warnings
+
+
+def test_where_no_number_of_points_is_enough_none_is_advised(
+    ran: Ran, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(mover, "OFF_THE_LINE_MM", 1e-3)
+    (warning,) = ran(P_FAR + "10 MO 1\n20 MS 2, 99").warnings
+    assert warning.text.endswith("99 intermediate points, the most there are, do not keep it within 0.001 mm")
 
 
 def test_ms_names_the_point_of_the_line_that_is_out_of_reach(refused: Refused) -> None:
-    said = refused("PD 1, 0, 320, 350, 0, 0\nPD 2, 0, -320, 350, 0, 0\n10 MO 1\n20 MS 2, 7")
-    assert said.startswith("a.rvm:4:4: program line 20: point ")
-    assert " of 7 on the line to position 2 " in said
+    said = refused(
+        "PD 1, 0, 320, 350, 0, 0\nPD 2, 0, -320, 350, 0, 0\n10 MO 1\n20 MS 2, 7",
+        robot=full_turns(arm("rv-m1")),
+    )
+    # The wrist is 72 mm behind the tool, 50 mm above the shoulder, and at least 250 - 160 = 90 mm from it:
+    # 72 + √(90² - 50²) = 146.833
+    assert said.startswith(
+        "a.rvm:4:4: program line 20: the straight line to position 2 leaves what the arm reaches at "
+        "(0.000, 146.833, 350.000) mm: "
+    )
+
+
+def test_ms_that_would_change_the_branch_is_refused_at_the_place(refused: Refused) -> None:
+    # The arm stands turned round, q1 = -90°, and its hand down: q2 + q3 + q4 = 0. When q4 comes to its end at
+    # -180° the forearm is level: 250 cos q2 - 160 = -120, so q2 = 80.793° and z = 300 + 250 sin q2 - 72.
+    text = (CASES / "ms.rvm").read_text("utf-8").replace("30 MS 2, 5", "30 MO 2")
+    said = refused(text, robot=full_turns(arm("rv-m1")))
+    q2 = acos(40 / 250)
+    assert said.startswith(
+        "a.rvm:10:4: program line 50: the straight line to position 5 would change the branch of the inverse "
+        f"kinematics at (0.000, 120.000, {300 + 250 * sin(q2) - 72:.3f}) mm: "
+        f"from q1 -90.000°, q2 {degrees(q2):.3f}°, q3 {180 - degrees(q2):.3f}°, q4 -180.000°, q5 -90.000° "
+        "to q1 90.000°, q2 "
+    )
+    assert said.endswith("\n  MO goes to position 5 through joint space")
+
+
+def test_ms_that_would_turn_the_hand_past_its_limit_is_refused_where_it_is_reached(refused: Refused) -> None:
+    # From roll 170° to -170° the short way is 20°, over 180° half way: there q5 is at its end.
+    said = refused((CASES / "ms.rvm").read_text("utf-8"), robot=full_turns(arm("rv-m1")))
+    assert said.startswith(
+        "a.rvm:8:4: program line 30: the straight line to position 2 would change the branch of the inverse "
+        "kinematics at (100.000, 275.000, 250.000) mm: from q1 70.017°, "
+    )
+    here, there = said.split(" mm: from ")[1].split("\n")[0].split(" to ")
+    assert "q5 180.000°" in here
+    assert "q5 180.000°" not in there
+
+
+def test_the_hand_turns_the_short_way_along_ms_where_its_joint_allows_it(ran: Ran) -> None:
+    text = "PD 1, 200, 250, 300, -60, 170\nPD 2, 0, 300, 200, -90, -170\n10 MO 1\n20 MS 2, 9"
+    run = ran(text, robot=full_turns(arm("rv-m1"), 400))
+    step = run.steps[-1]
+    rolls = np.degrees(run.trajectory.angles[step.frame - 1 : step.frame + step.frames, 4])
+    assert np.ptp(rolls) == pytest.approx(20, abs=1e-6)
+    assert np.abs(np.diff(rolls)).sum() == pytest.approx(20, abs=1e-6)
 
 
 def test_mc_passes_all_defined_positions_between_without_stopping(ran: Ran) -> None:

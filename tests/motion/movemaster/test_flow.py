@@ -78,8 +78,53 @@ def test_gs_calls_and_rt_returns_behind_it(ran: Ran) -> None:
 
 
 def test_a_loop_left_open_in_a_subroutine_ends_with_it(ran: Ran) -> None:
-    text = "10 RC 2\n20 GS 100\n30 NX\n40 ED\n100 RC 9\n110 IC 1\n120 RT"
+    text = "10 RC 2\n20 GS 100\n30 NX\n40 ED\n100 RC 9\n110 IC 1\n120 CP 1\n130 SM 9, 150\n140 NX\n150 RT"
     assert ran(text).counters == {1: 2}
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("10 RC 4\n20 IC 1\n30 ED", 10),
+        ("10 RC 4", 10),
+        ("10 IC 1\n20 RC 2\n30 RC 3\n40 IC 2\n50 NX\n60 ED", 20),
+        ("10 NX\n20 RC 2\n30 IC 1", 20),
+        ("10 GS 100\n20 ED\n100 RC 3\n110 IC 1\n120 RT\n130 NX", 100),
+        ("10 RC 3\n20 GS 100\n30 ED\n100 NX\n110 RT", 10),
+        ("10 RC 3\n20 IC 1\n30 GT 50\n40 NX\n50 ED", 10),
+    ],
+)
+def test_rc_without_nx_is_refused_before_anything_moves(refused: Refused, text: str, line: int) -> None:
+    at = [each.split()[0] for each in text.splitlines()].index(str(line)) + 1
+    said = (
+        f"a.rvm:{at}:{len(str(line)) + 2}: program line {line}: RC without an NX: nothing closes this loop\n"
+    )
+    assert refused(text).startswith(said)
+
+
+@pytest.mark.parametrize(
+    ("text", "count"),
+    [
+        ("10 GT 40\n20 NX\n30 ED\n40 RC 3\n50 IC 1\n60 GT 20", 3),  # NX stands before its RC
+        ("10 EQ 0, 40\n20 RC 2\n30 GT 50\n40 RC 5\n50 IC 1\n60 NX", 5),  # two RCs, one NX
+        ("10 RC 9\n20 IC 1\n30 CP 1\n40 EQ 4, 60\n50 NX\n60 ED", 4),  # left before its end
+    ],
+)
+def test_a_loop_that_some_way_closes_is_not_refused(ran: Ran, text: str, count: int) -> None:
+    assert ran(text).counters[1] == count
+
+
+def test_rn_to_a_line_within_a_loop_has_no_nx_and_other_loops_do_not_matter(
+    ran: Ran, refused: Refused
+) -> None:
+    program = "10 RC 2\n20 IC 1\n30 IC 2\n40 NX\n"
+    assert "program line 10: RC without an NX" in refused(program + "RN 10, 30")
+    assert ran(program + "RN 20, 30").counters == {1: 1}
+
+
+def test_the_longest_program_is_searched_for_nx(refused: Refused) -> None:
+    lines = "".join(f"{number} RC 2\n" for number in range(1, 2049))
+    assert "RC without an NX" in refused(lines.replace("2048 RC 2", "2048 NX"))
 
 
 def test_gt_goes_on_there_and_a_comment_line_is_a_target(ran: Ran) -> None:
@@ -130,7 +175,7 @@ def test_what_cannot_run_is_refused_at_its_line(refused: Refused, text: str, mes
 
 
 def test_loops_deeper_than_nine_are_refused(refused: Refused) -> None:
-    loops = "\n".join(f"{10 * level} RC 2" for level in range(1, 11))
+    loops = "\n".join(f"{10 * level} RC 2\n{1000 + level} NX" for level in range(1, 11))
     assert "program line 100: loops are nested deeper than 9" in refused(loops)
 
 

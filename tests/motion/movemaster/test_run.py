@@ -11,6 +11,7 @@ import pytest
 from servogen.errors import InputError
 from servogen.motion.movemaster import Input, Run, input_of, manipulator
 from servogen.robot.robots import arm
+from tests.motion.movemaster.conftest import full_turns
 
 Ran = Callable[..., Run]
 Refused = Callable[..., str]
@@ -99,10 +100,11 @@ def test_a_position_that_only_the_limits_forbid_names_the_joint(refused: Refused
 
 
 def test_the_solution_nearest_to_where_the_arm_is_is_taken(ran: Ran) -> None:
-    up = ran("MJ 0, 40, -60, 0, 0\n10 HE 1").positions[1]
+    robot = full_turns(arm("rv-m1"))
+    up = ran("MJ 0, 40, -60, 0, 0\n10 HE 1", robot=robot).positions[1]
     text = "PD 1, {:f}, {:f}, {:f}, {:f}, {:f}\n".format(*up.pose.values)
-    above = ran("MJ 0, 60, -80, 0, 0\n" + text + "10 MO 1").trajectory.angles[-1]
-    below = ran("MJ 0, -20, 80, -80, 0\n" + text + "10 MO 1").trajectory.angles[-1]
+    above = ran("MJ 0, 60, -80, 0, 0\n" + text + "10 MO 1", robot=robot).trajectory.angles[-1]
+    below = ran("MJ 0, -20, 80, -80, 0\n" + text + "10 MO 1", robot=robot).trajectory.angles[-1]
     assert above[2] < 0 < below[2]
 
 
