@@ -42,7 +42,7 @@ def sticks(axes: Any, points: np.ndarray, colour: str, label: str | None = None)
 def arms() -> None:
     """All inverse solutions of one target for three arms, and the six-legged robot."""
     figure = plt.figure(figsize=(10, 8), layout="constrained")
-    targets = {"scara": [0.35, 0.35, 0.3], "rv-m1": [0.22, 0.12, 0.4], "irb6400c": [1.1, 0.6, 0.7]}
+    targets = {"scara": [0.35, 0.35, 0.3], "anthropomorphic": [0.2, 0.2, 0.15], "irb6400c": [1.1, 0.6, 0.7]}
     for index, (name, target) in enumerate(targets.items(), 1):
         axes = figure.add_subplot(2, 2, index, projection="3d")
         solutions = ik_all(arm(name), target)
