@@ -68,6 +68,7 @@ def simulate(
     from servogen.edge_files import edge_writer, recorded
     from servogen.edges import EdgeTrace
     from servogen.simulator import Machine, Options, load_stimuli
+    from servogen.simulator.stimulus import file_inputs
 
     keep_apart([path for path in (file, stimulus) if path], edges, vcd, trace, eeprom)
     program = read_program(file, device)
@@ -83,7 +84,8 @@ def simulate(
     machine = Machine(program.image, clock, board, stimuli)
     paths = [path for path in (edges, vcd) if path]
     with progress("simulating", span) as tell, ExitStack() as files:
-        writers = [files.enter_context(edge_writer(path, clock)) for path in paths]
+        inputs = file_inputs(stimuli, clock)
+        writers = [files.enter_context(edge_writer(path, clock, inputs=inputs)) for path in paths]
         told = EdgeTrace(clock, _told(machine.stream(span), tell), span)
         changes = sum(len(chunk.cycle) for chunk in recorded(told, writers).driven())
     state = machine.state()

@@ -5,5 +5,15 @@
 """
 
 from servogen.edge_files.formats import SUFFIXES, EdgeWriter, edge_writer, read_edges, recorded, write_edges
+from servogen.edge_files.inputs import NO_INPUTS, Inputs
 
-__all__ = ["SUFFIXES", "EdgeWriter", "edge_writer", "read_edges", "recorded", "write_edges"]
+__all__ = [
+    "NO_INPUTS",
+    "SUFFIXES",
+    "EdgeWriter",
+    "Inputs",
+    "edge_writer",
+    "read_edges",
+    "recorded",
+    "write_edges",
+]

@@ -1,11 +1,14 @@
-"""Edges ↔ CSV: header `cycle,pin,level`, one row a change of an output pin, in order; undriven is 0.
+"""Edges ↔ CSV: header `cycle,pin,level`, one row a change of a pin, in order; undriven is 0.
 
-`cycle` counts instruction cycles since reset, `pin` is RA0 … RB7, `level` 0 or 1. As cycles never fall,
-lines of one length stand together: a block of them is a matrix, read column by column.
+`cycle` counts instruction cycles since reset, `pin` is RA0 … RB7, `level` 0 or 1. What is applied to a pin
+from outside has a level of its own: L, H, or Z where it is let go; its pin may be MCLR, too.
+
+As cycles never fall, lines of one length stand together: a block of them is a matrix, read column by column.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -16,12 +19,16 @@ import numpy as np
 
 from servogen.edge_files import rows
 from servogen.edge_files.endings import ended
+from servogen.edge_files.inputs import INPUT_PINS, NO_INPUTS, InputRows, Inputs, Rows, merged
 from servogen.edge_files.lines import last_line, line_blocks
 from servogen.edges import PINS, Driven, EdgeChunk, EdgeTrace, edge_chunk, join
 from servogen.errors import InputError, Place
 from servogen.units import Clock, Cycles
 
 HEADER = "cycle,pin,level"
+APPLIED = "LHZ"
+"""Levels that are applied to an input from outside: low, high, let go."""
+_INPUT = re.compile(rb"^\d{1,18},(?:RA[0-4]|RB[0-7]|MCLR),[LHZ]\n", re.MULTILINE)
 MOST_DIGITS = 18
 """So many decimal digits always fit a signed 64-bit integer."""
 
@@ -34,20 +41,36 @@ for _number, _name in enumerate(PINS):
 
 
 class CsvWriter:
-    """Writes chunks as they come to a binary file."""
+    """Writes chunks as they come to a binary file, and the changes of inputs among them."""
 
-    def __init__(self, file: IO[bytes]) -> None:
+    def __init__(self, file: IO[bytes], inputs: Inputs = NO_INPUTS) -> None:
         self._file = file
         self._driven = Driven()
+        self._inputs = InputRows(inputs)
+        texts = [f",{INPUT_PINS[pin]},{letter}\n" for pin in inputs.pins for letter in APPLIED]
+        self._tails = rows.joined(_TAILS, rows.table(texts)) if texts else _TAILS
         file.write(f"{HEADER}\n".encode())
+        self._inputs.until(1)  # a level that is there at power-up is no change
 
     def add(self, chunk: EdgeChunk) -> None:
-        for block in rows.blocks(self._driven(chunk)):
-            tails = _TAILS[block.pin.astype(np.intp) * 2 + block.level]
-            self._file.write(rows.text(rows.decimals(block.cycle), tails))
+        if not len(chunk.cycle):
+            return
+        last = int(chunk.cycle[-1])
+        driven = self._driven(chunk)
+        self._write(
+            self._inputs.until(last + 1), (driven.cycle, driven.pin.astype(np.int64) * 2 + driven.level)
+        )
 
     def finish(self, end: Cycles) -> None:
-        """The format does not hold the trace's end."""
+        """Write what inputs still do; the format does not hold the trace's end."""
+        nothing = np.zeros(0, dtype=np.int64)
+        self._write(self._inputs.until(end), (nothing, nothing))
+
+    def _write(self, inputs: Rows, edges: Rows) -> None:
+        cycles, numbers = merged((inputs[0], inputs[1] + len(_TAILS)), edges) if len(inputs[0]) else edges
+        for start in range(0, len(cycles), rows.BLOCK):
+            block = slice(start, start + rows.BLOCK)
+            self._file.write(rows.text(rows.decimals(cycles[block]), self._tails[numbers[block]]))
 
 
 def read_csv(path: str | Path, clock: Clock, end: int | None = None) -> EdgeTrace:
@@ -70,7 +93,7 @@ class _CsvChunks:
                 header, _, block = block.partition(b"\n")
                 self._check_header(header)
                 first, line = False, line + 1
-            chunk = _parse(block, last)
+            chunk = _parse(_without_inputs(block), last)
             if chunk is None:
                 _complain(block, last, self.path, line)
             if len(chunk.cycle):
@@ -87,6 +110,13 @@ class _CsvChunks:
                 Place(str(self.path), 1),
                 f"expected: {HEADER}",
             )
+
+
+def _without_inputs(block: bytes) -> bytes:
+    """Return the rows of what the chip does; what is applied to it says nothing about the program."""
+    if any(f"{letter}\n".encode() in block for letter in APPLIED):
+        return _INPUT.sub(b"", block)
+    return block
 
 
 def _parse(block: bytes, last: int) -> EdgeChunk | None:
@@ -138,6 +168,8 @@ def _complain(block: bytes, last: int, path: Path, line: int) -> NoReturn:
     """Names the first line of `block` that `_parse` refused."""
     for number, text in enumerate(block.decode("utf-8", "replace").split("\n"), line):
         place = Place(str(path), number)
+        if _INPUT.fullmatch(f"{text}\n".encode()):
+            continue
         fields = text.split(",")
         if len(fields) != 3:
             raise InputError(f"'{text[:40]}' is not a row of an edge file", place, f"expected: {HEADER}")

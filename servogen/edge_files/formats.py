@@ -7,6 +7,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import IO, Protocol
 
+from servogen.edge_files.inputs import NO_INPUTS, Inputs
 from servogen.edges import EdgeChunk, EdgeTrace
 from servogen.errors import InputError, Place
 from servogen.outputs import atomic_write
@@ -25,18 +26,26 @@ class EdgeWriter(Protocol):
 
 @contextmanager
 def edge_writer(
-    path: str | Path, clock: Clock, servos: Mapping[str, str] | None = None
+    path: str | Path, clock: Clock, servos: Mapping[str, str] | None = None, inputs: Inputs = NO_INPUTS
 ) -> Iterator[EdgeWriter]:
-    """A writer to `path`; the file is there when the block ends. `servos` names pins, as {"RB0": "arm"}."""
+    """Give a writer to `path`; the file is there when the block ends. `servos` names pins, as {"RB0": "arm"}.
+
+    CSV and VCD also hold what `inputs` do.
+    """
     suffix = _suffix(Path(path))
     with atomic_write(path, "wb") as file:
-        yield _writer(file, suffix, clock, servos)
+        yield _writer(file, suffix, clock, servos, inputs)
 
 
-def write_edges(trace: EdgeTrace, *paths: str | Path, servos: Mapping[str, str] | None = None) -> None:
-    """Writes `trace` to every one of `paths` in one pass."""
+def write_edges(
+    trace: EdgeTrace,
+    *paths: str | Path,
+    servos: Mapping[str, str] | None = None,
+    inputs: Inputs = NO_INPUTS,
+) -> None:
+    """Write `trace` to every one of `paths` in one pass."""
     with ExitStack() as stack:
-        writers = [stack.enter_context(edge_writer(path, trace.clock, servos)) for path in paths]
+        writers = [stack.enter_context(edge_writer(path, trace.clock, servos, inputs)) for path in paths]
         for _ in recorded(trace, writers).chunks:
             pass
 
@@ -80,18 +89,20 @@ def read_edges(
     return read_vcd(path, clock, end, wires)
 
 
-def _writer(file: IO[bytes], suffix: str, clock: Clock, servos: Mapping[str, str] | None) -> EdgeWriter:
+def _writer(
+    file: IO[bytes], suffix: str, clock: Clock, servos: Mapping[str, str] | None, inputs: Inputs
+) -> EdgeWriter:
     if suffix == ".csv":
         from servogen.edge_files.csv_file import CsvWriter
 
-        return CsvWriter(file)
+        return CsvWriter(file, inputs)
     if suffix == ".jsonl":
         from servogen.edge_files.jsonl_file import JsonlWriter
 
         return JsonlWriter(file)
     from servogen.edge_files.vcd_write import VcdWriter
 
-    return VcdWriter(file, clock, servos)
+    return VcdWriter(file, clock, servos, inputs=inputs)
 
 
 def _suffix(path: Path) -> str:

@@ -49,6 +49,12 @@ def table(texts: Sequence[str]) -> Bytes:
     )
 
 
+def joined(*tables: Bytes) -> Bytes:
+    """Return the rows of all `tables` as one table."""
+    width = max(each.shape[1] for each in tables)
+    return np.concatenate([np.pad(each, ((0, 0), (0, width - each.shape[1]))) for each in tables])
+
+
 def text(*columns: Bytes) -> bytes:
     """The bytes of the rows made of `columns` side by side, NULs left out."""
     flat = np.concatenate(columns, axis=1).ravel()

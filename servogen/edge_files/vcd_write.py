@@ -18,7 +18,8 @@ from vcd import VCDWriter
 from vcd.writer import Variable
 
 from servogen.edge_files import rows
-from servogen.edges import PINS, Changes, EdgeChunk, part
+from servogen.edge_files.inputs import INPUT_PINS, NO_INPUTS, InputRows, Inputs, Rows, merged
+from servogen.edges import PINS, Changes, EdgeChunk
 from servogen.units import Clock, Cycles
 
 SCOPE = "chip"
@@ -94,7 +95,8 @@ class VcdWriter:
     """Writes chunks as they come to a binary file; `servos` names the pins' servos.
 
     `captured` says that the cycles are an analyser's samples, and the file says it to its readers; `missing`
-    says why such a capture is not whole, `pieces` where each of several begins and ends.
+    says why such a capture is not whole, `pieces` where each of several begins and ends. What `inputs` do has
+    wires of its own (`inRA4`), which no reader takes for a pin's.
     """
 
     def __init__(
@@ -105,6 +107,7 @@ class VcdWriter:
         captured: bool = False,
         missing: str | None = None,
         pieces: Sequence[tuple[int, int]] = (),
+        inputs: Inputs = NO_INPUTS,
     ) -> None:
         self.times = vcd_times(clock)
         self._file = file
@@ -126,24 +129,40 @@ class VcdWriter:
             self._vcd.register_var(SCOPE, wire_name(pin, names.get(pin)), "wire", size=1, init="z")
             for pin in PINS
         ]
+        self._wires += [
+            self._vcd.register_var(SCOPE, f"in{INPUT_PINS[pin]}", "wire", size=1, init="z")
+            for pin in inputs.pins
+        ]
+        self._inputs = InputRows(inputs)
         self._tails = rows.table([f"{state}{wire.ident}\n" for wire in self._wires for state in STATES])
         self._declaring = True
         self._time = 0
 
     def add(self, chunk: EdgeChunk) -> None:
-        chunk = self._changes(chunk)
+        if len(chunk.cycle):
+            inputs = self._inputs.until(int(chunk.cycle[-1]) + 1)
+            chunk = self._changes(chunk)
+            self._add(inputs, (chunk.cycle, chunk.pin.astype(np.int64) * len(STATES) + chunk.level))
+
+    def _add(self, inputs: Rows, edges: Rows) -> None:
+        first = len(PINS) * len(STATES)
+        cycles, numbers = merged((inputs[0], inputs[1] + first), edges) if len(inputs[0]) else edges
         if self._declaring:
-            at_zero = int(np.searchsorted(chunk.cycle, 1))
-            for pin, level in zip(chunk.pin[:at_zero].tolist(), chunk.level[:at_zero].tolist(), strict=True):
-                self._vcd.change(self._wires[pin], 0, STATES[level])
-            chunk = part(chunk, slice(at_zero, None))
-            if len(chunk.cycle):
+            at_zero = int(np.searchsorted(cycles, 1))
+            for number in numbers[:at_zero].tolist():
+                wire, level = divmod(number, len(STATES))
+                self._vcd.change(self._wires[wire], 0, STATES[level])
+            cycles, numbers = cycles[at_zero:], numbers[at_zero:]
+            if len(cycles):
                 self._declare()
-        for block in rows.blocks(chunk):
-            self._add_block(block)
+        for start in range(0, len(cycles), rows.BLOCK):
+            block = slice(start, start + rows.BLOCK)
+            self._add_block(cycles[block], numbers[block])
 
     def finish(self, end: Cycles) -> None:
-        """The last time stamp is the trace's end."""
+        """Write what inputs still do, and the last time stamp, which is the trace's end."""
+        nothing = np.zeros(0, dtype=np.int64)
+        self._add(self._inputs.until(end), (nothing, nothing))
         self._declare()
         (time,) = rows.rescale(np.array([end], dtype=np.int64), self.times.steps_per_cycle).tolist()
         if time > self._time:
@@ -155,8 +174,8 @@ class VcdWriter:
             self._file.write(self._head.getvalue().encode("ascii"))
             self._declaring = False
 
-    def _add_block(self, block: EdgeChunk) -> None:
-        time = rows.rescale(block.cycle, self.times.steps_per_cycle)
+    def _add_block(self, cycles: rows.Integers, numbers: rows.Integers) -> None:
+        time = rows.rescale(cycles, self.times.steps_per_cycle)
         digits = rows.decimals(time)
         stamps = np.concatenate(
             (
@@ -167,6 +186,5 @@ class VcdWriter:
             axis=1,
         )
         stamps[np.diff(time, prepend=self._time) == 0] = 0
-        tails = self._tails[block.pin.astype(np.intp) * len(STATES) + block.level]
-        self._file.write(rows.text(stamps, tails))
+        self._file.write(rows.text(stamps, self._tails[numbers]))
         self._time = int(time[-1])

@@ -21,12 +21,13 @@ from servogen.pic.image import Image, to_hex
 from servogen.pic.listing import listing_text
 from servogen.pipeline.engines import planned
 from servogen.pipeline.fitting import DoesNotFit
-from servogen.pipeline.proof import LOOPS_CHECKED, START_FRAMES, checked_cycles, machine_of, prove
+from servogen.pipeline.proof import LOOPS_CHECKED, START_FRAMES, checked_cycles, inputs_of, machine_of, prove
 from servogen.pipeline.tuning import Firmware
 from servogen.pulse import PulseSchedule
 from servogen.pulse.plan import PulsePlan
 from servogen.report import BuildFacts, Overrun, ProgramFacts, report_text
 from servogen.simulator import Machine
+from servogen.simulator.stimulus import file_inputs
 from servogen.units import Cycles
 from servogen.verify import Verdict
 
@@ -158,7 +159,14 @@ def write(done: Build, folder: Path) -> None:
     with replaced_files(folder, FILES) as new:
         for name, text in texts.items():
             write_text(new / name, text)
-        write_edges(checked_edges(done), new / "edges.csv", new / "main.vcd", servos=servos)
+        schedule = done.plan.schedule
+        write_edges(
+            checked_edges(done),
+            new / "edges.csv",
+            new / "main.vcd",
+            servos=servos,
+            inputs=file_inputs(inputs_of(schedule), schedule.clock),
+        )
 
 
 def checked_edges(done: Build) -> EdgeTrace:

@@ -14,10 +14,20 @@ from itertools import islice, takewhile
 import numpy as np
 import numpy.typing as npt
 
-from servogen.edges import EdgeTrace
+from servogen.edge_files import NO_INPUTS, Inputs
+from servogen.edges import EdgeChunk, EdgeTrace, edge_chunk
 from servogen.errors import InputError
 from servogen.simulator.layout import MCLR_PIN, NEVER, PACK_CYCLE, PACK_PIN
-from servogen.simulator.sources import STIMULUS_PINS, Change, Source
+from servogen.simulator.sources import (
+    STIMULUS_PINS,
+    Button,
+    Change,
+    Levels,
+    Periodic,
+    Reset,
+    Serial,
+    Source,
+)
 from servogen.units import Clock
 
 PIECE = 4096
@@ -45,6 +55,38 @@ class Stimuli:
             before = _check(piece, before)
             until = NEVER if ahead is None else ahead.cycle
             yield until, np.array([_pack(change) for change in piece], dtype=np.int64)
+
+
+@dataclass(frozen=True, slots=True)
+class _Chunks:
+    """The changes of stimuli as chunks, anew for each reader."""
+
+    stimuli: Stimuli
+    clock: Clock
+
+    def __iter__(self) -> Iterator[EdgeChunk]:
+        for _, packed in self.stimuli.changes(self.clock):
+            pins = packed >> PACK_PIN & (1 << PACK_CYCLE - PACK_PIN) - 1
+            yield edge_chunk(packed >> PACK_CYCLE, pins, packed & (1 << PACK_PIN) - 1)
+
+
+def file_inputs(stimuli: Stimuli | None, clock: Clock) -> Inputs:
+    """Return what the stimuli do, for files of edges."""
+    if stimuli is None:
+        return NO_INPUTS
+    pins = {pin for source in stimuli.sources for pin in _pins_of(source)}
+    return Inputs(tuple(sorted(pins)), _Chunks(stimuli, clock))
+
+
+def _pins_of(source: Source) -> Sequence[int]:
+    """Return the pins that a source may drive: all where it does not say which."""
+    match source:
+        case Levels() | Periodic() | Button() | Serial():
+            return (source.pin,)
+        case Reset():
+            return (MCLR_PIN,)
+        case _:
+            return range(MCLR_PIN + 1)
 
 
 def record(stimuli: Stimuli, clock: Clock, end: int) -> tuple[Change, ...]:

@@ -102,9 +102,13 @@ def test_a_stimulus_reaches_the_pins(run: Run, tmp_path: Path) -> None:
         tmp_path / "in.toml",
         "--edges",
         edges,
+        "--vcd",
+        tmp_path / "edges.vcd",
     )
     assert ran.code == 0
     rows = [line.split(",") for line in edges.read_text().split()[1:]]
+    assert [row for row in rows if row[1] == "RB1"] == [["500", "RB1", "L"]]
+    assert "inRB1" in (tmp_path / "edges.vcd").read_text()
     at = [int(cycle) for cycle, pin, _ in rows if pin == "RB0"]
     assert at[0] < 20 and 500 <= at[1] < 520 and len(at) == 2
 

@@ -210,3 +210,12 @@ def test_a_dialect_whose_program_does_not_fit_is_left_out_and_told(tmp_path: Pat
     assert done.proven
     assert [each.code for each in done.left_out] == ["dialect"]
     assert any("no program for sdcc" in str(warning) for warning in done.warnings)
+
+
+def test_the_vcd_of_a_build_has_the_level_of_its_inputs(tmp_path: Path) -> None:
+    """The serial line of a stream job idles high; it never changes, so that edges.csv has no row of it."""
+    write(build(load(ROOT / "jobs" / "stream-fast.toml")), tmp_path)
+    vcd = (tmp_path / "main.vcd").read_text()
+    (code,) = re.findall(r"\$var wire 1 (\S+) inRA4 \$end", vcd)
+    assert f"\n1{code}\n" in vcd.split("$dumpvars")[1].split("$end")[0]
+    assert "RA4" not in (tmp_path / "edges.csv").read_text()
