@@ -146,7 +146,7 @@ class Generator(Statements):
             self._watched()
         if self.chance(0.3):
             self._constant_pointers()
-        if self.chance(0.25):
+        if self.chance(0.35):
             where = rng.choice(("", "volatile"))
             self.add(Variable(NEVER, U8, "never", (0,) if self.chance(0.5) else None, where=where))
 
@@ -157,8 +157,8 @@ class Generator(Statements):
             if self.chance(0.3):
                 kind = S8 if self.chance(0.25) else U8
                 members.append(Member(f"f{number}", kind, rng.choice((1, 1, 2, 3, 4, 7))))
-            elif self.chance(0.15):
-                members.append(Member(f"m{number}", Array(U8, (2,))))
+            elif self.chance(0.3):
+                members.append(Member(f"m{number}", Array(U8, (self.rng.choice((2, 2, 3)),))))
             else:
                 members.append(Member(f"m{number}", self.stored()))
         self.structs.append(Struct("S0", tuple(members)))
@@ -263,11 +263,12 @@ class Generator(Statements):
         return {kind: tuple(objects) for kind, objects in found.items()}
 
     def pointer(self, name: str, storage: str) -> Variable | None:
-        const = self.chance(0.4)
+        const = self.chance(0.5)
         choices = self.pointees(const=const)
         if not choices:
             return None
-        kind = self.rng.choice(list(choices))
+        structs = [each for each in choices if isinstance(each, Struct)]
+        kind = self.rng.choice(structs if structs and self.chance(0.4) else list(choices))
         if isinstance(kind, Int) and kind.kind != "int":
             return None
         pointees, limit = choices[kind], 0

@@ -44,7 +44,7 @@ from tests.compiler.random.typing_rules import promote, type_of
 _WEIGHTS = {
     "assign": 5.0, "update": 3.0, "step": 1.5, "out": 1.5, "call": 1.2, "if": 3.0, "loop": 1.5, "walk": 0.7,
     "switch": 0.9, "skip": 0.4, "again": 0.25, "block": 0.5, "point": 0.6, "copy": 0.4, "bits": 0.7,
-    "jump": 0.8, "leave": 0.5, "return": 0.25, "expr": 0.2, "hang": 0.5,
+    "jump": 0.8, "leave": 0.5, "return": 0.25, "expr": 0.2, "hang": 1.5,
 }  # fmt: skip
 NEVER = "never"
 """The variable that stays 0."""

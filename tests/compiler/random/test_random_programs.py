@@ -1,15 +1,40 @@
 """Random programs do the same when gcc and when servogen compiles them; the generator itself is sound."""
 
+import re
 from dataclasses import replace
 
 import pytest
 
-from tests.compiler.random.compare import Outcome, compare, host
+from servogen.pic.image import Image
+from servogen.pic.isa import encode
+from tests.compiler.random.compare import Outcome, by_address, compare, host, stores, target
 from tests.compiler.random.generate import generate
 from tests.compiler.random.host_c import PRELUDE
-from tests.compiler.random.program import BOOL, S8, S16, S24, U8, U16, U24, U32, Num, Out, Program
+from tests.compiler.random.program import (
+    BOOL,
+    S8,
+    S16,
+    S24,
+    U8,
+    U16,
+    U24,
+    U32,
+    Assign,
+    ExprStmt,
+    Member,
+    MemberOf,
+    Num,
+    Out,
+    Program,
+    SetBit,
+    Step,
+    Struct,
+    Update,
+    Var,
+    Variable,
+)
 from tests.compiler.random.shrink import candidates
-from tests.compiler.random.target_c import TargetC
+from tests.compiler.random.target_c import DONE, TargetC
 from tests.compiler.random.typing_rules import common, literal
 
 BATCH, BATCHES = 25, 6
@@ -103,3 +128,90 @@ def test_the_host_spells_every_type_of_the_program() -> None:
     assert all(
         f"#define {name}(x)" in PRELUDE for name in ("U8", "S8", "U16", "S16", "U24", "S24", "U32", "S32")
     )
+
+
+WATCHED = 0x4B
+
+
+def test_the_watcher_sees_every_store() -> None:
+    """Direct and through FSR, one that changes nothing too; not reads, nor what comes before the start."""
+    words = [
+        encode("MOVWF", f=WATCHED),
+        encode("CLRF", f=DONE),
+        encode("MOVLW", k=5),
+        encode("MOVWF", f=WATCHED),  # 5
+        encode("MOVLW", k=WATCHED),
+        encode("MOVWF", f=4),
+        encode("INCF", f=0, d=1),  # 6
+        encode("MOVF", f=WATCHED, d=1),  # 6: read and written back
+        encode("BSF", f=WATCHED, b=0),  # 7
+        encode("BTFSC", f=WATCHED, b=0),
+        encode("MOVF", f=WATCHED, d=0),
+        encode("MOVWF", f=WATCHED - 1),
+        encode("DECFSZ", f=WATCHED, d=1),  # 6
+        encode("GOTO", k=13),
+    ]
+    seen = stores(Image(dict(enumerate(words))), {WATCHED}, 40)
+    assert seen == tuple(number for value in (5, 6, 6, 7, 6) for number in (WATCHED, value))
+    assert stores(Image(dict(enumerate(words))), {WATCHED - 1}, 40) == (WATCHED - 1, 7)
+
+
+def test_the_host_logs_every_store() -> None:
+    fields = Struct("W1", (Member("a", U8, 3), Member("b", U8, 5), Member("c", U8)))
+    byte = Variable("w0", U8, "global", where="watched @ 0x4B")
+    parts = Variable("w1", fields, "global", where="watched @ 0x49")
+    a, b, c = (MemberOf(Var(parts), each) for each in fields.members)
+    body = (
+        ExprStmt(Assign(Var(byte), Num(3))),
+        ExprStmt(Update("|", Var(byte), Num(4))),
+        ExprStmt(Step("++", Var(byte), True)),
+        SetBit("clear", Var(byte), 3),
+        ExprStmt(Assign(b, Num(1))),
+        ExprStmt(Assign(a, Num(2))),
+        ExprStmt(Assign(c, Num(9))),
+    )
+    main = generate(0, "xc8").functions[-1]
+    main.locals, main.body = (), body
+    program = replace(generate(0, "xc8"), globals=(byte, parts), structs=(fields,), functions=(main,))
+    program = replace(program, files="one", interrupt=False)
+    expected = (0, 0, 0, 73, 8, 73, 10, 74, 9, 75, 3, 75, 7, 75, 8, 75, 0)
+    (found,) = host([program])
+    assert by_address(found) == expected
+    assert target(program, found).got == expected
+
+
+def test_a_store_too_many_is_a_difference() -> None:
+    byte = Variable("w0", U8, "global", where="watched @ 0x4B")
+    main = generate(0, "xc8").functions[-1]
+    main.locals, main.body = (), (ExprStmt(Assign(Var(byte), Num(3))),)
+    program = replace(generate(0, "xc8"), globals=(byte,), structs=(), functions=(main,), interrupt=False)
+    assert target(program, (0, 0, 0, WATCHED, 3)).kind == "same"
+    assert target(program, (0, 0, 0)).kind == "different"
+    assert target(program, (0, 0, 0, WATCHED, 0, WATCHED, 3)).kind == "different"
+
+
+@pytest.mark.parametrize(
+    ("shape", "pattern"),
+    [
+        (
+            "members of constant structures by pointer",
+            r"const struct \w+ \*(?:const )?([qpz]\d).*\b\1->m\d\[",
+        ),
+        ("fields of constant arrays by index", r"\bc\d\[[^\]\d][^\]]*\]\.\w"),
+        ("bit-fields of constant objects", r"struct \w+ \{[^}]*: \d.*const struct.*\bc\d(\[[^\]]*\])?\.f\d"),
+        ("pointers to member arrays", r"= &?\w+(\[\d\])?\.m\d(\[\d\])?;"),
+        ("watched volatile variables", r"volatile unsigned char w\d @"),
+        ("watched volatile structures", r"volatile struct W\d w\d @"),
+        ("constant pointers", r"\*const z\d = &?\w+"),
+        ("objects that only constant pointers name", r"\bh0\b(?:(?!\bh0\b).)*= &?h0;(?!.*\bh0\b)"),
+        ("loops that never end, in helpers", r"f\d\([^)]*\) \{(?:(?!\n\}).)*if \(never\) \{\s*while \(1\)"),
+        ("functions that never return", r"if \(never\) stop\(\)"),
+        ("extern before the definition", r"extern [^;]*\bg0;.*\n[^e][^;]*\bg0\b"),
+        ("the definitions in the first file", r"\bg0( = [^;]*)?;.*next file.*extern [^;]*\bg0;"),
+        ("the definitions in the last file", r"void main.*next file.*\bg0( = [^;]*)?;"),
+    ],
+)
+def test_the_generator_reaches(shape: str, pattern: str) -> None:
+    texts = [TargetC(generate(seed, ("c2c", "xc8")[seed % 2])).text() for seed in range(400)]
+    found = sum(re.search(pattern, text, re.S) is not None for text in texts)
+    assert found >= 2, shape
