@@ -43,6 +43,8 @@ class Initialisers(TypeNames):
         if not isinstance(kind, ArrayType) or kind.length is not None:
             return kind
         init = node.init
+        if isinstance(init, c_ast.InitList) and kind.element.scalar and len(init.exprs) == 1:
+            init = init.exprs[0] if getattr(init.exprs[0], "type", "") == "string" else init
         if isinstance(init, c_ast.InitList):
             length, at = 0, 0
             for each in init.exprs:

@@ -78,6 +78,8 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         self.blocks = blocks
         self.pragmas: list[Pragma] = []
         self.line_directive = None
+        self.evaluate: Callable[..., Any] = vars(self)["evaluator"]
+        self.evaluator = self.without_long_suffixes
         self.depth = 0
         self.starts: dict[str, list[int]] = {}
         """Where each line starts in the text that the lexer sees."""
@@ -86,6 +88,17 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         self.expanded = 0
         self.outer: str | None = None
         """The file whose macros are being expanded."""
+
+    def without_long_suffixes(self, tokens: list[Any], **names: Any) -> Any:
+        """Evaluate the expression of an #if, whose integers all have 64 bits: pcpp knows no LL."""
+        kept: list[Any] = []
+        for tok in tokens:
+            if kept and kept[-1].type == self.t_INTEGER and re.fullmatch("[uUlL]{1,2}", tok.value):
+                kept[-1] = copy.copy(kept[-1])
+                kept[-1].value = kept[-1].value.rstrip("lL") + ("" if tok.value in "lL" else "U")
+            else:
+                kept.append(tok)
+        return self.evaluate(kept, **names)
 
     def on_error(self, file: str, line: int, msg: str) -> None:
         if len(msg) > _LONGEST_MESSAGE:
