@@ -154,7 +154,7 @@ class Backend:
             raise self.reporter.too_deep(generator.place or function.place) from None
         made = sum(len(code.ins) for code in self.codes.values())
         if made > INSTRUCTIONS:
-            raise self.reporter.fatal(
+            raise self.reporter.too_large(
                 f"the program has {made} instructions up to here, the chip has {PROGRAM_WORDS} words",
                 function.place,
             )

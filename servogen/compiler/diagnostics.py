@@ -22,6 +22,8 @@ class Diagnostic:
     place: Place
     source_line: str | None = None
     hint: str | None = None
+    too_large: bool = False
+    """An error of a program that is larger than the chip, or than the compiler takes."""
 
     def __str__(self) -> str:
         where = str(self.place)
@@ -44,6 +46,8 @@ class CompileError(InputError):
         first = errors[0]
         super().__init__(first.message, first.place, first.hint)
         self.diagnostics = diagnostics
+        self.too_large = first.too_large
+        """Whether the first error is that the program is too large."""
 
     def __str__(self) -> str:
         return "\n".join(str(each) for each in self.diagnostics)
@@ -75,11 +79,13 @@ class Reporter:
         lines = self._lines.get(place.file or "", [])
         return lines[place.line - 1] if place.line and place.line <= len(lines) else None
 
-    def _add(self, severity: str, message: str, place: Place, hint: str | None) -> None:
+    def _add(
+        self, severity: str, message: str, place: Place, hint: str | None, *, too_large: bool = False
+    ) -> None:
         line = self._line(place)
         if line is not None and place.column is None:  # a directive or a line of assembly: its first word
             place = Place(place.file, place.line, len(line) - len(line.lstrip()) + 1)
-        self._found[Diagnostic(severity, message, place, line, hint)] = None
+        self._found[Diagnostic(severity, message, place, line, hint, too_large)] = None
 
     def error(self, message: str, place: Place, hint: str | None = None) -> None:
         self._add("error", message, place, hint)
@@ -93,6 +99,11 @@ class Reporter:
     def fatal(self, message: str, place: Place, hint: str | None = None) -> Fatal:
         """Report an error; the caller raises what comes back."""
         self.error(message, place, hint)
+        return Fatal(message)
+
+    def too_large(self, message: str, place: Place, hint: str | None = None) -> Fatal:
+        """Report that the program is too large; the caller raises what comes back."""
+        self._add("error", message, place, hint, too_large=True)
         return Fatal(message)
 
     def too_deep(self, place: Place) -> Fatal:

@@ -79,7 +79,7 @@ def allocate(roots: list[str], codes: dict[str, Code], statics: list[Symbol], re
     memory.used = needed
     if needed > RAM_BYTES or top > RAM_LAST + 1:
         file = next(iter(reporter.texts), None)
-        raise reporter.fatal(
+        raise reporter.too_large(
             f"the program needs {max(needed, top - RAM_FIRST)} bytes of RAM, the chip has {RAM_BYTES}",
             Place(file),
         )
@@ -119,7 +119,7 @@ def lay_out(
     assert found is not None
     if found.end > PROGRAM_WORDS:
         file = next(iter(reporter.texts), None)
-        raise reporter.fatal(
+        raise reporter.too_large(
             f"the program needs {found.end} words of flash, the chip has {PROGRAM_WORDS}",
             Place(file),
             "optimise for size (-Os): equal code is shared" if not small else None,

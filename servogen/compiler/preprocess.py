@@ -178,7 +178,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
             self.expanded += sum(len(each.value) for each in found)
         if self.expanded > limits.EXPANDED_CHARACTERS:
             place = Place(self.outer, self.linemacro or None)
-            raise self.reporter.fatal(
+            raise self.reporter.too_large(
                 f"the macros expand to more than {limits.EXPANDED_CHARACTERS} characters", place
             )
         return found
@@ -187,12 +187,12 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         """Register a source text that is asked for at a place; returns it as the lexer must see it."""
         self.read += len(text)
         if len(text) > limits.SOURCE_CHARACTERS:
-            raise self.reporter.fatal(
+            raise self.reporter.too_large(
                 f"'{file}' has {len(text)} characters, a source file has at most {limits.SOURCE_CHARACTERS}",
                 place,
             )
         if self.read > limits.ALL_CHARACTERS:
-            raise self.reporter.fatal(
+            raise self.reporter.too_large(
                 f"the source files have more than {limits.ALL_CHARACTERS} characters together", place
             )
         text = text.replace("\r\n", "\n").replace("\r", "\n")
@@ -201,7 +201,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         lines = [line.rstrip() for line in rewrite(clean, file, self.blocks, self.reporter).splitlines()]
         if sum(len(block.lines) for block in self.blocks) > limits.ASSEMBLY_LINES:
             last = self.blocks[-1].lines
-            raise self.reporter.fatal(
+            raise self.reporter.too_large(
                 f"the program has more than {limits.ASSEMBLY_LINES} lines of assembly",
                 Place(file, last[-1][0] if last else None),
             )
@@ -234,7 +234,7 @@ def preprocess(
         for token in _placed(stream, reporter, pcpp.starts):
             tokens.append(token)
             if len(tokens) > limits.TOKENS:
-                raise reporter.fatal(
+                raise reporter.too_large(
                     f"the program has more than {limits.TOKENS} words and signs", token.place
                 )
     except RecursionError:

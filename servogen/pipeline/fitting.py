@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import re
-
 from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
 from servogen.errors import InputError
-
-SHORT_OF_MEMORY = re.compile(r"the program needs \d+ .*, the chip has \d+$")
-"""What the compiler says of a program that is right but too large; all else is a fault of the templates."""
 
 
 class DoesNotFit(InputError):
@@ -22,7 +17,7 @@ def compiled_to_fit(
     try:
         return compile_sources([Source(text, file)], options)
     except CompileError as error:
-        if not SHORT_OF_MEMORY.match(error.message):
+        if not error.too_large:  # a fault of the templates
             raise
         raise DoesNotFit(
             f"{title}: planned, but more than {engine} can hold: {error.message}", hint=hint

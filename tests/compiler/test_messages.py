@@ -18,7 +18,7 @@ HERE = Path(__file__).parent
 PACKAGE = Path(servogen.compiler.__file__).parent
 UNFORESEEN = frozenset(("this type is not supported",))
 """Stands behind all that the parser is known to give."""
-REPORTS = frozenset(("error", "warn", "fatal", "fail", "AsmError"))
+REPORTS = frozenset(("error", "warn", "fatal", "fail", "too_large", "AsmError"))
 
 
 def pattern(node: ast.expr) -> str | None:
