@@ -27,7 +27,7 @@ from servogen.verify.capture_verdict import CapturedChannel, CaptureVerdict, Pro
 from servogen.verify.coverage import coverage
 from servogen.verify.overlap import Levels, overlap, together
 from servogen.verify.prove import whole_motion
-from servogen.verify.pulses import Pulses, pulses_of, without_glitches
+from servogen.verify.pulses import CutPulses, Pulses, cut_pulses, pulses_of, without_glitches
 from servogen.verify.sampling import Sampling, sampling
 from servogen.verify.start import StrayCount
 from servogen.verify.verdict import StrayPin
@@ -120,17 +120,25 @@ def _set_up(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sample
     reach = int(end / nominal * MOST_CYCLES)
     candidates = whole_motion(expected, 2)
     scheduled = Windows(expected_edges(chunk) for chunk in expected.chunks).until(candidates + reach)
-    ours, theirs, glitches = [], [], []
+    ours, theirs, cut, glitches = [], [], [], []
     for channel in expected.channels:
         wanted = pulses_of(scheduled, channel.pin, candidates + reach)
         in_steps = Pulses(_rounded(wanted.rise * nominal), _rounded(wanted.fall * nominal), wanted.frame)
-        seen = _whole(changes, channel.pin, bool(level[channel.pin]))
+        seen, ends = _pulses(changes, channel.pin, bool(level[channel.pin]))
         seen, number = without_glitches(seen, in_steps, int(allowed.glitch_us / step_us))
         ours.append(wanted)
         theirs.append(seen)
+        cut.append(ends)
         glitches.append(number)
     signals = Signals(
-        tuple(theirs), tuple(ours), nominal, quantum, int(expected.period), CAP_US / cycle_us, int(candidates)
+        tuple(theirs),
+        tuple(ours),
+        nominal,
+        quantum,
+        int(expected.period),
+        CAP_US / cycle_us,
+        int(candidates),
+        tuple(cut),
     )
     return _Setup(
         expected,
@@ -162,12 +170,13 @@ def _changes(captured: EdgeTrace) -> tuple[Levels, Edges, frozenset[int]]:
     return level, driven.take(slice(first, None)), connected
 
 
-def _whole(changes: Edges, pin: int, high: bool) -> Pulses:
-    """The pulses of `pin` that the capture holds from rise to fall."""
+def _pulses(changes: Edges, pin: int, high: bool) -> tuple[Pulses, CutPulses]:
+    """Return the pulses of `pin` that the capture holds from rise to fall, and those that its ends cut."""
     own = changes.take(changes.pin == pin)
     rise, fall = own.cycle[own.level == HIGH], own.cycle[own.level != HIGH]
+    cut = cut_pulses(rise, fall, high)
     fall = fall[1:] if high else fall
-    return Pulses(rise[: len(fall)], fall, np.full(len(fall), -1, dtype=np.int64))
+    return Pulses(rise[: len(fall)], fall, np.full(len(fall), -1, dtype=np.int64)), cut
 
 
 def _facts(setup: _Setup, line: Line | None, judged: Mapping[int, Judged]) -> CaptureVerdict:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from servogen.verify.pulses import Pulses, nearest, pair
+from servogen.verify.pulses import CutPulses, Pulses, nearest, pair
 from servogen.verify.windows import Ints
 
 Floats = npt.NDArray[np.float64]
@@ -66,6 +66,7 @@ class Signals:
     """In cycles: a pulse that is wrong by more counts no more, so that one cannot outweigh all others."""
     candidates: int
     """Scheduled time, in cycles, up to which a capture may begin."""
+    cut: tuple[CutPulses, ...]
 
 
 def align(signals: Signals) -> Line | None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from servogen.edges import PINS, Expected, ExpectedChannel
 from servogen.verify.capture_align import Floats, Line, Signals, partners
+from servogen.verify.capture_ends import strange_edges
 from servogen.verify.capture_verdict import CapturedChannel, Problem, Spread, Tolerances
 from servogen.verify.pulses import Pulses
 from servogen.verify.reasons import frame_words
@@ -89,6 +90,7 @@ def judge(
     ]
     # One wrong width turns the line, and with it every edge: edges alone are a problem only without another.
     problems = problems or list(_wrong(kinds[2], channel, scale, expected))
+    problems = problems or list(_cut(signals, number, scale, channel, allowed))
     late = kinds[2].error[: len(rows)]
     each = np.diff(theirs.rise)[np.diff(ours.frame) == 1] / scale.line.b * scale.cycle_us
     return Judged(
@@ -182,6 +184,20 @@ def _extra(pulses: Pulses, channel: ExpectedChannel, scale: Scale) -> Iterator[P
         time = float(pulses.rise[0]) * scale.step_us
         text = f"{PINS[channel.pin]} ({channel.name}): a pulse of {width:.2f} µs that is not scheduled"
         yield Problem(time, channel.pin, channel.name, None, text)
+
+
+def _cut(
+    signals: Signals, number: int, scale: Scale, channel: ExpectedChannel, allowed: Tolerances
+) -> Iterator[Problem]:
+    """Yield what is wrong with the edges of the pulses that the capture's ends cut."""
+    line = scale.line
+    ppm = allowed.crystal_ppm if line.b_error is None else 4e6 * line.b_error / line.b
+    drift_us = scale.end * scale.step_us * ppm / 1e6
+    limit = (scale.sample_us + allowed.edge_us + drift_us) / scale.cycle_us
+    wanted = signals.scheduled[number]
+    for step, what in strange_edges(signals.cut[number], wanted, line, signals.period, limit):
+        text = f"{PINS[channel.pin]} ({channel.name}): a pulse {what} where no frame of the schedule has that"
+        yield Problem(step * scale.step_us, channel.pin, channel.name, None, text)
 
 
 def _problem(

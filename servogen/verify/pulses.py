@@ -34,6 +34,20 @@ class Pulses(NamedTuple):
         return Pulses(self.rise[rows], self.fall[rows], self.frame[rows])
 
 
+class CutPulses(NamedTuple):
+    """Steps of the fall of a pulse that began before the capture, and of the rise of one that goes on."""
+
+    first_fall: int | None
+    last_rise: int | None
+
+
+def cut_pulses(rise: Ints, fall: Ints, high: bool) -> CutPulses:
+    """Return the edges of cut pulses among all of a pin's, which is `high` at the beginning or not."""
+    first_fall = int(fall[0]) if high and len(fall) else None
+    unfinished = len(rise) > 0 and len(rise) > len(fall) - high
+    return CutPulses(first_fall, int(rise[-1]) if unfinished else None)
+
+
 def pulses_of(edges: Edges, pin: int, end: int, open_rise: int | None = None, open_frame: int = -1) -> Pulses:
     """The pulses of `pin` in `edges`, up to time `end`; `open_rise` is the rise of one that began before."""
     own = edges.take(edges.pin == pin)

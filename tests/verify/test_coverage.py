@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from servogen.edges import Expected, ExpectedChannel, ExpectedChunk, edge_chunk
+from servogen.errors import InputError
 from servogen.units import Cycles
-from servogen.verify import CaptureVerdict, capture_lines, verify_capture
+from servogen.verify import CaptureVerdict, Tolerances, capture_lines, verify_capture
 from tests.verify import test_capture as one
 from tests.verify.test_capture import MHZ4, PERIOD, RB0, RB1, Pulse
 
@@ -191,3 +192,37 @@ def test_two_pins_make_a_frame_different_by_either() -> None:
     verdict = one.verdict_on(one.pulses(), begin_us=-500.0, seconds=1.3)
     assert len(verdict.coverage.different) == len(frames) == 57
     assert RB1 in {pin for _, _, pin, _ in widths}
+
+
+@pytest.mark.parametrize("by", [-300, -4, 0, 4, 300])
+@pytest.mark.parametrize("end", ["begin", "end"])
+def test_the_one_edge_of_a_pulse_that_the_capture_cuts_must_be_where_some_frame_has_it(
+    by: int, end: str
+) -> None:
+    """A capture from the middle of frame 41's pulse to the middle of frame 71's; one edge of either moves."""
+    changed = []
+    for frame, (rise, width, pin) in enumerate(pulses(LAB * 4)):
+        if (end, frame) == ("begin", 41):
+            width += by
+        if (end, frame) == ("end", 71):
+            rise, width = rise + by, width - by
+        changed.append((rise, width, pin))
+    trace = one.capture(one.edges_of(changed), 41 * PERIOD + 500, 30 * PERIOD / 1e6, pins=(RB0,))
+    verdict = verify_capture(schedule([], LAB), trace, sample=1)
+    assert verdict.proven == (by == 0)
+    if by:
+        what = "ends" if end == "begin" else "begins"
+        assert f"a pulse {what} where no frame of the schedule has that" in verdict.reasons[0]
+
+
+def test_edges_on_a_coarse_grid_prove_nothing_where_nobody_says_how_often_was_sampled() -> None:
+    flat = schedule([], [1500])
+    trace = one.capture(one.edges_of(pulses([1500] * 40)), -500.0, 0.6, pins=(RB0,))
+    verdict = verify_capture(flat, trace)
+    assert not (verdict.proven or verdict.agrees)
+    assert "on a grid of every 500 µs (2 kHz): at least 100 kHz is needed" in verdict.reasons[0]
+    assert verify_capture(flat, trace, sample=1).proven
+    with pytest.raises(InputError, match="sampled every 500 µs"):
+        verify_capture(flat, trace, sample=500)
+    slack = Tolerances(glitch_us=500)
+    assert verify_capture(flat, trace, slack, sample=500).proven
