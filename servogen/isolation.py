@@ -38,16 +38,22 @@ MEGABYTE = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What one piece of work may use: elapsed time, the memory of its process, the size of what it returns.
+    """What one piece of work may use: processor time, elapsed time, memory, the size of what it returns.
 
-    `memory_mb` counts what the process holds when the work begins. Work that begins in a large process, as in
-    a notebook, has at least half of it.
+    The elapsed time, by default the processor time, is a second limit: for work that waits, and for a person
+    who does. `memory_mb` counts what the process holds when the work begins. Work that begins in a large
+    process, as in a notebook, has at least half of it.
     """
 
     seconds: float = 10.0
     memory_mb: int = 300
     result_mb: int = 16
     open_files: int = 32
+    elapsed_s: float | None = None
+
+    @property
+    def deadline_s(self) -> float:
+        return self.seconds if self.elapsed_s is None else self.elapsed_s
 
 
 COMPILING = Limits()
@@ -58,6 +64,7 @@ class Resource(Enum):
     """What ran out."""
 
     TIME = "time"
+    """Of the processor, or elapsed."""
     MEMORY = "memory"
     RESULT = "result"
 
@@ -73,7 +80,11 @@ class LimitExceeded(Exception):
     def __str__(self) -> str:
         """Returns what follows "compiling it" or "running it" in a sentence."""
         if self.resource is Resource.TIME:
-            return f"took more than {self.limits.seconds:g} s"
+            if self.limits.deadline_s == self.limits.seconds:
+                return f"took more than {self.limits.seconds:g} s"
+            return (
+                f"took more than {self.limits.seconds:g} s of processor time or {self.limits.deadline_s:g} s"
+            )
         if self.resource is Resource.MEMORY:
             return f"needed more than {self.limits.memory_mb} MB of memory"
         return f"gave more than {self.limits.result_mb} MB of results and messages"
@@ -186,14 +197,14 @@ class _Child:
         if len(self.received) > self.limits.result_mb * MEGABYTE:
             self.kill()
             return LimitExceeded(Resource.RESULT, self.limits)
-        status = self._wait()
+        status, seconds = self._wait()
         whole, rest = self.received[: _LENGTH.size], self.received[_LENGTH.size :]
         if len(whole) == _LENGTH.size and _LENGTH.unpack(whole)[0] == len(rest):
             if rest == _OUT_OF_MEMORY:
                 return LimitExceeded(Resource.MEMORY, self.limits)
             return pickle.loads(rest)
         if os.WIFSIGNALED(status):
-            if os.WTERMSIG(status) == signal.SIGXCPU:
+            if os.WTERMSIG(status) == signal.SIGXCPU or seconds >= self.limits.seconds:
                 return LimitExceeded(Resource.TIME, self.limits)
             name = signal.strsignal(os.WTERMSIG(status)) or "unknown"
             return ProcessDied(f"its process was ended by signal {os.WTERMSIG(status)} ({name})")
@@ -205,12 +216,14 @@ class _Child:
             os.killpg(self.process, signal.SIGKILL)
         self._wait()
 
-    def _wait(self) -> int:
+    def _wait(self) -> tuple[int, float]:
+        """Returns the status that it ended with, and the seconds of processor time that it took."""
         os.close(self.pipe)
         try:
-            return os.waitpid(self.process, 0)[1]
+            _, status, used = os.wait4(self.process, 0)
         except ChildProcessError:  # somebody else has waited for it
-            return 0
+            return 0, 0.0
+        return status, used.ru_utime + used.ru_stime
 
 
 def _start(index: int, work: Callable[[], object], limits: Limits) -> _Child:
@@ -224,7 +237,7 @@ def _start(index: int, work: Callable[[], object], limits: Limits) -> _Child:
     with suppress(OSError):  # the child does so, too: whichever comes first
         os.setpgid(process, process)
     os.close(writing)
-    return _Child(index, process, reading, limits, time.monotonic() + limits.seconds)
+    return _Child(index, process, reading, limits, time.monotonic() + limits.deadline_s)
 
 
 def _be_child(work: Callable[[], object], limits: Limits, writing: int) -> None:
@@ -273,7 +286,14 @@ def _shut_off(writing: int) -> int:
 
     os.setpgid(0, 0)
     signal.set_wakeup_fd(-1)
-    for event in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM, signal.SIGCHLD):
+    for event in (
+        signal.SIGINT,
+        signal.SIGTERM,
+        signal.SIGHUP,
+        signal.SIGALRM,
+        signal.SIGCHLD,
+        signal.SIGXCPU,
+    ):
         signal.signal(event, signal.SIG_DFL)
     answers = fcntl.fcntl(writing, fcntl.F_DUPFD, 3)  # where the parent had no standard streams, it is one
     nothing = os.open(os.devnull, os.O_RDWR)
@@ -292,20 +312,20 @@ def _set_limits(limits: Limits) -> None:
         data, resident = used
         most = limits.memory_mb * MEGABYTE
         _limit("RLIMIT_DATA", data + max(most - resident, most // 2))
-    # The parent stops the work by the clock. Should the parent be killed, this does.
-    _limit("RLIMIT_CPU", math.ceil(limits.seconds) + 1)
+    _limit(
+        "RLIMIT_CPU", math.ceil(limits.seconds), 1
+    )  # a second later the kernel kills what ignores the signal
     _limit("RLIMIT_NOFILE", limits.open_files)
     _limit("RLIMIT_FSIZE", 0)
     _limit("RLIMIT_CORE", 0)
 
 
-def _limit(name: str, value: int) -> None:
-    """Sets a limit; a lower one that is set already stays."""
+def _limit(name: str, value: int, beyond: int = 0) -> None:
+    """Sets a limit, and the hard one by so much `beyond`; a lower one that is set already stays."""
     number = getattr(_resource, name)
     _, hard = _resource.getrlimit(number)
-    if hard != _resource.RLIM_INFINITY:
-        value = min(value, hard)
-    _resource.setrlimit(number, (value, value))
+    most = value + beyond if hard == _resource.RLIM_INFINITY else min(value + beyond, hard)
+    _resource.setrlimit(number, (min(value, most), most))
 
 
 def _memory_used() -> tuple[int, int] | None:

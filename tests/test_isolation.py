@@ -62,6 +62,19 @@ def test_work_that_never_ends_is_stopped(work: Callable[[], None]) -> None:
     assert caught.value.resource is Resource.TIME
 
 
+def sleep_then_answer() -> int:
+    time.sleep(1.5)
+    return 5
+
+
+def test_processor_time_and_elapsed_time_are_two_limits() -> None:
+    assert run(sleep_then_answer, Limits(seconds=1, elapsed_s=60)) == 5
+    for work in (spin, deaf):
+        with pytest.raises(LimitExceeded, match="took more than 1 s of processor time or 600 s") as caught:
+            run(work, Limits(seconds=1, elapsed_s=600))
+        assert caught.value.resource is Resource.TIME
+
+
 @pytest.mark.parametrize("work", [hoard, lambda: bytearray(400_000_000)])
 def test_work_that_takes_all_memory_is_stopped(work: Callable[[], object]) -> None:
     with pytest.raises(LimitExceeded, match="needed more than 150 MB of memory") as caught:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -62,7 +61,8 @@ def grade(
         typer.Option(
             "--timeout",
             min=0.1,
-            help=f"Seconds that running one program may take; compiling it at most {COMPILING.seconds:g}.",
+            help="Processor seconds that running one program may take; compiling it never gets more than "
+            f"{COMPILING.seconds:g}.",
         ),
     ] = 120.0,
     memory_mb: MemoryLimit = COMPILING.memory_mb,
@@ -70,14 +70,9 @@ def grade(
 ) -> None:
     """Check programs against a lab's task and say what is wrong with each."""
     from servogen.grade import find_submissions, load_lab, page_names, visible
-    from servogen.pipeline.grading import RUNNING, Task, grade_submissions
+    from servogen.pipeline.grading import Task, grade_submissions
 
-    task = Task(
-        load_lab(lab),
-        read_submission,
-        replace(COMPILING, seconds=min(timeout, COMPILING.seconds), memory_mb=memory_mb),
-        replace(RUNNING, seconds=timeout, memory_mb=memory_mb),
-    )
+    task = Task.of(load_lab(lab), read_submission, timeout, memory_mb)
     if sentence := missing_limits():
         warn(sentence)
     found = find_submissions(files, SOURCES, IMAGES, level)

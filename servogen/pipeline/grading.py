@@ -36,6 +36,9 @@ BOARD = Options(ra4_pull_up=True)
 RUNNING = Limits(seconds=120.0)
 """What running and judging one program may use; it takes a second."""
 
+PATIENCE = 4
+"""So many times its processor time may pass: a grade must not depend on what else the machine does."""
+
 STARTING_S = 60
 """That a process of its own may take to start, on a machine that is busy."""
 
@@ -97,6 +100,17 @@ class Task:
     read: Read
     compiling: Limits = COMPILING
     running: Limits = RUNNING
+
+    @classmethod
+    def of(cls, lab: Lab, read: Read, seconds: float, memory_mb: int) -> Task:
+        """Returns the task where running takes at most `seconds` of processor time, and so does compiling."""
+        compiling_s = min(seconds, COMPILING.seconds)
+        return cls(
+            lab,
+            read,
+            Limits(compiling_s, memory_mb, elapsed_s=PATIENCE * compiling_s),
+            Limits(seconds, memory_mb, elapsed_s=PATIENCE * seconds),
+        )
 
 
 def grade_submissions(
@@ -206,7 +220,7 @@ def grade_in_fresh_process(submissions: Sequence[Submission], task: Task) -> lis
 
     Where that process does not end well, each is tried in one of its own.
     """
-    each_s = task.compiling.seconds + task.running.seconds
+    each_s = task.compiling.deadline_s + task.running.deadline_s
     command = "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
     command += f"from {__name__} import serve; serve()"
     try:
