@@ -177,7 +177,9 @@ class Mover:
         manipulator = self.manipulator
 
         def inverse(shares: Floats, near: Floats) -> Floats:
-            return manipulator.solutions(start + shares[:, None] * way, near)
+            poses = start + shares[:, None] * way
+            poses[shares == 1.0] = pose.values
+            return manipulator.solutions(poses, near)
 
         def shown(q: Floats) -> str:
             return ", ".join(joint_text(manipulator.arm, q.tolist()).split("  "))
@@ -227,19 +229,18 @@ class Mover:
     def _enough(self, branch: Branch, intermediate: int) -> int | None:
         """How many intermediate points, more than these, keep the tool near the line."""
 
-        def error_mm(count: int) -> float:
+        def keeps(count: int) -> bool:
             points = _points_on(branch, branch.angles[0], count)
             errors = chord_errors(branch.path, points, lambda q: fk_position(self.manipulator.arm, q))
-            return 1000 * float(errors.max(initial=0.0))
+            return 1000 * float(errors.max(initial=0.0)) <= OFF_THE_LINE_MM
 
-        return next(
-            (
-                count
-                for count in range(intermediate + 1, MOST_POINTS + 1)
-                if error_mm(count) <= OFF_THE_LINE_MM
-            ),
-            None,
-        )
+        few, enough = intermediate, MOST_POINTS
+        if not keeps(enough):
+            return None
+        while enough - few > 1:
+            middle = (few + enough) // 2
+            few, enough = (few, middle) if keeps(middle) else (middle, enough)
+        return enough
 
     def _allowed(self, frames: int) -> int:
         if (self.frame + frames - self.uncounted) * self.period_s > self.most_s:
