@@ -192,7 +192,7 @@ def why_unreachable(arm: Arm, position: ArrayLike, rotation: ArrayLike | None = 
         )[0]
         free = free[~np.isnan(free[:, 0])]
         if len(free):
-            return Unreachable(target.tolist(), _limit_reason(arm, free), nearest_point(arm, target))
+            return _unreachable(arm, target, turn, _limit_reason(arm, free), nearest_point(arm, target))
     point = nearest_point(arm, target)
     missed = float(np.linalg.norm(np.asarray(point) - target))
     if missed > NUMERICAL_TOLERANCE:
@@ -206,7 +206,15 @@ def why_unreachable(arm: Arm, position: ArrayLike, rotation: ArrayLike | None = 
     else:
         held = [joint.name for joint, kept in zip(arm.joints, _held(arm), strict=True) if kept]
         reason = f"not with {', '.join(held) or 'these joints'} at home: give an orientation"
-    return Unreachable(target.tolist(), reason, point)
+    return _unreachable(arm, target, turn, reason, point)
+
+
+def _unreachable(
+    arm: Arm, target: Floats, turn: Floats | None, reason: str, point: tuple[float, ...]
+) -> Unreachable:
+    """The error, after a look whether the nearest point is reached as the target was asked for."""
+    as_asked = bool(solve(arm, point, turn, NUMERICAL_TOLERANCE).valid.any())
+    return Unreachable(target.tolist(), reason, point, as_asked=as_asked)
 
 
 def nearest_point(arm: Arm, position: ArrayLike) -> tuple[float, ...]:

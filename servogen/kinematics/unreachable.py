@@ -8,23 +8,35 @@ from servogen.errors import InputError, Place
 
 
 class Unreachable(InputError):
-    """No solution: `reason` says why, `nearest` is the nearest reachable point in metres."""
+    """No solution: `reason` says why, `nearest` is the nearest point in metres that the tool reaches.
+
+    `as_asked`: whether it is reached in the orientation asked for, or with the wrist at home where none is.
+    """
 
     def __init__(
-        self, target: Sequence[float], reason: str, nearest: Sequence[float], place: Place | None = None
+        self,
+        target: Sequence[float],
+        reason: str,
+        nearest: Sequence[float],
+        place: Place | None = None,
+        as_asked: bool = True,
     ) -> None:
         self.target = tuple(float(value) for value in target)
         self.reason = reason
         self.nearest = tuple(float(value) for value in nearest)
-        super().__init__(
-            f"the point {in_mm(self.target)} cannot be reached: {reason}",
-            place,
-            f"the nearest reachable point is {in_mm(self.nearest)}",
-        )
+        self.as_asked = as_asked
+        super().__init__(f"the point {in_mm(self.target)} cannot be reached: {reason}", place, self._advice())
 
     def at(self, place: Place) -> Unreachable:
         """The same error at a place of a file."""
-        return Unreachable(self.target, self.reason, self.nearest, place)
+        return Unreachable(self.target, self.reason, self.nearest, place, self.as_asked)
+
+    def _advice(self) -> str:
+        if self.as_asked:
+            return f"the nearest reachable point is {in_mm(self.nearest)}"
+        if in_mm(self.nearest) == in_mm(self.target):
+            return "the point can be reached in another orientation"
+        return f"the nearest reachable point is {in_mm(self.nearest)}, in another orientation"
 
 
 def in_mm(point: Sequence[float]) -> str:

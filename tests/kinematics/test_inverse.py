@@ -342,6 +342,31 @@ def test_an_orientation_that_the_joints_cannot_give_is_named() -> None:
     assert caught.value.nearest == pytest.approx((0.5, 0.1, 0.3), abs=1e-6)
 
 
+def test_the_nearest_point_that_is_advised_is_reached_as_it_is_said(any_arm, configurations) -> None:
+    poses = fk(any_arm, configurations(any_arm, 4, seed=9))
+    said = set()
+    for pose, other in zip(poses, poses[::-1], strict=True):
+        for oriented in (False, True):
+            turn = other[:3, :3] if oriented else None
+            try:
+                ik(any_arm, 1.3 * pose[:3, 3] + 0.05, turn)
+            except Unreachable as error:
+                reached = solve(any_arm, error.nearest, turn, tolerance=1e-6).valid.any()
+                assert ("in another orientation" in (error.hint or "")) == (not reached)
+                said.add(oriented)
+    assert said == {False, True}
+
+
+def test_a_point_that_only_its_orientation_forbids_is_not_advised_again() -> None:
+    with pytest.raises(Unreachable) as caught:
+        ik(arm("scara"), [0.5, 0.1, 0.3], np.eye(3))
+    assert caught.value.hint == "the point can be reached in another orientation"
+    robot = arm("rv-m1")
+    pose = fk(full_turns(robot), [0.3, 0.4, -0.9, -1.0, 0.2])
+    with pytest.raises(Unreachable, match="q4 would have to be at -57"):
+        ik(robot, pose[:3, 3], pose[:3, :3])
+
+
 def test_the_first_unreachable_target_of_many_is_the_one_named() -> None:
     targets = [[0.5, 0.1, 0.3], [2.0, 0.0, 0.3], [3.0, 0.0, 0.3]]
     with pytest.raises(Unreachable, match=r"2000\.000"):

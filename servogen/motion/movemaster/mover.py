@@ -156,7 +156,7 @@ class Mover:
         except Unreachable as error:
             raise InputError(
                 f"{what} {pose} cannot be reached: {error.reason}",
-                hint=f"the nearest reachable point is {in_mm(error.nearest)}",
+                hint=error.hint,
             ) from error
 
     def _path(self, points: Floats, even: bool) -> Floats:
