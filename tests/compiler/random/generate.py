@@ -44,7 +44,7 @@ from tests.compiler.random.program import (
 from tests.compiler.random.scope import Scope
 from tests.compiler.random.statements import NEVER, Statements
 from tests.compiler.random.target_c import DONE
-from tests.compiler.random.touch import CHECKSUM, Touch
+from tests.compiler.random.touch import BUS, CHECKSUM, Touch
 
 _PROFILES: tuple[tuple[float, tuple[Int, ...]], ...] = (
     (4, (U8,)),
@@ -328,7 +328,7 @@ class Generator(Statements):
         body: tuple[Stmt, ...],
     ) -> None:
         scope = self.scope
-        outside = {*self.globals, CHECKSUM, *(each for each in scope.locals if each.storage == "static")}
+        outside = {*self.globals, BUS, CHECKSUM, *(each for each in scope.locals if each.storage == "static")}
         for function in scope.callable:
             outside |= function.reads | function.writes
         touched = scope.touched

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from tests.compiler.random.program import Array, Function, Int, Pointer, Struct, Variable
-from tests.compiler.random.touch import Touch
+from tests.compiler.random.touch import BUS, Touch
 
 
 @dataclass
@@ -47,7 +47,9 @@ class Scope:
 
 def reaches(variable: Variable) -> tuple[Variable, ...]:
     """The objects that an access through a variable may touch: itself, or what it points to."""
-    return variable.pointees if isinstance(variable.type, Pointer) else (variable,)
+    if isinstance(variable.type, Pointer):
+        return variable.pointees
+    return (variable,) if variable.watched is None else (variable, BUS)
 
 
 def writable(variable: Variable) -> bool:

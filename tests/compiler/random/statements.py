@@ -145,12 +145,12 @@ class Statements(Expressions):
         if makers and self.chance(0.6):
             touch = Touch()
             made = self.call(1, touch, self.rng.choice(makers))
-            touch.writes.add(target)
+            touch.writes |= set(reaches(target))
             self.settle(touch)
             if made is not None:
                 return CopyStruct(Var(target), made)
         source = self.rng.choice([each for each in found if each.type == target.type])
-        self.scope.touched.add(Touch({source}, {target}))
+        self.scope.touched.add(Touch({source}, set(reaches(target))))
         return CopyStruct(Var(target), Var(source))
 
     def _bits(self, depth: int) -> Stmt | None:
@@ -165,7 +165,7 @@ class Statements(Expressions):
             return None
         target = self.rng.choice(found)
         assert isinstance(target.type, Int)
-        self.scope.touched.add(Touch({target}, {target}))
+        self.scope.touched.add(Touch({target}, set(reaches(target))))
         return SetBit(
             self.rng.choice(("set", "clear", "toggle")), Var(target), self.rng.randrange(target.type.bits)
         )

@@ -33,5 +33,7 @@ class Touch:
         self.writes |= other.writes
 
 
+BUS = Variable("bus", None, "global")  # type: ignore[arg-type]
+"""Stands for the order of all stores to watched variables."""
 CHECKSUM = Variable("checksum", None, "global")  # type: ignore[arg-type]
 """Stands for what `out` changes."""
