@@ -48,7 +48,7 @@ def share(codes: dict[str, Code], roots: list[str]) -> int:
             refused.add(best.run)
 
 
-def _best(runs: Mapping[_Run, list[tuple[_Place, Ins]]], refused: set[_Run]) -> _Candidate | None:
+def _best(runs: Mapping[_Run, list[tuple[_Place, bool]]], refused: set[_Run]) -> _Candidate | None:
     """The run that saves most; of equal ones the longest, then the first."""
     found: _Candidate | None = None
     for run, every in runs.items():
@@ -58,18 +58,18 @@ def _best(runs: Mapping[_Run, list[tuple[_Place, Ins]]], refused: set[_Run]) -> 
         for (name, at), _ in every:
             if not places or places[-1][0] != name or at >= places[-1][1] + len(run):
                 places.append((name, at))
-        ends = every[0][1].op in ENDS or _is_plain_call(every[0][1])
+        ends = every[0][1]
         saved = len(places) * (len(run) - 1) - len(run) - (0 if ends else 1)
         if saved > 0 and (found is None or (saved, len(run)) > (found.saved, len(found.run))):
             found = _Candidate(run, tuple(places), saved)
     return found
 
 
-def _runs(codes: Mapping[str, Code], numbers: dict[object, int]) -> dict[_Run, list[tuple[_Place, Ins]]]:
-    """Every run that may be shared, with its places and its last instruction; equal instructions have one
-    number.
+def _runs(codes: Mapping[str, Code], numbers: dict[object, int]) -> dict[_Run, list[tuple[_Place, bool]]]:
+    """Return every run that may be shared, with its places and whether it needs no RETURN behind it; equal
+    instructions have one number.
     """
-    found: dict[_Run, list[tuple[_Place, Ins]]] = {}
+    found: dict[_Run, list[tuple[_Place, bool]]] = {}
     for name, code in codes.items():
         if code.table is not None or code.inline_asm or name.startswith("__"):
             continue
@@ -82,7 +82,8 @@ def _runs(codes: Mapping[str, Code], numbers: dict[object, int]) -> dict[_Run, l
                     if code.ins[end - 1].op in SKIPS:
                         continue
                     run = tuple(keys[start - first : end - first])
-                    found.setdefault(run, []).append(((name, start), code.ins[end - 1]))
+                    ends = code.ins[end - 1].op in ENDS or _ends_in_call(code.ins[start:end])
+                    found.setdefault(run, []).append(((name, start), ends))
     return found
 
 
@@ -127,8 +128,10 @@ def _key(ins: Ins) -> object:
     return ins.op, ins.f, ins.d, ins.b, ins.k, ins.target
 
 
-def _is_plain_call(ins: Ins) -> bool:
-    return ins.op == "CALL" and ins.table is None
+def _ends_in_call(run: list[Ins]) -> bool:
+    """Return whether a run always ends in a call, which may be a jump: one that is never skipped."""
+    last = run[-1]
+    return last.op == "CALL" and last.table is None and run[-2].op not in SKIPS
 
 
 def _apply(found: _Candidate, codes: dict[str, Code], roots: list[str]) -> bool:
@@ -138,7 +141,7 @@ def _apply(found: _Candidate, codes: dict[str, Code], roots: list[str]) -> bool:
     first_name, at = found.places[0]
     body = [each.copy() for each in codes[first_name].ins[at : at + len(found.run)]]
     ends = body[-1].op in ENDS
-    if _is_plain_call(body[-1]):
+    if _ends_in_call(body):
         body[-1].op = "GOTO"
     elif not ends:
         body.append(Ins("RETURN", place=body[-1].place))

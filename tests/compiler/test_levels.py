@@ -45,6 +45,20 @@ def test_equal_runs_become_a_subroutine_for_size_only() -> None:
     assert port(found["none"]) == port(found["speed"]) == port(found["size"])
 
 
+def test_a_shared_run_that_ends_in_a_skipped_call_returns() -> None:
+    """`if (bad) stop();` three times: where `bad` is 0, the subroutine goes back to its caller."""
+    text = """
+    volatile unsigned char bad, a;
+    void stop(void) { while (1) NOP(); }
+    void main(void) { TRISB = 0; PORTB = 0; if (bad) stop(); PORTB = 1; if (bad) stop(); PORTB = 3;
+        if (bad) stop(); PORTB = 7; }
+    """
+    found = build(text, "size")
+    assert shared(found)
+    assert port(found)[-3:] == [(PINS.index(f"RB{bit}"), 1) for bit in range(3)]
+    assert port(found) == port(build(text, "none"))
+
+
 def test_the_words_saved_are_those_of_the_copies_less_calls_and_return() -> None:
     """Nine instructions three times: twice nine less saved, three calls and perhaps a RETURN more."""
     plain, small = build(EQUAL + MAIN, "speed"), build(EQUAL + MAIN, "size")
