@@ -107,6 +107,8 @@ def prelude(text: str) -> str:
     The compiler has headers of some of these names, which declare no functions and come before any other.
     """
     names = {name for name in HEADERS if re.search(rf'#\s*include\s*[<"]{re.escape(name)}[>"]', text)}
+    if re.search(r"\b(abort|exit)\s*\(", text):  # older C calls them without a declaration
+        names.add("stdlib.h")
     names |= {_NEEDS[name] for name in names if name in _NEEDS}
     held = "".join(HEADERS[name] for name in sorted(names, reverse=True))
     return f"#include <pic14/pic16f84a.h>\n{_RESULT}{held}"

@@ -99,7 +99,7 @@ def ran(image: Image, output: str | None, limit: int) -> Verdict:
             written.take(chunk.pin.tolist(), chunk.level.tolist())
         state = machine.state()
         if state.stack_wraps or state.undefined_words:
-            return Verdict("wrong", "; ".join(map(str, state.warnings)))
+            return Verdict("wrong", "; ".join(map(str, state.warnings[:3])))
         if state.ram[DONE - RAM_FIRST] == FINISHED:
             break
     else:

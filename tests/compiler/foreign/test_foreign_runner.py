@@ -20,7 +20,7 @@ RIGHT = "int main(void) { int a = 2; return a - 2; }"
 WRONG = "int main(void) { int a = 2; return a + 1; }"
 ENDLESS = "volatile char go = 1;\nint main(void) { while (go) ; return 0; }"
 REFUSED = "float f;\nint main(void) { return 0; }"
-ABORTED = "#include <stdlib.h>\nint main(void) { abort(); }"
+ABORTED = "int main(void) { abort(); }"
 HELLO = '#include <stdio.h>\nint main(int n, char **v) { puts("Hi"); putchar(33); return n; }'
 TOO_LARGE = "unsigned char a[60], b[60];\nint main(void) { return a[b[1]]; }"
 
