@@ -139,6 +139,7 @@ def _set_up(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sample
         CAP_US / cycle_us,
         int(candidates),
         tuple(cut),
+        end,
     )
     return _Setup(
         expected,

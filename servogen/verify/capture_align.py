@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from servogen.verify.capture_ends import end_errors
 from servogen.verify.pulses import CutPulses, Pulses, nearest, pair
 from servogen.verify.windows import Ints
 
@@ -67,6 +68,9 @@ class Signals:
     candidates: int
     """Scheduled time, in cycles, up to which a capture may begin."""
     cut: tuple[CutPulses, ...]
+    """Of each channel the pulses that the capture's ends cut."""
+    length: int
+    """Steps of the capture."""
 
 
 def align(signals: Signals) -> Line | None:
@@ -80,7 +84,7 @@ def align(signals: Signals) -> Line | None:
     )
     if best is None:
         return None
-    _, _, a = best
+    *_, a = best
     line = _fit(signals, Line(a, slope, None))
     return line and (_fit(signals, line) or line)
 
@@ -103,8 +107,13 @@ def _slope(signals: Signals) -> float:
     return signals.nominal * (ratio if abs(ratio - 1) < MOST_DRIFT else 1.0)
 
 
-def _phase(signals: Signals, main: int, anchor: int, slope: float) -> tuple[float, float, float] | None:
-    """(cost, the anchor's scheduled time, a) of the phase at which the captured pulses fit best."""
+def _phase(
+    signals: Signals, main: int, anchor: int, slope: float
+) -> tuple[float, float, float, float] | None:
+    """Return (cost, error of the cut pulses, the anchor's scheduled time, a) of the phase that fits best.
+
+    Where pulses fit as well at several phases, as in a pause of the motion, those that are cut decide.
+    """
     rises = signals.scheduled[main].rise
     phases = rises[rises < signals.candidates].astype(np.float64)
     if not len(phases):
@@ -114,12 +123,25 @@ def _phase(signals: Signals, main: int, anchor: int, slope: float) -> tuple[floa
     while True:
         cost = _cost(signals, anchor, slope, phases, look)
         if look >= total:
-            at = int(np.argmin(cost))
-            return float(cost[at]), float(phases[at]), anchor - slope * float(phases[at])
+            lowest = float(cost.min())
+            phases = phases[cost == lowest]
+            errors = _end_errors(signals, anchor, slope, phases)
+            at = int(np.argmin(errors))
+            return lowest, float(errors[at]), float(phases[at]), anchor - slope * float(phases[at])
         order = np.argsort(cost, kind="stable")
         near = np.count_nonzero(cost <= cost[order[0]])
         phases = np.sort(phases[order[: max(KEPT, int(near))]])
         look *= 4
+
+
+def _end_errors(signals: Signals, anchor: int, slope: float, phases: Floats) -> Floats:
+    """Return for each phase how badly the pulses that the capture's ends cut fit, in cycles."""
+    begin = phases - anchor / slope
+    total = np.zeros(len(phases))
+    for cut, wanted in zip(signals.cut, signals.scheduled, strict=True):
+        first, last = end_errors(cut, wanted, begin, slope, signals.length)
+        total += np.minimum(first, signals.cap) + np.minimum(last, signals.cap)
+    return total.round(3)
 
 
 def _cost(signals: Signals, anchor: int, slope: float, phases: Floats, look: int) -> Floats:

@@ -1,4 +1,4 @@
-"""The pulses that a capture's beginning and end cut: of each only one edge was seen.
+"""The pulses that a capture's beginning and end cut: of each only one edge was seen, or none.
 
         begin                                    end
     ┌─────┊───┐          ┌───────┐          ┌─────┊───┐
@@ -6,33 +6,45 @@
     ┘     ┊   └──────────┘       └──────────┘     ┊   └──
               first fall                    last rise
 
-Such an edge is right when any of the schedule's frames has one of the channel at this time of the frame:
-which frame it belongs to cannot be told from one edge.
-
-In: a channel's pulses and the line that joins their times. Out: those edges that no frame has.
+In: a channel's pulses, and where the capture lies in the schedule. Out: by how much those edges, or the level
+at the capture's ends, are not the schedule's.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
+import numpy.typing as npt
 
-from servogen.verify.capture_align import Line
-from servogen.verify.pulses import CutPulses, Pulses
+from servogen.verify.pulses import CutPulses, Pulses, nearest
+
+Floats = npt.NDArray[np.float64]
 
 
-def strange_edges(
-    cut: CutPulses, wanted: Pulses, line: Line, period: int, limit: float
-) -> Iterator[tuple[int, str]]:
-    """Yield the step of each edge that is farther than `limit` cycles from where any frame has one."""
-    begin = wanted.frame * period
-    for step, edges, what in (
-        (cut.first_fall, wanted.fall - begin, "ends"),
-        (cut.last_rise, wanted.rise - begin, "begins"),
-    ):
-        if step is None or not len(edges):
-            continue
-        away = (float(line.cycles(step)) - np.unique(edges)) % period
-        if np.minimum(away, period - away).min() > limit:
-            yield step, what
+def end_errors(
+    cut: CutPulses, wanted: Pulses, begin: Floats, slope: float, length: int
+) -> tuple[Floats, Floats]:
+    """Return the errors at the beginning and at the end, in cycles, for each time at which it may `begin`.
+
+    `begin` is in cycles of the schedule; the capture has `length` steps, `slope` a cycle.
+    """
+    nothing = np.zeros(len(begin))
+    if not len(wanted.rise) or (cut.high and cut.first_fall is None):
+        return nothing, nothing
+    end = begin + length / slope
+    if cut.first_fall is not None:
+        fall = begin + cut.first_fall / slope
+        first = np.abs(wanted.fall[nearest(fall, wanted.fall)] - fall)
+    else:
+        first = _inside(wanted, begin)
+    if cut.last_rise is not None:
+        rise = begin + cut.last_rise / slope
+        return first, np.abs(wanted.rise[nearest(rise, wanted.rise)] - rise)
+    return first, _inside(wanted, end)
+
+
+def _inside(wanted: Pulses, time: Floats) -> Floats:
+    """Return how far each time lies inside of a pulse; 0 where it lies in none."""
+    row = np.searchsorted(wanted.rise, time, side="right") - 1
+    known = row.clip(min=0)
+    inside = np.minimum(time - wanted.rise[known], wanted.fall[known] - time)
+    return np.where(row < 0, 0.0, np.maximum(inside, 0.0))

@@ -13,7 +13,7 @@ import numpy as np
 
 from servogen.edges import PINS, Expected, ExpectedChannel
 from servogen.verify.capture_align import Floats, Line, Signals, partners
-from servogen.verify.capture_ends import strange_edges
+from servogen.verify.capture_ends import end_errors
 from servogen.verify.capture_verdict import CapturedChannel, Problem, Spread, Tolerances
 from servogen.verify.pulses import Pulses
 from servogen.verify.reasons import frame_words
@@ -194,10 +194,23 @@ def _cut(
     ppm = allowed.crystal_ppm if line.b_error is None else 4e6 * line.b_error / line.b
     drift_us = scale.end * scale.step_us * ppm / 1e6
     limit = (scale.sample_us + allowed.edge_us + drift_us) / scale.cycle_us
-    wanted = signals.scheduled[number]
-    for step, what in strange_edges(signals.cut[number], wanted, line, signals.period, limit):
-        text = f"{PINS[channel.pin]} ({channel.name}): a pulse {what} where no frame of the schedule has that"
-        yield Problem(step * scale.step_us, channel.pin, channel.name, None, text)
+    begin = np.array([float(line.cycles(0))])
+    cut, wanted = signals.cut[number], signals.scheduled[number]
+    first, last = end_errors(cut, wanted, begin, line.b, scale.end)
+    for error, step, edge, what in (
+        (first, 0, cut.first_fall, "ends"),
+        (last, scale.end, cut.last_rise, "begins"),
+    ):
+        if float(error[0]) > limit:
+            text = (
+                "a pulse that it cuts is missing"
+                if edge is None
+                else f"a pulse {what} where none is scheduled to"
+            )
+            place = "beginning" if step == 0 else "end"
+            where = f"{PINS[channel.pin]} ({channel.name}), at the capture's {place}"
+            time_us = (step if edge is None else edge) * scale.step_us
+            yield Problem(time_us, channel.pin, channel.name, None, f"{where}: {text}")
 
 
 def _problem(

@@ -37,6 +37,8 @@ class Pulses(NamedTuple):
 class CutPulses(NamedTuple):
     """Steps of the fall of a pulse that began before the capture, and of the rise of one that goes on."""
 
+    high: bool
+    """Whether the pin was high at the beginning."""
     first_fall: int | None
     last_rise: int | None
 
@@ -45,7 +47,7 @@ def cut_pulses(rise: Ints, fall: Ints, high: bool) -> CutPulses:
     """Return the edges of cut pulses among all of a pin's, which is `high` at the beginning or not."""
     first_fall = int(fall[0]) if high and len(fall) else None
     unfinished = len(rise) > 0 and len(rise) > len(fall) - high
-    return CutPulses(first_fall, int(rise[-1]) if unfinished else None)
+    return CutPulses(high, first_fall, int(rise[-1]) if unfinished else None)
 
 
 def pulses_of(edges: Edges, pin: int, end: int, open_rise: int | None = None, open_frame: int = -1) -> Pulses:

@@ -196,7 +196,7 @@ def test_two_pins_make_a_frame_different_by_either() -> None:
 
 @pytest.mark.parametrize("by", [-300, -4, 0, 4, 300])
 @pytest.mark.parametrize("end", ["begin", "end"])
-def test_the_one_edge_of_a_pulse_that_the_capture_cuts_must_be_where_some_frame_has_it(
+def test_the_one_edge_of_a_pulse_that_the_capture_cuts_must_be_where_it_is_scheduled(
     by: int, end: str
 ) -> None:
     """A capture from the middle of frame 41's pulse to the middle of frame 71's; one edge of either moves."""
@@ -212,7 +212,25 @@ def test_the_one_edge_of_a_pulse_that_the_capture_cuts_must_be_where_some_frame_
     assert verdict.proven == (by == 0)
     if by:
         what = "ends" if end == "begin" else "begins"
-        assert f"a pulse {what} where no frame of the schedule has that" in verdict.reasons[0]
+        assert f"a pulse {what} where none is scheduled to" in verdict.reasons[0]
+
+
+@pytest.mark.parametrize(("frame", "where"), [(41, "beginning"), (71, "end")])
+def test_a_pulse_that_the_capture_would_cut_must_be_there(frame: int, where: str) -> None:
+    made = [pulse for pulse in pulses(LAB * 4) if pulse[0] != frame * PERIOD]
+    trace = one.capture(one.edges_of(made), 41 * PERIOD + 500, 30 * PERIOD / 1e6, pins=(RB0,))
+    verdict = verify_capture(schedule([], LAB), trace, sample=1)
+    assert not verdict.agrees
+    assert f"at the capture's {where}: a pulse that it cuts is missing" in verdict.reasons[0]
+
+
+@pytest.mark.parametrize("first", range(30, 60))
+def test_a_capture_that_cuts_pulses_is_never_blamed_for_it(first: int) -> None:
+    """Where whole pulses fit at many phases, as within a hold, the cut ones say which frames they are."""
+    for frames in (3, 9, 31):
+        begin = first * PERIOD + 700
+        trace = one.capture(one.edges_of(pulses(LAB * 4)), begin, frames * PERIOD / 1e6, pins=(RB0,))
+        assert verify_capture(schedule([], LAB), trace, sample=1).agrees
 
 
 def test_edges_on_a_coarse_grid_prove_nothing_where_nobody_says_how_often_was_sampled() -> None:
