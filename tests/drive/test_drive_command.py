@@ -70,6 +70,23 @@ def test_wheels_are_not_left_turning(run: Run) -> None:
     assert positions[-3:] == [("wheel1", 127), ("wheel2", 127), ("wheel3", 127)]
 
 
+def test_a_robot_that_is_unplugged_and_plugged_in_again_gets_its_whole_pose(
+    start: Start, serial: Serial
+) -> None:
+    process = start("drive", JOBS / "omni-square.toml", "-p", serial.path, *RANGE, "--json")
+    serial.wait_for(lambda decoder: len(decoder.moves) > 5)
+    serial.unplug()
+    assert process.stdout is not None
+    assert any("lost" in line for line in process.stdout), "it is said"
+    serial.decoder.moves.clear()
+    serial.plug()
+    serial.wait_for(lambda decoder: {0, 1, 2} <= set(decoder.positions))
+    assert [number for number, _ in serial.decoder.moves[:3]] == [0, 1, 2]
+    process.send_signal(signal.SIGINT)
+    out, _ = process.communicate(timeout=30)
+    assert json.loads(out.splitlines()[-1])["outages"] == 1
+
+
 def test_lines_of_standard_input_steer(start: Start, serial: Serial) -> None:
     process = start(
         *("drive", JOBS / "omni-square.toml", "-p", serial.path, *RANGE, "--keys"), stdin=subprocess.PIPE

@@ -1,0 +1,8 @@
+"""Builds that are killed leave one whole build; `python -m tests.killed_builds` kills a hundred."""
+
+from tests import killed_builds
+
+
+def test_killed_builds_leave_one_whole_build() -> None:
+    seen = killed_builds.run(4, seed=3, report=lambda line: None)
+    assert seen.total() == 4
