@@ -461,13 +461,13 @@ def run_kind(
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--kind", choices=[*KINDS, "all"], default="all")
+    parser.add_argument("--kind", choices=[*KINDS, "all"], default=["all"], nargs="+")
     parser.add_argument("--mutants", type=int, default=2000)
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
     keep = Path(tempfile.mkdtemp(prefix="mutants-"))
     failed = 0
-    for name in KINDS if given.kind == "all" else [given.kind]:
+    for name in KINDS if "all" in given.kind else given.kind:
         for command in KINDS[name].commands:  # what is loaded once is not the first mutant's
             with contextlib.suppress(KeyError):
                 outcome([word.format(file=keep / "none", folder=keep, text="Rx(1)") for word in command])

@@ -7,6 +7,7 @@ A row that follows another joint becomes a joint with `mimic`.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -101,7 +102,7 @@ def from_urdf(text: str, file: str, tip: str | None = None) -> Arm:
     """The serial chain from the root to the link `tip`, by default the only end there is.
 
     Its rows come from the joint axes; fixed joints belong to the links. Raises InputError for a tree whose
-    tip is not named, for other kinds of joints, for a text that is no URDF.
+    tip is not named, for other kinds of joints, for a text that is not URDF.
     """
     robot = _parsed(text, file)
     chain = _chain(robot, file, tip)
@@ -127,14 +128,41 @@ def _parsed(text: str, file: str) -> Any:
     # The library checks by assertions and conversions of its own; what it raises means a text that is wrong.
     wrong = (ParseError, ValueError, AssertionError, KeyError, AttributeError, TypeError, SyntaxError)
     try:
-        return urdf.URDF.from_xml_string(text.encode())
+        robot = urdf.URDF.from_xml_string(text.encode())
     except wrong as error:
-        raise InputError(f"is no URDF: {error}", Place(file)) from error
+        raise InputError(f"is not a URDF file: {error}", Place(file)) from error
+    if len(robot.joints) > MAX_JOINTS:
+        raise InputError(f"has {len(robot.joints)} joints", Place(file), f"at most {MAX_JOINTS}")
+    for joint in robot.joints:
+        for number in _numbers(joint):
+            if not abs(number) <= MAX_NUMBER:  # not a number is refused, too
+                raise InputError(f"the joint '{joint.name}' has the number {number}", Place(file), _NUMBERS)
+    return robot
+
+
+MAX_JOINTS = 1000
+MAX_NUMBER = 1e6
+"""Metres, radians, and those per second."""
+
+_NUMBERS = f"numbers are finite, in metres and radians, of at most {MAX_NUMBER:g}"
+
+
+def _numbers(joint: Any) -> Iterator[float]:
+    """Yields every number of a joint that is read."""
+    if joint.origin is not None:
+        yield from joint.origin.xyz or ()
+        yield from joint.origin.rpy or ()
+    yield from joint.axis or ()
+    parts = (joint.limit, ("lower", "upper", "velocity")), (joint.mimic, ("multiplier", "offset"))
+    for part, names in parts:
+        for name in names if part is not None else ():
+            yield getattr(part, name) or 0.0
 
 
 def _chain(robot: Any, file: str, tip: str | None) -> list[Any]:
     parents = {joint.child: joint for joint in robot.joints}
-    ends = [link.name for link in robot.links if all(joint.parent != link.name for joint in robot.joints)]
+    inner = {joint.parent for joint in robot.joints}
+    ends = [link.name for link in robot.links if link.name not in inner]
     if tip is None and len(ends) != 1:
         raise InputError(
             f"'{robot.name}' is no serial chain: it ends in {', '.join(ends) or 'nothing'}",

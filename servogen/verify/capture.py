@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.edges import HIGH, PINS, EdgeTrace, Expected, join
+from servogen.errors import InputError
 from servogen.verify.capture_align import Line, Signals, align
 from servogen.verify.capture_frames import whole_frames
 from servogen.verify.capture_judge import Judged, Scale, judge
@@ -38,6 +39,9 @@ CAP_US = 50.0
 
 LONGEST_GUESS_US = 1.0
 """A slower analyser's sample must be stated: what it hides would otherwise be hidden by chance."""
+
+MAX_FRAMES = 1_000_000
+"""Of a capture, five hours at 50 Hz: what it should hold is put together in memory."""
 
 MOST_CYCLES = 1.03
 """A capture holds at most so many times the cycles that it would hold of a chip with the nominal clock."""
@@ -118,6 +122,12 @@ def _set_up(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sample
     longest_us = sampled.sample_us if sampled.stated else min(sampled.sample_us, LONGEST_GUESS_US)
     quantum = max(1.0, longest_us / step_us)
     reach = int(end / nominal * MOST_CYCLES)
+    frames = reach // expected.period
+    if frames > MAX_FRAMES:
+        raise InputError(
+            f"the capture is {frames} frames of the schedule long: at most {MAX_FRAMES} are compared",
+            hint="cut it, or capture for a shorter time",
+        )
     candidates = whole_motion(expected, 2)
     scheduled = Windows(expected_edges(chunk) for chunk in expected.chunks).until(candidates + reach)
     ours, theirs, cut, glitches = [], [], [], []

@@ -83,4 +83,4 @@ def test_urdf_needs_an_arm_and_a_file_that_is_one(run: Run, tmp_path: Path) -> N
     assert "six legs" in run("robots", "hexapod", "--urdf", tmp_path / "arm.urdf").err
     assert run("fk", tmp_path / "none.urdf", 0).code == 2
     (tmp_path / "text.urdf").write_text("hello")
-    assert "is no URDF" in run("fk", tmp_path / "text.urdf", 0).err
+    assert "is not a URDF file" in run("fk", tmp_path / "text.urdf", 0).err

@@ -6,6 +6,7 @@ import pytest
 from servogen.errors import InputError
 from servogen.kinematics.chain import fk
 from servogen.kinematics.urdf import from_urdf, to_urdf
+from servogen.robot.robots import arm
 
 pytest.importorskip("urdf_parser_py")
 
@@ -64,8 +65,8 @@ def test_a_joint_that_mimics_becomes_a_row_with_a_ratio() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("<robot", "is no URDF"),
-        ('<robot name="made"><link/></robot>', "is no URDF"),
+        ("<robot", "is not a URDF file"),
+        ('<robot name="made"><link/></robot>', "is not a URDF file"),
         (robot('<link name="base"/>'), "no joints that move"),
         (robot(LINKS, SHOULDER), "ends in upper, hand"),
         (robot(LINKS, SHOULDER, SLIDE.replace("prismatic", "floating")), "is floating"),
@@ -86,3 +87,14 @@ def test_a_tip_chooses_the_chain_of_a_tree() -> None:
     assert [joint.name for joint in from_urdf(text, "tree.urdf", "other").joints] == ["shoulder", "s2"]
     with pytest.raises(InputError, match="no link 'ohter'"):
         from_urdf(text, "tree.urdf", "ohter")
+
+
+@pytest.mark.parametrize(("number", "said"), [("nan", "nan"), ("inf", "inf"), ("-1e7", "-10000000.0")])
+@pytest.mark.parametrize("place", ["xyz", "rpy", "axis", "lower"])
+def test_numbers_that_no_robot_has_are_refused(number: str, said: str, place: str) -> None:
+    text = to_urdf(arm("wrist-arm"))
+    marks = {"xyz": 'xyz="', "rpy": 'rpy="', "axis": '<axis xyz="', "lower": 'lower="'}
+    head, mark, tail = text.partition(marks[place])
+    end = min(tail.index(sign) for sign in ' "' if sign in tail)
+    with pytest.raises(InputError, match=f"has the number {said}\n  numbers are finite"):
+        from_urdf(f"{head}{mark}{number}{tail[end:]}", "made.urdf")

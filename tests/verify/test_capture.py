@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from servogen.edges import HIGH, LOW, PINS, EdgeTrace, Expected, ExpectedChannel, ExpectedChunk, edge_chunk
+from servogen.errors import InputError
 from servogen.units import Clock, Cycles
 from servogen.verify import CaptureVerdict, Tolerances, capture_lines, verify_capture
 
@@ -289,3 +290,10 @@ def test_whatever_was_captured_gets_a_verdict(steps: list[Edge], hz: int, tail: 
     assert verdict.proven == (verdict.reasons == ())
     assert not verdict.proven
     assert capture_lines(verdict)
+
+
+def test_a_capture_of_days_is_refused_before_its_schedule_fills_the_memory() -> None:
+    edges = edge_chunk([0, 100], [RB0, RB0], [HIGH, LOW])
+    days = EdgeTrace(Clock(4_000_000), (edges,), Cycles(PERIOD * 10**8))
+    with pytest.raises(InputError, match=r"frames of the schedule long: at most 1000000 are compared"):
+        verify_capture(schedule(), days)
