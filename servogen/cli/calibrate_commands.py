@@ -169,7 +169,7 @@ def _asking(channel: Channel, count: int) -> Ask:
     def ask(sweep: Sweep, point: int) -> float:
         while True:
             width = channel.widths_us[sweep.at]
-            print(f"{point + 1} of {count}, {width:.1f} µs: what do you see, {unit}? ", end="", flush=True)
+            print(f"{point + 1} of {count}, {width:z.1f} µs: what do you see, {unit}? ", end="", flush=True)
             text = sweep.answered(next_answer)
             if text == QUIT:
                 raise InputError(f"ended after {point} of {count} readings: nothing is written")
@@ -215,12 +215,13 @@ def _show(
         )
         return
     rows = [
-        (f"{r.width_us:.1f}", f"{math.degrees(r.angle):.1f}", f"{math.degrees(off):+.2f}")
+        (f"{r.width_us:z.1f}", f"{math.degrees(r.angle):z.1f}", f"{math.degrees(off):+z.2f}")
         for r, off in zip(made.readings, made.residuals, strict=True)
     ]
     table(f"{servo.name}, {servo.model.title}", ("width µs", f"seen {unit}", f"off the line {unit}"), rows)
     print(
-        f"width = {made.zero_us:.1f} µs {slope:+.4f} µs/{unit}; rms {rms:.2f}{unit}, worst {worst:+.2f}{unit}"
+        f"width = {made.zero_us:.1f} µs {slope:+z.4f} µs/{unit}; "
+        f"rms {rms:.2f}{unit}, worst {worst:+z.2f}{unit}"
     )
     print(f"{target}: written" + (f"; {kept} is the file that was there" if kept else ""))
     if refused:

@@ -137,7 +137,7 @@ def gait(
     facts, loads = facts_of(walker, made), loads_of(walker, made)
     if clearance_mm is not None and 1000 * facts.clearance < clearance_mm:
         raise InputError(
-            f"{1000 * facts.clearance:.1f} mm are free under the robot, not {clearance_mm:g} mm",
+            f"{1000 * facts.clearance:z.1f} mm are free under the robot, not {clearance_mm:g} mm",
             Place(key="--clearance-mm"),
             "raise the body, or take legs with a longer foot part",
         )
@@ -158,7 +158,7 @@ def _too_heavy(loads: Loads | None, joint: str, model: ServoModel) -> list[str]:
     if asked <= model.torque_nm:
         return []
     return [
-        f"too-heavy: holding {loads.legs[leg]}_{joint} still asks for {asked:.2f} N·m in frame {frame}, "
+        f"too-heavy: holding {loads.legs[leg]}_{joint} still asks for {asked:z.2f} N·m in frame {frame}, "
         f"a {model.title} is rated {model.torque_nm:g} N·m; {loads.detail(leg, frame)}"
     ]
 

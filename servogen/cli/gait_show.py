@@ -31,10 +31,10 @@ def show_walk(robot: Hexapod, rhythm: Gait, made: Walk, facts: GaitFacts) -> Non
         [
             (
                 each.name,
-                f"{degrees(each.least):.2f}",
-                f"{degrees(each.greatest):.2f}",
-                f"{degrees(each.limits[0]):g} to {degrees(each.limits[1]):g}",
-                f"{degrees(each.speed):.1f}",
+                f"{degrees(each.least):z.2f}",
+                f"{degrees(each.greatest):z.2f}",
+                f"{degrees(each.limits[0]):zg} to {degrees(each.limits[1]):zg}",
+                f"{degrees(each.speed):z.1f}",
             )
             for each in facts.joints
         ],
@@ -47,14 +47,14 @@ def show_walk(robot: Hexapod, rhythm: Gait, made: Walk, facts: GaitFacts) -> Non
     print(f"the walk: {frames} frames, {again}")
     if facts.margin is not None:
         feet, frame = ", ".join(facts.margin_feet), facts.margin_frame
-        least = f"at least {1000 * facts.margin:.2f} mm (frame {frame}, on {feet})"
+        least = f"at least {1000 * facts.margin:z.2f} mm (frame {frame}, on {feet})"
         print(f"stability margin: {least if feet else f'none, no foot is on the ground in frame {frame}'}")
     if facts.correction > 0:
         where = f"{facts.correction_leg}, frame {facts.correction_frame}"
-        print(f"springs: they give up to {1000 * facts.correction:.2f} mm ({where})")
+        print(f"springs: they give up to {1000 * facts.correction:z.2f} mm ({where})")
     print(
-        f"feet rise {1000 * facts.lift:.1f} mm, body {1000 * facts.body_height:.1f} mm above the ground, "
-        f"{1000 * facts.clearance:.1f} mm free under it and its legs"
+        f"feet rise {1000 * facts.lift:z.1f} mm, body {1000 * facts.body_height:z.1f} mm above the ground, "
+        f"{1000 * facts.clearance:z.1f} mm free under it and its legs"
     )
 
 

@@ -176,12 +176,12 @@ def _width_cells(rows: list[Quantised], examples: bool) -> tuple[object, ...]:
     if len(rows) == 1:
         which = [first.which] if examples else []
         error = f"{float(first.error_us):+z.3f}"
-        return (first.channel, *which, f"{float(first.requested_us):.3f}", first.cycles, error, first.frames)
+        return (first.channel, *which, f"{float(first.requested_us):z.3f}", first.cycles, error, first.frames)
     errors = [float(row.error_us) for row in rows]
     return (
         f"{first.channel}, {len(rows)} widths of ramps",
         *([""] if examples else []),
-        f"{float(first.requested_us):.3f} to {float(last.requested_us):.3f}",
+        f"{float(first.requested_us):z.3f} to {float(last.requested_us):z.3f}",
         f"{first.cycles} to {last.cycles}",
         f"{min(errors):+z.3f} to {max(errors):+z.3f}",
         sum(row.frames for row in rows),

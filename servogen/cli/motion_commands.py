@@ -80,16 +80,16 @@ def _show(done: Run) -> None:
             (
                 step.statement.number or "",
                 step.statement.text,
-                f"{_seconds(done, step.frame):.2f}",
-                f"{_seconds(done, step.frames):.2f}",
-                *(f"{value + 0.0:.1f}" for value in step.pose.values),
+                f"{_seconds(done, step.frame):z.2f}",
+                f"{_seconds(done, step.frames):z.2f}",
+                *(f"{value:z.1f}" for value in step.pose.values),
                 "closed" if step.hand == "C" else "open",
             )
             for step in done.steps
         ],
     )
     if done.outputs:
-        rows = [(f"{_seconds(done, each.frame):.2f}", f"&{each.value:02X}") for each in done.outputs]
+        rows = [(f"{_seconds(done, each.frame):z.2f}", f"&{each.value:02X}") for each in done.outputs]
         table("Output port", ("at s", "value"), rows)
 
 
@@ -109,7 +109,7 @@ def _csv(done: Run, arm: Arm) -> str:
             degrees(value) if joint.turning else 1000 * value
             for joint, value in zip(arm.joints, row, strict=True)
         )
-        writer.writerow([f"{_seconds(done, frame):.6g}", *(f"{value:.6f}" for value in shown)])
+        writer.writerow([f"{_seconds(done, frame):.6g}", *(f"{value:z.6f}" for value in shown)])
     return text.getvalue()
 
 

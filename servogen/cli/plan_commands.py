@@ -98,7 +98,7 @@ def _show_plan(
     if errors:
         worst = worst_of(errors)
         print(
-            f"error of the pulses: at worst {1000 * worst.worst_m:.3f} mm, "
+            f"error of the pulses: at worst {1000 * worst.worst_m:z.3f} mm, "
             f"{worst.name} in frame {worst.frame} ({worst.frame * frame_s:.6g} s)"
         )
     parts = [("lead-in", schedule.lead_in_frames), ("loop", schedule.loop_frames)]
@@ -120,8 +120,8 @@ def _show_servos(job: Job, facts: tuple[ServoFacts, ...]) -> None:
             (
                 each.servo.name,
                 joints.get(each.servo.name, ""),
-                f"{degrees(each.least):.2f} to {degrees(each.greatest):.2f}{unit}",
-                " to ".join(f"{degrees(limit):g}" for limit in each.servo.limits) + unit,
+                f"{degrees(each.least):z.2f} to {degrees(each.greatest):z.2f}{unit}",
+                " to ".join(f"{degrees(limit):zg}" for limit in each.servo.limits) + unit,
                 _degrees(each.speed),
                 _degrees(model.speed),
                 "" if each.speed_frame is None else each.speed_frame,
@@ -236,12 +236,12 @@ def _seconds(made: PulsePlan, frames: int) -> float:
 
 
 def _degrees(value: float | None) -> str:
-    return "" if value is None else f"{degrees(value):.1f}"
+    return "" if value is None else f"{degrees(value):z.1f}"
 
 
 def _mm(metres: float) -> str:
-    return f"{round(1000 * metres, 2) + 0.0:.2f}"
+    return f"{1000 * metres:z.2f}"
 
 
 def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.3f}"
+    return "" if value is None else f"{value:z.3f}"

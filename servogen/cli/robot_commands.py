@@ -186,16 +186,16 @@ def transform(
         return
     _print_matrix(answer["matrix"])
     if "point" in answer:
-        print("point  " + "  ".join(f"{value:.4f}" for value in answer["point"]))
+        print("point  " + "  ".join(f"{value:z.4f}" for value in answer["point"]))
 
 
 def _print_matrix(rows: Sequence[Sequence[float]]) -> None:
     for row in rows:
-        print("  ".join(f"{value + 0.0:10.5f}" for value in row))
+        print("  ".join(f"{value:z10.5f}" for value in row))
 
 
 def _millimetres(point: Sequence[float]) -> str:
-    return "x {:.4f}  y {:.4f}  z {:.4f} mm".format(*(1000 * value + 0.0 for value in point))
+    return "x {:z.4f}  y {:z.4f}  z {:z.4f} mm".format(*(1000 * value for value in point))
 
 
 def _print_details(details: dict[str, Any]) -> None:
@@ -220,20 +220,20 @@ def _print_details(details: dict[str, Any]) -> None:
         rows = [
             (
                 row["joint"] or "fixed",
-                f"{degrees(row['theta']):g}°",
+                f"{degrees(row['theta']):zg}°",
                 row["d"],
                 row["a"],
-                f"{degrees(row['alpha']):g}°",
+                f"{degrees(row['alpha']):zg}°",
             )
             for row in arm["rows"]
         ]
         table(f"DH rows ({arm['convention']})", ("joint", "theta", "d", "a", "alpha"), rows)
-        lengths = [(name, f"{1000 * value:g} mm") for name, value in arm["lengths_m"].items()]
+        lengths = [(name, f"{1000 * value:zg} mm") for name, value in arm["lengths_m"].items()]
         if lengths:
             table("Lengths", ("name", "value"), lengths)
     if "mounts" in details:
         mounts = [
-            (each["name"], _millimetres(each["position_m"]), f"{degrees(each['heading_rad']):g}°")
+            (each["name"], _millimetres(each["position_m"]), f"{degrees(each['heading_rad']):zg}°")
             for each in details["mounts"]
         ]
         table("Mounts", ("leg", "position", "heading"), mounts)
@@ -246,4 +246,4 @@ def _print_details(details: dict[str, Any]) -> None:
 
 
 def _joint_value(joint: dict[str, Any], value: float) -> str:
-    return f"{degrees(value):g}°" if joint["kind"] == "turning" else f"{1000 * value:g} mm"
+    return f"{degrees(value):zg}°" if joint["kind"] == "turning" else f"{1000 * value:zg} mm"

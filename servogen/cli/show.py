@@ -31,8 +31,21 @@ def _numeric(cell: object) -> bool:
 
 
 def as_json(value: object) -> None:
-    """One JSON document on standard output, on one line; in ASCII, so that every locale can print it."""
-    print(json.dumps(value))
+    """Print one JSON document on standard output, on one line; in ASCII, for every locale."""
+    print(json.dumps(_without_negative_zeros(value)))
+
+
+def _without_negative_zeros(value: object) -> object:
+    """Return the value with 0.0 for -0.0, which is the same number and reads as another."""
+    match value:
+        case float():
+            return value + 0.0
+        case dict():
+            return {key: _without_negative_zeros(each) for key, each in value.items()}
+        case list() | tuple():
+            return [_without_negative_zeros(each) for each in value]
+        case _:
+            return value
 
 
 def counted(number: int, what: str) -> str:

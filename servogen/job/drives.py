@@ -91,7 +91,7 @@ def _check_speeds(document: Document, table: DriveTable, made: Drive, wheels: Se
     low, high = (servo.model.shown(end) for end in servo.limits)
     raise document.error(
         ("drive", "speed_mm_s"),
-        f"{servo.name} would have to turn at {math.degrees(speed):.0f}°/s: its speeds are {low} to {high}",
+        f"{servo.name} would have to turn at {math.degrees(speed):z.0f}°/s: its speeds are {low} to {high}",
         f"at most {math.floor(table.speed_mm_s * limit / speed)} mm/s on this contour",
     )
 
@@ -101,16 +101,16 @@ def _routines(document: Document, made: Drive) -> list[Caution]:
     period_s = float(made.trajectory.clock.seconds(made.trajectory.period))
     notes = []
     for index, (each, frames) in enumerate(zip(made.stretches, made.frames, strict=True)):
-        where = f"stretch {index + 1}: {1000 * each.length:.1f} mm"
+        where = f"stretch {index + 1}: {1000 * each.length:z.1f} mm"
         took = f"{frames} frames, {frames * period_s:g} s"
         if each.travel is None:
             angle = math.degrees(math.atan2(each.way[1], each.way[0])) % 360
-            text = f"{where} at {angle:.1f}°, three wheels, {took}"
+            text = f"{where} at {angle:z.1f}°, three wheels, {took}"
         else:
             turns, counts = each.travel.motor_turns, each.travel.counts
             text = (
                 f"{where} at {each.direction_deg}°, two wheels, {took}; with the base's gear and encoder "
-                f"{turns:.3f} motor turns, {counts:.0f} counts"
+                f"{turns:z.3f} motor turns, {counts:z.0f} counts"
             )
         notes.append(Caution("stretch", text, document.place("drive", "corners_mm")))
     return notes
@@ -126,8 +126,8 @@ def _closing(
     x, y, turn = positions(base, speeds, period_s)[-1].tolist()
     return Caution(
         "closing",
-        f"with pulses of whole cycles a round ends {1000 * math.hypot(x, y):.2f} mm and "
-        f"{math.degrees(turn):.3f}° from its beginning",
+        f"with pulses of whole cycles a round ends {1000 * math.hypot(x, y):z.2f} mm and "
+        f"{math.degrees(turn):z.3f}° from its beginning",
         document.place("drive"),
     )
 

@@ -283,7 +283,7 @@ class _Way:
 
     def _shown(self, angles: Floats) -> str:
         named = zip(self.tip.servos, np.degrees(angles).tolist(), strict=True)
-        return ", ".join(f"{servo.name} {angle:.1f}°" for servo, angle in named)
+        return ", ".join(f"{servo.name} {angle:z.1f}°" for servo, angle in named)
 
 
 def _angle(document: Document, key: Key, value: object) -> float:

@@ -97,8 +97,8 @@ def _reachable(document: Document, arm: Arm, bindings: Sequence[Binding], servos
             factor, unit = (math.degrees(1), "°") if joint.turning else (1000, " mm")
             raise document.error(
                 ("servo", list(by_name).index(binding.servo), "zero_deg"),
-                f"{binding.servo} cannot bring {joint.name} to its home of {joint.home * factor:g}{unit}: "
-                f"it reaches {ends[0] * factor:g}{unit} to {ends[1] * factor:g}{unit}",
+                f"{binding.servo} cannot bring {joint.name} to its home of {joint.home * factor:zg}{unit}: "
+                f"it reaches {ends[0] * factor:zg}{unit} to {ends[1] * factor:zg}{unit}",
                 "a program begins at home: change zero_deg or ratio",
             )
         joints.append(replace(joint, lower=min(lower, joint.home), upper=max(upper, joint.home)))

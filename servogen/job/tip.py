@@ -164,7 +164,7 @@ def _sorted(found: Floats, servos: Sequence[Servo], before: Floats, point: Float
     if not len(allowed):
         shown = " or ".join(
             ", ".join(
-                f"{servo.name} {math.degrees(angle):.1f}°" for servo, angle in zip(servos, row, strict=True)
+                f"{servo.name} {math.degrees(angle):z.1f}°" for servo, angle in zip(servos, row, strict=True)
             )
             for row in found[~np.isnan(found).any(axis=1)].tolist()
         )

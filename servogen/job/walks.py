@@ -145,12 +145,12 @@ def _notes(document: Document, made: Walk, table: WalkTable) -> list[Caution]:
     notes = [
         Caution("cycle", f"a cycle takes {made.frames_per_cycle} frames, {seconds:.6g} s", place),
         *(Caution("phase", each.text(), place) for each in made.changes),
-        Caution("spring", f"the legs' springs give up to {1000 * made.largest_correction_m:.2f} mm", place),
-        Caution("lift", f"the feet rise {1000 * made.lift_m:.1f} mm", place),
+        Caution("spring", f"the legs' springs give up to {1000 * made.largest_correction_m:z.2f} mm", place),
+        Caution("lift", f"the feet rise {1000 * made.lift_m:z.1f} mm", place),
     ]
     if math.isfinite(made.least_margin_m):
-        text = f"the centre of mass is always {1000 * made.least_margin_m:.1f} mm inside of the feet"
+        text = f"the centre of mass is always {1000 * made.least_margin_m:z.1f} mm inside of the feet"
         if made.least_margin_m < 0:
-            text = f"the robot falls: {-1000 * made.least_margin_m:.1f} mm outside of its feet at worst"
+            text = f"the robot falls: {-1000 * made.least_margin_m:z.1f} mm outside of its feet at worst"
         notes.append(Caution("stability", text, place))
     return notes

@@ -197,7 +197,7 @@ def why_unreachable(arm: Arm, position: ArrayLike, rotation: ArrayLike | None = 
     missed = float(np.linalg.norm(np.asarray(point) - target))
     if missed > NUMERICAL_TOLERANCE:
         reason = (
-            f"it is {1000 * missed:.3f} mm from what the {len(arm.joints)} joints reach within their limits"
+            f"it is {1000 * missed:z.3f} mm from what the {len(arm.joints)} joints reach within their limits"
         )
     elif turn is not None:
         reason = (
@@ -257,8 +257,8 @@ def _limit_reason(arm: Arm, free: Floats) -> str:
         if over > TOLERANCE:
             factor, unit = (180 / np.pi, "°") if joint.turning else (1000.0, " mm")
             parts.append(
-                f"{joint.name} would have to be at {value * factor:.3f}{unit},"
-                f" its limits are {joint.lower * factor:g}{unit} to {joint.upper * factor:g}{unit}"
+                f"{joint.name} would have to be at {value * factor:z.3f}{unit},"
+                f" its limits are {joint.lower * factor:zg}{unit} to {joint.upper * factor:zg}{unit}"
             )
     return "; ".join(parts)
 

@@ -129,12 +129,12 @@ class Leg:
         if not np.isfinite(foot).all():
             raise InputError(f"a foot needs finite coordinates, not ({x}, {y}, {z})")
         if not low <= z <= high:
-            reason = f"the height must be between {low * mm:.3f} and {high * mm:.3f} mm"
+            reason = f"the height must be between {low * mm:z.3f} and {high * mm:z.3f} mm"
         else:
             needed = float(np.hypot(self.r, np.sqrt(max(self.bc**2 - (z + self.df) ** 2, 0.0))))
             reason = (
-                f"two joints reach a surface only, and at this height the foot is {needed * mm:.3f} mm"
-                f" from the axis of α, not {distance * mm:.3f} mm"
+                f"two joints reach a surface only, and at this height the foot is {needed * mm:z.3f} mm"
+                f" from the axis of α, not {distance * mm:z.3f} mm"
             )
         raise Unreachable((x, y, z), reason, self.nearest((x, y, z)))
 
@@ -166,8 +166,8 @@ class Leg:
         if not -1.0 <= cosine <= 1.0:
             low, high = -self.bc - self.df, self.bc - self.df
             raise InputError(
-                f"no β gives the height {1000 * height_m:.3f} mm",
-                hint=f"this leg's foot is between {1000 * low:.3f} and {1000 * high:.3f} mm",
+                f"no β gives the height {1000 * height_m:z.3f} mm",
+                hint=f"this leg's foot is between {1000 * low:z.3f} and {1000 * high:z.3f} mm",
             )
         return float(np.arccos(cosine))
 

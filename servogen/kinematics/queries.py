@@ -182,7 +182,7 @@ def _feet_answer(robot: Hexapod, values: Sequence[float]) -> Answer:
 def _finite(values: Sequence[float]) -> Floats:
     array = np.asarray(values, float)
     if not np.isfinite(array).all():
-        raise InputError(f"{', '.join(f'{value:g}' for value in values)}: every number must be finite")
+        raise InputError(f"{', '.join(f'{value:zg}' for value in values)}: every number must be finite")
     return array
 
 
@@ -283,8 +283,8 @@ def joint_text(arm: Arm, q: Sequence[float]) -> str:
     """Joint positions for people: degrees and millimetres with the joints' names."""
     parts = []
     for joint, value in zip(arm.joints, q, strict=True):
-        shown = round(degrees(value) if joint.turning else 1000 * value, 3) + 0.0
-        parts.append(f"{joint.name} {shown:.3f}" + ("°" if joint.turning else " mm"))
+        shown = round(degrees(value) if joint.turning else 1000 * value, 3)
+        parts.append(f"{joint.name} {shown:z.3f}" + ("°" if joint.turning else " mm"))
     return "  ".join(parts)
 
 

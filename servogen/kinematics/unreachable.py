@@ -41,4 +41,4 @@ class Unreachable(InputError):
 
 def in_mm(point: Sequence[float]) -> str:
     """A point in metres as text in millimetres."""
-    return "(" + ", ".join(f"{round(1000 * value, 3) + 0.0:.3f}" for value in point) + ") mm"
+    return "(" + ", ".join(f"{1000 * value:z.3f}" for value in point) + ") mm"

@@ -90,7 +90,7 @@ class PhaseChange:
         name = "the duty factor" if self.what == "duty" else f"the lift of {self.what}"
         return (
             f"{name} is {float(self.used):.4g} of the cycle, not {float(self.asked):.4g}: "
-            f"{float(self.frames):.2f} frames"
+            f"{float(self.frames):z.2f} frames"
         )
 
 

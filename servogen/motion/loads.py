@@ -46,8 +46,8 @@ class Loads:
     def detail(self, leg: int, frame: int) -> str:
         """Return in words what a leg carries in a frame."""
         return (
-            f"its foot carries {self.forces[frame, leg]:.1f} of {self.weight_n:.1f} N "
-            f"({self.alike[frame, leg]:.2f} N·m if all standing feet carried alike)"
+            f"its foot carries {self.forces[frame, leg]:z.1f} of {self.weight_n:z.1f} N "
+            f"({self.alike[frame, leg]:z.2f} N·m if all standing feet carried alike)"
         )
 
 

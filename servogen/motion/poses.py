@@ -195,7 +195,7 @@ class _Sampler:
                 "give it a time: move_s = … is kept, and what is then too fast is a warning",
             )
         self._add(made.angles[1:], pose)
-        followed = f"the path to pose {number} is followed within {1000 * made.chord_error_m:.3f} mm"
+        followed = f"the path to pose {number} is followed within {1000 * made.chord_error_m:z.3f} mm"
         if made.chord_error_m <= made.missed_m + OFF_THE_PATH_M:
             self.notes.append(Caution("chord-error", followed, pose.place))
         else:
@@ -258,5 +258,5 @@ def _slower(pose: Pose, way: moves.Way, frames: int, frame_s: float) -> str:
             made = moves.along(way, pose.law, longer)
             if made.chord_error_m <= made.missed_m + OFF_THE_PATH_M:
                 error_mm = 1000 * made.chord_error_m
-                return f"; move_s = {longer * frame_s:g} keeps it within {error_mm:.3f} mm"
+                return f"; move_s = {longer * frame_s:g} keeps it within {error_mm:z.3f} mm"
     return ""

@@ -186,7 +186,7 @@ def _check_limits(robot: Hexapod, joints: Sequence[str], angles: Floats) -> None
         low, high = float(column.min()), float(column.max())
         if low < joint.lower or high > joint.upper:
             shown, allowed = (
-                " to ".join(f"{math.degrees(end):.1f}°" for end in pair)
+                " to ".join(f"{math.degrees(end):z.1f}°" for end in pair)
                 for pair in ((low, high), (joint.lower, joint.upper))
             )
             raise InputError(
@@ -205,7 +205,7 @@ def _refuse(made: Walk, spring_m: float | None, allow_falling: bool) -> None:
     if made.least_margin_m < 0 and not allow_falling:
         frame = int(np.argmin(made.margins))
         feet = ", ".join(leg for leg, down in zip(made.legs, made.ground[frame], strict=True) if down)
-        outside = f"its centre of mass is {-1000 * made.least_margin_m:.1f} mm outside of the feet {feet}"
+        outside = f"its centre of mass is {-1000 * made.least_margin_m:z.1f} mm outside of the feet {feet}"
         raise InputError(
             f"the robot falls over in frame {frame}: {outside if feet else 'no foot is on the ground'}",
             hint="take a gait with more feet on the ground or a shorter stride, or allow falling "

@@ -174,9 +174,9 @@ def _of_capture(verdict: CaptureVerdict) -> Iterator[tuple[str, str]]:
     if verdict.pieces:
         yield "servogen_captures_stitched", str(len(verdict.pieces))
     if verdict.ppm is not None:
-        yield "servogen_crystal_ppm", f"{verdict.ppm:.1f}"
+        yield "servogen_crystal_ppm", f"{verdict.ppm:z.1f}"
     for channel in verdict.channels:
         pin = PINS[channel.pin]
         yield f"servogen_{pin}_pulses", str(channel.captured)
-        yield f"servogen_{pin}_worst_width_error_us", f"{channel.width.worst_us:.3f}"
-        yield f"servogen_{pin}_jitter_us", f"{channel.jitter_us:.3f}"
+        yield f"servogen_{pin}_worst_width_error_us", f"{channel.width.worst_us:z.3f}"
+        yield f"servogen_{pin}_jitter_us", f"{channel.jitter_us:z.3f}"

@@ -102,7 +102,7 @@ def check_widths(
         found.append(
             Caution(
                 "angle-range",
-                f"{servo.name}: {_us(width)} would be {angle:.0f}{servo.model.unit}, "
+                f"{servo.name}: {_us(width)} would be {angle:z.0f}{servo.model.unit}, "
                 f"outside of its {'speeds' if servo.model.continuous else 'travel'} of {ends}",
                 servo.place,
             )
@@ -166,7 +166,7 @@ def check_torque(servo: Servo, joint: str, torque_nm: Floats) -> tuple[Caution, 
     return (
         Caution(
             "too-heavy",
-            f"{servo.name}: holding {joint} still asks for {asked:.2f} N·m in frame {frame} of the motion, "
+            f"{servo.name}: holding {joint} still asks for {asked:z.2f} N·m in frame {frame} of the motion, "
             f"the servo is rated {rated:g} N·m",
             servo.place,
         ),
@@ -223,14 +223,14 @@ def _follow(
         asked = math.degrees(steepest / period_s)
         yield Caution(
             "too-fast",
-            f"{servo.name} is asked for {asked:.0f}°/s: it turns at {limit:.0f}°/s at most",
+            f"{servo.name} is asked for {asked:z.0f}°/s: it turns at {limit:z.0f}°/s at most",
             servo.place,
         )
     if short:
         yield Caution(
             "frames-few",
             f"{servo.name} is told to leave a position {short} frame{'s' if short > 1 else ''} before it can "
-            f"have reached it: the travel takes {needed} frames at {limit:.0f}°/s",
+            f"have reached it: the travel takes {needed} frames at {limit:z.0f}°/s",
             servo.place,
         )
 

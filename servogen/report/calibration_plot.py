@@ -24,7 +24,7 @@ def calibration_plot(fit: Fit, servo: Servo, path: Path) -> None:
     widths = [reading.width_us for reading in fit.readings]
     ends = [min(angles), max(angles)]
     slope = fit.us_per_rad * math.radians(1)
-    label = f"fit: {fit.zero_us:.1f} µs {'+' if slope > 0 else '−'} {abs(slope):.3f} µs/{unit}"
+    label = f"fit: {fit.zero_us:z.1f} µs {'+' if slope > 0 else '−'} {abs(slope):z.3f} µs/{unit}"
     panes[0].plot(ends, [fit.width_us(math.radians(end)) for end in ends], "C0", label=label)
     before = [(math.degrees(servo.angle(width)), width) for width in (min(widths), max(widths))]
     panes[0].plot(*zip(*before, strict=True), "0.6", ls="--", label="the job until now")

@@ -79,7 +79,7 @@ class Axis:
 
 def px(value: npt.ArrayLike) -> str:
     """A coordinate with one decimal at most."""
-    return f"{float(np.asarray(value)):.1f}".removesuffix(".0").replace("-0", "0") or "0"
+    return f"{float(np.asarray(value)):z.1f}".removesuffix(".0").replace("-0", "0") or "0"
 
 
 def nice(step: float) -> float:

@@ -87,7 +87,7 @@ def _draw_margin(axes: Axes, made: Walk, facts: GaitFacts, times: Floats) -> Non
     axes.margins(y=0.15)
     axes.grid(alpha=0.3)
     least = (
-        f"at least {1000 * facts.margin:.1f} mm" if math.isfinite(facts.margin) else "no foot on the ground"
+        f"at least {1000 * facts.margin:z.1f} mm" if math.isfinite(facts.margin) else "no foot on the ground"
     )
     axes.set_title(
         f"centre of mass inside of the support polygon: {least} in frame {facts.margin_frame}", fontsize=10
@@ -104,7 +104,7 @@ def _draw_springs(axes: Axes, made: Walk, times: Floats) -> None:
     axes.set_ylabel("spring's correction, mm")
     axes.set_ylim(bottom=0)
     axes.grid(alpha=0.3)
-    axes.set_title(f"what the springs give: at most {1000 * made.largest_correction_m:.2f} mm", fontsize=10)
+    axes.set_title(f"what the springs give: at most {1000 * made.largest_correction_m:z.2f} mm", fontsize=10)
 
 
 def _draw_above(axes: Axes, robot: Hexapod, made: Walk, facts: GaitFacts) -> None:

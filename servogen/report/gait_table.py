@@ -23,7 +23,7 @@ def frame_lines(made: Walk) -> Iterator[str]:
     numbers = np.hstack((np.degrees(trajectory.angles), 1000 * made.feet.reshape(len(made.feet), -1)))
     rows = zip(numbers.tolist(), made.ground.tolist(), made.margins.tolist(), strict=True)
     for frame, (row, ground, margin) in enumerate(rows):
-        cells = [f"{round(value, 4) + 0.0:.4f}" for value in row]
+        cells = [f"{value:z.4f}" for value in row]
         cells += ["1" if down else "0" for down in ground]
-        cells.append("" if math.isinf(margin) else f"{1000 * margin:.4f}")
-        yield ",".join((f"{float(frame * frame_s):.6f}", *cells))
+        cells.append("" if math.isinf(margin) else f"{1000 * margin:z.4f}")
+        yield ",".join((f"{float(frame * frame_s):z.6f}", *cells))

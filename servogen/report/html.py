@@ -149,7 +149,7 @@ def _wiring(job: Job) -> Iterator[tuple[str, ...]]:
             yield str(wire.number), wire.pin, use, "", "", ""
             continue
         low, high = servo.widths_us
-        trim = f"{servo.trim_us:+g} µs" if servo.trim_us else "–"
+        trim = f"{servo.trim_us:+zg} µs" if servo.trim_us else "–"
         yield str(wire.number), wire.pin, servo.name, servo.model.title, f"{low:g} to {high:g} µs", trim
 
 

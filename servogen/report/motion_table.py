@@ -32,10 +32,10 @@ def frame_lines(job: Job, schedule: PulseSchedule, tracks: Sequence[Track]) -> I
     decimals = [4] * len(angles) + [3] * len(widths) + [4] * len(points)
     for frame, row in enumerate(np.hstack(blocks)):
         cells = (
-            "" if value != value else f"{round(value, places) + 0.0:.{places}f}"
+            "" if value != value else f"{value:z.{places}f}"
             for value, places in zip(row.tolist(), decimals, strict=True)
         )
-        yield ",".join((f"{float(frame * frame_s):.6f}", *cells))
+        yield ",".join((f"{float(frame * frame_s):z.6f}", *cells))
 
 
 def widths_us(schedule: PulseSchedule) -> Floats:

@@ -45,11 +45,11 @@ def rounding(plan: PulsePlan) -> Iterator[tuple[str, ...]]:
     for row in plan.widths:
         yield (
             f"{row.channel}, {row.which}" if row.which else row.channel,
-            f"{math.degrees(row.angle):.2f}",
-            f"{float(row.requested_us):.3f}",
+            f"{math.degrees(row.angle):z.2f}",
+            f"{float(row.requested_us):z.3f}",
             str(row.cycles),
-            f"{float(row.achieved_us):.3f}",
-            f"{float(row.error_us):+.3f}",
+            f"{float(row.achieved_us):z.3f}",
+            f"{float(row.error_us):+z.3f}",
             str(row.frames),
         )
 

@@ -82,10 +82,10 @@ def capture_values(capture: CaptureFacts | None) -> dict[str, object] | None:
                 channel.name,
                 PINS[channel.pin],
                 f"{channel.captured} of {channel.scheduled}" if channel.connected else "not connected",
-                f"{channel.width.worst_us:+.3f}",
-                f"{channel.width.mean_us:+.3f}",
-                "–" if channel.mean_period_us is None else f"{channel.mean_period_us:.2f}",
-                f"{channel.jitter_us:.3f}",
+                f"{channel.width.worst_us:+z.3f}",
+                f"{channel.width.mean_us:+z.3f}",
+                "–" if channel.mean_period_us is None else f"{channel.mean_period_us:z.2f}",
+                f"{channel.jitter_us:z.3f}",
             )
             for channel in verdict.channels
         ],
@@ -133,4 +133,4 @@ def memory(programs: Sequence[ProgramFacts]) -> tuple[tuple[str, int, int, str],
         return ()
     own = programs[0]
     used = (("program words", own.words, PROGRAM_WORDS), ("bytes of RAM", own.ram_bytes, RAM_BYTES))
-    return tuple((what, part, whole, f"{100 * part / whole:.1f}") for what, part, whole in used)
+    return tuple((what, part, whole, f"{100 * part / whole:z.1f}") for what, part, whole in used)

@@ -124,11 +124,11 @@ def _pulses(facts: BuildFacts) -> Iterator[str]:
         (
             row.channel,
             *([row.which] if examples else []),
-            f"{math.degrees(row.angle):.2f}",
-            f"{float(row.requested_us):.3f}",
+            f"{math.degrees(row.angle):z.2f}",
+            f"{float(row.requested_us):z.3f}",
             str(row.cycles),
-            f"{float(row.achieved_us):.3f}",
-            f"{float(row.error_us):+.3f}",
+            f"{float(row.achieved_us):z.3f}",
+            f"{float(row.error_us):+z.3f}",
             str(row.frames),
         )
         for row in facts.plan.widths
@@ -158,7 +158,7 @@ def _paths(facts: BuildFacts) -> Iterator[str]:
     if errors:
         frame_s = float(schedule.clock.seconds(schedule.period))
         worst = worst_of(errors)
-        away = f"{1000 * worst.worst_m:.3f} mm"
+        away = f"{1000 * worst.worst_m:z.3f} mm"
         yield f"Pulses of whole cycles put {worst.name} up to {away} from where it was planned."
         yield from _table(ERROR_COLUMNS, list(error_rows(errors, frame_s)))
 
@@ -231,4 +231,4 @@ def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[st
 
 
 def _number(value: Fraction) -> str:
-    return f"{float(value):.6f}".rstrip("0").rstrip(".")
+    return f"{float(value):z.6f}".rstrip("0").rstrip(".")

@@ -61,12 +61,12 @@ def error_rows(errors: Sequence[EndError], frame_s: float) -> Iterator[tuple[str
     for each in errors:
         yield (
             each.name,
-            f"{1000 * each.worst_m:.4f}",
-            f"{1000 * each.rms_m:.4f}",
+            f"{1000 * each.worst_m:z.4f}",
+            f"{1000 * each.rms_m:z.4f}",
             str(each.frame),
             f"{each.frame * frame_s:.6g}",
-            f"{1000 * each.first_order_worst_m:.4f}",
-            f"{1000 * each.first_order_rms_m:.4f}",
+            f"{1000 * each.first_order_worst_m:z.4f}",
+            f"{1000 * each.first_order_rms_m:z.4f}",
         )
 
 

@@ -68,7 +68,8 @@ def calibration_text(fit: Fit, servo: Servo) -> str:
     """The file's text; the line is cut at the servo's mechanical stops."""
     key = "speed_deg_s" if servo.model.continuous else "angle_deg"
     points = [
-        f"    {{ {key} = {math.degrees(servo.mounted(angle)):.6f}, width_us = {width - servo.trim_us:.4f} }},"
+        f"    {{ {key} = {math.degrees(servo.mounted(angle)):z.6f}, "
+        f"width_us = {width - servo.trim_us:.4f} }},"
         for angle, width in fit.ends(servo.model.travel)
     ]
     lines = [
@@ -81,18 +82,18 @@ def calibration_text(fit: Fit, servo: Servo) -> str:
         "",
         "[fit] # of the servo as it sits, trimmed; from here on for people",
         f"readings = {len(fit.readings)}",
-        f"us_per_deg = {fit.us_per_rad * math.radians(1):.6f}",
-        f"zero_us = {fit.zero_us:.3f}",
-        f"rms_deg = {math.degrees(fit.rms):.3f}",
-        f"worst_deg = {math.degrees(fit.residuals[fit.worst]):.3f}",
+        f"us_per_deg = {fit.us_per_rad * math.radians(1):z.6f}",
+        f"zero_us = {fit.zero_us:z.3f}",
+        f"rms_deg = {math.degrees(fit.rms):z.3f}",
+        f"worst_deg = {math.degrees(fit.residuals[fit.worst]):z.3f}",
     ]
     for reading, residual in zip(fit.readings, fit.residuals, strict=True):
         lines += [
             "",
             "[[reading]]",
-            f"{key} = {math.degrees(reading.angle):.3f}",
-            f"width_us = {reading.width_us:.3f}",
-            f"residual_deg = {math.degrees(residual):.3f}",
+            f"{key} = {math.degrees(reading.angle):z.3f}",
+            f"width_us = {reading.width_us:z.3f}",
+            f"residual_deg = {math.degrees(residual):z.3f}",
         ]
     return "\n".join(lines) + "\n"
 

@@ -92,7 +92,7 @@ def fit(readings: Sequence[Reading], tolerance: float = TOLERANCE_RAD, speed: bo
         _check_order(readings, made.us_per_rad > 0, unit)
         raise InputError(
             f"the readings are no straight line: {_named(readings, made.worst, unit)} is "
-            f"{math.degrees(off):.1f}{unit} off it, {math.degrees(tolerance):g}{unit} is allowed",
+            f"{math.degrees(off):z.1f}{unit} off it, {math.degrees(tolerance):zg}{unit} is allowed",
             hint="calibrate a shorter range, or allow more with --tolerance-deg",
         )
     return made
@@ -111,7 +111,7 @@ def _check_each(readings: Sequence[Reading], unit: str) -> None:
     angles = [reading.angle for reading in readings]
     if max(angles) == min(angles):
         raise InputError(
-            f"the servo did not move: all readings are {math.degrees(angles[0]):g}{unit}",
+            f"the servo did not move: all readings are {math.degrees(angles[0]):zg}{unit}",
             hint="is it powered, and on that pin?",
         )
 
@@ -153,14 +153,14 @@ def _check_outlier(readings: Sequence[Reading], tolerance: float, unit: str) -> 
         return
     _, off, index = max(found)
     raise InputError(
-        f"{_named(readings, index, unit)} is {math.degrees(off):.1f}{unit} off the line of the others",
+        f"{_named(readings, index, unit)} is {math.degrees(off):z.1f}{unit} off the line of the others",
         hint="read it again",
     )
 
 
 def _named(readings: Sequence[Reading], index: int, unit: str) -> str:
     reading = readings[index]
-    return f"reading {index + 1} ({math.degrees(reading.angle):g}{unit} at {reading.width_us:g} µs)"
+    return f"reading {index + 1} ({math.degrees(reading.angle):zg}{unit} at {reading.width_us:g} µs)"
 
 
 def _line(readings: Sequence[Reading]) -> Fit:

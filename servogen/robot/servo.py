@@ -121,7 +121,7 @@ class ServoModel:
         return -angle if self.continuous else low + high - angle
 
     def shown(self, angle: float) -> str:
-        return f"{math.degrees(angle):g}{self.unit}"
+        return f"{math.degrees(angle):zg}{self.unit}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,7 +230,7 @@ def servo(
     made = Servo(name, pin, model, curve, chosen, trim_us, reverse, place)
     if made.widths_us[0] <= 0:
         raise InputError(
-            f"{name}'s shortest pulse would be {made.widths_us[0]:g} µs: its trim is {trim_us:g} µs",
+            f"{name}'s shortest pulse would be {made.widths_us[0]:g} µs: its trim is {trim_us:zg} µs",
             trim_place or place,
             "a trim is a small correction of every pulse",
         )

@@ -164,11 +164,11 @@ def _wrong(errors: _Errors, channel: ExpectedChannel, scale: Scale, expected: Ex
     row = int(rows[np.argmin(errors.time[rows])])
     error, wanted = float(errors.error[row]), float(errors.wanted[row])
     what = {
-        "width": f"a pulse of {wanted + error:.2f} µs where {wanted:.2f} µs are scheduled",
-        "period": f"{wanted + error:.2f} µs from the rise before where {wanted:.2f} µs are scheduled",
+        "width": f"a pulse of {wanted + error:z.2f} µs where {wanted:z.2f} µs are scheduled",
+        "period": f"{wanted + error:z.2f} µs from the rise before where {wanted:z.2f} µs are scheduled",
         "edge": "an edge that is not where it is scheduled",
     }[errors.noun]
-    text = f"{what} ({error:+.2f} µs, allowed ±{errors.limit:.2f} µs)"
+    text = f"{what} ({error:+z.2f} µs, allowed ±{errors.limit:z.2f} µs)"
     yield _problem(float(errors.time[row]), int(errors.frame[row]), channel, scale, expected, text)
 
 
@@ -182,7 +182,7 @@ def _extra(pulses: Pulses, channel: ExpectedChannel, scale: Scale) -> Iterator[P
     if len(pulses.rise):
         width = float(_us(pulses.width[:1], scale)[0])
         time = float(pulses.rise[0]) * scale.step_us
-        text = f"{PINS[channel.pin]} ({channel.name}): a pulse of {width:.2f} µs that is not scheduled"
+        text = f"{PINS[channel.pin]} ({channel.name}): a pulse of {width:z.2f} µs that is not scheduled"
         yield Problem(time, channel.pin, channel.name, None, text)
 
 

@@ -34,11 +34,11 @@ def _reasons(found: CaptureVerdict) -> Iterator[str]:
     elif found.paired < FEWEST:
         yield "the capture holds too few of the schedule's pulses to be judged"
     if found.problem:
-        yield f"first at {found.problem.time_us / 1e6:.6f} s{_of_piece(found)}, {found.problem.text}"
+        yield f"first at {found.problem.time_us / 1e6:z.6f} s{_of_piece(found)}, {found.problem.text}"
     for channel in found.channels:
         yield from _channel_reasons(channel)
     if found.overlap_us:
-        yield f"pulses overlap where the schedule has none together, for at most {found.overlap_us:.2f} µs"
+        yield f"pulses overlap where the schedule has none together, for at most {found.overlap_us:z.2f} µs"
     for stray in found.stray:
         name = PINS[stray.pin]
         yield f"{name}, which the schedule does not drive, changes {counted(stray.edges, 'time')}"
@@ -46,12 +46,12 @@ def _reasons(found: CaptureVerdict) -> Iterator[str]:
         return
     allowed = found.tolerances.crystal_ppm
     if abs(found.ppm) > allowed + 2 * found.ppm_error:
-        yield f"the chip's clock is off by {found.ppm:+.1f} ppm, allowed ±{allowed:g} ppm"
+        yield f"the chip's clock is off by {found.ppm:+z.1f} ppm, allowed ±{allowed:g} ppm"
     for number, piece in enumerate(found.pieces, 1):
         if _differs(piece, found.ppm):
             yield (
-                f"by piece {number} alone the chip's clock is off by {piece.ppm:+.1f} ppm, "
-                f"by all {found.ppm:+.1f} ppm: its periods are not those of the others"
+                f"by piece {number} alone the chip's clock is off by {piece.ppm:+z.1f} ppm, "
+                f"by all {found.ppm:+z.1f} ppm: its periods are not those of the others"
             )
 
 
@@ -82,5 +82,5 @@ def _channel_reasons(channel: CapturedChannel) -> list[str]:
     facts = [counted(number, noun) for number, noun in counts if number]
     for spread, noun in ((channel.width, "width"), (channel.period, "period"), (channel.edge, "edge")):
         if spread.wrong and not (noun == "edge" and facts):
-            facts.append(f"{counted(spread.wrong, f'wrong {noun}')}, worst {spread.worst_us:+.2f} µs")
+            facts.append(f"{counted(spread.wrong, f'wrong {noun}')}, worst {spread.worst_us:+z.2f} µs")
     return [f"{who}: {', '.join(facts)}"] if facts else []

@@ -59,7 +59,7 @@ def _clock_words(verdict: CaptureVerdict) -> str:
     if verdict.ppm is None:
         return "the capture is too short to measure the chip's clock: its nominal frequency is taken"
     return (
-        f"the chip's clock is {abs(verdict.ppm):.1f} ± {verdict.ppm_error:.1f} ppm "
+        f"the chip's clock is {abs(verdict.ppm):z.1f} ± {verdict.ppm_error:z.1f} ppm "
         f"{'fast' if verdict.ppm >= 0 else 'slow'}; it is taken out of what follows"
     )
 
@@ -69,9 +69,10 @@ def _channel_line(channel: CapturedChannel) -> str:
     if channel.captured != channel.scheduled:
         count += f" of {channel.scheduled}"
     words = (
-        f"{PINS[channel.pin]} {channel.name}: {count}; width error {channel.width.worst_us:+.2f} µs at most, "
-        f"{channel.width.mean_us:+.2f} µs on average; jitter {channel.jitter_us:.2f} µs"
+        f"{PINS[channel.pin]} {channel.name}: {count}; "
+        f"width error {channel.width.worst_us:+z.2f} µs at most, "
+        f"{channel.width.mean_us:+z.2f} µs on average; jitter {channel.jitter_us:z.2f} µs"
     )
     if channel.mean_period_us is None:
         return words
-    return f"{words}; period {channel.mean_period_us:.2f} µs, {channel.period.worst_us:+.2f} µs at most"
+    return f"{words}; period {channel.mean_period_us:z.2f} µs, {channel.period.worst_us:+z.2f} µs at most"

@@ -42,7 +42,7 @@ class Pose:
         return Pose(*(factor * value for value in self.values))
 
     def __str__(self) -> str:
-        x, y, z, p, r = (f"{value:.1f}" for value in self.values)
+        x, y, z, p, r = (f"{value:z.1f}" for value in self.values)
         return f"({x}, {y}, {z}) mm, pitch {p}°, roll {r}°"
 
 

@@ -94,8 +94,8 @@ class Mover:
             if not joint.lower - 1e-9 <= value <= joint.upper + 1e-9:
                 factor, unit = (180 / math.pi, "°") if joint.turning else (1000.0, " mm")
                 raise InputError(
-                    f"joint {joint.name} would turn to {value * factor:g}{unit}",
-                    hint=f"its limits are {joint.lower * factor:g}{unit} to {joint.upper * factor:g}{unit}",
+                    f"joint {joint.name} would turn to {value * factor:zg}{unit}",
+                    hint=f"its limits are {joint.lower * factor:zg}{unit} to {joint.upper * factor:zg}{unit}",
                 )
         self.go_joints(target)
 
@@ -214,7 +214,7 @@ class Mover:
         worst = 1000 * float(branch.path.distance(tools).max(initial=0.0))
         if worst <= OFF_THE_LINE_MM:
             return
-        text = f"on its way to {what} the tool is up to {worst:.1f} mm off the straight line"
+        text = f"on its way to {what} the tool is up to {worst:z.1f} mm off the straight line"
         enough = self._enough(branch, intermediate)
         self.cautions.append(
             Caution(
