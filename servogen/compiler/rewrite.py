@@ -202,7 +202,14 @@ def _asm_call(self: _Rewriter, token: PToken) -> bool:
     if self.text(1) != "(":
         return False
     self.at += 1
-    strings = [each for each in self.arguments() if each.text[0] == '"']
+    strings = self.arguments()
+    if (other := next((each for each in strings if each.text[0] != '"'), None)) is not None:
+        self.reporter.error(
+            "assembly with operands is not supported: only strings stand in the parentheses",
+            other.place,
+            hint="the global variable v is _v in assembly",
+        )
+        strings = []
     text = "".join(each.text[1:-1] for each in strings)
     body = text.replace("\\n", "\n").replace("\\t", "\t").replace('\\"', '"')
     lines = [(token.place.line or 0, line) for line in body.split("\n") if line.strip()]

@@ -68,6 +68,8 @@ class Settings:
                 self.serial[name.upper().removeprefix("RS232_")] = rest
             case "TRUE_RS232":
                 self.serial["TRUE"] = rest
+            case _ if (macro := name.partition("(")[0]) in ("push_macro", "pop_macro"):
+                self.reporter.error(f"#pragma {macro} is not supported", pragma.place)
             case _ if name.lower() not in _IGNORED:
                 self.reporter.warn(f"unknown #pragma {name}", pragma.place)
 

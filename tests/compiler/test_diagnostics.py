@@ -345,6 +345,13 @@ ROWS = [
         "error",
         "#line is not supported: messages name the lines of the file itself",
     ),
+    ("xc8", '‸#pragma push_macro("A")\nvoid main(void) {  }', "error", "#pragma push_macro is not supported"),
+    (
+        "xc8",
+        'char v;\nvoid main(void) { asm("" ‸: "+r"(v)); }',
+        "error",
+        "assembly with operands is not supported: only strings stand in the parentheses",
+    ),
     ("xc8", "‸# 5x\nvoid main(void) {  }", "error", "unknown preprocessor directive #5"),
     ("xc8", "char x ‸@ PORTB;\nvoid main(void) {  }", "error", "a fixed address must be a number"),
     ("xc8", "char x ‸@ y + 1;\nvoid main(void) {  }", "error", "a fixed address must be a number"),

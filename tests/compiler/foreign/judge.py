@@ -28,6 +28,8 @@ from tests.compiler.foreign.suites import Program
 CLOCK = Clock(4_000_000)
 MAX_CYCLES = 400_000_000
 Compiler = Callable[[Sequence[Source], Options], Compilation]
+_TARGET = re.compile(r"dg-require-effective-target\s+(\w+)")
+"""What a test of gcc's suite says that it needs: 32 bits in an `int`, as a rule."""
 _TOO_LARGE = re.compile(
     r"words of flash|too large|too big|does not fit|bytes of RAM|program words|too deep|levels"
 )
@@ -35,14 +37,15 @@ _TOO_LARGE = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """`kind`: "right", "refused", "wrong", "crash" or "over limit"; `reason` says why."""
+    """`kind`: "right", "refused", "unsuitable" (the program says that it is for other targets), "wrong", "crash"
+    or "over limit"; `reason` says why."""
 
     kind: str
     reason: str = ""
 
     @property
     def bad(self) -> bool:
-        return self.kind not in ("right", "refused")
+        return self.kind not in ("right", "refused", "unsuitable")
 
     @property
     def does_not_fit(self) -> bool:
@@ -57,6 +60,8 @@ def judge(
     compiler: Compiler = compile_sources,
 ) -> Verdict:
     """Compile a program in a process with limits, run it for at most so many cycles, and judge it."""
+    if needed := _TARGET.search(program.text):
+        return Verdict("unsuitable", f"needs the target {needed[1]}")
     try:
         image = isolation.run(partial(compiled, program, level, compiler), limits)
     except CompileError as error:

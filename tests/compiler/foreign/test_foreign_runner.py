@@ -69,6 +69,11 @@ def programs_in(folder: Path, **files: str) -> list[Program]:
         (ABORTED, "wrong", "status 255"),
         (REFUSED, "refused", "this compiler has no floating point"),
         (TOO_LARGE, "refused", "the program needs"),
+        (
+            f"/* {{ dg-require-effective-target int32plus }} */\n{WRONG}",
+            "unsuitable",
+            "needs the target int32plus",
+        ),
     ],
 )
 def test_a_program_is_judged(tmp_path: Path, text: str, kind: str, reason: str) -> None:
