@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from hypothesis import example, given
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from servogen.grade import Grade, load_lab, message, page, page_names, refused, shown_name, visible
@@ -18,8 +18,11 @@ from tests.bench.conftest import START, Run, run  # noqa: F401 - a fixture
 RIGHT = Path(__file__).parent / "programs" / "lab8-right" / "delays.c"
 LAB = load_lab("lab8-exercise")
 
-PARTS = st.text(st.characters(exclude_characters="/\0", exclude_categories=["Cs"]), min_size=1, max_size=8)
-PATHS = st.lists(PARTS, min_size=1, max_size=4).map("/".join)
+NAMES = st.text("aAbB.-+%~ /_\u00e9e\u0301\udcff\x1b\n", min_size=1, max_size=8)
+"""Few letters, so that names are often alike."""
+
+UNHURRIED = settings(derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+"""The machine may have more to do."""
 
 
 def folded(name: str) -> str:
@@ -27,7 +30,8 @@ def folded(name: str) -> str:
     return name.casefold()
 
 
-@given(st.lists(PATHS, unique=True, max_size=8))
+@UNHURRIED
+@given(st.lists(NAMES, unique=True, max_size=8))
 @example(["a-b/c.c", "a/b-c.c", "a/b/c.c", "a-b-c.c", "a+b/c.c", "a%2Bb/c.c"])
 @example(["Main.c", "main.c", "MAIN.c"])
 @example(["\u00e9.c", "e\u0301.c"])
@@ -77,6 +81,7 @@ def test_a_link_in_the_folder_of_the_pages_is_not_written_through(run: Run, tmp_
     assert (tmp_path / "class" / "ana.c.md").read_text().startswith("# ana.c: passed")
 
 
+@UNHURRIED
 @given(st.text())
 @example("<script>alert(1)</script>")
 @example("[x](javascript:alert(1))")
@@ -132,7 +137,8 @@ def test_what_moves_the_cursor_is_written_out() -> None:
     assert visible("a\x1b[2Jb\u202ec\r\ud83d\udcff\td\n") == "a\\x1b[2Jb\\u202ec\\x0d\\ud83d\\xff\td\n"
 
 
-@given(st.lists(st.text(st.characters(exclude_characters="/\0")), unique=True, max_size=6))
+@UNHURRIED
+@given(st.lists(NAMES, unique=True, max_size=8))
 @example(["\udcff", "\\xff"])
 @example(["a\n", "a\\x0a"])
 def test_two_names_never_look_alike(names: list[str]) -> None:
