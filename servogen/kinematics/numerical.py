@@ -22,6 +22,8 @@ from servogen.kinematics.transforms import Floats, wrapped
 from servogen.robot.model import Arm
 
 ITERATIONS = 60
+FEW_ITERATIONS = 15
+"""For joint positions that are nearly right already."""
 STARTS = 40
 BATCH = 512
 """Descents made at a time when only few targets are left."""
@@ -98,7 +100,7 @@ def improved(
     arm: Arm, q: Floats, position: Floats, rotation: Floats | None, tolerance: float = 1e-10
 ) -> Floats:
     """Descends from joint positions (m, n): nearer to their targets, and within the limits."""
-    return _descend(arm, q, position, rotation, tolerance)
+    return _descend(arm, q, position, rotation, tolerance, FEW_ITERATIONS)
 
 
 def _idle(arm: Arm, oriented: bool) -> NDArray[np.bool_]:
@@ -142,7 +144,14 @@ class _Task:
         return np.concatenate([error, self.weight * turn], axis=1), matrix
 
 
-def _descend(arm: Arm, q: Floats, position: Floats, rotation: Floats | None, tolerance: float) -> Floats:
+def _descend(
+    arm: Arm,
+    q: Floats,
+    position: Floats,
+    rotation: Floats | None,
+    tolerance: float,
+    iterations: int = ITERATIONS,
+) -> Floats:
     """Levenberg–Marquardt from `q` until each target is met or no step makes it better."""
     lower, upper = limits(arm)
     free = np.array([joint.turning for joint in arm.joints]) & (upper - lower >= 2 * np.pi - 1e-9)
@@ -152,7 +161,7 @@ def _descend(arm: Arm, q: Floats, position: Floats, rotation: Floats | None, tol
     error, matrix = task.at(q, which)
     cost = np.einsum("ij,ij->i", error, error)
     damping = np.full(len(q), 1e-2)
-    for _ in range(ITERATIONS):
+    for _ in range(iterations):
         going = (cost > (0.1 * tolerance) ** 2) & (damping < 1e8)
         result[which[~going]] = q[~going]
         which, q, error, matrix, cost, damping = (
