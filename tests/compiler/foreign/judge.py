@@ -37,8 +37,9 @@ _TOO_LARGE = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """`kind`: "right", "refused", "unsuitable" (the program says that it is for other targets), "wrong", "crash"
-    or "over limit"; `reason` says why."""
+    """`kind`: "right", "refused", "unsuitable" (the program says that it is for other targets), "wrong",
+    "crash" or "over limit"; `reason` says why.
+    """
 
     kind: str
     reason: str = ""
