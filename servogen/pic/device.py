@@ -162,7 +162,8 @@ OSCILLATORS = MappingProxyType({"LP": 0b00, "XT": 0b01, "HS": 0b10, "RC": 0b11})
 CONFIG_OSCILLATOR_MASK = 0b11
 CONFIG_WATCHDOG_ON = 1 << 2
 CONFIG_POWER_UP_TIMER_OFF = 1 << 3
-XT_MAX_HZ = 4_000_000  # DS35007 section 6.2, table 6-1; above, HS
+LP_MAX_HZ = 200_000  # DS35007 section 6.2, table 6-1
+XT_MAX_HZ = 4_000_000  # the same; above, HS
 
 
 def config_word(
@@ -180,6 +181,6 @@ def config_word(
 
 def oscillator_for(clock_hz: int) -> str:
     """The crystal setting of a clock: XT up to 4 MHz, HS above, LP to 200 kHz."""
-    if clock_hz <= 200_000:
+    if clock_hz <= LP_MAX_HZ:
         return "LP"
     return "XT" if clock_hz <= XT_MAX_HZ else "HS"

@@ -16,13 +16,17 @@ from servogen.simulator.layout import (
     EE_STEP_AT,
     EE_TIME,
     EEADR,
+    EEADR_UNKNOWN,
     EECON1,
+    EECON1_UNKNOWN,
     EEDATA,
+    EEDATA_UNKNOWN,
     EEPROM,
     NEVER,
     WARN_EE_ADDRESS,
     WARN_EE_SEQUENCE,
 )
+from servogen.simulator.unknown import SOURCE_NO_CELL, USE_EEPROM, USE_REGISTER, use
 from servogen.simulator.warn import warn
 
 RD, WR, WREN, WRERR = 0x01, 0x02, 0x04, 0x08
@@ -44,8 +48,11 @@ def eecon2_write(s: Vector, at: int, value: int) -> None:
 
 
 @compiled
-def eecon1_write(s: Vector, at: int, value: int) -> None:
+def eecon1_write(s: Vector, at: int, value: int, unknown: int) -> None:
     """WR and RD can be set, not cleared, by software (section 3, register EECON1)."""
+    if unknown & (EEIF | WREN | WR | RD):
+        use(s, USE_REGISTER, 0x88, unknown >> 8)
+    s[EECON1_UNKNOWN] = unknown & WRERR
     before = s[EECON1]
     now = (value & (EEIF | WRERR | WREN)) | (before & WR)
     if value & WR and not before & WR:
@@ -54,6 +61,8 @@ def eecon1_write(s: Vector, at: int, value: int) -> None:
             s[EE_DONE_AT] = at + 1 + s[EE_TIME]
             s[EE_CELL] = s[EEADR]
             s[EE_BYTE] = s[EEDATA]
+            if s[EEADR_UNKNOWN] | s[EEDATA_UNKNOWN]:
+                use(s, USE_EEPROM, 0, (s[EEADR_UNKNOWN] if s[EEADR_UNKNOWN] else s[EEDATA_UNKNOWN]) >> 8)
         else:
             warn(s, WARN_EE_SEQUENCE, 0)
         s[EE_STEP] = 0
@@ -65,7 +74,9 @@ def eecon1_write(s: Vector, at: int, value: int) -> None:
 
 @compiled
 def cell_read(s: Vector) -> int:
+    s[EEDATA_UNKNOWN] = 0xFF | s[EEADR_UNKNOWN] & 0xFF00 if s[EEADR_UNKNOWN] else 0
     if s[EEADR] >= CELLS:
+        s[EEDATA_UNKNOWN] = 0xFF | SOURCE_NO_CELL << 8
         warn(s, WARN_EE_ADDRESS, s[EEADR])
         return 0
     return s[EEPROM + s[EEADR]]
@@ -87,6 +98,8 @@ def write_done(s: Vector) -> None:
 @compiled
 def reset_eecon1(s: Vector) -> None:
     """A reset ends a write under way and says so in WRERR; the cell keeps its old value here."""
+    if s[EE_DONE_AT] != NEVER:
+        s[EECON1_UNKNOWN] = 0
     broken = WRERR if s[EE_DONE_AT] != NEVER else s[EECON1] & WRERR
     s[EE_DONE_AT] = NEVER
     s[EE_STEP] = 0

@@ -15,6 +15,7 @@ from servogen.simulator.layout import (
     AWAKE_AT,
     CYCLE,
     EE_DONE_AT,
+    HERE,
     HORIZON,
     IN_RESET,
     INTCON,
@@ -36,12 +37,23 @@ from servogen.simulator.layout import (
     T0_TICK,
     WAKES_INTERRUPT,
     WAKES_WDT,
-    WDT_AT,
+    WARN_WATCHDOG,
+    WDT_EARLIEST,
+    WDT_SHORTEST,
 )
 from servogen.simulator.ports import outside
 from servogen.simulator.resets import FETCH, PD, TO, mclr_reset, watchdog_reset
 from servogen.simulator.stack import push
-from servogen.simulator.timer import t0_external, t0_flag_at, t0_sync, wdt_clear, wdt_deadline, wdt_sync
+from servogen.simulator.timer import (
+    t0_external,
+    t0_flag_at,
+    t0_sync,
+    wdt_clear,
+    wdt_deadline,
+    wdt_start,
+    wdt_sync,
+)
+from servogen.simulator.warn import warn
 
 INTERRUPT_VECTOR = 0x004
 
@@ -55,7 +67,7 @@ def next_event(s: Vector, stim: Vector) -> int:
     if s[IN_RESET]:
         return when
     when = min(when, s[EE_DONE_AT], s[T0_TICK])
-    return min(when, wdt_deadline(s))
+    return min(when, wdt_deadline(s), s[WDT_EARLIEST])
 
 
 @compiled
@@ -71,7 +83,7 @@ def stimulus(s: Vector, edges: Vector, packed: int) -> None:
         mclr_reset(s, edges, at)
     elif level != 0 and s[IN_RESET]:
         s[IN_RESET] = 0
-        s[WDT_AT] = at
+        wdt_start(s, at)
         s[CYCLE] = at + FETCH
 
 
@@ -105,6 +117,15 @@ def watchdog(s: Vector, edges: Vector) -> None:
 
 
 @compiled
+def watchdog_in_doubt(s: Vector) -> None:
+    """The watchdog of some chips would time out now: noted once."""
+    s[HERE] = s[PC]
+    warn(s, WARN_WATCHDOG, 0)
+    s[WDT_SHORTEST] = 0
+    s[WDT_EARLIEST] = NEVER
+
+
+@compiled
 def happen(s: Vector, edges: Vector, stim: Vector) -> None:
     """All that was due by now, in order of cycles, a stimulus before what has its cycle; then waking."""
     while True:
@@ -126,6 +147,8 @@ def happen(s: Vector, edges: Vector, stim: Vector) -> None:
         elif s[T0_TICK] == when:
             s[T0_TICK] = NEVER
             t0_external(s, when)
+        elif s[WDT_EARLIEST] == when:
+            watchdog_in_doubt(s)
         else:
             watchdog(s, edges)
 

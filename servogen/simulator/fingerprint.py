@@ -35,6 +35,34 @@ def fingerprint(s: npt.NDArray[np.int64]) -> bytes:
     return b"".join(part.astype(np.int64).tobytes() for part in parts)
 
 
+def unknown_bits(s: npt.NDArray[np.int64]) -> bytes:
+    """Return which bits are unknown, and how far the shortest watchdog has come: what later uses depend on."""
+    ram = s[RAM_FIRST : RAM_LAST + 1] >> at.UNKNOWN_SHIFT & 0xFF
+    masks = [int(s[slot]) & 0xFF for slot in _UNKNOWN_BYTES]
+    masks += [int(s[slot]) for slot in _UNKNOWN_BITS]
+    masks.append(_after(int(s[at.WDT_EARLIEST]), int(s[at.CYCLE])))
+    masks.append(int(s[at.CYCLE] - s[at.WDT_CLEARED]) if s[at.WDT_SHORTEST] else 0)
+    return ram.tobytes() + np.array(masks, dtype=np.int64).tobytes()
+
+
+_UNKNOWN_BYTES = (
+    at.W_UNKNOWN,
+    at.STATUS_UNKNOWN,
+    at.FSR_UNKNOWN,
+    at.T0_UNKNOWN,
+    at.EEDATA_UNKNOWN,
+    at.EEADR_UNKNOWN,
+)
+_UNKNOWN_BITS = (
+    at.PRESCALER_UNKNOWN,
+    at.EECON1_UNKNOWN,
+    at.INTCON_UNKNOWN,
+    at.PINS_UNKNOWN,
+    at.LATCH_UNKNOWN,
+    at.RB_OLD_UNKNOWN,
+)
+
+
 _PLAIN = (
     at.PC,
     at.W,

@@ -8,7 +8,8 @@ executes in cycle s + 3, whatever the length of the former. `IRQ_AT` is that s, 
 from __future__ import annotations
 
 from servogen.simulator.compiled import Vector, compiled
-from servogen.simulator.layout import AWAKE_AT, EECON1, INTCON, IRQ_AT, NEVER
+from servogen.simulator.layout import AWAKE_AT, EECON1, INTCON, INTCON_UNKNOWN, IRQ_AT, NEVER
+from servogen.simulator.unknown import doubt
 
 GIE, EEIE, T0IE, T0IF, INTF, RBIF = 0x80, 0x40, 0x20, 0x04, 0x02, 0x01
 EEIF = 0x10  # of EECON1
@@ -27,6 +28,8 @@ def requested(s: Vector) -> bool:
 @compiled
 def note_flags(s: Vector, at: int) -> None:
     """Flags or enables are as they are from cycle `at`; what was sampled before stands."""
+    if s[INTCON_UNKNOWN]:
+        doubt(s, False)
     at = max(at, s[AWAKE_AT])  # a chip that starts up samples nothing
     if s[INTCON] & GIE and requested(s):
         if s[IRQ_AT] > at:

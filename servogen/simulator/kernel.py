@@ -1,5 +1,5 @@
 # ruff: noqa: SIM109 - in compiled code two comparisons are what they are; a tuple is an object
-"""The instruction loop. Compiled, once with and once without observation.
+"""The instruction loop. Compiled once plain, once with observation, once to track what is unknown.
 
 In: the state vector, the program, what is coming from outside. Out: the state vector later, edges in a
 buffer, and why it came back. Instructions and cycles: DS35007 section 7, table 7-2; STATUS as a
@@ -22,7 +22,9 @@ from servogen.simulator.layout import (
     EDGE_LIMIT,
     EDGES_FULL,
     FSR,
+    FSR_UNKNOWN,
     GOES_ON,
+    HERE,
     HORIZON,
     IN_RESET,
     INTCON,
@@ -34,23 +36,36 @@ from servogen.simulator.layout import (
     RECORD,
     SLEEPING,
     STATUS,
+    STATUS_UNKNOWN,
     STIM_COUNT,
     STIM_KNOWN,
     STIM_NEXT,
     TRACE_COUNT,
     TRACE_FULL,
     TRACE_ROOM,
+    UNKNOWN_SHIFT,
+    W_UNKNOWN,
     WARN_ERASED,
     WARN_UNDEFINED,
     W,
 )
-from servogen.simulator.memo import lookup, pack_registers, recall, remember
+from servogen.simulator.memo import lookup, pack_processor, pack_registers, recall, remember
 from servogen.simulator.ports import A, B, tris_write
 from servogen.simulator.program import BREAK, ERASED, EXIT, FILE_OPS, LOOP, OPS, SPIN, UNDEFINED, WAITS_BIT
 from servogen.simulator.registers import read_register, write_option, write_register
 from servogen.simulator.resets import PD, TO
 from servogen.simulator.stack import pop, push
-from servogen.simulator.timer import settle_counters, t0_advance, t0_flag_at, t0_sync, wdt_clear
+from servogen.simulator.timer import settle_counters, t0_advance, t0_news_at, t0_runs, t0_sync, wdt_clear
+from servogen.simulator.unknown import (
+    USE_BANK,
+    USE_JUMP,
+    USE_POINTER,
+    USE_SKIP,
+    doubt,
+    propagate,
+    use,
+    without,
+)
 from servogen.simulator.warn import warn
 
 ADDWF, ANDWF, CLRF, CLRW = OPS["ADDWF"], OPS["ANDWF"], OPS["CLRF"], OPS["CLRW"]
@@ -83,8 +98,11 @@ def stays(s: Vector, plain: Vector, pc: int) -> bool:
     return s[PCLATH] & PAGE_BITS == 0 and (plain[pc & ROW_MASK] >> 8 & 0x7FF) >> 10 == pc >> 10
 
 
-def instruction_loop(observed: bool) -> Callable[..., int]:
-    """The loop as a Python function to be compiled; `observed` counts and traces every instruction."""
+def instruction_loop(observed: bool, tracked: bool) -> Callable[..., int]:
+    """Return the loop as a Python function to be compiled.
+
+    `observed` counts and traces every instruction, `tracked` follows what is unknown (unknown.py) through each.
+    """
 
     def run(
         s: Vector,
@@ -101,11 +119,18 @@ def instruction_loop(observed: bool) -> Callable[..., int]:
         trace: Vector,
     ) -> int:
         pc, w, status, cycle = s[PC], s[W], s[STATUS], s[CYCLE]
+        wu, su = 0, 0
+        if tracked:
+            wu, su = s[W_UNKNOWN], s[STATUS_UNKNOWN]
         while True:
             s[PC] = pc
+            s[HERE] = pc
             s[W] = w
             s[STATUS] = status
             s[CYCLE] = cycle
+            if tracked:
+                s[W_UNKNOWN] = wu
+                s[STATUS_UNKNOWN] = su
             happen(s, edges, stim)
             if s[CYCLE] >= s[STIM_KNOWN] and s[STIM_NEXT] == s[STIM_COUNT]:
                 settle_counters(s, min(s[CYCLE], s[STIM_KNOWN]))
@@ -138,12 +163,16 @@ def instruction_loop(observed: bool) -> Callable[..., int]:
                 if op >= EXIT:
                     if op == EXIT:  # the region that is being recorded is left
                         depth -= 1
-                        remember(s, memo, recording, depth, regions, cycle, pc, w, status)
+                        remember(
+                            s, memo, recording, depth, regions, cycle, pack_processor(pc, w, status, wu, su)
+                        )
                         base = (recording[3 + RECORD * (depth - 1)] + 1) * ROW if depth else 0
                         continue
                     if op == BREAK:
                         if cycle != resume:
                             s[PC], s[W], s[STATUS], s[CYCLE] = pc, w, status, cycle
+                            if tracked:
+                                s[W_UNKNOWN], s[STATUS_UNKNOWN] = wu, su
                             settle_counters(s, cycle)
                             return AT_BREAKPOINT
                     elif op == LOOP:
@@ -151,14 +180,16 @@ def instruction_loop(observed: bool) -> Callable[..., int]:
                         if s[PCLATH] & PAGE_BITS == 0:
                             registers = pack_registers(s, regions, region)
                             if registers >= 0:
-                                key = pc << 16 | w << 8 | status
+                                key = pack_processor(pc, w, status, wu, su)
                                 slot = lookup(memo, key, registers)
                                 if slot >= 0:
                                     if cycle + memo[slot + 2] <= horizon:
                                         cycle += memo[slot + 2]
                                         recall(s, memo, slot, regions, region)
                                         after = memo[slot + 3]
-                                        pc, w, status = after >> 16, after >> 8 & 0xFF, after & 0xFF
+                                        pc, w, status = after >> 16 & PC_MASK, after >> 8 & 0xFF, after & 0xFF
+                                        if tracked:
+                                            wu, su = after >> 29 & 0xFFFF, after >> 45
                                         bank = (status & RP0) << 2
                                         continue
                                 elif depth < DEEPEST_RECORDING:
@@ -186,39 +217,61 @@ def instruction_loop(observed: bool) -> Callable[..., int]:
                     # 1: the operand's place, and what is read there
                     slot = NO_SLOT
                     skip = False
+                    vu = ru = 0
                     address = word >> 8 & 127
                     if word & DIRECT:
                         slot = address
                     else:
-                        address = s[FSR] if address == 0 else address | bank
+                        if address == 0:
+                            address = s[FSR]
+                            if tracked and s[FSR_UNKNOWN]:
+                                s[CYCLE] = start
+                                s[HERE] = pc - 1
+                                use(s, USE_POINTER, 0, s[FSR_UNKNOWN] >> 8)
+                        else:
+                            address |= bank
                         low = address & 127
                         if low >= RAM_FIRST and low < RAM_END:
                             slot = low
                     if op == MOVWF:
                         r = w
+                        if tracked:
+                            ru = wu
                     elif op == CLRF:
                         r = 0
                         status |= Z
+                        if tracked:
+                            su = without(su, Z)
                     else:
                         if slot >= 0:
                             v = s[slot]
-                            if v & NOT_WRITTEN:
-                                s[READ_UNWRITTEN + slot] = 1
+                            if v > 0xFF:
+                                if v & NOT_WRITTEN:
+                                    s[READ_UNWRITTEN + slot] = 1
+                                if tracked:
+                                    vu = v >> UNKNOWN_SHIFT
                                 v &= 0xFF
                         elif address & 127 == STATUS_ADDRESS:
                             v = status
+                            if tracked:
+                                vu = su
                         elif address & 127 == PCL_ADDRESS:
                             v = pc & 0xFF
                         else:
                             s[CYCLE] = start
-                            v = read_register(s, address, start)
+                            s[HERE] = pc - 1
+                            bits = word >> 16 & 0xFF
+                            v = read_register(s, address, start, bits if bits else 0xFF)
+                            if tracked:
+                                vu = v >> 8
+                            v &= 0xFF
                         # 2: the operation
                         if op == BTFSC or op == BTFSS:
                             r = 1
                             skip = (v & word >> 16 & 0xFF != 0) == (op == BTFSS)
                             if not skip and word & WAITS and stays(s, plain, pc):
                                 # the GOTO after it comes back here, and finds the same until then:
-                                limit = min(horizon, t0_flag_at(s)) if address & 127 == 0x0B else horizon
+                                limit = min(horizon, t0_news_at(s)) if address & 127 == 0x0B else horizon
                                 period = word >> PERIOD_SHIFT & PERIOD_MASK
                                 turns = max(0, limit - 1 - start) // period
                                 if word >> CLEARS_SHIFT and turns:
@@ -268,27 +321,59 @@ def instruction_loop(observed: bool) -> Callable[..., int]:
                             else:
                                 r = (v + 1) & 0xFF
                             status = status & ~Z | (Z if r == 0 else 0)
-                    # 3: the destination
+                        # 3: what is unknown of it
+                        if tracked and vu | wu | su:
+                            if op == BTFSC or op == BTFSS:
+                                if vu & word >> 16 & 0xFF:
+                                    s[CYCLE] = start
+                                    s[HERE] = pc - 1
+                                    use(s, USE_SKIP, 0, vu >> 8)
+                            else:
+                                ru = propagate(op, word >> 16 & 0xFF, v, vu, w, wu, su, r)
+                                su = ru >> 16
+                                ru &= 0xFFFF
+                    # 4: the destination
                     if op == DECFSZ or op == INCFSZ:
                         skip = r == 0
+                        if tracked and ru and r & ~ru & 0xFF == 0:
+                            s[CYCLE] = start
+                            s[HERE] = pc - 1
+                            use(s, USE_SKIP, 0, ru >> 8)
                     if op == BTFSC or op == BTFSS:
                         pass
                     elif word & D == 0:
                         w = r
+                        if tracked:
+                            wu = ru
                     elif slot >= 0:
-                        s[slot] = r
+                        s[slot] = r | ru << UNKNOWN_SHIFT if tracked else r
                     elif address & 127 == STATUS_ADDRESS:
+                        if tracked and ru & RP0:
+                            s[CYCLE] = start
+                            s[HERE] = pc - 1
+                            use(s, USE_BANK, 0, ru >> 8)
                         if word & FLAGS:
                             r = r & ~(C | DC | Z) | status & (C | DC | Z)
+                        if tracked and word & FLAGS:
+                            ru = without(ru, C | DC | Z) | su & (C | DC | Z)
+                            if ru & 0xFF and ru & 0xFF00 == 0:
+                                ru |= su & 0xFF00
+                        if tracked:
+                            su = without(ru, UNWRITABLE)
                         status = r & ~UNWRITABLE | status & UNWRITABLE
                         bank = (status & RP0) << 2
                     elif address & 127 == PCL_ADDRESS:
+                        if tracked and ru:
+                            s[CYCLE] = start
+                            s[HERE] = pc - 1
+                            use(s, USE_JUMP, 0, ru >> 8)
                         pc = s[PCLATH] << 8 | r
                         cycle += 1
                         skip = False  # the word that a skip would annul is annulled already
                     else:
                         s[CYCLE] = start
-                        if write_register(s, edges, address, start, r):
+                        s[HERE] = pc - 1
+                        if write_register(s, edges, address, start, r, ru):
                             horizon = 0
                     if skip:
                         pc = (pc + 1) & PC_MASK
@@ -298,40 +383,57 @@ def instruction_loop(observed: bool) -> Callable[..., int]:
                     cycle += 1
                 elif op == CALL:
                     s[CYCLE] = start
+                    s[HERE] = pc - 1
                     push(s, pc)
                     pc = (word >> 8 & 0x7FF) | (s[PCLATH] & PAGE_BITS) << 8
                     cycle += 1
                 elif op == MOVLW:
                     w = word >> 8 & 0xFF
+                    if tracked:
+                        wu = 0
                 elif op == NOP:
                     pass
                 elif op == RETURN or op == RETLW or op == RETFIE:
                     s[CYCLE] = start
+                    s[HERE] = pc - 1
                     pc = pop(s)
                     cycle += 1
                     if op == RETLW:
                         w = word >> 8 & 0xFF
+                        if tracked:
+                            wu = 0
                     elif op == RETFIE:
                         t0_sync(s, start)
                         s[INTCON] |= GIE
                         note_flags(s, start + 1)
+                        if tracked:
+                            doubt(s, t0_runs(s))
                         horizon = 0
                 elif op == ADDLW or op == ERASED:
                     v = word >> 8 & 0xFF
                     if op == ERASED:
                         s[CYCLE] = start
+                        s[HERE] = pc - 1
                         warn(s, WARN_ERASED, at & ROW_MASK)
                         v = 0xFF
                     r = v + w
                     status = status & ~(C | DC) | r >> 8 | ((v & 15) + (w & 15) >> 4) << 1
-                    w = r & 0xFF
-                    status = status & ~Z | (Z if w == 0 else 0)
+                    r &= 0xFF
+                    status = status & ~Z | (Z if r == 0 else 0)
+                    if tracked and wu | su:
+                        ru = propagate(ADDLW, 0, v, 0, w, wu, su, r)
+                        wu, su = ru & 0xFFFF, ru >> 16
+                    w = r
                 elif op == SUBLW:
                     v = word >> 8 & 0xFF
                     status &= ~(C | DC)
                     status |= (C if v >= w else 0) | (DC if v & 15 >= w & 15 else 0)
-                    w = (v - w) & 0xFF
-                    status = status & ~Z | (Z if w == 0 else 0)
+                    r = (v - w) & 0xFF
+                    status = status & ~Z | (Z if r == 0 else 0)
+                    if tracked and wu | su:
+                        ru = propagate(SUBLW, 0, v, 0, w, wu, su, r)
+                        wu, su = ru & 0xFFFF, ru >> 16
+                    w = r
                 elif op == CLRWDT:
                     wdt_clear(s, cycle)  # the deadline only moves away, so the horizon holds
                     status |= UNWRITABLE
@@ -342,27 +444,43 @@ def instruction_loop(observed: bool) -> Callable[..., int]:
                         status = status & ~PD | TO
                         t0_advance(s, cycle)
                         s[SLEEPING] = 1
+                        s[CYCLE] = start
+                        s[HERE] = pc - 1
+                        if tracked:
+                            doubt(s, False)
                         horizon = 0
                 elif op == OPTION:
-                    write_option(s, start, w)
+                    s[CYCLE] = start
+                    s[HERE] = pc - 1
+                    write_option(s, start, w, wu)
                     horizon = 0
                 elif op == TRIS:
                     s[CYCLE] = start
-                    tris_write(s, edges, start, A if word >> 8 & 127 == 5 else B, w)
+                    s[HERE] = pc - 1
+                    tris_write(s, edges, start, A if word >> 8 & 127 == 5 else B, w, wu)
                     horizon = 0
                 elif op == UNDEFINED:
                     s[CYCLE] = start
+                    s[HERE] = pc - 1
                     warn(s, WARN_UNDEFINED, at & ROW_MASK)
                 else:
+                    v = word >> 8 & 0xFF
                     if op == CLRW:
-                        w = 0
+                        r = 0
                     elif op == ANDLW:
-                        w &= word >> 8 & 0xFF
+                        r = w & v
                     elif op == IORLW:
-                        w |= word >> 8 & 0xFF
+                        r = w | v
                     else:
-                        w ^= word >> 8 & 0xFF
-                    status = status & ~Z | (Z if w == 0 else 0)
+                        r = w ^ v
+                    status = status & ~Z | (Z if r == 0 else 0)
+                    if tracked and op == CLRW:
+                        wu = 0
+                        su = without(su, Z)
+                    elif tracked and wu | su:
+                        ru = propagate(op, 0, v, 0, w, wu, su, r)
+                        wu, su = ru & 0xFFFF, ru >> 16
+                    w = r
                 if observed:
                     counts[2 * (at & ROW_MASK) + 0] += 1
                     counts[2 * (at & ROW_MASK) + 1] += cycle - start

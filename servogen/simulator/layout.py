@@ -13,6 +13,8 @@ NEVER = 1 << 62
 
 NOT_WRITTEN = 0x100
 """Set in a RAM slot until the program writes the byte."""
+UNKNOWN_SHIFT = 9
+"""A RAM slot's bits above this hold what is unknown of the byte: see unknown.py."""
 
 RAM_SLOTS = 128
 
@@ -51,7 +53,6 @@ RAM_SLOTS = 128
     EXT_LEVEL,
     DRIVEN,
     DRIVEN_HIGH,
-    LATCH_WRITTEN,
     RA4_PULLED_UP,
     FLOATING,
     # data EEPROM: see eeprom.py
@@ -87,14 +88,38 @@ RAM_SLOTS = 128
     TRACE_COUNT,
     TRACE_ROOM,
     WARN_COUNT,
-) = range(RAM_SLOTS, RAM_SLOTS + 62)
+    # what has no value that every chip agrees on: see unknown.py
+    TRACKED,
+    HERE,
+    W_UNKNOWN,
+    STATUS_UNKNOWN,
+    FSR_UNKNOWN,
+    T0_UNKNOWN,
+    PRESCALER_UNKNOWN,
+    EEDATA_UNKNOWN,
+    EEADR_UNKNOWN,
+    EECON1_UNKNOWN,
+    INTCON_UNKNOWN,
+    PINS_UNKNOWN,
+    LATCH_UNKNOWN,
+    RB_OLD_UNKNOWN,
+    USE_KIND,
+    USE_SUBJECT,
+    USE_SOURCE,
+    USE_PLACE,
+    USE_CYCLE,
+    WDT_SHORTEST,
+    WDT_CLEARED,
+    WDT_EARLIEST,
+) = range(RAM_SLOTS, RAM_SLOTS + 83)
 
-STACK = 192  # 8 levels: DS35007 section 2.4.1
-EEPROM = 200  # 64 bytes: DS35007 section 3
-WARNINGS = 264
-WARNING_SLOTS = 64
-"""Each warning is two slots: its code and subject, and the cycle in which it was first due."""
-READ_UNWRITTEN = WARNINGS + 2 * WARNING_SLOTS
+STACK = 216  # 8 levels: DS35007 section 2.4.1
+EEPROM = 224  # 64 bytes: DS35007 section 3
+WARNINGS = 288
+WARNING_SLOTS, WARNING_FIELDS = 64, 3
+"""Each warning is three slots: its code and subject, the cycle in which it was first due, and the address
+of the instruction."""
+READ_UNWRITTEN = WARNINGS + WARNING_FIELDS * WARNING_SLOTS
 """By address: whether the RAM byte was read before it was ever written."""
 SLOTS = READ_UNWRITTEN + RAM_SLOTS
 
@@ -116,7 +141,6 @@ GOES_ON, AT_END, EDGES_FULL, AT_BREAKPOINT, NEEDS_STIMULUS, TRACE_FULL = range(6
 
 # What a warning is about.
 (
-    WARN_DRIVEN_UNWRITTEN,
     WARN_CONTENTION,
     WARN_UNDEFINED,
     WARN_ERASED,
@@ -124,4 +148,5 @@ GOES_ON, AT_END, EDGES_FULL, AT_BREAKPOINT, NEEDS_STIMULUS, TRACE_FULL = range(6
     WARN_STACK_UNDERFLOW,
     WARN_EE_SEQUENCE,
     WARN_EE_ADDRESS,
+    WARN_WATCHDOG,
 ) = range(8)

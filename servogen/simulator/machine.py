@@ -18,7 +18,7 @@ from servogen.errors import InputError
 from servogen.pic.device import PROGRAM_WORDS
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
-from servogen.simulator.fingerprint import fingerprint
+from servogen.simulator.fingerprint import fingerprint, unknown_bits
 from servogen.simulator.loops import fast_code, marked_code
 from servogen.simulator.native import Loop, loop
 from servogen.simulator.options import Options
@@ -75,13 +75,20 @@ class Machine:
         clock: Clock,
         options: Options = Options(),  # noqa: B008 - frozen
         stimulus: Stimulus | None = None,
+        *,
+        tracked: bool = False,
     ) -> None:
+        """Power the chip up. `tracked`: follow what has no value at power-up, and warn of its first use.
+
+        That is slower. Observation does not track.
+        """
         self.image = image
         self.clock = clock
         self.options = options
         self.breakpoints: set[int] = set()
         """Addresses before whose instruction `run` and `stream` stop."""
-        self._s = power_up(image, clock, options)
+        self._s = power_up(image, clock, options, tracked)
+        self._tracked = tracked
         self._plain = program_code(image)
         self._fast = fast_code(self._plain)
         self._memo = np.full(at.MEMO_ROWS * at.MEMO_COLUMNS, at.UNKNOWN, dtype=np.int64)
@@ -153,7 +160,7 @@ class Machine:
         return read_unwritten(self._s)
 
     def state(self) -> State:
-        return state_of(self._s, warnings_of(self._s, self.image))
+        return state_of(self._s, warnings_of(self._s, self.image, self.clock))
 
     def contents(self) -> Image:
         """What is on the chip now: the image, with the EEPROM as the program has left it."""
@@ -162,6 +169,10 @@ class Machine:
     def fingerprint(self) -> bytes:
         """Equal bytes for two states of one image, clock and options that will behave alike, unstimulated."""
         return fingerprint(self._s)
+
+    def unknown(self) -> bytes:
+        """Return what no chip agrees on, as bytes: equal beside equal fingerprints, the same uses follow."""
+        return unknown_bits(self._s)
 
     def run_to_edge(self, pin: int, level: int, limit: int) -> Cycles | None:
         """Run until just after the instruction that makes `pin` (its index in `PINS`) go to `level`.
@@ -186,7 +197,7 @@ class Machine:
         end = self.cycles + cycles
         code = marked_code(self._plain, self._plain, self.breakpoints)
         self._s[at.TRACE_ROOM] = len(observation.trace)
-        for why in self._runs(end, code, loop(observed=True), observation):
+        for why in self._runs(end, code, loop(observed=True, tracked=False), observation):
             rows = observation.trace[: self._s[at.TRACE_COUNT]].copy()
             self._s[at.TRACE_COUNT] = 0
             if why in _RESTING or len(rows) or self._s[at.EDGE_COUNT]:
@@ -195,7 +206,7 @@ class Machine:
     def _advance(self, end: int, *, fast: bool, breakpoints: Set[int] | None = None) -> Iterator[EdgeChunk]:
         stops = self.breakpoints if breakpoints is None else breakpoints
         code = marked_code(self._fast.code if fast else self._plain, self._plain, stops)
-        for _ in self._runs(end, code, loop(observed=False), _UNOBSERVED):
+        for _ in self._runs(end, code, loop(observed=False, tracked=self._tracked), _UNOBSERVED):
             if self._s[at.EDGE_COUNT]:
                 yield self._drain()
 

@@ -39,15 +39,16 @@ Loop = Callable[..., int]
 
 
 @cache
-def loop(observed: bool) -> Loop:
-    """The compiled loop, with or without observation: takes addresses of vectors, gives why it came back."""
-    name = f"simulator-{'observed' if observed else 'plain'}-{_digest()}.o"
+def loop(observed: bool, tracked: bool) -> Loop:
+    """Return the compiled loop: it takes addresses of vectors and returns why it came back."""
+    kind = "observed" if observed else "tracked" if tracked else "plain"
+    name = f"simulator-{kind}-{_digest()}.o"
     for folder in _folders():
         kept = _kept(folder / name)
         if kept is not None:
             return _load(kept)
     _LOG.info("compiling the simulator for this processor, which takes about ten seconds")
-    code = compile_loop(observed)
+    code = compile_loop(observed, tracked)
     _keep(name, code)
     return _load(code)
 
@@ -137,15 +138,15 @@ def _keep(name: str, code: bytes) -> None:
         return
 
 
-def compile_loop(observed: bool) -> bytes:
-    """An object file with the loop as ENTRY, in numba's way to call: (result, error, arguments)."""
+def compile_loop(observed: bool = False, tracked: bool = False) -> bytes:
+    """Return an object file with the loop as ENTRY, in numba's way to call: (result, error, arguments)."""
     from numba import cfunc, types
 
     from servogen.simulator.kernel import instruction_loop
 
     kinds = {"p": types.CPointer(types.int64), "i": types.int64}  # type: ignore[no-untyped-call]
     signature = types.int64(*(kinds[kind] for kind in SIGNATURE))
-    made = cfunc(signature, error_model="numpy")(instruction_loop(observed))
+    made = cfunc(signature, error_model="numpy")(instruction_loop(observed, tracked))
     text = _alone(made.inspect_llvm(), made.native_name.removeprefix("cfunc."))
     module = llvm.parse_assembly(text)
     return bytes(_target().emit_object(module))

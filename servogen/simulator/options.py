@@ -28,6 +28,9 @@ class Options:
     """How an undriven pin without pull-up reads: 0 or 1."""
     ram: int = 0
     """The byte that RAM holds at power-up; on the chip it is unknown, so reads of it are noted."""
+    start_seed: int | None = None
+    """Draws from this seed, in place of `ram` and of zeros, what has no value at power-up: RAM, W, FSR, C, DC
+    and Z, TMR0, the port latches, EEDATA, EEADR, WRERR, RBIF and what RB4 to RB7 are first compared with."""
 
     def __post_init__(self) -> None:
         for name, low, high in (

@@ -19,21 +19,33 @@ from servogen.simulator.layout import (
     FLOATING,
     IN_RESET,
     INTCON,
+    INTCON_UNKNOWN,
     LATCH,
-    LATCH_WRITTEN,
+    LATCH_UNKNOWN,
     OPTION,
     PACK_CYCLE,
     PACK_PIN,
     PINS,
+    PINS_UNKNOWN,
     RA4_PULLED_UP,
     RB_OLD,
+    RB_OLD_UNKNOWN,
     SLEEPING,
     T0_TICK,
+    TRACKED,
     TRIS,
     WARN_CONTENTION,
-    WARN_DRIVEN_UNWRITTEN,
 )
-from servogen.simulator.timer import T0CS, T0SE
+from servogen.simulator.timer import T0CS, T0SE, t0_runs
+from servogen.simulator.unknown import (
+    FLOATING_PIN,
+    UNWRITTEN_LATCH,
+    USE_DIRECTION,
+    USE_OUTPUT,
+    doubt,
+    flags_in_doubt,
+    use,
+)
 from servogen.simulator.warn import warn
 
 A, B = 0x001F, 0x1FE0
@@ -64,8 +76,20 @@ def settle(s: Vector, at: int) -> None:
     level = (level & ~driven) | (s[LATCH] & driven)
     changed = level ^ s[PINS]
     s[PINS] = level
+    if not s[TRACKED]:
+        if changed:
+            react(s, at, changed)
+        return
+    held = outside | (0 if s[OPTION] & RBPU else B) | (RA4 if s[RA4_PULLED_UP] else 0)
+    unknown = ~(driven | held) & (A | B) | s[LATCH_UNKNOWN] & driven
+    seen = unknown | s[PINS_UNKNOWN]
+    s[PINS_UNKNOWN] = unknown
     if changed:
         react(s, at, changed)
+    if seen & (RA4 | RB0 | RB4_TO_7):
+        flags_in_doubt(s, seen)
+        compare(s)
+        doubt(s, t0_runs(s))
 
 
 @compiled
@@ -89,7 +113,13 @@ def react(s: Vector, at: int, changed: int) -> None:
 @compiled
 def compare(s: Vector) -> None:
     """RBIF is set as long as an input of RB4 to RB7 differs from what was last read: DS35007 section 4.2."""
-    if (s[PINS] ^ s[RB_OLD]) & s[TRIS] & RB4_TO_7:
+    differs = (s[PINS] ^ s[RB_OLD]) & s[TRIS] & RB4_TO_7
+    unknown = (s[PINS_UNKNOWN] | s[RB_OLD_UNKNOWN]) & s[TRIS] & RB4_TO_7
+    if differs & ~unknown:
+        s[INTCON_UNKNOWN] &= ~RBIF
+    elif unknown and not s[INTCON] & RBIF & ~s[INTCON_UNKNOWN]:
+        s[INTCON_UNKNOWN] |= RBIF
+    if differs:
         s[INTCON] |= RBIF
 
 
@@ -126,31 +156,64 @@ def emit(s: Vector, edges: Vector, at: int) -> None:
 
 
 @compiled
-def port_write(s: Vector, edges: Vector, at: int, port: int, value: int) -> None:
+def port_write(s: Vector, edges: Vector, at: int, port: int, value: int, unknown: int) -> None:
     """An instruction in cycle `at` writes a latch; `port` is A or B. A write of port B reads it too."""
-    s[LATCH_WRITTEN] |= port
+    bits = unknown & 0xFF
     if port == A:
         s[LATCH] = (s[LATCH] & B) | (value & A)
+        s[LATCH_UNKNOWN] = (s[LATCH_UNKNOWN] & B) | (bits & A)
     else:
         s[LATCH] = (s[LATCH] & A) | value << B_SHIFT
-        s[RB_OLD] = s[PINS]
+        s[LATCH_UNKNOWN] = (s[LATCH_UNKNOWN] & A) | bits << B_SHIFT
+        look(s)
+    if bits:
+        outputs_in_doubt(s, ~s[TRIS] & port, unknown >> 8)
     emit(s, edges, at)
     settle(s, at + 1)
 
 
 @compiled
-def tris_write(s: Vector, edges: Vector, at: int, port: int, value: int) -> None:
+def look(s: Vector) -> None:
+    """Port B is read: its change interrupt compares with this from now on."""
+    s[RB_OLD] = s[PINS]
+    s[RB_OLD_UNKNOWN] = s[PINS_UNKNOWN] & RB4_TO_7
+
+
+@compiled
+def outputs_in_doubt(s: Vector, driven: int, source: int) -> None:
+    """Note a use if one of these outputs has a latch that is unknown; source 0: the latch itself."""
+    unknown = driven & s[LATCH_UNKNOWN]
+    if unknown:
+        for pin in range(PIN_COUNT):
+            if unknown >> pin & 1:
+                use(s, USE_OUTPUT, pin, source if source else UNWRITTEN_LATCH + pin)
+
+
+@compiled
+def unknown_of_port(s: Vector, port: int, bits: int) -> int:
+    """What is unknown of a port that is read, with the source of one of `bits`."""
+    mask = (s[PINS_UNKNOWN] & A) if port == A else s[PINS_UNKNOWN] >> B_SHIFT
+    if mask == 0:
+        return 0
+    pin = 0 if port == A else B_SHIFT
+    wanted = mask & bits if mask & bits else mask
+    while not wanted & 1:
+        wanted >>= 1
+        pin += 1
+    return mask | (FLOATING_PIN if s[TRIS] >> pin & 1 else UNWRITTEN_LATCH) + pin << 8
+
+
+@compiled
+def tris_write(s: Vector, edges: Vector, at: int, port: int, value: int, unknown: int) -> None:
     """An instruction in cycle `at` writes a port's direction: 0 makes a pin an output."""
+    if unknown:
+        use(s, USE_DIRECTION, 0 if port == A else 1, unknown >> 8)
     before = s[TRIS]
     if port == A:
         s[TRIS] = (before & B) | (value & A)
     else:
         s[TRIS] = (before & A) | value << B_SHIFT
-    unwritten = before & ~s[TRIS] & ~s[LATCH_WRITTEN]
-    if unwritten:
-        for pin in range(PIN_COUNT):
-            if unwritten >> pin & 1:
-                warn(s, WARN_DRIVEN_UNWRITTEN, pin)
+    outputs_in_doubt(s, before & ~s[TRIS], 0)
     emit(s, edges, at)
     settle(s, at + 1)
     compare(s)

@@ -11,87 +11,142 @@ from servogen.simulator.eeprom import eecon1_write, eecon2_write
 from servogen.simulator.interrupts import note_flags
 from servogen.simulator.layout import (
     EEADR,
+    EEADR_UNKNOWN,
     EECON1,
     EEDATA,
+    EEDATA_UNKNOWN,
     FSR,
+    FSR_UNKNOWN,
     INTCON,
+    INTCON_UNKNOWN,
     OPTION,
     PCLATH,
     PINS,
-    RB_OLD,
+    PINS_UNKNOWN,
+    T0_UNKNOWN,
+    TRACKED,
     TRIS,
 )
-from servogen.simulator.ports import B_SHIFT, A, B, compare, port_write, settle, tris_write
-from servogen.simulator.timer import option_write, t0_read, t0_sync, t0_write
+from servogen.simulator.ports import (
+    B_SHIFT,
+    A,
+    B,
+    compare,
+    look,
+    port_write,
+    settle,
+    tris_write,
+    unknown_of_port,
+)
+from servogen.simulator.timer import option_write, t0_read, t0_runs, t0_sync, t0_write
+from servogen.simulator.unknown import (
+    USE_REGISTER,
+    doubt,
+    flags_in_doubt,
+    source_of_flag,
+    use,
+    wrerr_source,
+)
 
 BANK_1 = 0x80
 
 
 @compiled
-def read_register(s: Vector, address: int, at: int) -> int:
+def read_register(s: Vector, address: int, at: int, bits: int) -> int:
+    """A register's value, and above bit 7 what is unknown of it, with the source of one of `bits`."""
     low = address & 0x7F
     if low == 0x06:
         if address & BANK_1:
             return s[TRIS] >> B_SHIFT
-        s[RB_OLD] = s[PINS]
-        return s[PINS] >> B_SHIFT
+        look(s)
+        return s[PINS] >> B_SHIFT | unknown_of_port(s, B, bits) << 8
     if low == 0x05:
-        return (s[TRIS] if address & BANK_1 else s[PINS]) & A
+        if address & BANK_1:
+            return s[TRIS] & A
+        return s[PINS] & A | unknown_of_port(s, A, bits) << 8
     if low == 0x0B:
         t0_sync(s, at)
-        return s[INTCON]
+        unknown = s[INTCON_UNKNOWN]
+        if unknown:
+            unknown |= source_of_flag(s, unknown & bits if unknown & bits else unknown) << 8
+        return s[INTCON] | unknown << 8
     if low == 0x04:
-        return s[FSR]
+        return s[FSR] | s[FSR_UNKNOWN] << 8
     if low == 0x01:
-        return s[OPTION] if address & BANK_1 else t0_read(s, at)
+        return s[OPTION] if address & BANK_1 else t0_read(s, at) | s[T0_UNKNOWN] << 8
     if low == 0x0A:
         return s[PCLATH]
     if low == 0x08:
-        return s[EECON1] if address & BANK_1 else s[EEDATA]
+        if address & BANK_1:
+            return s[EECON1] | wrerr_source(s) << 8
+        return s[EEDATA] | s[EEDATA_UNKNOWN] << 8
     if address == 0x09:
-        return s[EEADR]
+        return s[EEADR] | s[EEADR_UNKNOWN] << 8
     return 0
 
 
 @compiled
-def write_register(s: Vector, edges: Vector, address: int, at: int, value: int) -> bool:
-    """Returns whether events or interrupts may have moved, so that the loop must look at them anew."""
+def write_register(s: Vector, edges: Vector, address: int, at: int, value: int, unknown: int) -> bool:
+    """Returns whether events or interrupts may have moved, so that the loop must look at them anew.
+
+    `unknown` is what is unknown of `value`.
+    """
     low = address & 0x7F
     if low == 0x04:
         s[FSR] = value
+        s[FSR_UNKNOWN] = unknown
         return False
     if low == 0x0A:
         s[PCLATH] = value & 0x1F
+        if unknown & 0x1F:
+            use(s, USE_REGISTER, address, unknown >> 8)
         return False
     if low == 0x06 or low == 0x05:
         port = B if low == 0x06 else A
         if address & BANK_1:
-            tris_write(s, edges, at, port, value)
+            tris_write(s, edges, at, port, value, unknown)
         else:
-            port_write(s, edges, at, port, value)
+            port_write(s, edges, at, port, value, unknown)
     elif low == 0x0B:
         t0_sync(s, at)
         s[INTCON] = value
+        s[INTCON_UNKNOWN] = unknown & 0x07
+        if unknown & 0xF8:
+            use(s, USE_REGISTER, address, unknown >> 8)
         compare(s)
+        if s[TRACKED]:
+            flags_in_doubt(s, s[PINS_UNKNOWN])
+            doubt(s, t0_runs(s))
         note_flags(s, at + 1)
     elif low == 0x01:
         if address & BANK_1:
-            write_option(s, at, value)
+            write_option(s, at, value, unknown)
         else:
-            t0_write(s, at, value)
+            t0_write(s, at, value, unknown)
+            if s[TRACKED]:
+                flags_in_doubt(s, s[PINS_UNKNOWN])
+                doubt(s, t0_runs(s))
     elif address == 0x08:
         s[EEDATA] = value
+        s[EEDATA_UNKNOWN] = unknown
     elif address == 0x88:
-        eecon1_write(s, at, value)
+        eecon1_write(s, at, value, unknown)
     elif address == 0x09:
         s[EEADR] = value
+        s[EEADR_UNKNOWN] = unknown
     elif address == 0x89:
+        if unknown:
+            use(s, USE_REGISTER, address, unknown >> 8)
         eecon2_write(s, at, value)
     return True
 
 
 @compiled
-def write_option(s: Vector, at: int, value: int) -> None:
+def write_option(s: Vector, at: int, value: int, unknown: int) -> None:
     """OPTION_REG, by either instruction: prescaler, timer and pull-ups change in the next cycle."""
+    if unknown:
+        use(s, USE_REGISTER, BANK_1 | 0x01, unknown >> 8)
     option_write(s, at + 1, value)
     settle(s, at + 1)
+    if s[TRACKED]:
+        doubt(s, t0_runs(s))

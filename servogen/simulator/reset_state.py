@@ -5,6 +5,8 @@ In: an image, a clock, options. Out: the state vector in the cycle before which 
 
 from __future__ import annotations
 
+from random import Random
+
 import numpy as np
 import numpy.typing as npt
 
@@ -20,24 +22,42 @@ from servogen.pic.device import (
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
 from servogen.simulator.options import Options
+from servogen.simulator.unknown import (
+    INTF,
+    RBIF,
+    SOURCE_EEADR,
+    SOURCE_EEDATA,
+    SOURCE_FLAGS,
+    SOURCE_FSR,
+    SOURCE_TMR0,
+    SOURCE_W,
+    T0IF,
+)
 from servogen.units import Clock
 
 UNPROGRAMMED_CONFIG = 0x3FFF
 """RC oscillator, watchdog on, power-up timer off: DS35007 section 6.1."""
 OST_PERIODS, PERIODS_PER_CYCLE = 1024, 4
 """Oscillator start-up timer: DS35007 section 6.6."""
-ALL_PINS, PORT_B = 0x1FFF, 0x1FE0
+ALL_PINS, RA4, RB4_TO_7 = 0x1FFF, 1 << 4, 0xF0 << 5
+SHORTEST_WATCHDOG_US = 7_000
+"""The shortest period of any chip's watchdog: DS35007 section 9, parameter 31."""
+POSTSCALER = 128
+"""The watchdog's after a reset: OPTION_REG is 0xFF."""
+WRERR = 0x08  # of EECON1
 
 State = npt.NDArray[np.int64]
 
 
-def power_up(image: Image, clock: Clock, options: Options) -> State:
-    """The state vector after a power-on reset."""
+def power_up(image: Image, clock: Clock, options: Options, tracked: bool) -> State:
+    """Return the state vector after a power-on reset; `tracked`: what is unknown is to be followed."""
     config = UNPROGRAMMED_CONFIG if image.config is None else image.config
     start_up = 0 if config & CONFIG_OSCILLATOR_MASK == OSCILLATORS["RC"] else OST_PERIODS // PERIODS_PER_CYCLE
     s = np.zeros(at.SLOTS, dtype=np.int64)
-    s[RAM_FIRST : RAM_LAST + 1] = options.ram | at.NOT_WRITTEN
-    s[at.STATUS] = 0x18
+    _undefined(s, options)
+    s[at.LATCH_UNKNOWN] = ALL_PINS
+    if tracked:
+        _note_unknown(s, options)
     s[at.OPTION] = 0xFF
     s[at.TRIS] = ALL_PINS
     for slot in (at.IRQ_AT, at.T0_TICK, at.EE_DONE_AT, at.STIM_KNOWN):
@@ -45,14 +65,60 @@ def power_up(image: Image, clock: Clock, options: Options) -> State:
     s[at.T0_FLAGGED] = -1
     s[at.START_UP] = start_up if options.oscillator_start_up else 0
     s[at.RA4_PULLED_UP] = options.ra4_pull_up
-    s[at.FLOATING] = ALL_PINS if options.floating else 0
     s[at.PINS] = (s[at.FLOATING] | (0x10 if options.ra4_pull_up else 0)) & ALL_PINS
-    s[at.RB_OLD] = s[at.PINS]
+    shortest = min(options.watchdog_us, SHORTEST_WATCHDOG_US)
     s[at.WDT_PERIOD] = clock.round_us(options.watchdog_us).cycles if config & CONFIG_WATCHDOG_ON else 0
+    s[at.WDT_SHORTEST] = clock.round_us(shortest).cycles if config & CONFIG_WATCHDOG_ON else 0
     s[at.EE_TIME] = clock.round_us(options.eeprom_write_us).cycles
     for address in range(EEPROM_BYTES):
         s[at.EEPROM + address] = image.eeprom.get(address, 0xFF)
     if options.power_up:
         timer = 0 if config & CONFIG_POWER_UP_TIMER_OFF else clock.round_us(options.power_up_us).cycles
-        s[at.CYCLE] = s[at.WDT_AT] = s[at.T0_AT] = timer + start_up
+        s[at.CYCLE] = s[at.WDT_AT] = s[at.WDT_CLEARED] = s[at.T0_AT] = timer + start_up
+    s[at.WDT_EARLIEST] = at.NEVER
+    if s[at.WDT_SHORTEST]:
+        s[at.WDT_EARLIEST] = s[at.CYCLE] + POSTSCALER * s[at.WDT_SHORTEST]
     return s
+
+
+def _undefined(s: State, options: Options) -> None:
+    """Give a value to what has none, "x" in table 6-4, and note that it is unknown."""
+    draw = None if options.start_seed is None else Random(options.start_seed)
+
+    def any_byte(default: int = 0) -> int:
+        return default if draw is None else draw.randrange(0x100)
+
+    for address in range(RAM_FIRST, RAM_LAST + 1):
+        s[address] = any_byte(options.ram) | at.NOT_WRITTEN
+    s[at.W] = any_byte()
+    s[at.STATUS] = 0x18 | any_byte() & 7
+    s[at.FSR] = any_byte()
+    s[at.T0_VALUE] = any_byte()
+    s[at.EEDATA] = any_byte()
+    s[at.EEADR] = any_byte()
+    s[at.EECON1] = any_byte() & WRERR
+    s[at.INTCON] = any_byte() & RBIF
+    s[at.LATCH] = any_byte() | (any_byte() & 0x1F) << 8
+    s[at.FLOATING] = ALL_PINS if options.floating else 0
+    s[at.RB_OLD] = any_byte(int(s[at.FLOATING]) >> 5) << 5
+
+
+def _note_unknown(s: State, options: Options) -> None:
+    """Note what is unknown: all that table 6-4 marks "x", and what hangs on pins that nobody drives."""
+
+    def unknown(slot: int, source: int) -> None:
+        s[slot] = 0xFF | source << 8
+
+    s[at.TRACKED] = 1
+    for address in range(RAM_FIRST, RAM_LAST + 1):
+        s[address] |= (0xFF | address << 8) << at.UNKNOWN_SHIFT
+    unknown(at.W_UNKNOWN, SOURCE_W)
+    unknown(at.FSR_UNKNOWN, SOURCE_FSR)
+    unknown(at.T0_UNKNOWN, SOURCE_TMR0)
+    unknown(at.EEDATA_UNKNOWN, SOURCE_EEDATA)
+    unknown(at.EEADR_UNKNOWN, SOURCE_EEADR)
+    s[at.STATUS_UNKNOWN] = 7 | SOURCE_FLAGS << 8
+    s[at.EECON1_UNKNOWN] = WRERR
+    s[at.RB_OLD_UNKNOWN] = RB4_TO_7
+    s[at.PINS_UNKNOWN] = ALL_PINS & ~(RA4 if options.ra4_pull_up else 0)
+    s[at.INTCON_UNKNOWN] = RBIF | INTF | (0 if options.ra4_pull_up else T0IF)

@@ -11,13 +11,17 @@ from servogen.simulator.eeprom import reset_eecon1
 from servogen.simulator.layout import (
     AWAKE_AT,
     DEPTH,
+    HERE,
     INTCON,
+    INTCON_UNKNOWN,
     IRQ_AT,
     NEVER,
     OPTION,
     PC,
     PCLATH,
+    PINS_UNKNOWN,
     PRESCALER,
+    PRESCALER_UNKNOWN,
     RESETS_MCLR,
     RESETS_MCLR_SLEEP,
     RESETS_WDT,
@@ -27,11 +31,12 @@ from servogen.simulator.layout import (
     T0_AT,
     T0_HELD,
     T0_TICK,
+    TRACKED,
     TRIS,
-    WDT_AT,
 )
 from servogen.simulator.ports import A, B, compare, emit, settle
-from servogen.simulator.timer import t0_advance
+from servogen.simulator.timer import t0_advance, wdt_start
+from servogen.simulator.unknown import flags_in_doubt
 
 TO, PD = 0x10, 0x08
 KEPT_STATUS = 0x07
@@ -45,6 +50,7 @@ def enter_reset(s: Vector, edges: Vector, at: int) -> None:
     """What every reset but power-up does, in cycle `at`."""
     t0_advance(s, at)
     s[PC] = 0
+    s[HERE] = 0
     s[PCLATH] = 0
     s[OPTION] = 0xFF  # T0CS: TMR0 keeps its count
     s[T0_AT] = at
@@ -55,14 +61,18 @@ def enter_reset(s: Vector, edges: Vector, at: int) -> None:
     s[SLEEPING] = 0
     s[SP] = 0
     s[DEPTH] = 0
-    s[WDT_AT] = at
     s[PRESCALER] = 0
+    s[PRESCALER_UNKNOWN] = 0
+    wdt_start(s, at)
     reset_eecon1(s)
     emit(s, edges, at)
     settle(s, at)
     s[INTCON] &= RBIF_KEPT
+    s[INTCON_UNKNOWN] &= RBIF_KEPT
     s[IRQ_AT] = NEVER
     compare(s)
+    if s[TRACKED]:
+        flags_in_doubt(s, s[PINS_UNKNOWN])
 
 
 @compiled

@@ -20,15 +20,22 @@ from servogen.simulator.layout import (
     NEVER,
     OPTION,
     PRESCALER,
+    PRESCALER_UNKNOWN,
     SLEEPING,
     T0_AT,
     T0_FLAGGED,
     T0_HELD,
     T0_TICK,
+    T0_UNKNOWN,
     T0_VALUE,
+    USE_KIND,
     WDT_AT,
+    WDT_CLEARED,
+    WDT_EARLIEST,
     WDT_PERIOD,
+    WDT_SHORTEST,
 )
+from servogen.simulator.unknown import SOURCE_PRESCALER, timer_flag_in_doubt
 
 T0CS, T0SE, PSA, PS = 0x20, 0x10, 0x08, 0x07  # of OPTION_REG: DS35007 section 2.3.2
 INHIBITED = 3
@@ -74,8 +81,22 @@ def t0_flag_at(s: Vector) -> int:
 
 
 @compiled
+def t0_news_at(s: Vector) -> int:
+    """The cycle in which T0IF next becomes set or, where TMR0's value is unknown, could be set; or NEVER.
+
+    Once a use of something unknown is noted, what could be does not matter any more.
+    """
+    if s[T0_UNKNOWN] and s[USE_KIND] == 0 and t0_runs(s):
+        shift = t0_shift(s)
+        return s[T0_AT] + (1 << shift) - (s[PRESCALER] & ((1 << shift) - 1)) - FLAG_AHEAD
+    return t0_flag_at(s)
+
+
+@compiled
 def t0_sync(s: Vector, at: int) -> None:
     """Move the anchor up to `at`, and set T0IF if it was due by then."""
+    if s[T0_UNKNOWN] and s[USE_KIND] == 0 and t0_news_at(s) <= at:
+        timer_flag_in_doubt(s)
     due = t0_flag_at(s)
     if due <= at:
         s[T0_FLAGGED] = at - (at - due) % (256 << t0_shift(s))
@@ -97,14 +118,16 @@ def t0_advance(s: Vector, at: int) -> None:
 
 
 @compiled
-def t0_write(s: Vector, at: int, value: int) -> None:
+def t0_write(s: Vector, at: int, value: int, unknown: int) -> None:
     """An instruction in cycle `at` writes TMR0: DS35007 section 5, "increment is inhibited"."""
     t0_sync(s, at)
     s[T0_VALUE] = value
+    s[T0_UNKNOWN] = unknown
     s[T0_AT] = at + INHIBITED
     s[T0_HELD] = at + INHIBITED
     if not s[OPTION] & PSA:
         s[PRESCALER] = 0
+        s[PRESCALER_UNKNOWN] = 0
 
 
 @compiled
@@ -118,6 +141,8 @@ def t0_external(s: Vector, at: int) -> None:
         if s[PRESCALER] & ((1 << shift) - 1):
             return
     s[T0_VALUE] = (s[T0_VALUE] + 1) & 0xFF
+    if s[T0_UNKNOWN]:
+        timer_flag_in_doubt(s)
     if s[T0_VALUE] == 0:
         s[INTCON] |= T0IF
         note_flags(s, at)
@@ -157,18 +182,50 @@ def settle_counters(s: Vector, at: int) -> None:
 @compiled
 def wdt_clear(s: Vector, at: int) -> None:
     """CLRWDT or SLEEP: the watchdog starts anew at `at`, its prescaler at 0 when assigned to it."""
-    s[WDT_AT] = at
     if s[OPTION] & PSA:
         s[PRESCALER] = 0
+        s[PRESCALER_UNKNOWN] = 0
+    wdt_start(s, at)
+
+
+@compiled
+def wdt_start(s: Vector, at: int) -> None:
+    """The watchdog's period begins at `at`; the prescaler is as it is."""
+    s[WDT_AT] = at
+    s[WDT_CLEARED] = at
+    foresee(s)
+
+
+@compiled
+def foresee(s: Vector) -> None:
+    """Set the cycle in which the watchdog of the chip with the shortest period would time out."""
+    if s[WDT_SHORTEST] == 0:
+        return
+    periods = 1
+    if s[OPTION] & PSA:
+        division = 1 << (s[OPTION] & PS)
+        periods = division - (s[PRESCALER] & (division - 1))
+    s[WDT_EARLIEST] = s[WDT_CLEARED] + periods * s[WDT_SHORTEST]
 
 
 @compiled
 def option_write(s: Vector, at: int, value: int) -> None:
-    """OPTION_REG holds `value` from cycle `at`; the prescaler keeps its count when it changes hands."""
+    """OPTION_REG holds `value` from cycle `at`; the prescaler keeps its count when it changes hands.
+
+    How far a prescaler that is the watchdog's has counted is unknown once the shortest period is over.
+    """
     t0_sync(s, at - 1)
     t0_advance(s, at)
     wdt_sync(s, at - 1)
+    before = s[OPTION]
     s[OPTION] = value
+    if s[WDT_SHORTEST] and (before ^ value) & (PSA | (PS if value & PSA else 0)):
+        if at - s[WDT_CLEARED] < s[WDT_SHORTEST]:
+            foresee(s)
+        else:
+            s[WDT_EARLIEST] = at
+    if s[PRESCALER_UNKNOWN] and not value & PSA:
+        s[T0_UNKNOWN] = 0xFF | SOURCE_PRESCALER << 8
     s[T0_AT] = max(s[T0_AT], at)
     if value & T0CS == 0:
         s[T0_TICK] = NEVER

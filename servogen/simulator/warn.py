@@ -6,7 +6,7 @@ Compiled: called from the instruction loop, but rarely.
 from __future__ import annotations
 
 from servogen.simulator.compiled import Vector, compiled
-from servogen.simulator.layout import CYCLE, WARN_COUNT, WARNING_SLOTS, WARNINGS
+from servogen.simulator.layout import CYCLE, HERE, WARN_COUNT, WARNING_FIELDS, WARNING_SLOTS, WARNINGS
 
 
 @compiled
@@ -15,9 +15,10 @@ def warn(s: Vector, code: int, subject: int) -> None:
     key = code << 16 | subject
     count = s[WARN_COUNT]
     for i in range(count):
-        if s[WARNINGS + 2 * i] == key:
+        if s[WARNINGS + WARNING_FIELDS * i] == key:
             return
     if count < WARNING_SLOTS:
-        s[WARNINGS + 2 * count] = key
-        s[WARNINGS + 2 * count + 1] = s[CYCLE]
+        s[WARNINGS + WARNING_FIELDS * count] = key
+        s[WARNINGS + WARNING_FIELDS * count + 1] = s[CYCLE]
+        s[WARNINGS + WARNING_FIELDS * count + 2] = s[HERE]
         s[WARN_COUNT] = count + 1

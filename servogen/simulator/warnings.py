@@ -1,6 +1,7 @@
 """Warnings: what the program did that is worth a look, in words.
 
-In: what the instruction loop noted in the state vector (`warn.py`). Out: frozen values, in order of cycles.
+In: what the instruction loop noted in the state vector (`warn.py`, `unknown.py`), the configuration word and
+the clock. Out: frozen values, in order of cycles.
 """
 
 from __future__ import annotations
@@ -11,73 +12,174 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.edges import PINS
+from servogen.pic.device import (
+    CONFIG_ADDRESS,
+    CONFIG_OSCILLATOR_MASK,
+    LP_MAX_HZ,
+    OSCILLATORS,
+    RAM_FIRST,
+    RAM_LAST,
+    REGISTERS,
+    XT_MAX_HZ,
+)
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
-from servogen.units import Cycles
+from servogen.simulator import unknown
+from servogen.units import Clock, Cycles
 
 
 @dataclass(frozen=True, slots=True)
 class Warning:
-    """Something that the program did first in `cycle`."""
+    """Something that the program did first in `cycle`, by the instruction at `address`."""
 
     cycle: Cycles
     kind: str
     message: str
+    address: int | None = None
+    chip_dependent: bool = False
+    """Whether another chip, or the same one at its next power-up, may behave differently."""
 
     def __str__(self) -> str:
-        return f"cycle {self.cycle}: {self.message}"
+        place = "" if self.address is None else f", address 0x{self.address:03X}"
+        return f"cycle {self.cycle}{place}: {self.message}"
 
-
-_NO_CONFIGURATION = Warning(
-    Cycles(0),
-    "no-configuration",
-    "the image has no configuration word: as on an erased chip the oscillator is RC and the watchdog is on",
-)
 
 _WORDS = {
-    at.WARN_DRIVEN_UNWRITTEN: (
-        "driven-before-written",
-        "{pins}: an output before its port was ever written; its latch, unknown at power-up, is taken as 0",
-    ),
-    at.WARN_CONTENTION: ("contention", "{pins}: an output, and driven the other way from outside"),
+    at.WARN_CONTENTION: ("contention", "{pins}: an output, and driven the other way from outside", True),
     at.WARN_UNDEFINED: (
         "undefined-word",
-        "the word at {address} is no instruction of the data sheet; it was executed as NOP",
+        "the word at {address} is not an instruction of the data sheet; it was executed as NOP",
+        True,
     ),
-    at.WARN_ERASED: ("erased-word", "the program ran into the unprogrammed word at {address} (ADDLW 0xFF)"),
-    at.WARN_STACK_OVERFLOW: ("stack-overflow", "a ninth return address was pushed: the stack wrapped"),
-    at.WARN_STACK_UNDERFLOW: ("stack-underflow", "a return with an empty stack: the stack wrapped"),
+    at.WARN_ERASED: (
+        "erased-word",
+        "the program ran into the unprogrammed word at {address} (ADDLW 0xFF)",
+        False,
+    ),
+    at.WARN_STACK_OVERFLOW: ("stack-overflow", "a ninth return address was pushed: the stack wrapped", False),
+    at.WARN_STACK_UNDERFLOW: (
+        "stack-underflow",
+        "a return with an empty stack: where it goes is unknown at power-up",
+        True,
+    ),
     at.WARN_EE_SEQUENCE: (
         "eeprom-sequence",
         "WR was set without WREN or without the sequence 55h, AAh, WR just before: nothing is written",
+        False,
     ),
-    at.WARN_EE_ADDRESS: ("eeprom-address", "EEADR is {address}; the EEPROM ends at 0x03F"),
+    at.WARN_EE_ADDRESS: ("eeprom-address", "EEADR is {address}; the EEPROM ends at 0x03F", False),
+    at.WARN_WATCHDOG: (
+        "watchdog-margin",
+        "the watchdog was not cleared within its shortest period (7 ms of 7 to 33 ms, times the postscaler): "
+        "some chips time out here",
+        True,
+    ),
 }
-_OF_PINS = (at.WARN_DRIVEN_UNWRITTEN, at.WARN_CONTENTION)
+"""Kind, text, and whether chips differ in it."""
+_OF_PINS = (at.WARN_CONTENTION,)
+
+_USES = {
+    unknown.USE_SKIP: "a skip depends on it",
+    unknown.USE_JUMP: "a jump by PCL depends on it",
+    unknown.USE_POINTER: "FSR points by it",
+    unknown.USE_OUTPUT: "it is driven out of {pin}",
+    unknown.USE_DIRECTION: "a port's direction depends on it",
+    unknown.USE_BANK: "the bank of registers depends on it",
+    unknown.USE_REGISTER: "it is written to {register}",
+    unknown.USE_EEPROM: "it is written to the EEPROM",
+    unknown.USE_INTERRUPT: "an interrupt depends on it",
+    unknown.USE_WAKE: "the end of SLEEP depends on it",
+}
+_SOURCES = {
+    unknown.SOURCE_W: "W",
+    unknown.SOURCE_FSR: "FSR",
+    unknown.SOURCE_FLAGS: "C, DC or Z",
+    unknown.SOURCE_TMR0: "TMR0",
+    unknown.SOURCE_EEDATA: "EEDATA",
+    unknown.SOURCE_EEADR: "EEADR",
+    unknown.SOURCE_WRERR: "WRERR",
+}
 
 
-def warnings_of(s: npt.NDArray[np.int64], image: Image) -> tuple[Warning, ...]:
-    """The warnings in a state vector; pins that one instruction brought in trouble are one warning."""
-    told: dict[tuple[int, int, int], list[str]] = {}
-    for code, subject, cycle in noted(s):
+def warnings_of(s: npt.NDArray[np.int64], image: Image, clock: Clock) -> tuple[Warning, ...]:
+    """Return the warnings in a state vector; pins that one instruction brought in trouble are one warning."""
+    told: dict[tuple[int, int, int, int], list[str]] = {}
+    for code, subject, cycle, place in noted(s):
         if code in _OF_PINS:
-            told.setdefault((code, cycle, 0), []).append(PINS[subject])
+            told.setdefault((code, cycle, place, 0), []).append(PINS[subject])
         else:
-            told[code, cycle, subject] = []
-    found = [_NO_CONFIGURATION] if image.config is None else []
-    for (code, cycle, subject), pins in told.items():
-        kind, text = _WORDS[code]
+            told[code, cycle, place, subject] = []
+    found = [*_oscillator(image, clock), *_first_use(s)]
+    for (code, cycle, place, subject), pins in told.items():
+        kind, text, chip_dependent = _WORDS[code]
         message = text.format(pins=", ".join(pins), address=f"0x{subject:03X}")
-        found.append(Warning(Cycles(cycle), kind, message))
-    return tuple(found)
+        found.append(Warning(Cycles(cycle), kind, message, place & 0x3FF, chip_dependent))
+    return tuple(sorted(found, key=lambda warning: warning.cycle))
 
 
-def noted(s: npt.NDArray[np.int64]) -> list[tuple[int, int, int]]:
-    """What a vector has noted: (code, subject, cycle)."""
-    pairs = s[at.WARNINGS : at.WARNINGS + 2 * int(s[at.WARN_COUNT])].reshape(-1, 2)
-    return [(int(key) >> 16, int(key) & 0xFFFF, int(cycle)) for key, cycle in pairs]
+def noted(s: npt.NDArray[np.int64]) -> list[tuple[int, int, int, int]]:
+    """Return what a vector has noted: (code, subject, cycle, address)."""
+    end = at.WARNINGS + at.WARNING_FIELDS * int(s[at.WARN_COUNT])
+    rows = s[at.WARNINGS : end].reshape(-1, at.WARNING_FIELDS)
+    return [(int(key) >> 16, int(key) & 0xFFFF, int(cycle), int(place)) for key, cycle, place in rows]
 
 
 def subjects(s: npt.NDArray[np.int64], code: int) -> tuple[int, ...]:
-    """The pins or addresses that one kind of warning is about."""
-    return tuple(sorted(subject for noted_code, subject, _ in noted(s) if noted_code == code))
+    """Return the pins or addresses that one kind of warning is about."""
+    return tuple(sorted(subject for noted_code, subject, _, _ in noted(s) if noted_code == code))
+
+
+def _first_use(s: npt.NDArray[np.int64]) -> list[Warning]:
+    kind = int(s[at.USE_KIND])
+    if not kind:
+        return []
+    subject = int(s[at.USE_SUBJECT])
+    how = _USES[kind].format(
+        pin=PINS[subject] if kind == unknown.USE_OUTPUT else "",
+        register=_register(subject) if kind == unknown.USE_REGISTER else "",
+    )
+    message = f"{_source(int(s[at.USE_SOURCE]))}, and {how}"
+    return [
+        Warning(Cycles(int(s[at.USE_CYCLE])), "unknown-start", message, int(s[at.USE_PLACE]) & 0x3FF, True)
+    ]
+
+
+def _register(address: int) -> str:
+    return next(register.name for register in REGISTERS if register.address in (address, address & 0x7F))
+
+
+def _source(source: int) -> str:
+    """Say what is unknown, and why."""
+    if RAM_FIRST <= source <= RAM_LAST:
+        return f"RAM 0x{source:02X} was not written since power-up"
+    if unknown.FLOATING_PIN <= source < unknown.FLOATING_PIN + len(PINS):
+        return f"{PINS[source - unknown.FLOATING_PIN]} is an input that nothing drives"
+    if unknown.UNWRITTEN_LATCH <= source < unknown.UNWRITTEN_LATCH + len(PINS):
+        return f"the latch of {PINS[source - unknown.UNWRITTEN_LATCH]} holds no known value yet"
+    if source == unknown.SOURCE_RB_CHANGE:
+        return "RBIF compares RB4 to RB7 with a reading of port B that was never made, or with a floating pin"
+    if source == unknown.SOURCE_NO_CELL:
+        return "EEADR lies beyond the EEPROM's end"
+    if source == unknown.SOURCE_PRESCALER:
+        return "the prescaler counted a pin that nothing drives"
+    return f"{_SOURCES[source]} has no value at power-up"
+
+
+def _oscillator(image: Image, clock: Clock) -> list[Warning]:
+    """Return a warning if the configuration's oscillator does not give this clock: DS35007 section 6.2."""
+    if image.config is None:
+        text = "the image has no configuration word: as on an erased chip the oscillator is RC and the watchdog is on"
+        return [Warning(Cycles(0), "no-configuration", text, CONFIG_ADDRESS, True)]
+    chosen = image.config & CONFIG_OSCILLATOR_MASK
+    name = next(name for name, code in OSCILLATORS.items() if code == chosen)
+    if name == "RC":
+        text = (
+            f"the configuration word chooses the RC oscillator, whose frequency is not exactly {clock.hz} Hz"
+        )
+    elif name == "LP" and clock.hz > LP_MAX_HZ:
+        text = f"the configuration word chooses the LP oscillator, which goes to {LP_MAX_HZ} Hz, not to {clock.hz} Hz"
+    elif name == "XT" and clock.hz > XT_MAX_HZ:
+        text = f"the configuration word chooses the XT oscillator, which goes to {XT_MAX_HZ} Hz, not to {clock.hz} Hz"
+    else:
+        return []
+    return [Warning(Cycles(0), "oscillator", text, CONFIG_ADDRESS, True)]

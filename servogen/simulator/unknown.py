@@ -1,0 +1,188 @@
+"""What has no value that every chip agrees on, and the first use of it. Compiled.
+
+DS35007 table 6-4 marks with "x" what a power-on reset leaves undefined: RAM, W, FSR, TMR0, the port latches,
+EEDATA, EEADR, the bits C, DC, Z, WRERR and RBIF. A pin that nobody drives reads as anything too. The
+simulator gives all of these a value, and beside it a mask of the bits that could be otherwise. The mask
+follows the data through every instruction: a bit of a result is known if no choice of the unknown bits
+changes it, as far as one instruction shows. Copying unknown bits is harmless; what counts is a *use*, by
+which they reach the program's course, its timing or its pins (the kinds below). The first use is kept.
+
+An unknown byte travels as one integer of 16 bits: the mask, and above it the source (below) of one of its
+unknown bits, for the message.
+"""
+
+from __future__ import annotations
+
+from servogen.simulator.compiled import Vector, compiled
+from servogen.simulator.layout import (
+    CYCLE,
+    EECON1_UNKNOWN,
+    HERE,
+    INTCON,
+    INTCON_UNKNOWN,
+    OPTION,
+    PRESCALER_UNKNOWN,
+    SLEEPING,
+    T0_UNKNOWN,
+    USE_CYCLE,
+    USE_KIND,
+    USE_PLACE,
+    USE_SOURCE,
+    USE_SUBJECT,
+)
+from servogen.simulator.program import OPS
+
+# Sources. 0x0C to 0x4F are the RAM bytes; pins are added to FLOATING_PIN and UNWRITTEN_LATCH.
+SOURCE_W, SOURCE_FSR, SOURCE_FLAGS, SOURCE_TMR0, SOURCE_EEDATA, SOURCE_EEADR, SOURCE_WRERR = range(1, 8)
+SOURCE_RB_CHANGE, SOURCE_NO_CELL, SOURCE_PRESCALER = 8, 9, 10
+FLOATING_PIN, UNWRITTEN_LATCH = 0x50, 0x60
+
+# Kinds of use; what the subject is.
+(
+    USE_SKIP,
+    USE_JUMP,
+    USE_POINTER,
+    USE_OUTPUT,  # a pin
+    USE_DIRECTION,  # a port, 0 or 1
+    USE_BANK,
+    USE_REGISTER,  # an address
+    USE_EEPROM,
+    USE_INTERRUPT,  # a bit of INTCON
+    USE_WAKE,  # a bit of INTCON
+) = range(1, 11)
+
+C, DC, Z = 0x01, 0x02, 0x04
+GIE, T0IE, T0IF, INTF, RBIF = 0x80, 0x20, 0x04, 0x02, 0x01
+T0CS, PSA = 0x20, 0x08
+
+_ADDWF, _ADDLW, _SUBWF, _SUBLW = OPS["ADDWF"], OPS["ADDLW"], OPS["SUBWF"], OPS["SUBLW"]
+_ANDWF, _ANDLW, _IORWF, _IORLW = OPS["ANDWF"], OPS["ANDLW"], OPS["IORWF"], OPS["IORLW"]
+_XORWF, _XORLW = OPS["XORWF"], OPS["XORLW"]
+_MOVF, _COMF, _INCF, _DECF = OPS["MOVF"], OPS["COMF"], OPS["INCF"], OPS["DECF"]
+_INCFSZ, _DECFSZ, _SWAPF = OPS["INCFSZ"], OPS["DECFSZ"], OPS["SWAPF"]
+_RLF, _RRF, _BCF, _BSF = OPS["RLF"], OPS["RRF"], OPS["BCF"], OPS["BSF"]
+
+
+@compiled
+def use(s: Vector, kind: int, subject: int, source: int) -> None:
+    """Keep what was used, where and when, unless there was a use before."""
+    if s[USE_KIND] == 0:
+        s[USE_KIND] = kind
+        s[USE_SUBJECT] = subject
+        s[USE_SOURCE] = source
+        s[USE_PLACE] = s[HERE]
+        s[USE_CYCLE] = s[CYCLE]
+
+
+@compiled
+def upward(mask: int) -> int:
+    """The bits that a carry out of any bit of `mask` can reach, and these."""
+    return -(mask & -mask) & 0xFF
+
+
+@compiled
+def without(unknown: int, bits: int) -> int:
+    """An unknown byte of which `bits` have become known."""
+    return unknown & ~bits if unknown & 0xFF & ~bits else 0
+
+
+@compiled
+def propagate(op: int, bits: int, v: int, vu: int, w: int, wu: int, su: int, r: int) -> int:
+    """What is unknown of an instruction's result, and above bit 15 of STATUS after it.
+
+    `v`, `w` and `r` are operand, W and result, `vu`, `wu` and `su` what is unknown of operand, W and STATUS;
+    `bits` is the mask of a bit instruction.
+    """
+    m, n = vu & 0xFF, wu & 0xFF
+    flags = Z
+    f = 0
+    if op == _MOVF or op == _COMF:
+        t = m
+    elif op == _ANDWF or op == _ANDLW:
+        t = (m | n) & (v | m) & (w | n)
+    elif op == _IORWF or op == _IORLW:
+        t = (m | n) & ~(v & ~m) & ~(w & ~n) & 0xFF
+    elif op == _XORWF or op == _XORLW:
+        t = m | n
+    elif op == _INCF or op == _DECF:
+        t = upward(m)
+    elif op == _INCFSZ or op == _DECFSZ:
+        t = upward(m)
+        flags = 0
+    elif op == _SWAPF:
+        t = (m >> 4 | m << 4) & 0xFF
+        flags = 0
+    elif op == _RLF:
+        t = (m << 1 | su & C) & 0xFF
+        flags = C
+        f = m >> 7
+    elif op == _RRF:
+        t = m >> 1 | (su & C) << 7
+        flags = C
+        f = m & C
+    elif op == _ADDWF or op == _ADDLW or op == _SUBWF or op == _SUBLW:
+        t = upward(m | n)
+        flags = C | DC | Z
+        f = (C if t else 0) | (DC if t & 0x0F else 0)
+    else:  # BCF and BSF
+        t = m & ~bits
+        flags = 0
+    if flags & Z and t and r & ~t & 0xFF == 0:
+        f |= Z
+    source = (vu if m else wu if n else su) >> 8
+    after = without(su, flags)
+    if f:
+        after = after & 0xFF | f | source << 8
+    return (t | source << 8 if t else 0) | after << 16
+
+
+@compiled
+def flags_in_doubt(s: Vector, pins: int) -> None:
+    """Inputs among `pins` (a port word) are at no known level: noise may set INTF, or clock TMR0."""
+    if pins & 1 << 5 and not s[INTCON] & INTF & ~s[INTCON_UNKNOWN]:
+        s[INTCON_UNKNOWN] |= INTF
+    if pins & 1 << 4 and s[OPTION] & T0CS and not s[SLEEPING]:
+        s[T0_UNKNOWN] = 0xFF | (FLOATING_PIN + 4) << 8
+        if not s[OPTION] & PSA:
+            s[PRESCALER_UNKNOWN] = 1
+        timer_flag_in_doubt(s)
+
+
+@compiled
+def timer_flag_in_doubt(s: Vector) -> None:
+    """TMR0 counted from a value that is not known."""
+    if not s[INTCON] & T0IF & ~s[INTCON_UNKNOWN]:
+        s[INTCON_UNKNOWN] |= T0IF
+
+
+@compiled
+def source_of_flag(s: Vector, flags: int) -> int:
+    """Why one of these bits of INTCON is unknown."""
+    if flags & T0IF:
+        return s[T0_UNKNOWN] >> 8 if s[T0_UNKNOWN] else SOURCE_TMR0
+    return FLOATING_PIN + 5 if flags & INTF else SOURCE_RB_CHANGE
+
+
+@compiled
+def doubt(s: Vector, counts: bool) -> None:
+    """Note a use if an interrupt, or the end of SLEEP, hangs on a flag that is unknown.
+
+    `counts`: whether the internal clock runs TMR0.
+    """
+    if not (s[INTCON] & GIE or s[SLEEPING]):
+        return
+    enabled = s[INTCON] >> 3 & 7
+    if enabled & s[INTCON] & ~s[INTCON_UNKNOWN]:
+        return  # it comes anyway
+    kind = USE_WAKE if s[SLEEPING] else USE_INTERRUPT
+    flags = enabled & s[INTCON_UNKNOWN]
+    if flags:
+        use(s, kind, flags, source_of_flag(s, flags))
+    elif counts and enabled & T0IF and s[T0_UNKNOWN]:
+        use(s, kind, T0IF, s[T0_UNKNOWN] >> 8)
+
+
+@compiled
+def wrerr_source(s: Vector) -> int:
+    """What is unknown of EECON1."""
+    return s[EECON1_UNKNOWN] | SOURCE_WRERR << 8 if s[EECON1_UNKNOWN] else 0
