@@ -455,6 +455,7 @@ void main(void)
     TRISA = 0x10;
     TRISB = 0x00;
     OPTION_REG = 0x84;   /* TMR0 counts cycles, 1:32 */
+    TMR0 = 0;   /* unknown at power-up */
     overrun = 0;
     rewind();
     target = TMR0;

@@ -462,6 +462,7 @@ void main(void)
     set_bit(STATUS, RP0);
     OPTION_REG = 0x84;   /* TMR0 counts cycles, 1:32 */
     clear_bit(STATUS, RP0);
+    TMR0 = 0;   /* unknown at power-up */
     overrun = 0;
     rewind();
     target = TMR0;

@@ -467,6 +467,7 @@ void main(void)
     PORTB = 0x00;
     TRISB = 0xF0;
     OPTION_REG = 0x84;   /* TMR0 counts cycles, 1:32 */
+    TMR0 = 0;   /* unknown at power-up */
     overrun = 0;
     rewind();
     target = TMR0;

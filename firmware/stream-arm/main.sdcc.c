@@ -7,7 +7,7 @@
  * 2  RB2  grip: 1250 to 1750 us
  *
  * 2400 baud on RA4: FF n p is position p (0 to 254) of servo n.
- * A frame takes 19968 us: 6 slots of 13 rounds of TMR0, which counts cycles and is never written. The
+ * A frame takes 19968 us: 6 slots of 13 rounds of TMR0, which counts cycles and is written once. The
  * interrupt of each round looks at the line and makes the edges; the C prepares a pulse while another one lasts.
  */
 #include <pic14/pic16f84.h>
@@ -56,7 +56,7 @@ void tick(void) __interrupt(0)
     bcf     STATUS, 5   // bank 0: the compiler may have left the other one selected
 // Every 256 cycles, when TMR0 goes round: two or three looks at the line, and perhaps an edge of a pulse.
 
-// STATUS bit 0 is the carry, bit 2 is zero. TMR0 counts cycles and is never written: it says what time it is, however
+// STATUS bit 0 is the carry, bit 2 is zero. TMR0 counts cycles and is not written after the start: it says what time it is, however
 // late the interrupt came. An edge is in the cycle that st_exactly finds; all else may take any time below its limit.
 
 // In:  _next_lo, _next_hi, _mask   the pulse of the slot that comes: width in cycles, pin
@@ -700,6 +700,7 @@ void main(void)
     PORTB = 0x00;
     TRISB = 0xF8;
     OPTION_REG = 0x8F;   /* TMR0 counts cycles; the watchdog, if it is on, 128 times its time */
+    TMR0 = 0;   /* unknown at power-up */
     n = 3;
     while (n != 0) {
         n--;

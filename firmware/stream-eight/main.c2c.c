@@ -12,7 +12,7 @@
  * 7  RB7  s7: 1000 to 2000 us
  *
  * 2400 baud on RA4: FF n p is position p (0 to 254) of servo n.
- * A frame takes 18432 us: 8 slots of 9 rounds of TMR0, which counts cycles and is never written. The
+ * A frame takes 18432 us: 8 slots of 9 rounds of TMR0, which counts cycles and is written once. The
  * interrupt of each round looks at the line and makes the edges; the C prepares a pulse while another one lasts.
  */
 #pragma CLOCK_FREQ 4000000
@@ -48,7 +48,7 @@ void interrupt(void)
     asm {
 ; Every 256 cycles, when TMR0 goes round: two or three looks at the line, and perhaps an edge of a pulse.
 
-; STATUS bit 0 is the carry, bit 2 is zero. TMR0 counts cycles and is never written: it says what time it is, however
+; STATUS bit 0 is the carry, bit 2 is zero. TMR0 counts cycles and is not written after the start: it says what time it is, however
 ; late the interrupt came. An edge is in the cycle that st_exactly finds; all else may take any time below its limit.
 
 ; In:  _next_lo, _next_hi, _mask   the pulse of the slot that comes: width in cycles, pin
@@ -677,6 +677,7 @@ void main(void)
     set_bit(STATUS, RP0);
     OPTION_REG = 0x8F;   /* TMR0 counts cycles; the watchdog, if it is on, 128 times its time */
     clear_bit(STATUS, RP0);
+    TMR0 = 0;   /* unknown at power-up */
     n = 8;
     while (n != 0) {
         n--;

@@ -116,13 +116,14 @@ def _chip(file: Path, asked: str | None, schedule: PulseSchedule | None) -> tupl
 
 def _unproven(image: Image, path: Path | None, schedule: PulseSchedule | None) -> tuple[str, ...]:
     """Return why nothing shows that the image's pulses are the schedule's; empty where they are."""
-    from servogen.pipeline import checked_cycles, prove, running
+    from servogen.pipeline import prove_image
 
     if schedule is None:
         return ("there is no schedule.json beside it: nothing shows what its pulses are (--against)",)
-    span = checked_cycles(schedule)
-    verdict = prove(schedule, running(schedule, image, span), span)
-    return () if verdict.proven else (f"its pulses are not those of {path}: {verdict.reasons[0]}",)
+    verdict = prove_image(schedule, image)
+    return (
+        () if verdict.proven else (f"its pulses are not proven to be those of {path}: {verdict.reasons[0]}",)
+    )
 
 
 def rig(

@@ -13,6 +13,7 @@ from servogen.cli.show import as_json, status, warn_of_all
 from servogen.errors import InputError, Place
 
 if TYPE_CHECKING:
+    from servogen.cli.files import Program
     from servogen.edges import EdgeTrace
     from servogen.pic.image import Image
     from servogen.pulse import PulseSchedule
@@ -51,7 +52,7 @@ def verify(
 ) -> None:
     """Hold a program (default: the motion, three times) or a file, to its end, against a schedule."""
     from servogen.edge_files.captures import is_capture
-    from servogen.pipeline import checked_cycles, prove, prove_file
+    from servogen.pipeline import checked_cycles, prove_file, prove_image
     from servogen.verify import verdict_lines
 
     schedule = read_schedule(against)
@@ -69,11 +70,12 @@ def verify(
         raise InputError(
             f"--seconds {seconds:g} is less than one frame of {schedule.period} cycles: it proves nothing"
         )
-    trace = _trace(file, schedule, span or checked_cycles(schedule))
     with status("comparing every edge"):
         if _is_program(file):
-            verdict = prove(schedule, trace, span)
+            program = _program_for(schedule, file)
+            verdict = prove_image(schedule, program.image, span, program.listing)
         else:
+            trace = _trace(file, schedule, span or checked_cycles(schedule))
             verdict = prove_file(schedule, trace, file.suffix.lower() == ".vcd", span)
     if json:
         as_json(verdict.to_json())
@@ -89,8 +91,9 @@ def _verify_forever(file: Path, schedule: PulseSchedule, seconds: float | None, 
     if not _is_program(file):
         raise InputError("only a program can be proven for all time, not edges", Place(str(file)))
     limit = schedule.clock.round_seconds(FOREVER_SECONDS if seconds is None else seconds)
+    program = _program_for(schedule, file)
     with status("looking for a repeat of the chip's state"):
-        found = prove_forever(schedule, read_program(file).image, limit)
+        found = prove_forever(schedule, program.image, limit, program.listing)
     if json:
         as_json(found.to_json())
     else:
@@ -198,13 +201,18 @@ def _trace(file: Path, schedule: PulseSchedule, span: Cycles) -> EdgeTrace:
     from servogen.pipeline import running
 
     if _is_program(file):
-        program = read_program(file)
-        if program.clock and program.clock != schedule.clock:
-            raise InputError(
-                f"says {program.clock.hz} Hz, the schedule is for {schedule.clock.hz} Hz", Place(str(file))
-            )
-        return running(schedule, program.image, span)
+        return running(schedule, _program_for(schedule, file).image, span)
     return read_edges(file, schedule.clock)
+
+
+def _program_for(schedule: PulseSchedule, file: Path) -> Program:
+    """Return the program in `file`. Raises InputError where it says another clock than the schedule."""
+    program = read_program(file)
+    if program.clock and program.clock != schedule.clock:
+        raise InputError(
+            f"says {program.clock.hz} Hz, the schedule is for {schedule.clock.hz} Hz", Place(str(file))
+        )
+    return program
 
 
 def _unknown(

@@ -9,6 +9,7 @@ from servogen.pipeline.proof import (
     motion_cycles,
     prove,
     prove_file,
+    prove_image,
     running,
 )
 
@@ -24,6 +25,7 @@ __all__ = [
     "planned",
     "prove",
     "prove_file",
+    "prove_image",
     "report",
     "running",
     "write",

@@ -21,7 +21,16 @@ from servogen.pic.image import Image, to_hex
 from servogen.pic.listing import listing_text
 from servogen.pipeline.engines import planned
 from servogen.pipeline.fitting import DoesNotFit
-from servogen.pipeline.proof import LOOPS_CHECKED, START_FRAMES, checked_cycles, inputs_of, machine_of, prove
+from servogen.pipeline.proof import (
+    LOOPS_CHECKED,
+    START_FRAMES,
+    checked_cycles,
+    chip_warnings,
+    end_of,
+    inputs_of,
+    machine_of,
+    prove,
+)
 from servogen.pipeline.tuning import Firmware
 from servogen.pulse import PulseSchedule
 from servogen.pulse.plan import PulsePlan
@@ -119,9 +128,11 @@ def build(job: Job, progress: Progress = lambda step: None) -> Build:
 def proven(schedule: PulseSchedule, firmware: Firmware, span: Cycles) -> Program:
     """Runs the firmware for `span` cycles of pulses, and reads what it says of itself afterwards."""
     image = firmware.compilation.image
-    machine = machine_of(schedule, image)
+    machine = machine_of(schedule, image, tracked=True)
     limit = Cycles(span + START_FRAMES * schedule.period)
     verdict = prove(schedule, EdgeTrace(schedule.clock, machine.stream(limit), limit), span)
+    found = chip_warnings(machine, end_of(verdict), firmware.compilation.listing)
+    verdict = verdict.with_warnings(found)
     late = None
     if firmware.overrun is not None and _overrun(machine, firmware.overrun):
         late = machine_of(schedule, image)

@@ -26,7 +26,7 @@ from servogen.errors import InputError, Place
 from servogen.job import Job
 from servogen.pic.image import Image
 from servogen.pipeline.engines import planned
-from servogen.pipeline.proof import checked_cycles, motion_cycles, prove, running
+from servogen.pipeline.proof import checked_cycles, motion_cycles, prove_image, running
 from servogen.pipeline.tuning import edges_to_watch
 from servogen.pulse import PulseSchedule
 from servogen.units import Cycles
@@ -85,8 +85,8 @@ def tune_to(job: Job, theirs: Image, hex_file: str, dialect: str, source: Source
     ways = _ways(program)
     added = [Added(ways[path], cost, firmware.overheads.of(path)) for path, cost in overheads.cycles.items()]
     span = checked_cycles(schedule)
-    verdict = prove(schedule, running(schedule, theirs, span), span)
-    if verdict.proven:
+    verdict = prove_image(schedule, theirs, span)
+    if verdict.edges_agree:
         return Tuned(verdict, tuple(added), "")
     following = render(sequence(schedule, overheads), dialect, job.device, job.name)
     return Tuned(verdict, tuple(added), following)

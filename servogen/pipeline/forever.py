@@ -15,11 +15,12 @@ from math import lcm
 
 from servogen.edges import PINS
 from servogen.pic.image import Image
-from servogen.pipeline.proof import board_of, inputs_of, prove, running
+from servogen.pic.listing import Listing
+from servogen.pipeline.proof import board_of, inputs_of, prove_image
 from servogen.plan_error import plan_words
 from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
-from servogen.simulator import NoRepeat, find_repeat
+from servogen.simulator import NoRepeat, Options, find_repeat
 from servogen.units import Cycles
 from servogen.verify import Verdict
 
@@ -61,7 +62,13 @@ class Forever:
         }
 
 
-def prove_forever(schedule: PulseSchedule, image: Image, limit: Cycles) -> Forever:
+def prove_forever(
+    schedule: PulseSchedule,
+    image: Image,
+    limit: Cycles,
+    listing: Listing | None = None,
+    options: Options = Options(),  # noqa: B008 - frozen
+) -> Forever:
     """Looks for a repeat of the machine's state within `limit` cycles from reset, and checks all of it."""
     first = next(chunk for chunk in expected(schedule).chunks if len(chunk.cycle))
     found = find_repeat(
@@ -70,14 +77,14 @@ def prove_forever(schedule: PulseSchedule, image: Image, limit: Cycles) -> Forev
         pin=int(first.pin[0]),
         limit=limit,
         period=schedule.period,
-        options=board_of(schedule),
+        options=board_of(schedule, options),
         stimulus=inputs_of(schedule),
     )
     if isinstance(found, NoRepeat):
         span = Cycles(max(found.covered, schedule.period))
-        verdict = prove(schedule, running(schedule, image, span), span)
+        verdict = prove_image(schedule, image, span, listing, options)
         return Forever(verdict, 0, 0, found.reason.replace("the pin", PINS[int(first.pin[0])]))
     lead_in = max(found.lead_in_frames, schedule.lead_in_frames)
     loop = lcm(found.loop_frames, schedule.loop_frames)
     span = Cycles((lead_in + loop) * schedule.period)
-    return Forever(prove(schedule, running(schedule, image, span), span), lead_in, loop)
+    return Forever(prove_image(schedule, image, span, listing, options), lead_in, loop)

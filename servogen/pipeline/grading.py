@@ -142,14 +142,16 @@ def grade_submissions(
 def grade_program(lab: Lab, program: Runnable) -> Grade:
     """Runs the program for the lab's time on the lab's board and judges its pulses."""
     span = Cycles(lab.clock.round_seconds(lab.watch_s))
-    machine = Machine(program.image, lab.clock, BOARD)
+    machine = Machine(program.image, lab.clock, BOARD, tracked=True)
     watched = watch(EdgeTrace(lab.clock, machine.stream(span), span))
     grade = judge(lab, watched, _facts(machine.state(), program))
     if not grade.passed:
         return grade
     pin = PINS.index(grade.pins[0][1])
     repeat = find_repeat(program.image, lab.clock, pin=pin, limit=span, options=BOARD)
-    return replace(grade, for_ever=isinstance(repeat, Repeat))
+    dependent = (warning for warning in machine.state().warnings if warning.chip_dependent)
+    remarks = (*grade.remarks, *(f"other chips may do otherwise: {warning}" for warning in dependent))
+    return replace(grade, for_ever=isinstance(repeat, Repeat), remarks=remarks)
 
 
 def _in_forks(submissions: Sequence[Submission], task: Task, at_once: int) -> Iterator[tuple[int, Graded]]:

@@ -5,17 +5,20 @@ In: a `PulseSchedule` and an `Image`, or a trace from elsewhere. Out: the `Verdi
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from servogen.edges import EdgeTrace, Expected
 from servogen.pic.device import OPEN_DRAIN_PIN
 from servogen.pic.image import Image
+from servogen.pic.listing import Listing
 from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
 from servogen.simulator import Levels, Machine, Options, Stimuli
 from servogen.simulator.sources import pin_number
 from servogen.units import Cycles
-from servogen.verify import Verdict, channel_pins, find_start, verify, whole_motion
+from servogen.verify import ChipWarning, Verdict, channel_pins, find_start, verify, whole_motion
 from servogen.verify.reasons import unseen_motion_reason
 
 LOOPS_CHECKED = 3
@@ -41,9 +44,15 @@ def running(schedule: PulseSchedule, image: Image, span: Cycles) -> EdgeTrace:
     return EdgeTrace(schedule.clock, machine_of(schedule, image).stream(limit), limit)
 
 
-def machine_of(schedule: PulseSchedule, image: Image) -> Machine:
-    """The chip with `image` on the board of `schedule`, its inputs held as that says."""
-    return Machine(image, schedule.clock, board_of(schedule), inputs_of(schedule))
+def machine_of(
+    schedule: PulseSchedule,
+    image: Image,
+    options: Options = Options(),  # noqa: B008 - frozen
+    *,
+    tracked: bool = False,
+) -> Machine:
+    """Return the chip with `image` on the board of `schedule`, its inputs held as that says."""
+    return Machine(image, schedule.clock, board_of(schedule, options), inputs_of(schedule), tracked=tracked)
 
 
 def inputs_of(schedule: PulseSchedule) -> Stimuli | None:
@@ -52,9 +61,14 @@ def inputs_of(schedule: PulseSchedule) -> Stimuli | None:
     return Stimuli(held) if held else None
 
 
-def board_of(schedule: PulseSchedule) -> Options:
-    """The board that a schedule needs: a servo on RA4, an open drain, has its pull-up resistor."""
-    return Options(ra4_pull_up=any(channel.pin == OPEN_DRAIN_PIN for channel in schedule.channels))
+def board_of(
+    schedule: PulseSchedule,
+    options: Options = Options(),  # noqa: B008 - frozen
+) -> Options:
+    """Return `options` with what a schedule needs: the pull-up resistor of a servo on RA4, an open drain."""
+    if any(channel.pin == OPEN_DRAIN_PIN for channel in schedule.channels):
+        return replace(options, ra4_pull_up=True)
+    return options
 
 
 def prove_file(
@@ -109,3 +123,50 @@ def prove(schedule: PulseSchedule, trace: EdgeTrace, span: Cycles | None = None)
         whole = schedule.lead_in_frames + schedule.loop_frames
         return verdict.not_all(unseen_motion_reason(verdict.span.frames, whole))
     return verdict
+
+
+def prove_image(
+    schedule: PulseSchedule,
+    image: Image,
+    span: Cycles | None = None,
+    listing: Listing | None = None,
+    options: Options = Options(),  # noqa: B008 - frozen
+) -> Verdict:
+    """Run `image` and return the verdict on its edges over `span` cycles (default: `checked_cycles`).
+
+    It is not proven where the edges are the schedule's but depend on what no chip promises.
+    """
+    span = checked_cycles(schedule) if span is None else span
+    machine = machine_of(schedule, image, options, tracked=True)
+    limit = Cycles(span + START_FRAMES * schedule.period)
+    verdict = prove(schedule, EdgeTrace(schedule.clock, machine.stream(limit), limit), span)
+    return verdict.with_warnings(chip_warnings(machine, end_of(verdict), listing))
+
+
+def end_of(verdict: Verdict) -> Cycles | None:
+    """Return the cycle since reset up to which a verdict compared; None where no scheduled pin rises."""
+    return None if verdict.start is None else Cycles(verdict.start + verdict.span.compared)
+
+
+def chip_warnings(
+    machine: Machine, end: Cycles | None = None, listing: Listing | None = None
+) -> tuple[ChipWarning, ...]:
+    """Return what `machine` warns of before cycle `end`, with source lines where a listing has them."""
+    rows = {row.address: row for row in listing.rows} if listing else {}
+    found = []
+    for warning in machine.state().warnings:
+        if end is not None and warning.cycle >= end:
+            continue
+        row = None if warning.address is None else rows.get(warning.address)
+        found.append(
+            ChipWarning(
+                warning.kind,
+                warning.message,
+                warning.cycle,
+                warning.address,
+                warning.chip_dependent,
+                row.file if row else None,
+                row.line if row else None,
+            )
+        )
+    return tuple(found)

@@ -19,12 +19,20 @@ from servogen.edge_files.captures import Capture, is_capture, read_capture
 from servogen.edges import PINS, EdgeTrace
 from servogen.errors import InputError, Place
 from servogen.pic.image import Image
-from servogen.pipeline.proof import checked_cycles, prove, prove_file, running
+from servogen.pipeline.proof import (
+    START_FRAMES,
+    checked_cycles,
+    chip_warnings,
+    end_of,
+    machine_of,
+    prove,
+    prove_file,
+)
 from servogen.pipeline.proof_of_capture import prove_capture
 from servogen.plan_error import NO_PLAN, PlanError
 from servogen.pulse import PulseSchedule
 from servogen.units import Cycles
-from servogen.verify import CaptureVerdict, Tolerances, Verdict, capture_lines, verdict_lines
+from servogen.verify import CaptureVerdict, ChipWarning, Tolerances, Verdict, capture_lines, verdict_lines
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +48,8 @@ class Seen:
     """How much of it is to be judged; None: all of it."""
     file: Path | None = None
     """Where it is recorded already."""
+    warnings: tuple[ChipWarning, ...] = ()
+    """Of the program, where it was simulated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +93,10 @@ class Simulator:
         if self._image is None:
             raise InputError("there is no program on the simulated chip", hint="load an image first")
         span = checked_cycles(schedule) if seconds is None else schedule.clock.round_seconds(seconds)
-        return Seen(running(schedule, self._image, span).stored(), "the simulated chip", span=span)
+        limit = Cycles(span + START_FRAMES * schedule.period)
+        machine = machine_of(schedule, self._image, tracked=True)
+        trace = EdgeTrace(schedule.clock, machine.stream(limit), limit).stored()
+        return Seen(trace, "the simulated chip", span=span, warnings=chip_warnings(machine))
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +144,9 @@ def check(seen: Seen, schedule: PulseSchedule, tolerances: Tolerances | None = N
         verdict = prove_file(schedule, seen.trace, tells_end)
     else:
         verdict = prove(schedule, seen.trace, seen.span)
+    end = end_of(verdict)
+    counted = (warning for warning in seen.warnings if end is None or warning.cycle < end)
+    verdict = verdict.with_warnings(tuple(counted))
     return Checked(verdict.proven, verdict.agrees, tuple(verdict_lines(verdict)), tuple(_of_edges(verdict)))
 
 

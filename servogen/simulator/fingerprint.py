@@ -36,7 +36,7 @@ def fingerprint(s: npt.NDArray[np.int64]) -> bytes:
 
 
 def unknown_bits(s: npt.NDArray[np.int64]) -> bytes:
-    """Return which bits are unknown, and how far the shortest watchdog has come: what later uses depend on."""
+    """Return which bits are unknown, and how far the shortest watchdog is: what later uses depend on."""
     ram = s[RAM_FIRST : RAM_LAST + 1] >> at.UNKNOWN_SHIFT & 0xFF
     masks = [int(s[slot]) & 0xFF for slot in _UNKNOWN_BYTES]
     masks += [int(s[slot]) for slot in _UNKNOWN_BITS]

@@ -53,22 +53,21 @@ def find_repeat(
     its last change before the first frame: what changes later would have to repeat too.
     """
 
-    walk = _Walk(Machine(image, clock, options, stimulus), pin, limit, period)
+    walk = _Walk(Machine(image, clock, options, stimulus, tracked=True), pin, limit, period)
     seen: dict[bytes, int] = {}
     while True:
         if not walk.step():
             few = ("the pin never rises", "the pin rises only once")
             reason = few[walk.frames] if walk.frames < len(few) else "no state was found that repeats"
             return NoRepeat(reason, walk.machine.cycles)
-        if unwritten := walk.machine.read_unwritten:
-            names = ", ".join(f"0x{address:02X}" for address in unwritten)
-            reason = f"RAM was read that was never written, at {names}: what it holds at power-up is unknown"
-            return NoRepeat(reason, walk.machine.cycles)
+        dependent = walk.machine.chip_dependent
+        if dependent:
+            return NoRepeat(f"other chips may make other edges: {dependent[0]}", walk.machine.cycles)
         digest = blake2b(walk.state(), digest_size=16).digest()
         first = seen.setdefault(digest, walk.frames)
         if first == walk.frames:
             continue
-        before = _Walk(Machine(image, clock, options, stimulus), pin, limit, period)
+        before = _Walk(Machine(image, clock, options, stimulus, tracked=True), pin, limit, period)
         for _ in range(first):
             before.step()
         if before.state() == walk.state():
@@ -103,6 +102,6 @@ class _Walk:
         return True
 
     def state(self) -> bytes:
-        """The machine's state, and by how many cycles an instruction went past the frame start."""
+        """Return the machine's state, what is unknown of it, and how far past the frame start it is."""
         past = self.machine.cycles - self.at
-        return past.to_bytes(8, "little") + self.machine.fingerprint()
+        return past.to_bytes(8, "little") + self.machine.fingerprint() + self.machine.unknown()

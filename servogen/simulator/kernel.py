@@ -101,7 +101,8 @@ def stays(s: Vector, plain: Vector, pc: int) -> bool:
 def instruction_loop(observed: bool, tracked: bool) -> Callable[..., int]:
     """Return the loop as a Python function to be compiled.
 
-    `observed` counts and traces every instruction, `tracked` follows what is unknown (unknown.py) through each.
+    `observed` counts and traces every instruction, `tracked` follows through each what is unknown
+    (unknown.py).
     """
 
     def run(

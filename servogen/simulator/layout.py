@@ -103,6 +103,7 @@ RAM_SLOTS = 128
     PINS_UNKNOWN,
     LATCH_UNKNOWN,
     RB_OLD_UNKNOWN,
+    DRIVEN_UNKNOWN,
     USE_KIND,
     USE_SUBJECT,
     USE_SOURCE,
@@ -111,7 +112,7 @@ RAM_SLOTS = 128
     WDT_SHORTEST,
     WDT_CLEARED,
     WDT_EARLIEST,
-) = range(RAM_SLOTS, RAM_SLOTS + 83)
+) = range(RAM_SLOTS, RAM_SLOTS + 84)
 
 STACK = 216  # 8 levels: DS35007 section 2.4.1
 EEPROM = 224  # 64 bytes: DS35007 section 3
@@ -121,7 +122,14 @@ WARNING_SLOTS, WARNING_FIELDS = 64, 3
 of the instruction."""
 READ_UNWRITTEN = WARNINGS + WARNING_FIELDS * WARNING_SLOTS
 """By address: whether the RAM byte was read before it was ever written."""
-SLOTS = READ_UNWRITTEN + RAM_SLOTS
+DRIVEN_FROM = READ_UNWRITTEN + RAM_SLOTS
+"""By pin, two slots: the cycle from which it has been driven with an unknown latch (DRIVEN_UNKNOWN), and the
+address of the instruction."""
+SLOTS = DRIVEN_FROM + 2 * 13
+
+GLITCH = 10
+"""Cycles for which a pin may be driven at an unknown level before it is written low: no servo answers a pulse
+as short."""
 
 # Edges and stimuli travel as cycle << 8 | pin << 2 | level.
 PACK_CYCLE, PACK_PIN, PACK_LEVELS = 8, 2, 3
@@ -141,6 +149,7 @@ GOES_ON, AT_END, EDGES_FULL, AT_BREAKPOINT, NEEDS_STIMULUS, TRACE_FULL = range(6
 
 # What a warning is about.
 (
+    WARN_DRIVEN_UNWRITTEN,
     WARN_CONTENTION,
     WARN_UNDEFINED,
     WARN_ERASED,
@@ -149,4 +158,4 @@ GOES_ON, AT_END, EDGES_FULL, AT_BREAKPOINT, NEEDS_STIMULUS, TRACE_FULL = range(6
     WARN_EE_SEQUENCE,
     WARN_EE_ADDRESS,
     WARN_WATCHDOG,
-) = range(8)
+) = range(9)

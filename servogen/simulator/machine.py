@@ -25,7 +25,7 @@ from servogen.simulator.options import Options
 from servogen.simulator.program import Code, program_code
 from servogen.simulator.reset_state import power_up
 from servogen.simulator.state import State, read_unwritten, state_of
-from servogen.simulator.warnings import warnings_of
+from servogen.simulator.warnings import Warning, warnings_of
 from servogen.units import Clock, Cycles
 
 EDGE_ROOM = 1 << 16
@@ -158,6 +158,12 @@ class Machine:
     def read_unwritten(self) -> tuple[int, ...]:
         """Addresses of the RAM bytes that were read before they were ever written."""
         return read_unwritten(self._s)
+
+    @property
+    def chip_dependent(self) -> tuple[Warning, ...]:
+        """Return the warnings that other chips may behave differently, in order of cycles."""
+        found = warnings_of(self._s, self.image, self.clock)
+        return tuple(warning for warning in found if warning.chip_dependent)
 
     def state(self) -> State:
         return state_of(self._s, warnings_of(self._s, self.image, self.clock))

@@ -1,8 +1,9 @@
 """What regions that only count did before, by everything that they depend on. Compiled.
 
 A row of the memory: key (PC, W, STATUS, and what is unknown of the latter two), registers before, cycles
-taken, the same of after, registers after. Regions with unknown bytes of RAM are not remembered. A region is taken in one step only when it ends before anything else can happen, so that the step is
-what the single instructions would have done.
+taken, the same of after, registers after. Regions with unknown bytes of RAM are not remembered. A region is
+taken in one step only when it ends before anything else can happen, so that the step is what the single
+instructions would have done.
 """
 
 from __future__ import annotations

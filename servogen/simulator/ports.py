@@ -10,13 +10,18 @@ from __future__ import annotations
 from servogen.simulator.compiled import Vector, compiled
 from servogen.simulator.interrupts import INTF, RBIF, note_flags
 from servogen.simulator.layout import (
+    CYCLE,
     DRIVEN,
+    DRIVEN_FROM,
     DRIVEN_HIGH,
+    DRIVEN_UNKNOWN,
     EDGE_COUNT,
     EDGES_TOTAL,
     EXT_LEVEL,
     EXT_MASK,
     FLOATING,
+    GLITCH,
+    HERE,
     IN_RESET,
     INTCON,
     INTCON_UNKNOWN,
@@ -35,6 +40,7 @@ from servogen.simulator.layout import (
     TRACKED,
     TRIS,
     WARN_CONTENTION,
+    WARN_DRIVEN_UNWRITTEN,
 )
 from servogen.simulator.timer import T0CS, T0SE, t0_runs
 from servogen.simulator.unknown import (
@@ -46,7 +52,7 @@ from servogen.simulator.unknown import (
     flags_in_doubt,
     use,
 )
-from servogen.simulator.warn import warn
+from servogen.simulator.warn import warn, warn_of
 
 A, B = 0x001F, 0x1FE0
 """The bits of each port in a 13-bit port word."""
@@ -166,8 +172,10 @@ def port_write(s: Vector, edges: Vector, at: int, port: int, value: int, unknown
         s[LATCH] = (s[LATCH] & A) | value << B_SHIFT
         s[LATCH_UNKNOWN] = (s[LATCH_UNKNOWN] & A) | bits << B_SHIFT
         look(s)
-    if bits:
-        outputs_in_doubt(s, ~s[TRIS] & port, unknown >> 8)
+    if s[DRIVEN_UNKNOWN] & port:
+        settle_unknown(s, at, port)
+    if s[TRACKED] and bits:
+        outputs_in_doubt(s, ~s[TRIS] & port & ~s[DRIVEN_UNKNOWN], unknown >> 8)
     emit(s, edges, at)
     settle(s, at + 1)
 
@@ -181,12 +189,45 @@ def look(s: Vector) -> None:
 
 @compiled
 def outputs_in_doubt(s: Vector, driven: int, source: int) -> None:
-    """Note a use if one of these outputs has a latch that is unknown; source 0: the latch itself."""
+    """Note a use if one of these outputs has been written with an unknown level."""
     unknown = driven & s[LATCH_UNKNOWN]
     if unknown:
         for pin in range(PIN_COUNT):
             if unknown >> pin & 1:
-                use(s, USE_OUTPUT, pin, source if source else UNWRITTEN_LATCH + pin)
+                use(s, USE_OUTPUT, pin, source)
+
+
+@compiled
+def drive_unknown(s: Vector, pins: int) -> None:
+    """Note that these pins become outputs while their latches are unknown; `settle_unknown` judges it."""
+    for pin in range(PIN_COUNT):
+        if pins >> pin & 1:
+            s[DRIVEN_FROM + 2 * pin] = s[CYCLE]
+            s[DRIVEN_FROM + 2 * pin + 1] = s[HERE]
+    s[DRIVEN_UNKNOWN] |= pins
+
+
+@compiled
+def settle_unknown(s: Vector, at: int, pins: int) -> None:
+    """An instruction in cycle `at` wrote latch or direction of these pins, of which some are driven unknown.
+
+    Written low after at most GLITCH cycles, a pin is forgiven: no chip made more than a glitch before the
+    first pulse.
+    """
+    waiting = s[DRIVEN_UNKNOWN] & pins
+    for pin in range(PIN_COUNT):
+        bit = 1 << pin
+        if waiting & bit and (s[TRIS] & bit or not s[LATCH_UNKNOWN] & bit):
+            s[DRIVEN_UNKNOWN] &= ~bit
+            high = s[LATCH] & bit and not s[TRIS] & bit
+            if high or at - s[DRIVEN_FROM + 2 * pin] > GLITCH:
+                warn_of(
+                    s,
+                    WARN_DRIVEN_UNWRITTEN,
+                    pin,
+                    s[DRIVEN_FROM + 2 * pin],
+                    s[DRIVEN_FROM + 2 * pin + 1],
+                )
 
 
 @compiled
@@ -213,7 +254,11 @@ def tris_write(s: Vector, edges: Vector, at: int, port: int, value: int, unknown
         s[TRIS] = (before & B) | (value & A)
     else:
         s[TRIS] = (before & A) | value << B_SHIFT
-    outputs_in_doubt(s, before & ~s[TRIS], 0)
+    if s[DRIVEN_UNKNOWN] & port:
+        settle_unknown(s, at, port)
+    fresh = before & ~s[TRIS] & s[LATCH_UNKNOWN]
+    if fresh:
+        drive_unknown(s, fresh)
     emit(s, edges, at)
     settle(s, at + 1)
     compare(s)

@@ -1,3 +1,4 @@
+# ruff: noqa: SIM109 - in compiled code two comparisons are what they are; a tuple is an object
 """What has no value that every chip agrees on, and the first use of it. Compiled.
 
 DS35007 table 6-4 marks with "x" what a power-on reset leaves undefined: RAM, W, FSR, TMR0, the port latches,
@@ -94,6 +95,7 @@ def propagate(op: int, bits: int, v: int, vu: int, w: int, wu: int, su: int, r: 
     `bits` is the mask of a bit instruction.
     """
     m, n = vu & 0xFF, wu & 0xFF
+    source = (vu if m else wu if n else su) >> 8
     flags = Z
     f = 0
     if op == _MOVF or op == _COMF:
@@ -114,10 +116,12 @@ def propagate(op: int, bits: int, v: int, vu: int, w: int, wu: int, su: int, r: 
         flags = 0
     elif op == _RLF:
         t = (m << 1 | su & C) & 0xFF
+        source = (vu if m else su) >> 8
         flags = C
         f = m >> 7
     elif op == _RRF:
         t = m >> 1 | (su & C) << 7
+        source = (vu if m else su) >> 8
         flags = C
         f = m & C
     elif op == _ADDWF or op == _ADDLW or op == _SUBWF or op == _SUBLW:
@@ -129,7 +133,6 @@ def propagate(op: int, bits: int, v: int, vu: int, w: int, wu: int, su: int, r: 
         flags = 0
     if flags & Z and t and r & ~t & 0xFF == 0:
         f |= Z
-    source = (vu if m else wu if n else su) >> 8
     after = without(su, flags)
     if f:
         after = after & 0xFF | f | source << 8

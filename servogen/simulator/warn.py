@@ -12,6 +12,12 @@ from servogen.simulator.layout import CYCLE, HERE, WARN_COUNT, WARNING_FIELDS, W
 @compiled
 def warn(s: Vector, code: int, subject: int) -> None:
     """Note `code` about `subject` (a pin, an address), unless it is noted already or the table is full."""
+    warn_of(s, code, subject, s[CYCLE], s[HERE])
+
+
+@compiled
+def warn_of(s: Vector, code: int, subject: int, cycle: int, place: int) -> None:
+    """Do the same for an instruction at `place`, in an earlier cycle."""
     key = code << 16 | subject
     count = s[WARN_COUNT]
     for i in range(count):
@@ -19,6 +25,6 @@ def warn(s: Vector, code: int, subject: int) -> None:
             return
     if count < WARNING_SLOTS:
         s[WARNINGS + WARNING_FIELDS * count] = key
-        s[WARNINGS + WARNING_FIELDS * count + 1] = s[CYCLE]
-        s[WARNINGS + WARNING_FIELDS * count + 2] = s[HERE]
+        s[WARNINGS + WARNING_FIELDS * count + 1] = cycle
+        s[WARNINGS + WARNING_FIELDS * count + 2] = place
         s[WARN_COUNT] = count + 1

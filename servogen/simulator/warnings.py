@@ -25,6 +25,7 @@ from servogen.pic.device import (
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
 from servogen.simulator import unknown
+from servogen.simulator.layout import GLITCH
 from servogen.units import Clock, Cycles
 
 
@@ -45,6 +46,11 @@ class Warning:
 
 
 _WORDS = {
+    at.WARN_DRIVEN_UNWRITTEN: (
+        "driven-before-written",
+        "{pins}: an output while its latch holds no known level, and not written low within 10 cycles",
+        True,
+    ),
     at.WARN_CONTENTION: ("contention", "{pins}: an output, and driven the other way from outside", True),
     at.WARN_UNDEFINED: (
         "undefined-word",
@@ -76,7 +82,7 @@ _WORDS = {
     ),
 }
 """Kind, text, and whether chips differ in it."""
-_OF_PINS = (at.WARN_CONTENTION,)
+_OF_PINS = (at.WARN_DRIVEN_UNWRITTEN, at.WARN_CONTENTION)
 
 _USES = {
     unknown.USE_SKIP: "a skip depends on it",
@@ -112,7 +118,7 @@ def warnings_of(s: npt.NDArray[np.int64], image: Image, clock: Clock) -> tuple[W
     found = [*_oscillator(image, clock), *_first_use(s)]
     for (code, cycle, place, subject), pins in told.items():
         kind, text, chip_dependent = _WORDS[code]
-        message = text.format(pins=", ".join(pins), address=f"0x{subject:03X}")
+        message = text.format(pins=", ".join(sorted(pins)), address=f"0x{subject:03X}")
         found.append(Warning(Cycles(cycle), kind, message, place & 0x3FF, chip_dependent))
     return tuple(sorted(found, key=lambda warning: warning.cycle))
 
@@ -121,7 +127,16 @@ def noted(s: npt.NDArray[np.int64]) -> list[tuple[int, int, int, int]]:
     """Return what a vector has noted: (code, subject, cycle, address)."""
     end = at.WARNINGS + at.WARNING_FIELDS * int(s[at.WARN_COUNT])
     rows = s[at.WARNINGS : end].reshape(-1, at.WARNING_FIELDS)
-    return [(int(key) >> 16, int(key) & 0xFFFF, int(cycle), int(place)) for key, cycle, place in rows]
+    found = [(int(key) >> 16, int(key) & 0xFFFF, int(cycle), int(place)) for key, cycle, place in rows]
+    for pin in range(len(PINS)):
+        since, place = (int(value) for value in s[at.DRIVEN_FROM + 2 * pin : at.DRIVEN_FROM + 2 * pin + 2])
+        late = int(s[at.CYCLE]) - since > GLITCH
+        noted_before = any(
+            (code, subject) == (at.WARN_DRIVEN_UNWRITTEN, pin) for code, subject, _, _ in found
+        )
+        if s[at.DRIVEN_UNKNOWN] >> pin & 1 and late and not noted_before:
+            found.append((at.WARN_DRIVEN_UNWRITTEN, pin, since, place))
+    return found
 
 
 def subjects(s: npt.NDArray[np.int64], code: int) -> tuple[int, ...]:
@@ -145,7 +160,8 @@ def _first_use(s: npt.NDArray[np.int64]) -> list[Warning]:
 
 
 def _register(address: int) -> str:
-    return next(register.name for register in REGISTERS if register.address in (address, address & 0x7F))
+    names = {register.address: register.name for register in REGISTERS}
+    return names[address] if address in names else names[address & 0x7F]
 
 
 def _source(source: int) -> str:
@@ -168,18 +184,19 @@ def _source(source: int) -> str:
 def _oscillator(image: Image, clock: Clock) -> list[Warning]:
     """Return a warning if the configuration's oscillator does not give this clock: DS35007 section 6.2."""
     if image.config is None:
-        text = "the image has no configuration word: as on an erased chip the oscillator is RC and the watchdog is on"
+        text = (
+            "the image has no configuration word: as on an erased chip the oscillator is RC and the "
+            "watchdog is on"
+        )
         return [Warning(Cycles(0), "no-configuration", text, CONFIG_ADDRESS, True)]
     chosen = image.config & CONFIG_OSCILLATOR_MASK
     name = next(name for name, code in OSCILLATORS.items() if code == chosen)
+    limit = {"LP": LP_MAX_HZ, "XT": XT_MAX_HZ}.get(name, clock.hz)
     if name == "RC":
-        text = (
-            f"the configuration word chooses the RC oscillator, whose frequency is not exactly {clock.hz} Hz"
-        )
-    elif name == "LP" and clock.hz > LP_MAX_HZ:
-        text = f"the configuration word chooses the LP oscillator, which goes to {LP_MAX_HZ} Hz, not to {clock.hz} Hz"
-    elif name == "XT" and clock.hz > XT_MAX_HZ:
-        text = f"the configuration word chooses the XT oscillator, which goes to {XT_MAX_HZ} Hz, not to {clock.hz} Hz"
+        fault = f"whose frequency is not exactly {clock.hz} Hz"
+    elif clock.hz > limit:
+        fault = f"which is for at most {limit} Hz, not for {clock.hz} Hz"
     else:
         return []
+    text = f"the configuration word chooses the {name} oscillator, {fault}"
     return [Warning(Cycles(0), "oscillator", text, CONFIG_ADDRESS, True)]

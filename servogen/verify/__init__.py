@@ -10,13 +10,23 @@ from servogen.verify.prove import GLITCH, verify, whole_motion
 from servogen.verify.sampling import Sampling, sampling
 from servogen.verify.start import channel_pins, find_start
 from servogen.verify.text import verdict_lines
-from servogen.verify.verdict import ChannelVerdict, Difference, Overlap, Span, StrayPin, Verdict, Worst
+from servogen.verify.verdict import (
+    ChannelVerdict,
+    ChipWarning,
+    Difference,
+    Overlap,
+    Span,
+    StrayPin,
+    Verdict,
+    Worst,
+)
 
 __all__ = [
     "GLITCH",
     "CaptureVerdict",
     "CapturedChannel",
     "ChannelVerdict",
+    "ChipWarning",
     "Difference",
     "Measurement",
     "Overlap",

@@ -18,7 +18,8 @@ def verdict_lines(verdict: Verdict) -> list[str]:
         start = float(verdict.clock.us(verdict.start))
         lines.append(f"first edge {counted(verdict.start, 'cycle')} ({start:g} µs) after reset")
     lines += [_channel_line(channel) for channel in verdict.channels]
-    return lines + [f"- {reason}" for reason in verdict.reasons]
+    lines += [f"- {reason}" for reason in verdict.reasons]
+    return lines + [f"warning: {each}" for each in verdict.warnings if not each.chip_dependent]
 
 
 def _headline(verdict: Verdict) -> str:

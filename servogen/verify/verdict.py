@@ -145,8 +145,41 @@ class StrayPin:
 
 
 @dataclass(frozen=True, slots=True)
+class ChipWarning:
+    """What a program did, or asks of its chip, that deserves attention, and the place in it."""
+
+    kind: str
+    message: str
+    cycle: Cycles
+    address: int | None
+    chip_dependent: bool
+    """Whether other chips, or the same one at its next power-up, may make other edges."""
+    file: str | None = None
+    line: int | None = None
+
+    def __str__(self) -> str:
+        parts = [f"cycle {self.cycle}"]
+        parts += [] if self.address is None else [f"address 0x{self.address:03X}"]
+        parts += [] if self.file is None else [f"{self.file}:{self.line}"]
+        return f"{', '.join(parts)}: {self.message}"
+
+    def to_json(self) -> dict[str, object]:
+        return {
+            "kind": self.kind,
+            "message": self.message,
+            "cycle": self.cycle,
+            "address": self.address,
+            "file": self.file,
+            "line": self.line,
+            "chip_dependent": self.chip_dependent,
+        }
+
+
+@dataclass(frozen=True, slots=True)
 class Verdict:
     """`proven`: from reset to the end of the asked span the driven edges are the schedule's, on all pins.
+
+    Of a program it also says that no chip warning is `chip_dependent`.
 
     `start` is the cycle of the first scheduled edge: reported, not judged; None when no scheduled pin rises.
     After a difference the channels' errors go as far as `span.compared`, which is then cut short at need.
@@ -186,6 +219,24 @@ class Verdict:
         unseen = (*self.unseen, reason) if self.agrees else self.unseen
         return replace(self, proven=False, reasons=(*self.reasons, reason), unseen=unseen)
 
+    warnings: tuple[ChipWarning, ...] = ()
+    """Of the program that ran; edges alone have none."""
+
+    @property
+    def edges_agree(self) -> bool:
+        """Whether the observed edges are the schedule's, whatever the warnings say."""
+        others = sum(warning.chip_dependent for warning in self.warnings) + len(self.unseen)
+        return len(self.reasons) == others
+
+    def with_warnings(self, warnings: tuple[ChipWarning, ...]) -> Verdict:
+        """Return this verdict on a program that ran with `warnings`: a chip-dependent one refutes it."""
+        reasons = tuple(
+            f"other chips may make other edges: {warning}" for warning in warnings if warning.chip_dependent
+        )
+        return replace(
+            self, proven=self.proven and not reasons, reasons=self.reasons + reasons, warnings=warnings
+        )
+
     @property
     def worst_edge_error(self) -> int:
         """The largest edge error of any channel, in cycles, without its sign."""
@@ -205,5 +256,6 @@ class Verdict:
             "first_difference": self.difference.to_json() if self.difference else None,
             "overlap": self.overlap.to_json() if self.overlap else None,
             "stray_pins": [stray.to_json() for stray in self.stray],
+            "warnings": [warning.to_json() for warning in self.warnings],
             "plan_error": self.plan_error.to_json() if self.plan_error else None,
         }

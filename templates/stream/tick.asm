@@ -1,6 +1,6 @@
 ; Every 256 cycles, when TMR0 goes round: two or three looks at the line, and perhaps an edge of a pulse.
 ;
-; STATUS bit 0 is the carry, bit 2 is zero. TMR0 counts cycles and is never written: it says what time it is, however
+; STATUS bit 0 is the carry, bit 2 is zero. TMR0 counts cycles and is not written after the start: it says what time it is, however
 ; late the interrupt came. An edge is in the cycle that st_exactly finds; all else may take any time below its limit.
 ;
 ; In:  _next_lo, _next_hi, _mask   the pulse of the slot that comes: width in cycles, pin

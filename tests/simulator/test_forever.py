@@ -49,7 +49,9 @@ def test_the_timers_phase_counts() -> None:
 
 
 def test_reading_ram_that_was_never_written_refuses_the_proof() -> None:
-    found = search(SET_UP + "loop\n" + PULSE + " incf 0x30, f\n goto loop\n")
+    loop = "loop\n" + PULSE + " incfsz 0x30, f\n goto loop\n goto loop\n"
+    assert isinstance(search(SET_UP + " clrf 0x30\n" + loop), Repeat)
+    found = search(SET_UP + loop)
     assert isinstance(found, NoRepeat)
     assert "0x30" in found.reason
 

@@ -67,7 +67,7 @@ def test_rewriting_tris_with_what_it_holds_makes_no_edge_section_4() -> None:
 
 
 def test_a_pin_driven_before_its_port_was_written_is_reported_section_4() -> None:
-    assert "driven-before-written" in kinds(steps(machine(OUTPUTS), 4))
+    assert "driven-before-written" in kinds(steps(machine(OUTPUTS + " nop\n" * 12), 16))
     assert kinds(steps(machine(" clrf PORTA\n clrf PORTB\n" + OUTPUTS), 6)) == set()
 
 
