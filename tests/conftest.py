@@ -8,5 +8,6 @@ from servogen.simulator.native import loop
 @pytest.fixture(scope="session", autouse=True)
 def _the_simulator_is_compiled() -> None:
     """After a change of its sources the first command would say on standard error that it compiles it."""
-    loop(observed=False)
-    loop(observed=True)
+    loop(observed=False, tracked=False)
+    loop(observed=True, tracked=False)
+    loop(observed=False, tracked=True)

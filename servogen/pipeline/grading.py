@@ -194,9 +194,7 @@ def _failed(submission: Submission, lab: Lab, what: str, error: Exception) -> Gr
 
 def _load_simulator() -> None:
     """Loads the compiled simulator before forking: a child may neither take the time nor write the file."""
-    native = import_module("servogen.simulator.native")
-    for observed in (False, True):
-        native.loop(observed)
+    import_module("servogen.simulator.native").loop(tracked=True)
 
 
 # In a fresh process: for workers of a cluster, which have threads and must not fork, and for systems

@@ -62,6 +62,7 @@ from servogen.simulator.unknown import (
     USE_POINTER,
     USE_SKIP,
     doubt,
+    doubt_sleep,
     propagate,
     use,
     without,
@@ -440,15 +441,15 @@ def instruction_loop(observed: bool, tracked: bool) -> Callable[..., int]:
                     status |= UNWRITABLE
                 elif op == SLEEP:
                     t0_sync(s, start)
+                    if tracked:
+                        s[CYCLE] = start
+                        s[HERE] = pc - 1
+                        doubt_sleep(s)
                     if not requested(s):  # else it is a NOP: DS35007 section 6.11.3
                         wdt_clear(s, cycle)
                         status = status & ~PD | TO
                         t0_advance(s, cycle)
                         s[SLEEPING] = 1
-                        s[CYCLE] = start
-                        s[HERE] = pc - 1
-                        if tracked:
-                            doubt(s, False)
                         horizon = 0
                 elif op == OPTION:
                     s[CYCLE] = start

@@ -39,7 +39,7 @@ Loop = Callable[..., int]
 
 
 @cache
-def loop(observed: bool, tracked: bool) -> Loop:
+def loop(observed: bool = False, tracked: bool = False) -> Loop:
     """Return the compiled loop: it takes addresses of vectors and returns why it came back."""
     kind = "observed" if observed else "tracked" if tracked else "plain"
     name = f"simulator-{kind}-{_digest()}.o"

@@ -167,22 +167,32 @@ def source_of_flag(s: Vector, flags: int) -> int:
 
 
 @compiled
+def doubt_sleep(s: Vector) -> None:
+    """Note a use if the beginning or the end of SLEEP hangs on a flag that is unknown."""
+    enabled = s[INTCON] >> 3 & 7
+    flags = enabled & s[INTCON_UNKNOWN]
+    if flags and not enabled & s[INTCON] & ~s[INTCON_UNKNOWN]:
+        use(s, USE_WAKE, flags, source_of_flag(s, flags))
+
+
+@compiled
 def doubt(s: Vector, counts: bool) -> None:
-    """Note a use if an interrupt, or the end of SLEEP, hangs on a flag that is unknown.
+    """Note a use if an interrupt, or of a sleeping chip its waking, hangs on a flag that is unknown.
 
     `counts`: whether the internal clock runs TMR0.
     """
-    if not (s[INTCON] & GIE or s[SLEEPING]):
+    if s[SLEEPING]:
+        doubt_sleep(s)
+    if not s[INTCON] & GIE or s[SLEEPING]:
         return
     enabled = s[INTCON] >> 3 & 7
     if enabled & s[INTCON] & ~s[INTCON_UNKNOWN]:
         return  # it comes anyway
-    kind = USE_WAKE if s[SLEEPING] else USE_INTERRUPT
     flags = enabled & s[INTCON_UNKNOWN]
     if flags:
-        use(s, kind, flags, source_of_flag(s, flags))
+        use(s, USE_INTERRUPT, flags, source_of_flag(s, flags))
     elif counts and enabled & T0IF and s[T0_UNKNOWN]:
-        use(s, kind, T0IF, s[T0_UNKNOWN] >> 8)
+        use(s, USE_INTERRUPT, T0IF, s[T0_UNKNOWN] >> 8)
 
 
 @compiled

@@ -51,7 +51,7 @@ class VirtualChip:
     _seen: list[Levels] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        loop(observed=False)  # compiled now, not while a client waits
+        loop(observed=False, tracked=False)  # compiled now, not while a client waits
         self.load(self.image)
 
     def load(self, image: Image) -> None:
