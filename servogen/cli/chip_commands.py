@@ -10,7 +10,7 @@ import typer
 from servogen.cli.compiling import MemoryLimit, TimeLimit, within_limits
 from servogen.cli.files import beside_c, dialect_of, keep_apart, read_assembly, read_image, read_source
 from servogen.cli.options import DeviceName, Dialect, Json, Output
-from servogen.cli.show import as_json, warn
+from servogen.cli.show import as_json, warn_of_all
 from servogen.isolation import COMPILING, Limits
 
 if TYPE_CHECKING:
@@ -75,8 +75,6 @@ def compile_c(
     target = output or sources[0].with_suffix(".hex")
     keep_apart(sources, target, listing)
     _write(target, compilation.image, listing, compilation.listing)
-    for diagnostic in compilation.diagnostics:
-        warn(str(diagnostic))
     if json:
         as_json(
             {
@@ -90,6 +88,7 @@ def compile_c(
         )
     else:
         print(f"{target}: {compilation.words} words of 1024, {compilation.ram_bytes} bytes of 68, {spoken}")
+    warn_of_all(compilation.diagnostics)
 
 
 def assemble(
@@ -115,12 +114,11 @@ def assemble(
         Limits(timeout, memory_mb),
         "--timeout and --memory-mb allow more",
     )
-    for warning in assembly.warnings:
-        warn(str(warning))
     target = output or source.with_suffix(".hex")
     keep_apart([source], target, listing)
     _write(target, assembly.image, listing, assembly.listing)
     print(f"{target}: {assembly.image.words} words of 1024")
+    warn_of_all(assembly.warnings)
 
 
 def disassemble(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from servogen.cli.options import Json
-from servogen.cli.show import as_json, table, warn
+from servogen.cli.show import as_json, table, warn_of_all
 
 if TYPE_CHECKING:
     from servogen.motion.movemaster import Run
@@ -65,11 +65,10 @@ def run_program(
     if json:
         as_json(_as_dict(done, robot))
         return
-    for warning in done.warnings:
-        warn(str(warning))
     _show(done)
     frames, loop = len(done.trajectory.angles), len(done.trajectory.angles) - done.trajectory.loop_start
     print(f"{file}: {frames} frames, {_seconds(done, frames):g} s; the last {loop} of them for ever")
+    warn_of_all(done.warnings)
 
 
 def _show(done: Run) -> None:

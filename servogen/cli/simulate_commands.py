@@ -10,7 +10,7 @@ import typer
 
 from servogen.cli.files import clock_of, keep_apart, read_program
 from servogen.cli.options import LONGEST_CYCLES, ClockHz, DeviceName, Json, Ra4PullUp, Seconds
-from servogen.cli.show import as_json, progress, table, warn
+from servogen.cli.show import as_json, progress, table, warn_of_all
 from servogen.errors import InputError
 
 if TYPE_CHECKING:
@@ -93,15 +93,14 @@ def simulate(
         _write_trace(trace, program, clock, board, stimuli, span)
     if eeprom:
         _write_eeprom(eeprom, program, state)
-    for warning in state.warnings:
-        warn(str(warning))
     found = _profiled(program, clock, board, stimuli, span) if profile else None
     if json:
         as_json(_state_as_dict(state, changes) | ({"profile": _profile_as_dict(found)} if found else {}))
-        return
-    _print_state(state, clock, changes)
-    if found:
-        _print_profile(found)
+    else:
+        _print_state(state, clock, changes)
+        if found:
+            _print_profile(found)
+    warn_of_all(state.warnings)
 
 
 def _span(clock: Clock, seconds: float | None, cycles: int | None) -> Cycles:

@@ -116,3 +116,16 @@ def test_work_that_nobody_asked_for_is_said_on_standard_error(
     monkeypatch.setattr("servogen.job.load", load)
     assert run("check", "job.toml").err == "servogen: compiling, ten seconds\nservogen: and no more\n"
     assert run("check", "job.toml").err.count("ten seconds") == 1  # also when it runs again
+
+
+@pytest.mark.parametrize("command", ["compile", "simulate"])
+def test_other_commands_say_the_number_before_their_warnings(run: Run, tmp_path: Path, command: str) -> None:
+    """`1;` has no effect, and RB0 is driven before its latch was written: a warning of either."""
+    (tmp_path / "x.c").write_text("void main(void) { 1; while (1); }\n")
+    (tmp_path / "x.asm").write_text(" list p=16f84\n org 0\n bsf 3, 5\n bcf 6, 0\n bcf 3, 5\n goto $\n end\n")
+    file = tmp_path / ("x.c" if command == "compile" else "x.asm")
+    lines = run(command, file).err.splitlines()
+    warnings = [line for line in lines if line.startswith("warning: ")]
+    number = f"{len(warnings)} warning" + ("s:" if len(warnings) != 1 else ":")
+    assert warnings
+    assert lines[:2] == [number, warnings[0]]
