@@ -57,8 +57,9 @@ def simulate(
         int, typer.Option("--watchdog-us", help="The watchdog's period; of real chips 7000 to 33000.")
     ] = 18_000,
     eeprom_write_us: Annotated[
-        int, typer.Option("--eeprom-write-us", help="One EEPROM write; typical of the PIC16F84: 10000.")
-    ] = 4_000,
+        int | None,
+        typer.Option("--eeprom-write-us", help="One EEPROM write (default: typical of the device)."),
+    ] = None,
     power_up: Annotated[
         bool, typer.Option("--power-up", help="Count the power-up and the oscillator's start-up time.")
     ] = False,
@@ -67,6 +68,7 @@ def simulate(
     """Run a program from reset on the simulator (default: for one second)."""
     from servogen.edge_files import edge_writer, recorded
     from servogen.edges import EdgeTrace
+    from servogen.pic.device import device as chip
     from servogen.simulator import Machine, Options, load_stimuli
     from servogen.simulator.stimulus import file_inputs
 
@@ -77,7 +79,7 @@ def simulate(
     board = Options(
         ra4_pull_up=ra4_pull_up,
         watchdog_us=watchdog_us,
-        eeprom_write_us=eeprom_write_us,
+        eeprom_write_us=chip(device).eeprom_write_us if eeprom_write_us is None else eeprom_write_us,
         power_up=power_up,
     )
     stimuli = load_stimuli(stimulus, clock) if stimulus else None

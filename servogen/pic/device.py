@@ -135,6 +135,9 @@ class Device:
     max_clock_hz: int
     code_protect_mask: int
     """The configuration word's code protection bits, low when protected."""
+    eeprom_write_us: int
+    """Typical time of one EEPROM write."""
+    max_eeprom_write_us: int
 
     @property
     def short_name(self) -> str:
@@ -143,8 +146,8 @@ class Device:
 
 
 DEVICES = (
-    Device("PIC16F84", 10_000_000, 0x3FF0),  # DS30430 section 8.1 and product identification
-    Device("PIC16F84A", 20_000_000, 0x3FF0),  # DS35007 section 6.1 and product identification
+    Device("PIC16F84", 10_000_000, 0x3FF0, 10_000, 20_000),  # DS30430 section 8.1, D122, identification
+    Device("PIC16F84A", 20_000_000, 0x3FF0, 4_000, 8_000),  # DS35007 section 6.1, D122, identification
 )
 
 
