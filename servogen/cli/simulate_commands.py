@@ -63,6 +63,24 @@ def simulate(
     power_up: Annotated[
         bool, typer.Option("--power-up", help="Count the power-up and the oscillator's start-up time.")
     ] = False,
+    power_up_us: Annotated[
+        int, typer.Option("--power-up-us", help="The power-up timer; of real chips 28000 to 132000.")
+    ] = 72_000,
+    oscillator_start_up: Annotated[
+        bool,
+        typer.Option(
+            "--oscillator-start-up/--no-oscillator-start-up",
+            help="A wake-up waits 1024 oscillator periods, unless the oscillator is RC.",
+        ),
+    ] = True,
+    ram: Annotated[int, typer.Option("--ram", help="The byte that RAM holds at power-up, 0 to 255.")] = 0,
+    floating: Annotated[
+        int, typer.Option("--floating", help="How a pin reads that nothing drives: 0 or 1.")
+    ] = 0,
+    start_seed: Annotated[
+        int | None,
+        typer.Option("--start-seed", help="Draw from this seed all that has no value at power-up."),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Run a program from reset on the simulator (default: for one second)."""
@@ -81,6 +99,11 @@ def simulate(
         watchdog_us=watchdog_us,
         eeprom_write_us=chip(device).eeprom_write_us if eeprom_write_us is None else eeprom_write_us,
         power_up=power_up,
+        power_up_us=power_up_us,
+        oscillator_start_up=oscillator_start_up,
+        ram=ram,
+        floating=floating,
+        start_seed=start_seed,
     )
     stimuli = load_stimuli(stimulus, clock) if stimulus else None
     machine = Machine(program.image, clock, board, stimuli)
