@@ -19,6 +19,14 @@ from servogen.errors import Place, ToolError
 if TYPE_CHECKING:
     import serial
 
+try:
+    from termios import error as _terminal_error  # which is not an OSError
+except ImportError:  # not on POSIX
+    _FAILURES: tuple[type[Exception], ...] = (OSError, ValueError)
+else:
+    _FAILURES = (OSError, ValueError, _terminal_error)
+"""What pyserial raises where it opens a port; a terminal error where the port goes away meanwhile."""
+
 POLL_S = 0.05
 """How long one look at the port waits for bytes."""
 
@@ -90,7 +98,7 @@ def open_port(path: str, baud: int) -> Iterator[Port]:
 
     try:
         line = serial.Serial(path, baud, timeout=POLL_S, write_timeout=5, exclusive=True)
-    except (OSError, ValueError) as error:
+    except _FAILURES as error:
         refuse(path, error)
     try:
         yield Port(path, line)
@@ -130,7 +138,7 @@ def close(line: serial.Serial) -> None:
         return
 
 
-def refuse(path: str, error: OSError | ValueError) -> NoReturn:
+def refuse(path: str, error: Exception) -> NoReturn:
     """Raises the PortError for what opening `path` failed with."""
     code = error.errno if isinstance(error, OSError) else None
     place = Place(path)

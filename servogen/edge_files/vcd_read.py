@@ -105,9 +105,14 @@ def read_header(path: Path, wires: Mapping[str, str] | None = None) -> VcdHeader
         ) from error
     except UnicodeDecodeError as error:
         raise InputError("is not a VCD file: its declarations are not ASCII", place) from error
-    if step is None:
+    except ValueError as error:
+        message = "is not a VCD file: a number in its declarations is too long"
+        raise InputError(message, place, "wires have at most a few thousand bits") from error
+    if not step:
         raise InputError(
-            "has no $timescale", place, "it must say how long one time step is, as `$timescale 1 us $end`"
+            "has no $timescale, or one of 0",
+            place,
+            "it must say how long one time step is, as `$timescale 1 us $end`",
         )
     one_bit = [(var.ref_str, var.id_code) for var in declared if var.size == 1]
     line = 1 + text.count(b"\n", 0, end.end())

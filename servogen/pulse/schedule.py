@@ -135,6 +135,18 @@ def _runs_text(runs: Iterable[Run]) -> str:
     return "[\n" + ",\n".join(lines) + "\n  ]" if lines else "[]"
 
 
+MAX_FRAMES = 500_000
+"""Of a schedule that is read, nearly three hours at 50 Hz: a check of it holds its motion in memory."""
+
+MAX_NUMBER = 10**9
+"""Of a schedule's numbers: hertz, frames, cycles of a frame."""
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 40 else f"{text[:37]}…"
+
+
 def from_json(text: str, file: str) -> PulseSchedule:
     """The schedule that `text` is. Raises InputError, with the key of what is wrong."""
     try:
@@ -181,6 +193,9 @@ class _Reader:
             )
             for key, value in (("lead_in", lead_in), ("loop", loop))
         ]
+        frames = sum(run.frames for part in runs for run in part)
+        if frames > MAX_FRAMES:
+            raise self._error("loop", f"the schedule has {_shown(frames)} frames", f"at most {MAX_FRAMES}")
         if not runs[1]:
             raise self._error("loop", "is empty: what follows the motion is a frame, if only without pulses")
         clock = Clock(self._whole(clock_hz, "clock_hz", 1))
@@ -270,8 +285,8 @@ class _Reader:
         return data
 
     def _whole(self, data: Any, key: str, least: int) -> int:
-        if not isinstance(data, int) or isinstance(data, bool) or data < least:
-            raise self._error(key, f"is not a whole number of at least {least}: {data!r}")
+        if not isinstance(data, int) or isinstance(data, bool) or not least <= data <= MAX_NUMBER:
+            raise self._error(key, f"is not a whole number of {least} to {MAX_NUMBER}: {_shown(data)}")
         return data
 
     def _distance(self, data: Any, key: str) -> float:

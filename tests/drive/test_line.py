@@ -1,5 +1,6 @@
 """A line sends no faster than its baud rate, and says when its port is gone."""
 
+import os
 import termios
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,7 +8,7 @@ from contextlib import contextmanager
 import pytest
 
 from servogen.bench.ports import Port, PortError, Unplugged
-from servogen.drive.line import Line, VirtualTime
+from servogen.drive.line import Line, VirtualTime, port_opener
 from servogen.errors import ToolError
 from tests.drive.mini_ssc import Robot
 
@@ -60,3 +61,28 @@ def test_whoever_waits_for_a_port_looks_again_and_again_and_not_for_ever() -> No
     with pytest.raises(ToolError, match="did not come back within 2 s"):
         line.again()
     assert looks == [0.0, 0.0, 0.5, 1.0, 1.5, 2.0]
+
+
+def test_a_port_that_goes_away_while_it_is_opened_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plug that bounces: pyserial passes on the terminal's own error, which is not an OSError."""
+    master, slave = os.openpty()
+    path, opened = os.ttyname(slave), []
+    flush = termios.tcflush
+
+    def bouncing(handle: int, queue: int) -> None:
+        opened.append(handle)
+        if len(opened) in (2, 3):
+            raise termios.error(5, "Input/output error")
+        flush(handle, queue)
+
+    monkeypatch.setattr(termios, "tcflush", bouncing)
+    clock = VirtualTime()
+    try:
+        with Line(port_opener(path, 2400), 2400, clock.time(), 10.0) as line:
+            assert line.again() == pytest.approx(1.0), "two tries in vain, half a second after each"
+            line.send(b"\xff\x00\x10")
+        assert os.read(master, 10) == b"\xff\x00\x10"
+        assert len(opened) == 4
+    finally:
+        os.close(master)
+        os.close(slave)

@@ -129,3 +129,20 @@ def test_a_line_of_json_of_any_kind_is_refused(tmp_path: Path, line: str) -> Non
     (tmp_path / "a.jsonl").write_text(f"{line}\n")
     with pytest.raises(InputError, match=r"a\.jsonl:1: is not JSON"):
         join(read_edges(tmp_path / "a.jsonl", Clock(4_000_000)).chunks)
+
+
+@pytest.mark.parametrize("declared", ["$var wire {digits} ! RB0 $end", "$var wire 1 ! RB0 [{digits}] $end"])
+def test_a_declaration_with_5000_digits_is_refused(tmp_path: Path, declared: str) -> None:
+    path = tmp_path / "a.vcd"
+    path.write_text(
+        f"$timescale 1 us $end\n{declared.format(digits='9' * 5000)}\n$enddefinitions $end\n#0\n0!\n"
+    )
+    with pytest.raises(InputError, match="a number in its declarations is too long"):
+        read_edges(path, Clock(4_000_000))
+
+
+def test_a_time_step_of_0_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.vcd"
+    path.write_bytes(HEADER.replace(b"1 us", b"0 us") + b"#0\n0!\n#5\n1!\n")
+    with pytest.raises(InputError, match="timescale"):
+        read_edges(path, Clock(4_000_000))
