@@ -58,7 +58,7 @@ def test_a_program_with_a_pulse_of_two_microseconds_more_is_caught(
         to = ("--programmer", "picpro", "--port", bench.paths["programmer"])
         refused = run("flash", path, *to, "--against", schedule)
         assert refused.code == 2
-        assert "its pulses are not those of" in refused.err
+        assert "its pulses are not proven to be those of" in refused.err
         done = run("flash", path, *to, "--device", "PIC16F84A", "--force")
         assert done.code == 0, done.err
         assert not seen(run, bench, schedule, tmp_path)["proven"]

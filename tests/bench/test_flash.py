@@ -346,7 +346,7 @@ def test_an_image_whose_schedule_is_not_proven_is_refused(run: Run, tmp_path: Pa
     wrong = hex_file(tmp_path, EMPTY)
     done = run("flash", wrong, "--programmer", tool, "--dry-run")
     assert done.code == 2
-    assert "its pulses are not those of" in done.err
+    assert "its pulses are not proven to be those of" in done.err
     (tmp_path / "x.hex").write_text(BUILT.read_text())
     assert run("flash", wrong, "--programmer", tool, "--dry-run").code == 0
 
