@@ -20,8 +20,14 @@ _BETWEEN = re.compile(r"[\s*·]*")
 _HINT = "Rx(deg) Ry(deg) Rz(deg) Tx(mm) Ty(mm) Tz(mm) Rot(axis, deg) Trans(x, y, z)"
 
 
+MAX_TEXT = 10_000
+"""A thousand factors."""
+
+
 def parse(text: str) -> Floats:
     """The product of the factors of `text`, from left to right. Raises InputError with the column."""
+    if len(text) > MAX_TEXT:
+        raise InputError(f"the product has more than {MAX_TEXT} characters")
     matrix, at = np.eye(4), 0
     while True:
         at = _end_of(_BETWEEN.match(text, at), at)

@@ -143,7 +143,7 @@ def _check_outlier(readings: Sequence[Reading], tolerance: float, unit: str) -> 
         if len({each.width_us for each in others}) < FEWEST:
             continue
         line = _line(others)
-        if math.isinf(line.us_per_rad):
+        if math.isinf(line.us_per_rad) or line.us_per_rad == 0:
             continue
         off = abs(reading.angle - line.angle(reading.width_us))
         spread = abs(line.residuals[line.worst])

@@ -43,7 +43,17 @@ def read_csv(path: Path, speed: bool) -> Sequence[Reading]:
         text = read_input(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError("is not UTF-8 text", Place(str(path))) from error
-    rows = csv.DictReader(io.StringIO(text), skipinitialspace=True)
+    try:
+        return _readings(csv.DictReader(io.StringIO(text), skipinitialspace=True), path, speed)
+    except csv.Error as error:
+        raise InputError(f"is not a CSV file: {error}", Place(str(path))) from error
+
+
+MAX_READINGS = 1000
+MAX_WIDTH_US, MAX_DEGREES = 1e6, 1e6
+
+
+def _readings(rows: csv.DictReader[str], path: Path, speed: bool) -> Sequence[Reading]:
     wanted = SPEED if speed else ANGLE
     for column in (WIDTH, wanted):
         if column not in (rows.fieldnames or ()):
@@ -52,7 +62,12 @@ def read_csv(path: Path, speed: bool) -> Sequence[Reading]:
     for row in rows:
         place = Place(str(path), rows.line_num)
         try:
-            found.append(Reading(float(row[WIDTH]), math.radians(float(row[wanted]))))
+            width_us, degrees = float(row[WIDTH]), float(row[wanted])
         except (TypeError, ValueError) as error:
             raise InputError(f"a reading is two numbers, {WIDTH} and {wanted}", place) from error
+        if not (0 < width_us <= MAX_WIDTH_US and abs(degrees) <= MAX_DEGREES):
+            raise InputError(f"{width_us:g}, {degrees:g} is not a reading of a servo", place)
+        found.append(Reading(width_us, math.radians(degrees)))
+        if len(found) > MAX_READINGS:
+            raise InputError("has too many readings", place, f"at most {MAX_READINGS}")
     return found

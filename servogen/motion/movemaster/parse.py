@@ -79,6 +79,10 @@ class Statement:
         return InputError(message, self.place, hint)
 
 
+MAX_LINE = 1000
+"""Characters of a line; numbers of more digits cannot be read."""
+
+
 @dataclass(frozen=True, slots=True)
 class Source:
     """A file's statements, in its order."""
@@ -99,6 +103,9 @@ def read(path: str | Path) -> Source:
 
 def parse(text: str, file: str) -> Source:
     """The statements of `text`. Raises InputError for the first thing that is wrong."""
+    long = next((index for index, line in enumerate(text.split("\n"), 1) if len(line) > MAX_LINE), None)
+    if long is not None:
+        raise InputError(f"the line has more than {MAX_LINE} characters", Place(file, long))
     statements = tuple(
         statement
         for index, line in enumerate(text.split("\n"))
@@ -148,8 +155,8 @@ def _no_command(wrong: str, number: str, place: Place) -> InputError:
 def _number(text: str, file: str, row: int, column: int) -> int:
     place = Place(file, row, column + 1)
     low, high = LINES
-    if not text.isdigit() or not low <= int(text) <= high:
-        raise InputError(f"{text} is no line number", place, f"{low} to {high}")
+    if not re.fullmatch("[0-9]{1,9}", text) or not low <= int(text) <= high:
+        raise InputError(f"{text[:40]} is not a line number", place, f"{low} to {high}")
     return int(text)
 
 

@@ -123,9 +123,13 @@ def test_a_statement_knows_its_place() -> None:
             "10 MO &1",
             "a.rvm:1:7: program line 10: MO: a takes no hexadecimal number, not '&1'\n  allowed: 1 to 629",
         ),
-        ("2049 NT", "a.rvm:1:1: 2049 is no line number\n  1 to 2048"),
-        ("0 NT", "a.rvm:1:1: 0 is no line number\n  1 to 2048"),
-        ("-5 NT", "a.rvm:1:1: -5 is no line number\n  1 to 2048"),
+        ("2049 NT", "a.rvm:1:1: 2049 is not a line number\n  1 to 2048"),
+        pytest.param(
+            "9" * 900 + " NT", f"a.rvm:1:1: {'9' * 40} is not a line number\n  1 to 2048", id="900 digits"
+        ),
+        pytest.param("NT " + "9" * 5000, "a.rvm:1: the line has more than 1000 characters", id="5000 digits"),
+        ("0 NT", "a.rvm:1:1: 0 is not a line number\n  1 to 2048"),
+        ("-5 NT", "a.rvm:1:1: -5 is not a line number\n  1 to 2048"),
         ("20", "a.rvm:1:3: program line 20: line 20 has no command\n  write one, or a comment: 10 ' start"),
         (
             "10 ! 3",
