@@ -12,7 +12,7 @@ help:
 	@echo "make demo      install into $(VENV), build and prove every job under jobs/, print one table"
 	@echo "make test      the tests"
 	@echo "make check     format, lint, types and the tests, which also make firmware/ anew"
-	@echo "make firmware  make firmware/ anew"
+	@echo "make firmware  make firmware/ anew, or one job of it: JOBS=jobs/lab8-exercise.toml"
 	@echo "make bench     measure speeds and print ratios"
 	@echo "make flash     build JOB=lab8-exercise, prove it and program a chip: [PROGRAMMER=picpro] [PORT=/dev/ttyUSB0]"
 	@echo "make clean     remove what was made"
@@ -38,11 +38,12 @@ check: $(READY)
 
 firmware: $(READY)
 	$(BIN)/servogen demo $(JOBS) --output firmware
+	$(BIN)/python tools/firmware_checksums.py firmware $(basename $(notdir $(JOBS)))
 
 bench: $(READY)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[bench]'
-	$(BIN)/python bench/simulator.py
-	$(BIN)/python bench/kinematics.py
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[benchmarks]'
+	$(BIN)/python benchmarks/simulator.py
+	$(BIN)/python benchmarks/kinematics.py
 
 # JOB is a job file, or the name of one under jobs/.
 JOBFILE = $(if $(wildcard $(JOB)),$(JOB),jobs/$(JOB).toml)

@@ -76,10 +76,10 @@ def test_a_proof_for_all_time_says_it_in_its_first_line(run: Run) -> None:
 
 
 def test_a_capture_says_it_in_its_first_line(run: Run, lab8: Path) -> None:
-    ran = run("verify", LAB8 / "edges.csv", "--against", LAB8 / "schedule.json")
+    ran = run("verify", lab8 / "edges.csv", "--against", LAB8 / "schedule.json")
     assert LAB8_DISTANCE in ran.out.splitlines()[0]
     page, seen = lab8 / "page.html", lab8 / "seen.vcd"
-    trace = read_edges(LAB8 / "edges.csv", Clock(4_000_000)).until(Cycles(12_000_000))
+    trace = read_edges(lab8 / "edges.csv", Clock(4_000_000)).until(Cycles(12_000_000))
     with capture_writer(seen, 1_000_000) as writer:
         for chunk in trace.chunks:
             writer.add(chunk)

@@ -1,7 +1,7 @@
 """The simulator's speed: whole processes beside gpsim's, a day of servo pulses, the first start.
 
-Run: `python bench/simulator.py`. With gpsim installed (Debian package `gpsim`) each program runs in both,
-recording every change of PORTB, and the ratio of the wall times counts, all in this one run.
+Run: `python benchmarks/simulator.py`. With gpsim installed (Debian package `gpsim`) each program runs in
+both, recording every change of PORTB, and the ratio of the wall times counts, all in this one run.
 Exit code 1 when a demand is missed.
 """
 

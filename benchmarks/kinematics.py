@@ -1,9 +1,8 @@
 """Forward and inverse kinematics on arrays of 100 000 poses, against roboticstoolbox-python on the same.
 
-Run: `pip install roboticstoolbox-python`, then `python bench/kinematics.py`. Exit code 1 when a demand is
-missed: per RV-M1 pose, FK 50 times faster than DHRobot.fkine and 5 times than ets.eval, IK 30 times than
+Run: `pip install 'servogen[benchmarks]'`, then `python benchmarks/kinematics.py`. Exit code 1 when a demand
+is missed: per RV-M1 pose, FK 50 times faster than DHRobot.fkine and 5 times than ets.eval, IK 30 times than
 ik_LM.
-Both sides run in this process, on one thread; the best of several rounds counts.
 """
 
 from __future__ import annotations
