@@ -104,9 +104,10 @@ def assemble(
     """Assemble MPASM source to Intel HEX (default: the file's name with .hex)."""
     from servogen.pic.assembler import assemble as assembled
     from servogen.pic.assembler import beside
+    from servogen.pic.device import ASSEMBLED_DEVICES
     from servogen.pic.device import device as device_named
 
-    chip = device_named(device) if device else None
+    chip = device_named(device, ASSEMBLED_DEVICES) if device else None
     text = read_assembly(source)
     assembly = within_limits(
         lambda: assembled(text, str(source), chip, beside(source.parent)),

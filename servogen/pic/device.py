@@ -1,11 +1,12 @@
 """Facts of the PIC16F84 and PIC16F84A as data: memory, registers, bits, pins, configuration.
 
-Source: PIC16F84 DS30430D, PIC16F84A DS35007B; the section is named at each table.
+Source: PIC16F84 DS30430D, PIC16F84A DS35007B; the section is named at each table. The PIC16C84 (DS30445) is
+known to the assembler only.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
@@ -129,7 +130,7 @@ OPEN_DRAIN_PIN = "RA4"  # DS35007 section 4.1
 
 @dataclass(frozen=True, slots=True)
 class Device:
-    """One member of the family: what differs between the two chips."""
+    """One member of the family: what differs between the chips."""
 
     name: str
     max_clock_hz: int
@@ -138,6 +139,9 @@ class Device:
     eeprom_write_us: int
     """Typical time of one EEPROM write."""
     max_eeprom_write_us: int
+    ram_last: int = RAM_LAST
+    power_up_timer_on_is_1: bool = False
+    """Whether a 1 in PWRTE, bit 3 of the configuration word, enables the power-up timer."""
 
     @property
     def short_name(self) -> str:
@@ -150,14 +154,19 @@ DEVICES = (
     Device("PIC16F84A", 20_000_000, 0x3FF0, 4_000, 8_000),  # DS35007 section 6.1, D122, identification
 )
 
+PIC16C84 = Device("PIC16C84", 10_000_000, 0x0010, 10_000, 20_000, ram_last=0x2F, power_up_timer_on_is_1=True)
+"""DS30445 sections 4.2 and 8.1, D122: 36 bytes of RAM, and PWRTE the other way round."""
+ASSEMBLED_DEVICES = (*DEVICES, PIC16C84)
+"""The devices whose sources are assembled; firmware is made, and simulated, for `DEVICES`."""
 
-def device(name: str) -> Device:
-    """The device by name, with "PIC", "P" or nothing in front, in any case. Raises InputError."""
+
+def device(name: str, known: Sequence[Device] = DEVICES) -> Device:
+    """Return the device by name, with "PIC", "P" or nothing in front, in any case. Raises InputError."""
     wanted = name.upper().removeprefix("PIC").removeprefix("P")
-    for candidate in DEVICES:
+    for candidate in known:
         if candidate.short_name == wanted:
             return candidate
-    raise InputError(f"unknown device '{name}'", hint=nearest(name, (each.name for each in DEVICES)))
+    raise InputError(f"unknown device '{name}'", hint=nearest(name, (each.name for each in known)))
 
 
 # Configuration word: DS35007 section 6.1, register 6-1.

@@ -177,8 +177,8 @@ def test_too_large_an_id_and_a_wrong_place_of_the_configuration(asm: Any) -> Non
 
 
 @pytest.mark.parametrize(("x", "expected"), [(0, [0x3003]), (1, [0x3001]), (2, [0x3002])])
-def test_if_elif_else(asm: Any, x: int, expected: list[int]) -> None:
-    source = f"x equ {x}\n if x == 1\n movlw 1\n elif x == 2\n movlw 2\n else\n movlw 3\n endif"
+def test_an_if_in_the_else_of_another(asm: Any, x: int, expected: list[int]) -> None:
+    source = f"x equ {x}\n if x == 1\n movlw 1\n else\n if x == 2\n movlw 2\n else\n movlw 3\n endif\n endif"
     assert asm.words(source) == expected
 
 

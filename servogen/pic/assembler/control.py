@@ -6,7 +6,7 @@ import re
 
 from servogen.errors import InputError
 from servogen.pic.assembler.blocks import Condition, EndOfSource, ExitMacro, Macro
-from servogen.pic.assembler.header import header_device, header_text
+from servogen.pic.assembler.header import HEADERS, header_device, header_text
 from servogen.pic.assembler.messages import Diagnostic, SourceError
 from servogen.pic.assembler.source import Statement, lines_of
 from servogen.pic.assembler.state import Directive, Pass
@@ -85,24 +85,6 @@ def _else(state: Pass, found: Statement) -> None:
     condition.active, condition.taken = not condition.taken, True
 
 
-def _elif(state: Pass, found: Statement) -> None:
-    condition = _top(state, found)
-    condition.active = not condition.taken and state.one(found) != 0
-    condition.taken |= condition.active
-
-
-def _elifdef(state: Pass, found: Statement) -> None:
-    condition = _top(state, found)
-    condition.active = not condition.taken and _asks_defined(state, found)
-    condition.taken |= condition.active
-
-
-def _elifndef(state: Pass, found: Statement) -> None:
-    condition = _top(state, found)
-    condition.active = not condition.taken and not _asks_defined(state, found)
-    condition.taken |= condition.active
-
-
 def _endif(state: Pass, found: Statement) -> None:
     _top(state, found)
     state.conditions.pop()
@@ -175,7 +157,7 @@ def _include(state: Pass, found: Statement) -> None:
             raise SourceError(
                 f"include file '{name}' not found",
                 found.rest.column(0),
-                "built in: p16f84.inc, p16f84a.inc; others lie beside the source",
+                f"built in: {', '.join(HEADERS)}; others lie beside the source",
                 102,
             )
         if state.device is None:
@@ -202,9 +184,6 @@ CONTROL: dict[str, Directive] = {
             ("if", _if),
             ("ifdef", _ifdef),
             ("ifndef", _ifndef),
-            ("elif", _elif),
-            ("elifdef", _elifdef),
-            ("elifndef", _elifndef),
             ("else", _else),
             ("endif", _endif),
             ("include", _include),

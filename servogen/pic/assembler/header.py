@@ -1,4 +1,4 @@
-"""The include files `p16f84.inc` and `p16f84a.inc`, built in: the names of registers, bits and fuses.
+"""The include files of the chips, built in: the names of registers, bits and fuses, and the map of RAM.
 
 In: a file name. Out: its chip, and its text, made of the facts in `pic.device`; the spellings are those that
 sources use.
@@ -9,14 +9,14 @@ from __future__ import annotations
 from functools import cache
 
 from servogen.pic.device import (
+    ASSEMBLED_DEVICES,
     CONFIG_ADDRESS,
     CONFIG_POWER_UP_TIMER_OFF,
     CONFIG_WATCHDOG_ON,
-    DEVICES,
     ID_ADDRESS,
     ID_WORDS,
     OSCILLATORS,
-    RAM_LAST,
+    PIC16C84,
     REGISTERS,
     Device,
 )
@@ -33,13 +33,12 @@ OSCILLATOR_NAMES = {
 }
 OSCILLATOR_NAMES["RC"] = ("_RC_OSC", "_FOSC_EXTRC")
 
+HEADERS = tuple(f"p{each.short_name.lower()}.inc" for each in ASSEMBLED_DEVICES)
+
 
 def header_device(name: str) -> Device | None:
-    """The chip of a built-in include file, by the file's name in any case; None when it is not built in."""
-    for each in DEVICES:
-        if name.lower() == f"p{each.short_name.lower()}.inc":
-            return each
-    return None
+    """Return the chip of a built-in include file, by the file's name in any case; None for another name."""
+    return dict(zip(HEADERS, ASSEMBLED_DEVICES, strict=True)).get(name.lower())
 
 
 @cache
@@ -57,16 +56,20 @@ def header_text(device: Device) -> str:
     values |= {f"_IDLOC{number}": ID_ADDRESS + number for number in range(ID_WORDS)}
     rows = [f"{name:<12} EQU H'{value:04X}'" for name, value in values.items()]
     mismatch = f'  IFNDEF __{device.short_name}\n  MESSG "this header is for {device.name}"\n  ENDIF\n'
-    bad = f"  __MAXRAM H'{0x80 | RAM_LAST:02X}'\n  __BADRAM H'07', H'{RAM_LAST + 1:02X}'-H'7F', H'87'\n"
+    last = device.ram_last
+    bad = f"  __MAXRAM H'{0x80 | last:02X}'\n  __BADRAM H'07', H'{last + 1:02X}'-H'7F', H'87'\n"
     return mismatch + "\n".join(rows) + "\n" + bad
 
 
 def _fuses(device: Device) -> dict[str, int]:
     """Words to be joined with &: each has only its own bits at choice, all others 1."""
-    fuses = {"_CONFIG": CONFIG_ADDRESS}
+    fuses = {"_CONFIG1" if device == PIC16C84 else "_CONFIG": CONFIG_ADDRESS}
     for name, bits in OSCILLATORS.items():
         fuses |= dict.fromkeys(OSCILLATOR_NAMES[name], WORD_MASK & ~0b11 | bits)
     off, on = WORD_MASK & ~CONFIG_WATCHDOG_ON, WORD_MASK
     fuses |= {"_WDT_OFF": off, "_WDTE_OFF": off, "_WDT_ON": on, "_WDTE_ON": on}
-    fuses |= {"_PWRTE_ON": WORD_MASK & ~CONFIG_POWER_UP_TIMER_OFF, "_PWRTE_OFF": WORD_MASK}
+    on, off = WORD_MASK & ~CONFIG_POWER_UP_TIMER_OFF, WORD_MASK
+    if device.power_up_timer_on_is_1:
+        on, off = off, on
+    fuses |= {"_PWRTE_ON": on, "_PWRTE_OFF": off}
     return fuses | {"_CP_ON": WORD_MASK & ~device.code_protect_mask, "_CP_OFF": WORD_MASK}

@@ -11,6 +11,7 @@ from servogen.pic.assembler.source import Statement
 from servogen.pic.assembler.state import Directive, Pass
 from servogen.pic.assembler.text import Text
 from servogen.pic.device import (
+    ASSEMBLED_DEVICES,
     CONFIG_ADDRESS,
     CONFIG_OSCILLATOR_MASK,
     CONFIG_POWER_UP_TIMER_OFF,
@@ -18,6 +19,7 @@ from servogen.pic.device import (
     DEVICES,
     ID_ADDRESS,
     OSCILLATORS,
+    PIC16C84,
     device,
 )
 from servogen.pic.isa import WORD_MASK
@@ -55,7 +57,7 @@ def _processor(state: Pass, found: Statement) -> None:
 
 def _set_processor(state: Pass, name: Text, found: Statement) -> None:
     try:
-        chosen = device(name.chars)
+        chosen = device(name.chars, ASSEMBLED_DEVICES)
     except InputError as error:
         raise SourceError(error.message, name.column(0), error.hint, 180) from error
     if state.device is None:
@@ -116,11 +118,14 @@ CONFIG_SETTINGS = {
     "PWRTE": (CONFIG_POWER_UP_TIMER_OFF, {"ON": 0, "OFF": CONFIG_POWER_UP_TIMER_OFF}),
     "CP": (DEVICES[0].code_protect_mask, {"ON": 0, "OFF": DEVICES[0].code_protect_mask}),
 }
-"""The settings of CONFIG: their bits, and the values that they take; both chips have the same."""
+"""The settings of CONFIG: their bits, and the values that they take; the same on all `DEVICES`."""
 
 
 def _config_settings(state: Pass, found: Statement) -> None:
     """`config FOSC=XT, WDTE=OFF, …`: what is not said stays erased, that is 1."""
+    if state.device == PIC16C84:  # as in gpasm, which has no names for its settings
+        hint = "__config, with the names of p16c84.inc, works"
+        raise SourceError("CONFIG does not know the PIC16C84", found.column, hint, 181)
     for part in found.rest.split(","):
         name, _, value = (piece.strip().upper() for piece in part.chars.partition("="))
         if name not in CONFIG_SETTINGS:

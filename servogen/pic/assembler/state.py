@@ -147,6 +147,9 @@ class Pass:
         found = statement(line, self)
         if found.operation in CONDITIONAL:
             self.directives[found.operation](self, found)
+        elif found.operation in ELSE_IF and all(each.active for each in self.conditions[:-1]):
+            text = f"{found.word.upper()} is not a directive: it is left out with the lines around it"
+            self.report("warning", 122, text, line, found.column, ELSE_IF_HINT)
 
     def substituted(self, line: SourceLine) -> SourceLine:
         """The line after `#define` and `#v`."""
@@ -185,7 +188,7 @@ class Pass:
             self._call(self.macros[found.word], found)
         elif operation:
             known = (*self.directives, *(name.lower() for name in instructions.mnemonics()), *self.macros)
-            hint = suggestion(found.word, known)
+            hint = ELSE_IF_HINT if operation in ELSE_IF else suggestion(found.word, known)
             raise SourceError(f"unknown operation '{found.word}'", found.column, hint, 122)
 
     @property
@@ -317,9 +320,14 @@ class Pass:
             raise TooManyErrors
 
 
-_CONDITIONS = ("if", "ifdef", "ifndef", "elif", "elifdef", "elifndef", "else", "endif")
+_CONDITIONS = ("if", "ifdef", "ifndef", "else", "endif")
 CONDITIONAL = frozenset(mark + name for mark in ("", "#") for name in _CONDITIONS)
 """The directives that count in the lines of an IF that does not hold."""
+
+ELSE_IF = frozenset(mark + name for mark in ("", "#") for name in ("elif", "elifdef", "elifndef"))
+"""What sources take for directives: gpasm 1.4 leaves them out where an IF does not hold, like any
+line there, and does not know them where it does."""
+ELSE_IF_HINT = "as in gpasm; put another IF between ELSE and ENDIF"
 
 OWN_LABEL = frozenset(("equ", "set", ".set", "=", "macro", "org", *ASSIGNMENTS))
 """Directives that give the label in front of them a meaning of their own."""

@@ -25,7 +25,7 @@ class Definition:
 DEEPEST_DEFINITIONS = 100
 """`#define`d names within the replacement of each other."""
 
-_KEPT = re.compile(r"\s*#?(?:define|undefine|ifdef|ifndef|elifdef|elifndef)\b", re.IGNORECASE)
+_KEPT = re.compile(r"\s*#?(?:define|undefine|ifdef|ifndef)\b", re.IGNORECASE)
 """These directives take a name as it stands."""
 
 _WORD = re.compile(r"[bodhqaBODHQA]'[^']*'|" + IDENTIFIER.pattern + r"|[0-9][\w]*")
