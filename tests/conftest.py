@@ -1,8 +1,13 @@
 """What every test can rely on."""
 
+import os
+
 import pytest
 
+from servogen.compiler.options import VERIFY_IR
 from servogen.simulator.native import loop
+
+os.environ[VERIFY_IR] = "1"  # the compiler checks its intermediate form after every pass
 
 
 @pytest.fixture(scope="session", autouse=True)

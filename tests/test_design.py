@@ -4,6 +4,8 @@ import ast
 import re
 from pathlib import Path
 
+from servogen.graph import components
+
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "servogen"
 EVERYTHING = "everything"
@@ -32,6 +34,51 @@ def test_the_check_is_independent_of_what_it_checks() -> None:
     assert not allowed["verify"] - leaves(allowed)
 
 
+def test_no_stage_of_the_compiler_imports_what_the_design_does_not_allow() -> None:
+    allowed = design_table("stage")
+    compiler = PACKAGE / "compiler"
+    forbidden = []
+    for file in sorted(compiler.rglob("*.py")):
+        stage = file.relative_to(compiler).parts[0].removesuffix(".py")
+        for line, module in modules_of(file):
+            other = [*module.removeprefix("servogen.compiler").split("."), ""][1]
+            inside = module.startswith("servogen.compiler.") and stage not in ("__init__", other)
+            if inside and other not in allowed[stage] and EVERYTHING not in allowed[stage]:
+                forbidden.append(f"{file.relative_to(ROOT)}:{line} imports {module}")
+    assert not forbidden, "\n".join(forbidden)
+    assert {each.stem for each in compiler.iterdir() if each.stem[0] != "_"} == set(allowed)
+
+
+def test_no_modules_of_the_compiler_import_each_other_in_a_circle() -> None:
+    graph = {
+        "servogen." + ".".join(file.relative_to(PACKAGE).with_suffix("").parts): [
+            module for _, module in modules_of(file)
+        ]
+        for file in (PACKAGE / "compiler").rglob("*.py")
+    }
+    assert (
+        components({name: [each for each in named if each in graph] for name, named in graph.items()}) == []
+    )
+
+
+def test_no_class_of_the_compiler_is_a_chapter_of_another() -> None:
+    """At most one of our own classes above another, no stub, no dispatch by made-up names."""
+    bases: dict[str, list[str]] = {}
+    for file in sorted((PACKAGE / "compiler").rglob("*.py")):
+        text = file.read_text()
+        assert "NotImplementedError" not in text.replace("raise NotImplementedError  # abstract", ""), file
+        assert not re.search(r"getattr\([^)]*[\"'] ?\+", text), file
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.ClassDef):
+                bases[node.name] = [each.id for each in node.bases if isinstance(each, ast.Name)]
+    deep = [
+        name
+        for name, above in bases.items()
+        if any(grand in bases for each in above if each in bases for grand in bases[each])
+    ]
+    assert deep == []
+
+
 def test_a_forbidden_import_is_seen(tmp_path: Path) -> None:
     file = tmp_path / "wrong.py"
     file.write_text("def late() -> None:\n    from servogen.compiler import compile_sources\n")
@@ -39,11 +86,25 @@ def test_a_forbidden_import_is_seen(tmp_path: Path) -> None:
     assert not may_import(design_table(), "simulator", "compiler")
 
 
-def design_table() -> dict[str, set[str]]:
-    """Package -> the packages that the design's table lets it import."""
+def modules_of(file: Path) -> list[tuple[int, str]]:
+    """(line, module) of each import of servogen's modules."""
+    found = []
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("servogen"):
+            found.append((node.lineno, node.module))
+        elif isinstance(node, ast.Import):
+            found += [(node.lineno, each.name) for each in node.names if each.name.startswith("servogen")]
+    return found
+
+
+def design_table(first_column: str = "package") -> dict[str, set[str]]:
+    """Package (or stage of the compiler) -> those that the design's table lets it import."""
     rows = {}
+    table = ""
     for line in (ROOT / "docs" / "design.md").read_text().splitlines():
-        if line.startswith("| `"):
+        heading = re.match(r"\| (package|stage) \|", line)
+        table = heading[1] if heading else table
+        if line.startswith("| `") and table == first_column:
             names, _, imports = (cell.strip() for cell in line.strip("|").split("|"))
             for name in re.findall(r"`([a-z_]+)/?`", names):
                 rows[name] = set(re.findall(r"[a-z_]+", imports))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -49,6 +50,18 @@ def compile_c(
     clock_hz: Annotated[
         int | None, typer.Option("--clock-hz", min=1, help="The clock, where the source does not say it.")
     ] = None,
+    dump: Annotated[
+        str | None,
+        typer.Option(
+            "--dump",
+            metavar="ir[:PASS]",
+            help="Print the compiler's intermediate form after a pass (default: the last one), and what each "
+            "pass saved.",
+        ),
+    ] = None,
+    verify_ir: Annotated[
+        bool, typer.Option("--verify-ir", help="Check the intermediate form after every pass.")
+    ] = False,
     timeout: TimeLimit = COMPILING.seconds,
     memory_mb: MemoryLimit = COMPILING.memory_mb,
     json: Json = False,
@@ -65,7 +78,10 @@ def compile_c(
         clock_hz=clock_hz,
         optimise={"0": "none", "1": "speed", "s": "size"}.get(optimise, optimise),
         include=beside_c,
+        dump_ir=_pass_to_dump(dump),
     )
+    if verify_ir:
+        options = replace(options, verify_ir=True)
     compilation = within_limits(
         lambda: compile_sources(texts, options),
         sources[0],
@@ -84,11 +100,32 @@ def compile_c(
                 "ram_bytes": compilation.ram_bytes,
                 "clock_hz": compilation.clock.hz if compilation.clock else None,
                 "warnings": [str(diagnostic) for diagnostic in compilation.diagnostics],
+                "saved_by_pass": dict(compilation.saved),
+                **({"ir": compilation.ir} if dump else {}),
             }
         )
     else:
+        if dump:
+            print(compilation.ir)
+            print(
+                "\n".join(f"; {name} saved {words} words" for name, words in compilation.saved.items())
+                or "; no pass saved a word"
+            )
         print(f"{target}: {compilation.words} words of 1024, {compilation.ram_bytes} bytes of 68, {spoken}")
     warn_of_all(compilation.diagnostics)
+
+
+def _pass_to_dump(asked: str | None) -> str | None:
+    """The pass of `--dump ir[:PASS]`. Raises InputError."""
+    from servogen.compiler.passes.manager import PASSES
+    from servogen.errors import InputError
+
+    if asked is None:
+        return None
+    form, _, name = asked.partition(":")
+    if form != "ir":
+        raise InputError(f"--dump: '{asked}' is not ir or ir:PASS", hint=f"passes: {', '.join(PASSES)}")
+    return name or PASSES[-1]
 
 
 def assemble(

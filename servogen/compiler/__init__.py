@@ -3,6 +3,7 @@ image and a listing.
 """
 
 from servogen.compiler.diagnostics import CompileError, Diagnostic
-from servogen.compiler.driver import Compilation, Options, Source, compile_sources
+from servogen.compiler.driver import Compilation, compile_sources
+from servogen.compiler.options import Options, Source
 
 __all__ = ["Compilation", "CompileError", "Diagnostic", "Options", "Source", "compile_sources"]

@@ -5,67 +5,36 @@ In: `Source`s and `Options`. Out: a `Compilation`, or CompileError with every di
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from pycparser import c_ast
-
-from servogen.compiler.backend import Backend, globals_of
-from servogen.compiler.banks import banked, exit_banks, switch_banks
-from servogen.compiler.builtins import Builtins
-from servogen.compiler.checks import check_program
-from servogen.compiler.delay_sites import expand_delays
+from servogen.compiler.codegen.program import ProgramGenerator
+from servogen.compiler.codegen.startup import RESET, arrange
 from servogen.compiler.diagnostics import CompileError, Diagnostic, Fatal, Reporter
-from servogen.compiler.dialect import DIALECTS, headers, macros, named_types
-from servogen.compiler.emitter import Code
-from servogen.compiler.layout import allocate, lay_out
-from servogen.compiler.optimise import optimise
-from servogen.compiler.parse import parse
-from servogen.compiler.preprocess import Preprocessed, preprocess
-from servogen.compiler.rawtext import AsmBlock
-from servogen.compiler.report import make_listing
-from servogen.compiler.rewrite import Rewritten, rewrite_tokens
-from servogen.compiler.settings import Settings
-from servogen.compiler.sharing import share
-from servogen.compiler.stack import check_stack
-from servogen.compiler.startup import RESET, arrange
-from servogen.compiler.syntax_errors import place_of
-from servogen.compiler.timing import all_times
+from servogen.compiler.emit.delays import expand_delays
+from servogen.compiler.emit.layout import allocate, lay_out
+from servogen.compiler.emit.listing import make_listing
+from servogen.compiler.emit.timing import function_times
+from servogen.compiler.frontend.asm_blocks import AsmBlock
+from servogen.compiler.frontend.dialects import DIALECTS, headers, macros
+from servogen.compiler.frontend.extensions import Rewritten, rewrite_tokens
+from servogen.compiler.frontend.preprocessor import Preprocessed, preprocess
+from servogen.compiler.frontend.settings import Settings
+from servogen.compiler.ir.function import Function
+from servogen.compiler.ir.printer import text_of
+from servogen.compiler.options import LEVELS, Options, Source
+from servogen.compiler.passes.bank_select import banked, exit_banks, switch_banks
+from servogen.compiler.passes.call_depth import check_stack
+from servogen.compiler.passes.manager import PASSES, PassManager
+from servogen.compiler.passes.outlining import outline
+from servogen.compiler.sema.call_graph import CallGraph, call_graph, check_calls, globals_of
+from servogen.compiler.sema.checks import check_program
+from servogen.compiler.sema.translation_unit import analyse
 from servogen.errors import InputError, Place, nearest
-from servogen.pic.device import Device, device
 from servogen.pic.image import Image
 from servogen.pic.listing import Listing
 from servogen.units import Clock
-
-
-@dataclass(frozen=True, slots=True)
-class Source:
-    """One C file: its text and the name that messages give it."""
-
-    text: str
-    file: str = "main.c"
-
-
-LEVELS = {
-    "none": "as the code generator writes it",
-    "speed": "fewest cycles, then fewest words; nothing is shared that would take longer",
-    "size": "fewest words: equal runs of instructions become subroutines",
-}
-"""Levels of optimisation."""
-
-
-@dataclass(frozen=True, slots=True)
-class Options:
-    """How to compile. `include` maps (name, including file) to (file name, text) or None."""
-
-    dialect: str = "c2c"
-    device: Device = field(default_factory=lambda: device("PIC16F84A"))
-    clock_hz: int | None = None
-    optimise: str = "speed"
-    """One of `LEVELS`."""
-    include: Callable[[str, str], tuple[str, str] | None] | None = None
-    defines: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +47,10 @@ class Compilation:
     words: int
     ram_bytes: int
     diagnostics: tuple[Diagnostic, ...]
+    saved: Mapping[str, int]
+    """Instructions that each pass has removed."""
+    ir: str
+    """The intermediate form after the pass that was asked for."""
 
 
 def compile_sources(sources: Sequence[Source], options: Options | None = None) -> Compilation:
@@ -89,6 +62,8 @@ def compile_sources(sources: Sequence[Source], options: Options | None = None) -
         raise InputError(
             f"unknown level of optimisation '{options.optimise}'", hint=nearest(options.optimise, LEVELS)
         )
+    if options.dump_ir is not None and options.dump_ir not in PASSES:
+        raise InputError(f"unknown pass '{options.dump_ir}'", hint=nearest(options.dump_ir, PASSES))
     if not sources:
         raise InputError("there is no source file to compile")
     reporter = Reporter()
@@ -111,33 +86,30 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
         for pragma in found.pragmas:
             settings.pragma(pragma)
     clock = settings.clock(all_macros, options.clock_hz)
-    analysis = analyse(files, options, reporter, blocks, settings, clock)
+    analysis = analyse(files, options.dialect, reporter, blocks, settings, clock)
     reporter.stop_on_error()
-    backend = Backend(analysis.program, reporter, analysis.asm_symbols)
-    backend.check()
+    graph = call_graph(analysis.program)
+    check_calls(graph, reporter)
     reporter.stop_on_error()
-    check_program(backend, reporter)
-    _mark_shared(backend)
-    codes = backend.generate()
+    check_program(graph, reporter)
+    _mark_shared(graph)
+    dump = _Dump(options.dump_ir)
+    manager = PassManager(options.verify_ir, dump.keep)
+    generator = ProgramGenerator(graph, reporter, analysis.asm_symbols)
+    functions = generator.generate()
+    manager.finished_all("codegen", functions)
     reporter.stop_on_error()
-    arrangement = arrange(backend, analysis.program, settings, reporter)
-    for code in codes.values():
-        if options.optimise != "none":
-            optimise(code)
-    reaching = banked(codes)
-    leaving = exit_banks(codes, reaching)
-    for code in codes.values():
-        switch_banks(code, reaching, leaving)
-    drop_unused(codes, arrangement.roots)
-    if options.optimise == "size":
-        share(codes, arrangement.roots)
-    room = check_stack(codes, arrangement.roots, reporter)
+    arrangement = arrange(generator, analysis.program, settings, reporter)
+    manager.finished_all("startup", functions)
+    _transform(functions, arrangement.roots, options, manager)
+    room = check_stack(functions, arrangement.roots, reporter)
     reporter.stop_on_error()
-    times = all_times(codes)
-    times |= expand_delays(codes, room, reached(codes, arrangement.roots[1:]))
-    memory = allocate(arrangement.roots, codes, arrangement.statics, reporter)
+    in_interrupt = reached(functions, arrangement.roots[1:])
+    expand_delays(functions, room, in_interrupt)
+    manager.finished_all("delays", functions)
+    memory = allocate(arrangement.roots, functions, arrangement.statics, reporter)
     layout = lay_out(
-        arrangement.order(codes), memory, reporter, arrangement.tables, small=options.optimise == "size"
+        arrangement.order(functions), memory, reporter, arrangement.tables, small=options.optimise == "size"
     )
     reporter.stop_on_error()
     image = Image(
@@ -145,8 +117,52 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
         settings.config_word(clock),
         analysis.program.eeprom,
     )
-    listing = make_listing(layout, memory, codes, times, reporter)
-    return Compilation(image, listing, clock, len(layout.words), memory.used, reporter.ordered())
+    in_main = reached(functions, arrangement.roots[:1])
+    times = function_times(layout, functions, main=in_main, interrupt=in_interrupt)
+    return Compilation(
+        image,
+        make_listing(layout, memory, functions, times, reporter),
+        clock,
+        words=len(layout.words),
+        ram_bytes=memory.used,
+        diagnostics=reporter.ordered(),
+        saved=dict(+manager.saved),
+        ir=dump.text(functions),
+    )
+
+
+def _transform(
+    functions: dict[str, Function], roots: list[str], options: Options, manager: PassManager
+) -> None:
+    """Run the passes over each function, then those over the whole program."""
+    if options.optimise != "none":
+        for function in functions.values():
+            manager.optimise(function)
+    reaching = banked(functions)
+    leaving = exit_banks(functions, reaching)
+    for function in functions.values():
+        switch_banks(function, reaching, leaving)
+    manager.finished_all("bank-select", functions)
+    drop_unused(functions, roots)
+    if options.optimise == "size":
+        manager.saved["outlining"] += outline(functions, roots)
+        manager.finished_all("outlining", functions)
+
+
+class _Dump:
+    """Keeps the text of each function as one pass leaves it."""
+
+    def __init__(self, after: str | None) -> None:
+        self.after = after
+        self._texts: dict[str, str] = {}
+
+    def keep(self, name: str, function: Function) -> None:
+        if name == self.after:
+            self._texts[function.name] = text_of(function)
+
+    def text(self, functions: Mapping[str, Function]) -> str:
+        """The functions that are left, in order."""
+        return "\n".join(self._texts[name] for name in functions if name in self._texts)
 
 
 def _read(
@@ -164,72 +180,33 @@ def _read(
     return found, rewrite_tokens(found.tokens, blocks, reporter, number * 1000)
 
 
-def analyse(
-    files: list[tuple[Preprocessed, Rewritten]],
-    options: Options,
-    reporter: Reporter,
-    blocks: list[AsmBlock],
-    settings: Settings,
-    clock: Clock | None,
-) -> Builtins:
-    """Parse and check every file; heads first, so that functions may be called before they are written."""
-    analysis = Builtins(options.dialect, reporter)
-    analysis.clock, analysis.serial_settings, analysis.blocks = clock, settings.serial, blocks
-    bodies: list[tuple[Any, Any, Any]] = []
-    for _, rewritten in files:
-        units = parse(rewritten.tokens, named_types(), reporter)
-        analysis.begin_file(rewritten)
-        for unit in units:
-            try:
-                if isinstance(unit, c_ast.FuncDef):
-                    bodies.append((analysis.head(unit), unit, analysis.scopes))
-                elif isinstance(unit, (c_ast.Decl, c_ast.Typedef)):
-                    analysis.declare(unit)
-                elif isinstance(unit, c_ast.StaticAssert):
-                    analysis.static_assertion(unit)
-            except RecursionError:
-                raise reporter.too_deep(place_of(unit.coord)) from None
-            except Fatal:
-                declared = unit.decl if isinstance(unit, c_ast.FuncDef) else unit
-                reporter.lost.update(filter(None, [getattr(declared, "name", None)]))
-        analysis.file_assembly(rewritten, settings)
-    for function, unit, scopes in bodies:
-        analysis.scopes = scopes
-        try:
-            analysis.define_function(function, unit)
-        except RecursionError:
-            raise reporter.too_deep(function.place) from None
-    analysis.finish(settings)
-    return analysis
-
-
-def reached(codes: dict[str, Code], roots: list[str]) -> set[str]:
+def reached(functions: dict[str, Function], roots: list[str]) -> set[str]:
     """The functions that the roots call, directly or not, themselves included."""
     found = set(roots)
     waiting = list(roots)
     while waiting:
-        more = [name for name in codes[waiting.pop()].calls() if name in codes and name not in found]
+        more = [name for name in functions[waiting.pop()].calls() if name in functions and name not in found]
         found.update(more)
         waiting += more
     return found
 
 
-def drop_unused(codes: dict[str, Code], roots: list[str]) -> None:
+def drop_unused(functions: dict[str, Function], roots: list[str]) -> None:
     """Forget functions and routines that nothing calls any more."""
-    wanted = reached(codes, roots)
+    wanted = reached(functions, roots)
     for name in [
         name
-        for name, code in codes.items()
-        if name not in wanted and code.table is None and code.name != RESET
+        for name, function in functions.items()
+        if name not in wanted and function.table is None and function.name != RESET
     ]:
-        del codes[name]
-    for name, code in codes.items():
-        if code.table is not None and name not in wanted:  # only its address is used
-            code.w_parameter, code.own = None, []
+        del functions[name]
+    for name, function in functions.items():
+        if function.table is not None and name not in wanted:  # only its address is used
+            function.w_parameter, function.own = None, []
 
 
-def _mark_shared(backend: Backend) -> None:
+def _mark_shared(graph: CallGraph) -> None:
     """Variables that the interrupt names are read and written as they stand."""
-    for symbol in globals_of(backend.program, backend.isr):
+    for symbol in globals_of(graph.program, graph.isr):
         if symbol.static:
             symbol.volatile = True

@@ -21,13 +21,23 @@ class Instruction:
     mnemonic: str
     pattern: str
     cycles: int
-    """Instruction cycles; one more when a skip is taken (`skips`) or PCL is the destination."""
+    """Instruction cycles; one more when a skip is taken or PCL is the destination."""
     flags: str
     """The STATUS bits that it may change: of C, D (digit carry), Z, T (TO), P (PD)."""
+    reads: str
+    """What it reads: of W, f, and C (the carry flag)."""
+    writes: str
+    """Where its result goes: W, f, d (either, by the destination bit), or nothing."""
     operation: str
-    skips: bool = False
+    flow: str = "next"
+    """Where execution continues: "next", "skip" (perhaps one further), "jump", "call" or "return"."""
     ignored: int = 0
     """What assemblers put in the bits that the chip ignores."""
+
+    @property
+    def skips(self) -> bool:
+        """Whether it may skip the next instruction."""
+        return self.flow == "skip"
 
     @property
     def bits(self) -> str:
@@ -54,47 +64,49 @@ class Instruction:
 
 
 INSTRUCTIONS = (
-    Instruction("ADDWF", "00 0111 dfff ffff", 1, "CDZ", "W + f -> d"),
-    Instruction("ANDWF", "00 0101 dfff ffff", 1, "Z", "W & f -> d"),
-    Instruction("CLRF", "00 0001 1fff ffff", 1, "Z", "0 -> f"),
-    Instruction("CLRW", "00 0001 0xxx xxxx", 1, "Z", "0 -> W", ignored=0b0000011),  # MPASM writes 0x0103
-    Instruction("COMF", "00 1001 dfff ffff", 1, "Z", "~f -> d"),
-    Instruction("DECF", "00 0011 dfff ffff", 1, "Z", "f - 1 -> d"),
-    Instruction("DECFSZ", "00 1011 dfff ffff", 1, "", "f - 1 -> d, skip if 0", skips=True),
-    Instruction("INCF", "00 1010 dfff ffff", 1, "Z", "f + 1 -> d"),
-    Instruction("INCFSZ", "00 1111 dfff ffff", 1, "", "f + 1 -> d, skip if 0", skips=True),
-    Instruction("IORWF", "00 0100 dfff ffff", 1, "Z", "W | f -> d"),
-    Instruction("MOVF", "00 1000 dfff ffff", 1, "Z", "f -> d"),
-    Instruction("MOVWF", "00 0000 1fff ffff", 1, "", "W -> f"),
-    Instruction("NOP", "00 0000 0xx0 0000", 1, "", "nothing"),
-    Instruction("RLF", "00 1101 dfff ffff", 1, "C", "f rotated left through C -> d"),
-    Instruction("RRF", "00 1100 dfff ffff", 1, "C", "f rotated right through C -> d"),
-    Instruction("SUBWF", "00 0010 dfff ffff", 1, "CDZ", "f - W -> d"),
-    Instruction("SWAPF", "00 1110 dfff ffff", 1, "", "f with its nibbles swapped -> d"),
-    Instruction("XORWF", "00 0110 dfff ffff", 1, "Z", "W ^ f -> d"),
-    Instruction("BCF", "01 00bb bfff ffff", 1, "", "0 -> f<b>"),
-    Instruction("BSF", "01 01bb bfff ffff", 1, "", "1 -> f<b>"),
-    Instruction("BTFSC", "01 10bb bfff ffff", 1, "", "skip if f<b> is 0", skips=True),
-    Instruction("BTFSS", "01 11bb bfff ffff", 1, "", "skip if f<b> is 1", skips=True),
-    Instruction("ADDLW", "11 111x kkkk kkkk", 1, "CDZ", "k + W -> W"),
-    Instruction("ANDLW", "11 1001 kkkk kkkk", 1, "Z", "k & W -> W"),
-    Instruction("CALL", "10 0kkk kkkk kkkk", 2, "", "PC + 1 -> stack, k -> PC"),
-    Instruction("CLRWDT", "00 0000 0110 0100", 1, "TP", "0 -> watchdog and its prescaler"),
-    Instruction("GOTO", "10 1kkk kkkk kkkk", 2, "", "k -> PC"),
-    Instruction("IORLW", "11 1000 kkkk kkkk", 1, "Z", "k | W -> W"),
-    Instruction("MOVLW", "11 00xx kkkk kkkk", 1, "", "k -> W"),
-    Instruction("RETFIE", "00 0000 0000 1001", 2, "", "stack -> PC, 1 -> GIE"),
-    Instruction("RETLW", "11 01xx kkkk kkkk", 2, "", "k -> W, stack -> PC"),
-    Instruction("RETURN", "00 0000 0000 1000", 2, "", "stack -> PC"),
-    Instruction("SLEEP", "00 0000 0110 0011", 1, "TP", "0 -> watchdog, oscillator off"),
-    Instruction("SUBLW", "11 110x kkkk kkkk", 1, "CDZ", "k - W -> W"),
-    Instruction("XORLW", "11 1010 kkkk kkkk", 1, "Z", "k ^ W -> W"),
+    Instruction("ADDWF", "00 0111 dfff ffff", 1, "CDZ", "Wf", "d", "W + f -> d"),
+    Instruction("ANDWF", "00 0101 dfff ffff", 1, "Z", "Wf", "d", "W & f -> d"),
+    Instruction("CLRF", "00 0001 1fff ffff", 1, "Z", "", "f", "0 -> f"),
+    Instruction(
+        "CLRW", "00 0001 0xxx xxxx", 1, "Z", "", "W", "0 -> W", ignored=0b0000011
+    ),  # MPASM writes 0x0103
+    Instruction("COMF", "00 1001 dfff ffff", 1, "Z", "f", "d", "~f -> d"),
+    Instruction("DECF", "00 0011 dfff ffff", 1, "Z", "f", "d", "f - 1 -> d"),
+    Instruction("DECFSZ", "00 1011 dfff ffff", 1, "", "f", "d", "f - 1 -> d, skip if 0", flow="skip"),
+    Instruction("INCF", "00 1010 dfff ffff", 1, "Z", "f", "d", "f + 1 -> d"),
+    Instruction("INCFSZ", "00 1111 dfff ffff", 1, "", "f", "d", "f + 1 -> d, skip if 0", flow="skip"),
+    Instruction("IORWF", "00 0100 dfff ffff", 1, "Z", "Wf", "d", "W | f -> d"),
+    Instruction("MOVF", "00 1000 dfff ffff", 1, "Z", "f", "d", "f -> d"),
+    Instruction("MOVWF", "00 0000 1fff ffff", 1, "", "W", "f", "W -> f"),
+    Instruction("NOP", "00 0000 0xx0 0000", 1, "", "", "", "nothing"),
+    Instruction("RLF", "00 1101 dfff ffff", 1, "C", "fC", "d", "f rotated left through C -> d"),
+    Instruction("RRF", "00 1100 dfff ffff", 1, "C", "fC", "d", "f rotated right through C -> d"),
+    Instruction("SUBWF", "00 0010 dfff ffff", 1, "CDZ", "Wf", "d", "f - W -> d"),
+    Instruction("SWAPF", "00 1110 dfff ffff", 1, "", "f", "d", "f with its nibbles swapped -> d"),
+    Instruction("XORWF", "00 0110 dfff ffff", 1, "Z", "Wf", "d", "W ^ f -> d"),
+    Instruction("BCF", "01 00bb bfff ffff", 1, "", "f", "f", "0 -> f<b>"),
+    Instruction("BSF", "01 01bb bfff ffff", 1, "", "f", "f", "1 -> f<b>"),
+    Instruction("BTFSC", "01 10bb bfff ffff", 1, "", "f", "", "skip if f<b> is 0", flow="skip"),
+    Instruction("BTFSS", "01 11bb bfff ffff", 1, "", "f", "", "skip if f<b> is 1", flow="skip"),
+    Instruction("ADDLW", "11 111x kkkk kkkk", 1, "CDZ", "W", "W", "k + W -> W"),
+    Instruction("ANDLW", "11 1001 kkkk kkkk", 1, "Z", "W", "W", "k & W -> W"),
+    Instruction("CALL", "10 0kkk kkkk kkkk", 2, "", "", "", "PC + 1 -> stack, k -> PC", flow="call"),
+    Instruction("CLRWDT", "00 0000 0110 0100", 1, "TP", "", "", "0 -> watchdog and its prescaler"),
+    Instruction("GOTO", "10 1kkk kkkk kkkk", 2, "", "", "", "k -> PC", flow="jump"),
+    Instruction("IORLW", "11 1000 kkkk kkkk", 1, "Z", "W", "W", "k | W -> W"),
+    Instruction("MOVLW", "11 00xx kkkk kkkk", 1, "", "", "W", "k -> W"),
+    Instruction("RETFIE", "00 0000 0000 1001", 2, "", "", "", "stack -> PC, 1 -> GIE", flow="return"),
+    Instruction("RETLW", "11 01xx kkkk kkkk", 2, "", "", "W", "k -> W, stack -> PC", flow="return"),
+    Instruction("RETURN", "00 0000 0000 1000", 2, "", "", "", "stack -> PC", flow="return"),
+    Instruction("SLEEP", "00 0000 0110 0011", 1, "TP", "", "", "0 -> watchdog, oscillator off"),
+    Instruction("SUBLW", "11 110x kkkk kkkk", 1, "CDZ", "W", "W", "k - W -> W"),
+    Instruction("XORLW", "11 1010 kkkk kkkk", 1, "Z", "W", "W", "k ^ W -> W"),
 )
 """The 35 instructions of the data sheet, in its order."""
 
 LEGACY = (
-    Instruction("OPTION", "00 0000 0110 0010", 1, "", "W -> OPTION_REG"),
-    Instruction("TRIS", "00 0000 0110 0fff", 1, "", "W -> TRIS of port f"),
+    Instruction("OPTION", "00 0000 0110 0010", 1, "", "W", "", "W -> OPTION_REG"),
+    Instruction("TRIS", "00 0000 0110 0fff", 1, "", "W", "", "W -> TRIS of port f"),
 )
 """Two of the PIC16C5x that the chip keeps. TRIS takes f = 5 (port A) or 6 (port B) only."""
 

@@ -16,7 +16,7 @@ from servogen.errors import Caution
 from servogen.job import Job
 from servogen.motion import JointTrajectory
 from servogen.pic.listing import Listing
-from servogen.pic.longest import longest
+from servogen.pic.wcet import Program
 from servogen.pipeline.fitting import compiled_to_fit
 from servogen.pipeline.tuning import Firmware
 from servogen.pulse.player import Layout, Playing, Room, playing, soft_start
@@ -59,13 +59,8 @@ def firmware(text: str, job: Job, layout: Layout, dialect: str) -> Firmware:
 
 def rooms(listing: Listing, layout: Layout) -> tuple[Room, ...]:
     """The time that the C takes between two slots and between two frames, beside what it has."""
-    most = partial(
-        longest,
-        {row.address: row.word for row in listing.rows},
-        listing.functions,
-        label(listing, DONE),
-        {label(listing, CHECK)},
-    )
+    program = Program({row.address: row.word for row in listing.rows}, listing.functions)
+    most = partial(program.longest, label(listing, DONE), {label(listing, CHECK)})
     return (
         Room("two slots", most(without={label(listing, WIDTHS)}), layout.between_slots),
         Room("two frames", most(), layout.between_frames),

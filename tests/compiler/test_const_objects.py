@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
-from servogen.compiler.dialect import DIALECTS
 from servogen.compiler.driver import LEVELS
+from servogen.compiler.frontend.dialects import DIALECTS
 from tests.compiler.bus import Bus
 
 EVERYWHERE = [(dialect, level) for dialect in DIALECTS for level in LEVELS]

@@ -7,7 +7,7 @@ from itertools import pairwise
 import pytest
 
 from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
-from servogen.compiler.driver import LEVELS
+from servogen.compiler.options import LEVELS
 from servogen.edges import PINS
 from servogen.errors import InputError
 from servogen.simulator import Machine

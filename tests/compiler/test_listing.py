@@ -153,7 +153,7 @@ def test_the_longest_multiplication_is_nearly_reached() -> None:
     [
         ("wait", ("while at line 12",)),
         ("waits", ("call of wait at line 18", "do at line 16")),
-        ("jumps", ("loop at line 22",)),
+        ("jumps", ("loop at line 23",)),
         ("store", ("call of __eeprom_write at line 25",)),
         ("__eeprom_write", ("waits for the EEPROM",)),
         ("step", ()),

@@ -38,7 +38,7 @@ def pattern(node: ast.expr) -> str | None:
 def messages() -> dict[str, str]:
     """Pattern of each message, and where it is reported."""
     found: dict[str, str] = {}
-    for path in sorted(PACKAGE.glob("*.py")):
+    for path in sorted(PACKAGE.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text())):
             if not isinstance(node, ast.Call) or not node.args:
                 continue

@@ -10,8 +10,8 @@ from collections.abc import Iterable, Mapping, Sequence
 import pytest
 
 from servogen.compiler import Options, Source, compile_sources
-from servogen.compiler.dialect import DIALECTS
 from servogen.compiler.driver import LEVELS
+from servogen.compiler.frontend.dialects import DIALECTS
 from tests.compiler.bus import Bus
 
 EVERYWHERE = [(dialect, level) for dialect in DIALECTS for level in LEVELS]

@@ -1,0 +1,1 @@
+"""The typed tree: C types, expressions and statements, constant folding."""

@@ -1,0 +1,175 @@
+"""Constant arithmetic of C on this chip, and the range of values that an expression can take.
+
+In: typed tree nodes. Out: folded constants (ISO C 6.5 on types of 8 to 32 bits, wrapping), and (low, high)
+intervals from which the code generator chooses the narrowest arithmetic that is still right.
+"""
+
+from __future__ import annotations
+
+from servogen.compiler.ast.nodes import (
+    Assign,
+    Binary,
+    Cast,
+    Choice,
+    Comma,
+    Deref,
+    Expr,
+    Logic,
+    Num,
+    Ref,
+    Unary,
+    Update,
+)
+from servogen.compiler.ast.types import IntType, PointerType
+
+COMPARISONS = frozenset(("==", "!=", "<", ">", "<=", ">="))
+Interval = tuple[int, int]
+
+
+def fold(op: str, left: int, right: int, kind: IntType) -> int | None:
+    """`left op right` in a type; None for a division by zero."""
+    match op:
+        case "+":
+            value = left + right
+        case "-":
+            value = left - right
+        case "*":
+            value = left * right
+        case "/" | "%":
+            if right == 0:
+                return None
+            quotient = abs(left) // abs(right) * (1 if (left < 0) == (right < 0) else -1)
+            value = quotient if op == "/" else left - right * quotient
+        case "&":
+            value = left & right
+        case "|":
+            value = left | right
+        case "^":
+            value = left ^ right
+        case "<<":
+            value = left << (right & 0xFF)
+        case ">>":
+            value = left >> (right & 0xFF)
+        case _:
+            raise ValueError(op)
+    return kind.wrap(value)
+
+
+def compare(op: str, left: int, right: int) -> bool:
+    match op:
+        case "==":
+            return left == right
+        case "!=":
+            return left != right
+        case "<":
+            return left < right
+        case "<=":
+            return left <= right
+        case ">":
+            return left > right
+        case _:
+            return left >= right
+
+
+def type_interval(kind: object) -> Interval:
+    if isinstance(kind, IntType):
+        return kind.low, kind.high
+    if isinstance(kind, PointerType):
+        return 0, (1 << 8 * kind.size) - 1
+    return 0, 0
+
+
+def interval(expr: Expr) -> Interval:
+    """The least and the greatest value of an expression, from its types and constants."""
+    full = type_interval(expr.type)
+    match expr:
+        case Num(value):
+            return value, value
+        case Ref(width=width) | Deref(width=width) if width:
+            return _field(expr, width)
+        case Cast(operand):
+            inner = interval(operand)
+            if isinstance(expr.type, IntType) and expr.type.is_bool:
+                return 0, 1
+            return inner if full[0] <= inner[0] and inner[1] <= full[1] else full
+        case Unary("!") | Logic():
+            return 0, 1
+        case Unary("-", operand):
+            low, high = interval(operand)
+            return _fits((-high, -low), full)
+        case Binary(op) if op in COMPARISONS:
+            return 0, 1
+        case Binary():
+            return _fits(_binary(expr, full), full)
+        case Choice(_, yes, no):
+            one, two = interval(yes), interval(no)
+            return min(one[0], two[0]), max(one[1], two[1])
+        case Comma(_, second):
+            return interval(second)
+        case Assign(target, value):
+            full, inner = interval(target), interval(value)
+            return inner if full[0] <= inner[0] and inner[1] <= full[1] else full
+        case Update():
+            return full
+    return full
+
+
+def _field(expr: Ref | Deref, width: int) -> Interval:
+    if isinstance(expr.type, IntType) and expr.type.signed:
+        return -(1 << width - 1), (1 << width - 1) - 1
+    return 0, (1 << width) - 1
+
+
+def _fits(found: Interval, full: Interval) -> Interval:
+    return found if full[0] <= found[0] and found[1] <= full[1] else full
+
+
+def _binary(expr: Binary, full: Interval) -> Interval:
+    a, b = interval(expr.left), interval(expr.right)
+    match expr.op:
+        case "+":
+            return a[0] + b[0], a[1] + b[1]
+        case "-":
+            return a[0] - b[1], a[1] - b[0]
+        case "*":
+            ends = [x * y for x in a for y in b]
+            return min(ends), max(ends)
+        case "&" if b[0] >= 0 or a[0] >= 0:
+            bounds = [each[1] for each in (a, b) if each[0] >= 0]
+            return 0, min(bounds)
+        case "|" | "^" if a[0] >= 0 and b[0] >= 0:
+            return 0, (1 << max(a[1], b[1]).bit_length()) - 1
+        case "/" if b[0] > 0 and a[0] >= 0:
+            return a[0] // b[1], a[1] // b[0]
+        case "%" if b[0] > 0 and a[0] >= 0:
+            return 0, min(a[1], b[1] - 1)
+        case ">>" if b[0] == b[1] and b[0] >= 0:
+            return a[0] >> b[0], a[1] >> b[0]
+        case ">>" if a[0] >= 0:
+            return 0, a[1]
+        case "<<" if b[0] == b[1] and 0 <= b[0] < 32:
+            return a[0] << b[0], a[1] << b[0]
+    return full
+
+
+def has_effect(expr: Expr) -> bool:
+    """Whether evaluating it does anything beside giving a value (reads of volatile objects do)."""
+    match expr:
+        case Num():
+            return False
+        case Ref(symbol=symbol, index=index):
+            return symbol.volatile or expr.type.volatile or (index is not None and has_effect(index))
+        case Deref(pointer=pointer):
+            return expr.type.volatile or has_effect(pointer)
+        case Cast(operand) | Unary(_, operand):
+            return has_effect(operand)
+        case Binary(_, left, right) | Logic(_, left, right) | Comma(left, right):
+            return has_effect(left) or has_effect(right)
+        case Choice(condition, yes, no):
+            return has_effect(condition) or has_effect(yes) or has_effect(no)
+    target = getattr(expr, "target", None)
+    return not (
+        type(expr).__name__ == "AddressOf"
+        and target is not None
+        and (target.index is None or not has_effect(target.index))
+    )

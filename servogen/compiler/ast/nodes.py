@@ -1,0 +1,340 @@
+"""The typed tree of a program: symbols, expressions, statements, functions.
+
+In: nothing; the semantic analysis builds these values. Out: what the code generator translates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from servogen.compiler.ast.types import CType, IntType
+from servogen.errors import Place
+
+
+@dataclass(eq=False, slots=True)
+class Symbol:
+    """A variable: its storage and what is known of its use."""
+
+    name: str
+    type: CType
+    kind: str
+    """ "global", "local", "param", "result", "temp", "fixed" (at `address`) or "flash"."""
+    place: Place = field(default_factory=Place)
+    function: str | None = None
+    address: int | None = None
+    bank1: bool = False
+    pinned: bool = False
+    """Reached through a pointer, an index or assembly: its bytes stay together and are never kept
+    elsewhere.
+    """
+    volatile: bool = False
+    initial: dict[int, Data] | None = None
+    """What it starts with: a byte each, by offset."""
+    read: bool = False
+    written: bool = False
+    asm_name: str = ""
+
+    @property
+    def size(self) -> int:
+        return self.type.size
+
+    @property
+    def static(self) -> bool:
+        return self.kind in ("global", "fixed", "flash")
+
+    def __repr__(self) -> str:
+        return self.name
+
+
+@dataclass(frozen=True, slots=True)
+class AddressByte:
+    """One byte of the address of an object (plus an offset) as a constant: `part` 0 is the low one."""
+
+    symbol: Symbol
+    offset: int
+    part: int
+
+
+Data = int | AddressByte
+
+
+@dataclass(slots=True)
+class Num:
+    value: int
+    type: CType
+    place: Place
+
+
+@dataclass(slots=True)
+class Ref:
+    """An object or a part of it: `symbol` + `offset` + `index` bytes."""
+
+    symbol: Symbol
+    offset: int
+    index: Expr | None
+    type: CType
+    place: Place
+    bit: int | None = None
+    width: int = 0
+    """A bit-field of `type`, its lowest bit in the byte at `offset`."""
+
+
+@dataclass(slots=True)
+class Deref:
+    """What a pointer points to, `offset` bytes on."""
+
+    pointer: Expr
+    offset: int
+    type: CType
+    place: Place
+    bit: int | None = None
+    width: int = 0
+
+
+@dataclass(slots=True)
+class AddressOf:
+    """The address of an object (its `index` included) as a pointer value."""
+
+    target: Ref
+    type: CType
+    place: Place
+
+
+@dataclass(slots=True)
+class Cast:
+    operand: Expr
+    type: CType
+    place: Place
+
+
+@dataclass(slots=True)
+class Unary:
+    """`-`, `~`, or `!` (whose type is int)."""
+
+    op: str
+    operand: Expr
+    type: CType
+    place: Place
+
+
+@dataclass(slots=True)
+class Binary:
+    """Arithmetic on operands of the result's type; comparisons on operands of one type; shifts by any
+    integer.
+    """
+
+    op: str
+    left: Expr
+    right: Expr
+    type: CType
+    place: Place
+
+
+@dataclass(slots=True)
+class Logic:
+    """`&&` or `||`."""
+
+    op: str
+    left: Expr
+    right: Expr
+    type: CType
+    place: Place
+
+
+@dataclass(slots=True)
+class Choice:
+    """`? :`"""
+
+    condition: Expr
+    yes: Expr
+    no: Expr
+    type: CType
+    place: Place
+
+
+@dataclass(slots=True)
+class Comma:
+    first: Expr
+    second: Expr
+    type: CType
+    place: Place
+
+
+@dataclass(slots=True)
+class Assign:
+    target: Ref | Deref
+    value: Expr
+    type: CType
+    place: Place
+
+
+@dataclass(slots=True)
+class Update:
+    """`target op= value`, computed in the type `work`; `post` gives the value from before."""
+
+    op: str
+    target: Ref | Deref
+    value: Expr
+    work: IntType
+    post: bool
+    type: CType
+    place: Place
+
+
+@dataclass(slots=True)
+class Call:
+    function: str
+    arguments: list[Expr]
+    type: CType
+    place: Place
+
+
+@dataclass(slots=True)
+class Builtin:
+    """An operation of the chip or the library; `name` says which, `data` carries what is not an
+    expression.
+    """
+
+    name: str
+    arguments: list[Expr]
+    type: CType
+    place: Place
+    data: object = None
+
+
+class ConstNum(Num):
+    """The known value of a const object: a number that remembers where it lies, for `&`."""
+
+    __slots__ = ("reference",)
+
+    def __init__(self, reference: Ref, value: int) -> None:
+        super().__init__(value, reference.type.plain(), reference.place)
+        self.reference = reference
+
+
+Expr = (
+    Num
+    | Ref
+    | Deref
+    | AddressOf
+    | Cast
+    | Unary
+    | Binary
+    | Logic
+    | Choice
+    | Comma
+    | Assign
+    | Update
+    | Call
+    | Builtin
+)
+
+
+@dataclass(slots=True)
+class ExprStmt:
+    expr: Expr
+
+
+@dataclass(slots=True)
+class Block:
+    body: list[Stmt]
+
+
+@dataclass(slots=True)
+class If:
+    condition: Expr
+    yes: Stmt
+    no: Stmt | None
+    place: Place
+
+
+@dataclass(slots=True)
+class Loop:
+    """`while`, `for` and `do`: the test comes first unless `post`; `step` runs before the test is
+    repeated.
+    """
+
+    condition: Expr | None
+    body: Stmt
+    step: Expr | None
+    post: bool
+    place: Place
+    kind: str
+    """The keyword it was written with."""
+
+
+@dataclass(slots=True)
+class Switch:
+    value: Expr
+    cases: list[tuple[int, CaseLabel]]
+    default: CaseLabel | None
+    body: Stmt
+    place: Place
+
+
+@dataclass(eq=False, slots=True)
+class CaseLabel:
+    place: Place
+
+
+@dataclass(slots=True)
+class Jump:
+    """`break`, `continue` or `goto label`."""
+
+    kind: str
+    label: str
+    place: Place
+
+
+@dataclass(slots=True)
+class LabelStmt:
+    name: str
+    place: Place
+
+
+@dataclass(slots=True)
+class Return:
+    value: Expr | None
+    place: Place
+
+
+@dataclass(slots=True)
+class Asm:
+    """Lines of assembly with their places; `names` are the C variables that they can see, `calls` the C
+    functions that they call.
+    """
+
+    lines: list[tuple[Place, str]]
+    names: dict[str, Symbol]
+    calls: list[Call]
+    place: Place
+
+
+Stmt = ExprStmt | Block | If | Loop | Switch | CaseLabel | Jump | LabelStmt | Return | Asm
+
+
+@dataclass(eq=False, slots=True)
+class FunctionDefinition:
+    name: str
+    result: CType
+    parameters: list[Symbol]
+    place: Place
+    body: Block | None = None
+    interrupt: bool = False
+    prototyped: bool = True
+    static: bool = False
+    locals: list[Symbol] = field(default_factory=list)
+    end: Place = field(default_factory=Place)
+
+
+@dataclass(slots=True)
+class Program:
+    """All source files together."""
+
+    functions: dict[str, FunctionDefinition]
+    symbols: list[Symbol]
+    """Globals, fixed-address variables and flash tables."""
+    asm: list[Asm]
+    """Assembly at file level."""
+    eeprom: dict[int, int]
+    config_words: list[tuple[str, str, Place]]

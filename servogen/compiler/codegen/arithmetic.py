@@ -1,0 +1,509 @@
+"""Arithmetic on operands of one to four bytes, low byte first: sums, bitwise operations, shifts by constants,
+comparisons.
+
+In: target bytes and operand bytes of the same number. Out: instructions; of a comparison, the carry. A target
+may be the left operand itself (then the operation happens in place); where it overlaps otherwise the caller
+has put a copy between.
+
+The middle bytes of an addition use INCFSZ on the operand with the carry: when operand + carry is 256 the byte
+stays as it is and the carry stays set, so that skipping the ADDWF is exactly right.
+"""
+
+from __future__ import annotations
+
+from servogen.compiler.ir.builder import InstructionBuilder
+from servogen.compiler.ir.instruction import STATUS, C, Imm, Loc, Operand, Z, exposed
+
+
+def const(operands: list[Operand]) -> int | None:
+    """The value of operands that are all known constants."""
+    total = 0
+    for number, each in enumerate(operands):
+        if not isinstance(each, Imm) or not isinstance(each.value, int):
+            return None
+        total |= each.value << 8 * number
+    return total
+
+
+def imms(value: int, size: int) -> list[Operand]:
+    return [Imm(value >> 8 * each & 0xFF) for each in range(size)]
+
+
+def destination_bit(gen: InstructionBuilder, target: Loc, left: Operand) -> int:
+    """The destination bit: in place when the target is the left operand."""
+    return int(target == left)
+
+
+def store_result(gen: InstructionBuilder, target: Loc, left: Operand) -> None:
+    if target != left:
+        gen.store(target)
+
+
+def add(gen: InstructionBuilder, target: list[Loc], left: list[Operand], right: list[Operand]) -> None:
+    if isinstance(left[0], Imm) or (target == right and target != left):
+        left, right = right, left
+    constant = const(right)
+    if constant is not None and const(left) is None:
+        _add_constant(gen, target, left, constant)
+        return
+    size = len(target)
+    for number, (t, a, b) in enumerate(zip(target, left, right, strict=True)):
+        last = number == size - 1
+        if number == 0:
+            _add_first(gen, t, a, b)
+        elif last and isinstance(b, Imm):
+            _carry_last(gen, t, a, b)
+        elif isinstance(b, Imm) or isinstance(a, Imm):
+            _carry_middle_imm(gen, t, a, b)
+        elif t == a:
+            b = load_twice(gen, b)
+            gen.skip_if(C, False)
+            gen.emit("INCFSZ", b, 0)
+            gen.emit("ADDWF", a, 1)
+        elif last:
+            gen.load(a)
+            gen.skip_if(C, False)
+            gen.emit("ADDLW", k=1)
+            gen.emit("ADDWF", b, destination_bit(gen, t, b))
+            store_result(gen, t, b)
+        elif t == b:
+            a = load_twice(gen, a)
+            gen.skip_if(C, False)
+            gen.emit("INCFSZ", a, 0)
+            gen.emit("ADDWF", b, 1)
+        else:
+            gen.move(t, a)
+            b = load_twice(gen, b)
+            gen.skip_if(C, False)
+            gen.emit("INCFSZ", b, 0)
+            gen.emit("ADDWF", t, 1)
+
+
+def load_twice(gen: InstructionBuilder, operand: Operand) -> Loc:
+    """W = a byte of memory; return where it can be read again."""
+    operand = gen.steady(operand)
+    assert not isinstance(operand, Imm)
+    gen.load(operand)
+    return operand
+
+
+def _add_first(gen: InstructionBuilder, t: Loc, a: Operand, b: Operand) -> None:
+    if isinstance(a, Imm):
+        a, b = b, a
+    gen.load(b)
+    if isinstance(a, Imm):
+        gen.emit("ADDLW", k=a.value)
+        gen.store(t)
+        return
+    gen.emit("ADDWF", a, destination_bit(gen, t, a))
+    store_result(gen, t, a)
+
+
+def _carry_last(gen: InstructionBuilder, t: Loc, a: Operand, b: Imm) -> None:
+    """The top byte plus a constant plus the carry."""
+    if isinstance(a, Imm):
+        gen.load(a)
+        gen.skip_if(C, False)
+        gen.emit("ADDLW", k=1)
+        if b != Imm(0):
+            gen.emit("ADDLW", k=b.value)
+        gen.store(t)
+    elif b == Imm(0) and t == a:
+        gen.skip_if(C, False)
+        gen.emit("INCF", a, 1)
+    elif b == Imm(0xFF) and t == a:
+        gen.skip_if(C, True)
+        gen.emit("DECF", a, 1)
+    elif isinstance(b.value, int):
+        gen.emit("MOVLW", k=b.value)
+        gen.skip_if(C, False)
+        gen.emit("MOVLW", k=b.value + 1)
+        gen.emit("ADDWF", a, destination_bit(gen, t, a))
+        store_result(gen, t, a)
+    else:
+        gen.load(a)
+        gen.skip_if(C, False)
+        gen.emit("ADDLW", k=1)
+        gen.emit("ADDLW", k=b.value)
+        gen.store(t)
+
+
+def _carry_middle_imm(gen: InstructionBuilder, t: Loc, a: Operand, b: Operand) -> None:
+    """A middle byte where one operand is a constant: the target first becomes the other."""
+    if isinstance(a, Imm):
+        a, b = b, a
+    if isinstance(a, Imm):
+        held = gen.temp()[0]
+        gen.move(held, a)
+        a = held
+    assert isinstance(b, Imm)
+    gen.move(t, a)
+    if b == Imm(0xFF):
+        gen.emit("MOVLW", k=0xFF)
+        gen.skip_if(C, True)
+        gen.emit("ADDWF", t, 1)
+    elif b == Imm(0):
+        gen.emit("MOVLW", k=1)
+        gen.skip_if(C, False)
+        gen.emit("ADDWF", t, 1)
+    elif isinstance(b.value, int):
+        gen.emit("MOVLW", k=b.value)
+        gen.skip_if(C, False)
+        gen.emit("MOVLW", k=b.value + 1)
+        gen.emit("ADDWF", t, 1)
+    else:
+        held = gen.temp()[0]
+        gen.move(held, b)
+        gen.load(held)
+        gen.skip_if(C, False)
+        gen.emit("INCFSZ", held, 0)
+        gen.emit("ADDWF", t, 1)
+
+
+def _add_constant(gen: InstructionBuilder, target: list[Loc], left: list[Operand], value: int) -> None:
+    size = len(target)
+    mask = (1 << 8 * size) - 1
+    value &= mask
+    start = 0
+    while start < size and not value >> 8 * start & 0xFF:
+        gen.move(target[start], left[start])
+        start += 1
+    if start == size:
+        return
+    t, a = target[start:], left[start:]
+    value >>= 8 * start
+    ones = (1 << 8 * len(t)) - 1
+    if value == 1 and t == a:
+        count_up(gen, t)
+        return
+    if value == ones and t == a:
+        _count_down(gen, t)
+        return
+    bytes_ = imms(value, len(t))
+    low = value & 0xFF
+    if len(t) == 1 and not isinstance(a[0], Imm) and low in (1, 0xFF):
+        op = "INCF" if low == 1 else "DECF"
+        gen.emit(op, a[0], destination_bit(gen, t[0], a[0]))
+        store_result(gen, t[0], a[0])
+        return
+    for number in range(len(t)):
+        if number == 0:
+            _add_first(gen, t[0], a[0], bytes_[0])
+        elif number == len(t) - 1:
+            _carry_last(gen, t[number], a[number], bytes_[number])  # type: ignore[arg-type]
+        else:
+            _carry_middle_imm(gen, t[number], a[number], bytes_[number])
+
+
+def count_up(gen: InstructionBuilder, t: list[Loc]) -> None:
+    for number, each in enumerate(t):
+        if number:
+            gen.skip_if(Z, False)
+        gen.emit("INCF", each, 1)
+
+
+def _count_down(gen: InstructionBuilder, t: list[Loc]) -> None:
+    if len(t) == 1:
+        gen.emit("DECF", t[0], 1)
+        return
+    if len(t) == 2 and not exposed(t[0]):
+        gen.emit("MOVF", t[0], 1)
+        gen.skip_if(Z, False)
+        gen.emit("DECF", t[1], 1)
+        gen.emit("DECF", t[0], 1)
+        return
+    gen.emit("MOVLW", k=1)
+    gen.emit("SUBWF", t[0], 1)
+    for each in t[1:-1]:
+        gen.skip_if(C, True)
+        gen.emit("SUBWF", each, 1)
+    gen.skip_if(C, True)
+    gen.emit("DECF", t[-1], 1)
+
+
+def subtract(gen: InstructionBuilder, target: list[Loc], left: list[Operand], right: list[Operand]) -> None:
+    constant = const(right)
+    size = len(target)
+    if constant is not None and const(left) is None:
+        _add_constant(gen, target, left, -constant)
+        return
+    if target == right and size > 2:
+        held: list[Loc] = gen.temp(size)
+        subtract(gen, held, left, right)
+        gen.move_all(target, list(held))
+        return
+    for number, (t, a, b) in enumerate(zip(target, left, right, strict=True)):
+        last = number == size - 1
+        if number == 0 or (last and t != a) or (last and isinstance(b, Imm)):
+            gen.load(b)
+            if number:
+                gen.skip_if(C, True)
+                gen.emit("ADDLW", k=1)
+            if isinstance(a, Imm):
+                gen.emit("SUBLW", k=a.value)
+                gen.store(t)
+            else:
+                gen.emit("SUBWF", a, destination_bit(gen, t, a))
+                store_result(gen, t, a)
+            continue
+        if isinstance(b, Imm):
+            held_b = gen.temp()[0]
+            gen.move(held_b, b)
+            b = held_b
+        gen.move(t, a)
+        b = load_twice(gen, b)
+        gen.skip_if(C, True)
+        gen.emit("INCFSZ", b, 0)
+        gen.emit("SUBWF", t, 1)
+
+
+def negate(gen: InstructionBuilder, target: list[Loc], operand: list[Operand]) -> None:
+    if len(target) == 1:
+        if target == operand:
+            gen.emit("COMF", target[0], 1)
+            gen.emit("INCF", target[0], 1)
+        else:
+            gen.load(operand[0])
+            gen.emit("SUBLW", k=0)
+            gen.store(target[0])
+        return
+    complement(gen, target, operand)
+    count_up(gen, target)
+
+
+def complement(gen: InstructionBuilder, target: list[Loc], operand: list[Operand]) -> None:
+    for t, a in zip(target, operand, strict=True):
+        if isinstance(a, Imm):
+            gen.emit("MOVLW", k=a.value)
+            gen.emit("XORLW", k=0xFF)
+            gen.store(t)
+        else:
+            gen.emit("COMF", a, destination_bit(gen, t, a))
+            store_result(gen, t, a)
+
+
+def bitwise(
+    gen: InstructionBuilder, op: str, target: list[Loc], left: list[Operand], right: list[Operand]
+) -> None:
+    for t, a, b in zip(target, left, right, strict=True):
+        if isinstance(a, Imm) or (t == b and t != a):
+            a, b = b, a
+        _bitwise_byte(gen, op, t, a, b)
+
+
+def _bitwise_byte(gen: InstructionBuilder, op: str, t: Loc, a: Operand, b: Operand) -> None:
+    value = b.value if isinstance(b, Imm) and isinstance(b.value, int) else None
+    mnemonic = {"&": "AND", "|": "IOR", "^": "XOR"}[op]
+    if value is not None and not isinstance(a, Imm):
+        if (op, value) in (("&", 0xFF), ("|", 0), ("^", 0)):
+            gen.move(t, a)
+            return
+        if (op, value) in (("&", 0), ("|", 0xFF)):
+            gen.read_unused([a])
+            gen.move(t, Imm(value))
+            return
+        if (op, value) == ("^", 0xFF):
+            gen.emit("COMF", a, destination_bit(gen, t, a))
+            store_result(gen, t, a)
+            return
+        if t == a and op == "|" and value.bit_count() == 1:
+            gen.emit("BSF", t, b=value.bit_length() - 1)
+            return
+        if t == a and op == "&" and (value ^ 0xFF).bit_count() == 1:
+            gen.emit("BCF", t, b=(value ^ 0xFF).bit_length() - 1)
+            return
+    if isinstance(b, Imm) and not isinstance(a, Imm) and t != a:
+        gen.load(a)
+        gen.emit(mnemonic + "LW", k=b.value)
+        gen.store(t)
+        return
+    gen.load(b)
+    if isinstance(a, Imm):
+        gen.emit(mnemonic + "LW", k=a.value)
+        gen.store(t)
+    else:
+        gen.emit(mnemonic + "WF", a, destination_bit(gen, t, a))
+        store_result(gen, t, a)
+
+
+def shift_left(gen: InstructionBuilder, target: list[Loc], operand: list[Operand], count: int) -> None:
+    size = len(target)
+    whole, rest = divmod(count, 8)
+    gen.read_unused(operand[max(0, size - whole) :])
+    if whole >= size:
+        gen.move_all(target, imms(0, size))
+        return
+    sources: list[Operand] = [*imms(0, whole), *operand[: size - whole]]
+    live = target[whole:]
+    if len(live) == 1 and rest:
+        _shift_byte_left(gen, live[0], sources[whole], rest)
+        gen.move_all(target[:whole], imms(0, whole))
+        return
+    if rest == 1 and not whole and not any(isinstance(each, Imm) for each in operand):
+        gen.emit("BCF", STATUS, b=C)
+        for t, a in zip(target, operand, strict=True):
+            assert not isinstance(a, Imm)
+            gen.emit("RLF", a, destination_bit(gen, t, a))
+            store_result(gen, t, a)
+        return
+    gen.move_all(target, sources)
+    for _ in range(rest):
+        gen.emit("BCF", STATUS, b=C)
+        for each in live:
+            gen.emit("RLF", each, 1)
+
+
+def _shift_byte_left(gen: InstructionBuilder, t: Loc, a: Operand, count: int) -> None:
+    if isinstance(a, Imm):
+        held = gen.temp()[0]
+        gen.move(held, a)
+        a = held
+    if count == 7:
+        gen.emit("RRF", a, 0)
+        gen.emit("CLRF", t)
+        gen.emit("RRF", t, 1)
+    elif count >= 4:
+        gen.emit("SWAPF", a, 0)
+        gen.emit("ANDLW", k=0xF0)
+        gen.store(t)
+        _repeat(gen, "RLF", t, count - 4)
+    elif count == 1:
+        gen.emit("BCF", STATUS, b=C)
+        gen.emit("RLF", a, destination_bit(gen, t, a))
+        store_result(gen, t, a)
+    else:
+        gen.move(t, a)
+        _repeat(gen, "RLF", t, count)
+
+
+def _repeat(gen: InstructionBuilder, op: str, t: Loc, count: int) -> None:
+    for _ in range(count):
+        gen.emit("BCF", STATUS, b=C)
+        gen.emit(op, t, 1)
+
+
+def shift_right(
+    gen: InstructionBuilder, target: list[Loc], operand: list[Operand], count: int, *, signed: bool
+) -> None:
+    size = len(target)
+    count = min(count, 8 * size - 1) if signed else count
+    whole, rest = divmod(count, 8)
+    gen.read_unused(operand[:whole])
+    if whole >= size:
+        gen.move_all(target, imms(0, size))
+        return
+    live = size - whole
+    if signed and whole:
+        operand = [*operand[:-1], gen.steady(operand[-1])]
+        sign = sign_byte(gen, operand[-1])
+        gen.move_all(target, [*operand[whole:], *[sign] * whole])
+    elif live == 1 and rest and not signed:
+        _shift_byte_right(gen, target[0], operand[whole], rest)
+        gen.move_all(target[1:], imms(0, size - 1))
+        return
+    elif rest == 1 and not whole and not signed and not any(isinstance(each, Imm) for each in operand):
+        gen.emit("BCF", STATUS, b=C)
+        for t, a in zip(reversed(target), reversed(operand), strict=True):
+            assert not isinstance(a, Imm)
+            gen.emit("RRF", a, destination_bit(gen, t, a))
+            store_result(gen, t, a)
+        return
+    else:
+        gen.move_all(target, [*operand[whole:], *imms(0, whole)])
+    for _ in range(rest):
+        one_right(gen, target[:live], signed=signed)
+
+
+def _shift_byte_right(gen: InstructionBuilder, t: Loc, a: Operand, count: int) -> None:
+    if isinstance(a, Imm):
+        held = gen.temp()[0]
+        gen.move(held, a)
+        a = held
+    if count == 7:
+        gen.emit("RLF", a, 0)
+        gen.emit("CLRF", t)
+        gen.emit("RLF", t, 1)
+    elif count >= 4:
+        gen.emit("SWAPF", a, 0)
+        gen.emit("ANDLW", k=0x0F)
+        gen.store(t)
+        _repeat(gen, "RRF", t, count - 4)
+    elif count == 1:
+        gen.emit("BCF", STATUS, b=C)
+        gen.emit("RRF", a, destination_bit(gen, t, a))
+        store_result(gen, t, a)
+    else:
+        gen.move(t, a)
+        _repeat(gen, "RRF", t, count)
+
+
+def one_right(gen: InstructionBuilder, target: list[Loc], *, signed: bool) -> None:
+    if signed:
+        gen.emit("RLF", target[-1], 0)  # the sign into C
+    else:
+        gen.emit("BCF", STATUS, b=C)
+    for each in reversed(target):
+        gen.emit("RRF", each, 1)
+
+
+def one_left(gen: InstructionBuilder, target: list[Loc]) -> None:
+    gen.emit("BCF", STATUS, b=C)
+    for each in target:
+        gen.emit("RLF", each, 1)
+
+
+def sign_byte(gen: InstructionBuilder, top: Operand) -> Operand:
+    """0x00 or 0xFF by the sign of a byte."""
+    if isinstance(top, Imm):
+        return Imm(0xFF if isinstance(top.value, int) and top.value & 0x80 else 0)
+    held = gen.temp()[0]
+    gen.emit("CLRF", held)
+    gen.skip_if(7, False, top)
+    gen.emit("COMF", held, 1)
+    return held
+
+
+def compare_less(gen: InstructionBuilder, left: list[Operand], right: list[Operand]) -> None:
+    """C = not (left < right), unsigned."""
+    constant = const(right)
+    start = 0
+    if constant is not None:
+        while start < len(right) - 1 and right[start] == Imm(0):
+            start += 1
+    for number in range(start, len(left)):
+        a, b = left[number], right[number]
+        first = number == start
+        if first:
+            gen.load(b)
+        elif isinstance(b, Imm) and isinstance(b.value, int) and not isinstance(a, Imm):
+            gen.emit("MOVLW", k=b.value)
+            if b.value == 0xFF:
+                gen.skip_if(C, False)
+                gen.emit("SUBWF", a, 0)
+                continue
+            gen.skip_if(C, True)
+            gen.emit("MOVLW", k=b.value + 1)
+        else:
+            if isinstance(b, Imm):
+                held = gen.temp()[0]
+                gen.move(held, b)
+                b = held
+            b = load_twice(gen, b)
+            gen.skip_if(C, True)
+            gen.emit("INCFSZ", b, 0)
+        if isinstance(a, Imm):
+            gen.emit("SUBLW", k=a.value)
+        else:
+            gen.emit("SUBWF", a, 0)
+
+
+def biased(gen: InstructionBuilder, operands: list[Operand]) -> list[Operand]:
+    """Operands whose unsigned order is the signed order: the top bit turned over."""
+    top = operands[-1]
+    if isinstance(top, Imm) and isinstance(top.value, int):
+        return [*operands[:-1], Imm(top.value ^ 0x80)]
+    held = gen.temp()[0]
+    gen.load(top)
+    gen.emit("XORLW", k=0x80)
+    gen.store(held)
+    return [*operands[:-1], held]

@@ -1,0 +1,285 @@
+"""Assignments: in place where that is safe, through a temporary where the value reads its target.
+
+In: targets and values. Out: instructions. A port is written once, with the result.
+"""
+
+from __future__ import annotations
+
+from servogen.compiler.ast.constant_folding import has_effect
+from servogen.compiler.ast.nodes import Binary, Cast, Deref, Expr, Num, Ref, Unary, Update
+from servogen.compiler.ast.types import CType, IntType
+from servogen.compiler.codegen.arithmetic import bitwise, shift_left
+from servogen.compiler.codegen.effects import calls_something, in_flash, is_condition, stripped, touches
+from servogen.compiler.codegen.generator import FunctionGenerator
+from servogen.compiler.codegen.indirect import bit_source, field_byte, point_fsr
+from servogen.compiler.codegen.operands import is_direct, kept, operand_ready, operands_of, ref_locs
+from servogen.compiler.codegen.operators import to_w
+from servogen.compiler.ir.instruction import FSR, INDF, Byte, Imm, Loc, Operand, Reg, exposed
+
+
+def assign_bytes(gen: FunctionGenerator, target: Ref | Deref, value: list[Operand]) -> None:
+    """Store bytes that are ready; they are temporaries or constants."""
+    if isinstance(target, Ref) and is_direct(gen, target):
+        gen.move_all(ref_locs(gen, target), value)
+        return
+    point_fsr(gen, target)
+    for number, each in enumerate(value):
+        if number:
+            gen.emit("INCF", FSR, 1)
+        gen.move(INDF, each)
+
+
+def assign(gen: FunctionGenerator, target: Ref | Deref, value: Expr) -> None:
+    if target.width:
+        assign_field(gen, target, value)
+        return
+    size = target.type.size
+    if isinstance(target, Ref) and is_direct(gen, target):
+        _assign_direct(gen, ref_locs(gen, target), target, value)
+        return
+    if size == 1 and isinstance(value.type, IntType):
+        if not has_effect(value) and operand_ready(gen, value):
+            point_fsr(gen, target)
+            gen.move(INDF, operands_of(gen, value, 1)[0])
+            return
+        held = gen.temp()[0]
+        gen.lower.into(gen, value, [held])
+        point_fsr(gen, target)
+        gen.move(INDF, held)
+        return
+    operands = operands_of(gen, value, size) if value.type.scalar else _struct_value(gen, value)
+    if has_effect(target) or calls_something(target):
+        operands = kept(gen, operands)
+    assign_bytes(gen, target, operands)
+
+
+def _struct_value(gen: FunctionGenerator, value: Expr) -> list[Operand]:
+    if isinstance(value, Ref) and is_direct(gen, value):
+        return list(ref_locs(gen, value))
+    held: list[Loc] = gen.temp(value.type.size)
+    gen.lower.into(gen, value, held)
+    return list(held)
+
+
+def _assign_direct(gen: FunctionGenerator, locs: list[Loc], target: Ref, value: Expr) -> None:
+    """A variable: in place where that is safe, else through a temporary."""
+    symbol_locs: list[Loc] = [Byte(target.symbol, 0)] if isinstance(locs[0], Byte) else locs
+    if _in_place(gen, value, locs) or not touches(value, symbol_locs):
+        gen.lower.into(gen, value, locs)
+        return
+    if len(locs) == 1 and (isinstance(value.type, IntType) or value.type.scalar):
+        to_w(gen, value)
+        gen.store(locs[0])
+        return
+    held: list[Loc] = gen.temp(len(locs))
+    gen.lower.into(gen, value, held)
+    gen.move_all(locs, list(held))
+
+
+def _in_place(gen: FunctionGenerator, value: Expr, locs: list[Loc]) -> bool:
+    """Whether `into` may write the target although the value reads it: x = x + y, x = -x, x = x << 3."""
+    inner = stripped(value)
+    symbols: list[Loc] = [each if isinstance(each, Reg) else Byte(each.symbol, 0) for each in locs]
+    if inner.type.size < len(locs) or (len(locs) > 1 and isinstance(locs[0], Reg)):
+        return False
+    if is_direct(gen, inner):
+        return True
+    if isinstance(inner, Unary) and inner.op in "-~" and isinstance(locs[0], Byte):
+        return same_bytes(gen, inner.operand, locs)
+    if isinstance(inner, Binary) and inner.op in ("+", "-", "&", "|", "^"):
+        if same_bytes(gen, inner.left, locs) and not touches(inner.right, symbols):
+            return not calls_something(inner.right) and not has_effect(inner.right)
+        return (
+            inner.op != "-"
+            and same_bytes(gen, inner.right, locs)
+            and not touches(inner.left, symbols)
+            and not calls_something(inner.left)
+            and not has_effect(inner.left)
+        )
+    if isinstance(inner, Binary) and inner.op in ("<<", ">>") and isinstance(locs[0], Byte):
+        return same_bytes(gen, inner.left, locs) and isinstance(inner.right, Num)
+    return False
+
+
+def same_bytes(gen: FunctionGenerator, expr: Expr, locs: list[Loc]) -> bool:
+    inner = stripped(expr)
+    return is_direct(gen, inner) and ref_locs(gen, inner)[: len(locs)] == locs  # type: ignore[arg-type]
+
+
+def update(gen: FunctionGenerator, expr: Update, target: Ref | Deref) -> None:
+    """target = target op value"""
+    kind = target.type
+    if expr.op == "^" and isinstance(expr.value, Num) and _toggled(gen, target, expr.value.value):
+        return
+    whole = updated(gen, expr, target)
+    plain = not target.width and not (isinstance(kind, IntType) and kind.is_bool)
+    behind = plain and kind.size == 1 and not (isinstance(target, Ref) and is_direct(gen, target))
+    if behind and _update_indirect(gen, expr.op, target, _operand(expr)):
+        return
+    assign(gen, target, whole)
+
+
+def updated(gen: FunctionGenerator, expr: Update, old: Ref | Deref) -> Expr:
+    """Return what `op=` stores, from the value that the object has had."""
+    kind, right = old.type, _operand(expr)
+    left: Expr = old if kind.plain() == expr.work else Cast(old, expr.work, expr.place)
+    same = isinstance(right, Num) and _leaves_alone(expr.op, right.value, kind)
+    whole = left if same else Binary(expr.op, left, right, expr.work, expr.place)
+    if isinstance(kind, IntType) and kind.plain() != expr.work:
+        return Cast(whole, kind.plain(), expr.place)
+    return whole
+
+
+def _toggled(gen: FunctionGenerator, target: Ref | Deref, value: int) -> bool:
+    """Turn one bit over where it lies. True when it was done."""
+    if target.width != 1 or target.bit is None or not isinstance(target, Ref) or target.index is not None:
+        return False
+    if value & 1:
+        gen.emit("MOVLW", k=1 << target.bit)
+        gen.emit("XORWF", gen.loc(target.symbol, target.offset), 1)
+    return True
+
+
+def _update_indirect(gen: FunctionGenerator, op: str, target: Ref | Deref, right: Expr) -> bool:
+    """One byte behind FSR, changed where it lies."""
+    mnemonic = {"+": "ADDWF", "-": "SUBWF", "&": "ANDWF", "|": "IORWF", "^": "XORWF"}.get(op)
+    if mnemonic is None:
+        return False
+    if isinstance(right, Num) and op in "+-" and right.value & 0xFF in (1, 0xFF):
+        point_fsr(gen, target)
+        up = (right.value & 0xFF == 1) == (op == "+")
+        gen.emit("INCF" if up else "DECF", INDF, 1)
+        return True
+    if operand_ready(gen, right):
+        point_fsr(gen, target)
+        gen.load(operands_of(gen, right, 1)[0])
+    else:
+        held = gen.temp()[0]
+        gen.lower.into(gen, right, [held])
+        point_fsr(gen, target)
+        gen.load(held)
+    gen.emit(mnemonic, INDF, 1)
+    return True
+
+
+def assign_field(gen: FunctionGenerator, target: Ref | Deref, value: Expr) -> None:
+    """A bit or bit-field."""
+    assert target.bit is not None
+    byte: Loc
+    if isinstance(target, Ref) and target.index is None:
+        byte = gen.loc(target.symbol, target.offset)
+        pointed = False
+    else:
+        pointed = True
+        byte = INDF
+    if target.width == 1 and not (isinstance(target.type, IntType) and target.type.signed):
+        _assign_bit(gen, target, byte, value, pointed=pointed)
+        return
+    mask = (1 << target.width) - 1
+    if isinstance(value, Num):
+        if pointed:
+            point_fsr(gen, field_byte(gen, target))
+        gen.emit("MOVF", byte, 0)
+        gen.emit("ANDLW", k=~(mask << target.bit))
+        if value.value & mask:
+            gen.emit("IORLW", k=(value.value & mask) << target.bit)
+        gen.store(byte)
+        return
+    held = gen.temp()
+    gen.lower.into(gen, value, held)
+    shift_left(gen, held, list(held), target.bit)
+    bitwise(gen, "&", held, list(held), [Imm(mask << target.bit & 0xFF)])
+    if pointed:
+        point_fsr(gen, field_byte(gen, target))
+    gen.emit("MOVF", byte, 0)
+    gen.emit("ANDLW", k=~(mask << target.bit))
+    gen.emit("IORWF", held[0], 0)
+    gen.store(byte)
+
+
+def _assign_bit(
+    gen: FunctionGenerator, target: Ref | Deref, byte: Loc, value: Expr, *, pointed: bool
+) -> None:
+    bit = target.bit or 0
+    turned = _negated(value)
+    if isinstance(target, Ref) and isinstance(turned, Ref) and turned.width == 1:
+        same = (turned.symbol, turned.offset, turned.bit) == (target.symbol, target.offset, target.bit)
+        if same and turned.index is None and _toggled(gen, target, 1):
+            return
+    low_bit_only = isinstance(value, Cast) and isinstance(value.type, IntType) and value.type.is_bit
+    if isinstance(value, Num):
+        if pointed:
+            point_fsr(gen, field_byte(gen, target))
+        gen.emit("BSF" if value.value & 1 else "BCF", byte, b=bit)
+        return
+    if low_bit_only:
+        assert isinstance(value, Cast)
+        value = value.operand if is_condition(value.operand) else value
+    if pointed:
+        held = gen.temp()[0]
+        gen.lower.into(gen, value, [held])
+        point_fsr(gen, field_byte(gen, target))
+        source: Loc = held
+        source_bit = 0
+    else:
+        inner = value
+        if isinstance(inner, Cast) and isinstance(inner.type, IntType) and inner.type.is_bit:
+            inner = inner.operand
+        if not (isinstance(inner, Ref) and inner.width == 1 and inner.index is None) or in_flash(inner):
+            _set_by_jumps(gen, byte, bit, value)
+            return
+        source = bit_source(gen, gen.loc(inner.symbol, inner.offset))
+        source_bit = inner.bit or 0
+        if source == byte and source_bit == bit:
+            return
+        if exposed(source) or source == byte:  # what may change is read once
+            _set_by_jumps(gen, byte, bit, inner)
+            return
+    gen.skip_if(source_bit, False, source)
+    gen.emit("BSF", byte, b=bit)
+    gen.skip_if(source_bit, True, source)
+    gen.emit("BCF", byte, b=bit)
+
+
+def _set_by_jumps(gen: FunctionGenerator, byte: Loc, bit: int, value: Expr) -> None:
+    no, end = gen.new_label(), gen.new_label()
+    gen.lower.jump(gen, value, False, no)
+    gen.emit("BSF", byte, b=bit)
+    gen.goto(end)
+    gen.label(no)
+    gen.emit("BCF", byte, b=bit)
+    gen.label(end)
+
+
+def _operand(expr: Update) -> Expr:
+    """Return the right operand of `op=` in the type in which it is computed; a shift's count stays."""
+    right = expr.value
+    if expr.op in ("<<", ">>") or right.type.plain() == expr.work:
+        return right
+    if isinstance(right, Num):
+        return Num(right.value, expr.work, expr.place)
+    return Cast(right, expr.work, expr.place)
+
+
+def _leaves_alone(op: str, value: int, kind: CType) -> bool:
+    """Return whether `op= value` keeps every value of a type."""
+    if isinstance(kind, IntType) and kind.is_bool:
+        return False
+    mask = (1 << 8 * kind.size) - 1
+    match op:
+        case "+" | "-" | "|" | "^":
+            return value & mask == 0
+        case "&":
+            return value & mask == mask
+        case "<<" | ">>":
+            return value == 0
+        case "*" | "/":
+            return value == 1
+    return False
+
+
+def _negated(value: Expr) -> Expr | None:
+    """x of !x, whatever it is converted to."""
+    while isinstance(value, Cast) and isinstance(value.type, IntType):
+        value = value.operand
+    return value.operand if isinstance(value, Unary) and value.op == "!" else None

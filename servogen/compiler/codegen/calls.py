@@ -1,0 +1,172 @@
+"""Calls: arguments, library routines, multiplication, division, tables in flash.
+
+In: typed calls and operators. Out: instructions. Arguments go into the callee's own bytes; the last one of
+one byte goes in W. A result of one byte comes back in W, wider ones in the callee's result bytes.
+"""
+
+from __future__ import annotations
+
+from servogen.compiler.ast.constant_folding import has_effect, interval
+from servogen.compiler.ast.nodes import Binary, Call, Expr, Num
+from servogen.compiler.ast.types import IntType
+from servogen.compiler.codegen.arithmetic import add, bitwise, shift_left, shift_right
+from servogen.compiler.codegen.effects import calls_something, width_of
+from servogen.compiler.codegen.expressions import effect, into
+from servogen.compiler.codegen.generator import FunctionGenerator
+from servogen.compiler.codegen.operands import apart, kept, operands_of, pair, widen
+from servogen.compiler.codegen.operators import to_w
+from servogen.compiler.ir.function import Function
+from servogen.compiler.ir.instruction import Byte, Imm, Loc, Operand
+
+
+def call(gen: FunctionGenerator, expr: Call) -> Function:
+    name = expr.function
+    code = gen.signature(name)
+    _arguments(gen, code, expr.arguments)
+    gen.place = expr.place if expr.place.line else gen.place
+    gen.emit("CALL", target=code.name)
+    return code
+
+
+def _arguments(gen: FunctionGenerator, code: Function, arguments: list[Expr]) -> None:
+    """Arguments that call something go through temporaries, because calls use the callee's bytes."""
+    parameters = code.parameters
+    ready: list[list[Operand] | None] = [None] * len(arguments)
+    for number, (parameter, argument) in enumerate(zip(parameters, arguments, strict=True)):
+        later = any(calls_something(each) or has_effect(each) for each in arguments[number + 1 :])
+        calls = calls_something(argument) and len(arguments) > 1
+        if calls or (later and not isinstance(argument, Num)):
+            held: list[Loc] = gen.temp(parameter.size)
+            into(gen, argument, held)
+            ready[number] = list(held)
+    w_number = None
+    for number, (parameter, argument) in enumerate(zip(parameters, arguments, strict=True)):
+        if parameter is code.w_parameter:
+            w_number = number
+            continue
+        target: list[Loc] = [Byte(parameter, each) for each in range(parameter.size)]
+        done = ready[number]
+        if done is not None:
+            gen.move_all(target, done)
+        elif len(arguments) == 1 and calls_something(argument):
+            held = gen.temp(parameter.size)
+            into(gen, argument, held)
+            gen.move_all(target, list(held))
+        else:
+            into(gen, argument, target)
+    if w_number is not None:
+        done = ready[w_number]
+        if done is not None:
+            gen.load(done[0])
+        else:
+            _argument_to_w(gen, arguments[w_number])
+
+
+def _argument_to_w(gen: FunctionGenerator, argument: Expr) -> None:
+    to_w(gen, argument) if not _bool_cast(argument) else _bool_to_w(gen, argument)
+
+
+def _bool_to_w(gen: FunctionGenerator, argument: Expr) -> None:
+    held = gen.temp()
+    into(gen, argument, held)
+    gen.load(held[0])
+
+
+def library_call(gen: FunctionGenerator, code: Function, operands: list[list[Operand]]) -> list[Loc]:
+    """Call a library routine with operands that are ready; gives its result bytes."""
+    w_operand: Operand | None = None
+    for parameter, values in zip(code.parameters, operands, strict=True):
+        if parameter is code.w_parameter:
+            w_operand = values[0]
+            continue
+        for number, each in enumerate(values):
+            gen.move(Byte(parameter, number), each)
+    if w_operand is not None:
+        gen.load(w_operand)
+    gen.emit("CALL", target=code.name)
+    if code.result is None:
+        return []
+    return [Byte(code.result, each) for each in range(code.result.size)]
+
+
+def multiply(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
+    size = len(target)
+    left, right = expr.left, expr.right
+    if isinstance(left, Num):
+        left, right = right, left
+    if isinstance(right, Num) and _multiply_constant(gen, left, right.value, target):
+        return
+    (a, b), (c, d) = interval(left), interval(right)
+    small = min(a, c) >= 0 and max(b, d) <= 0xFF
+    width = 1 if (small and size <= 2) or size == 1 else size
+    code = gen.library("mul", (width, size))
+    one, two = pair(gen, left, right, width)
+    result = library_call(gen, code, [one, two])
+    gen.move_all(target, list(result[:size]))
+
+
+def _multiply_constant(gen: FunctionGenerator, left: Expr, value: int, target: list[Loc]) -> bool:
+    """By a power of two, or a sum of two: shifts and an addition."""
+    size = len(target)
+    value &= (1 << 8 * size) - 1
+    bits = [bit for bit in range(8 * size) if value >> bit & 1]
+    if not bits:
+        effect(gen, left)
+        gen.move_all(target, [Imm(0)] * size)
+        return True
+    if len(bits) == 1:
+        operand = apart(gen, target, operands_of(gen, left, size))
+        shift_left(gen, target, operand, bits[0])
+        return True
+    if len(bits) == 2 and bits[1] <= 3 and size <= 2:
+        operand = kept(gen, operands_of(gen, left, size))
+        held: list[Loc] = gen.temp(size)
+        shift_left(gen, held, operand, bits[1] - bits[0])
+        add(gen, held, list(held), operand)
+        if bits[0]:
+            shift_left(gen, held, list(held), bits[0])
+        gen.move_all(target, list(held))
+        return True
+    return False
+
+
+def divide(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
+    (a, b), (c, d) = interval(expr.left), interval(expr.right)
+    full = width_of(*interval(expr))[0] if min(a, c) < 0 else 1
+    size, signed = width_of(min(a, c), max(b, d))
+    size = min(max(size, full), expr.type.size)
+    if isinstance(expr.right, Num) and not signed and expr.right.value.bit_count() == 1:
+        shift = expr.right.value.bit_length() - 1
+        work = target if len(target) >= size else gen.temp(size)
+        part = work[:size]
+        operand = apart(gen, part, operands_of(gen, expr.left, size))
+        if expr.op == "/":
+            shift_right(gen, part, operand, shift, signed=False)
+        else:
+            bitwise(
+                gen,
+                "&",
+                part,
+                operand,
+                [Imm(expr.right.value - 1 >> 8 * each & 0xFF) for each in range(size)],
+            )
+        if work is target:
+            gen.move_all(target[size:], [Imm(0)] * (len(target) - size))
+        else:
+            gen.move_all(target, list(work[: len(target)]))
+        return
+    code = gen.library("sdivide" if signed else "divide", (size,))
+    holder = gen.library("divide", (size,)) if signed else code
+    result_symbol = next(
+        each for each in holder.own if each.name == ("quotient" if expr.op == "/" else "remainder")
+    )
+    one, two = pair(gen, expr.left, expr.right, size)
+    library_call(gen, code, [one, two])
+    have = min(len(target), size)
+    gen.move_all(target[:have], [Byte(result_symbol, each) for each in range(have)])
+    if len(target) > have:
+        widen(gen, target, have, signed=signed)
+
+
+def _bool_cast(expr: Expr) -> bool:
+    return isinstance(expr.type, IntType) and expr.type.is_bool and not isinstance(expr, Num)

@@ -1,0 +1,373 @@
+"""Jumps on conditions: comparisons, bits, logical operators.
+
+In: typed expressions and a label. Out: instructions that go to the label when the
+condition has a given truth.
+"""
+
+from __future__ import annotations
+
+from servogen.compiler.ast.constant_folding import COMPARISONS, has_effect, interval
+from servogen.compiler.ast.nodes import (
+    AddressOf,
+    Assign,
+    Binary,
+    Cast,
+    Choice,
+    Comma,
+    Deref,
+    Expr,
+    Logic,
+    Num,
+    Ref,
+    Unary,
+    Update,
+)
+from servogen.compiler.ast.types import IntType
+from servogen.compiler.codegen.arithmetic import biased, compare_less
+from servogen.compiler.codegen.effects import in_flash, stripped, width_of
+from servogen.compiler.codegen.expressions import effect
+from servogen.compiler.codegen.generator import FunctionGenerator
+from servogen.compiler.codegen.indirect import bit_source, field_byte, point_fsr
+from servogen.compiler.codegen.operands import is_direct, operands_of, pair, ref_locs
+from servogen.compiler.codegen.operators import binary_w, to_w
+from servogen.compiler.ir.instruction import INDF, Byte, C, Imm, Operand, Reg, Z, exposed
+
+_MIRRORED = {"<": ">", ">": "<", "<=": ">=", ">=": "<=", "==": "==", "!=": "!="}
+
+
+def comparison(gen: FunctionGenerator, expr: Binary, sense: bool, label: str) -> None:
+    left, right, op = expr.left, expr.right, expr.op
+    if isinstance(left, Num) and not isinstance(right, Num):
+        left, right, op = right, left, _MIRRORED[op]
+    size, signed = _width(gen, left, right)
+    if op in ("==", "!="):
+        _equality(gen, left, right, size, sense == (op == "=="), label)
+        return
+    if isinstance(right, Num):
+        bound, op = right.value, op
+        if op == ">":
+            bound, op = bound + 1, ">="
+        elif op == "<=":
+            bound, op = bound + 1, "<"
+        _against_constant(gen, left, bound, size, signed, sense == (op == ">="), label)
+        return
+    # left < right or left >= right, by turning the others around
+    if op in (">", "<="):
+        left, right, op = right, left, _MIRRORED[op]
+    a, b = pair(gen, left, right, size)
+    if signed:
+        a, b = biased(gen, a), biased(gen, b)
+    compare_less(gen, a, b)
+    gen.goto_if(C, sense == (op == ">="), label)
+
+
+def _width(gen: FunctionGenerator, left: Expr, right: Expr) -> tuple[int, bool]:
+    if not isinstance(left.type, IntType) or not isinstance(right.type, IntType):
+        return max(left.type.size, right.type.size), False
+    (a, b), (c, d) = interval(left), interval(right)
+    return width_of(min(a, c), max(b, d))
+
+
+def _against_constant(
+    gen: FunctionGenerator, left: Expr, bound: int, size: int, signed: bool, at_least: bool, label: str
+) -> None:
+    """Jump when (left >= bound) is `at_least`."""
+    low, high = interval(left)
+    if not isinstance(left.type, IntType):
+        low, high = 0, (1 << 8 * size) - 1
+    if bound > high or bound <= low:  # decided by the range of the type
+        effect(gen, left)
+        if (bound <= low) == at_least:
+            gen.goto(label)
+        return
+    size, signed = width_of(min(low, bound), max(high, bound))
+    if signed and bound == 0:
+        top = operands_of(gen, left, size)[-1]
+        if isinstance(top, (Byte, Reg)):
+            gen.goto_if(7, not at_least, label, bit_source(gen, top))
+            return
+    if size == 1:
+        if signed:
+            to_w(gen, left)
+            gen.emit("XORLW", k=0x80)
+            gen.emit("ADDLW", k=0x100 - (bound + 0x80))
+        elif bound == 1:
+            to_w_with_zero(gen, left)
+            gen.goto_if(Z, not at_least, label)
+            return
+        elif bound == 0x80 and is_direct(gen, stripped(left)):
+            top = operands_of(gen, left, 1)[0]
+            assert not isinstance(top, Imm)
+            gen.goto_if(7, at_least, label, bit_source(gen, top))
+            return
+        elif is_direct(gen, stripped(left)):
+            operand = operands_of(gen, left, 1)[0]
+            assert not isinstance(operand, Imm)
+            gen.emit("MOVLW", k=bound)
+            gen.emit("SUBWF", operand, 0)
+        else:
+            to_w(gen, left)
+            gen.emit("ADDLW", k=0x100 - bound)
+        gen.goto_if(C, at_least, label)
+        return
+    operands = operands_of(gen, left, size)
+    if signed:
+        operands = biased(gen, operands)
+        bound += 1 << 8 * size - 1
+    compare_less(gen, operands, [Imm(bound >> 8 * each & 0xFF) for each in range(size)])
+    gen.goto_if(C, at_least, label)
+
+
+def _equality(gen: FunctionGenerator, left: Expr, right: Expr, size: int, equal: bool, label: str) -> None:
+    """Jump when (left == right) is `equal`."""
+    if isinstance(right, Num):
+        value = right.value & (1 << 8 * size) - 1
+        low, high = interval(left)
+        if isinstance(left.type, IntType) and not low <= right.value <= high:
+            effect(gen, left)
+            if not equal:
+                gen.goto(label)
+            return
+        if size == 1 and value:
+            to_w(gen, left)
+            gen.emit("XORLW", k=value)
+            gen.goto_if(Z, equal, label)
+            return
+        if value == 0:
+            gen.lower.jump(gen, left, not equal, label)
+            return
+    if size == 1:
+        binary_w(gen, Binary("^", left, right, left.type, left.place))
+        gen.goto_if(Z, equal, label)
+        return
+    a, b = pair(gen, left, right, size)
+    other = gen.new_label()
+    for number, (one, two) in enumerate(zip(a, b, strict=True)):
+        differ(gen, one, two)
+        if number == size - 1:
+            gen.goto_if(Z, equal, label)
+        else:
+            gen.goto_if(Z, False, other if equal else label)
+    if equal:
+        gen.label(other)
+
+
+def differ(gen: FunctionGenerator, one: Operand, two: Operand) -> None:
+    """Z = the bytes are equal."""
+    if isinstance(one, Imm):
+        one, two = two, one
+    if two == Imm(0) and not isinstance(one, Imm):
+        gen.emit("MOVF", one, 0)
+    elif isinstance(one, Imm):
+        gen.load(one)
+        gen.emit("XORLW", k=two.value if isinstance(two, Imm) else 0)
+    elif isinstance(two, Imm):
+        gen.load(one)
+        gen.emit("XORLW", k=two.value)
+    else:
+        gen.load(two)
+        gen.emit("XORWF", one, 0)
+
+
+# zero
+
+
+def to_w_with_zero(gen: FunctionGenerator, expr: Expr) -> None:
+    """W = a one-byte value and Z = whether it is zero."""
+    to_w(gen, expr)
+    last = gen.last
+    sets_zero = last is not None and last.op in _SETS_Z and last.d == 0 and last.writes_w
+    if sets_zero and not gen.last_may_be_skipped:
+        return
+    gen.emit("IORLW", k=0)
+
+
+def zero_test(gen: FunctionGenerator, operands: list[Operand]) -> None:
+    """Z = all bytes are zero."""
+    variables = [each for each in operands if each != Imm(0)]
+    if not variables:
+        gen.emit("MOVLW", k=0)
+        gen.emit("IORLW", k=0)
+        return
+    gen.load(variables[0])
+    if isinstance(variables[0], Imm):
+        gen.emit("IORLW", k=0)
+    for each in variables[1:]:
+        if isinstance(each, Imm):
+            gen.emit("IORLW", k=each.value)
+        else:
+            gen.emit("IORWF", each, 0)
+
+
+_SETS_Z = frozenset(
+    [
+        "ADDLW",
+        "ANDLW",
+        "IORLW",
+        "XORLW",
+        "SUBLW",
+        "ADDWF",
+        "ANDWF",
+        "IORWF",
+        "XORWF",
+        "SUBWF",
+        "MOVF",
+        "COMF",
+        "INCF",
+        "DECF",
+    ]
+)
+
+
+def jump(gen: FunctionGenerator, expr: Expr, sense: bool, label: str) -> None:
+    """Go to `label` when the truth of `expr` is `sense`, else fall through."""
+    match expr:
+        case Num(value):
+            if bool(value) == sense:
+                gen.goto(label)
+        case AddressOf():
+            if sense:
+                gen.goto(label)
+        case Unary("!", operand):
+            jump(gen, operand, not sense, label)
+        case Logic(op, left, right):
+            _logic_jump(gen, op == "||", left, right, sense, label)
+        case Comma(first, second):
+            effect(gen, first)
+            jump(gen, second, sense, label)
+        case Choice(condition, yes, no):
+            other, end = gen.new_label(), gen.new_label()
+            jump(gen, condition, False, other)
+            jump(gen, yes, sense, label)
+            gen.goto(end)
+            gen.label(other)
+            jump(gen, no, sense, label)
+            gen.label(end)
+        case Binary(op) if op in COMPARISONS:
+            comparison(gen, expr, sense, label)
+        case Binary("&") if _bit_test(gen, expr, sense, label):
+            pass
+        case Cast(operand) if isinstance(expr.type, IntType) and _same_truth(gen, expr):
+            jump(gen, operand, sense, label)
+        case Cast(operand) if isinstance(expr.type, IntType) and expr.type.is_bit:
+            _lowest_bit(gen, operand, sense, label)
+        case Ref() | Deref() if expr.width == 1:
+            _bit(gen, expr, sense, label)
+        case Update() if _counted(gen, expr, sense, label):
+            pass
+        case Assign(target, value) if (
+            not target.width and isinstance(target, Ref) and is_direct(gen, target) and not has_effect(target)
+        ):
+            effect(gen, expr)
+            zero_test(gen, list(ref_locs(gen, target)))
+            gen.goto_if(Z, not sense, label)
+        case _:
+            _nonzero(gen, expr, sense, label)
+
+
+def _lowest_bit(gen: FunctionGenerator, operand: Expr, sense: bool, label: str) -> None:
+    """A conversion to `bit` keeps the lowest bit alone."""
+    byte = operands_of(gen, operand, 1)[0]
+    if isinstance(byte, Imm):
+        held = gen.temp()[0]
+        gen.move_all([held], [byte])
+        byte = held
+    gen.goto_if(0, sense, label, bit_source(gen, byte))
+
+
+def _same_truth(gen: FunctionGenerator, expr: Cast) -> bool:
+    """A conversion that keeps the value keeps its truth."""
+    assert isinstance(expr.type, IntType)
+    if expr.type.is_bool and not expr.type.is_bit:
+        return True
+    if not isinstance(expr.operand.type, IntType):
+        return False
+    low, high = interval(expr.operand)
+    return expr.type.low <= low and high <= expr.type.high
+
+
+def _logic_jump(
+    gen: FunctionGenerator, either: bool, left: Expr, right: Expr, sense: bool, label: str
+) -> None:
+    if either == sense:
+        jump(gen, left, sense, label)
+        jump(gen, right, sense, label)
+        return
+    end = gen.new_label()
+    jump(gen, left, not sense, end)
+    jump(gen, right, sense, label)
+    gen.label(end)
+
+
+def _bit(gen: FunctionGenerator, expr: Ref | Deref, sense: bool, label: str) -> None:
+    assert expr.bit is not None
+    if in_flash(expr):
+        to_w(gen, field_byte(gen, expr))
+        gen.emit("ANDLW", k=1 << expr.bit)
+        gen.goto_if(Z, not sense, label)
+        return
+    if isinstance(expr, Ref) and expr.index is None:
+        gen.goto_if(expr.bit, sense, label, bit_source(gen, gen.loc(expr.symbol, expr.offset)))
+        return
+    point_fsr(gen, field_byte(gen, expr))
+    gen.goto_if(expr.bit, sense, label, INDF)
+
+
+def _bit_test(gen: FunctionGenerator, expr: Binary, sense: bool, label: str) -> bool:
+    """`x & 0x10` as a test of one bit."""
+    left, right = stripped(expr.left), expr.right
+    if isinstance(expr.left, Num):
+        left, right = stripped(expr.right), expr.left
+    if not isinstance(right, Num) or not is_direct(gen, left) or not isinstance(left, Ref):
+        return False
+    mask = right.value & (1 << 8 * expr.type.size) - 1
+    if mask.bit_count() != 1:
+        return False
+    bit = mask.bit_length() - 1
+    if bit >= 8 * left.type.size:
+        return False
+    gen.goto_if(bit % 8, sense, label, bit_source(gen, gen.loc(left.symbol, left.offset + bit // 8)))
+    return True
+
+
+def _counted(gen: FunctionGenerator, expr: Update, sense: bool, label: str) -> bool:
+    """`--n`, `n--` and `++n` of one byte by the instructions made for it."""
+    target = expr.target
+    if not (isinstance(target, Ref) and is_direct(gen, target) and target.type.size == 1):
+        return False
+    if expr.op not in "+-" or not isinstance(expr.value, Num) or expr.value.value != 1:
+        return False
+    if isinstance(target.type, IntType) and target.type.is_bool:
+        return False
+    loc = ref_locs(gen, target)[0]
+    if isinstance(loc, Reg) and loc.address & 0x80:
+        return False
+    if expr.post:
+        if expr.op == "+" or exposed(loc):
+            return False
+        gen.emit("DECF", loc, 1)
+        if sense:
+            gen.emit("INCFSZ", loc, 0)
+            gen.goto(label)
+        else:
+            gen.emit("INCF", loc, 0)
+            gen.goto_if(Z, True, label)
+        return True
+    if sense:
+        gen.emit("DECFSZ" if expr.op == "-" else "INCFSZ", loc, 1)
+        gen.goto(label)
+    else:
+        gen.emit("DECF" if expr.op == "-" else "INCF", loc, 1)
+        gen.goto_if(Z, True, label)
+    return True
+
+
+def _nonzero(gen: FunctionGenerator, expr: Expr, sense: bool, label: str) -> None:
+    size = expr.type.size
+    if isinstance(expr.type, IntType):
+        size = min(size, width_of(*interval(expr))[0])
+    if size == 1:
+        to_w_with_zero(gen, expr)
+    else:
+        zero_test(gen, operands_of(gen, expr, size))
+    gen.goto_if(Z, not sense, label)

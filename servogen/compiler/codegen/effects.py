@@ -1,0 +1,140 @@
+"""What an expression does beside having a value, and how wide it is.
+
+In: typed expressions. Out: whether evaluating one calls, changes or touches something; the bytes that a range
+of values needs; what is left of an expression when only its lowest byte counts.
+"""
+
+from __future__ import annotations
+
+from servogen.compiler.ast.constant_folding import COMPARISONS
+from servogen.compiler.ast.nodes import (
+    AddressOf,
+    Assign,
+    Binary,
+    Builtin,
+    Call,
+    Cast,
+    Choice,
+    Comma,
+    Deref,
+    Expr,
+    Logic,
+    Num,
+    Ref,
+    Symbol,
+    Unary,
+    Update,
+)
+from servogen.compiler.ast.types import IntType
+from servogen.compiler.ir.instruction import Byte, Loc, Reg
+
+
+def width_of(low: int, high: int) -> tuple[int, bool]:
+    """(bytes, signed) that hold every value from `low` to `high`."""
+    signed = low < 0
+    size = 1
+    while not (-(1 << 8 * size - 1) <= low and high < 1 << 8 * size - 1 if signed else high < 1 << 8 * size):
+        size += 1
+    return size, signed
+
+
+def changes(expr: Expr) -> bool:
+    """Whether evaluating it may change a variable; reading a volatile one does not count."""
+    match expr:
+        case Num():
+            return False
+        case Ref(index=index):
+            return index is not None and changes(index)
+        case Deref(pointer):
+            return changes(pointer)
+        case AddressOf(target):
+            return changes(target)
+        case Cast(operand) | Unary(_, operand):
+            return changes(operand)
+        case Binary(_, left, right) | Logic(_, left, right) | Comma(left, right):
+            return changes(left) or changes(right)
+        case Choice(condition, yes, no):
+            return changes(condition) or changes(yes) or changes(no)
+    return True
+
+
+def in_flash(expr: Ref | Deref) -> bool:
+    """Return whether an object lies in flash, or may lie there."""
+    return expr.symbol.kind == "flash" if isinstance(expr, Ref) else expr.pointer.type.size > 1
+
+
+def calls_something(expr: Expr) -> bool:
+    """Whether evaluating it may call a function or a library routine."""
+    match expr:
+        case Num():
+            return False
+        case Ref(_, _, index):
+            return in_flash(expr) or (index is not None and calls_something(index))
+        case Deref(pointer):
+            return in_flash(expr) or calls_something(pointer)
+        case AddressOf(target):
+            return target.index is not None and calls_something(target.index)
+        case Cast(operand) | Unary(_, operand):
+            return calls_something(operand)
+        case Binary(op, left, right):
+            return op in ("*", "/", "%") or calls_something(left) or calls_something(right)
+        case Logic(_, left, right) | Comma(left, right):
+            return calls_something(left) or calls_something(right)
+        case Choice(condition, yes, no):
+            return calls_something(condition) or calls_something(yes) or calls_something(no)
+        case Assign(target, value):
+            return calls_something(target) or calls_something(value)
+        case Update(_, target, value):
+            return expr.op in ("*", "/", "%") or calls_something(target) or calls_something(value)
+    return True
+
+
+def touches(expr: Expr, locs: list[Loc]) -> bool:
+    """Whether evaluating `expr` may read or change one of the bytes (given as symbols of the tree)."""
+    symbols = {each.symbol for each in locs if isinstance(each, Byte)}
+    registers = any(isinstance(each, Reg) for each in locs)
+    return _touches(expr, symbols, registers)
+
+
+def _touches(expr: Expr, symbols: set[Symbol], registers: bool) -> bool:
+    match expr:
+        case Num():
+            return False
+        case Ref(symbol, _, index):
+            here = symbol in symbols or (registers and symbol.kind == "fixed")
+            return here or (index is not None and _touches(index, symbols, registers))
+        case Deref(pointer):
+            return registers or any(each.pinned for each in symbols) or _touches(pointer, symbols, registers)
+        case AddressOf(target):
+            return target.index is not None and _touches(target.index, symbols, registers)
+        case Cast(operand) | Unary(_, operand):
+            return _touches(operand, symbols, registers)
+        case Binary(_, left, right) | Logic(_, left, right) | Comma(left, right):
+            return _touches(left, symbols, registers) or _touches(right, symbols, registers)
+        case Choice(condition, yes, no):
+            return any(_touches(each, symbols, registers) for each in (condition, yes, no))
+        case Assign(target, value) | Update(_, target, value):
+            return _touches(target, symbols, registers) or _touches(value, symbols, registers)
+        case Call(_, arguments):
+            outside = registers or any(each.static or each.pinned for each in symbols)
+            return outside or any(_touches(each, symbols, registers) for each in arguments)
+        case Builtin(_, arguments):
+            return any(_touches(each, symbols, registers) for each in arguments)
+    return True
+
+
+def stripped(expr: Expr) -> Expr:
+    """Without the integer conversions that do not change the low byte."""
+    while isinstance(expr, Cast) and isinstance(expr.type, IntType) and not expr.type.is_bool:
+        if not expr.operand.type.scalar:
+            break
+        expr = expr.operand
+    return expr
+
+
+def is_condition(expr: Expr) -> bool:
+    if isinstance(expr, Logic) or (isinstance(expr, Unary) and expr.op == "!"):
+        return True
+    if isinstance(expr, (Ref, Deref)) and expr.width == 1 and isinstance(expr.type, IntType):
+        return not expr.type.signed
+    return isinstance(expr, Binary) and expr.op in COMPARISONS

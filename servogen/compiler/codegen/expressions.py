@@ -1,0 +1,371 @@
+"""Function for expressions: values into bytes, into W, or for their effect only.
+
+In: typed expressions. Out: instructions. Arithmetic is done in the fewest bytes that give the same result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from servogen.compiler.ast.constant_folding import COMPARISONS, has_effect, interval
+from servogen.compiler.ast.nodes import (
+    AddressOf,
+    Assign,
+    Binary,
+    Builtin,
+    Call,
+    Cast,
+    Choice,
+    Comma,
+    ConstNum,
+    Deref,
+    Expr,
+    Logic,
+    Num,
+    Ref,
+    Unary,
+    Update,
+)
+from servogen.compiler.ast.types import IntType, StructType, VoidType
+from servogen.compiler.codegen.arithmetic import add, complement, imms, negate
+from servogen.compiler.codegen.assignment import assign, assign_bytes, same_bytes, update, updated
+from servogen.compiler.codegen.effects import is_condition, touches, width_of
+from servogen.compiler.codegen.generator import FunctionGenerator
+from servogen.compiler.codegen.indirect import cut_to_field, indirect_load, into_field, settled
+from servogen.compiler.codegen.operands import (
+    address_operands,
+    apart,
+    extended,
+    is_direct,
+    negative_possible,
+    operands_of,
+    widen,
+    widen_result,
+)
+from servogen.compiler.codegen.operators import simple, to_w
+from servogen.compiler.codegen.shifts import right_shift, shift
+from servogen.compiler.ir.instruction import Byte, Loc, Operand, exposed
+
+
+def into(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> None:
+    """Store the low len(target) bytes of a value, widened where it has fewer.
+
+    A byte of a volatile object is stored once, with the result.
+    """
+    before = gen.place
+    if not any(map(exposed, target)) or _stored_once(gen, expr, target):
+        _INTO[type(expr)](gen, expr, target)
+    elif len(target) == 1:
+        to_w(gen, expr)
+        gen.store(target[0])
+    else:
+        held: list[Loc] = gen.temp(len(target))
+        _INTO[type(expr)](gen, expr, held)
+        gen.move_all(target, list(held))
+    gen.place = before
+
+
+def _stored_once(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> bool:
+    """Return whether the code for a value stores no byte of its target twice and never reads one back."""
+    size = len(target)
+    if size > expr.type.size and negative_possible(gen, expr):
+        return False
+    match expr:
+        case Unary("-"):
+            return size == 1 and not same_bytes(gen, expr.operand, target)
+        case Binary(op) if op not in COMPARISONS:
+            return _operator_stores_once(gen, expr, target)
+        case Ref() | Deref() if expr.width:
+            return is_condition(expr)
+    return True
+
+
+def _operator_stores_once(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> bool:
+    size = len(target)
+    need = min(size, expr.type.size, width_of(*interval(expr))[0])
+    if need < size and negative_possible(gen, expr):
+        return False
+    match expr.op, expr.right:
+        case ("&" | "|" | "^", _):
+            return True
+        case ("+" | "-", _):
+            return size <= 2 or same_bytes(gen, expr.left, target)
+        case (("<<" | ">>" | "*" | "/" | "%"), Num(value)):
+            return expr.op == "<<" and size == 1 and value in (1, 4)
+    return True
+
+
+def _into_num(gen: FunctionGenerator, expr: Num, target: list[Loc]) -> None:
+    gen.move_all(target, imms(expr.value, len(target)))
+
+
+def _into_ref(gen: FunctionGenerator, expr: Ref, target: list[Loc]) -> None:
+    if is_direct(gen, expr):
+        operands = operands_of(gen, expr, len(target))
+        for each, operand in zip(target, operands, strict=True):
+            if each == operand and exposed(each):  # x = x
+                gen.load(each)
+                gen.store(each)
+        gen.move_all(target, operands)
+    elif expr.width:
+        into_field(gen, expr, target)
+    elif expr.symbol.kind == "flash":
+        gen.lower.from_flash(gen, expr, target)
+    else:
+        indirect_load(gen, expr, target)
+
+
+def _into_deref(gen: FunctionGenerator, expr: Deref, target: list[Loc]) -> None:
+    if expr.width:
+        into_field(gen, expr, target)
+    elif expr.pointer.type.size > 1:
+        gen.lower.wide_load(gen, expr, target)
+    else:
+        indirect_load(gen, expr, target)
+
+
+def _into_address_of(gen: FunctionGenerator, expr: AddressOf, target: list[Loc]) -> None:
+    if expr.target.index is None:
+        gen.move_all(target, operands_of(gen, expr, len(target)))
+        return
+    index = expr.target.index
+    base = address_operands(gen, expr.target, expr.type.size, min(len(target), expr.type.size))
+    offset = operands_of(gen, index, len(base))
+    add(gen, target[: len(base)], offset, base)
+    gen.move_all(target[len(base) :], imms(0, len(target) - len(base)))
+
+
+def _into_cast(gen: FunctionGenerator, expr: Cast, target: list[Loc]) -> None:
+    if isinstance(expr.type, VoidType):
+        effect(gen, expr.operand)
+        return
+    if isinstance(expr.type, IntType) and expr.type.is_bool:
+        boolean(gen, expr, target)
+        return
+    size = expr.type.size
+    if isinstance(expr.type, StructType):
+        into(gen, expr.operand, target)
+    elif len(target) <= size:
+        if expr.operand.type.scalar:
+            into(gen, expr.operand, target)
+        else:
+            gen.move_all(target, operands_of(gen, expr.operand, len(target)))
+    else:
+        into(gen, expr.operand, target[:size])
+        widen(gen, target, size, signed=negative_possible(gen, expr))
+
+
+def _into_unary(gen: FunctionGenerator, expr: Unary, target: list[Loc]) -> None:
+    if expr.op == "!":
+        boolean(gen, expr, target)
+        return
+    size = min(len(target), expr.type.size)
+    operand = operands_of(gen, expr.operand, size)
+    part = target[:size]
+    operand = apart(gen, part, operand)
+    (partial(negate, gen) if expr.op == "-" else partial(complement, gen))(part, operand)
+    if len(target) > size:
+        widen(gen, target, size, signed=negative_possible(gen, expr))
+
+
+def _into_logic(gen: FunctionGenerator, expr: Logic, target: list[Loc]) -> None:
+    boolean(gen, expr, target)
+
+
+def boolean(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> None:
+    """0 or 1 by a condition."""
+    if target and not exposed(target[0]) and not touches(expr, target):
+        gen.move_all(target, imms(0, len(target)))
+        end = gen.new_label()
+        gen.lower.jump(gen, expr, False, end)
+        gen.emit("INCF", target[0], 1)
+        gen.label(end)
+        return
+    condition_to_w(gen, expr)
+    gen.store(target[0])
+    gen.move_all(target[1:], imms(0, len(target) - 1))
+
+
+def condition_to_w(gen: FunctionGenerator, expr: Expr) -> None:
+    no, end = gen.new_label(), gen.new_label()
+    gen.lower.jump(gen, expr, False, no)
+    gen.emit("MOVLW", k=1)
+    gen.goto(end)
+    gen.label(no)
+    gen.emit("MOVLW", k=0)
+    gen.label(end)
+
+
+def _into_choice(gen: FunctionGenerator, expr: Choice, target: list[Loc]) -> None:
+    no, end = gen.new_label(), gen.new_label()
+    part = target[: expr.type.size]
+    gen.lower.jump(gen, expr.condition, False, no)
+    into(gen, expr.yes, part)
+    gen.goto(end)
+    gen.label(no)
+    into(gen, expr.no, part)
+    gen.label(end)
+    if len(target) > len(part):
+        widen(gen, target, len(part), signed=negative_possible(gen, expr))
+
+
+def _into_comma(gen: FunctionGenerator, expr: Comma, target: list[Loc]) -> None:
+    effect(gen, expr.first)
+    into(gen, expr.second, target)
+
+
+def _into_assign(gen: FunctionGenerator, expr: Assign, target: list[Loc]) -> None:
+    """The value is what has been stored; a volatile object is not read back."""
+    there = expr.target
+    if not there.type.scalar or (there.width and not has_effect(there)):
+        effect(gen, expr)
+        into(gen, there, target)
+        return
+    if there.width:
+        held: Expr = hold_value(gen, expr.value, there)
+        assign(gen, there, held)
+        into(gen, held, target)
+        return
+    ready: list[Loc] = gen.temp(there.type.size)
+    into(gen, expr.value, ready)
+    assign_bytes(gen, there, list(ready))
+    gen.move_all(target, extended(gen, list(ready), expr, len(target)))
+
+
+def hold_value(gen: FunctionGenerator, value: Expr, target: Ref | Deref) -> Ref:
+    """Return a temporary with a value as `target` holds it: of a bit-field only its bits are kept."""
+    size = target.type.size
+    block = gen.temp() if size == 1 else gen.block_temp(size)
+    into(gen, value, list(block))
+    if target.width and not (isinstance(target.type, IntType) and target.type.is_bool):
+        cut_to_field(gen, list(block), target)
+    first = block[0]
+    assert isinstance(first, Byte)
+    return Ref(first.symbol, 0, None, target.type.plain(), target.place)
+
+
+def _into_update(gen: FunctionGenerator, expr: Update, target: list[Loc]) -> None:
+    direct = isinstance(expr.target, Ref) and is_direct(gen, expr.target)
+    # the address is evaluated once: an index or pointer with effects must not run twice
+    source = expr.target if direct else settled(gen, expr.target)
+    if has_effect(source):
+        _volatile_update(gen, expr, source, target)
+    elif expr.post:
+        into(gen, source, target)
+        update(gen, expr, source)
+    else:
+        update(gen, expr, source)
+        into(gen, source, target)
+
+
+def _volatile_update(gen: FunctionGenerator, expr: Update, source: Ref | Deref, target: list[Loc]) -> None:
+    """Read the object once and store it once; the value comes from temporaries."""
+    old = hold_value(gen, source, source) if expr.post else source
+    new = hold_value(gen, updated(gen, expr, old), source)
+    assign(gen, source, new)
+    into(gen, old if expr.post else new, target)
+
+
+def _into_binary(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
+    if expr.op in COMPARISONS:
+        boolean(gen, expr, target)
+        return
+    need = min(len(target), expr.type.size, width_of(*interval(expr))[0])
+    part = target[:need]
+    match expr.op:
+        case "+" | "-" | "&" | "|" | "^":
+            simple(gen, expr, part)
+        case "<<":
+            shift(gen, expr, part, left=True)
+        case ">>":
+            right_shift(gen, expr, part)
+        case "*":
+            gen.lower.multiply(gen, expr, part)
+        case _:
+            gen.lower.divide(gen, expr, part)
+    if len(target) > need:
+        widen(gen, target, need, signed=negative_possible(gen, expr))
+
+
+def _into_call(gen: FunctionGenerator, expr: Call, target: list[Loc]) -> None:
+    code = gen.lower.call(gen, expr)
+    if code.returns_w:
+        gen.store(target[0])
+        widen_result(gen, expr, target, 1)
+        return
+    assert code.result is not None
+    result: list[Operand] = [Byte(code.result, each) for each in range(min(expr.type.size, len(target)))]
+    gen.move_all(target[: len(result)], result)
+    widen_result(gen, expr, target, len(result))
+
+
+def _into_builtin(gen: FunctionGenerator, expr: Builtin, target: list[Loc]) -> None:
+    gen.lower.builtin(gen, expr)
+    gen.store(target[0])
+    gen.move_all(target[1:], imms(0, len(target) - 1))
+
+
+def effect(gen: FunctionGenerator, expr: Expr) -> None:
+    """Evaluate for what it does."""
+    before = gen.place
+    gen.place = expr.place if expr.place.line else gen.place
+    _evaluate(gen, expr)
+    gen.place = before
+
+
+def _evaluate(gen: FunctionGenerator, expr: Expr) -> None:
+    match expr:
+        case Assign(target, value):
+            assign(gen, target, value)
+        case Update():
+            update(gen, expr, settled(gen, expr.target))
+        case Cast(operand) | Unary(_, operand):
+            _evaluate(gen, operand)
+        case Binary(_, left, right):
+            _evaluate(gen, left)
+            _evaluate(gen, right)
+        case Comma(first, second):
+            _evaluate(gen, first)
+            _evaluate(gen, second)
+        case Logic(op, left, right):
+            end = gen.new_label()
+            gen.lower.jump(gen, left, op == "||", end)
+            _evaluate(gen, right)
+            gen.label(end)
+        case Choice(condition, yes, no):
+            other, end = gen.new_label(), gen.new_label()
+            gen.lower.jump(gen, condition, False, other)
+            _evaluate(gen, yes)
+            gen.goto(end)
+            gen.label(other)
+            _evaluate(gen, no)
+            gen.label(end)
+        case Call():
+            gen.lower.call(gen, expr)
+        case Builtin():
+            gen.lower.builtin(gen, expr)
+        case Ref() | Deref() if has_effect(expr) and expr.type.scalar:
+            to_w(gen, expr)
+        case Ref(index=inner) | Deref(pointer=inner) | AddressOf(Ref(index=inner)) if inner is not None:
+            _evaluate(gen, inner)
+
+
+_INTO: dict[type, Callable[[FunctionGenerator, Any, list[Loc]], None]] = {
+    Num: _into_num,
+    ConstNum: _into_num,
+    Ref: _into_ref,
+    Deref: _into_deref,
+    AddressOf: _into_address_of,
+    Cast: _into_cast,
+    Unary: _into_unary,
+    Logic: _into_logic,
+    Choice: _into_choice,
+    Comma: _into_comma,
+    Assign: _into_assign,
+    Update: _into_update,
+    Binary: _into_binary,
+    Call: _into_call,
+    Builtin: _into_builtin,
+}

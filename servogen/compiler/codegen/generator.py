@@ -1,0 +1,93 @@
+"""The state of generating one function's code, and the table by which the generator's modules recurse.
+
+An expression contains expressions: operands need conditions, conditions need operands. A module calls the
+modules below it directly, and those above it through `Lowering`, which `codegen.program` fills in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from servogen.compiler.ast.nodes import (
+    Binary,
+    Builtin,
+    Call,
+    CaseLabel,
+    Deref,
+    Expr,
+    FunctionDefinition,
+    Ref,
+    Symbol,
+)
+from servogen.compiler.diagnostics import Reporter
+from servogen.compiler.ir.builder import InstructionBuilder
+from servogen.compiler.ir.function import Function
+from servogen.compiler.ir.instruction import Loc
+
+Library = Callable[[str, tuple[int, ...]], Function]
+"""Gives a library routine by its kind and its sizes, generating it the first time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lowering:
+    """What the lower modules of the generator call in the modules above them."""
+
+    into: Callable[[FunctionGenerator, Expr, list[Loc]], None]
+    """Store the low len(target) bytes of a value, extended where it has fewer."""
+    boolean: Callable[[FunctionGenerator, Expr, list[Loc]], None]
+    """Store 0 or 1 by a condition."""
+    condition_to_w: Callable[[FunctionGenerator, Expr], None]
+    """Load 0 or 1 into W by a condition."""
+    jump: Callable[[FunctionGenerator, Expr, bool, str], None]
+    """Go to the label when the truth of the expression is as given, else fall through."""
+    call: Callable[[FunctionGenerator, Call], Function]
+    """Call a function; its result is in W or in its result bytes."""
+    builtin: Callable[[FunctionGenerator, Builtin], None]
+    """Execute an operation of the chip or the library; a result is in W."""
+    multiply: Callable[[FunctionGenerator, Binary, list[Loc]], None]
+    divide: Callable[[FunctionGenerator, Binary, list[Loc]], None]
+    flash_byte: Callable[[FunctionGenerator, Ref], None]
+    """Load one byte of a table into W."""
+    from_flash: Callable[[FunctionGenerator, Ref, list[Loc]], None]
+    """Store a value that lies in flash."""
+    wide_load: Callable[[FunctionGenerator, Deref, list[Loc]], None]
+    """Store a value behind a pointer that may lead to flash."""
+    one_byte_indirect: Callable[[FunctionGenerator, Ref | Deref], bool]
+    """Load one byte through FSR or from flash straight into W, where that is possible."""
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What the code of one function needs from the rest of the program."""
+
+    signature: Callable[[str], Function]
+    """The parameters and result of a function, before or after its code is generated."""
+    symbol_map: Callable[[Symbol], Symbol]
+    library: Library
+    asm_symbols: dict[str, Symbol]
+    reporter: Reporter
+    isr: bool
+
+
+class FunctionGenerator(InstructionBuilder):
+    """An instruction builder that knows the function whose body it translates."""
+
+    def __init__(self, function: FunctionDefinition, context: Context, lower: Lowering) -> None:
+        code = context.signature(function.name)
+        super().__init__(code, place=function.place, symbol_map=context.symbol_map)
+        self.function = function
+        self.context = context
+        self.lower = lower
+        self.isr = context.isr
+        self.break_labels: list[str] = []
+        self.continue_labels: list[str] = []
+        self.case_labels: dict[CaseLabel, str] = {}
+        self.user_labels: dict[str, str] = {}
+        self.end_label = self.new_label("end")
+
+    def signature(self, name: str) -> Function:
+        return self.context.signature(name)
+
+    def library(self, kind: str, key: tuple[int, ...]) -> Function:
+        return self.context.library(kind, key)

@@ -1,0 +1,117 @@
+"""Memory behind an index or a pointer, and bit-fields.
+
+In: objects whose address is computed. Out: instructions that set FSR and go through INDF.
+"""
+
+from __future__ import annotations
+
+from servogen.compiler.ast.constant_folding import has_effect
+from servogen.compiler.ast.nodes import AddressByte, Deref, Num, Ref
+from servogen.compiler.ast.types import IntType
+from servogen.compiler.codegen.arithmetic import bitwise, shift_right
+from servogen.compiler.codegen.generator import FunctionGenerator
+from servogen.compiler.codegen.operands import is_direct, negative_possible, widen
+from servogen.compiler.codegen.operators import to_w
+from servogen.compiler.ir.instruction import FSR, INDF, Byte, Imm, Loc, Reg
+
+
+def settled(gen: FunctionGenerator, target: Ref | Deref) -> Ref | Deref:
+    """The same object with its address computed once, into a temporary."""
+    from servogen.compiler.ast.types import U8, PointerType
+
+    if isinstance(target, Ref) and (target.index is None or isinstance(target.index, Num)):
+        return target
+    if isinstance(target, Deref) and is_direct(gen, target.pointer) and not has_effect(target.pointer):
+        return target
+    held = gen.temp()
+    address_to_w(gen, target)
+    gen.store(held[0])
+    assert isinstance(held[0], Byte)
+    pointer = Ref(held[0].symbol, 0, None, PointerType(U8), target.place)
+    return Deref(pointer, 0, target.type, target.place, target.bit, target.width)
+
+
+def address_to_w(gen: FunctionGenerator, target: Ref | Deref) -> None:
+    """W = the RAM address of an object."""
+    if isinstance(target, Ref):
+        base = AddressByte(gen.symbol(target.symbol), target.offset, 0)
+        if target.index is None:
+            gen.emit("MOVLW", k=base)
+            return
+        to_w(gen, target.index)
+        gen.emit("ADDLW", k=base)
+        return
+    to_w(gen, target.pointer)
+    if target.offset:
+        gen.emit("ADDLW", k=target.offset)
+
+
+def point_fsr(gen: FunctionGenerator, target: Ref | Deref) -> None:
+    """FSR = the address of an object."""
+    address_to_w(gen, target)
+    gen.store(FSR)
+
+
+def one_byte_indirect(gen: FunctionGenerator, expr: Ref | Deref) -> bool:
+    """Load one byte through FSR or from flash straight into W."""
+    if expr.width or (isinstance(expr, Deref) and expr.pointer.type.size > 1):
+        return False
+    if isinstance(expr, Ref) and expr.symbol.kind == "flash":
+        gen.lower.flash_byte(gen, expr)
+        return True
+    point_fsr(gen, expr)
+    gen.emit("MOVF", INDF, 0)
+    return True
+
+
+def indirect_load(gen: FunctionGenerator, expr: Ref | Deref, target: list[Loc]) -> None:
+    size = min(len(target), expr.type.size)
+    point_fsr(gen, expr)
+    for number in range(size):
+        if number:
+            gen.emit("INCF", FSR, 1)
+        gen.emit("MOVF", INDF, 0)
+        gen.store(target[number])
+    if len(target) > size:
+        widen(gen, target, size, signed=negative_possible(gen, expr))
+
+
+def into_field(gen: FunctionGenerator, expr: Ref | Deref, target: list[Loc]) -> None:
+    assert expr.bit is not None
+    signed = isinstance(expr.type, IntType) and expr.type.signed
+    if expr.width == 1 and not signed:
+        gen.lower.boolean(gen, expr, target)
+        return
+    byte = field_byte(gen, expr)
+    gen.lower.into(gen, byte, target[:1])
+    shift_right(gen, target[:1], list(target[:1]), expr.bit, signed=False)
+    cut_to_field(gen, target[:1], expr)
+    if len(target) > 1:
+        widen(gen, target, 1, signed=signed)
+
+
+def cut_to_field(gen: FunctionGenerator, value: list[Loc], field: Ref | Deref) -> None:
+    """Keep the bits of a value that a bit-field has, with their sign."""
+    bitwise(gen, "&", value, list(value), [Imm((1 << field.width) - 1)])
+    if isinstance(field.type, IntType) and field.type.signed:
+        gen.emit("MOVLW", k=1 << field.width - 1)
+        gen.emit("XORWF", value[0], 1)
+        gen.emit("SUBWF", value[0], 1)
+
+
+def field_byte(gen: FunctionGenerator, expr: Ref | Deref) -> Ref | Deref:
+    """The byte that holds a bit-field."""
+    from servogen.compiler.ast.types import U8
+
+    if isinstance(expr, Ref):
+        return Ref(expr.symbol, expr.offset, expr.index, U8, expr.place)
+    return Deref(expr.pointer, expr.offset, U8, expr.place)
+
+
+def bit_source(gen: FunctionGenerator, loc: Loc) -> Loc:
+    """Where a bit can be tested: registers of bank 1 are copied first, no switch can follow a skip."""
+    if isinstance(loc, Reg) and loc.address & 0x80:
+        held = gen.temp()[0]
+        gen.move(held, loc)
+        return held
+    return loc

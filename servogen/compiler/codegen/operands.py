@@ -1,0 +1,143 @@
+"""Values as operands: bytes of variables, constants, temporaries; widened, kept, kept apart.
+
+In: typed expressions. Out: operands of the number of bytes that is asked for. What needs more than naming its
+bytes is left to the classes that build on this one; they fill in the methods that are only promised here.
+"""
+
+from __future__ import annotations
+
+from servogen.compiler.ast.constant_folding import has_effect, interval
+from servogen.compiler.ast.nodes import AddressByte, AddressOf, Cast, Expr, Num, Ref
+from servogen.compiler.ast.types import IntType, VoidType
+from servogen.compiler.codegen.arithmetic import imms, sign_byte
+from servogen.compiler.codegen.effects import calls_something, stripped, width_of
+from servogen.compiler.codegen.generator import FunctionGenerator
+from servogen.compiler.ir.instruction import Byte, Imm, Loc, Operand
+
+
+def operands_of(gen: FunctionGenerator, expr: Expr, size: int) -> list[Operand]:
+    """Operands of the low `size` bytes; they stay good until something is assigned or called."""
+    match expr:
+        case Num(value):
+            return imms(value, size)
+        case AddressOf(target) if target.index is None:
+            return address_operands(gen, target, expr.type.size, size)
+        case Ref() if is_direct(gen, expr):
+            return extended(gen, list(ref_locs(gen, expr)), expr, size)
+        case Cast(operand) if isinstance(expr.type, IntType) and not expr.type.is_bool:
+            if expr.type.size >= size and operand.type.scalar:
+                return operands_of(gen, operand, size)
+            inner = operands_of(gen, operand, expr.type.size)
+            return extended(gen, inner, expr, size)
+        case Cast(operand) if not isinstance(expr.type, (IntType, VoidType)) and operand.type.scalar:
+            return extended(gen, _pointer_cast(gen, expr), expr, size)
+    need = min(size, expr.type.size, width_of(*interval(expr))[0])
+    held: list[Loc] = gen.temp(need)
+    gen.lower.into(gen, expr, held)
+    return extended(gen, list(held), expr, size)
+
+
+def _pointer_cast(gen: FunctionGenerator, expr: Cast) -> list[Operand]:
+    operand, size = expr.operand, expr.type.size
+    return operands_of(gen, operand, size)
+
+
+def address_operands(gen: FunctionGenerator, target: Ref, have: int, size: int) -> list[Operand]:
+    symbol = gen.symbol(target.symbol)
+    found: list[Operand] = [Imm(AddressByte(symbol, target.offset, part)) for part in range(min(have, size))]
+    return found + imms(0, size - len(found))
+
+
+def extended(gen: FunctionGenerator, operands: list[Operand], expr: Expr, size: int) -> list[Operand]:
+    """The bytes of a value, widened by its sign or zeros, or cut."""
+    if len(operands) >= size:
+        return operands[:size]
+    missing = size - len(operands)
+    if not negative_possible(gen, expr):
+        return operands + imms(0, missing)
+    operands = [*operands[:-1], gen.steady(operands[-1])]
+    sign = sign_byte(gen, operands[-1])
+    return operands + [sign] * missing
+
+
+def widen(gen: FunctionGenerator, target: list[Loc], size: int, *, signed: bool) -> None:
+    """Fill the bytes above `size` with the sign or zeros."""
+    fill: Operand = Imm(0)
+    if signed:
+        top = target[size]
+        gen.emit("CLRF", top)
+        gen.skip_if(7, False, target[size - 1])
+        gen.emit("COMF", top, 1)
+        gen.move_all(target[size + 1 :], [top] * (len(target) - size - 1))
+        return
+    gen.move_all(target[size:], [fill] * (len(target) - size))
+
+
+def widen_result(gen: FunctionGenerator, expr: Expr, target: list[Loc], size: int) -> None:
+    if len(target) > size:
+        widen(gen, target, size, signed=negative_possible(gen, expr))
+
+
+def negative_possible(gen: FunctionGenerator, expr: Expr) -> bool:
+    return isinstance(expr.type, IntType) and expr.type.signed and interval(expr)[0] < 0
+
+
+def is_direct(gen: FunctionGenerator, expr: Expr) -> bool:
+    """A whole variable, or a part of one at a known offset."""
+    return isinstance(expr, Ref) and expr.index is None and not expr.width and expr.symbol.kind != "flash"
+
+
+def ref_locs(gen: FunctionGenerator, expr: Ref) -> list[Loc]:
+    return gen.locs(expr.symbol, expr.offset, expr.type.size)
+
+
+def pair(gen: FunctionGenerator, left: Expr, right: Expr, size: int) -> tuple[list[Operand], list[Operand]]:
+    """Operands of two values; the first survives the evaluation of the second."""
+    if not has_effect(right) and not calls_something(right):
+        a = operands_of(gen, left, size)
+        return a, operands_of(gen, right, size)
+    b_first = not has_effect(left) and not calls_something(left)
+    if b_first:
+        b = kept(gen, operands_of(gen, right, size))
+        return operands_of(gen, left, size), b
+    a = kept(gen, operands_of(gen, left, size))
+    return a, operands_of(gen, right, size)
+
+
+def kept(gen: FunctionGenerator, operands: list[Operand]) -> list[Operand]:
+    """Copies of the operands that are variables, so that nothing can change them."""
+    variables = [each for each in operands if not isinstance(each, Imm) and not _is_temp(gen, each)]
+    if not variables:
+        return operands
+    held: list[Loc] = gen.temp(len(operands))
+    gen.move_all(held, operands)
+    return list(held)
+
+
+def _is_temp(gen: FunctionGenerator, operand: Operand) -> bool:
+    return isinstance(operand, Byte) and operand.symbol.kind == "temp"
+
+
+def apart(gen: FunctionGenerator, target: list[Loc], operands: list[Operand]) -> list[Operand]:
+    """Operands of which no byte is a target byte of another position."""
+    for number, each in enumerate(operands):
+        if any(each == t and at != number for at, t in enumerate(target)):
+            held: list[Loc] = gen.temp(len(operands))
+            gen.move_all(held, operands)
+            return list(held)
+    return operands
+
+
+def is_constant(gen: FunctionGenerator, expr: Expr) -> bool:
+    return isinstance(stripped(expr), Num) or (
+        isinstance(stripped(expr), AddressOf) and stripped(expr).target.index is None  # type: ignore[union-attr]
+    )
+
+
+def is_simple_operand(gen: FunctionGenerator, expr: Expr) -> bool:
+    """Its low byte is a byte of memory already."""
+    return is_direct(gen, stripped(expr))
+
+
+def operand_ready(gen: FunctionGenerator, value: Expr) -> bool:
+    return is_constant(gen, value) or is_simple_operand(gen, value)

@@ -1,0 +1,142 @@
+"""Arithmetic and bitwise operators, through W where one byte is wanted.
+
+In: typed expressions. Out: instructions. Sums, differences and bitwise operations are done in as many bytes
+as the result has; the low bytes of a sum depend on the low bytes of its operands only.
+"""
+
+from __future__ import annotations
+
+from servogen.compiler.ast.nodes import AddressByte, Binary, Builtin, Call, Deref, Expr, Num, Ref, Unary
+from servogen.compiler.codegen.arithmetic import add, bitwise, subtract
+from servogen.compiler.codegen.effects import changes, is_condition, stripped
+from servogen.compiler.codegen.generator import FunctionGenerator
+from servogen.compiler.codegen.operands import (
+    apart,
+    is_constant,
+    is_direct,
+    is_simple_operand,
+    operands_of,
+    pair,
+)
+from servogen.compiler.ir.instruction import Byte, Imm, Loc, Operand
+
+
+def simple(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
+    size = len(target)
+    if size == 1 and _through_w(gen, expr, target[0]):
+        return
+    a, b = pair(gen, expr.left, expr.right, size)
+    a, b = apart(gen, target, a), apart(gen, target, b)
+    _apply(gen, expr.op, target, a, b)
+
+
+def _apply(gen: FunctionGenerator, op: str, target: list[Loc], a: list[Operand], b: list[Operand]) -> None:
+    if op == "+":
+        add(gen, target, a, b)
+    elif op == "-":
+        subtract(gen, target, a, b)
+    else:
+        bitwise(gen, op, target, a, b)
+
+
+def _through_w(gen: FunctionGenerator, expr: Binary, target: Loc) -> bool:
+    """One byte: compute in W, store once. True when it was done that way."""
+    left, right = expr.left, expr.right
+    if is_simple_operand(gen, left) and operands_of(gen, left, 1)[0] == target:
+        return False
+    if expr.op != "-" and is_simple_operand(gen, right) and operands_of(gen, right, 1)[0] == target:
+        return False
+    binary_w(gen, expr)
+    gen.store(target)
+    return True
+
+
+def binary_w(gen: FunctionGenerator, expr: Binary) -> None:
+    """W = the low byte of a sum, difference or bitwise operation."""
+    left, right, op = expr.left, expr.right, expr.op
+    if (op != "-" and is_simple_operand(gen, left) and not is_simple_operand(gen, right)) or (
+        op != "-" and is_constant(gen, left)
+    ):
+        left, right = right, left
+    if is_constant(gen, right):
+        value = operands_of(gen, right, 1)[0]
+        assert isinstance(value, Imm)
+        if op == "-":
+            if isinstance(value.value, int):
+                to_w(gen, left)
+                _w_constant(gen, "+", -value.value & 0xFF)
+                return
+        else:
+            to_w(gen, left)
+            _w_constant(gen, op, value.value)
+            return
+    if op == "-" and is_constant(gen, left):
+        to_w(gen, right)
+        value = operands_of(gen, left, 1)[0]
+        assert isinstance(value, Imm)
+        gen.emit("SUBLW", k=value.value)
+        return
+    mnemonic = {"+": "ADDWF", "-": "SUBWF", "&": "ANDWF", "|": "IORWF", "^": "XORWF"}[op]
+    if op == "-":
+        # f - W: the left operand must be in memory, the right one in W
+        if is_simple_operand(gen, left) and not changes(right):
+            to_w(gen, right)
+            gen.emit(mnemonic, operands_of(gen, left, 1)[0], 0)  # type: ignore[arg-type]
+            return
+        held = gen.temp()[0]
+        gen.lower.into(gen, left, [held])
+        to_w(gen, right)
+        gen.emit(mnemonic, held, 0)
+        return
+    if is_simple_operand(gen, right) and not changes(left):
+        to_w(gen, left)
+        gen.emit(mnemonic, operands_of(gen, right, 1)[0], 0)  # type: ignore[arg-type]
+        return
+    held = gen.temp()[0]
+    gen.lower.into(gen, left, [held])
+    to_w(gen, right)
+    gen.emit(mnemonic, held, 0)
+
+
+def _w_constant(gen: FunctionGenerator, op: str, value: int | AddressByte) -> None:
+    mnemonic = {"+": "ADDLW", "&": "ANDLW", "|": "IORLW", "^": "XORLW"}[op]
+    neutral = 0xFF if op == "&" else 0
+    if value != neutral:
+        gen.emit(mnemonic, k=value)
+
+
+def to_w(gen: FunctionGenerator, expr: Expr) -> None:
+    """W = the low byte of a value."""
+    inner = stripped(expr)
+    if isinstance(inner, Num) or is_direct(gen, inner):
+        gen.load(operands_of(gen, inner, 1)[0])
+    elif isinstance(inner, Binary) and inner.op in ("+", "-", "&", "|", "^"):
+        binary_w(gen, inner)
+    elif isinstance(inner, Unary) and inner.op in ("-", "~"):
+        _unary_w(gen, inner)
+    elif isinstance(inner, Call):
+        code = gen.lower.call(gen, inner)
+        if not code.returns_w:
+            assert code.result is not None
+            gen.load(Byte(code.result, 0))
+    elif isinstance(inner, Builtin):
+        gen.lower.builtin(gen, inner)
+    elif isinstance(inner, (Ref, Deref)) and gen.lower.one_byte_indirect(gen, inner):
+        return
+    elif is_condition(inner):
+        gen.lower.condition_to_w(gen, inner)
+    else:
+        gen.load(operands_of(gen, inner, 1)[0])
+
+
+def _unary_w(gen: FunctionGenerator, expr: Unary) -> None:
+    operand = stripped(expr.operand)
+    if expr.op == "~":
+        if is_direct(gen, operand):
+            gen.emit("COMF", operands_of(gen, operand, 1)[0], 0)  # type: ignore[arg-type]
+        else:
+            to_w(gen, operand)
+            gen.emit("XORLW", k=0xFF)
+    else:
+        to_w(gen, operand)
+        gen.emit("SUBLW", k=0)

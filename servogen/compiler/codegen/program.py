@@ -1,0 +1,129 @@
+"""From the typed tree to code of every function that is reached: main's, the interrupt's, the library's.
+
+In: a Program. Out: `Function` by name. Functions that both main and the interrupt reach are made twice, each
+with its own variables, so that an interrupt in the middle of one cannot change it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from servogen.compiler.ast.nodes import Symbol
+from servogen.compiler.ast.types import IntType, VoidType
+from servogen.compiler.codegen.calls import call, divide, multiply
+from servogen.compiler.codegen.conditions import jump
+from servogen.compiler.codegen.expressions import boolean, condition_to_w, into
+from servogen.compiler.codegen.flash import builtin, flash_byte, from_flash, wide_load
+from servogen.compiler.codegen.generator import Context, FunctionGenerator, Lowering
+from servogen.compiler.codegen.indirect import one_byte_indirect
+from servogen.compiler.codegen.runtime import build
+from servogen.compiler.codegen.statements import generate
+from servogen.compiler.diagnostics import Reporter
+from servogen.compiler.ir.function import ISR_SUFFIX, Function
+from servogen.compiler.limits import INSTRUCTIONS
+from servogen.compiler.sema.call_graph import CallGraph
+from servogen.pic.device import PROGRAM_WORDS
+
+
+class ProgramGenerator:
+    """Generates the code of functions and library routines on demand, and keeps it."""
+
+    def __init__(self, graph: CallGraph, reporter: Reporter, asm_symbols: dict[str, Symbol]) -> None:
+        self.graph = graph
+        self.program = graph.program
+        self.reporter = reporter
+        self.asm_symbols = asm_symbols
+        self.codes: dict[str, Function] = {}
+        self._clones: dict[Symbol, Symbol] = {}
+
+    def generate(self) -> dict[str, Function]:
+        for name in self.graph.main:
+            self._function(name, isr=False)
+        for name in self.graph.isr:
+            self._function(name, isr=True)
+        return self.codes
+
+    def _function(self, name: str, *, isr: bool) -> None:
+        function = self.program.functions[name]
+        context = Context(
+            signature=lambda called_name: self.signature(called_name, isr=isr),
+            symbol_map=lambda symbol: self._symbol(symbol, isr=isr),
+            library=lambda kind, key: self._library(kind, key, isr=isr),
+            asm_symbols=self.asm_symbols,
+            reporter=self.reporter,
+            isr=isr,
+        )
+        generator = FunctionGenerator(function, context, _LOWERING)
+        try:
+            generate(generator)
+        except RecursionError:
+            raise self.reporter.too_deep(generator.place or function.place) from None
+        made = sum(code.size for code in self.codes.values())
+        if made > INSTRUCTIONS:
+            raise self.reporter.too_large(
+                f"the program has {made} instructions up to here, the chip has {PROGRAM_WORDS} words",
+                function.place,
+            )
+
+    def _symbol(self, symbol: Symbol, *, isr: bool) -> Symbol:
+        """The interrupt's own copy of a local of a shared function."""
+        if (
+            not isr
+            or symbol.function not in self.graph.shared
+            or symbol.kind not in ("local", "param", "result")
+        ):
+            return symbol
+        if symbol not in self._clones:
+            self._clones[symbol] = replace(symbol)
+        return self._clones[symbol]
+
+    def signature(self, name: str, *, isr: bool) -> Function:
+        """The callee's parameters and result, before or after its code is made."""
+        full = name + ISR_SUFFIX if isr and name in self.graph.shared else name
+        if full not in self.codes:
+            function = self.program.functions[name]
+            code = Function(full, place=function.place)
+            code.parameters = [self._symbol(each, isr=isr) for each in function.parameters]
+            result = function.result
+            if not isinstance(result, VoidType):
+                if result.size == 1 and result.scalar:
+                    code.returns_w = True
+                else:
+                    code.result = Symbol(
+                        f"{full}.result",
+                        result,
+                        "result",
+                        function=name,
+                        pinned=not isinstance(result, IntType),
+                    )
+                    code.own.append(code.result)
+            one_byte = [each for each in code.parameters if each.size == 1 and each.type.scalar]
+            code.w_parameter = one_byte[-1] if one_byte else None
+            locals_ = [self._symbol(each, isr=isr) for each in function.locals]
+            code.own += [*code.parameters, *locals_]
+            self.codes[full] = code
+        return self.codes[full]
+
+    def _library(self, kind: str, key: tuple[int, ...], *, isr: bool) -> Function:
+        name = "__" + "_".join([kind, *map(str, key)]) + (ISR_SUFFIX if isr else "")
+        if name not in self.codes:
+            code = Function(name)
+            self.codes[name] = code
+            build(kind, key, code, lambda other, other_key: self._library(other, other_key, isr=isr))
+        return self.codes[name]
+
+
+_LOWERING = Lowering(
+    into=into,
+    boolean=boolean,
+    condition_to_w=condition_to_w,
+    jump=jump,
+    call=call,
+    builtin=builtin,
+    multiply=multiply,
+    divide=divide,
+    flash_byte=flash_byte,
+    from_flash=from_flash,
+    wide_load=wide_load,
+    one_byte_indirect=one_byte_indirect,
+)

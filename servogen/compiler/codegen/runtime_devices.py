@@ -1,0 +1,192 @@
+"""Library routines that take their time: variable delays, the EEPROM, serial lines.
+
+In: a builder and its key. Out: its instructions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from servogen.compiler.codegen.routine import parameter, variable
+from servogen.compiler.ir.builder import InstructionBuilder
+from servogen.compiler.ir.function import Function
+from servogen.compiler.ir.instruction import DELAY, INTCON, STATUS, C, Instruction, Reg, Z
+from servogen.pic.device import register_bits, registers
+
+Library = Callable[[str, tuple[int, ...]], Function]
+_EEDATA, _EEADR, _EECON1, _EECON2 = (
+    Reg(registers()[name].address) for name in ("EEDATA", "EEADR", "EECON1", "EECON2")
+)
+_GIE, _RD, _WR, _WREN = (register_bits()[name][1] for name in ("GIE", "RD", "WR", "WREN"))
+
+
+def _fix(gen: InstructionBuilder) -> None:
+    """Keep every instruction as it is: the routine takes exact time."""
+    for line in gen.code.lines():
+        line.fixed = not (isinstance(line, Instruction) and line.op == DELAY)
+
+
+def delay_variable(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """No instruction of it may be optimised away."""
+    _delay_body(gen, key)
+    _fix(gen)
+
+
+def _delay_body(gen: InstructionBuilder, key: tuple[int, ...]) -> None:
+    """W times `unit` cycles, from the load of W to behind the call; less than the minimum returns at once."""
+    (unit,) = key
+    least = least_units(unit)
+    gen.emit("ADDLW", k=-least)
+    gen.skip_if(C, True)
+    gen.emit("RETURN")
+    loop = gen.new_label()
+    gen.code.bounds[loop] = (255 - least >> {1: 2, 2: 1}.get(unit, 0)) + 1
+    if unit in (1, 2):
+        held = variable(gen, "count", 1)[0]
+        gen.store(held)
+        bits = (0, 1, 1) if unit == 1 else (0, 0)
+        for bit in bits:  # two cycles when the bit is 0, three when it is 1
+            after = gen.new_label()
+            gen.goto_if(bit, True, after, held)
+            gen.label(after)
+        if unit == 1:
+            gen.emit("RRF", held, 1)
+            gen.emit("RRF", held, 0)
+            gen.emit("ANDLW", k=0x3F)
+        else:
+            gen.emit("NOP")
+            gen.emit("RRF", held, 0)
+            gen.emit("ANDLW", k=0x7F)
+        _count_w(gen, loop)
+    elif unit == 4:
+        _count_w(gen, loop)
+    else:
+        held = variable(gen, "count", 1)[0]
+        gen.store(held)
+        gen.emit("INCF", held, 1)
+        if unit == 3:
+            gen.label(loop)
+            gen.emit("DECFSZ", held, 1)
+            gen.goto(loop)
+        else:
+            body = gen.new_label()
+            gen.delay(unit * least - 12)
+            gen.label(loop)
+            gen.emit("DECFSZ", held, 1)
+            gen.goto(body)
+            gen.emit("RETURN")
+            gen.label(body)
+            gen.delay(unit - 5)
+            gen.goto(loop)
+            return
+    gen.emit("RETURN")
+
+
+def _count_w(gen: InstructionBuilder, loop: str) -> None:
+    """4 W + 4 cycles."""
+    gen.emit("ADDLW", k=1)
+    gen.label(loop)
+    gen.emit("ADDLW", k=-1)
+    gen.goto_if(Z, False, loop)
+
+
+def least_units(unit: int) -> int:
+    """The least argument for which a variable delay of `unit` cycles a step is exact."""
+    return {1: 22, 2: 10, 3: 4, 4: 3}.get(unit, -(-12 // unit))
+
+
+def eeprom_read(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """DS35007 section 3.1."""
+    gen.store(_EEADR)
+    gen.emit("BSF", _EECON1, b=_RD)
+    gen.emit("MOVF", _EEDATA, 0)
+    gen.emit("RETURN")
+
+
+def eeprom_write(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """DS35007 section 3.2: no interrupt may come between 0x55 and 0xAA; it waits until the byte is
+    written.
+    """
+    gen.code.waits_for = "the EEPROM"
+    address, value = parameter(gen, "address", 1)[0], parameter(gen, "value", 1, in_w=True)[0]
+    enabled = variable(gen, "enabled", 1)[0]
+    del value
+    gen.store(_EEDATA)
+    gen.load(address)
+    gen.store(_EEADR)
+    gen.emit("CLRF", enabled)
+    gen.skip_if(_GIE, False, INTCON)
+    gen.emit("INCF", enabled, 1)
+    gen.emit("BCF", INTCON, b=_GIE)
+    gen.emit("BSF", _EECON1, b=_WREN)
+    gen.emit("MOVLW", k=0x55)
+    gen.store(_EECON2)
+    gen.emit("MOVLW", k=0xAA)
+    gen.store(_EECON2)
+    gen.emit("BSF", _EECON1, b=_WR)
+    gen.emit("BCF", _EECON1, b=_WREN)
+    gen.skip_if(0, False, enabled)
+    gen.emit("BSF", INTCON, b=_GIE)
+    wait = gen.new_label()
+    gen.label(wait)
+    gen.emit("MOVF", _EECON1, 0)
+    gen.emit("ANDLW", k=1 << _WR)
+    gen.goto_if(Z, False, wait)
+    gen.emit("RETURN")
+
+
+def putchar(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """8 data bits, low bit first, one stop bit; every bit is `cycles` long to the cycle."""
+    port_address, pin, cycles, inverted = key
+    port = Reg(port_address)
+    value = parameter(gen, "value", 1, in_w=True)[0]
+    count = variable(gen, "count", 1)[0]
+    zero, one = ("BSF", "BCF") if inverted else ("BCF", "BSF")
+    loop, high, after = gen.new_label(), gen.new_label(), gen.new_label()
+    gen.store(value)
+    gen.emit("MOVLW", k=9)
+    gen.store(count)
+    gen.emit(zero, port, b=pin)
+    gen.delay(5)
+    gen.label(loop)
+    gen.delay(cycles - 11)
+    gen.emit("BSF", STATUS, b=C)
+    gen.emit("RRF", value, 1)
+    gen.goto_if(C, True, high)
+    gen.emit("NOP")
+    gen.emit(zero, port, b=pin)
+    gen.goto(after)
+    gen.label(high)
+    gen.emit(one, port, b=pin)
+    gen.goto(after)
+    gen.label(after)
+    gen.emit("DECFSZ", count, 1)
+    gen.goto(loop)
+    gen.delay(cycles - 6)
+    gen.emit("RETURN")
+    _fix(gen)
+
+
+def getchar(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """Waits for a start bit and samples each bit in its middle."""
+    port_address, pin, cycles, inverted = key
+    port = Reg(port_address)
+    value, count = variable(gen, "value", 1)[0], variable(gen, "count", 1)[0]
+    wait, loop = gen.new_label(), gen.new_label()
+    gen.code.waits_for = "a start bit"
+    gen.label(wait)
+    gen.goto_if(pin, not inverted, wait, port)
+    gen.emit("MOVLW", k=8)
+    gen.store(count)
+    gen.delay(cycles + cycles // 2 - 6)
+    gen.label(loop)
+    gen.emit("BSF" if inverted else "BCF", STATUS, b=C)
+    gen.skip_if(pin, False, port)
+    gen.emit("BCF" if inverted else "BSF", STATUS, b=C)
+    gen.emit("RRF", value, 1)
+    gen.delay(cycles - 7)
+    gen.emit("DECFSZ", count, 1)
+    gen.goto(loop)
+    gen.load(value)
+    gen.emit("RETURN")
+    _fix(gen)

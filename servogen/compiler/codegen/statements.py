@@ -1,0 +1,307 @@
+"""Function for statements and whole functions.
+
+In: a function of the typed tree. Out: its `Function`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import islice
+from typing import Any
+
+from servogen.compiler.ast.constant_folding import COMPARISONS, compare, interval
+from servogen.compiler.ast.nodes import (
+    Asm,
+    Assign,
+    Binary,
+    Block,
+    CaseLabel,
+    Cast,
+    ExprStmt,
+    If,
+    Jump,
+    LabelStmt,
+    Loop,
+    Num,
+    Ref,
+    Return,
+    Stmt,
+    Switch,
+    Symbol,
+)
+from servogen.compiler.ast.types import U8, IntType, VoidType
+from servogen.compiler.codegen.conditions import differ, jump
+from servogen.compiler.codegen.effects import width_of
+from servogen.compiler.codegen.expressions import effect, into
+from servogen.compiler.codegen.generator import FunctionGenerator
+from servogen.compiler.codegen.inline_asm import AsmError, assemble_line
+from servogen.compiler.codegen.operands import kept, operands_of
+from servogen.compiler.codegen.operators import to_w
+from servogen.compiler.ir.function import Function, LoopLines
+from servogen.compiler.ir.instruction import Byte, Imm, Z
+from servogen.errors import Place
+
+
+def generate(gen: FunctionGenerator) -> Function:
+    function = gen.function
+    assert function.body is not None
+    gen.place = function.place
+    if gen.code.w_parameter is not None:
+        gen.store(Byte(gen.code.w_parameter, 0))
+    statement(gen, function.body)
+    gen.label(gen.end_label)
+    gen.place = None
+    if function.interrupt:
+        gen.emit("RETFIE")
+    elif function.name == "main":
+        gen.goto(gen.end_label)  # there is nothing to return to
+    else:
+        gen.emit("RETURN")
+    return gen.code
+
+
+def statement(gen: FunctionGenerator, node: Stmt) -> None:
+    _STATEMENTS[type(node)](gen, node)
+
+
+def _stmt_block(gen: FunctionGenerator, node: Block) -> None:
+    before: Stmt | None = None
+    for each in node.body:
+        if isinstance(each, Loop) and not each.post and before is not None and _holds_at_first(each, before):
+            _loop(gen, each, entered=True)
+        else:
+            statement(gen, each)
+        before = each
+
+
+def _stmt_expr_stmt(gen: FunctionGenerator, node: ExprStmt) -> None:
+    effect(gen, node.expr)
+
+
+def _stmt_if(gen: FunctionGenerator, node: If) -> None:
+    gen.place = node.place
+    if node.no is None:
+        end = gen.new_label()
+        if isinstance(node.yes, Jump) and node.yes.kind in ("break", "continue"):
+            target = (gen.break_labels if node.yes.kind == "break" else gen.continue_labels)[-1]
+            jump(gen, node.condition, True, target)
+            return
+        jump(gen, node.condition, False, end)
+        statement(gen, node.yes)
+        gen.label(end)
+        return
+    other, end = gen.new_label(), gen.new_label()
+    jump(gen, node.condition, False, other)
+    statement(gen, node.yes)
+    gen.goto(end)
+    gen.label(other)
+    statement(gen, node.no)
+    gen.label(end)
+
+
+def _stmt_loop(gen: FunctionGenerator, node: Loop) -> None:
+    _loop(gen, node, entered=False)
+
+
+def _loop(gen: FunctionGenerator, node: Loop, *, entered: bool) -> None:
+    """The test stands in front, or at the end when it surely holds at first."""
+    gen.place = node.place
+    start = gen.code.size
+    top, again, end = (gen.new_label(hint) for hint in ("top", "again", "end"))
+    gen.break_labels.append(end)
+    gen.continue_labels.append(again)
+    gen.label(top)
+    in_front = node.condition is not None and not node.post and not entered
+    if node.condition is not None and in_front:
+        jump(gen, node.condition, False, end)
+    statement(gen, node.body)
+    gen.label(again)
+    if node.step is not None:
+        effect(gen, node.step)
+    gen.place = node.place
+    if node.condition is not None and not in_front:
+        jump(gen, node.condition, True, top)
+    else:
+        gen.goto(top)
+    gen.label(end)
+    gen.break_labels.pop()
+    gen.continue_labels.pop()
+    _note_loop(gen, node, start)
+
+
+def _note_loop(gen: FunctionGenerator, node: Loop, start: int) -> None:
+    """Remember where a loop stands: the listing names loops without a known end."""
+    places = [
+        node.place,
+        *(each.place for each in islice(gen.code.instructions(), start, None) if each.place is not None),
+    ]
+    inside = [(each.line or 0, each.column or 0) for each in places]
+    gen.code.loops.append(LoopLines(node.kind, min(inside), max(inside)))
+
+
+def _stmt_switch(gen: FunctionGenerator, node: Switch) -> None:
+    gen.place = node.place
+    end = gen.new_label()
+    for _, label in node.cases:
+        gen.case_labels[label] = gen.new_label("case")
+    if node.default is not None:
+        gen.case_labels[node.default] = gen.new_label("default")
+    _dispatch(gen, node)
+    gen.goto(gen.case_labels[node.default] if node.default is not None else end)
+    gen.break_labels.append(end)
+    statement(gen, node.body)
+    gen.break_labels.pop()
+    gen.label(end)
+
+
+def _dispatch(gen: FunctionGenerator, node: Switch) -> None:
+    low, high = interval(node.value)
+    possible = [(value, label) for value, label in node.cases if low <= value <= high]
+    size, _ = width_of(low, high)
+    if not possible:
+        effect(gen, node.value)
+        return
+    if size == 1:
+        to_w(gen, node.value)
+        before = 0
+        for value, label in possible:
+            if (value ^ before) & 0xFF:
+                gen.emit("XORLW", k=value ^ before)
+            elif before == 0:
+                gen.emit("IORLW", k=0)
+            gen.goto_if(Z, True, gen.case_labels[label])
+            before = value
+        return
+    operands = kept(gen, operands_of(gen, node.value, size))
+    for value, label in possible:
+        other = gen.new_label()
+        for number, each in enumerate(operands):
+            differ(gen, each, Imm(value >> 8 * number & 0xFF))
+            if number == size - 1:
+                gen.goto_if(Z, True, gen.case_labels[label])
+            else:
+                gen.goto_if(Z, False, other)
+        gen.label(other)
+
+
+def _stmt_case_label(gen: FunctionGenerator, node: CaseLabel) -> None:
+    gen.label(gen.case_labels[node])
+
+
+def _stmt_jump(gen: FunctionGenerator, node: Jump) -> None:
+    gen.place = node.place
+    if node.kind == "goto":
+        gen.goto(_user_label(gen, node.label))
+    else:
+        gen.goto((gen.break_labels if node.kind == "break" else gen.continue_labels)[-1])
+
+
+def _user_label(gen: FunctionGenerator, name: str) -> str:
+    if name not in gen.user_labels:
+        gen.user_labels[name] = gen.new_label(name)
+    return gen.user_labels[name]
+
+
+def _stmt_label_stmt(gen: FunctionGenerator, node: LabelStmt) -> None:
+    gen.place = node.place
+    gen.label(_user_label(gen, node.name))
+
+
+def _stmt_return(gen: FunctionGenerator, node: Return) -> None:
+    gen.place = node.place
+    if node.value is not None:
+        if isinstance(node.value.type, VoidType):
+            effect(gen, node.value)
+        elif gen.code.returns_w:
+            if (
+                isinstance(node.value.type, IntType)
+                and node.value.type.is_bool
+                and not isinstance(node.value, Num)
+            ):
+                into(gen, node.value, held := gen.temp())
+                gen.load(held[0])
+            else:
+                to_w(gen, node.value)
+        else:
+            assert gen.code.result is not None
+            size = gen.code.result.size
+            into(gen, node.value, [Byte(gen.code.result, each) for each in range(size)])
+    gen.goto(gen.end_label)
+
+
+def _stmt_asm(gen: FunctionGenerator, node: Asm) -> None:
+    gen.code.inline_asm = True
+    labels: dict[str, str] = {}
+    for place, text in node.lines:
+        gen.place = place
+        try:
+            found = assemble_line(text, place, _asm_name(gen, node), _asm_label(gen, node, labels))
+        except AsmError as error:
+            _asm_error(gen, error, place)
+            continue
+        for line in found:
+            line.place, line.fixed = place, True
+            gen.code.append(line)
+
+
+def _asm_name(gen: FunctionGenerator, node: Asm) -> Callable[[str], Symbol | None]:
+    def find(name: str) -> Symbol | None:
+        symbol = node.names.get(name) or node.names.get("_" + name) or gen.context.asm_symbols.get(name)
+        return gen.symbol(symbol) if symbol is not None else None
+
+    return find
+
+
+def _asm_label(gen: FunctionGenerator, node: Asm, labels: dict[str, str]) -> Callable[[str], str]:
+    """A label is its block's; `_name` may be a C function."""
+
+    def find(name: str) -> str:
+        if any(call.function == name.removeprefix("_") for call in node.calls):
+            return gen.signature(name.removeprefix("_")).name
+        return labels.setdefault(name, f"{gen.code.name}.asm.{name}")
+
+    return find
+
+
+def _holds_at_first(loop: Loop, before: Stmt) -> bool:
+    """Whether a loop's test surely holds at first: `for (i = 0; i < 8; i++)`."""
+    if not isinstance(before, ExprStmt) or not isinstance(before.expr, Assign):
+        return False
+    target, value, test = before.expr.target, before.expr.value, loop.condition
+    if not isinstance(target, Ref) or not isinstance(value, Num) or target.symbol.volatile:
+        return False
+    if isinstance(test, Ref) and value.value:
+        test = Binary("!=", test, Num(0, U8, test.place), U8, test.place)
+    if not isinstance(test, Binary) or test.op not in COMPARISONS or not isinstance(test.right, Num):
+        return False
+    left = test.left
+    while isinstance(left, Cast) and isinstance(left.type, IntType):
+        if not left.type.low <= value.value <= left.type.high:
+            return False
+        left = left.operand
+    if not isinstance(left, Ref) or (left.symbol, left.offset, left.index) != (
+        target.symbol,
+        target.offset,
+        None,
+    ):
+        return False
+    same = left.type.size == target.type.size and not left.width and not target.width and target.index is None
+    return same and compare(test.op, value.value, test.right.value)
+
+
+_STATEMENTS: dict[type, Callable[[FunctionGenerator, Any], None]] = {
+    Block: _stmt_block,
+    ExprStmt: _stmt_expr_stmt,
+    If: _stmt_if,
+    Loop: _stmt_loop,
+    Switch: _stmt_switch,
+    CaseLabel: _stmt_case_label,
+    Jump: _stmt_jump,
+    LabelStmt: _stmt_label_stmt,
+    Return: _stmt_return,
+    Asm: _stmt_asm,
+}
+
+
+def _asm_error(gen: FunctionGenerator, error: AsmError, place: Place) -> None:
+    gen.context.reporter.error(f"assembly: {error.message}", place, error.hint)

@@ -1,0 +1,123 @@
+"""Delays of an exact number of cycles in as few words as these loops give.
+
+In: a number of instruction cycles. Out: a `Plan`: nested loops and a filler, or the instructions of one.
+
+    MOVLW c2      Two families of loops of the same size; the better is taken. With the inner counter in
+    MOVWF t2      memory a pass takes 3 cycles (DECFSZ, GOTO), with the inner counter in W it takes 4
+    MOVLW c1      (ADDLW, BTFSS, GOTO) and needs a byte less. After their first run the counters start at 0,
+    MOVWF t1      which counts 256. With F the cycles of a whole inner loop, one more pass of the outer
+ L: DECFSZ t1,F   one takes S = 3 + F.
+    GOTO L
+    DECFSZ t2,F   cycles = set-up + inner(c1) + (c2 - 1) S2 + 2 + (c3 - 1) S3 + 2 + ...
+    GOTO L
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+from servogen.compiler.ir.function import Line
+from servogen.compiler.ir.instruction import STATUS, Instruction, Label, Loc, Z
+
+MAX_LEVELS = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Loop counters, the innermost first (none: no loop), whether it counts in W, and the cycles left
+    over.
+    """
+
+    counts: tuple[int, ...]
+    in_w: bool
+    rest: int
+
+    @property
+    def words(self) -> int:
+        levels = len(self.counts)
+        loops = 4 * levels if levels else 0  # each level: two words to set it up and two to count
+        return loops + self.rest // 2 + self.rest % 2
+
+    @property
+    def bytes(self) -> int:
+        """Counters in memory."""
+        return max(len(self.counts) - self.in_w, 0)
+
+
+@lru_cache(maxsize=4096)
+def plan(cycles: int) -> Plan:
+    """The plan of exactly `cycles` cycles with the fewest words, and of those the fewest bytes."""
+    plans = [Plan((), False, cycles)] if cycles <= 16 else []
+    for levels in range(1, MAX_LEVELS + 1):
+        for in_w in (True, False):
+            found = _loops(cycles, levels, in_w)
+            if found is not None:
+                plans.append(found)
+        if plans and levels >= 2 and any(len(each.counts) < levels for each in plans):
+            break
+    return min(plans, key=lambda each: (each.words, each.bytes, each.rest))
+
+
+def _loops(cycles: int, levels: int, in_w: bool) -> Plan | None:
+    step = 4 if in_w else 3
+    setup = 2 * levels - in_w
+    full = step * 256 - 1
+    steps = []
+    for _ in range(levels - 1):
+        steps.append(3 + full)
+        full += 255 * (3 + full) + 2
+    left = cycles - setup - 2 * (levels - 1) + 1  # what the inner counter's passes and the outer passes share
+    if left < step:
+        return None
+    counts = []
+    for outer in reversed(steps):
+        more = min(255, (left - step) // outer)
+        left -= more * outer
+        counts.append(more + 1)
+    inner = min(256, left // step)
+    rest = left - inner * step
+    if rest > 12:
+        return None
+    return Plan((inner, *reversed(counts)), in_w, rest)
+
+
+def instructions(found: Plan, counters: list[Loc], label: str) -> list[Line]:
+    """The instructions of a plan; `counters` are its bytes, `label` a name for its loop."""
+    out: list[Line] = []
+    memory = list(counters)
+    levels = len(found.counts)
+    places: list[Loc | None] = []
+    for level in range(levels):
+        places.append(None if level == 0 and found.in_w else memory.pop(0))
+    for level in reversed(range(levels)):
+        out.append(Instruction("MOVLW", k=found.counts[level] & 0xFF))
+        place = places[level]
+        if place is not None:
+            out.append(Instruction("MOVWF", place))
+    if levels:
+        out.append(Label(label))
+    for place in places:
+        if place is None:
+            out += [
+                Instruction("ADDLW", k=0xFF),
+                Instruction("BTFSS", STATUS, b=Z),
+                Instruction("GOTO", target=label),
+            ]
+        else:
+            out += [Instruction("DECFSZ", place, 1), Instruction("GOTO", target=label)]
+    out += filler(found.rest, label)
+    for line in out:
+        line.fixed = True
+    return out
+
+
+def filler(cycles: int, label: str) -> list[Line]:
+    """Two cycles a word by GOTO to the next instruction, an odd one by NOP."""
+    out: list[Line] = []
+    for number in range(cycles // 2):
+        after = f"{label}.f{number}"
+        out += [Instruction("GOTO", target=after), Label(after)]
+    if cycles % 2:
+        out.append(Instruction("NOP"))
+    return out

@@ -1,0 +1,207 @@
+"""Addresses: variables in RAM, functions in flash, labels; then words, the image and the listing's rows.
+
+In: optimised code, the globals, what goes into the reset and interrupt vectors. Out: words by address.
+Variables of a function lie above those of everything it calls, so that calls in progress never share a byte.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from servogen.compiler.ast.nodes import AddressByte, Symbol
+from servogen.compiler.codegen.tables import table_code
+from servogen.compiler.diagnostics import Reporter
+from servogen.compiler.emit.frames import frame
+from servogen.compiler.ir.function import Function
+from servogen.compiler.ir.instruction import Byte, Instruction, Label, Reg, assembly
+from servogen.errors import Place
+from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, RAM_FIRST, RAM_LAST
+from servogen.pic.isa import by_mnemonic, encode
+
+FLASH_FLAG = 0x80
+"""Set in the high byte of a pointer to flash."""
+
+
+@dataclass(slots=True)
+class Memory:
+    """Where variables are, and how many bytes are used."""
+
+    addresses: dict[Symbol, int] = field(default_factory=dict)
+    used: int = 0
+
+
+def allocate(
+    roots: list[str], codes: dict[str, Function], statics: list[Symbol], reporter: Reporter
+) -> Memory:
+    """Addresses for every variable."""
+    memory = Memory()
+    taken = {
+        symbol.address + each
+        for symbol in statics
+        if symbol.kind == "fixed" and symbol.address is not None
+        for each in range(symbol.size)
+    }
+    next_free = RAM_FIRST
+
+    def place(size: int, start: int) -> int:
+        at = start
+        while any(at + each in taken for each in range(size)):
+            at += 1
+        return at
+
+    for symbol in statics:
+        if symbol.kind == "global":
+            at = place(symbol.size, next_free)
+            memory.addresses[symbol] = at
+            next_free = at + symbol.size
+        elif symbol.kind == "fixed" and symbol.address is not None:
+            memory.addresses[symbol] = symbol.address
+    top = next_free
+    for root in roots:
+        base = top
+        ends: dict[str, int] = {}
+
+        def reserve(name: str, base: int = base, ends: dict[str, int] = ends) -> int:
+            if name not in ends:
+                ends[name] = base  # guards against a loop of calls in assembly
+                at = max([base, *(reserve(callee) for callee in codes[name].calls() if callee in codes)])
+                offsets, size = frame(codes[name])
+                at = place(size, at)
+                for symbol, offset in offsets.items():
+                    memory.addresses[symbol] = at + offset
+                at += size
+                ends[name] = at
+            return ends[name]
+
+        reserve(root)
+        top = max([top, *ends.values()])
+    fixed_ram = [each for each in taken if RAM_FIRST <= each & 0x7F <= RAM_LAST]
+    outside = [each for each in fixed_ram if each & 0x7F >= top]
+    needed = top - RAM_FIRST + len(outside)
+    memory.used = needed
+    if needed > RAM_BYTES or top > RAM_LAST + 1:
+        file = next(iter(reporter.texts), None)
+        raise reporter.too_large(
+            f"the program needs {max(needed, top - RAM_FIRST)} bytes of RAM, the chip has {RAM_BYTES}",
+            Place(file),
+        )
+    return memory
+
+
+@dataclass(slots=True)
+class Word:
+    """An instruction with its address."""
+
+    address: int
+    ins: Instruction
+    function: str
+    value: int = 0
+
+
+@dataclass(slots=True)
+class Layout:
+    words: list[Word]
+    labels: dict[str, int]
+    starts: dict[str, tuple[int, int]]
+    """First and behind-last address of each function."""
+    end: int
+
+
+def lay_out(
+    order: list[Function], memory: Memory, reporter: Reporter, tables: dict[Symbol, str], *, small: bool
+) -> Layout:
+    """Give each instruction its address and encode it. `tables` name the label of each flash object.
+
+    `small` says whether the program has been made as small as it can be.
+    """
+    pointers = any(code.name.startswith("__flash") for code in order)
+    found = None if pointers else _place(order, only_first_page=True)
+    if found is None:
+        found = _place(order, only_first_page=False)
+    assert found is not None
+    if found.end > PROGRAM_WORDS:
+        file = next(iter(reporter.texts), None)
+        raise reporter.too_large(
+            f"the program needs {found.end} words of flash, the chip has {PROGRAM_WORDS}",
+            Place(file),
+            "optimise for size (-Os): equal code is shared" if not small else None,
+        )
+    for word in found.words:
+        word.value = _encode(word, found.labels, memory, tables, reporter)
+    return found
+
+
+def _place(order: list[Function], *, only_first_page: bool) -> Layout | None:
+    """Addresses in order; None when a table misses the first page but all should lie there."""
+    words: list[Word] = []
+    labels: dict[str, int] = {}
+    starts: dict[str, tuple[int, int]] = {}
+    address = 0
+    for code in order:
+        if code.table is not None:
+            found = table_code(code, address, only_first_page=only_first_page)
+            if found is None:
+                return None
+            code.replace(found)
+        address = code.origin if code.origin is not None else address
+        labels[code.name] = begin = address
+        for line in code.lines():
+            if isinstance(line, Label):
+                labels[line.name] = address
+            else:
+                words.append(Word(address, line, code.name))
+                address += 1
+        starts[code.name] = (begin, address)
+    return Layout(words, labels, starts, address)
+
+
+def _encode(
+    word: Word, labels: dict[str, int], memory: Memory, tables: dict[Symbol, str], reporter: Reporter
+) -> int:
+    ins = word.ins
+    fields: dict[str, int] = {}
+    operands = by_mnemonic()[ins.op].operands
+    if "f" in operands:
+        fields["f"] = file_address(ins, memory) & 0x7F
+    if "d" in operands:
+        fields["d"] = ins.d
+    if "b" in operands:
+        fields["b"] = ins.b
+    if "k" in operands:
+        fields["k"] = _literal(word, labels, memory, tables, reporter)
+    return encode(ins.op, **fields)
+
+
+def file_address(ins: Instruction, memory: Memory) -> int:
+    match ins.f:
+        case Byte(symbol, offset):
+            return memory.addresses[symbol] + offset
+        case Reg(address):
+            return address
+    raise ValueError(assembly(ins))
+
+
+def _literal(
+    word: Word, labels: dict[str, int], memory: Memory, tables: dict[Symbol, str], reporter: Reporter
+) -> int:
+    ins = word.ins
+    if ins.op in ("GOTO", "CALL"):
+        if ins.target.startswith("$"):
+            return word.address + int(ins.target[1:] or 0)
+        if ins.target not in labels:
+            name = ins.target.rsplit(".", 1)[-1]
+            raise reporter.fatal(f"assembly: there is no label '{name}'", ins.place or Place())
+        return labels[ins.target]
+    if isinstance(ins.k, AddressByte):
+        return address_byte(ins.k, labels, memory, tables)
+    return ins.k
+
+
+def address_byte(k: AddressByte, labels: dict[str, int], memory: Memory, tables: dict[Symbol, str]) -> int:
+    """One byte of the address of a variable or flash object, as pointers hold it."""
+    if k.symbol.kind == "flash":
+        where = labels[tables[k.symbol]] + k.offset
+        return where & 0xFF if k.part == 0 else where >> 8 | FLASH_FLAG
+    where = memory.addresses[k.symbol] if k.symbol.address is None else k.symbol.address
+    where += k.offset
+    return where >> 8 * k.part & 0xFF

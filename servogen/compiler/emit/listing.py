@@ -1,0 +1,107 @@
+"""The listing: each word with its source line, and per function its size, depth and times.
+
+In: the layout. Out: `pic.listing.Listing`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from servogen.compiler.diagnostics import Reporter
+from servogen.compiler.emit.layout import Layout, Memory, Word, file_address
+from servogen.compiler.emit.timing import FunctionTimes
+from servogen.compiler.ir.function import Function
+from servogen.compiler.passes.call_depth import depths
+from servogen.pic.device import RAM_FIRST, RAM_LAST, registers
+from servogen.pic.isa import by_mnemonic
+from servogen.pic.listing import ListedFunction, Listing, ListingRow
+
+
+def make_listing(
+    layout: Layout,
+    memory: Memory,
+    codes: dict[str, Function],
+    times: Mapping[str, FunctionTimes],
+    reporter: Reporter,
+) -> Listing:
+    """The listing of a program."""
+    rows = tuple(_row(word, memory) for word in layout.words)
+    chains = depths(codes)
+    functions = tuple(
+        ListedFunction(
+            name,
+            start,
+            end,
+            sum(each.size for each in codes[name].own),
+            len(chains[name]),
+            *_times(times.get(name)),
+        )
+        for name, (start, end) in layout.starts.items()
+        if end > start
+    )
+    return Listing(rows, functions, _variables(memory), tuple(reporter.texts.items()))
+
+
+def _variables(memory: Memory) -> tuple[tuple[int, str, int], ...]:
+    """The program's own variables by address, then what each function and routine needs beside them."""
+    named: list[tuple[int, str, int]] = []
+    unnamed: dict[str, set[int]] = {}
+    for symbol, address in memory.addresses.items():
+        if symbol.kind in ("temp", "result") or (symbol.function or "").startswith("__"):
+            unnamed.setdefault(symbol.function or "", set()).update(range(address, address + symbol.size))
+        else:
+            name = f"{symbol.function}.{symbol.name}" if symbol.function else symbol.name
+            named.append((address, name, symbol.size))
+    runs = [(at, f"{name} (temporary)", size) for name, used in unnamed.items() for at, size in _runs(used)]
+    return (*sorted(named), *sorted(runs))
+
+
+def _runs(addresses: set[int]) -> list[tuple[int, int]]:
+    """(first, how many) of the addresses that follow one another."""
+    found: list[tuple[int, int]] = []
+    for address in sorted(addresses):
+        if found and sum(found[-1]) == address:
+            found[-1] = (found[-1][0], found[-1][1] + 1)
+        else:
+            found.append((address, 1))
+    return found
+
+
+def _times(times: FunctionTimes | None) -> tuple[int | None, int | None, tuple[str, ...]]:
+    return (times.shortest, times.longest, times.unbounded) if times is not None else (None, None, ())
+
+
+def _row(word: Word, memory: Memory) -> ListingRow:
+    ins = word.ins
+    row = by_mnemonic()[ins.op]
+    parts = []
+    for field in row.operands:
+        if field == "f":
+            parts.append(_register_name(file_address(ins, memory)))
+        elif field == "d":
+            parts.append("WF"[ins.d])
+        elif field == "b":
+            parts.append(str(ins.b))
+        elif ins.op in ("GOTO", "CALL"):
+            parts.append(f"0x{word.value & 0x7FF:03X}")
+        else:
+            parts.append(f"0x{word.value & 0xFF:02X}")
+    cycles = f"{row.cycles}(2)" if row.skips else str(row.cycles)
+    place = ins.place
+    return ListingRow(
+        word.address,
+        word.value,
+        f"{ins.op} {', '.join(parts)}".strip(),
+        cycles,
+        place.file if place else None,
+        place.line if place else None,
+    )
+
+
+def _register_name(address: int) -> str:
+    if RAM_FIRST <= address & 0x7F <= RAM_LAST:
+        return f"0x{address & 0x7F:02X}"
+    for register in registers().values():
+        if register.address == address:
+            return register.name
+    return f"0x{address & 0x7F:02X}"

@@ -1,0 +1,106 @@
+"""The shortest and the longest time of each function, with names for what has no bound.
+
+In: the words of a program, and the functions that they come from. Out: `FunctionTimes` by name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from servogen.compiler.emit.layout import Layout
+from servogen.compiler.ir.function import Function
+from servogen.errors import Place
+from servogen.pic.device import INTERRUPT_VECTOR
+from servogen.pic.listing import ListedFunction
+from servogen.pic.wcet import Program, Unbounded
+
+
+@dataclass(frozen=True, slots=True)
+class FunctionTimes:
+    """Cycles; `shortest` is None where the function never returns, `longest` where `unbounded` says why."""
+
+    shortest: int | None
+    longest: int | None
+    unbounded: tuple[str, ...] = ()
+
+
+def function_times(
+    layout: Layout, functions: Mapping[str, Function], *, main: Iterable[str], interrupt: Iterable[str]
+) -> dict[str, FunctionTimes]:
+    """The times of the functions that `main` and the `interrupt` reach.
+
+    What the interrupt changes is never known to main; main changes nothing while the interrupt runs.
+    """
+    words = {word.address: word.value for word in layout.words}
+    listed = [ListedFunction(name, start, end) for name, (start, end) in layout.starts.items() if end > start]
+    bounds = {
+        layout.labels[label]: bound
+        for function in functions.values()
+        for label, bound in function.bounds.items()
+    }
+    places = {word.address: word.ins.place for word in layout.words}
+    in_interrupt = set(interrupt)
+    addresses = {word.ins: word.address for word in layout.words}
+    pieces = [
+        (addresses[first], addresses[last] + 1)
+        for function in functions.values()
+        for first, last in function.delays
+    ]
+    of_interrupt = Program(words, listed, bounds=bounds, pieces=pieces)
+    changing = of_interrupt.changes(INTERRUPT_VECTOR) if in_interrupt else frozenset[int]()
+    of_main = Program(words, listed, changing=changing, bounds=bounds, pieces=pieces)
+    reached = set(main) | in_interrupt
+    found: dict[str, FunctionTimes] = {}
+    for each in listed:
+        if each.name in reached:
+            (of_interrupt if each.name in in_interrupt else of_main).times(each.start)
+    names = {start: name for name, (start, _) in layout.starts.items()}
+    for each in listed:
+        if each.name in reached:
+            program = of_interrupt if each.name in in_interrupt else of_main
+            library = each.name.startswith("__")
+            times = program.times_with_arguments(each.start) if library else program.times(each.start)
+            why = [
+                _name(reason, functions[each.name], places, names, program) for reason in times.unbounded
+            ] or (["stands still at its end"] if times.longest is None else [])
+            found[each.name] = FunctionTimes(times.shortest, times.longest, tuple(dict.fromkeys(why)))
+    return found
+
+
+def _name(
+    reason: Unbounded,
+    function: Function,
+    places: Mapping[int, Place | None],
+    names: Mapping[int, str],
+    program: Program,
+) -> str:
+    """What has no bound, as the source names it: "while at line 12"."""
+    at = reason.addresses[0]
+    match reason.kind:
+        case "call":
+            return _at_line(f"call of {names.get(program.word(at).k, 'a subroutine')}", places.get(at))
+        case "loop":
+            return _loop(function, reason.addresses, places)
+        case "too many states":
+            return f"{_loop(function, reason.addresses, places)}, too long to be counted"
+    return _at_line("SLEEP" if reason.kind == "sleep" else "a computed jump", places.get(at))
+
+
+def _at_line(what: str, place: Place | None) -> str:
+    return f"{what} at line {place.line}" if place is not None and place.line else what
+
+
+def _loop(function: Function, addresses: Iterable[int], places: Mapping[int, Place | None]) -> str:
+    """The loop of the source that holds these words."""
+    if function.waits_for:
+        return f"waits for {function.waits_for}"
+    found = [places.get(at) for at in addresses]
+    inside = [(each.line, each.column or 0) for each in found if each is not None and each.line]
+    if not inside:
+        return "a loop"
+    around = [each for each in function.loops if each.first <= min(inside) and max(inside) <= each.last]
+    if not around:
+        return f"loop at line {min(inside)[0]}"
+    inner = max(around, key=lambda each: each.first)
+    return f"{inner.kind} at line {inner.first[0]}"

@@ -1,0 +1,1 @@
+"""From source text to pycparser's syntax tree: preprocessing, the dialects' extensions, parsing."""

@@ -1,0 +1,79 @@
+"""Macros' names in assembly.
+
+In: the preprocessor's tokens, the blocks of assembly, what a macro stands for at that place. Out: the same
+tokens and blocks, where each operand that names a macro of numbers, registers or bits is what it stands for.
+"""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from servogen.compiler.frontend.asm_blocks import MARKER, AsmBlock
+from servogen.compiler.frontend.asm_numbers import assembler_number
+from servogen.pic.device import register_bits, registers
+
+Value = Callable[[str], str | None]
+"""The expanded text of an object-like macro; None when there is none of that name."""
+
+_LINE = re.compile(r"(\s*(?:[A-Za-z_.$][\w.$]*\s*:)?\s*[A-Za-z_]\w*\s)(.*?)(?=;|//|/\*|$)", re.DOTALL)
+_JUMP = re.compile(r"(?i)\b(goto|call)\b")
+_OWN = frozenset(("W", "F", "OPTION"))
+
+
+def assembly_macros(stream: Iterator[Any], blocks: list[AsmBlock], value: Value) -> Iterator[Any]:
+    """The tokens of a file; `value` is asked while they pass, as definitions change on the way."""
+    within = ""
+    for tok in stream:
+        if tok.value in (MARKER, "asm", "__asm", "__asm__"):
+            within = tok.value
+        elif tok.value == ";":
+            within = ""
+        elif within == MARKER and tok.value.isdigit():
+            # a macro may hold the block and be used again: it stays as it is, beside the new one
+            block = blocks[int(tok.value)]
+            lines = tuple((line, replace_macros(text, value)) for line, text in block.lines)
+            blocks.append(AsmBlock(block.file, lines))
+            tok = copy.copy(tok)
+            tok.value = str(len(blocks) - 1)
+            within = ""
+        elif within and tok.value.startswith('"'):
+            tok = copy.copy(tok)
+            texts = [replace_macros(text, value) for text in tok.value[1:-1].split("\\n")]
+            tok.value = '"' + "\\n".join(texts) + '"'
+        yield tok
+
+
+def replace_macros(line: str, value: Value) -> str:
+    """A line of assembly with its operands' macros replaced; labels of GOTO and CALL are no macros."""
+    match = _LINE.match(line)
+    if not match or _JUMP.search(match[0]):
+        return line
+
+    def replaced(word: re.Match[str]) -> str:
+        name = word[0]
+        if name.upper() in _OWN or _of_the_chip(name):
+            return name
+        text = value(name)
+        return text if text is not None and _operands(text) else name
+
+    operands = re.sub(r"(?<![\w'.])[A-Za-z_]\w*(?!['\w])", replaced, match[2])
+    return match[1] + operands + line[match.end() :]
+
+
+def plain_numbers(text: str) -> str:
+    """C's numbers without their suffixes."""
+    return re.sub(r"\b(0[xX][0-9a-fA-F]+|\d+)[uUlL]+\b", r"\1", text)
+
+
+def _operands(text: str) -> bool:
+    """Whether a text is made of what assembly reads as C does; 017 it does not."""
+    return not re.search(r"\b0\d", text) and all(
+        _of_the_chip(part.strip()) or assembler_number(part) is not None for part in text.split(",")
+    )
+
+
+def _of_the_chip(name: str) -> bool:
+    return name.upper() in registers() or name.upper() in register_bits()

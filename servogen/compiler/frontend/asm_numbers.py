@@ -1,0 +1,33 @@
+"""Constants of inline assembly.
+
+In: an operand's text. Out: its value, where it consists of numbers only.
+"""
+
+from __future__ import annotations
+
+import re
+
+from servogen.pic.assembler.expressions import evaluate, parse_expression
+from servogen.pic.assembler.messages import SourceError
+from servogen.pic.assembler.text import Text
+
+
+class _NoNames:
+    """Constants are made of numbers."""
+
+    here = 0
+
+    def value(self, name: str) -> int | None:
+        return None
+
+    def hint(self, name: str) -> str | None:
+        return None
+
+
+def assembler_number(text: str) -> int | None:
+    """A constant as the assembler computes it, `(1500 - 14) / 1000 + 1`; C's 0b101 too."""
+    try:
+        found = parse_expression(Text.of(re.sub(r"\b0[bB]([01]+)\b", r"B'\1'", text)), 10)
+        return evaluate(found, _NoNames())
+    except SourceError:
+        return None

@@ -1,0 +1,190 @@
+"""Tokens to a syntax tree: pycparser's recursive descent, fed with tokens that keep their own places.
+
+In: preprocessing tokens after the dialect's rewriting. Out: a pycparser tree. After a syntax error the parser
+goes on at the next function, so that one run shows the errors of each.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from functools import cache
+from typing import Any, NoReturn
+
+from pycparser import c_lexer
+from pycparser.c_parser import CParser, ParseError, _TokenStream
+
+from servogen.compiler.diagnostics import Reporter
+from servogen.compiler.frontend.preprocessor import PToken
+from servogen.compiler.frontend.syntax_errors import SyntaxFault, declared, report_syntax, resume
+
+_INTEGER = re.compile(r"(?:0[xX][0-9a-fA-F]+|[0-9]+)([uUlL]*)")
+
+
+@cache
+def _punctuators() -> dict[str, str]:
+    lexer = c_lexer.CLexer(_no_error)
+    found = {}
+    for text in [
+        "...",
+        "<<=",
+        ">>=",
+        "++",
+        "--",
+        "->",
+        "&&",
+        "||",
+        "<<",
+        ">>",
+        "<=",
+        ">=",
+        "==",
+        "!=",
+        "*=",
+        "/=",
+        "%=",
+        "+=",
+        "-=",
+        "&=",
+        "|=",
+        "^=",
+        "=",
+        "+",
+        "-",
+        "*",
+        "/",
+        "%",
+        "|",
+        "&",
+        "~",
+        "^",
+        "!",
+        "<",
+        ">",
+        "?",
+        "(",
+        ")",
+        "[",
+        "]",
+        ",",
+        ".",
+        ";",
+        ":",
+        "{",
+        "}",
+    ]:
+        lexer.input(text)
+        token = lexer.token()
+        found[text] = token.type if token else ""
+    return found
+
+
+def _no_error(message: str, line: int, column: int) -> None:
+    raise ValueError(f"{line}:{column}: {message}")
+
+
+@cache
+def _keywords() -> dict[str, str]:
+    unwanted = {"offsetof", "_Complex", "_Atomic", "_Thread_local", "__int128", "__builtin_va_arg"}
+    return {
+        word: kind for word, kind in c_lexer.CLexer(_no_error)._keyword_map.items() if word not in unwanted
+    }
+
+
+class _Feed:
+    """Stands where pycparser's lexer would: hands out ready-made tokens."""
+
+    def __init__(self, error_func: Callable[[str, int, int], None], *, dialect: str = "legacy") -> None:
+        self.tokens: list[c_lexer.Token] = []
+        self.filename = ""
+        self._next = 0
+
+    def input(self, text: str, filename: str = "") -> None:
+        self._next = 0
+
+    def token(self) -> c_lexer.Token | None:
+        if self._next >= len(self.tokens):
+            return None
+        self._next += 1
+        return self.tokens[self._next - 1]
+
+
+class _Parser(CParser):  # type: ignore[misc]
+    def _parse_error(self, msg: str, coord: Any) -> NoReturn:
+        raise SyntaxFault(msg, coord)
+
+    def index(self) -> int:
+        return int(self._tokens.mark())
+
+    def units(
+        self, tokens: list[c_lexer.Token], typedefs: Iterable[str], fault: Callable[..., int]
+    ) -> list[Any]:
+        """Parse the whole file; `fault` reports an error and says at which token to go on."""
+        self.clex.tokens = tokens
+        self._scope_stack = [dict.fromkeys(typedefs, True)]
+        self._typedef_checked_token = None
+        self._tokens = _TokenStream(self.clex.token)
+        found: list[Any] = []
+        while self._peek() is not None:
+            start = self.index()
+            try:
+                found.extend(self._parse_external_declaration())
+            except (
+                ParseError,
+                AssertionError,
+                AttributeError,
+                IndexError,
+                TypeError,
+                RecursionError,
+            ) as error:
+                # pycparser raises those after the first on input that its grammar did not foresee
+                del self._scope_stack[1:]
+                self._typedef_checked_token = None
+                self._tokens.reset(fault(error, start, self.index()))
+        return found
+
+
+def parse(tokens: list[PToken], typedefs: Iterable[str], reporter: Reporter) -> list[Any]:
+    """The external declarations of a file. Syntax errors go to the reporter."""
+    stream = [_token(each, reporter) for each in tokens]
+    parser = _Parser(lexer=_Feed)
+
+    def fault(error: Exception, start: int, at: int) -> int:
+        if isinstance(error, RecursionError):
+            raise reporter.too_deep(tokens[min(at, len(tokens) - 1)].place) from None
+        report_syntax(error, stream, tokens, start, at, reporter)
+        after = resume(tokens, start, max(at, start + 1))
+        reporter.lost |= declared(tokens[start:after])
+        return after
+
+    return parser.units(stream, typedefs, fault)
+
+
+def _token(token: PToken, reporter: Reporter) -> c_lexer.Token:
+    text = token.text
+    kind = _punctuators().get(text) or _keywords().get(text)
+    if kind is None:
+        if text[0] == '"':
+            kind = "STRING_LITERAL"
+        elif text[0] == "'":
+            kind = "CHAR_CONST"
+        elif re.fullmatch(r"[A-Za-z_$][\w$]*", text):
+            kind = "ID"
+        elif match := _INTEGER.fullmatch(text):
+            kind = "INT_CONST_DEC"
+            if match[1].lower() not in ("", "u", "l", "ul", "lu", "ll", "ull", "llu"):
+                reporter.error(f"'{text}' is not a number: unknown suffix '{match[1]}'", token.place)
+                text = "0"
+            elif text[0] == "0" and text[1:2] not in ("x", "X") and re.search("[89]", text):
+                reporter.error(f"'{text}' is not a number: octal digits are 0 to 7", token.place)
+                text = "0"
+        elif re.fullmatch(r"(\d+\.\d*|\.\d+|\d+)([eE][+-]?\d+)?[fFlL]?", text):
+            kind = "FLOAT_CONST"
+        elif text[0].isdigit():
+            reporter.error(f"'{text}' is not a number", token.place)
+            kind, text = "INT_CONST_DEC", "0"
+        else:
+            reporter.error(f"the character {text!r} has no meaning in C", token.place)
+            kind, text = "SEMI", ";"
+    place = token.place
+    return c_lexer.Token(kind, text, place.line or 0, place.column or 0, place.file or "")

@@ -1,0 +1,296 @@
+"""The C preprocessor: source text to tokens that know their file, line and column.
+
+In: a source file and the dialect's predefined macros. Out: tokens for the parser, the `#pragma` lines, and
+the values of macros that the compiler itself reads (`_CLOCK_FREQ`, `_XTAL_FREQ`). pcpp does the work.
+"""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pcpp.evaluator import Value
+from pcpp.preprocessor import Action, OutputDirective, Preprocessor
+
+import servogen.compiler.limits as limits
+from servogen.compiler.diagnostics import Reporter
+from servogen.compiler.frontend.asm_blocks import AsmBlock, rewrite
+from servogen.compiler.frontend.asm_macros import assembly_macros, plain_numbers
+from servogen.errors import InputError, Place
+
+Resolver = Callable[[str, str], tuple[str, str] | None]
+"""(name, including file) -> (file name to show, text), or None when there is no such file."""
+
+
+_LONGEST_MESSAGE = 200
+"""Characters of the preprocessor's own messages, which quote the source."""
+
+
+@dataclass(frozen=True, slots=True)
+class PToken:
+    """A preprocessing token: its text and where the user wrote it."""
+
+    text: str
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Pragma:
+    words: str
+    place: Place
+
+
+@dataclass(slots=True)
+class Preprocessed:
+    tokens: list[PToken]
+    pragmas: list[Pragma]
+    macros: dict[str, tuple[str, Place]]
+    """Object-like macros at the end of the file."""
+
+
+def _shifted(self: Value, count: object) -> Value:
+    """Return a number of #if shifted to the left; pcpp would make the whole of 1 << 1000000000."""
+    bits = int(Value(count))
+    return _SHIFT(self, count) if 0 <= bits < 64 else Value(0)
+
+
+_SHIFT = Value.__lshift__
+Value.__lshift__ = _shifted
+
+
+class _Pcpp(Preprocessor):  # type: ignore[misc]
+    """pcpp with its files, errors and pragmas led to this compiler."""
+
+    def __init__(
+        self,
+        reporter: Reporter,
+        headers: Mapping[str, str],
+        resolver: Resolver | None,
+        blocks: list[AsmBlock],
+    ) -> None:
+        super().__init__()
+        self.reporter = reporter
+        self.headers = headers
+        self.resolver = resolver
+        self.blocks = blocks
+        self.pragmas: list[Pragma] = []
+        self.line_directive = None
+        self.evaluate: Callable[..., Any] = vars(self)["evaluator"]
+        self.evaluator = self.without_long_suffixes
+        self.depth = 0
+        self.starts: dict[str, list[int]] = {}
+        """Where each line starts in the text that the lexer sees."""
+        self.included = 0
+        self.read = 0
+        self.expanded = 0
+        self.outer: str | None = None
+        """The file whose macros are being expanded."""
+
+    def without_long_suffixes(self, tokens: list[Any], **names: Any) -> Any:
+        """Evaluate the expression of an #if, whose integers all have 64 bits: pcpp knows no LL."""
+        kept: list[Any] = []
+        for tok in tokens:
+            if kept and kept[-1].type == self.t_INTEGER and re.fullmatch("[uUlL]{1,2}", tok.value):
+                kept[-1] = copy.copy(kept[-1])
+                kept[-1].value = kept[-1].value.rstrip("lL") + ("" if tok.value in "lL" else "U")
+            else:
+                kept.append(tok)
+        return self.evaluate(kept, **names)
+
+    def on_error(self, file: str, line: int, msg: str) -> None:
+        if len(msg) > _LONGEST_MESSAGE:
+            msg = msg[:_LONGEST_MESSAGE] + "…"
+        self.reporter.error(f"preprocessor: {msg}", Place(file or None, line or None))
+
+    def on_directive_unknown(self, directive: Any, toks: Any, ifpassthru: bool, precedingtoks: Any) -> bool:
+        words = "".join(tok.value for tok in toks)
+        place = Place(directive.source, directive.lineno)
+        if directive.value == "pragma":
+            expanded = self.expand_macros([copy.copy(tok) for tok in toks[1:]])
+            rest = "".join(tok.value for tok in expanded)
+            self.pragmas.append(Pragma((toks[0].value + rest) if toks else "", place))
+        elif directive.value == "error":
+            self.reporter.error(f"#error {words}", place)
+        elif directive.value == "warning":
+            self.reporter.warn(f"#warning {words}", place)
+        elif directive.value == "line":
+            self.reporter.error("#line is not supported: messages name the lines of the file itself", place)
+        else:
+            self.reporter.error(f"unknown preprocessor directive #{directive.value}", place)
+        raise OutputDirective(Action.IgnoreAndRemove)
+
+    def on_comment(self, tok: Any) -> bool:
+        return False
+
+    def include(self, tokens: list[Any], original_line: list[Any]) -> Iterator[Any]:
+        tokens = self.tokenstrip(tokens)
+        written = "".join(tok.value for tok in tokens)
+        place = Place(original_line[0].source, original_line[0].lineno)
+        match = re.fullmatch(r'<([^>]+)>|"([^"]+)"', written.strip())
+        if not match:
+            self.reporter.error("#include needs a name in <…> or quotes", place)
+            return
+        name = match[1] or match[2]
+        if name in self.headers:
+            found: tuple[str, str] | None = (f"<{name}>", self.headers[name])
+        else:
+            try:
+                found = self.resolver(name, place.file or "") if self.resolver else None
+            except InputError as refusal:
+                self.reporter.error(f"include file '{name}' {refusal.message}", place, hint=refusal.hint)
+                return
+        if found is None:
+            known = ", ".join(sorted(self.headers))
+            self.reporter.error(
+                f"include file '{name}' was not found", place, hint=f"the compiler's own headers: {known}"
+            )
+            return
+        if found[0] in self.include_once:
+            return
+        self.included += 1
+        if self.included > limits.INCLUDES:
+            raise self.reporter.fatal(f"more than {limits.INCLUDES} files are included", place)
+        if self.depth > 20:
+            self.reporter.error("#include nested more than 20 deep", place)
+            return
+        self.depth += 1
+        yield from self.parsegen(self.prepare(found[1], found[0], place), found[0], found[0])
+        self.depth -= 1
+
+    def value(self, name: str) -> str | None:
+        """What an object-like macro stands for at this place, as assembly writes it."""
+        macro = self.macros.get(name)
+        if macro is None or macro.arglist is not None:
+            return None
+        expanded = self.expand_macros([copy.copy(tok) for tok in macro.value])
+        return plain_numbers("".join(tok.value for tok in expanded).strip())
+
+    def expand_macros(self, tokens: list[Any], expanding_from: Sequence[str] = ()) -> list[Any]:
+        """Expand the macros in a list of tokens, up to a bound on what they may grow to."""
+        before = len(tokens)
+        if not expanding_from and tokens:
+            self.outer = tokens[0].source
+        found: list[Any] = super().expand_macros(tokens, list(expanding_from))
+        if expanding_from or len(found) != before:
+            self.expanded += sum(len(each.value) for each in found)
+        if self.expanded > limits.EXPANDED_CHARACTERS:
+            place = Place(self.outer, self.linemacro or None)
+            raise self.reporter.too_large(
+                f"the macros expand to more than {limits.EXPANDED_CHARACTERS} characters", place
+            )
+        return found
+
+    def prepare(self, text: str, file: str, place: Place) -> str:
+        """Register a source text that is asked for at a place; returns it as the lexer must see it."""
+        self.read += len(text)
+        if len(text) > limits.SOURCE_CHARACTERS:
+            raise self.reporter.too_large(
+                f"'{file}' has {len(text)} characters, a source file has at most {limits.SOURCE_CHARACTERS}",
+                place,
+            )
+        if self.read > limits.ALL_CHARACTERS:
+            raise self.reporter.too_large(
+                f"the source files have more than {limits.ALL_CHARACTERS} characters together", place
+            )
+        text = text.replace("\r\n", "\n").replace("\r", "\n")
+        self.reporter.add_source(file, text)
+        clean = "\n".join(line.rstrip() for line in text.splitlines())
+        lines = [line.rstrip() for line in rewrite(clean, file, self.blocks, self.reporter).splitlines()]
+        if sum(len(block.lines) for block in self.blocks) > limits.ASSEMBLY_LINES:
+            last = self.blocks[-1].lines
+            raise self.reporter.too_large(
+                f"the program has more than {limits.ASSEMBLY_LINES} lines of assembly",
+                Place(file, last[-1][0] if last else None),
+            )
+        offsets = [0]
+        for line in lines:
+            offsets.append(offsets[-1] + len(line) + 1)
+        self.starts[file] = offsets
+        return "\n".join(lines)
+
+
+def preprocess(
+    text: str,
+    file: str,
+    *,
+    defines: Mapping[str, str],
+    headers: Mapping[str, str],
+    resolver: Resolver | None,
+    reporter: Reporter,
+    blocks: list[AsmBlock],
+) -> Preprocessed:
+    """Expand one source file. Errors go to the reporter."""
+    pcpp = _Pcpp(reporter, headers, resolver, blocks)
+    for name, value in defines.items():
+        pcpp.define(f"{name} {value}")
+    predefined = set(pcpp.macros)
+    tokens: list[PToken] = []
+    try:
+        stream = pcpp.parsegen(pcpp.prepare(text, file, Place(file)), file, file)
+        stream = assembly_macros(stream, blocks, pcpp.value)
+        for token in _placed(stream, reporter, pcpp.starts):
+            tokens.append(token)
+            if len(tokens) > limits.TOKENS:
+                raise reporter.too_large(
+                    f"the program has more than {limits.TOKENS} words and signs", token.place
+                )
+    except RecursionError:
+        reporter.error("macros are nested too deeply", Place(file))
+    except (IndexError, AttributeError, ValueError, TypeError, StopIteration, RuntimeError):
+        # pcpp trips over malformed directives (an #if or #define without operands) in these ways.
+        where = pcpp.lastdirective
+        place = Place(where.source, where.lineno) if where is not None else Place(file)
+        reporter.error("malformed preprocessor directive", place)
+    macros = {
+        name: ("".join(tok.value for tok in macro.value).strip(), Place(macro.source, macro.lineno))
+        for name, macro in pcpp.macros.items()
+        if name not in predefined and macro.arglist is None
+    }
+    return Preprocessed(tokens, pcpp.pragmas, macros)
+
+
+def _belongs(before: str, text: str) -> bool:
+    """Whether pcpp has split one token: 0b1, 12UL, 1.5, and ^= (its lexer lacks that one)."""
+    if (before, text) == ("^", "="):
+        return True
+    return before[0].isdigit() and (text == "." or re.match(r"\w", text) is not None)
+
+
+def _placed(stream: Iterator[Any], reporter: Reporter, starts: dict[str, list[int]]) -> Iterator[PToken]:
+    """Tokens without white space; a number and the letters that touch it are one token again."""
+    held: PToken | None = None
+    last = Place()
+    touching = False
+    for tok in stream:
+        if tok.type in ("CPP_WS", "CPP_LINECONT") or not tok.value.strip():
+            touching = False
+            continue
+        place = _place(tok, starts, reporter, last)
+        long = held is not None and len(held.text) > limits.TOKEN_CHARACTERS
+        if held is not None and touching and not long and _belongs(held.text, tok.value):
+            held = PToken(held.text + tok.value, held.place)
+        else:
+            if held is not None:
+                yield held
+            held = PToken(tok.value, place)
+        last = place
+        touching = True
+    if held is not None:
+        yield held
+
+
+def _place(tok: Any, starts: dict[str, list[int]], reporter: Reporter, last: Place) -> Place:
+    file, line = tok.source, tok.lineno
+    lines = reporter.lines(file)
+    expanded = getattr(tok, "expanded_from", None)
+    if not 0 < line <= len(lines):
+        return Place(file, line)
+    if expanded:
+        after = last.column - 1 if last.line == line and last.file == file and last.column else 0
+        found = re.compile(rf"\b{re.escape(expanded[-1])}\b").search(lines[line - 1], after)
+        return Place(file, line, found.start() + 1 if found else None)
+    column = tok.lexpos - starts[file][line - 1] + 1
+    return Place(file, line, column if 0 < column <= len(lines[line - 1]) + 1 else None)

@@ -1,0 +1,172 @@
+"""Syntax errors in words, and where the check goes on behind one.
+
+In: the tokens of a file and what the parser said. Out: a diagnostic; the token of the next declaration.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from pycparser import c_lexer
+from pycparser.c_parser import ParseError
+
+from servogen.compiler.diagnostics import Reporter
+from servogen.compiler.frontend.preprocessor import PToken
+from servogen.errors import Place
+
+
+class SyntaxFault(ParseError):  # type: ignore[misc]
+    """A syntax error at a token, or at the end of the file."""
+
+    def __init__(self, message: str, coord: Any) -> None:
+        super().__init__(message)
+        self.coord = coord
+
+
+def place_of(coord: Any) -> Place:
+    """The place of a pycparser coordinate."""
+    if coord is None or isinstance(coord, str):
+        return Place(coord or None)
+    return Place(coord.file or None, coord.line or None, coord.column or None)
+
+
+def report_syntax(
+    error: Exception,
+    stream: list[c_lexer.Token],
+    tokens: list[PToken],
+    start: int,
+    at: int,
+    reporter: Reporter,
+) -> None:
+    """One sentence at the place where the parser stopped."""
+    message = str(error)
+    coord = getattr(error, "coord", None)
+    index = _index_of(tokens, coord, start, at)
+    if index > start and message.startswith("before:"):
+        ended = index if _wants_semicolon(tokens, index) else _unended(tokens, start, index)
+        if ended is not None:
+            before = tokens[ended - 1]
+            place = before.place
+            if place.column:
+                place = Place(place.file, place.line, place.column + len(before.text))
+            reporter.error(f"syntax error: ';' is missing after '{before.text}'", place)
+            return
+    if index >= len(tokens):
+        where = tokens[-1].place if tokens else Place()
+        opened = _unclosed(tokens[start:])
+        hint = f"the '{opened.text}' at {opened.place} is not closed" if opened else None
+        reporter.error("syntax error: the file ends in the middle of a declaration", where, hint)
+        return
+    detail = (
+        ""
+        if message.startswith(("before:", "At end")) or not isinstance(error, SyntaxFault)
+        else f" ({message[0].lower() + message[1:]})"
+    )
+    hint = _bracket_hint(tokens, start, index)
+    reporter.error(f"syntax error before '{tokens[index].text}'{detail}", tokens[index].place, hint)
+
+
+def _index_of(tokens: list[PToken], coord: Any, start: int, at: int) -> int:
+    place = place_of(coord)
+    if place.line is not None:
+        for index in range(start, min(at + 2, len(tokens))):
+            if tokens[index].place == place:
+                return index
+    return at
+
+
+_ENDS = re.compile(r"[\w$)\]\"']$")
+_TYPE_WORDS = frozenset((
+    "int", "char", "void", "unsigned", "signed", "long", "short", "const", "static", "struct", "union",
+    "enum", "bit",
+))  # fmt: skip
+_STATEMENT_WORDS = _TYPE_WORDS | frozenset((
+    "if", "while", "do", "for", "switch", "return", "break", "continue", "goto", "case", "default", "}",
+))  # fmt: skip
+
+
+def _wants_semicolon(tokens: list[PToken], index: int) -> bool:
+    before, here = tokens[index - 1], tokens[index] if index < len(tokens) else None
+    if here is None or not _ENDS.search(before.text) or before.text in _STATEMENT_WORDS:
+        return False
+    new_line = here.place.line != before.place.line
+    return here.text in _STATEMENT_WORDS or (new_line and re.match(r"[A-Za-z_]", here.text) is not None)
+
+
+def _unended(tokens: list[PToken], start: int, index: int) -> int | None:
+    """The token that begins a declaration on a new line although the one before it has no end."""
+    depth = 0
+    for at in range(start + 1, index):
+        before, here = tokens[at - 1], tokens[at]
+        depth += {"{": 1, "(": 1, "[": 1, "}": -1, ")": -1, "]": -1}.get(before.text, 0)
+        named = re.fullmatch(r"\w+|]", before.text) and before.text not in _TYPE_WORDS
+        if depth == 0 and named and here.text in _TYPE_WORDS and here.place.line != before.place.line:
+            return at
+    return None
+
+
+def _bracket_hint(tokens: list[PToken], start: int, index: int) -> str | None:
+    """What is wrong with the brackets around token `index`, where that is plain."""
+    opened, here = _open(tokens[start:index]), tokens[index].text
+    if here == "}" and not opened:
+        return "there is no '{' for it"
+    if not opened or opened[-1].text != "(":
+        return None
+    if here in ("{", ";", "}"):
+        return f"the '(' at {opened[-1].place} is not closed"
+    first = tokens.index(opened[-1], start)
+    if here == ")" and tokens[first - 1].text == "for":
+        return "'for' takes three parts with ';' between them"
+    return None
+
+
+def _unclosed(tokens: list[PToken]) -> PToken | None:
+    return next(iter(_open(tokens)), None)
+
+
+def _open(tokens: list[PToken]) -> list[PToken]:
+    """The brackets that are open after `tokens`."""
+    stack: list[PToken] = []
+    for token in tokens:
+        if token.text in ("{", "(", "["):
+            stack.append(token)
+        elif token.text in ("}", ")", "]") and stack:
+            stack.pop()
+    return stack
+
+
+def resume(tokens: list[PToken], start: int, at: int) -> int:
+    """The token after the declaration that holds token `at`: after its closing brace or semicolon."""
+    depth = 0
+    for index in range(start, len(tokens)):
+        text = tokens[index].text
+        if text == "{":
+            depth += 1
+        elif text == "}":
+            depth = max(0, depth - 1)
+            ended = depth == 0
+            if ended and index >= at:
+                return index + 1
+        elif text == ";" and depth == 0 and index >= at:
+            return index + 1
+        elif (
+            depth
+            and index > at
+            and tokens[index].place.column == 1
+            and tokens[index - 1].text in ("}", ";")
+            and text in ("void", "int", "char", "unsigned", "static", "main", "const")
+        ):
+            return index  # a brace was lost: a declaration in the first column starts anew
+    return len(tokens)
+
+
+def declared(tokens: list[PToken]) -> set[str]:
+    """The names outside all brackets of a declaration that was not understood: it may declare them."""
+    depth = 0
+    found = set()
+    for token in tokens:
+        depth += {"(": 1, "{": 1, "[": 1, ")": -1, "}": -1, "]": -1}.get(token.text, 0)
+        if depth == 0 and re.match(r"[A-Za-z_]", token.text):
+            found.add(token.text)
+    return found

@@ -1,0 +1,186 @@
+"""Emits the instructions of one function: labels, skips, temporaries, and moves of bytes.
+
+In: calls of the code generator. Out: the instructions of a `Function`, in order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from servogen.compiler.ast.nodes import AddressByte, Symbol
+from servogen.compiler.ast.types import U8, ArrayType
+from servogen.compiler.ir.function import Function
+from servogen.compiler.ir.instruction import (
+    DELAY,
+    STATUS,
+    Byte,
+    Imm,
+    Instruction,
+    Label,
+    Loc,
+    Operand,
+    Reg,
+    exposed,
+)
+from servogen.errors import Place
+from servogen.pic.device import RAM_FIRST, RAM_LAST
+
+
+def _same(symbol: Symbol) -> Symbol:
+    return symbol
+
+
+class InstructionBuilder:
+    """Appends instructions to a function.
+
+    `symbol_map` gives the function's own copy of a variable: the interrupt's copy of a function has its own.
+    """
+
+    def __init__(
+        self, code: Function, *, place: Place | None = None, symbol_map: Callable[[Symbol], Symbol] = _same
+    ) -> None:
+        self.code = code
+        self.place = place
+        self.symbol_map = symbol_map
+        self._labels = 0
+        self._temps = 0
+
+    def symbol(self, symbol: Symbol) -> Symbol:
+        """The function's own copy of a variable."""
+        return self.symbol_map(symbol)
+
+    # instructions
+
+    def emit(
+        self,
+        op: str,
+        f: Loc | None = None,
+        d: int = 0,
+        *,
+        b: int = 0,
+        k: int | AddressByte = 0,
+        target: str = "",
+        fixed: bool = False,
+    ) -> Instruction:
+        """Append an instruction, and return it."""
+        if isinstance(k, int):
+            k &= 0xFF
+        made = Instruction(op, f, d, b, k, target, self.place, fixed)
+        self.code.append(made)
+        return made
+
+    @property
+    def last(self) -> Instruction | None:
+        """The instruction that was emitted last; None behind a label."""
+        return self.code.blocks[-1].last if self.code.blocks else None
+
+    @property
+    def last_may_be_skipped(self) -> bool:
+        blocks = self.code.blocks
+        return len(blocks) > 1 and len(blocks[-1].instructions) == 1 and blocks[-2].skips
+
+    def delay(self, cycles: int) -> None:
+        if cycles:
+            self.code.append(Instruction(DELAY, k=cycles, place=self.place))
+
+    def label(self, name: str) -> None:
+        self.code.append(Label(name, self.place))
+
+    def new_label(self, hint: str = "L") -> str:
+        self._labels += 1
+        return f"{self.code.name}.{hint}.{self._labels}"
+
+    def goto(self, label: str) -> None:
+        self.emit("GOTO", target=label)
+
+    def skip_if(self, bit: int, value: bool, f: Loc = STATUS) -> None:
+        self.emit("BTFSS" if value else "BTFSC", f, b=bit)
+
+    def goto_if(self, bit: int, value: bool, label: str, f: Loc = STATUS) -> None:
+        """Jump when a bit has a value."""
+        self.skip_if(bit, not value, f)
+        self.goto(label)
+
+    # operands
+
+    def temp(self, size: int = 1) -> list[Loc]:
+        """Bytes of a new temporary; each can be placed by itself."""
+        found: list[Loc] = []
+        for _ in range(size):
+            self._temps += 1
+            symbol = Symbol(f"t{self._temps}", U8, "temp", function=self.code.name)
+            self.code.own.append(symbol)
+            found.append(Byte(symbol, 0))
+        return found
+
+    def block_temp(self, size: int) -> list[Loc]:
+        """A temporary whose bytes lie together."""
+        self._temps += 1
+        symbol = Symbol(f"t{self._temps}", ArrayType(U8, size), "temp", function=self.code.name, pinned=True)
+        self.code.own.append(symbol)
+        return [Byte(symbol, number) for number in range(size)]
+
+    def loc(self, symbol: Symbol, offset: int) -> Loc:
+        symbol = self.symbol(symbol)
+        if symbol.kind == "fixed" and symbol.address is not None:
+            address = symbol.address + offset
+            if not RAM_FIRST <= address & 0x7F <= RAM_LAST:
+                return Reg(address & 0xFF)
+        return Byte(symbol, offset)
+
+    def locs(self, symbol: Symbol, offset: int, size: int) -> list[Loc]:
+        return [self.loc(symbol, offset + each) for each in range(size)]
+
+    # bytes
+
+    def load(self, operand: Operand) -> Instruction:
+        """W = operand."""
+        if isinstance(operand, Imm):
+            return self.emit("MOVLW", k=operand.value)
+        return self.emit("MOVF", operand, 0)
+
+    def store(self, target: Loc) -> None:
+        self.emit("MOVWF", target)
+
+    def move(self, target: Loc, operand: Operand) -> None:
+        if operand == target:
+            return
+        if operand == Imm(0):
+            self.emit("CLRF", target)
+            return
+        self.load(operand)
+        self.store(target)
+
+    def steady(self, operand: Operand) -> Operand:
+        """Return an operand that can be read several times: of a volatile object a copy."""
+        if not exposed(operand):
+            return operand
+        held = self.temp()[0]
+        self.move(held, operand)
+        return held
+
+    def read_unused(self, operands: list[Operand]) -> None:
+        """Read the bytes of volatile objects on which the value does not depend."""
+        for each in operands:
+            if exposed(each):
+                self.load(each)
+
+    def move_all(self, targets: list[Loc], operands: list[Operand]) -> None:
+        """Copy bytes that may overlap, and never load the same constant twice in a row."""
+        pending = [(t, o) for t, o in zip(targets, operands, strict=True) if t != o]
+        while pending:
+            free = [
+                pair
+                for pair in pending
+                if not any(pair[0] == other for t, other in pending if (t, other) != pair)
+            ]
+            if not free:
+                held = self.temp()[0]
+                target, operand = pending[0]
+                self.move(held, operand)
+                pending[0] = (target, held)
+                continue
+            free.sort(key=lambda pair: repr(pair[1]) if isinstance(pair[1], Imm) else "")
+            for target, operand in free:
+                self.move(target, operand)
+            pending = [pair for pair in pending if pair not in free]

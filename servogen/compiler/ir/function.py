@@ -1,0 +1,184 @@
+"""The intermediate form: a function as blocks of instructions in the order in which they lie in flash.
+
+In: what the code generator emits. Out: the same value, rewritten by each pass, until it is laid out in flash.
+
+A block is entered at its first instruction and left behind its last. Where it goes from there:
+
+    GOTO               the block with that label; another function when no block has it
+    RETURN, RETLW, …   out of the function
+    BTFSC, DECFSZ, …   a conditional edge: to the next block, which holds one instruction, or over it
+    a write to PCL     anywhere: out of the function, or to the next block
+    anything else      the next block
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+from servogen.compiler.ast.nodes import Symbol
+from servogen.compiler.ir.instruction import ENDS, Instruction, Label
+from servogen.errors import Place
+
+ISR_SUFFIX = "$isr"
+"""The suffix of the interrupt's copy of a function that main calls too."""
+
+Line = Label | Instruction
+"""A function as assembly writes it is a sequence of lines."""
+
+
+@dataclass(slots=True, eq=False)
+class Block:
+    """Instructions that are executed one after the other."""
+
+    labels: list[Label] = field(default_factory=list)
+    instructions: list[Instruction] = field(default_factory=list)
+
+    @property
+    def last(self) -> Instruction | None:
+        return self.instructions[-1] if self.instructions else None
+
+    @property
+    def skips(self) -> bool:
+        """Whether it ends with a conditional edge over the next block."""
+        return self.last is not None and self.last.skips
+
+    def has_label(self, name: str) -> bool:
+        return any(label.name == name for label in self.labels)
+
+
+@dataclass(frozen=True, slots=True)
+class LoopLines:
+    """A loop of the source: "while", "for" or "do"; (line, column) of its first and its last part."""
+
+    kind: str
+    first: tuple[int, int]
+    last: tuple[int, int]
+
+
+@dataclass(slots=True)
+class Function:
+    """The blocks of one function, its own variables, and what it calls."""
+
+    name: str
+    blocks: list[Block] = field(default_factory=list)
+    own: list[Symbol] = field(default_factory=list)
+    """Parameters, results, locals and temporaries."""
+    place: Place | None = None
+    parameters: list[Symbol] = field(default_factory=list)
+    result: Symbol | None = None
+    w_parameter: Symbol | None = None
+    returns_w: bool = False
+    inline_asm: bool = False
+    origin: int | None = None
+    """The address at which it must lie."""
+    table: Symbol | None = None
+    """The flash object whose bytes it holds; its instructions depend on where it comes to lie."""
+    also_calls: tuple[str, ...] = ()
+    """Functions that it enters elsewhere than at their first instruction."""
+    loops: list[LoopLines] = field(default_factory=list)
+    bounds: dict[str, int] = field(default_factory=dict)
+    """How often a library loop's label can be passed in one call."""
+    delays: list[tuple[Instruction, Instruction]] = field(default_factory=list)
+    """The first and the last instruction of each delay, once these are expanded."""
+    waits_for: str = ""
+    """What a library routine waits for without a known end."""
+    falls_into: str = ""
+    """The function that stands right behind and is entered without a jump."""
+
+    # building
+
+    def append(self, line: Line) -> None:
+        """Add a label or an instruction at the end, in a new block where one begins."""
+        here = self.blocks[-1] if self.blocks else None
+        if isinstance(line, Label):
+            if here is None or here.instructions:
+                self.blocks.append(Block())
+            self.blocks[-1].labels.append(line)
+            return
+        if here is None or self._is_closed(here):
+            self.blocks.append(Block())
+        self.blocks[-1].instructions.append(line)
+
+    def extend(self, lines: Iterable[Line]) -> None:
+        for line in lines:
+            self.append(line)
+
+    def _is_closed(self, block: Block) -> bool:
+        """Whether the last block ends here: by its last instruction, or because a skip leads over it."""
+        if block.last is None:
+            return False
+        return block.last.ends_block or (len(self.blocks) > 1 and self.blocks[-2].skips)
+
+    def replace(self, lines: Iterable[Line]) -> None:
+        """Give it other contents; blocks are divided anew."""
+        lines = list(lines)
+        self.blocks = []
+        self.extend(lines)
+
+    def rebuild(self) -> None:
+        """Divide the blocks anew after labels or instructions have gone."""
+        self.replace(self.lines())
+
+    # looking at it
+
+    def lines(self) -> Iterator[Line]:
+        """Labels and instructions in order."""
+        for block in self.blocks:
+            yield from block.labels
+            yield from block.instructions
+
+    def instructions(self) -> Iterator[Instruction]:
+        for block in self.blocks:
+            yield from block.instructions
+
+    @property
+    def size(self) -> int:
+        """The number of instructions."""
+        return sum(len(block.instructions) for block in self.blocks)
+
+    def by_label(self) -> dict[str, Block]:
+        return {label.name: block for block in self.blocks for label in block.labels}
+
+    def successors(self) -> list[tuple[Block | None, ...]]:
+        """For each block, the blocks that may be executed next; None stands for leaving the function.
+
+        Of a conditional edge the first is the next block, the second the one behind it.
+        """
+        labelled = self.by_label()
+        following = [*self.blocks[1:], None, None]
+        found: list[tuple[Block | None, ...]] = []
+        for number, block in enumerate(self.blocks):
+            last = block.last
+            if last is not None and last.op == "GOTO":
+                found.append((labelled.get(last.target),))
+            elif last is not None and last.op in ENDS:
+                found.append((None,))
+            elif last is not None and last.leaves:
+                found.append((None, following[number]))
+            elif block.skips:
+                found.append((following[number], following[number + 1]))
+            else:
+                found.append((following[number],))
+        return found
+
+    def skipped(self) -> set[Block]:
+        """The blocks over which a conditional edge leads."""
+        return {after for block, after in zip(self.blocks, self.blocks[1:], strict=False) if block.skips}
+
+    def calls(self) -> list[str]:
+        """Names of the functions that it calls or jumps to, in order, each once."""
+        labels = self.by_label()
+        found = {
+            each.target: None
+            for each in self.instructions()
+            if each.op in ("CALL", "GOTO") and each.target and each.target not in labels
+        }
+        more = [*self.also_calls, *([self.falls_into] if self.falls_into else [])]
+        return [*found, *more]
+
+
+def is_skipped(lines: Sequence[Line], at: int) -> bool:
+    """Whether a skip stands right before a line."""
+    before = lines[at - 1] if at else None
+    return isinstance(before, Instruction) and before.skips

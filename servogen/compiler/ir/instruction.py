@@ -1,0 +1,187 @@
+"""Instructions before they have addresses: symbolic operands, labels, delays as one instruction each.
+
+In: nothing; the code generator makes these values, the passes rewrite them, the layout turns them into words.
+What an instruction reads and writes comes from its row in `pic.isa`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from servogen.compiler.ast.nodes import AddressByte, Symbol
+from servogen.errors import Place
+from servogen.pic.device import registers
+from servogen.pic.isa import by_mnemonic
+
+
+@dataclass(frozen=True, slots=True)
+class Imm:
+    """A constant byte. No tuple, for a number must not equal the register of that address."""
+
+    value: int | AddressByte
+
+
+class Byte(NamedTuple):
+    """A byte of a variable that has no address yet."""
+
+    symbol: Symbol
+    offset: int
+
+
+@dataclass(frozen=True, slots=True)
+class Reg:
+    """A special function register, bit 7 of the address being the bank."""
+
+    address: int
+
+
+Loc = Byte | Reg
+Operand = Imm | Byte | Reg
+
+
+def exposed(operand: Operand | None) -> bool:
+    """Return whether loads and stores of it are seen: a register, or a byte of a volatile object."""
+    return isinstance(operand, Reg) or (isinstance(operand, Byte) and operand.symbol.volatile)
+
+
+_SFR = registers()
+INDF, PCL, STATUS, FSR, PCLATH, INTCON = (
+    Reg(_SFR[name].address) for name in ("INDF", "PCL", "STATUS", "FSR", "PCLATH", "INTCON")
+)
+C, DC, Z, RP0 = 0, 1, 2, 5  # bits of STATUS: DS35007 register 2-1
+
+DELAY = "DELAY"
+"""The one operation that is not an instruction of the chip: exactly `k` cycles, expanded after all passes."""
+SKIPS = frozenset(name for name, row in by_mnemonic().items() if row.flow == "skip")
+ENDS = frozenset(name for name, row in by_mnemonic().items() if row.flow in ("jump", "return"))
+"""Instructions after which the next one is not executed."""
+PURE = frozenset(name for name, row in by_mnemonic().items() if row.flow == "next" and row.writes)
+"""Instructions that do nothing but make a value and set flags."""
+IN_PLACE = frozenset(
+    name for name, row in by_mnemonic().items() if row.writes == "d" and row.flow == "next"
+) - {"MOVF"}
+"""Instructions that make a new value of a byte, in W or in its place."""
+_FACTS = {
+    name: (row.reads, row.writes, "".join(flag for flag in row.flags if flag in "CDZ"))
+    for name, row in by_mnemonic().items()
+} | {DELAY: ("", "", "")}
+"""What an operation reads, writes, and which of C, D and Z it changes."""
+_CLOBBERS_W = frozenset(("CALL", DELAY))
+_CONVEYS_W = frozenset(("CALL", "RETURN", "RETFIE"))
+"""By the calling convention W carries the last argument, or the result."""
+
+
+@dataclass(slots=True, eq=False)
+class Label:
+    """A name for the instruction behind it."""
+
+    name: str
+    place: Place | None = None
+    fixed: bool = False
+    """Kept even where no instruction of the compiler names it: written by the user."""
+
+
+@dataclass(slots=True, eq=False)
+class Instruction:
+    """One instruction with symbolic operands, or a delay of `k` cycles."""
+
+    op: str
+    f: Loc | None = None
+    d: int = 0
+    b: int = 0
+    k: int | AddressByte = 0
+    target: str = ""
+    place: Place | None = None
+    fixed: bool = False
+    """Never changed, moved or dropped: the user's assembly, and what must take exact time."""
+    table: Symbol | None = None
+    """The flash object that a CALL reads."""
+
+    def copy(self) -> Instruction:
+        return replace(self)
+
+    def same(self, other: Instruction) -> bool:
+        """Whether it does the same, wherever in the source it comes from."""
+        return self.key == other.key
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """What it does, without its place in the source."""
+        return self.op, self.f, self.d, self.b, self.k, self.target
+
+    @property
+    def writes_w(self) -> bool:
+        writes = _FACTS[self.op][1]
+        return writes == "W" or (writes == "d" and self.d == 0) or self.op in _CLOBBERS_W
+
+    @property
+    def reads_w(self) -> bool:
+        return "W" in _FACTS[self.op][0] or self.op in _CONVEYS_W
+
+    @property
+    def writes_f(self) -> bool:
+        writes = _FACTS[self.op][1]
+        return writes == "f" or (writes == "d" and self.d == 1)
+
+    @property
+    def reads_f(self) -> bool:
+        return "f" in _FACTS[self.op][0]
+
+    @property
+    def reads_carry(self) -> bool:
+        """Whether it reads C other than by naming STATUS."""
+        return "C" in _FACTS[self.op][0]
+
+    @property
+    def flags(self) -> str:
+        """The flags that it changes, of C, D and Z; a call changes all."""
+        if self.op in ("CALL", DELAY) or (self.f == STATUS and self.writes_f):
+            return "CDZ"
+        return _FACTS[self.op][2]
+
+    @property
+    def skips(self) -> bool:
+        return self.op in SKIPS
+
+    @property
+    def leaves(self) -> bool:
+        """Whether the instruction behind it is not executed next: a jump, a return, a write to PCL."""
+        return self.op in ENDS or (self.f == PCL and self.writes_f)
+
+    @property
+    def ends_block(self) -> bool:
+        return self.leaves or self.skips
+
+    def __str__(self) -> str:
+        return assembly(self)
+
+
+def operand_text(operand: object) -> str:
+    match operand:
+        case Byte(symbol, offset):
+            return symbol.name + (f"+{offset}" if offset else "")
+        case Reg(address):
+            name = next((row.name for row in _SFR.values() if row.address == address), None)
+            return name or f"0x{address:02X}"
+        case AddressByte(symbol, offset, part):
+            return f"{('LOW', 'HIGH')[part]}({symbol.name}+{offset})"
+    return str(operand)
+
+
+def assembly(ins: Instruction) -> str:
+    """The instruction as text, for the listing of what has no address."""
+    if ins.op == DELAY:
+        return f"; delay {ins.k} cycles"
+    parts = []
+    row = by_mnemonic()[ins.op]
+    for field in row.operands:
+        if field == "f":
+            parts.append(operand_text(ins.f))
+        elif field == "d":
+            parts.append("WF"[ins.d])
+        elif field == "b":
+            parts.append(str(ins.b))
+        else:
+            parts.append(ins.target or operand_text(ins.k))
+    return f"{ins.op} {', '.join(parts)}".strip()

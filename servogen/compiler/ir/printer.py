@@ -1,0 +1,36 @@
+"""Writes functions in the intermediate form as text, with their blocks and edges.
+
+In: a `Function`. Out: lines such as
+
+    main:                               ; 2 blocks, 3 instructions
+      block 0 -> 1
+            MOVLW 10
+            MOVWF count
+      block 1 main.top.1: -> 1
+            GOTO main.top.1
+"""
+
+from __future__ import annotations
+
+from servogen.compiler.ir.function import Block, Function
+
+
+def text_of(function: Function) -> str:
+    """The function as text."""
+    size = f"; {_count(len(function.blocks), 'block')}, {_count(function.size, 'instruction')}"
+    lines = [f"{function.name}:".ljust(36) + size]
+    number = {block: at for at, block in enumerate(function.blocks)}
+    for block, successors in zip(function.blocks, function.successors(), strict=True):
+        names = "".join(f" {label.name}:" for label in block.labels)
+        lines.append(f"  block {number[block]}{names} -> {_edges(block, successors, number)}")
+        lines += [f"        {ins}{'  ; fixed' if ins.fixed else ''}" for ins in block.instructions]
+    return "\n".join(lines) + "\n"
+
+
+def _edges(block: Block, successors: tuple[Block | None, ...], number: dict[Block, int]) -> str:
+    shown = ["exit" if each is None else str(number[each]) for each in successors]
+    return f"{shown[0]} or skip to {shown[1]}" if block.skips else ", ".join(dict.fromkeys(shown))
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'s' * (number != 1)}"

@@ -1,0 +1,247 @@
+"""Bank switching: RP0 is set for the registers of bank 1 and cleared again behind them.
+
+In: a function's instructions. Out: the same with BSF and BCF of RP0 where they are needed. A program that
+switches by itself keeps its own switches, and none is added inside its bracket; a function that returns
+without having switched back leaves its bank to its callers. Variables need none: RAM is the same in both
+banks (DS35007 section 2.2). The code generator never puts a skip before or on a register of bank 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from servogen.compiler.ir.function import Block, Function, Line, is_skipped
+from servogen.compiler.ir.instruction import DELAY, ENDS, RP0, STATUS, Instruction, Label, Reg
+from servogen.pic.device import BOTH_BANKS, RAM_FIRST, RAM_LAST, registers
+
+UNKNOWN = 2
+"""One bank or the other, by the way that was taken."""
+_COMMON = frozenset(registers()[name].address & 0x7F for name in BOTH_BANKS)
+
+
+def bank_needed(ins: Instruction) -> int | None:
+    """The bank that an instruction's register lies in; None when it is in both."""
+    if not isinstance(ins.f, Reg):
+        return None
+    low = ins.f.address & 0x7F
+    if low in _COMMON or RAM_FIRST <= low <= RAM_LAST:
+        return None
+    return ins.f.address >> 7
+
+
+def _own_switch(ins: Instruction) -> int | None:
+    """The bank that an instruction selects."""
+    if ins.f == STATUS and ins.b == RP0 and ins.op in ("BSF", "BCF"):
+        return int(ins.op == "BSF")
+    return None
+
+
+def _selects(ins: Instruction) -> bool:
+    """Whether it writes the whole of STATUS."""
+    return ins.f == STATUS and ins.op in ("MOVWF", "CLRF")
+
+
+def banked(functions: Mapping[str, Function]) -> set[str]:
+    """The functions that need a bank or switch it, themselves or through what they call."""
+    return _with_callers(
+        functions, lambda ins: bank_needed(ins) is not None or _selects(ins) or _own_switch(ins) is not None
+    )
+
+
+def exit_banks(functions: Mapping[str, Function], reaching: set[str]) -> dict[str, int]:
+    """The bank that a call leaves selected, for each function that switches and may return without having
+    switched back. A call of any other function leaves the bank as it was.
+    """
+    switching = _with_callers(functions, lambda ins: _selects(ins) or _own_switch(ins) is not None)
+    found: dict[str, int] = {}
+
+    def visit(name: str) -> int:
+        if name not in found:
+            found[name] = 0  # what calls itself is refused elsewhere
+            code = functions[name]
+            for callee in code.calls():
+                if callee in switching:
+                    visit(callee)
+            banks = _leaving(code, _banks(code, found), found, reaching)
+            found[name] = banks.pop() if len(banks) == 1 else UNKNOWN if banks else 0
+        return found[name]
+
+    for name in switching:
+        visit(name)
+    return found
+
+
+def _with_callers(functions: Mapping[str, Function], wanted: Callable[[Instruction], bool]) -> set[str]:
+    """The functions with such an instruction, and all that call or enter one of them."""
+    found = {name for name, code in functions.items() if any(wanted(ins) for ins in code.instructions())}
+    grown = True
+    while grown:
+        more = {name for name, code in functions.items() if found & set(code.calls())} - found
+        grown = bool(more)
+        found |= more
+    return found
+
+
+def _leaving(
+    function: Function, banks: Mapping[Instruction, int], exits: Mapping[str, int], reaching: set[str]
+) -> set[int]:
+    """The banks in which a function returns, or in which the function that it ends with does."""
+    inside = function.by_label()
+    found: set[int] = set()
+    for ins, bank in banks.items():
+        if ins.op in ("RETURN", "RETLW"):
+            found.add(bank)
+        elif ins.op == "GOTO" and ins.target not in inside:
+            found.add(exits.get(ins.target, 0 if ins.target in reaching else bank))
+    return found
+
+
+def switch_banks(function: Function, reaching: set[str], exits: Mapping[str, int]) -> bool:
+    """Insert the switches; true when there are any.
+
+    `reaching` names the functions before whose call bank 0 must be selected, `exits` the bank that those
+    leave which switch by themselves.
+    """
+    banks = _banks(function, exits)
+    lines = list(function.lines())
+    out: list[Line] = []
+    behind: list[Line] = []
+    number = 0
+    while number < len(lines):
+        each = lines[number]
+        number += 1
+        if isinstance(each, Label):
+            out.append(each)
+            continue
+        enters = each.op in ("CALL", "GOTO") and each.target in reaching
+        need = 0 if enters else bank_needed(each)
+        base = banks.get(each, 0)
+        if each.fixed or need is None or need == base:
+            out.append(each)
+            continue
+        before = out[-1] if out else None
+        skip = before if isinstance(before, Instruction) and before.skips else None
+        if enters and (each.op == "GOTO" or each.target in exits):
+            if skip is None:
+                out += [_switch(need, each), each]
+            else:
+                out[-1:] = [_switch(need, each), skip, each, _switch(base, each)]
+        elif skip is not None:
+            out[-1:] = [_switch(need, each), skip, each, _switch(base, each)]
+        elif each.skips and number < len(lines):
+            shadow = _shadow(function, lines[number], base, behind)
+            out += [_switch(need, each), each, shadow, _switch(base, each)]
+            number += 1
+        else:
+            run = _run(each, lines[number:], need)
+            out += [_switch(need, each), *run, _switch(base, run[-1])]
+            number += len(run) - 1
+    kept = _without_needless(out + behind)
+    changed = len(kept) != len(lines)
+    function.replace(kept)
+    return changed
+
+
+def _run(first: Instruction, after: Sequence[Line], need: int) -> list[Instruction]:
+    """The instructions that may stand between one pair of switches."""
+    run = [first]
+    if first.op == "CALL":
+        return run
+    for each in after:
+        if isinstance(each, Label) or not _joins(each, need):
+            break
+        run.append(each)
+    while bank_needed(run[-1]) is None:
+        run.pop()
+    return run
+
+
+def _without_needless(lines: list[Line]) -> list[Line]:
+    """Drop a switch of the compiler's behind which another comes before anything needs the bank."""
+    out: list[Line] = []
+    bank: int | None = None
+    for number, each in enumerate(lines):
+        if isinstance(each, Label):
+            bank = None
+            out.append(each)
+            continue
+        selected = _own_switch(each)
+        skipped = is_skipped(out, len(out))
+        if selected is None or each.fixed or skipped:
+            if not _passes(each):
+                bank = selected if each.fixed and not skipped else None
+        elif selected == bank or _is_overruled(lines, number):
+            continue
+        else:
+            bank = selected
+        out.append(each)
+    return out
+
+
+def _is_overruled(lines: list[Line], number: int) -> bool:
+    for each in lines[number + 1 :]:
+        if isinstance(each, Label):
+            return False
+        if not _passes(each) or bank_needed(each) is not None:
+            return _own_switch(each) is not None
+    return False
+
+
+def _passes(ins: Instruction) -> bool:
+    """Whether an instruction neither changes the bank nor leads anywhere else."""
+    leads = ins.skips or ins.op in ENDS or ins.op in ("CALL", DELAY)
+    return not leads and not _selects(ins) and _own_switch(ins) is None
+
+
+def _shadow(function: Function, follower: Line, base: int, behind: list[Line]) -> Line:
+    """What follows a skip between two switches; a jump goes over a place that switches back first."""
+    if isinstance(follower, Label) or follower.op != "GOTO":
+        return follower
+    label = f"{function.name}.bank{len(behind)}"
+    behind += [Label(label), _switch(base, follower), follower]
+    return Instruction("GOTO", target=label, place=follower.place)
+
+
+def _joins(ins: Instruction, need: int) -> bool:
+    """Whether an instruction may stand between the switches."""
+    if ins.fixed or ins.skips or ins.op in ENDS or ins.op in ("CALL", DELAY):
+        return False
+    return bank_needed(ins) in (None, need) and _own_switch(ins) is None
+
+
+def _switch(bank: int, like: Instruction) -> Instruction:
+    return Instruction("BSF" if bank == 1 else "BCF", STATUS, b=RP0, place=like.place)
+
+
+def _banks(function: Function, exits: Mapping[str, int]) -> dict[Instruction, int]:
+    """The bank that the program itself has selected before each instruction that is reached."""
+    successors = dict(zip(function.blocks, function.successors(), strict=True))
+    entry: dict[Block, int] = {}
+    found: dict[Instruction, int] = {}
+    waiting = [(block, 0) for block in function.blocks[:1]]
+    while waiting:
+        block, bank = waiting.pop()
+        known = entry.get(block)
+        if known in (bank, UNKNOWN):
+            continue
+        entry[block] = bank = bank if known is None else UNKNOWN
+        before: Instruction | None = None
+        for ins in block.instructions:
+            found[ins] = bank
+            bank = _bank_after(before, ins, bank, exits)
+            before = ins
+        waiting += [(after, bank) for after in successors[block] if after is not None]
+    return found
+
+
+def _bank_after(before: Instruction | None, ins: Instruction, bank: int, exits: Mapping[str, int]) -> int:
+    """The bank behind one instruction that was reached in `bank`."""
+    switched = _own_switch(ins)
+    if switched is not None:
+        return switched
+    if ins.op == "CALL":
+        return exits.get(ins.target, bank)
+    if _selects(ins):
+        loaded = before.k if before is not None and before.op == "MOVLW" and ins.op == "MOVWF" else None
+        return loaded >> RP0 & 1 if isinstance(loaded, int) else 0
+    return bank

@@ -1,0 +1,118 @@
+"""Small branches without their jumps.
+
+In: a `Function` and its liveness. Out: a choice of two constants, or of two instructions, by skips alone; a
+loop that counts down by DECFSZ.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from servogen.compiler.ir.function import Block, Function
+from servogen.compiler.ir.instruction import DELAY, STATUS, Byte, Instruction, Z
+from servogen.compiler.passes.jump_threading import INVERSE
+from servogen.compiler.passes.liveness import W_BIT, Z_BIT, Liveness
+
+_COUNTS = {"DECF": "DECFSZ", "INCF": "INCFSZ"}
+
+
+def short_branches(function: Function) -> bool:
+    """One pass; true when something changed."""
+    named = Counter(each.target for each in function.instructions() if each.op in ("GOTO", "CALL"))
+    skipped = function.skipped()
+    for number, block in enumerate(function.blocks[:-3]):
+        if block not in skipped and _choice(function.blocks[number : number + 5], named):
+            function.rebuild()
+            return True
+    return _count_down(function)
+
+
+def _choice(blocks: list[Block], named: Counter[str]) -> bool:
+    """BTFSS b; GOTO no; yes; GOTO end; no: other; end: as skips alone.
+
+    `blocks` begin with the one that ends with the test. True when they were changed.
+    """
+    first, jump_block, yes_block, other_block = blocks[:4]
+    test = first.last
+    shape = (
+        test is not None
+        and test.op in INVERSE
+        and not jump_block.labels
+        and [each.op for each in jump_block.instructions] == ["GOTO"]
+        and not yes_block.labels
+        and len(yes_block.instructions) == 2
+        and yes_block.instructions[1].op == "GOTO"
+        and len(other_block.labels) == 1
+    )
+    if not shape or test is None:
+        return False
+    (jump,), (yes, leave) = jump_block.instructions, yes_block.instructions
+    other, *rest = other_block.instructions or [leave]
+    if other_block.labels[0].name != jump.target or named[jump.target] != 1:
+        return False
+    if any(each.fixed for each in (test, jump, yes, leave, other)) or other_block.labels[0].fixed:
+        return False
+    to_end = len(rest) == 1 and rest[0].op == "GOTO" and rest[0].target == leave.target
+    before_end = not rest and len(blocks) > 4 and blocks[4].has_label(leave.target)
+    if not (to_end or before_end):
+        return False
+    if yes.op == other.op == "MOVLW":
+        new = [other.copy(), _turned(test), yes.copy()]
+    elif _stays(test, yes) and _stays(test, other):
+        new = [test.copy(), other.copy(), _turned(test), yes.copy()]
+    else:
+        return False
+    for each in new:
+        each.place = each.place or test.place
+    first.instructions[-1:] = [*new, *rest]
+    jump_block.instructions, yes_block.instructions = [], []
+    other_block.labels, other_block.instructions = [], []
+    return True
+
+
+def _turned(test: Instruction) -> Instruction:
+    found = test.copy()
+    found.op = INVERSE[test.op]
+    return found
+
+
+def _stays(test: Instruction, ins: Instruction) -> bool:
+    """Whether a bit can be tested again behind an instruction that may be skipped."""
+    if not isinstance(test.f, Byte) or test.f.symbol.volatile:
+        return False
+    if ins.op in (DELAY, "CALL") or ins.ends_block:
+        return False
+    return not ins.writes_f or (ins.op in ("BCF", "BSF", "CLRF") and _apart(ins, test))
+
+
+def _apart(one: Instruction, two: Instruction) -> bool:
+    """Whether two instructions surely name different bytes: a pointer may lead anywhere."""
+    if isinstance(one.f, Byte):
+        return one.f != two.f and "fixed" not in (one.f.symbol.kind, two.f.symbol.kind)  # type: ignore[union-attr]
+    return one.f is not None and one.f.address & 0x7F > 4
+
+
+def _count_down(function: Function) -> bool:
+    """DECF n,F; BTFSS STATUS,Z; GOTO again: DECFSZ n,F; GOTO again; a MOVF n between is not needed."""
+    live = Liveness(function)
+    for block, after in zip(function.blocks, function.blocks[1:], strict=False):
+        test, jump = block.last, after.last
+        if test is None or jump is None or test.fixed or jump.fixed or after.labels or jump.op != "GOTO":
+            continue
+        if (test.op, test.f, test.b) != ("BTFSS", STATUS, Z) or live.after[test] & Z_BIT:
+            continue
+        behind = 1
+        again = block.instructions[-2] if len(block.instructions) > 1 else None
+        if again is not None and again.op == "MOVF" and not again.fixed and isinstance(again.f, Byte):
+            if again.f.symbol.volatile or live.after[again] & W_BIT:
+                continue
+            behind = 2
+        count = block.instructions[-behind - 1] if len(block.instructions) > behind else None
+        if count is None or count.op not in _COUNTS or count.d != 1 or count.fixed:
+            continue
+        if behind == 2 and again is not None and again.f != count.f:
+            continue
+        block.instructions[-behind - 1 :] = [Instruction(_COUNTS[count.op], count.f, 1, place=count.place)]
+        function.rebuild()
+        return True
+    return False

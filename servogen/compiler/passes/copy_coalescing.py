@@ -1,0 +1,123 @@
+"""Which private bytes are alive together; copies between bytes that are not become one byte.
+
+In: a `Function`. Out: fewer copies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+from servogen.compiler.ir.function import Function
+from servogen.compiler.ir.instruction import IN_PLACE, Byte, Instruction
+from servogen.compiler.passes.liveness import Liveness, is_private
+
+
+def interference(function: Function, live: Liveness) -> dict[Byte, int]:
+    """For each private byte, the bit set of the bytes that are alive where it is written."""
+    found = dict.fromkeys(live.number, 0)
+    for block in function.blocks:
+        for before, ins in zip([None, *block.instructions], block.instructions, strict=False):
+            after = live.after[ins]
+            if ins.op == "CALL":
+                _meet(found, live, live.foreign, after)
+            elif ins.writes_f and isinstance(ins.f, Byte) and ins.f in live.number:
+                source = _copy_source(before, ins)
+                others = after & ~live.bit(ins.f)
+                if source is not None and source in live.number:
+                    others &= ~live.bit(source)
+                found[ins.f] |= others
+    for byte in live.number:
+        if live.entry & live.bit(byte):
+            found[byte] |= live.entry & ~live.bit(byte)
+    by_bit = {live.bit(byte): byte for byte in live.number}
+    for one, mask in list(found.items()):
+        while mask:
+            lowest = mask & -mask
+            mask ^= lowest
+            two = by_bit.get(lowest)  # W and the flags have bits too
+            if two is not None:
+                found[two] |= live.bit(one)
+    return found
+
+
+def _meet(found: dict[Byte, int], live: Liveness, changed: int, after: int) -> None:
+    """A call may change every byte of other functions while `after` is alive."""
+    for byte in live.number:
+        if changed & live.bit(byte):
+            found[byte] |= (after | changed) & ~live.bit(byte)
+
+
+def _copy_source(before: Instruction | None, ins: Instruction) -> Byte | None:
+    """The byte that a MOVWF copies, when the instruction before it in its block has just loaded it."""
+    if before is None or ins.op != "MOVWF" or before.op != "MOVF" or before.d:
+        return None
+    return before.f if isinstance(before.f, Byte) else None
+
+
+def _changed_source(before: Instruction, ins: Instruction) -> Byte | None:
+    """The byte of which a MOVWF stores what the instruction before has made: it could be changed in place."""
+    if ins.op == "MOVWF" and before.op in IN_PLACE and before.d == 0 and isinstance(before.f, Byte):
+        return before.f
+    return None
+
+
+def coalesce_copies(function: Function) -> bool:
+    """Give a temporary and the byte that it is copied to (or from) one place, one pair a call."""
+    live = Liveness(function)
+    own = {id(symbol) for symbol in function.own}
+    against: dict[Byte, int] | None = None
+    for before, ins in _pairs(function):
+        source = _copy_source(before, ins) or _changed_source(before, ins)
+        if source is None or ins.fixed or before.fixed or source == ins.f:
+            continue
+        target = ins.f
+        if not is_private(source) or not is_private(target) or not isinstance(target, Byte):
+            continue
+        if source.symbol.kind == "temp" and id(source.symbol) in own:
+            gone, kept = source, target
+        elif target.symbol.kind == "temp" and id(target.symbol) in own:
+            gone, kept = target, source
+        else:
+            continue
+        if against is None:
+            against = interference(function, live)
+        if against[gone] & live.bit(kept):
+            continue
+        if id(kept.symbol) not in own and not _safe_outside(function, live, gone, kept):
+            continue
+        for each in function.instructions():
+            if each.f == gone:
+                each.f = kept
+        return True
+    return False
+
+
+def _pairs(function: Function) -> Iterator[tuple[Instruction, Instruction]]:
+    """Neighbours in a block."""
+    for block in function.blocks:
+        yield from pairwise(block.instructions)
+
+
+def _safe_outside(function: Function, live: Liveness, gone: Byte, kept: Byte) -> bool:
+    """Whether a temporary may live in another function's byte.
+
+    The frames of two functions that are called one after the other overlap: while a byte of one is wanted,
+    nothing may be written into the other.
+    """
+    own = {id(symbol) for symbol in function.own}
+    others = 0
+    for byte in live.number:
+        if id(byte.symbol) not in own and byte.symbol.function != kept.symbol.function:
+            others |= live.bit(byte)
+    mask = live.bit(gone)
+    for ins in function.instructions():
+        if ins.op == "CALL" and live.after[ins] & mask:
+            return False
+        if not ins.writes_f or not isinstance(ins.f, Byte) or ins.f not in live.number:
+            continue
+        if ins.f == gone and live.after[ins] & others:
+            return False
+        if live.bit(ins.f) & others and live.after[ins] & mask:
+            return False
+    return True

@@ -1,0 +1,125 @@
+"""Drops blocks that nothing reaches, instructions whose results nobody needs, and needless destinations.
+
+In: a `Function`. Out: fewer instructions with the same effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from itertools import pairwise
+
+from servogen.compiler.ir.function import Block, Function, Line
+from servogen.compiler.ir.instruction import PURE, STATUS, Byte, Instruction, Label
+from servogen.compiler.passes.liveness import FLAG_LETTERS, W_BIT, Liveness, is_private
+
+_BIT_TESTS = ("BTFSC", "BTFSS")
+
+
+def drop_unreachable(function: Function) -> bool:
+    """Drop blocks that nothing reaches, and labels that nothing names. Assembly counts as reached."""
+    blocks = function.blocks
+    successors = dict(zip(blocks, function.successors(), strict=True))
+    followers = dict(pairwise(blocks))
+    start: dict[Block, int] = {}
+    """Where each block that stays begins: the compiler's code before assembly may be unreachable."""
+    waiting = [(block, at) for block in blocks if (at := _first_fixed(block)) is not None] + [
+        (block, 0) for block in blocks[:1]
+    ]
+    while waiting:
+        block, at = waiting.pop()
+        if start.get(block, at + 1) <= at:
+            continue
+        start[block] = at
+        waiting += [(each, 0) for each in successors[block] if each is not None]
+        if block.last is not None and block.last.fixed and block in followers:
+            waiting.append((followers[block], 0))
+    lines: list[Line] = []
+    for block in blocks:
+        if block in start:
+            lines += [*block.labels, *block.instructions[start[block] :]]
+    used = {each.target for each in lines if isinstance(each, Instruction) and each.op in ("GOTO", "CALL")}
+    kept = [each for each in lines if not isinstance(each, Label) or each.fixed or each.name in used]
+    changed = len(kept) != sum(1 for _ in function.lines())
+    function.replace(kept)
+    return changed
+
+
+def _first_fixed(block: Block) -> int | None:
+    """The index of the first instruction that the user wrote; 0 for a block with a label of the user's."""
+    if any(label.fixed for label in block.labels):
+        return 0
+    return next((at for at, each in enumerate(block.instructions) if each.fixed), None)
+
+
+def drop_dead(function: Function) -> bool:
+    """Remove what has no use. True when something changed."""
+    live = Liveness(function)
+    dead: set[Instruction] = set()
+    changed = False
+    for ins in function.instructions():
+        if ins.fixed or ins.op not in PURE or _flags_needed(ins, live.after[ins]):
+            continue
+        if _writes_dead(ins, live) and not _observable_read(ins):
+            dead.add(ins)
+    for ins in function.instructions():
+        if ins in dead or ins.fixed or ins.d != 1 or ins.op not in PURE or not isinstance(ins.f, Byte):
+            continue
+        needed = live.after[ins]
+        if ins.op != "MOVF" and is_private(ins.f) and not needed & (live.bit(ins.f) | W_BIT):
+            ins.d = 0  # only its flags are wanted
+            changed = True
+    if dead:
+        remove(function, dead, live)
+        changed = True
+    return changed
+
+
+def _flags_needed(ins: Instruction, needed: int) -> bool:
+    if ins.f == STATUS:
+        return True
+    return any(needed & FLAG_LETTERS[letter] for letter in ins.flags)
+
+
+def _writes_dead(ins: Instruction, live: Liveness) -> bool:
+    """Whether W or the byte that it writes is not needed."""
+    needed = live.after[ins]
+    if ins.writes_f:
+        return isinstance(ins.f, Byte) and is_private(ins.f) and not needed & live.bit(ins.f)
+    return ins.writes_w and not needed & W_BIT
+
+
+def _observable_read(ins: Instruction) -> bool:
+    """Reading a register or a volatile variable is kept."""
+    if not ins.reads_f or ins.f is None:
+        return False
+    return not isinstance(ins.f, Byte) or ins.f.symbol.volatile
+
+
+def remove(function: Function, dead: Collection[Instruction], live: Liveness) -> None:
+    """Take instructions out; a skip whose instruction goes, goes with it, or both stay."""
+    gone = set(dead)
+    outer: Instruction | None = None
+    before: Instruction | None = None
+    for ins in function.instructions():
+        if ins in dead and before is not None and before.skips and before not in gone:
+            gone = _with_skip(ins, before, outer if outer is not None and outer.skips else None, gone, live)
+        outer, before = before, ins
+    function.replace([line for line in function.lines() if isinstance(line, Label) or line not in gone])
+
+
+def _with_skip(
+    ins: Instruction,
+    skip: Instruction,
+    outer: Instruction | None,
+    gone: set[Instruction],
+    live: Liveness,
+) -> set[Instruction]:
+    """What goes when the instruction behind `skip` is dead; `outer` is a skip over that skip."""
+    simple = skip.op in _BIT_TESTS
+    if skip.fixed or (outer is not None and outer.op not in _BIT_TESTS):
+        return gone - {ins}
+    if outer is None:
+        return gone | {skip} if simple else gone - {ins}
+    if simple or (skip.d == 0 and not live.after[ins] & W_BIT):
+        return gone | {skip, outer}
+    return gone - {ins}

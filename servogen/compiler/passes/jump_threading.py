@@ -1,0 +1,154 @@
+"""Jumps that lead to jumps, jumps to what follows anyway, and skips around them.
+
+In: a `Function`. Out: fewer jumps between the same blocks.
+"""
+
+from __future__ import annotations
+
+from servogen.compiler.ir.function import Block, Function
+from servogen.compiler.ir.instruction import DELAY, Instruction
+
+INVERSE = {"BTFSC": "BTFSS", "BTFSS": "BTFSC"}
+"""The opposite of each skip that only tests."""
+_MAX_CHAIN = 10
+"""Jumps that are followed one after the other: a circle of jumps has no end."""
+
+
+def thread_jumps(function: Function) -> bool:
+    """A jump to a jump goes where that goes; a jump to RETURN returns."""
+    entered = _first_instructions(function)
+    changed = False
+    for jump in function.instructions():
+        if jump.op != "GOTO" or jump.fixed:
+            continue
+        for _ in range(_MAX_CHAIN):
+            target = entered.get(jump.target)
+            if target is None or target.fixed or target is jump:
+                break
+            if target.op == "GOTO" and target.target != jump.target:
+                jump.target = target.target
+                changed = True
+            elif target.op in ("RETURN", "RETFIE"):
+                jump.op, jump.target = target.op, ""
+                changed = True
+                break
+            else:
+                break
+    if changed:
+        function.rebuild()
+    return changed
+
+
+def _first_instructions(function: Function) -> dict[str, Instruction]:
+    """The instruction that each label leads to."""
+    found: dict[str, Instruction] = {}
+    waiting: list[str] = []
+    for block in function.blocks:
+        waiting += [label.name for label in block.labels]
+        if block.instructions:
+            found.update(dict.fromkeys(waiting, block.instructions[0]))
+            waiting = []
+    return found
+
+
+def drop_jumps_to_next(function: Function) -> bool:
+    """Drop a GOTO to what follows anyway; a skip over a GOTO over one instruction is inverted."""
+    changed = False
+    number = 0
+    while number < len(function.blocks):
+        if _drop_jump(function, number) or _skip_instead(function, number):
+            changed = True
+        number += 1
+    if changed:
+        function.rebuild()
+    return changed
+
+
+def _is_jump(block: Block | None) -> bool:
+    """Whether a block without labels holds one jump of the compiler's."""
+    return (
+        block is not None
+        and not block.labels
+        and len(block.instructions) == 1
+        and block.instructions[0].op == "GOTO"
+        and not block.instructions[0].fixed
+    )
+
+
+def _at(function: Function, number: int) -> Block | None:
+    return function.blocks[number] if 0 <= number < len(function.blocks) else None
+
+
+def _is_skipped(function: Function, number: int) -> bool:
+    """Whether a conditional edge leads over a block."""
+    return number > 0 and function.blocks[number - 1].skips
+
+
+def _drop_jump(function: Function, number: int) -> bool:
+    """Drop the jump at the end of a block when it leads to the next block, and the test in front of it."""
+    block, after, before = function.blocks[number], _at(function, number + 1), _at(function, number - 1)
+    jump = block.last
+    if jump is None or jump.op != "GOTO" or jump.fixed or after is None or not after.has_label(jump.target):
+        return False
+    if before is not None and before.skips:
+        test = before.last
+        if (
+            test is None
+            or test.op not in INVERSE
+            or test.fixed
+            or block.labels
+            or _is_skipped(function, number - 1)
+        ):
+            return False
+        before.instructions.pop()
+    block.instructions.pop()
+    return True
+
+
+def _skip_instead(function: Function, number: int) -> bool:
+    """BTFSC x; GOTO a; one; a: becomes BTFSS x; one; a:"""
+    block, jump, one, after = (_at(function, number + each) for each in range(4))
+    test = block.last if block is not None else None
+    if (
+        test is None
+        or test.op not in INVERSE
+        or test.fixed
+        or not _is_jump(jump)
+        or one is None
+        or after is None
+    ):
+        return False
+    if _is_skipped(function, number):
+        return False
+    single = one.instructions[0] if len(one.instructions) == 1 and not one.labels else None
+    if single is None or single.skips or single.fixed or single.op == DELAY:
+        return False
+    if not after.has_label(jump.instructions[0].target):  # type: ignore[union-attr]
+        return False
+    test.op = INVERSE[test.op]
+    function.blocks.remove(jump)  # type: ignore[arg-type]
+    return True
+
+
+def invert_skips(function: Function) -> bool:
+    """BTFSC x; GOTO a; GOTO b; a: becomes BTFSS x; GOTO b; a:"""
+    for number, block in enumerate(function.blocks):
+        first, second, after = (_at(function, number + each) for each in (1, 2, 3))
+        test = block.last
+        if (
+            test is None
+            or test.op not in INVERSE
+            or test.fixed
+            or not _is_jump(first)
+            or not _is_jump(second)
+        ):
+            continue
+        if _is_skipped(function, number):
+            continue
+        assert first is not None
+        if after is not None and after.has_label(first.instructions[0].target):
+            test.op = INVERSE[test.op]
+            function.blocks.remove(first)
+            function.rebuild()
+            return True
+    return False

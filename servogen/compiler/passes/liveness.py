@@ -1,0 +1,144 @@
+"""Which bytes, W and flags are still needed behind each instruction of a function.
+
+In: a `Function`. Out: per instruction a bit set of what is live after it. Only private bytes are followed:
+parameters, results, locals and temporaries that nothing can reach but by name; everything else is always
+needed. Bytes of other functions (parameters being filled, results being fetched) are used and changed by
+every CALL.
+"""
+
+from __future__ import annotations
+
+from servogen.compiler.ir.function import Function
+from servogen.compiler.ir.instruction import DC, DELAY, STATUS, Byte, C, Instruction, Z
+
+W_BIT, C_BIT, D_BIT, Z_BIT = 1, 2, 4, 8
+FLAG_BITS = {C: C_BIT, DC: D_BIT, Z: Z_BIT}
+FLAG_LETTERS = {"C": C_BIT, "D": D_BIT, "Z": Z_BIT}
+ALL_FLAGS = C_BIT | D_BIT | Z_BIT
+_FIRST = 4
+_PRIVATE = ("local", "param", "result", "temp")
+
+
+def is_private(loc: object) -> bool:
+    """Whether a byte is only reached by its name."""
+    return (
+        isinstance(loc, Byte)
+        and loc.symbol.kind in _PRIVATE
+        and not loc.symbol.pinned
+        and not loc.symbol.volatile
+    )
+
+
+class Liveness:
+    """The analysis of one function: `after[instruction]` is what is live behind it."""
+
+    def __init__(self, function: Function) -> None:
+        self.function = function
+        self.number: dict[Byte, int] = {}
+        own = set(map(id, function.own))
+        for each in function.instructions():
+            if isinstance(each.f, Byte) and each.f not in self.number and is_private(each.f):
+                self.number[each.f] = len(self.number)
+        if function.result is not None:
+            for offset in range(function.result.size):
+                self.number.setdefault(Byte(function.result, offset), len(self.number))
+        self.foreign = 0
+        for byte in self.number:
+            if id(byte.symbol) not in own:
+                self.foreign |= self.bit(byte)
+        self.after: dict[Instruction, int] = {}
+        self._exit = self._at_exit()
+        self.entry = self._solve()
+        """What is live before the first instruction."""
+
+    def bit(self, byte: Byte) -> int:
+        return 1 << self.number[byte] + _FIRST
+
+    def _at_exit(self) -> int:
+        function = self.function
+        live = W_BIT if function.returns_w else 0
+        if function.result is not None and is_private(Byte(function.result, 0)):
+            for offset in range(function.result.size):
+                live |= self.bit(Byte(function.result, offset))
+        return live
+
+    def _uses_and_kills(self, ins: Instruction) -> tuple[int, int]:
+        """(what it needs, what it overwrites entirely)."""
+        op = ins.op
+        if op == DELAY:
+            return 0, W_BIT | ALL_FLAGS
+        if op == "CALL":
+            return W_BIT | self.foreign, W_BIT | ALL_FLAGS | self.foreign
+        if op in ("RETURN", "RETFIE"):
+            return self._exit, 0
+        if op == "RETLW":
+            return self._exit & ~W_BIT, W_BIT
+        uses = W_BIT if ins.reads_w else 0
+        kills = W_BIT if ins.writes_w else 0
+        for letter in ins.flags:
+            kills |= FLAG_LETTERS[letter]
+        if ins.reads_carry:
+            uses |= C_BIT
+        if ins.f == STATUS:
+            if op in ("BTFSC", "BTFSS"):
+                return uses | FLAG_BITS.get(ins.b, 0), kills
+            if op in ("BCF", "BSF"):
+                return uses, FLAG_BITS.get(ins.b, 0)
+            return uses | (ALL_FLAGS if ins.reads_f else 0), kills
+        if isinstance(ins.f, Byte) and ins.f in self.number:
+            mask = self.bit(ins.f)
+            if ins.reads_f:
+                uses |= mask
+            elif ins.writes_f:
+                kills |= mask
+        return uses, kills
+
+    def before(self, ins: Instruction) -> int:
+        """What is live before an instruction."""
+        uses, kills = self._uses_and_kills(ins)
+        return uses | self.after[ins] & ~kills
+
+    def _solve(self) -> int:
+        """Iterate over the blocks from behind until nothing changes, then fill in `after`."""
+        blocks = self.function.blocks
+        if not blocks:
+            return self._exit
+        facts = [[self._uses_and_kills(each) for each in block.instructions] for block in blocks]
+        summary = []
+        for each in facts:
+            needed, overwritten = 0, 0
+            for uses, kills in reversed(each):
+                needed = uses | needed & ~kills
+                overwritten |= kills
+            summary.append((needed, overwritten))
+        index = {block: number for number, block in enumerate(blocks)}
+        following = [
+            [None if block is None else index[block] for block in after]
+            for after in self.function.successors()
+        ]
+        live_in = [0] * len(blocks)
+        live_out = [0] * len(blocks)
+        changed = True
+        while changed:
+            changed = False
+            for number in range(len(blocks) - 1, -1, -1):
+                live = 0
+                for after in following[number]:
+                    live |= self._exit_of(blocks[number].last) if after is None else live_in[after]
+                needed, overwritten = summary[number]
+                before = needed | live & ~overwritten
+                if live != live_out[number] or before != live_in[number]:
+                    live_out[number], live_in[number] = live, before
+                    changed = True
+        for number, block in enumerate(blocks):
+            live = live_out[number]
+            for ins, (uses, kills) in zip(reversed(block.instructions), reversed(facts[number]), strict=True):
+                self.after[ins] = live
+                live = uses | live & ~kills
+        return live_in[0]
+
+    def _exit_of(self, last: Instruction | None) -> int:
+        """What is needed when the function is left: a jump into another one needs all that it could use."""
+        if last is not None and last.op in ("RETURN", "RETFIE", "RETLW"):
+            return 0
+        return self._exit | W_BIT | self.foreign

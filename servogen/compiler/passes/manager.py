@@ -1,0 +1,101 @@
+"""Runs the passes over each function, and says what each of them saved.
+
+In: the functions of a program. Out: the same, smaller. The user's assembly is never touched.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from servogen.compiler.ir.function import Function
+from servogen.compiler.ir.instruction import SKIPS
+from servogen.compiler.ir.verifier import verify
+from servogen.compiler.passes.branch_simplify import short_branches
+from servogen.compiler.passes.copy_coalescing import coalesce_copies
+from servogen.compiler.passes.dead_code import drop_dead, drop_unreachable
+from servogen.compiler.passes.jump_threading import drop_jumps_to_next, invert_skips, thread_jumps
+from servogen.compiler.passes.peephole import peephole
+from servogen.compiler.passes.tail_merging import merge_tails, tail_calls
+from servogen.compiler.passes.value_numbering import number_values
+
+Pass = Callable[[Function], bool]
+"""Rewrites a function; true when something changed."""
+
+JUMPS: Mapping[str, Pass] = {
+    "thread-jumps": thread_jumps,
+    "drop-unreachable": drop_unreachable,
+    "drop-jumps-to-next": drop_jumps_to_next,
+    "invert-skips": invert_skips,
+}
+"""Passes that only look at where control goes: they apply to library routines too."""
+VALUES: Mapping[str, Pass] = {
+    "value-numbering": number_values,
+    "dead-code": drop_dead,
+    "peephole": peephole,
+    "branch-simplify": short_branches,
+    "copy-coalescing": coalesce_copies,
+}
+"""Passes that follow values. Library routines are written by hand and do without."""
+TAILS: Mapping[str, Pass] = {"tail-merging": merge_tails}
+RETURNS: Mapping[str, Pass] = {"tail-calls": tail_calls, "drop-unreachable": drop_unreachable}
+PROGRAM_PASSES = ("codegen", "startup", "bank-select", "outlining", "delays")
+"""What rewrites the whole program, in order; the passes above run between start-up and bank selection."""
+PASSES = tuple(dict.fromkeys(("codegen", "startup", *JUMPS, *VALUES, *TAILS, *RETURNS, *PROGRAM_PASSES[2:])))
+"""Names for `--dump ir:pass`, in order."""
+_MAX_ROUNDS = 60
+
+
+@dataclass(slots=True)
+class PassManager:
+    """Runs passes, checks the form after each where asked to, and keeps account."""
+
+    verify_ir: bool = False
+    after_pass: Callable[[str, Function], None] | None = None
+    """Called after each pass with its name and the function."""
+    saved: Counter[str] = field(default_factory=Counter)
+    """Instructions that each pass has removed, in total."""
+    runs: Counter[str] = field(default_factory=Counter)
+
+    def finished(self, name: str, function: Function) -> None:
+        """Check a function after a pass, and show it to who watches."""
+        if self.verify_ir:
+            verify(function, after=name)
+        if self.after_pass is not None:
+            self.after_pass(name, function)
+
+    def finished_all(self, name: str, functions: Mapping[str, Function]) -> None:
+        """The same for every function that has instructions of its own."""
+        for function in functions.values():
+            if function.table is None:
+                self.finished(name, function)
+
+    def run(self, passes: Mapping[str, Pass], function: Function) -> bool:
+        """Run each pass once; true when one of them changed something."""
+        changed = False
+        for name, transform in passes.items():
+            before = function.size
+            changed |= transform(function)
+            self.saved[name] += before - function.size
+            self.runs[name] += 1
+            self.finished(name, function)
+        return changed
+
+    def optimise(self, function: Function) -> None:
+        """Run the passes until nothing changes."""
+        follows_values = not function.name.startswith("__") and not _jumps_by_hand(function)
+        for _ in range(_MAX_ROUNDS):
+            changed = self.run(JUMPS, function)
+            if follows_values:
+                changed |= self.run(VALUES, function)
+            if not changed and not (follows_values and self.run(TAILS, function)):
+                break
+        if follows_values and function.name != "main":
+            self.run(RETURNS, function)
+
+
+def _jumps_by_hand(function: Function) -> bool:
+    """Whether assembly in it jumps, so that its flow is not known."""
+    jumps = ("GOTO", "CALL", "RETURN", "RETLW", "RETFIE", *SKIPS)
+    return function.inline_asm and any(each.fixed and each.op in jumps for each in function.instructions())

@@ -1,0 +1,176 @@
+"""Equal runs of instructions, anywhere in the program, made one subroutine where that saves words.
+
+In: the code of every function, with banks switched and delays still whole. Out: the same in fewer words.
+Each place takes four cycles more (two where the run ends its function), and a level of the stack where the
+run does not end it.
+
+Never shared: assembly, tables, the library; what stands in one run with a delay, or next to it, so that
+pulses keep their width; what names variables of its own function, whose places depend on where they are used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from servogen.compiler.ast.nodes import AddressByte, Symbol
+from servogen.compiler.ir.function import Function, Line, is_skipped
+from servogen.compiler.ir.instruction import DELAY, ENDS, Byte, Instruction, Label
+from servogen.compiler.passes.call_depth import room_for_calls
+from servogen.compiler.passes.tail_merging import is_timed
+
+_LONGEST = 40
+_Run = tuple[int, ...]
+_Place = tuple[str, int]
+"""Function and line of a run's first instruction."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Candidate:
+    run: _Run
+    places: tuple[_Place, ...]
+    saved: int
+
+
+def outline(functions: dict[str, Function], roots: list[str]) -> int:
+    """Make subroutines as long as one saves words; gives how many words were saved."""
+    saved = 0
+    refused: set[_Run] = set()
+    while True:
+        numbers: dict[object, int] = {}
+        best = _best(_runs(functions, numbers), refused)
+        if best is None:
+            return saved
+        if _apply(best, functions, roots):
+            saved += best.saved
+            refused.clear()
+        else:
+            refused.add(best.run)
+
+
+def _best(runs: Mapping[_Run, list[tuple[_Place, bool]]], refused: set[_Run]) -> _Candidate | None:
+    """The run that saves most; of equal ones the longest, then the first."""
+    found: _Candidate | None = None
+    for run, every in runs.items():
+        if len(every) < 2 or run in refused:
+            continue
+        places: list[_Place] = []
+        for (name, at), _ in every:
+            if not places or places[-1][0] != name or at >= places[-1][1] + len(run):
+                places.append((name, at))
+        ends = every[0][1]
+        saved = len(places) * (len(run) - 1) - len(run) - (0 if ends else 1)
+        if saved > 0 and (found is None or (saved, len(run)) > (found.saved, len(found.run))):
+            found = _Candidate(run, tuple(places), saved)
+    return found
+
+
+def _runs(
+    functions: Mapping[str, Function], numbers: dict[object, int]
+) -> dict[_Run, list[tuple[_Place, bool]]]:
+    """Return every run that may be shared, with its places and whether it needs no RETURN behind it; equal
+    instructions have one number.
+    """
+    found: dict[_Run, list[tuple[_Place, bool]]] = {}
+    for name, function in functions.items():
+        if function.table is not None or function.inline_asm or name.startswith("__"):
+            continue
+        lines = list(function.lines())
+        for first, stretch in _stretches(function, lines):
+            keys = [numbers.setdefault(each.key, len(numbers)) for each in stretch]
+            for start in range(len(stretch) - 1):
+                if is_skipped(lines, first + start):
+                    continue
+                for end in range(start + 2, min(len(stretch), start + _LONGEST) + 1):
+                    if not stretch[end - 1].skips:
+                        run = tuple(keys[start:end])
+                        ends = stretch[end - 1].op in ENDS or _ends_in_call(stretch[start:end])
+                        found.setdefault(run, []).append(((name, first + start), ends))
+    return found
+
+
+def _stretches(function: Function, lines: list[Line]) -> Iterator[tuple[int, list[Instruction]]]:
+    """The parts of a function that can be moved, without what a delay times, and where each begins."""
+    labels = set(function.by_label())
+    own = set(function.own)
+    cuts: list[tuple[int, int, bool]] = []
+    """Between labels and jumps: (first, behind last, whether a delay is in it)."""
+    first = 0
+    for at, line in enumerate(lines):
+        leaves = isinstance(line, Instruction) and line.op in ENDS and not is_skipped(lines, at)
+        if isinstance(line, Label) or leaves or at + 1 == len(lines):
+            inside = [each for each in lines[first : at + 1] if isinstance(each, Instruction)]
+            cuts.append((first, at + 1, any(map(is_timed, inside))))
+            first = at + 1
+    for number, (first, behind, _) in enumerate(cuts):
+        if any(timed for _, _, timed in cuts[max(0, number - 1) : number + 2]):
+            continue
+        start, stretch = first, list[Instruction]()
+        for at in range(first, behind):
+            line = lines[at]
+            if isinstance(line, Instruction) and _movable(line, labels, own, skipped=is_skipped(lines, at)):
+                stretch.append(line)
+                continue
+            yield start, stretch
+            start, stretch = at + 1, []
+        yield start, stretch
+
+
+def _movable(ins: Instruction, labels: set[str], own: set[Symbol], *, skipped: bool) -> bool:
+    """Whether an instruction does the same in a subroutine."""
+    if ins.fixed or ins.op in (DELAY, "RETFIE") or (ins.op in ENDS and skipped):
+        return False
+    if ins.op == "GOTO" and ins.target in labels:
+        return False
+    if isinstance(ins.f, Byte) and ins.f.symbol in own:
+        return False
+    return not (isinstance(ins.k, AddressByte) and ins.k.symbol in own)
+
+
+def _ends_in_call(run: list[Instruction]) -> bool:
+    """Return whether a run always ends in a call, which may be a jump: one that is never skipped."""
+    last = run[-1]
+    return last.op == "CALL" and last.table is None and not run[-2].skips
+
+
+def _apply(found: _Candidate, functions: dict[str, Function], roots: list[str]) -> bool:
+    """Make the subroutine; false, and nothing changed, where the stack has no level for it."""
+    before = {name: list(functions[name].lines()) for name, _ in found.places}
+    room = room_for_calls(functions, roots)
+    first_name, at = found.places[0]
+    run = before[first_name][at : at + len(found.run)]
+    body = [each.copy() for each in run if isinstance(each, Instruction)]
+    ends = body[-1].op in ENDS
+    if _ends_in_call(body):
+        body[-1].op = "GOTO"
+    elif not ends:
+        body.append(Instruction("RETURN", place=body[-1].place))
+    name = f"__shared_{1 + sum(each.startswith('__shared_') for each in functions)}"
+    for user, lines in before.items():
+        functions[user].replace(_replaced(user, lines, found, name, "GOTO" if ends else "CALL"))
+    functions[name] = Function(name)
+    functions[name].extend(body)
+    after = room_for_calls(functions, roots)
+    if after is None or any(
+        (room or {}).get(each) and not fits and _has_delay(functions[each]) for each, fits in after.items()
+    ):
+        del functions[name]
+        for user, lines in before.items():
+            functions[user].replace(lines)
+        return False
+    return True
+
+
+def _has_delay(function: Function) -> bool:
+    return any(each.op == DELAY for each in function.instructions())
+
+
+def _replaced(user: str, lines: list[Line], found: _Candidate, name: str, op: str) -> list[Line]:
+    """A function's lines with a call in the place of each run."""
+    out: list[Line] = []
+    done = 0
+    for function, at in found.places:
+        if function == user:
+            out += [*lines[done:at], Instruction(op, target=name, place=lines[at].place)]
+            done = at + len(found.run)
+    return out + lines[done:]

@@ -1,0 +1,115 @@
+"""Short sequences that have a shorter form.
+
+In: a `Function` and its liveness. Out: an operation on a byte in place instead of through W, CLRF for a
+stored zero, one skip instead of a skip and two jumps.
+"""
+
+from __future__ import annotations
+
+from servogen.compiler.ir.function import Function
+from servogen.compiler.ir.instruction import IN_PLACE, Instruction, exposed
+from servogen.compiler.passes.liveness import C_BIT, D_BIT, W_BIT, Z_BIT, Liveness, is_private
+
+_COUNTS: dict[object, str] = {1: "INCF", 0xFF: "DECF"}
+"""By the constant that is added."""
+_COMMUTING = {"ADDLW": "ADDWF", "ANDLW": "ANDWF", "IORLW": "IORWF", "XORLW": "XORWF"}
+
+
+def peephole(function: Function) -> bool:
+    """One pass; true when something changed."""
+    live = Liveness(function)
+    changed = False
+    for block in function.blocks:
+        out: list[Instruction] = []
+        at = 0
+        while at < len(block.instructions):
+            found = _match(block.instructions[at : at + 3], live)
+            if found is None:
+                out.append(block.instructions[at])
+                at += 1
+                continue
+            new, count = found
+            for each in new:
+                each.place = block.instructions[at].place
+            out += new
+            at += count
+            changed = True
+        block.instructions = out
+    if changed:
+        function.rebuild()
+    return changed
+
+
+def _match(window: list[Instruction], live: Liveness) -> tuple[list[Instruction], int] | None:
+    """What the first instructions of a window become, and how many of them; None where nothing fits."""
+    if len(window) < 2 or window[0].fixed or window[1].fixed:
+        return None
+    one, two = window[:2]
+    after_two = live.after[two]
+    if two.op == "MOVWF" and not after_two & W_BIT:
+        if one.op in IN_PLACE and one.d == 0 and one.f == two.f:
+            return [Instruction(one.op, one.f, 1)], 2
+        if one.op == "MOVLW" and one.k == 0 and not after_two & Z_BIT:
+            return [Instruction("CLRF", two.f)], 2
+        copied = one.op == "MOVF" and one.d == 0 and one.f == two.f
+        if copied and not exposed(one.f) and not after_two & Z_BIT:
+            return [], 2
+    if not after_two & (C_BIT | D_BIT):
+        if one.op == "MOVLW" and one.k in _COUNTS and two.op == "ADDWF" and not (two.d and after_two & W_BIT):
+            return [Instruction(_COUNTS[one.k], two.f, two.d)], 2
+        if one.op == "MOVF" and one.d == 0 and two.op == "ADDLW" and two.k in _COUNTS:
+            return [Instruction(_COUNTS[two.k], one.f)], 2
+    if one.op == "MOVLW" and two.op == "RETURN":
+        return [Instruction("RETLW", k=one.k)], 2
+    three = window[2] if len(window) > 2 else None
+    if three is not None and not three.fixed and _swaps(one, two, three):
+        held = live.bit(one.f)  # type: ignore[arg-type]
+        if not live.after[three] & held:
+            return [Instruction(three.op, two.f, 0)], 3
+    if three is not None and not three.fixed and three.op == "MOVWF" and not live.after[three] & W_BIT:
+        if one.op == "MOVF" and one.d == 0 and one.f == three.f and two.op in _COMMUTING:
+            return [Instruction("MOVLW", k=two.k), Instruction(_COMMUTING[two.op], one.f, 1)], 3
+        if (
+            one.op == "MOVF"
+            and one.d == 0
+            and two.f == three.f
+            and two.op in _COMMUTING.values()
+            and two.d == 0
+        ):
+            return [one, Instruction(two.op, two.f, 1)], 3
+        if (
+            one.op == "MOVF"
+            and one.d == 0
+            and one.f == three.f
+            and two.op in _COMMUTING.values()
+            and two.d == 0
+            and two.f != one.f
+        ):
+            return [Instruction("MOVF", two.f, 0), Instruction(two.op, one.f, 1)], 3
+    return _flags(one, two)
+
+
+def _swaps(one: Instruction, two: Instruction, three: Instruction) -> bool:
+    """MOVWF t; MOVF x,W; XORWF t,W: the same as XORWF x,W where t is not needed any more."""
+    return (
+        one.op == "MOVWF"
+        and is_private(one.f)
+        and (two.op, two.d) == ("MOVF", 0)
+        and two.f != one.f
+        and three.op in _COMMUTING.values()
+        and (three.f, three.d) == (one.f, 0)
+    )
+
+
+def _flags(one: Instruction, two: Instruction) -> tuple[list[Instruction], int] | None:
+    """IORLW 0 behind what has set Z already; MOVF x,W only for Z."""
+    if (
+        two.op == "IORLW"
+        and two.k == 0
+        and "Z" in one.flags
+        and one.d == 0
+        and one.writes_w
+        and one.op != "CALL"
+    ):
+        return [one], 2
+    return None

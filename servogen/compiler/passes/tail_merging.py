@@ -1,0 +1,128 @@
+"""The ends of things: a call before a return becomes a jump, equal code before one label is kept once.
+
+In: a `Function` after the other passes. Out: fewer words, no more cycles.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+from servogen.compiler.ir.function import Function, Line, is_skipped
+from servogen.compiler.ir.instruction import DELAY, ENDS, Instruction, Label, Reg
+
+
+def tail_calls(function: Function) -> bool:
+    """CALL f; RETURN becomes GOTO f: a word, two cycles and a level of the stack less."""
+    changed = False
+    for one, two in pairwise(function.lines()):
+        if isinstance(one, Label) or isinstance(two, Label) or one.fixed or two.fixed:
+            continue
+        if one.op == "CALL" and two.op == "RETURN" and one.table is None:
+            one.op = "GOTO"
+            changed = True
+    if changed:
+        function.rebuild()
+    return changed
+
+
+def merge_tails(function: Function) -> bool:
+    """One pass over the jumps; true when one of them now goes to the beginning of what was the same."""
+    lines = list(function.lines())
+    where = {each.name: at for at, each in enumerate(lines) if isinstance(each, Label)}
+    jumps = {
+        at: each
+        for at, each in enumerate(lines)
+        if isinstance(each, Instruction)
+        and each.op == "GOTO"
+        and not each.fixed
+        and not is_skipped(lines, at)
+    }
+    for at, jump in jumps.items():
+        target = where.get(jump.target)
+        if target is None:
+            continue
+        rivals = [other for other, each in jumps.items() if other < at and each.target == jump.target]
+        before = target
+        while before and isinstance(lines[before - 1], Label):
+            before -= 1
+        if before and not _ends(lines[before - 1]):
+            rivals.append(before)
+        for rival in rivals:
+            length = _common(lines, at, rival)
+            if length and not _timed_run(lines, at - length, at):
+                _merge(function, lines, jump, at, rival, length)
+                return True
+            if length and rival in jumps and not _timed_run(lines, rival - length, rival):
+                _merge(function, lines, jumps[rival], rival, at, length)
+                return True
+    return False
+
+
+def _ends(line: Line) -> bool:
+    return isinstance(line, Instruction) and line.op in ENDS
+
+
+def _timed_run(lines: list[Line], first: int, last: int) -> bool:
+    """Whether a run of instructions reaches a register and a delay runs into it without a branch: its
+    distance to the delay is promised.
+    """
+    run = [each for each in lines[first:last] if isinstance(each, Instruction)]
+    if not any(isinstance(each.f, Reg) or each.op == "CALL" for each in run):
+        return False
+    at = first
+    while at:
+        at -= 1
+        line = lines[at]
+        if isinstance(line, Label):
+            continue
+        if is_timed(line):
+            return True
+        if line.op in ENDS or line.skips:
+            return False
+    return False
+
+
+def is_timed(ins: Instruction) -> bool:
+    """A delay, constant or by a library routine."""
+    return ins.op == DELAY or (ins.op in ("CALL", "GOTO") and ins.target.startswith("__delay"))
+
+
+def _common(lines: list[Line], one: int, two: int) -> int:
+    """How many instructions before two places are the same, with no skip into the first of them."""
+    if abs(one - two) < 2:
+        return 0
+    length = 0
+    best = 0
+    while True:
+        a, b = one - length - 1, two - length - 1
+        if a < 0 or b < 0 or (two < one and a <= two) or (one < two and b <= one):
+            break
+        if not _same(lines[a], lines[b]):
+            break
+        length += 1
+        if not is_skipped(lines, a) and not is_skipped(lines, b):
+            best = length
+    return best
+
+
+def _same(one: Line, two: Line) -> bool:
+    if isinstance(one, Label) or isinstance(two, Label) or one.fixed or two.fixed:
+        return False
+    return one.op != DELAY and one.op not in ENDS and one.key == two.key
+
+
+def _merge(
+    function: Function, lines: list[Line], jump: Instruction, at: int, rival: int, length: int
+) -> None:
+    """Drop the instructions before a jump at `at`; it goes to their like before `rival`."""
+    name = f"{function.name}.tail{sum(isinstance(each, Label) for each in lines)}.{at}"
+    label = Label(name, jump.place)
+    jump.target = name
+    start = rival - length
+    if start < at:
+        del lines[at - length : at]
+        lines.insert(start, label)
+    else:
+        lines.insert(start, label)
+        del lines[at - length : at]
+    function.replace(lines)

@@ -1,0 +1,225 @@
+"""Follows what W and bytes hold, so that nothing is loaded, stored or tested twice.
+
+In: a `Function`. Out: loads of what W already holds are dropped, operands whose value is known become
+constants, temporaries that are copies give way to their originals. Knowledge flows forward; where edges meet
+only what all of them know is kept, and nothing where a loop comes back.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from servogen.compiler.ir.function import Block, Function
+from servogen.compiler.ir.instruction import DELAY, ENDS, FSR, INDF, Byte, Imm, Instruction, Loc
+from servogen.compiler.passes.dead_code import remove
+from servogen.compiler.passes.liveness import Z_BIT, Liveness, is_private
+
+Value = Imm | int
+"""A constant, or the number of something unknown."""
+State = dict[object, Value]
+_W = "W"
+_TO_LITERAL = {"ADDWF": "ADDLW", "ANDWF": "ANDLW", "IORWF": "IORLW", "XORWF": "XORLW", "SUBWF": "SUBLW"}
+
+
+def trackable(loc: object) -> bool:
+    """A byte of RAM, or FSR, that changes only where the code says so."""
+    return loc == FSR or (isinstance(loc, Byte) and not loc.symbol.volatile)
+
+
+def number_values(function: Function) -> bool:
+    """Rewrite a function by what is known to be equal. True when something changed."""
+    return _Tracker(function).run()
+
+
+class _Tracker:
+    """One forward pass over a function."""
+
+    def __init__(self, function: Function) -> None:
+        self.function = function
+        self.live = Liveness(function)
+        self.own = {id(symbol) for symbol in function.own}
+        self.next = 0
+        self.results: dict[tuple[str, Value, object], Value] = {}
+        self.dead: set[Instruction] = set()
+        self.changed = False
+        self.arriving: dict[str, list[State]] = {}
+        self.seen: dict[str, int] = {}
+
+    def run(self) -> bool:
+        blocks = self.function.blocks
+        sources = Counter(each.target for each in self.function.instructions() if each.op == "GOTO")
+        skipped = self.function.skipped()
+        over: dict[int, State] = {}
+        """What is known on the edge over a skipped block, by the number of the block behind it."""
+        state: State | None = {}
+        for number, block in enumerate(blocks):
+            state = self._join(state, over.pop(number, None))
+            for label in block.labels:
+                state = self._meet(label.name, sources[label.name], state)
+            if state is None:
+                continue
+            self._block(block, state, in_skip=block in skipped)
+            last = block.last
+            if last is not None and last.skips and last not in self.dead:
+                over[number + 2] = dict(state)
+            elif last is not None and last.op in ENDS:
+                state = None
+        if self.dead:
+            remove(self.function, self.dead, self.live)
+        return self.changed or bool(self.dead)
+
+    def _block(self, block: Block, state: State, *, in_skip: bool) -> None:
+        for ins in block.instructions:
+            if not (in_skip and ins.skips):
+                self._rewrite(ins, state)
+            if ins in self.dead:
+                continue
+            if ins.op == "GOTO":
+                self.arriving.setdefault(ins.target, []).append(dict(state))
+                self.seen[ins.target] = self.seen.get(ins.target, 0) + 1
+            self._apply(ins, state)
+            if ins.fixed and ins.op not in ("NOP", "CLRWDT", "SLEEP"):
+                state.clear()  # assembly may reach variables by their addresses
+
+    def _join(self, one: State | None, two: State | None) -> State | None:
+        if one is None or two is None:
+            return two if one is None else one
+        return _common(one, two)
+
+    def _meet(self, label: str, sources: int, state: State | None) -> State | None:
+        if self.seen.get(label, 0) < sources:
+            return {}  # a loop comes back here
+        states = [each for each in [*self.arriving.get(label, []), state] if each is not None]
+        if not states:
+            return None
+        found = states[0]
+        for each in states[1:]:
+            found = _common(found, each)
+        return dict(found)
+
+    def fresh(self) -> int:
+        self.next += 1
+        return self.next
+
+    def value(self, state: State, loc: object) -> Value:
+        if loc not in state:
+            state[loc] = self.fresh()
+        return state[loc]
+
+    # what an instruction changes
+
+    def _apply(self, ins: Instruction, state: State) -> None:
+        op = ins.op
+        if op in ("NOP", "CLRWDT", "SLEEP") or op in ENDS:
+            return
+        if op == "CALL":
+            for loc in [each for each in state if not (is_private(each) and id(each.symbol) in self.own)]:  # type: ignore[attr-defined]
+                del state[loc]
+            return
+        if op == DELAY:
+            state.pop(_W, None)
+            return
+        if op == "MOVLW":
+            state[_W] = Imm(ins.k)
+        elif op == "CLRW":
+            state[_W] = Imm(0)
+        elif op == "MOVF" and ins.d == 0 and trackable(ins.f):
+            state[_W] = self.value(state, ins.f)
+        elif op == "MOVF" and ins.d == 1:
+            pass
+        elif op == "MOVWF":
+            self._store(ins.f, self.value(state, _W), state)
+        elif op == "CLRF":
+            self._store(ins.f, Imm(0), state)
+        elif ins.writes_f:
+            self._store(ins.f, self.fresh(), state)
+        elif ins.writes_w:
+            state[_W] = self._result(ins, state)
+
+    def _result(self, ins: Instruction, state: State) -> Value:
+        """The same operation on the same values has the same value."""
+        other: object
+        if ins.op in _TO_LITERAL.values() or ins.op == "SUBLW":
+            other = Imm(ins.k)
+        elif ins.op in _TO_LITERAL and trackable(ins.f):
+            other = self.value(state, ins.f)
+        else:
+            return self.fresh()
+        return self.results.setdefault((ins.op[:3], self.value(state, _W), other), self.fresh())
+
+    def _store(self, loc: Loc | None, value: Value, state: State) -> None:
+        if loc == INDF:
+            for each in [each for each in state if not is_private(each) and each not in (_W, FSR)]:
+                del state[each]
+        elif trackable(loc):
+            self._forget_aliases(loc, state)
+            state[loc] = value
+
+    def _forget_aliases(self, loc: Loc | None, state: State) -> None:
+        """Fixed-address variables may lie over one another."""
+        if isinstance(loc, Byte) and loc.symbol.kind == "fixed":
+            for each in [
+                each
+                for each in state
+                if isinstance(each, Byte) and each.symbol.kind == "fixed" and each != loc
+            ]:
+                del state[each]
+
+    # what an instruction can become
+
+    def _rewrite(self, ins: Instruction, state: State) -> None:
+        if ins.fixed:
+            return
+        z_free = not self.live.after[ins] & Z_BIT
+        w = state.get(_W)
+        match ins.op:
+            case "MOVLW":
+                if w == Imm(ins.k):
+                    self.dead.add(ins)
+            case "MOVWF":
+                if trackable(ins.f) and w is not None and state.get(ins.f) == w:
+                    self.dead.add(ins)
+            case "CLRF":
+                if z_free and trackable(ins.f) and state.get(ins.f) == Imm(0):
+                    self.dead.add(ins)
+            case "MOVF" if ins.d == 0 and trackable(ins.f):
+                known = state.get(ins.f)
+                if z_free and known is not None and known == w:
+                    self.dead.add(ins)
+                elif z_free and isinstance(known, Imm):
+                    ins.op, ins.f, ins.k = "MOVLW", None, known.value
+                    self.changed = True
+        if ins in self.dead:
+            return
+        if ins.op in _TO_LITERAL and ins.d == 0 and trackable(ins.f):
+            known = state.get(ins.f)
+            if isinstance(known, Imm):
+                ins.op, ins.f, ins.k = _TO_LITERAL[ins.op], None, known.value
+                self.changed = True
+                return
+        only_reads = ins.reads_f and not ins.writes_f and (not ins.skips or ins.op in ("BTFSC", "BTFSS"))
+        if only_reads and isinstance(ins.f, Byte) and ins.f.symbol.kind == "temp":
+            self._original(ins, state)
+
+    def _near(self, loc: Byte) -> bool:
+        """A variable of this function or a global: another function's bytes are only good right
+        behind its call.
+        """
+        return loc.symbol.static or id(loc.symbol) in self.own
+
+    def _original(self, ins: Instruction, state: State) -> None:
+        """Read the variable that a temporary is a copy of."""
+        known = state.get(ins.f)
+        if known is None or not is_private(ins.f):
+            return
+        for loc, value in state.items():
+            if loc == ins.f:
+                return  # the temporary came first
+            if value == known and isinstance(loc, Byte) and trackable(loc) and self._near(loc):
+                ins.f = loc
+                self.changed = True
+                return
+
+
+def _common(one: State, two: State) -> State:
+    return {loc: value for loc, value in one.items() if two.get(loc) == value}

@@ -1,0 +1,136 @@
+"""The state of the semantic analysis, and the table by which its modules recurse.
+
+A declarator contains expressions (the length of an array), an expression contains types (`sizeof`, casts). A
+module calls the modules below it directly, and those above it through `Dispatch`, which
+`sema.translation_unit` fills in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from servogen.compiler.ast.nodes import (
+    Data,
+    Expr,
+    ExprStmt,
+    FunctionDefinition,
+    Num,
+    Program,
+    Ref,
+    Switch,
+    Symbol,
+)
+from servogen.compiler.ast.types import C2C_INT, C2C_SIGNED, S16, S32, U16, U32, ArrayType, CType, IntType
+from servogen.compiler.diagnostics import Fatal, Reporter
+from servogen.compiler.frontend.asm_blocks import AsmBlock
+from servogen.compiler.frontend.dialects import C2C, named_types
+from servogen.compiler.frontend.syntax_errors import place_of
+from servogen.compiler.sema.scopes import Scopes
+from servogen.errors import Place
+from servogen.units import Clock
+
+U8_CONST = IntType("unsigned char", 1, False, const=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Dispatch:
+    """What the lower modules of the analysis call in the modules above them."""
+
+    expressions: Mapping[type, Callable[[Analyser, Any], Expr]]
+    """The analysis of each kind of expression."""
+    declared_type: Callable[[Analyser, Any], CType]
+    """The type of a declarator or type name."""
+    builtin: Callable[[Analyser, str, Any, list[Any]], Expr | None]
+    """The meaning of a call of a built-in function; None when there is none of that name."""
+    builtin_names: Callable[[Analyser], list[str]]
+
+
+@dataclass(slots=True)
+class Body:
+    """What is collected while a function's body is analysed."""
+
+    labels: dict[str, Place] = field(default_factory=dict)
+    gotos: list[tuple[str, Any]] = field(default_factory=list)
+    loops: int = 0
+    breakable: int = 0
+    switches: list[tuple[Switch, IntType]] = field(default_factory=list)
+
+
+class Analyser:
+    """The state of one program's analysis: scopes, symbols, the function being read."""
+
+    def __init__(
+        self,
+        dialect: str,
+        reporter: Reporter,
+        dispatch: Dispatch,
+        *,
+        clock: Clock | None,
+        serial_settings: dict[str, str],
+        asm_blocks: list[AsmBlock],
+    ) -> None:
+        self.dialect = dialect
+        self.c2c = dialect == C2C
+        self.reporter = reporter
+        self.dispatch = dispatch
+        self.clock = clock
+        self.serial_settings = serial_settings
+        self.asm_blocks = asm_blocks
+        self.scopes = Scopes(lower_case=True)
+        self.program = Program({}, [], [], {}, [])
+        self.function: FunctionDefinition | None = None
+        self.body = Body()
+        self.strings: dict[tuple[int, ...], Symbol] = {}
+        self.types = dict(named_types())
+        self.asm_symbols: dict[str, Symbol] = {}
+        self.addresses: dict[tuple[str | None, int | None, int | None], int] = {}
+        self.interrupts: set[str] = set()
+        self.reading_config = False
+        """Inside __CONFIG(…), where the names of the masks are known."""
+        self.externals: dict[str, Symbol | FunctionDefinition] = {}
+        self.types_read: dict[Any, CType] = {}
+        self.defined: set[FunctionDefinition] = set()
+        self.pending: list[ExprStmt] = []
+        """Initialisations of the locals being declared."""
+
+    @property
+    def int_type(self) -> IntType:
+        """The type of comparisons, enumerations and small literals."""
+        return C2C_SIGNED if self.c2c else S16
+
+    def fail(self, message: str, node: Any, hint: str | None = None) -> Fatal:
+        return self.reporter.fatal(message, self.place(node), hint)
+
+    def place(self, node: Any) -> Place:
+        if isinstance(node, Place):
+            return node
+        return getattr(node, "place", None) or place_of(getattr(node, "coord", None))
+
+    def number(self, value: int, kind: CType, place: Place) -> Num:
+        return Num(kind.wrap(value) if isinstance(kind, IntType) else value, kind, place)
+
+    # constants
+
+    def literal_type(self, value: int, suffix: str, decimal: bool) -> IntType:
+        """The type of an integer literal (ISO C 6.4.4.1 on these sizes)."""
+        unsigned = "u" in suffix
+        if "l" not in suffix:
+            if value <= 32767 and not unsigned:
+                return self.int_type
+            if value <= 65535 and (unsigned or self.c2c or not decimal):
+                return C2C_INT if self.c2c else U16
+        return S32 if value <= 0x7FFFFFFF and not unsigned else U32
+
+    def string(self, values: list[int], place: Place) -> Ref:
+        """A string literal in flash, one copy of each."""
+        key = tuple(values)
+        if key not in self.strings:
+            kind = ArrayType(U8_CONST, len(values))
+            symbol = Symbol(f"string{len(self.strings)}", kind, "flash", place, pinned=True, read=True)
+            symbol.initial = dict[int, Data](enumerate(values))
+            self.strings[key] = symbol
+            self.program.symbols.append(symbol)
+        symbol = self.strings[key]
+        return Ref(symbol, 0, None, symbol.type, place)

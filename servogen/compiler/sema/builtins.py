@@ -1,0 +1,351 @@
+"""The functions that the dialects have built in: registers, bits, delays, EEPROM, the serial line.
+
+In: the name and arguments of a call. Out: ordinary expressions on registers and bits where that is what the
+call means, `Builtin` nodes for delays, NOP and the library.
+"""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any
+
+from pycparser import c_ast
+
+from servogen.compiler.ast.nodes import Assign, Binary, Builtin, Cast, Deref, Expr, Num, Ref, Unary, Update
+from servogen.compiler.ast.types import BIT, U8, VOID, IntType
+from servogen.compiler.frontend.dialects import C2C, NAMES, XC8, ChipBit
+from servogen.compiler.sema.analyser import Analyser
+from servogen.compiler.sema.conversions import arithmetic, convert, rvalue
+from servogen.compiler.sema.lvalues import assignable, bit_of
+from servogen.compiler.sema.names import expression
+from servogen.errors import Place
+from servogen.pic.device import RAM_LAST, register_bits, registers
+from servogen.units import Cycles
+
+
+def register_ref(analyser: Analyser, name: str, place: Place) -> Ref:
+    symbol = analyser.scopes.register(registers()[name])
+    return Ref(symbol, 0, None, U8, place)
+
+
+def chip_bit(analyser: Analyser, name: str, place: Place) -> Ref:
+    register, bit = register_bits()[name]
+    return Ref(analyser.scopes.register(register), 0, None, BIT, place, bit, 1)
+
+
+def set_bit(analyser: Analyser, target: Ref | Deref, value: int) -> Expr:
+    return Assign(target, Num(value, BIT, target.place), BIT, target.place)
+
+
+def _bit_number(analyser: Analyser, node: Any) -> Expr:
+    """A bit's number: a constant, or the name of a bit."""
+    if isinstance(node, c_ast.ID):
+        found = analyser.scopes.find(node.name)
+        if isinstance(found, ChipBit):
+            return Num(found.bit, analyser.int_type, analyser.place(node))
+    return arithmetic(analyser, expression(analyser, node))
+
+
+def bit_target(
+    analyser: Analyser, variable: Any, number: Any, node: Any
+) -> Ref | Deref | tuple[Ref | Deref, Expr]:
+    """The bit that set_bit and its kin mean; variable and number when the number is not a constant."""
+    base = expression(analyser, variable)
+    if not isinstance(base, (Ref, Deref)) or not isinstance(base.type, IntType):
+        raise analyser.fail("the first argument must be a variable or a register", node)
+    bit = _bit_number(analyser, number)
+    if isinstance(bit, Num):
+        found = bit_of(analyser, base, bit.value, node)
+        assert isinstance(found, (Ref, Deref))
+        return found
+    return base, bit
+
+
+def bit_mask(analyser: Analyser, base: Ref | Deref, bit: Expr, place: Place) -> Expr:
+    assert isinstance(base.type, IntType)
+    work = base.type.plain()
+    assert isinstance(work, IntType)
+    return Binary("<<", Num(1, work, place), bit, work, place)
+
+
+def delay_cycles(analyser: Analyser, us: Fraction, node: Any, *, cut: bool = False) -> int:
+    """Whole cycles of a time, the nearest or what is left when the rest is cut off; warns of both."""
+    if analyser.clock is None:
+        raise analyser.fail(
+            "the clock frequency is not known",
+            node,
+            hint="say '#pragma CLOCK_FREQ 4000000', '#define _XTAL_FREQ 4000000' or --clock-hz",
+        )
+    cycles = Cycles(us // analyser.clock.cycle_us) if cut else analyser.clock.round_us(us).cycles
+    achieved = analyser.clock.us(cycles)
+    if achieved != us:
+        analyser.reporter.warn(
+            f"{_decimal(us)} µs is not a whole number of cycles at {analyser.clock.hz} Hz: "
+            f"{cycles} cycles are {_decimal(achieved)} µs",
+            analyser.place(node),
+        )
+    return cycles
+
+
+def constant_us(analyser: Analyser, node: Any, *, fractions: bool = False) -> Fraction | None:
+    """A constant argument of a delay; with `fractions` also one that is made of floating constants."""
+    exact = _fraction(analyser, node) if fractions else None
+    if exact is not None:
+        return exact
+    expr = rvalue(analyser, expression(analyser, node))
+    return Fraction(expr.value) if isinstance(expr, Num) else None
+
+
+def _fraction(analyser: Analyser, node: Any) -> Fraction | None:
+    """The exact value of `2.5` or `2.5 * 3`; None where there is no floating constant, or no value."""
+    match node:
+        case c_ast.Constant(type="float" | "double" | "long double", value=text):
+            return Fraction(text.rstrip("fFlL")) if _SHORT_FLOAT.fullmatch(text) else None
+        case c_ast.UnaryOp(op="+" | "-", expr=inner):
+            value = _fraction(analyser, inner)
+            return -value if value is not None and node.op == "-" else value
+        case c_ast.BinaryOp(op="+" | "-" | "*" | "/"):
+            left, right = _fraction(analyser, node.left), _fraction(analyser, node.right)
+            if left is None and right is None:
+                return None  # integers follow the rules of integers
+            left = constant_us(analyser, node.left) if left is None else left
+            right = constant_us(analyser, node.right) if right is None else right
+            if left is None or right is None or (node.op == "/" and right == 0):
+                return None
+            return _ARITHMETIC[node.op](left, right)
+    return None
+
+
+_SHORT_FLOAT = re.compile(r"[\d.]{1,30}([eE][+-]?\d{1,2})?[fFlL]?")
+"""Numbers beyond this are no times."""
+_ARITHMETIC: dict[str, Callable[[Fraction, Fraction], Fraction]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+}
+
+
+def _decimal(value: Fraction) -> str:
+    return f"{float(value):.10g}"
+
+
+MAX_DELAY = 50_463_240
+"""The longest `_delay(n)`, in cycles, as XC8 documents it."""
+
+UNITS_US = {"delay_us": 1, "delay_10us": 10, "delay_ms": 1000, "delay_s": 1_000_000}
+XC8_UNITS_US = {"__delay_us": 1, "__delay_ms": 1000}
+
+
+def bit_function(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    place = analyser.place(node)
+    found = bit_target(analyser, arguments[0], arguments[1], node)
+    if isinstance(found, tuple):
+        base, bit = found
+        mask = bit_mask(analyser, base, bit, place)
+        assert isinstance(base.type, IntType)
+        work = base.type.plain()
+        assert isinstance(work, IntType)
+        if name == "test_bit":
+            return Binary(
+                "!=", Binary("&", base, mask, work, place), Num(0, work, place), analyser.int_type, place
+            )
+        assignable(analyser, base, node)
+        op = {"set_bit": "|", "clear_bit": "&", "toggle_bit": "^"}[name]
+        value = Unary("~", mask, work, place) if name == "clear_bit" else mask
+        return Cast(Update(op, base, value, work, False, work, place), VOID, place)
+    if name == "test_bit":
+        return found
+    assignable(analyser, found, node)
+    if name == "toggle_bit":
+        return Cast(Update("^", found, Num(1, U8, place), U8, False, BIT, place), VOID, place)
+    return Cast(set_bit(analyser, found, int(name == "set_bit")), VOID, place)
+
+
+def port_write(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    register = {
+        "set_tris_a": "TRISA",
+        "set_tris_b": "TRISB",
+        "output_port_a": "PORTA",
+        "output_port_b": "PORTB",
+        "set_option": "OPTION_REG",
+    }[name]
+    value = convert(analyser, expression(analyser, arguments[0]), U8, f"the argument of '{name}'")
+    return Cast(
+        Assign(register_ref(analyser, register, analyser.place(node)), value, U8, analyser.place(node)),
+        VOID,
+        analyser.place(node),
+    )
+
+
+def port_read(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    return register_ref(analyser, "PORTA" if name.endswith("a") else "PORTB", analyser.place(node))
+
+
+def port_bit(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    register = c_ast.ID("PORTA" if name.endswith("a") else "PORTB", node.coord)
+    function = "set_bit" if "_high_" in name else "clear_bit"
+    return bit_function(analyser, function, node, [register, arguments[0]])
+
+
+def interrupt_bit(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    register = c_ast.ID("INTCON", node.coord)
+    return bit_function(
+        analyser, "set_bit" if name.startswith("enable") else "clear_bit", node, [register, arguments[0]]
+    )
+
+
+def global_interrupts(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    return Cast(
+        set_bit(analyser, chip_bit(analyser, "GIE", analyser.place(node)), int(name == "ei")),
+        VOID,
+        analyser.place(node),
+    )
+
+
+def instruction(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    mnemonic = {"nop": "NOP", "clear_wdt": "CLRWDT", "clrwdt": "CLRWDT", "sleep": "SLEEP"}.get(
+        name.lower().strip("_"), ""
+    )
+    return Builtin("instruction", [], VOID, analyser.place(node), mnemonic)
+
+
+def delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    place = analyser.place(node)
+    unit = UNITS_US[name]
+    value = constant_us(analyser, arguments[0])
+    if value is not None:
+        if not 0 <= value <= 255:
+            raise analyser.fail(f"'{name}' takes 0 to 255, not {value}", arguments[0])
+        return Builtin("delay", [], VOID, place, delay_cycles(analyser, value * unit, node))
+    argument = convert(analyser, expression(analyser, arguments[0]), U8, f"the argument of '{name}'")
+    cycles = delay_cycles(analyser, Fraction(unit), node)
+    if cycles == 0:
+        raise analyser.fail(
+            f"'{name}' with a variable argument needs a clock whose cycle is at most {unit} µs", node
+        )
+    return Builtin("delay_variable", [argument], VOID, place, cycles)
+
+
+def xc8_delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    place = analyser.place(node)
+    value = constant_us(analyser, arguments[0], fractions=name != "_delay")
+    if value is None:
+        raise analyser.fail(
+            f"'{name}' needs a constant argument",
+            arguments[0],
+            hint="call it in a loop that counts the variable",
+        )
+    if name == "_delay":
+        cycles = int(value)
+        if not 0 <= cycles <= MAX_DELAY:
+            raise analyser.fail(f"'_delay' takes 0 to {MAX_DELAY} cycles, not {cycles}", arguments[0])
+    else:
+        if value < 0:
+            raise analyser.fail(f"'{name}' takes no negative time", arguments[0])
+        cycles = delay_cycles(analyser, value * XC8_UNITS_US[name], node, cut=True)
+        if cycles > MAX_DELAY:
+            raise analyser.fail(
+                f"'{name}' takes at most {MAX_DELAY} cycles, these are {cycles}",
+                arguments[0],
+                hint="call it several times, or in a loop",
+            )
+    return Builtin("delay", [], VOID, place, cycles)
+
+
+def eeprom_read(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    address = convert(analyser, expression(analyser, arguments[0]), U8, "the address")
+    return Builtin("eeprom_read", [address], U8, analyser.place(node))
+
+
+def eeprom_write(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    address = convert(analyser, expression(analyser, arguments[0]), U8, "the address")
+    value = convert(analyser, expression(analyser, arguments[1]), U8, "the value")
+    return Builtin("eeprom_write", [address, value], VOID, analyser.place(node))
+
+
+def serial(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    wanted = ("TXPORT", "TXPIN", "BAUD") if name == "putchar" else ("RXPORT", "RXPIN", "BAUD")
+    for each in wanted:
+        if each not in analyser.serial_settings:
+            raise analyser.fail(f"'{name}' needs '#pragma RS232_{each} …'", node)
+    kind = wanted[0][:2]
+    port = serial_number(analyser, f"{kind}PORT", node)
+    pin = serial_number(analyser, f"{kind}PIN", node)
+    baud = serial_number(analyser, "BAUD", node)
+    if not 0 <= pin <= 7 or not 0 <= port <= RAM_LAST:
+        raise analyser.fail(f"the serial pin {port}.{pin} does not exist", node)
+    if baud <= 0:
+        raise analyser.fail(f"the baud rate must be positive, not {baud}", node)
+    cycles = bit_cycles(analyser, baud, node)
+    inverted = analyser.serial_settings.get("TRUE", "1") == "0"
+    data = (port, pin, cycles, inverted)
+    if name == "putchar":
+        value = convert(analyser, expression(analyser, arguments[0]), U8, "the argument of 'putchar'")
+        return Builtin("putchar", [value], VOID, analyser.place(node), data)
+    return Builtin("getchar", [], U8, analyser.place(node), data)
+
+
+def serial_number(analyser: Analyser, name: str, node: Any) -> int:
+    text = analyser.serial_settings[name]
+    if text.upper() in registers():
+        return registers()[text.upper()].address
+    if not re.fullmatch(r"0[xX][0-9a-fA-F]+|\d+", text):
+        raise analyser.fail(f"'#pragma RS232_{name} {text}': a number is needed", node)
+    return int(text, 16 if text[1:2] in ("x", "X") else 10)
+
+
+def bit_cycles(analyser: Analyser, baud: int, node: Any) -> int:
+    if analyser.clock is None:
+        delay_cycles(analyser, Fraction(1), node)
+    assert analyser.clock is not None
+    cycles = analyser.clock.round_us(Fraction(1_000_000, baud)).cycles
+    if cycles < 16:
+        raise analyser.fail(f"{baud} baud is too fast: a bit has only {cycles} cycles, 16 are needed", node)
+    return cycles
+
+
+def builtin_names(analyser: Analyser) -> list[str]:
+    return [name for name, (dialects, _, _) in _TABLE.items() if analyser.dialect in dialects]
+
+
+def builtin(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr | None:
+    row = _TABLE.get(name)
+    if row is None or analyser.dialect not in row[0]:
+        if row is not None:
+            raise analyser.fail(f"'{name}' belongs to the {NAMES[row[0][0]]} dialect", node)
+        return None
+    _, count, handler = row
+    if len(arguments) != count:
+        raise analyser.fail(
+            f"'{name}' takes {count} argument{'s' * (count != 1)}, {len(arguments)} "
+            f"{'is' if len(arguments) == 1 else 'are'} given",
+            node,
+        )
+    return handler(analyser, name, node, arguments)
+
+
+_Handler = Callable[[Analyser, str, Any, list[Any]], Expr]
+_BOTH, _C, _X = (C2C, XC8), (C2C,), (XC8,)
+_TABLE: dict[str, tuple[tuple[str, ...], int, _Handler]] = {
+    **dict.fromkeys(("set_bit", "clear_bit", "test_bit", "toggle_bit"), (_C, 2, bit_function)),
+    **dict.fromkeys(
+        ("set_tris_a", "set_tris_b", "output_port_a", "output_port_b", "set_option"), (_C, 1, port_write)
+    ),
+    **dict.fromkeys(("input_port_a", "input_port_b"), (_C, 0, port_read)),
+    **{f"output_{level}_port_{port}": (_C, 1, port_bit) for level in ("high", "low") for port in ("a", "b")},
+    "enable_interrupt": (_C, 1, interrupt_bit),
+    "disable_interrupt": (_C, 1, interrupt_bit),
+    **dict.fromkeys(("nop", "clear_wdt", "sleep"), (_C, 0, instruction)),
+    **dict.fromkeys(("NOP", "CLRWDT", "SLEEP", "__nop"), (_X, 0, instruction)),
+    **dict.fromkeys(("ei", "di"), (_X, 0, global_interrupts)),
+    **dict.fromkeys(UNITS_US, (_C, 1, delay)),
+    **dict.fromkeys(("__delay_us", "__delay_ms", "_delay"), (_X, 1, xc8_delay)),
+    "eeprom_read": (_X, 1, eeprom_read),
+    "eeprom_write": (_X, 2, eeprom_write),
+    "putchar": (_C, 1, serial),
+    "getchar": (_C, 0, serial),
+}

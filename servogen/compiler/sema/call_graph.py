@@ -1,0 +1,150 @@
+"""Which function calls which: what main and the interrupt reach, and what is wrong with the calls.
+
+In: the typed tree of a program. Out: a `CallGraph`; errors of missing, second and recursive functions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from servogen.compiler.ast.nodes import (
+    AddressOf,
+    Asm,
+    Block,
+    Call,
+    Expr,
+    ExprStmt,
+    FunctionDefinition,
+    Program,
+    Ref,
+    Symbol,
+)
+from servogen.compiler.ast.types import VoidType
+from servogen.compiler.diagnostics import Reporter
+from servogen.errors import Place
+
+_TREE = "servogen.compiler.ast.nodes"
+
+
+def called(function: FunctionDefinition) -> dict[str, Call]:
+    """The functions that a function calls, and where."""
+    found: dict[str, Call] = {}
+    if function.body is not None:
+        for expr in expressions(function.body):
+            if isinstance(expr, Call):
+                found.setdefault(expr.function, expr)
+    return found
+
+
+def expressions(node: object) -> Iterator[Expr]:
+    """Every expression in a statement or expression, itself included."""
+    if isinstance(node, (list, tuple)):
+        for each in node:
+            yield from expressions(each)
+    elif isinstance(node, (Symbol, str, int)) or node is None:
+        return
+    elif hasattr(node, "__dataclass_fields__") and node.__class__.__module__ == _TREE:
+        if not isinstance(node, (Block, ExprStmt, Asm)) and hasattr(node, "type"):
+            yield node  # type: ignore[misc]
+        for name in node.__dataclass_fields__:
+            if name not in ("type", "place", "work", "symbol", "names"):
+                yield from expressions(getattr(node, name))
+
+
+def reachable(program: Program, start: str) -> list[str]:
+    """Functions that `start` reaches, itself first."""
+    found: dict[str, None] = {}
+    waiting = [start]
+    while waiting:
+        name = waiting.pop(0)
+        if name in found or name not in program.functions:
+            continue
+        found[name] = None
+        waiting += called(program.functions[name])
+    return list(found)
+
+
+@dataclass(frozen=True, slots=True)
+class CallGraph:
+    """The functions that main and the interrupt reach, each list beginning with its root."""
+
+    program: Program
+    main: list[str]
+    handler: str | None
+    """The interrupt function."""
+    isr: list[str]
+
+    @property
+    def shared(self) -> set[str]:
+        """The functions that main and the interrupt both reach."""
+        return set(self.main) & set(self.isr)
+
+
+def call_graph(program: Program) -> CallGraph:
+    """Follow the calls of a program from main and from its interrupt function."""
+    handler = next((name for name, function in program.functions.items() if function.interrupt), None)
+    return CallGraph(
+        program, reachable(program, "main"), handler, reachable(program, handler) if handler else []
+    )
+
+
+def check_calls(graph: CallGraph, reporter: Reporter) -> None:
+    """Errors of the call graph: no main, several interrupts, undefined functions, recursion."""
+    functions = graph.program.functions
+    if "main" not in functions or functions["main"].body is None:
+        file = next(iter(reporter.texts), None)
+        reporter.error("there is no function 'main'", Place(file))
+        return
+    handlers = [function for function in functions.values() if function.interrupt]
+    for extra in handlers[1:]:
+        reporter.error(
+            "there is a second interrupt function",
+            extra.place,
+            hint=f"the first is '{handlers[0].name}' at {handlers[0].place}",
+        )
+    for handler in handlers:
+        if handler.parameters or not isinstance(handler.result, VoidType):
+            reporter.error("an interrupt function takes and returns nothing", handler.place)
+    for name in dict.fromkeys([*graph.main, *graph.isr]):
+        for callee, call in called(functions[name]).items():
+            if functions[callee].body is None:
+                reporter.error(f"the function '{callee}' is declared but not defined", call.place)
+    _check_recursion(graph, reporter)
+
+
+def _check_recursion(graph: CallGraph, reporter: Reporter) -> None:
+    state: dict[str, int] = {}
+
+    def visit(name: str, path: list[str]) -> bool:
+        state[name] = 1
+        for callee, call in called(graph.program.functions[name]).items():
+            if state.get(callee) == 1:
+                cycle = [*path[path.index(callee) :], callee]
+                reporter.error(
+                    f"recursion is not possible on this chip: {' → '.join(cycle)}",
+                    call.place,
+                    hint="variables of functions have fixed places; use a loop",
+                )
+                return True
+            if callee not in state and visit(callee, [*path, callee]):
+                return True
+        state[name] = 2
+        return False
+
+    for start in ("main", graph.handler):
+        if start and start not in state and visit(start, [start]):
+            return
+
+
+def globals_of(program: Program, names: list[str]) -> set[Symbol]:
+    """The variables that functions name."""
+    found: set[Symbol] = set()
+    for name in names:
+        body = program.functions[name].body
+        for expr in expressions(body) if body is not None else ():
+            if isinstance(expr, Ref):
+                found.add(expr.symbol)
+            elif isinstance(expr, AddressOf):
+                found.add(expr.target.symbol)
+    return found

@@ -1,0 +1,252 @@
+"""Warnings about the whole program: what is legal C and bites on this chip.
+
+In: the typed tree. Out: warnings for a read-modify-write of a pin that stays an input, and for variables of
+several bytes that main and the interrupt share while interrupts are on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from servogen.compiler.ast.nodes import (
+    AddressOf,
+    Asm,
+    Assign,
+    Block,
+    Builtin,
+    Call,
+    Cast,
+    Deref,
+    Expr,
+    ExprStmt,
+    FunctionDefinition,
+    If,
+    Loop,
+    Num,
+    Program,
+    Ref,
+    Stmt,
+    Switch,
+    Symbol,
+    Update,
+)
+from servogen.compiler.ast.types import VoidType
+from servogen.compiler.diagnostics import Reporter
+from servogen.compiler.sema.call_graph import CallGraph, expressions
+
+_PORTS = {"PORTA": "TRISA", "PORTB": "TRISB"}
+_PINS = {"PORTA": "RA", "PORTB": "RB"}
+
+
+def check_program(graph: CallGraph, reporter: Reporter) -> None:
+    """All warnings of this module."""
+    _inputs(graph.program, reporter)
+    _unused_results(graph.program, reporter)
+    if graph.handler:
+        _shared(graph, reporter)
+
+
+# pins that stay inputs
+
+
+def _inputs(program: Program, reporter: Reporter) -> None:
+    """DS35007 section 4: a write to a port reads the pins, and an input's level gets into its latch."""
+    every = [
+        expr
+        for function in program.functions.values()
+        if function.body is not None
+        for expr in expressions(function.body)
+    ]
+    if any(_assembly(function.body) for function in program.functions.values() if function.body is not None):
+        return
+    writes = [expr for expr in every if isinstance(expr, (Assign, Update))]
+    for port, tris in _PORTS.items():
+        outputs = _possible_outputs(writes, every, tris)
+        for expr in writes:
+            bits = _changed_bits(expr, port)
+            for bit in bits:
+                if not outputs >> bit & 1:
+                    reporter.warn(
+                        f"{_PINS[port]}{bit} is an input: {tris} never makes it an output", expr.place
+                    )
+
+
+def _assembly(node: Stmt) -> bool:
+    match node:
+        case Asm():
+            return True
+        case Block(body):
+            return any(_assembly(each) for each in body)
+        case If(_, yes, no):
+            return _assembly(yes) or (no is not None and _assembly(no))
+        case Loop(_, body) | Switch(_, _, _, body):
+            return _assembly(body)
+    return False
+
+
+def _possible_outputs(writes: list[Assign | Update], every: list[Expr], tris: str) -> int:
+    """The pins that some write of TRIS may make outputs, as a mask."""
+    mask = 0
+    for expr in every:
+        if isinstance(expr, (AddressOf, Deref)):
+            return 0xFF
+    for expr in writes:
+        target = expr.target
+        if not isinstance(target, Ref) or target.symbol.name != tris:
+            continue
+        if target.width:
+            constant = isinstance(expr, Assign) and isinstance(expr.value, Num) and expr.value.value
+            mask |= 0 if constant else 1 << (target.bit or 0)
+        elif isinstance(expr, Assign) and isinstance(expr.value, Num):
+            mask |= ~expr.value.value & 0xFF
+        else:
+            return 0xFF
+    return mask
+
+
+def _changed_bits(expr: Assign | Update, port: str) -> list[int]:
+    """The pins that a read-modify-write of a port is meant to change."""
+    target = expr.target
+    if not isinstance(target, Ref) or target.symbol.name != port:
+        return []
+    if target.width:
+        return [target.bit or 0]
+    if isinstance(expr, Update) and expr.op in "|^" and isinstance(expr.value, Num):
+        return [bit for bit in range(8) if expr.value.value >> bit & 1]
+    return []
+
+
+# calls whose result is all that they do
+
+
+def _unused_results(program: Program, reporter: Reporter) -> None:
+    """A statement that calls a function which changes nothing, and drops what it returns."""
+    acting: set[str] = set()
+    grown = True
+    while grown:
+        more = {
+            name for name, each in program.functions.items() if name not in acting and _acts(each, acting)
+        }
+        grown = bool(more)
+        acting |= more
+    for function in program.functions.values():
+        for call in _statements_that_call(function.body):
+            if call.function not in acting and not isinstance(call.type, VoidType):
+                reporter.warn(
+                    f"the result of '{call.function}' is not used, and it does nothing else", call.place
+                )
+
+
+def _acts(function: FunctionDefinition, acting: set[str]) -> bool:
+    """Whether a function changes anything but its own variables, or takes its time."""
+    if function.body is None or _assembly(function.body):
+        return True
+    for expr in expressions(function.body):
+        match expr:
+            case Assign(target) | Update(_, target):
+                if not isinstance(target, Ref) or target.symbol.kind not in ("local", "param"):
+                    return True
+            case Call(name):
+                if name in acting:
+                    return True
+            case Builtin():
+                return True
+            case Ref(symbol) if symbol.volatile:
+                return True
+    return False
+
+
+def _statements_that_call(node: Stmt | None) -> Iterator[Call]:
+    """The calls that are statements by themselves."""
+    match node:
+        case ExprStmt(Call() as call):
+            yield call
+        case Block(body):
+            for each in body:
+                yield from _statements_that_call(each)
+        case If(_, yes, no):
+            yield from _statements_that_call(yes)
+            yield from _statements_that_call(no)
+        case Loop(_, body) | Switch(_, _, _, body):
+            yield from _statements_that_call(body)
+
+
+# variables shared with the interrupt
+
+
+def _shared(graph: CallGraph, reporter: Reporter) -> None:
+    program = graph.program
+    isr_reads, isr_writes = _uses(program, graph.isr, masked=False)
+    main_reads, main_writes = _uses(program, list(graph.main), masked=True)
+    for symbol in program.symbols:
+        if symbol.kind != "global":
+            continue
+        if (symbol in isr_writes and symbol in main_reads | main_writes) or (
+            symbol in main_writes and symbol in isr_reads
+        ):
+            reporter.warn(
+                f"'{symbol.name}' has {symbol.size} bytes and is shared with the interrupt, "
+                "which may come between them",
+                symbol.place,
+                hint="switch interrupts off around its uses in the main program",
+            )
+
+
+def _uses(program: Program, names: list[str], *, masked: bool) -> tuple[set[Symbol], set[Symbol]]:
+    """(variables read, written) in several bytes; with `masked`, only where interrupts may be on."""
+    reads: set[Symbol] = set()
+    writes: set[Symbol] = set()
+    for name in names:
+        body = program.functions[name].body
+        if body is None:
+            continue
+        for statement in _unmasked(body) if masked else [body]:
+            for expr in expressions(statement):
+                if expr.type.size < 2:
+                    continue
+                if isinstance(expr, (Assign, Update)) and isinstance(expr.target, Ref):
+                    writes.add(expr.target.symbol)
+                if isinstance(expr, Ref):
+                    reads.add(expr.symbol)
+    return reads, writes
+
+
+def _unmasked(block: Block) -> list[object]:
+    """The statements and conditions that are not between GIE = 0 and GIE = 1 of one block."""
+    found: list[object] = []
+    off = False
+    for each in block.body:
+        switched = _switches_interrupts(each)
+        if switched is not None:
+            off = not switched
+        elif not off:
+            found += _parts(each)
+    return found
+
+
+def _parts(node: Stmt) -> list[object]:
+    match node:
+        case Block():
+            return _unmasked(node)
+        case If(condition, yes, no):
+            return [condition, *_parts(yes), *(_parts(no) if no is not None else [])]
+        case Loop(condition, body, step):
+            return [condition, step, *_parts(body)]
+        case Switch(value, _, _, body):
+            return [value, *_parts(body)]
+    return [node]
+
+
+def _switches_interrupts(node: Stmt) -> bool | None:
+    """Whether a statement switches interrupts on or off; None when neither."""
+    if not isinstance(node, ExprStmt):
+        return None
+    expr = node.expr
+    while isinstance(expr, Cast):
+        expr = expr.operand
+    if not isinstance(expr, Assign) or not isinstance(expr.target, Ref) or not isinstance(expr.value, Num):
+        return None
+    target = expr.target
+    if target.symbol.name == "INTCON" and target.width == 1 and target.bit == 7:
+        return bool(expr.value.value)
+    return None

@@ -1,0 +1,181 @@
+"""What the parts of the semantic analysis share: the dialect, the scopes, errors, and conversions.
+
+In: typed operands. Out: operands converted as ISO C 6.3 says, constants folded, with warnings for what is
+lost.
+"""
+
+from __future__ import annotations
+
+from servogen.compiler.ast.nodes import AddressOf, Binary, Cast, Deref, Expr, Num, Ref
+from servogen.compiler.ast.types import (
+    C2C_INT,
+    U8,
+    U16,
+    ArrayType,
+    CType,
+    IntType,
+    PointerType,
+    StructType,
+    VoidType,
+    common,
+    promote,
+    same,
+)
+from servogen.compiler.sema.analyser import Analyser
+
+_ALL_ONES = (1 << 16, 1 << 24, 1 << 32)
+"""One more than the numbers that stand for -1 where programs compare pointers with it."""
+
+# conversions
+
+
+def decay(analyser: Analyser, expr: Expr) -> Expr:
+    """An array as the address of its first element."""
+    if isinstance(expr.type, ArrayType):
+        kind = PointerType(expr.type.element)
+        if isinstance(expr, Ref):
+            return address(analyser, expr, kind)
+        if isinstance(expr, Deref):
+            return offset_pointer(analyser, expr.pointer, expr.offset, kind)
+    return expr
+
+
+def address(analyser: Analyser, target: Ref, kind: PointerType) -> Expr:
+    target.symbol.pinned = True
+    target.symbol.read = target.symbol.written = True
+    return AddressOf(target, kind, target.place)
+
+
+def offset_pointer(analyser: Analyser, pointer: Expr, offset: int, kind: CType) -> Expr:
+    moved = Cast(pointer, kind, pointer.place)
+    if offset == 0:
+        return moved
+    return Binary("+", moved, Num(offset, address_int(analyser, kind), pointer.place), kind, pointer.place)
+
+
+def address_int(analyser: Analyser, kind: CType) -> IntType:
+    return U8 if kind.size == 1 else U16
+
+
+def rvalue(analyser: Analyser, expr: Expr) -> Expr:
+    """The value of an expression: arrays decay; void has none."""
+    expr = decay(analyser, expr)
+    if isinstance(expr.type, VoidType):
+        raise analyser.fail("this has no value: its type is void", expr)
+    return expr
+
+
+def arithmetic(analyser: Analyser, expr: Expr) -> Expr:
+    expr = rvalue(analyser, expr)
+    if not isinstance(expr.type, IntType):
+        raise analyser.fail(f"an integer is needed here, not '{expr.type}'", expr)
+    return expr
+
+
+def promoted(analyser: Analyser, expr: Expr) -> Expr:
+    expr = arithmetic(analyser, expr)
+    assert isinstance(expr.type, IntType)
+    return cast(analyser, expr, promote(expr.type, c2c=analyser.c2c))
+
+
+def balance(analyser: Analyser, left: Expr, right: Expr) -> tuple[Expr, Expr, IntType]:
+    left, right = arithmetic(analyser, left), arithmetic(analyser, right)
+    assert isinstance(left.type, IntType) and isinstance(right.type, IntType)
+    kind = common(left.type, right.type, c2c=analyser.c2c)
+    return cast(analyser, left, kind), cast(analyser, right, kind), kind
+
+
+def cast(analyser: Analyser, expr: Expr, kind: CType) -> Expr:
+    """A conversion without questions; folds constants and drops what changes nothing."""
+    kind = kind.plain()
+    if expr.type.plain() == kind:
+        return expr
+    if isinstance(expr, Num):
+        if isinstance(kind, IntType):
+            return Num(kind.wrap(expr.value), kind, expr.place)
+        if isinstance(kind, PointerType):
+            bits = 8 * kind.size
+            if not -(1 << bits - 1) <= expr.value < 1 << bits and expr.value + 1 not in _ALL_ONES:
+                raise analyser.fail(
+                    f"the address 0x{expr.value & 0xFFFFFFFF:X} does not fit '{kind}'",
+                    expr,
+                    hint=f"it has {kind.size} byte{'s' * (kind.size > 1)}",
+                )
+            return Num(expr.value & (1 << bits) - 1, kind, expr.place)
+    return Cast(expr, kind, expr.place)
+
+
+def convert(analyser: Analyser, expr: Expr, kind: CType, what: str) -> Expr:
+    """The implicit conversion of an assignment, argument, initialiser or result."""
+    expr = rvalue(analyser, expr)
+    kind = kind.plain()
+    if isinstance(kind, IntType) and isinstance(expr.type, IntType):
+        _warn_range(analyser, expr, kind)
+        return cast(analyser, expr, kind)
+    if isinstance(kind, PointerType):
+        return _to_pointer(analyser, expr, kind, what)
+    if isinstance(kind, StructType) and same(kind, expr.type):
+        return expr
+    if isinstance(kind, IntType) and isinstance(expr.type, PointerType):
+        if kind.is_bool:
+            return cast(analyser, expr, kind)
+        analyser.reporter.warn(
+            f"{what} makes '{kind}' of the pointer '{expr.type}' without a cast", expr.place
+        )
+        return cast(analyser, expr, kind)
+    raise analyser.fail(f"{what} needs '{kind}', this is '{expr.type}'", expr)
+
+
+def _warn_range(analyser: Analyser, expr: Expr, kind: IntType) -> None:
+    if not isinstance(expr, Num) or kind.is_bool:
+        return
+    low = -(1 << 8 * kind.bytes - 1)
+    high = (1 << 8 * kind.bytes - kind.signed) - 1
+    if not low <= expr.value <= high:
+        shown = kind.wrap(expr.value)
+        analyser.reporter.warn(f"{expr.value} does not fit '{kind}' and becomes {shown}", expr.place)
+    elif analyser.c2c and expr.value < 0 and kind == C2C_INT:
+        analyser.reporter.warn(
+            f"{expr.value} does not fit '{kind}' and becomes {kind.wrap(expr.value)}", expr.place
+        )
+
+
+def _to_pointer(analyser: Analyser, expr: Expr, kind: PointerType, what: str) -> Expr:
+    if isinstance(expr, Num) and isinstance(expr.type, IntType):
+        if expr.value != 0:
+            analyser.reporter.warn(
+                f"{what} makes a pointer of the number {expr.value} without a cast", expr.place
+            )
+        return cast(analyser, expr, kind)
+    if not isinstance(expr.type, PointerType):
+        if isinstance(expr.type, IntType):
+            analyser.reporter.warn(f"{what} makes a pointer of '{expr.type}' without a cast", expr.place)
+            return cast(analyser, expr, kind)
+        raise analyser.fail(f"{what} needs '{kind}', this is '{expr.type}'", expr)
+    keep_const(analyser, expr, kind, what)
+    source, target = expr.type.target, kind.target
+    if not same(source, target) and not isinstance(source, VoidType) and not isinstance(target, VoidType):
+        analyser.reporter.warn(f"{what} makes '{kind}' of '{expr.type}' without a cast", expr.place)
+    return cast(analyser, expr, kind)
+
+
+def keep_const(analyser: Analyser, expr: Expr, kind: CType, what: str) -> None:
+    """Refuse to make a pointer that reaches RAM only of one that may lead to flash."""
+    both = isinstance(expr.type, PointerType) and isinstance(kind, PointerType)
+    if both and expr.type.size > kind.size:
+        raise analyser.fail(
+            f"{what} would drop const: '{expr.type}' may point to flash, '{kind}' cannot",
+            expr,
+            hint="declare the pointer as a pointer to const",
+        )
+
+
+def truth(analyser: Analyser, expr: Expr) -> Expr:
+    """An operand of a condition."""
+    expr = rvalue(analyser, expr)
+    if not expr.type.scalar:
+        raise analyser.fail(f"a condition needs a number or a pointer, not '{expr.type}'", expr)
+    return expr
+
+
+U8_CONST = IntType("unsigned char", 1, False, const=True)

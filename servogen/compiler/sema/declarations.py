@@ -1,0 +1,290 @@
+"""Semantic analysis of declarations: variables and functions' signatures.
+
+In: pycparser declarations. Out: symbols and functions in the program, names in the scopes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from pycparser import c_ast
+
+from servogen.compiler.ast.nodes import Assign, ExprStmt, FunctionDefinition, Num, Ref, Symbol
+from servogen.compiler.ast.types import (
+    ArrayType,
+    CType,
+    FuncType,
+    IntType,
+    StructType,
+    VoidType,
+    holds_volatile,
+    is_const_object,
+    qualified,
+    same,
+)
+from servogen.compiler.sema.analyser import Analyser
+from servogen.compiler.sema.conversions import convert
+from servogen.compiler.sema.initialisers import complete, fill, initialise
+from servogen.compiler.sema.names import expression, use
+from servogen.compiler.sema.scopes import TypeName
+from servogen.compiler.sema.type_names import declared_type, enter_name
+from servogen.errors import Place
+from servogen.pic.device import CONFIG_ADDRESS, RAM_BYTES, RAM_FIRST, RAM_LAST, data_byte_exists
+
+
+def declare(analyser: Analyser, node: Any) -> None:
+    """One declaration, at file level or in a block; locals' initialisers go to `pending`."""
+    if isinstance(node, c_ast.Typedef):
+        enter_name(analyser, node.name, TypeName(declared_type(analyser, node.type)), node)
+        return
+    kind = declared_type(analyser, node.type)
+    if node.name is None:
+        return
+    place = analyser.place(node)
+    if isinstance(kind, FuncType):
+        declare_function(analyser, node, kind)
+        return
+    kind = complete(analyser, kind, node)
+    if isinstance(kind, VoidType):
+        raise analyser.fail(f"'{node.name}' cannot be of type void", node)
+    if isinstance(kind, StructType) and kind.layout.size is None:
+        raise analyser.fail(f"'{kind}' is not defined", node)
+    storage = node.storage or []
+    static = "static" in storage
+    address = analyser.addresses.get((place.file, place.line, place.column))
+    if analyser.scopes.file_level:
+        _global(analyser, node, kind, static, "extern" in storage, address)
+    elif "extern" in storage:
+        known = analyser.externals.get(node.name)
+        if isinstance(known, Symbol) and same(known.type, kind):
+            _redeclare(analyser, known, kind, place, address)
+        elif known is None:
+            known = _new_global(analyser, node.name, kind, place, address)
+            analyser.externals[node.name] = known
+        else:
+            raise analyser.fail(f"'{node.name}' is already declared", node, hint=f"at {known.place}")
+        enter_name(analyser, node.name, known, node)
+    else:
+        _local(analyser, node, kind, static, address)
+
+
+def _new_global(analyser: Analyser, name: str, kind: CType, place: Place, address: int | None) -> Symbol:
+    if address == CONFIG_ADDRESS:
+        return _configuration(analyser, name, kind, place)
+    where = "flash" if is_const_object(kind) else "global"
+    symbol = Symbol(name, kind, where, place, asm_name=f"_{name}")
+    symbol.volatile = holds_volatile(kind)
+    if address is not None:
+        _fix(analyser, symbol, address, place)
+    elif where == "flash" and symbol.volatile:
+        raise analyser.reporter.fatal(f"the constant '{name}' cannot have a volatile member", place)
+    analyser.program.symbols.append(symbol)
+    return symbol
+
+
+def _fix(analyser: Analyser, symbol: Symbol, address: int, place: Place) -> None:
+    """Put a variable at an address."""
+    symbol.kind, symbol.address, symbol.pinned = "fixed", address, True
+    in_ram = RAM_FIRST <= address & 0x7F <= RAM_LAST
+    symbol.volatile = symbol.volatile or not RAM_FIRST <= address <= RAM_LAST
+    symbol.bank1 = bool(address & 0x80) and not in_ram
+    size = symbol.size
+    if not 0 <= address <= 0xFF:
+        analyser.reporter.error(f"the address 0x{address:X} is not in the data memory (0x00-0xFF)", place)
+    elif not all(data_byte_exists(address + each) for each in range(size)):
+        analyser.reporter.error(
+            f"there is no memory at 0x{address:02X} for {size} byte{'s' * (size != 1)}",
+            place,
+            hint=f"RAM is 0x{RAM_FIRST:02X} to 0x{RAM_LAST:02X}",
+        )
+
+
+def _redeclare(analyser: Analyser, symbol: Symbol, kind: CType, place: Place, address: int | None) -> None:
+    """Add what a further declaration of a variable says: its length, volatile, its address."""
+    if is_const_object(symbol.type) != is_const_object(kind):
+        raise analyser.reporter.fatal(
+            f"'{symbol.name}' is const in one declaration only",
+            place,
+            hint=f"the other is at {symbol.place}",
+        )
+    if isinstance(symbol.type, ArrayType) and symbol.type.length is None:
+        symbol.type = kind
+    if holds_volatile(kind) and not holds_volatile(symbol.type):
+        symbol.type = qualified(symbol.type, const=False, volatile=True)
+    symbol.volatile = symbol.volatile or holds_volatile(kind)
+    if address is None or address == symbol.address:
+        return
+    if symbol.address is not None:
+        raise analyser.reporter.fatal(
+            f"'{symbol.name}' has two addresses: 0x{symbol.address:02X} and 0x{address:02X}",
+            place,
+            hint=f"the other declaration is at {symbol.place}",
+        )
+    _fix(analyser, symbol, address, place)
+
+
+def _configuration(analyser: Analyser, name: str, kind: CType, place: Place) -> Symbol:
+    """SDCC's way to say the configuration word: a constant at its address."""
+    if not is_const_object(kind) or kind.size != 2:
+        raise analyser.reporter.fatal(
+            f"the configuration word at 0x{CONFIG_ADDRESS:X} is a constant of 16 bits", place
+        )
+    symbol = Symbol(name, kind, "flash", place, address=CONFIG_ADDRESS, asm_name=f"_{name}")
+    analyser.program.symbols.append(symbol)
+    return symbol
+
+
+def _global(
+    analyser: Analyser, node: Any, kind: CType, static: bool, extern: bool, address: int | None
+) -> None:
+    place, name = analyser.place(node), node.name
+    known = analyser.scopes.here.names.get(name)
+    if known is None and not static:
+        known = analyser.externals.get(name)
+        if known is not None:
+            analyser.scopes.here.names[name] = known
+    if known is not None:
+        if not isinstance(known, Symbol) or not same(known.type, kind):
+            raise analyser.fail(
+                f"'{name}' is already declared", node, hint=f"at {getattr(known, 'place', '')}"
+            )
+        _redeclare(analyser, known, kind, place, address)
+        symbol = known
+    else:
+        symbol = _new_global(analyser, name, kind, place, address)
+        analyser.scopes.here.names[name] = symbol
+        if not static:
+            analyser.externals[name] = symbol
+    analyser.asm_symbols[f"_{name}"] = symbol
+    if node.init is not None:
+        if symbol.initial is not None:
+            raise analyser.fail(f"'{name}' is initialised twice", node)
+        symbol.initial = {}
+        initialise(analyser, symbol.initial, kind, node.init, 0)
+    elif symbol.kind == "flash" and not extern and symbol.initial is None:
+        analyser.reporter.warn(f"the constant '{name}' has no value; it is 0", place)
+        symbol.initial = {}
+
+
+def _local(analyser: Analyser, node: Any, kind: CType, static: bool, address: int | None) -> None:
+    assert analyser.function is not None
+    place, name = analyser.place(node), node.name
+    constant = is_const_object(kind) and node.init is not None
+    if static or address is not None or (constant and isinstance(kind, (ArrayType, StructType))):
+        symbol = _new_global(analyser, name, kind, place, address)
+        symbol.function = analyser.function.name
+        enter_name(analyser, name, symbol, node)
+        symbol.initial = {} if node.init is not None or symbol.kind == "flash" else None
+        if node.init is not None:
+            assert symbol.initial is not None
+            initialise(analyser, symbol.initial, kind, node.init, 0)
+    else:
+        if constant and kind.scalar and _constant_local(analyser, node, kind, place):
+            return
+        symbol = Symbol(name, kind, "local", place, function=analyser.function.name)
+        symbol.volatile = holds_volatile(kind)
+        symbol.pinned = isinstance(kind, (ArrayType, StructType))
+        if symbol.pinned and kind.size > RAM_BYTES:
+            raise analyser.fail(f"'{name}' needs {kind.size} bytes of RAM, the chip has {RAM_BYTES}", node)
+        enter_name(analyser, name, symbol, node)
+        analyser.function.locals.append(symbol)
+        if node.init is not None:
+            _initialise_local(analyser, symbol, node)
+    symbol.asm_name = f"_{name}_{analyser.function.name}"
+    analyser.asm_symbols[symbol.asm_name] = symbol
+
+
+def _constant_local(analyser: Analyser, node: Any, kind: CType, place: Place) -> bool:
+    """`const int n = 5;` in a block is the number itself."""
+    value = convert(analyser, expression(analyser, node.init), kind, "the initialiser")
+    if not isinstance(value, Num) or not isinstance(kind, IntType):
+        return False
+    symbol = _new_global(analyser, node.name, kind, place, None)
+    symbol.function = analyser.function.name if analyser.function else None
+    symbol.initial = {each: value.value >> 8 * each & 0xFF for each in range(kind.size)}
+    enter_name(analyser, node.name, symbol, node)
+    return True
+
+
+def _initialise_local(analyser: Analyser, symbol: Symbol, node: Any) -> None:
+    kind = replace(symbol.type, const=False) if symbol.type.const else symbol.type
+    place = analyser.place(node)
+    if isinstance(kind, (ArrayType, StructType)) and (
+        isinstance(node.init, c_ast.InitList) or isinstance(kind, ArrayType)
+    ):
+        fill(analyser, symbol, kind, node.init, 0, place)
+        return
+    init = node.init.exprs[0] if isinstance(node.init, c_ast.InitList) else node.init
+    value = convert(analyser, expression(analyser, init), kind, "the initialiser")
+    target = use(analyser, symbol, place)
+    assert isinstance(target, Ref)
+    target.type = kind
+    analyser.pending.append(ExprStmt(Assign(target, value, kind, place)))
+
+
+def declare_function(
+    analyser: Analyser, node: Any, kind: FuncType, *, define: bool = False
+) -> FunctionDefinition:
+    """A prototype, or the head of a definition."""
+    name, place = node.name, analyser.place(node)
+    static = "static" in (node.storage or [])
+    known = analyser.scopes.find(name) if name in analyser.scopes.stack[0].names else None
+    if known is None and not static:
+        known = analyser.externals.get(name)
+    if known is not None and not isinstance(known, FunctionDefinition):
+        raise analyser.fail(f"'{name}' is already declared", node, hint=f"at {getattr(known, 'place', '')}")
+    if known is None:
+        mangled = name
+        while mangled in analyser.program.functions:
+            mangled += "'"
+        known = FunctionDefinition(
+            mangled, kind.result, _parameter_symbols(analyser, node, kind, mangled), place
+        )
+        known.prototyped = kind.parameters is not None or define
+        known.static = static
+        known.interrupt = name in analyser.interrupts
+        analyser.program.functions[mangled] = known
+        if not static:
+            analyser.externals[name] = known
+    else:
+        _same_signature(analyser, known, kind, node, define=define)
+    analyser.scopes.stack[0].names[name] = known
+    if define:
+        if known in analyser.defined:
+            raise analyser.fail(
+                f"the function '{name}' is defined twice", node, hint=f"first at {known.place}"
+            )
+        analyser.defined.add(known)
+        known.parameters = _parameter_symbols(analyser, node, kind, known.name)
+        known.place = place
+        known.prototyped = True
+    return known
+
+
+def _same_signature(
+    analyser: Analyser, known: FunctionDefinition, kind: FuncType, node: Any, *, define: bool
+) -> None:
+    both = FuncType(known.result, tuple(each.type for each in known.parameters) if known.prototyped else None)
+    if not same(both, kind):
+        raise analyser.fail(
+            f"'{node.name}' is declared differently before: '{both}', now '{kind}'",
+            node,
+            hint=f"the other declaration is at {known.place}",
+        )
+
+
+def _parameter_symbols(analyser: Analyser, node: Any, kind: FuncType, function: str) -> list[Symbol]:
+    declarator = node.type
+    while not isinstance(declarator, c_ast.FuncDecl):
+        declarator = declarator.type
+    names = list(declarator.args.params) if declarator.args is not None else []
+    found = []
+    for number, each in enumerate(kind.parameters or ()):
+        name = getattr(names[number], "name", None) or f"argument{number + 1}"
+        symbol = Symbol(name, each, "param", analyser.place(names[number]), function=function)
+        symbol.asm_name = f"_{name}_{function}"
+        symbol.pinned = isinstance(each, StructType)
+        symbol.volatile = holds_volatile(each)
+        found.append(symbol)
+    return found

@@ -1,0 +1,270 @@
+"""Semantic analysis of operators: pycparser nodes to the typed tree.
+
+In: an expression node and the names in scope. Out: a typed expression with every conversion explicit and
+constants folded; errors and warnings to the reporter.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pycparser import c_ast
+
+from servogen.compiler.ast.constant_folding import COMPARISONS, compare, has_effect, interval
+from servogen.compiler.ast.nodes import (
+    AddressOf,
+    Assign,
+    Binary,
+    Cast,
+    Choice,
+    Expr,
+    Logic,
+    Num,
+    Unary,
+    Update,
+)
+from servogen.compiler.ast.types import (
+    U8,
+    U16,
+    VOID,
+    CType,
+    IntType,
+    PointerType,
+    VoidType,
+    common,
+    promote,
+    same,
+)
+from servogen.compiler.sema.analyser import Analyser
+from servogen.compiler.sema.conversions import (
+    address_int,
+    arithmetic,
+    balance,
+    cast,
+    convert,
+    decay,
+    keep_const,
+    promoted,
+    rvalue,
+    truth,
+)
+from servogen.compiler.sema.lvalues import (
+    address_of,
+    assignable,
+    binary,
+    dereference,
+    pointer_plus,
+    scaled,
+    sizeof,
+)
+from servogen.compiler.sema.names import expression, named
+from servogen.errors import Place
+
+
+def unary_op(analyser: Analyser, node: Any) -> Expr:
+    op, place = node.op, analyser.place(node)
+    if op == "sizeof":
+        return sizeof(analyser, node)
+    if op in ("++", "--", "p++", "p--"):
+        return _step(analyser, node)
+    if op == "&":
+        return address_of(analyser, node)
+    operand = condition_operand(analyser, node.expr) if op == "!" else expression(analyser, node.expr)
+    if op == "*":
+        return dereference(analyser, operand, node)
+    if op == "!":
+        operand = truth(analyser, operand)
+        if isinstance(operand, Num):
+            return analyser.number(int(not operand.value), analyser.int_type, place)
+        return Unary("!", operand, analyser.int_type, place)
+    operand = promoted(analyser, operand)
+    assert isinstance(operand.type, IntType)
+    if op == "+":
+        return operand
+    if isinstance(operand, Num):
+        value = -operand.value if op == "-" else ~operand.value
+        return analyser.number(value, operand.type, place)
+    return Unary(op, operand, operand.type, place)
+
+
+def condition_operand(analyser: Analyser, node: Any) -> Expr:
+    """An operand whose truth is asked: in C2C a bare bit name means the bit here."""
+    return named(analyser, node, as_bit=True) if isinstance(node, c_ast.ID) else expression(analyser, node)
+
+
+def _step(analyser: Analyser, node: Any) -> Expr:
+    target = assignable(analyser, _target(analyser, node.expr), node)
+    op = "+" if "+" in node.op else "-"
+    post = node.op.startswith("p")
+    place = analyser.place(node)
+    one = Num(1, U8, place)
+    if isinstance(target.type, PointerType):
+        one = Num(target.type.target.size, U8, place)
+        return Update(op, target, one, address_int(analyser, target.type), post, target.type.plain(), place)
+    if not isinstance(target.type, IntType):
+        raise analyser.fail(f"'{target.type}' cannot be counted", node)
+    return Update(op, target, one, promote(target.type, c2c=analyser.c2c), post, target.type.plain(), place)
+
+
+def _target(analyser: Analyser, node: Any) -> Expr:
+    return named(analyser, node, as_bit=True) if isinstance(node, c_ast.ID) else expression(analyser, node)
+
+
+def binary_op(analyser: Analyser, node: Any) -> Expr:
+    op, place = node.op, analyser.place(node)
+    if op in ("&&", "||"):
+        left, right = (
+            truth(analyser, condition_operand(analyser, node.left)),
+            truth(analyser, condition_operand(analyser, node.right)),
+        )
+        return _logic(analyser, op, left, right, place)
+    left, right = (
+        rvalue(analyser, expression(analyser, node.left)),
+        rvalue(analyser, expression(analyser, node.right)),
+    )
+    if isinstance(left.type, PointerType) or isinstance(right.type, PointerType):
+        return _pointer_operator(analyser, op, left, right, node)
+    if op in ("<<", ">>"):
+        left, right = promoted(analyser, left), promoted(analyser, right)
+        assert isinstance(left.type, IntType)
+        if isinstance(right, Num) and not 0 <= right.value < 8 * left.type.size:
+            analyser.reporter.warn(
+                f"shift by {right.value} of '{left.type}', which has {8 * left.type.size} bits", place
+            )
+        return binary(analyser, op, left, right, left.type, place)
+    left, right, kind = balance(analyser, left, right)
+    if op in COMPARISONS:
+        return _comparison(analyser, op, left, right, place)
+    return binary(analyser, op, left, right, kind, place)
+
+
+def _logic(analyser: Analyser, op: str, left: Expr, right: Expr, place: Place) -> Expr:
+    if isinstance(left, Num):
+        decided = bool(left.value) == (op == "||")
+        if decided:
+            return analyser.number(int(op == "||"), analyser.int_type, place)
+        if isinstance(right, Num):
+            return analyser.number(int(bool(right.value)), analyser.int_type, place)
+    return Logic(op, left, right, analyser.int_type, place)
+
+
+def _comparison(analyser: Analyser, op: str, left: Expr, right: Expr, place: Place) -> Expr:
+    if isinstance(left, Num) and isinstance(right, Num):
+        return analyser.number(int(compare(op, left.value, right.value)), analyser.int_type, place)
+    (low, high), (least, most) = interval(left), interval(right)
+    always: bool | None = None
+    if op in ("<", ">="):
+        always = True if high < least else False if low >= most else None
+        always = always if op == "<" or always is None else not always
+    elif op in (">", "<="):
+        always = True if low > most else False if high <= least else None
+        always = always if op == ">" or always is None else not always
+    elif high < least or low > most:
+        always = op == "!="
+    if always is not None:
+        analyser.reporter.warn(
+            f"this comparison is always {'true' if always else 'false'}",
+            place,
+            hint=f"the left side lies in {low} … {high}, the right side in {least} … {most}",
+        )
+        if not has_effect(left) and not has_effect(right):
+            return analyser.number(int(always), analyser.int_type, place)
+    return Binary(op, left, right, analyser.int_type, place)
+
+
+def _pointer_operator(analyser: Analyser, op: str, left: Expr, right: Expr, node: Any) -> Expr:
+    place = analyser.place(node)
+    if op in COMPARISONS:
+        kind = left.type if isinstance(left.type, PointerType) else right.type
+        if isinstance(left.type, PointerType) and isinstance(right.type, PointerType):
+            kind = left.type if left.type.size >= right.type.size else right.type
+        return Binary(op, cast(analyser, left, kind), cast(analyser, right, kind), analyser.int_type, place)
+    if op == "+" and isinstance(right.type, PointerType) and isinstance(left.type, IntType):
+        left, right = right, left
+    if op in "+-" and isinstance(left.type, PointerType) and isinstance(right.type, IntType):
+        return pointer_plus(analyser, left, right, op)
+    if op == "-" and isinstance(left.type, PointerType) and isinstance(right.type, PointerType):
+        signed = analyser.types["int16_t"]
+        assert isinstance(signed, IntType)
+        work = U8 if left.type.size == right.type.size == 1 else U16
+        one, two = (
+            cast(analyser, cast(analyser, left, work), signed),
+            cast(analyser, cast(analyser, right, work), signed),
+        )
+        difference = binary(analyser, "-", one, two, signed, place)
+        return binary(analyser, "/", difference, Num(left.type.target.size, signed, place), signed, place)
+    raise analyser.fail(f"'{op}' cannot combine '{left.type}' and '{right.type}'", node)
+
+
+def ternary_op(analyser: Analyser, node: Any) -> Expr:
+    condition = truth(analyser, condition_operand(analyser, node.cond))
+    yes, no = (
+        decay(analyser, expression(analyser, node.iftrue)),
+        decay(analyser, expression(analyser, node.iffalse)),
+    )
+    place = analyser.place(node)
+    if isinstance(yes.type, VoidType) and isinstance(no.type, VoidType):
+        return Choice(condition, yes, no, VOID, place)
+    if isinstance(yes.type, IntType) and isinstance(no.type, IntType):
+        kind: CType = common(yes.type, no.type, c2c=analyser.c2c)
+    elif isinstance(yes.type, PointerType):
+        kind = yes.type if yes.type.size >= no.type.size or not isinstance(no.type, PointerType) else no.type
+    elif isinstance(no.type, PointerType):
+        kind = no.type
+    elif same(yes.type, no.type):
+        kind = yes.type
+    else:
+        raise analyser.fail(f"the two values are of types '{yes.type}' and '{no.type}'", node)
+    yes, no = convert(analyser, yes, kind, "the first value"), convert(analyser, no, kind, "the second value")
+    if isinstance(condition, Num):
+        return yes if condition.value else no
+    return Choice(condition, yes, no, kind.plain(), place)
+
+
+def assignment(analyser: Analyser, node: Any) -> Expr:
+    target = assignable(analyser, _target(analyser, node.lvalue), node)
+    place = analyser.place(node)
+    kind = target.type.plain()
+    if node.op == "=":
+        value = convert(analyser, expression(analyser, node.rvalue), kind, "the assignment")
+        return Assign(target, value, kind, place)
+    op = node.op[:-1]
+    value = arithmetic(analyser, expression(analyser, node.rvalue))
+    if isinstance(kind, PointerType):
+        if op not in "+-":
+            raise analyser.fail(f"'{node.op}' cannot change a pointer", node)
+        step = scaled(analyser, value, kind.target.size, address_int(analyser, kind))
+        return Update(op, target, step, address_int(analyser, kind), False, kind, place)
+    if not isinstance(kind, IntType):
+        raise analyser.fail(f"'{node.op}' cannot change '{kind}'", node)
+    assert isinstance(value.type, IntType)
+    if op in ("<<", ">>"):
+        work = promote(kind, c2c=analyser.c2c)
+        value = promoted(analyser, value)
+        if isinstance(value, Num) and not 0 <= value.value < 8 * work.size:
+            analyser.reporter.warn(
+                f"shift by {value.value} of '{kind}', which has {8 * work.size} bits", place
+            )
+    else:
+        assert isinstance(value.type, IntType)
+        work = common(kind, value.type, c2c=analyser.c2c)
+        value = cast(analyser, value, work)
+    if op in "/%" and isinstance(value, Num) and value.value == 0:
+        raise analyser.fail("division by zero", value)
+    return Update(op, target, value, work, False, kind, place)
+
+
+def cast_expression(analyser: Analyser, node: Any) -> Expr:
+    kind = analyser.dispatch.declared_type(analyser, node.to_type)
+    operand = decay(analyser, expression(analyser, node.expr))
+    if isinstance(kind, VoidType):
+        return Cast(operand, VOID, analyser.place(node))
+    operand = rvalue(analyser, operand)
+    if not kind.scalar or not operand.type.scalar:
+        if same(kind, operand.type):
+            return operand
+        raise analyser.fail(f"'{operand.type}' cannot be cast to '{kind}'", node)
+    keep_const(analyser, operand, kind, "the cast")
+    if isinstance(operand, AddressOf) and isinstance(kind, PointerType) and kind.size == operand.type.size:
+        return AddressOf(operand.target, kind.plain(), operand.place)
+    return cast(analyser, operand, kind)

@@ -1,0 +1,257 @@
+"""Semantic analysis of initialisers: bytes for what is constant, assignments for what is not.
+
+In: pycparser initialisers and the type that they fill. Out: bytes by offset, or assignments of the
+locals' parts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from pycparser import c_ast
+
+from servogen.compiler.ast.nodes import (
+    AddressByte,
+    AddressOf,
+    Assign,
+    Binary,
+    Cast,
+    Data,
+    Expr,
+    ExprStmt,
+    Num,
+    Ref,
+    Symbol,
+)
+from servogen.compiler.ast.types import U8, ArrayType, CType, IntType, StructType, VoidType
+from servogen.compiler.sema.analyser import Analyser
+from servogen.compiler.sema.conversions import convert
+from servogen.compiler.sema.names import characters, constant, expression
+from servogen.compiler.sema.type_names import sized
+from servogen.errors import Place
+
+
+class Leaf(NamedTuple):
+    """A scalar of an initialiser: where it goes, its type, the expression or byte; a bit-field's bits."""
+
+    at: int
+    type: CType
+    value: Any
+    bit: int | None = None
+    width: int = 0
+
+
+def complete(analyser: Analyser, kind: CType, node: Any) -> CType:
+    """An array without a length takes it from its initialiser."""
+    if not isinstance(kind, ArrayType) or kind.length is not None:
+        return kind
+    init = node.init
+    if isinstance(init, c_ast.InitList) and kind.element.scalar and len(init.exprs) == 1:
+        init = init.exprs[0] if getattr(init.exprs[0], "type", "") == "string" else init
+    if isinstance(init, c_ast.InitList):
+        length, at = 0, 0
+        for each in init.exprs:
+            if isinstance(each, c_ast.NamedInitializer):
+                designator = each.name[0]
+                inner = getattr(designator, "expr", designator)
+                at = constant(analyser, inner, "an index")
+            at += 1
+            length = max(length, at)
+        if (
+            isinstance(kind.element, ArrayType)
+            and init.exprs
+            and not isinstance(init.exprs[0], (c_ast.InitList, c_ast.NamedInitializer, c_ast.Constant))
+        ):
+            length = -(-length // (kind.element.length or 1))
+        return sized(analyser, replace(kind, length=max(length, 1)), node)
+    if isinstance(init, c_ast.Constant) and init.type == "string":
+        return replace(kind, length=len(characters(analyser, init.value, analyser.place(init))) + 1)
+    if "extern" in (node.storage or []):
+        known = analyser.externals.get(node.name)
+        return known.type if isinstance(known, Symbol) else kind
+    raise analyser.fail(f"the size of the array '{node.name}' is missing", node)
+
+
+def fill(analyser: Analyser, symbol: Symbol, kind: CType, init: Any, offset: int, place: Place) -> None:
+    """Assignments for an array or structure in RAM whose initialiser may not be constant."""
+    leaves: list[Leaf] = []
+    _leaves(analyser, kind, init, offset, leaves)
+    given = {each.at: each for each in leaves if not each.width}
+    behind = offset
+    for at, scalar in _scalars(kind, offset):
+        if at < behind:
+            continue  # a byte of a member that was given whole
+        found = given.get(at)
+        leaf = found.type if found else scalar
+        behind = at + leaf.size
+        _assign(analyser, symbol, found or Leaf(at, leaf, 0), place)
+    for each in leaves:
+        if each.width:
+            _assign(analyser, symbol, each, place)
+
+
+def _assign(analyser: Analyser, symbol: Symbol, leaf: Leaf, place: Place) -> None:
+    kind = leaf.type.plain()
+    if isinstance(leaf.value, int):
+        value: Expr = Num(leaf.value, kind, place)
+    else:
+        place = analyser.place(leaf.value)
+        value = convert(analyser, expression(analyser, leaf.value), leaf.type, "the initialiser")
+    target = Ref(symbol, leaf.at, None, kind, place, leaf.bit, leaf.width)
+    analyser.pending.append(ExprStmt(Assign(target, value, kind, place)))
+
+
+def initialise(analyser: Analyser, data: dict[int, Data], kind: CType, init: Any, offset: int) -> None:
+    """The bytes of a constant initialiser."""
+    leaves: list[Leaf] = []
+    _leaves(analyser, kind, init, offset, leaves)
+    for leaf in leaves:
+        if isinstance(leaf.value, int):
+            data[leaf.at] = leaf.value & 0xFF
+            continue
+        expr = convert(analyser, expression(analyser, leaf.value), leaf.type, "the initialiser")
+        found = _bytes(analyser, expr, leaf.type.size, leaf.value)
+        if leaf.width:
+            _set_field(analyser, data, leaf, found[0])
+            continue
+        for number, byte in enumerate(found):
+            data[leaf.at + number] = byte
+
+
+def _set_field(analyser: Analyser, data: dict[int, Data], leaf: Leaf, value: Data) -> None:
+    """Put a bit-field's value between those of its neighbours."""
+    before = data.get(leaf.at, 0)
+    if not isinstance(value, int) or not isinstance(before, int):
+        raise analyser.fail("the initialiser must be a constant", leaf.value)
+    mask = (1 << leaf.width) - 1
+    data[leaf.at] = before | (value & mask) << (leaf.bit or 0)
+
+
+def _bytes(analyser: Analyser, expr: Expr, size: int, node: Any) -> list[Data]:
+    while (
+        isinstance(expr, Cast)
+        and expr.type.size <= expr.operand.type.size
+        and not isinstance(expr.type, VoidType)
+    ):
+        expr = expr.operand
+    if isinstance(expr, Num):
+        return [expr.value >> 8 * each & 0xFF for each in range(size)]
+    if isinstance(expr, Cast) and isinstance(expr.operand, AddressOf):
+        expr = expr.operand
+    if isinstance(expr, Binary) and isinstance(expr.left, AddressOf) and isinstance(expr.right, Num):
+        move = expr.right.value if expr.op == "+" else -expr.right.value
+        target = expr.left.target
+        expr = AddressOf(
+            Ref(target.symbol, target.offset + move, target.index, target.type, target.place),
+            expr.type,
+            expr.place,
+        )
+    if isinstance(expr, AddressOf) and expr.target.index is None:
+        target = expr.target
+        return [AddressByte(target.symbol, target.offset, part) for part in range(size)]
+    raise analyser.fail("the initialiser must be a constant", node)
+
+
+def _leaves(analyser: Analyser, kind: CType, init: Any, offset: int, out: list[Leaf]) -> None:
+    """The scalars of an initialiser as (offset, type, node or byte), braces left out or not."""
+    if isinstance(kind, ArrayType) and isinstance(kind.element, IntType) and kind.element.size == 1:
+        inner = init
+        if isinstance(init, c_ast.InitList) and len(init.exprs) == 1:
+            inner = init.exprs[0]
+        if isinstance(inner, c_ast.Constant) and inner.type == "string":
+            values = characters(analyser, inner.value, analyser.place(inner))
+            length = kind.length or 0
+            if len(values) > length:
+                raise analyser.fail(f"the string of {len(values)} characters does not fit {length}", inner)
+            out += [Leaf(offset + at, kind.element, value) for at, value in enumerate([*values, 0][:length])]
+            return
+    if isinstance(kind, (ArrayType, StructType)):
+        if not isinstance(init, c_ast.InitList):
+            raise analyser.fail(f"'{kind}' needs an initialiser in braces", init)
+        items = list(init.exprs)
+        _aggregate(analyser, kind, items, offset, out, braced=True)
+        if items:
+            raise analyser.fail(f"too many initialisers for '{kind}'", items[0])
+        return
+    if isinstance(init, c_ast.InitList):
+        if len(init.exprs) != 1:
+            raise analyser.fail(f"'{kind}' takes one initialiser, {len(init.exprs)} are given", init)
+        init = init.exprs[0]
+    out.append(Leaf(offset, kind, init))
+
+
+def _aggregate(
+    analyser: Analyser,
+    kind: ArrayType | StructType,
+    items: list[Any],
+    offset: int,
+    out: list[Leaf],
+    *,
+    braced: bool,
+) -> None:
+    """Take from `items` what the elements of one array or structure need."""
+    slots: list[tuple[int, CType]] = _elements(kind)
+    parts = kind.layout.parts if isinstance(kind, StructType) else []
+    if isinstance(kind, StructType) and kind.layout.union:
+        slots = slots[:1]
+    at = 0
+    while items and (at < len(slots) or isinstance(items[0], c_ast.NamedInitializer)):
+        item = items[0]
+        if isinstance(item, c_ast.NamedInitializer):
+            if not braced:
+                return
+            at = _designated(analyser, kind, item)
+            slots = _elements(kind)
+            if at >= len(slots):
+                raise analyser.fail("this element does not exist", item.expr)
+            if len(item.name) > 1:
+                raise analyser.fail("nested designators are not supported", item.expr)
+            inside = bool(parts) and not parts[at].name
+            items[0] = item = c_ast.InitList([item]) if inside else item.expr
+        where, element = slots[at]
+        member = parts[at] if parts else None
+        if (
+            isinstance(element, (ArrayType, StructType))
+            and not isinstance(item, c_ast.InitList)
+            and not (isinstance(item, c_ast.Constant) and item.type == "string")
+        ):
+            _aggregate(analyser, element, items, offset + where, out, braced=False)
+        else:
+            items.pop(0)
+            if member is not None and member.width:
+                out.append(Leaf(offset + where, element, item, member.bit, member.width))
+            else:
+                _leaves(analyser, element, item, offset + where, out)
+        at += 1
+
+
+def _designated(analyser: Analyser, kind: CType, item: Any) -> int:
+    """The element or part that a designator names; an unnamed part for one of its members."""
+    designator = item.name[0]
+    inner = getattr(designator, "expr", designator)
+    if isinstance(kind, StructType):
+        for at, part in enumerate(kind.layout.parts):
+            within = part.type.layout.members if isinstance(part.type, StructType) else {}
+            if isinstance(inner, c_ast.ID) and inner.name in (within if not part.name else (part.name,)):
+                return at
+        raise analyser.fail(f"'{kind}' has no such member", item.expr)
+    return constant(analyser, inner, "an index")
+
+
+def _elements(kind: ArrayType | StructType) -> list[tuple[int, CType]]:
+    """(offset, type) of each element or member."""
+    if isinstance(kind, ArrayType):
+        return [(number * kind.element.size, kind.element) for number in range(kind.length or 0)]
+    return [(part.offset, part.type) for part in kind.layout.parts]
+
+
+def _scalars(kind: CType, offset: int) -> list[tuple[int, CType]]:
+    """(offset, type) of everything in an object that is not made of parts."""
+    if isinstance(kind, StructType) and any(part.width for part in kind.layout.parts):
+        return [(offset + each, U8) for each in range(kind.size)]
+    if isinstance(kind, StructType) and kind.layout.union:
+        return [(offset + each, U8) for each in range(kind.size)]
+    if isinstance(kind, (ArrayType, StructType)):
+        return [leaf for at, element in _elements(kind) for leaf in _scalars(element, offset + at)]
+    return [(offset, kind)]

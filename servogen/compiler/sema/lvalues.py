@@ -1,0 +1,339 @@
+"""Semantic analysis of access: elements, members, bits, calls, addresses.
+
+In: pycparser nodes. Out: typed references whose addresses are byte offsets, pointer arithmetic scaled.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pycparser import c_ast
+
+from servogen.compiler.ast.constant_folding import fold
+from servogen.compiler.ast.nodes import (
+    AddressOf,
+    Assign,
+    Binary,
+    Call,
+    Comma,
+    ConstNum,
+    Deref,
+    Expr,
+    FunctionDefinition,
+    Num,
+    Ref,
+    Symbol,
+)
+from servogen.compiler.ast.types import (
+    BIT,
+    U8,
+    U16,
+    ArrayType,
+    CType,
+    IntType,
+    Member,
+    PointerType,
+    StructType,
+    VoidType,
+    qualified,
+    same,
+)
+from servogen.compiler.diagnostics import Fatal
+from servogen.compiler.frontend.dialects import ChipBit
+from servogen.compiler.frontend.extensions import BIT_MEMBER
+from servogen.compiler.sema.analyser import Analyser
+from servogen.compiler.sema.conversions import (
+    address,
+    address_int,
+    arithmetic,
+    cast,
+    convert,
+    decay,
+    offset_pointer,
+    rvalue,
+)
+from servogen.compiler.sema.names import expression
+from servogen.errors import Place, nearest
+from servogen.pic.device import RAM_FIRST, RAM_LAST, data_byte_exists
+
+
+def array_ref(analyser: Analyser, node: Any) -> Expr:
+    base, index = expression(analyser, node.name), expression(analyser, node.subscript)
+    if isinstance(index.type, (ArrayType, PointerType)):
+        base, index = index, base
+    index = arithmetic(analyser, index)
+    if isinstance(base, Ref) and isinstance(base.type, ArrayType):
+        return _element(analyser, base, index, node)
+    base = decay(analyser, base)
+    if not isinstance(base.type, PointerType):
+        raise analyser.fail(f"'{base.type}' cannot be indexed", node)
+    kind = base.type.target
+    if isinstance(index, Num) and not isinstance(base, AddressOf):
+        return _lvalue(analyser, Deref(base, index.value * kind.size, kind, analyser.place(node)))
+    return _lvalue(analyser, Deref(pointer_plus(analyser, base, index, "+"), 0, kind, analyser.place(node)))
+
+
+def _element(analyser: Analyser, base: Ref, index: Expr, node: Any) -> Expr:
+    assert isinstance(base.type, ArrayType)
+    element = base.type.element
+    place = analyser.place(node)
+    if isinstance(index, Num):
+        length = base.type.length
+        if length is not None and not 0 <= index.value < max(length, 1):
+            analyser.reporter.warn(
+                f"index {index.value} is outside the array of {length} elements", index.place
+            )
+        return _lvalue(
+            analyser, Ref(base.symbol, base.offset + index.value * element.size, base.index, element, place)
+        )
+    base.symbol.pinned = True
+    offset = scaled(analyser, index, element.size, U8 if base.symbol.type.size <= 256 else U16)
+    if base.index is not None:
+        offset = binary(analyser, "+", base.index, offset, offset.type, place)
+    return _lvalue(analyser, Ref(base.symbol, base.offset, offset, element, place))
+
+
+def _lvalue(analyser: Analyser, target: Ref | Deref) -> Expr:
+    """Return a part of an object; one in flash at a known offset is its constant value."""
+    if isinstance(target, Deref) and isinstance(target.pointer, Num) and target.pointer.type.size == 1:
+        _check_memory(analyser, target.pointer.value + target.offset, target)
+    if (
+        isinstance(target, Ref)
+        and target.symbol.kind == "flash"
+        and target.index is None
+        and target.symbol.initial is not None
+        and isinstance(target.type, IntType)
+        and 0 <= target.offset <= target.symbol.size - target.type.size
+    ):
+        data = [target.symbol.initial.get(target.offset + each, 0) for each in range(target.type.size)]
+        if all(isinstance(each, int) for each in data):
+            value = sum(each << 8 * number for number, each in enumerate(data) if isinstance(each, int))
+            if target.width:
+                value = value >> (target.bit or 0) & (1 << target.width) - 1
+                if target.type.signed and value >> target.width - 1:
+                    value -= 1 << target.width
+            return ConstNum(target, target.type.wrap(value))
+    return target
+
+
+def _check_memory(analyser: Analyser, address: int, target: Deref) -> None:
+    """Refuse a constant address where the chip has no memory."""
+    size = target.type.size
+    if not all(data_byte_exists(address + each) for each in range(size)):
+        raise analyser.fail(
+            f"there is no memory at 0x{address:02X} for {size} byte{'s' * (size != 1)}",
+            target,
+            hint=f"RAM is 0x{RAM_FIRST:02X} to 0x{RAM_LAST:02X}",
+        )
+
+
+def scaled(analyser: Analyser, index: Expr, size: int, kind: IntType) -> Expr:
+    index = cast(analyser, index, kind)
+    if size == 1:
+        return index
+    return binary(analyser, "*", index, Num(size, kind, index.place), kind, index.place)
+
+
+def pointer_plus(analyser: Analyser, pointer: Expr, index: Expr, op: str) -> Expr:
+    assert isinstance(pointer.type, PointerType)
+    kind = pointer.type
+    if isinstance(pointer, AddressOf) and op == "+" and not isinstance(index, Num):
+        target = pointer.target
+        step = scaled(analyser, index, kind.target.size, U8 if target.symbol.size <= 256 else U16)
+        whole = (
+            step
+            if target.index is None
+            else binary(analyser, "+", target.index, step, step.type, pointer.place)
+        )
+        return AddressOf(
+            Ref(target.symbol, target.offset, whole, target.type, target.place), kind, pointer.place
+        )
+    if isinstance(pointer, AddressOf) and isinstance(index, Num):
+        target = pointer.target
+        move = index.value * kind.target.size * (1 if op == "+" else -1)
+        moved = Ref(target.symbol, target.offset + move, target.index, target.type, target.place)
+        return AddressOf(moved, kind, pointer.place)
+    step = scaled(analyser, index, kind.target.size, address_int(analyser, kind))
+    return Binary(op, pointer, step, kind, pointer.place)
+
+
+def struct_ref(analyser: Analyser, node: Any) -> Expr:
+    base = expression(analyser, node.name)
+    name = node.field.name
+    if node.type == "->":
+        base = decay(analyser, base)
+        if not isinstance(base.type, PointerType):
+            raise analyser.fail(f"'->' needs a pointer to a structure, this is '{base.type}'", node)
+        kind = base.type.target
+        if isinstance(base, AddressOf):
+            found_at = base.target
+            base = Ref(found_at.symbol, found_at.offset, found_at.index, kind, base.place)
+        else:
+            base = Deref(base, 0, kind, base.place)
+    if name.startswith(BIT_MEMBER):
+        return bit_of(analyser, base, int(name[len(BIT_MEMBER) :]), node)
+    if isinstance(base.type, IntType) and isinstance(base, (Ref, Deref)):
+        found = analyser.scopes.find(name)
+        if isinstance(found, ChipBit):
+            return bit_of(analyser, base, found.bit, node)
+    if not isinstance(base.type, StructType):
+        raise analyser.fail(f"'{base.type}' has no members", node.field)
+    member = base.type.layout.members.get(name)
+    if member is None:
+        if base.type.layout.size is None:
+            raise analyser.fail(f"'{base.type}' is not defined", node)
+        hint = nearest(name, base.type.layout.members) if base.type.layout.members else None
+        raise analyser.fail(f"'{base.type}' has no member '{name}'", node.field, hint=hint)
+    place = analyser.place(node)
+    if isinstance(base, (Ref, Deref)):
+        return _member(analyser, base, member, place)
+    if analyser.function is None:
+        raise analyser.fail("a function cannot be called outside functions", node)
+    held = Symbol(f"held{len(analyser.function.locals)}", base.type, "local", place)
+    held.function, held.pinned = analyser.function.name, True
+    analyser.function.locals.append(held)
+    target = Ref(held, 0, None, base.type, place)
+    value = _member(analyser, target, member, place)
+    return Comma(Assign(target, base, base.type, place), value, value.type, place)
+
+
+def _member(analyser: Analyser, base: Ref | Deref, member: Member, place: Place) -> Expr:
+    kind = qualified(member.type, const=base.type.const, volatile=base.type.volatile)
+    if isinstance(base, Ref):
+        target: Ref | Deref = Ref(
+            base.symbol, base.offset + member.offset, base.index, kind, place, member.bit, member.width
+        )
+    else:
+        target = Deref(base.pointer, base.offset + member.offset, kind, place, member.bit, member.width)
+    return _lvalue(analyser, target)
+
+
+def bit_of(analyser: Analyser, base: Expr, bit: int, node: Any) -> Expr:
+    """One bit of an integer variable."""
+    if not isinstance(base, (Ref, Deref)) or not isinstance(base.type, IntType) or base.width:
+        raise analyser.fail("a bit can only be taken of an integer variable", node)
+    if bit >= 8 * base.type.size:
+        raise analyser.fail(f"'{base.type}' has no bit {bit}", node)
+    place = analyser.place(node)
+    if isinstance(base, Ref):
+        return Ref(base.symbol, base.offset + bit // 8, base.index, BIT, place, bit % 8, 1)
+    return Deref(base.pointer, base.offset + bit // 8, BIT, place, bit % 8, 1)
+
+
+def func_call(analyser: Analyser, node: Any) -> Expr:
+    arguments = list(node.args.exprs) if node.args is not None else []
+    if not isinstance(node.name, c_ast.ID):
+        raise analyser.fail("only functions can be called; function pointers are not supported", node)
+    name = node.name.name
+    meaning = analyser.scopes.find(name)
+    if not isinstance(meaning, FunctionDefinition):
+        found = analyser.dispatch.builtin(analyser, name, node, arguments)
+        if found is not None:
+            return found
+        if meaning is not None and not isinstance(meaning, ChipBit):
+            raise analyser.fail(f"'{name}' is not a function", node)
+        if name in analyser.reporter.lost:
+            raise Fatal(name)
+        known = [
+            each
+            for each, what in analyser.scopes.stack[0].names.items()
+            if isinstance(what, FunctionDefinition)
+        ]
+        hint = nearest(name, known + analyser.dispatch.builtin_names(analyser))
+        raise analyser.fail(
+            f"the function '{name}' is not declared", node, hint=hint if hint.startswith("did") else None
+        )
+    return _call(analyser, meaning, arguments, node)
+
+
+def _call(analyser: Analyser, function: FunctionDefinition, arguments: list[Any], node: Any) -> Expr:
+    if function.interrupt:
+        raise analyser.fail(f"the interrupt function '{function.name}' cannot be called", node)
+    wanted = function.parameters
+    if len(arguments) != len(wanted):
+        raise analyser.fail(
+            f"'{function.name}' takes {len(wanted)} argument{'s' * (len(wanted) != 1)}, "
+            f"{len(arguments)} {'is' if len(arguments) == 1 else 'are'} given",
+            node,
+            hint=f"it is declared at {function.place}",
+        )
+    converted = [
+        convert(
+            analyser, expression(analyser, given), parameter.type, f"argument {number} of '{function.name}'"
+        )
+        for number, (given, parameter) in enumerate(zip(arguments, wanted, strict=True), 1)
+    ]
+    return Call(function.name, converted, function.result.plain(), analyser.place(node))
+
+
+def sizeof(analyser: Analyser, node: Any) -> Expr:
+    if isinstance(node.expr, c_ast.Typename):
+        kind = analyser.dispatch.declared_type(analyser, node.expr)
+    else:
+        kind = expression(analyser, node.expr).type
+    if isinstance(kind, StructType) and kind.layout.size is None:
+        raise analyser.fail(f"'{kind}' is not defined", node)
+    return Num(kind.size, U16 if not analyser.c2c else analyser.types["uint16_t"], analyser.place(node))
+
+
+def dereference(analyser: Analyser, operand: Expr, node: Any) -> Expr:
+    operand = decay(analyser, operand)
+    if not isinstance(operand.type, PointerType):
+        raise analyser.fail(f"'*' needs a pointer, this is '{operand.type}'", node)
+    if isinstance(operand.type.target, VoidType):
+        raise analyser.fail("a void pointer cannot be dereferenced; cast it first", node)
+    if isinstance(operand, AddressOf) and same(operand.type.target, operand.target.type):
+        return operand.target
+    target = operand.type.target
+    if isinstance(operand, AddressOf):
+        found = operand.target
+        return _lvalue(analyser, Ref(found.symbol, found.offset, found.index, target, analyser.place(node)))
+    return _lvalue(analyser, Deref(operand, 0, target, analyser.place(node)))
+
+
+def address_of(analyser: Analyser, node: Any) -> Expr:
+    if isinstance(node.expr, c_ast.ID) and isinstance(
+        analyser.scopes.find(node.expr.name), FunctionDefinition
+    ):
+        raise analyser.fail("function pointers are not supported", node)
+    target = expression(analyser, node.expr)
+    if isinstance(target, ConstNum):
+        target = target.reference
+    if isinstance(target, Deref) and not target.width:
+        return offset_pointer(
+            analyser, rvalue(analyser, target.pointer), target.offset, PointerType(target.type)
+        )
+    if not isinstance(target, Ref) or target.width:
+        what = "a bit" if isinstance(target, (Ref, Deref)) else "this"
+        raise analyser.fail(f"{what} has no address", node)
+    return address(analyser, target, PointerType(target.type))
+
+
+def assignable(analyser: Analyser, target: Expr, node: Any) -> Ref | Deref:
+    if isinstance(target, ConstNum):
+        raise analyser.fail(f"'{target.reference.symbol.name}' is const and cannot be changed", node)
+    if not isinstance(target, (Ref, Deref)):
+        raise analyser.fail("this cannot be assigned to", node)
+    if isinstance(target.type, ArrayType):
+        raise analyser.fail("an array cannot be assigned to", node)
+    if target.type.const:
+        named = f"'{target.symbol.name}'" if isinstance(target, Ref) else "this"
+        raise analyser.fail(f"{named} is const and cannot be changed", node)
+    if isinstance(target.type, StructType) and target.type.layout.size is None:
+        raise analyser.fail(f"'{target.type}' is not defined", node)
+    return target
+
+
+def binary(analyser: Analyser, op: str, left: Expr, right: Expr, kind: CType, place: Place) -> Expr:
+    """An arithmetic node on converted operands, folded."""
+    if isinstance(right, Num) and right.value == 0 and op in ("/", "%"):
+        raise analyser.fail("division by zero", right)
+    if isinstance(left, Num) and isinstance(right, Num) and isinstance(kind, IntType):
+        value = fold(op, left.value, right.value, kind)
+        return Num(value or 0, kind, place)
+    if isinstance(right, Num) and not isinstance(left, Num):
+        if right.value == 0 and op in ("+", "-", "|", "^", "<<", ">>"):
+            return left
+        if right.value == 1 and op in ("*", "/"):
+            return left
+    return Binary(op, left, right, kind, place)

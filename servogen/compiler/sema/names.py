@@ -1,0 +1,205 @@
+"""Semantic analysis of primary expressions: literals, strings, names of variables, registers and bits.
+
+In: pycparser nodes and the names in scope. Out: typed expressions; const objects of known value are numbers.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from servogen.compiler.ast.constant_folding import has_effect
+from servogen.compiler.ast.nodes import (
+    Binary,
+    Builtin,
+    Cast,
+    Choice,
+    Comma,
+    ConstNum,
+    Expr,
+    FunctionDefinition,
+    Logic,
+    Num,
+    Ref,
+    Symbol,
+    Unary,
+)
+from servogen.compiler.ast.types import BIT, IntType, StructType, VoidType
+from servogen.compiler.diagnostics import Fatal
+from servogen.compiler.frontend.dialects import ChipBit, config_names
+from servogen.compiler.limits import DIGITS
+from servogen.compiler.sema.analyser import Analyser
+from servogen.compiler.sema.conversions import arithmetic
+from servogen.compiler.sema.scopes import Constant
+from servogen.errors import Place, nearest
+
+_ESCAPES = {
+    "n": 10,
+    "t": 9,
+    "r": 13,
+    "0": 0,
+    "a": 7,
+    "b": 8,
+    "f": 12,
+    "v": 11,
+    "\\": 92,
+    "'": 39,
+    '"': 34,
+    "?": 63,
+}
+
+
+def expression(analyser: Analyser, node: Any) -> Expr:
+    handler = analyser.dispatch.expressions.get(type(node))
+    if handler is None:
+        what = re.sub(r"(?<!^)(?=[A-Z])", " ", type(node).__name__).lower()
+        raise analyser.fail(f"a {what} is not supported", node)
+    return handler(analyser, node)
+
+
+def constant(analyser: Analyser, node: Any, what: str) -> int:
+    """The value of a constant expression."""
+    expr = arithmetic(analyser, expression(analyser, node))
+    if not isinstance(expr, Num):
+        raise analyser.fail(f"{what} must be a constant", node)
+    return expr.value
+
+
+def literal(analyser: Analyser, node: Any) -> Expr:
+    place = analyser.place(node)
+    if node.type == "string":
+        return analyser.string([*characters(analyser, node.value, place), 0], place)
+    if node.type == "char":
+        values = characters(analyser, node.value, place)
+        if len(values) != 1:
+            raise analyser.fail("a character constant holds one character", node)
+        return analyser.number(values[0], analyser.int_type, place)
+    if node.type in ("float", "double", "long double"):
+        raise analyser.fail(
+            f"'{node.value}': this compiler has no floating point", node, hint="use scaled integers"
+        )
+    match = re.fullmatch(r"(0[xX][0-9a-fA-F]+|[0-9]+)([uUlL]*)", node.value)
+    assert match is not None  # the parser has refused other numbers
+    digits = match[1]
+    octal = len(digits) > 1 and digits[0] == "0" and digits[1] not in "xX"
+    shown = digits if len(digits) <= DIGITS else digits[:DIGITS] + "…"
+    value = int(digits, 8 if octal else 0) if shown == digits else None
+    if value is None or value > 0xFFFFFFFF:
+        raise analyser.fail(f"{shown} does not fit 32 bits", node)
+    return Num(
+        value, analyser.literal_type(value, match[2].lower(), digits[0] != "0" or digits == "0"), place
+    )
+
+
+def characters(analyser: Analyser, text: str, place: Place) -> list[int]:
+    """The codes of a string or character literal with its quotes; adjacent strings already joined."""
+    found = []
+    for match in re.finditer(r"\\x([0-9a-fA-F]+)|\\([0-7]{1,3})|\\(.)|([^\\])", text[1:-1], re.DOTALL):
+        if match[1]:
+            found.append(int(match[1], 16) & 0xFF)
+        elif match[2]:
+            found.append(int(match[2], 8) & 0xFF)
+        elif match[3]:
+            if match[3] not in _ESCAPES:
+                analyser.reporter.warn(f"unknown escape '\\{match[3]}'", place)
+            found.append(_ESCAPES.get(match[3], ord(match[3]) & 0xFF))
+        else:
+            encoded = match[4].encode("latin-1", "replace")
+            if match[4] != "?" and encoded == b"?":
+                analyser.reporter.warn(f"the character '{match[4]}' is not in Latin-1 and becomes '?'", place)
+            found.append(encoded[0])
+    return found
+
+
+def identifier(analyser: Analyser, node: Any) -> Expr:
+    return named(analyser, node, as_bit=not analyser.c2c)
+
+
+def named(analyser: Analyser, node: Any, *, as_bit: bool) -> Expr:
+    """What a name stands for; that of a register's bit is the bit, or in C2C its number."""
+    meaning = analyser.scopes.find(node.name)
+    place = analyser.place(node)
+    match meaning:
+        case Symbol():
+            return use(analyser, meaning, place)
+        case Constant(value, kind):
+            return Num(value, kind, place)
+        case ChipBit(register, bit):
+            if not as_bit:
+                return Num(bit, analyser.int_type, place)
+            return Ref(analyser.scopes.register(register), 0, None, BIT, place, bit, 1)
+        case FunctionDefinition():
+            raise analyser.fail(
+                f"'{node.name}' is a function; function pointers are not supported",
+                node,
+                hint=f"to call it, write {node.name}()",
+            )
+    match = re.fullmatch(r"(\w+)bits", node.name)
+    register_symbol = analyser.scopes.chip(match[1]) if match else None
+    if isinstance(register_symbol, Symbol):
+        return Ref(register_symbol, 0, None, StructType(_register_layout(match[1])), place)  # type: ignore[index]
+    if analyser.reading_config and node.name in config_names():
+        return Num(config_names()[node.name], analyser.int_type, place)
+    if node.name in analyser.reporter.lost:
+        raise Fatal(node.name)
+    raise analyser.fail(f"'{node.name}' is not declared", node, hint=_suggest(analyser, node.name))
+
+
+def _suggest(analyser: Analyser, name: str) -> str | None:
+    hint = nearest(name, analyser.scopes.known())
+    return hint if hint.startswith("did you") else None
+
+
+def use(analyser: Analyser, symbol: Symbol, place: Place) -> Expr:
+    kind = symbol.type
+    if symbol.kind == "flash" and kind.scalar and symbol.initial is not None:
+        data = [symbol.initial.get(offset, 0) for offset in range(kind.size)]
+        if all(isinstance(each, int) for each in data) and isinstance(kind, IntType):
+            value = sum(each << 8 * index for index, each in enumerate(data) if isinstance(each, int))
+            return ConstNum(Ref(symbol, 0, None, kind, place), kind.wrap(value))
+    if isinstance(kind, IntType) and kind.is_bit:
+        return Ref(symbol, 0, None, kind, place, 0, 1)
+    return Ref(symbol, 0, None, kind, place)
+
+
+def expression_list(analyser: Analyser, node: Any) -> Expr:
+    *before, last = node.exprs
+    found = expression(analyser, last)
+    for each in reversed(before):
+        first = expression(analyser, each)
+        warn_unused(analyser, first)
+        found = Comma(first, found, found.type, analyser.place(each))
+    return found
+
+
+def warn_unused(analyser: Analyser, expr: Expr) -> None:
+    """A warning for a statement that does nothing."""
+    if isinstance(expr, Cast) and isinstance(expr.type, VoidType):
+        return
+    if isinstance(expr, (Choice, Logic, Comma)) and has_effect(expr):
+        return
+    if isinstance(expr, Binary) and expr.op == "==":
+        analyser.reporter.warn(
+            "this comparison does nothing",
+            expr.place,
+            hint="'=' assigns, '==' compares" if expr.op == "==" else None,
+        )
+    elif not has_effect(expr):
+        analyser.reporter.warn("this statement has no effect", expr.place)
+    elif isinstance(expr, (Binary, Unary, Cast)) or (
+        isinstance(expr, Builtin) and expr.name == "eeprom_read"
+    ):
+        analyser.reporter.warn("the result of this expression is not used", expr.place)
+
+
+def _register_layout(name: str) -> Any:
+    from servogen.compiler.ast.types import Layout, Member
+    from servogen.compiler.frontend.dialects import chip_bits, chip_registers
+
+    register = chip_registers()[name]
+    members = {
+        bit_name: Member(bit_name, BIT, 0, bit.bit, 1)
+        for bit_name, bit in chip_bits().items()
+        if bit.register is register
+    }
+    return Layout(f"{register.name}bits", False, members, size=1)

@@ -1,0 +1,95 @@
+"""Names and what they mean: block scopes over the chip's registers and bits.
+
+In: declarations as they are read. Out: the meaning of a name: variable, function, type, enumeration constant,
+register bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from servogen.compiler.ast.nodes import FunctionDefinition, Symbol
+from servogen.compiler.ast.types import U8, CType, Layout
+from servogen.compiler.frontend.dialects import ChipBit, chip_bits, chip_registers
+from servogen.errors import Place
+from servogen.pic.device import BOTH_BANKS, Register
+
+
+@dataclass(frozen=True, slots=True)
+class TypeName:
+    type: CType
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    value: int
+    type: CType
+
+
+Meaning = Symbol | FunctionDefinition | TypeName | Constant | ChipBit
+
+
+@dataclass(slots=True)
+class Scope:
+    names: dict[str, Meaning] = field(default_factory=dict)
+    tags: dict[str, Layout | TypeName] = field(default_factory=dict)
+
+
+class Scopes:
+    """A stack of scopes; the chip lies below the first."""
+
+    def __init__(self, *, lower_case: bool) -> None:
+        self.stack: list[Scope] = [Scope()]
+        self.lower_case = lower_case
+        self._registers: dict[str, Symbol] = {}
+
+    def push(self) -> None:
+        self.stack.append(Scope())
+
+    def pop(self) -> Scope:
+        return self.stack.pop()
+
+    @property
+    def here(self) -> Scope:
+        return self.stack[-1]
+
+    @property
+    def file_level(self) -> bool:
+        return len(self.stack) == 1
+
+    def find(self, name: str) -> Meaning | None:
+        for scope in reversed(self.stack):
+            if name in scope.names:
+                return scope.names[name]
+        return self.chip(name)
+
+    def tag(self, name: str) -> Layout | TypeName | None:
+        for scope in reversed(self.stack):
+            if name in scope.tags:
+                return scope.tags[name]
+        return None
+
+    def chip(self, name: str) -> Meaning | None:
+        """A register (as a variable at its address) or a register's bit."""
+        register = chip_registers().get(name)
+        if register is not None and (self.lower_case or name.isupper() or not name.islower()):
+            return self.register(register)
+        return chip_bits().get(name)
+
+    def register(self, register: Register) -> Symbol:
+        if register.name not in self._registers:
+            self._registers[register.name] = Symbol(
+                register.name,
+                U8,
+                "fixed",
+                Place(),
+                address=register.address,
+                bank1=bool(register.address & 0x80) and register.name not in BOTH_BANKS,
+                volatile=True,
+                pinned=True,
+            )
+        return self._registers[register.name]
+
+    def known(self) -> list[str]:
+        names = [name for scope in self.stack for name in scope.names]
+        return names + [name for name in chip_registers() if name.isupper()]

@@ -1,0 +1,388 @@
+"""Semantic analysis of function bodies: blocks, statements, unreachable code, inline assembly.
+
+In: pycparser nodes. Out: blocks and statements of the typed tree.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from pycparser import c_ast
+
+from servogen.compiler.ast.nodes import (
+    Asm,
+    Block,
+    Call,
+    CaseLabel,
+    Expr,
+    ExprStmt,
+    FunctionDefinition,
+    If,
+    Jump,
+    LabelStmt,
+    Loop,
+    Num,
+    Return,
+    Stmt,
+    Switch,
+)
+from servogen.compiler.ast.types import IntType, VoidType, promote
+from servogen.compiler.diagnostics import Fatal
+from servogen.compiler.frontend.asm_blocks import MARKER
+from servogen.compiler.sema.analyser import Analyser, Body
+from servogen.compiler.sema.conversions import convert, promoted, truth
+from servogen.compiler.sema.declarations import declare
+from servogen.compiler.sema.expressions import condition_operand
+from servogen.compiler.sema.names import constant, expression, warn_unused
+from servogen.compiler.sema.type_names import specified
+from servogen.errors import Place, nearest
+
+
+def define_function(analyser: Analyser, function: FunctionDefinition, node: Any) -> None:
+    """Read the body of a function."""
+    analyser.function = function
+    analyser.body = Body()
+    analyser.scopes.push()
+    for symbol in function.parameters:
+        analyser.scopes.here.names[symbol.name] = symbol
+        analyser.asm_symbols[symbol.asm_name] = symbol
+    block = Block([])
+    items(analyser, node.body.block_items or [], block.body)
+    for label, where in analyser.body.gotos:
+        if label not in analyser.body.labels:
+            hint = nearest(label, analyser.body.labels) if analyser.body.labels else None
+            analyser.reporter.error(
+                f"there is no label '{label}' in '{function.name}'", analyser.place(where), hint
+            )
+    analyser.scopes.pop()
+    function.body = block
+    analyser.function = None
+
+
+def items(analyser: Analyser, nodes: list[Any], out: list[Stmt]) -> None:
+    """Block items; an error in one does not hide those of the next."""
+    ended = False
+    for node in nodes:
+        if ended and not _can_be_reached(node):
+            if not isinstance(node, (c_ast.Break, c_ast.EmptyStatement, c_ast.Return)):
+                analyser.reporter.warn("this is never reached", analyser.place(node))
+            ended = False
+        before = len(out)
+        try:
+            item(analyser, node, out)
+        except Fatal:
+            analyser.pending.clear()
+            continue
+        if len(out) > before and _leaves(out[-1]):
+            ended = True
+        elif _can_be_reached(node):
+            ended = False
+
+
+def item(analyser: Analyser, node: Any, out: list[Stmt]) -> None:
+    if isinstance(node, (c_ast.Decl, c_ast.Typedef)):
+        try:
+            declare(analyser, node)
+        except Fatal:
+            _forget(analyser, node)
+            raise
+        out += analyser.pending
+        analyser.pending = []
+    elif isinstance(node, (c_ast.Struct, c_ast.Union, c_ast.Enum)):
+        specified(analyser, node, node)
+    else:
+        out.append(statement(analyser, node))
+
+
+def _forget(analyser: Analyser, node: Any) -> None:
+    """After a wrong declaration the name is known all the same, so that its uses are not errors too."""
+    name = getattr(node, "name", None)
+    if name and analyser.scopes.here.names.get(name) is None and analyser.function is not None:
+        from servogen.compiler.ast.nodes import Symbol
+
+        symbol = Symbol(
+            name, analyser.int_type, "local", analyser.place(node), function=analyser.function.name
+        )
+        analyser.scopes.here.names[name] = symbol
+
+
+def statement(analyser: Analyser, node: Any) -> Stmt:
+    handler = _STATEMENTS.get(type(node))
+    if handler is not None:
+        return handler(analyser, node)
+    if isinstance(node, c_ast.FuncCall) and isinstance(node.name, c_ast.ID) and node.name.name == MARKER:
+        return asm_statement(analyser, int(node.args.exprs[0].value), analyser.place(node))
+    expr = effect_of(analyser, node)
+    return ExprStmt(expr)
+
+
+def asm_statement(analyser: Analyser, number: int, place: Place) -> Asm:
+    block = analyser.asm_blocks[number]
+    lines = [(Place(block.file, line), text) for line, text in block.lines]
+    names: dict[str, Any] = {}
+    if analyser.function is not None:
+        for scope in analyser.scopes.stack[1:]:
+            names.update(
+                {f"_{name}": what for name, what in scope.names.items() if hasattr(what, "asm_name")}
+            )
+    return Asm(lines, names, list(_asm_calls(analyser, lines)), place)
+
+
+def _asm_calls(analyser: Analyser, lines: list[tuple[Place, str]]) -> Iterator[Call]:
+    """The C functions that lines of assembly call as `_name`."""
+    for place, text in lines:
+        match = re.match(r"(?i)(?:.*:)?\s*call\s+_(\w+)\s*(?:;|//|$)", text)
+        called = analyser.scopes.find(match[1]) if match else None
+        if isinstance(called, FunctionDefinition):
+            yield Call(called.name, [], called.result, place)
+
+
+def effect_of(analyser: Analyser, node: Any) -> Expr:
+    """An expression evaluated for what it does."""
+    expr = expression(analyser, node)
+    warn_unused(analyser, expr)
+    return expr
+
+
+def checked_condition(analyser: Analyser, node: Any) -> Expr:
+    if isinstance(node, c_ast.Assignment) and node.op == "=":
+        analyser.reporter.warn(
+            "an assignment as a condition",
+            analyser.place(node),
+            hint="'==' compares; '((a = b) != 0)' says it is meant",
+        )
+    return truth(analyser, condition_operand(analyser, node))
+
+
+def nested(analyser: Analyser, node: Any) -> Stmt:
+    if node is None:
+        return Block([])
+    out: list[Stmt] = []
+    items(analyser, [node], out)
+    return out[0] if len(out) == 1 else Block(out)
+
+
+def _leaves(made: Stmt) -> bool:
+    """Whether what stands behind a statement can only be reached by a label."""
+    match made:
+        case Return() | Jump():
+            return True
+        case Block(body):
+            return bool(body) and _leaves(body[-1])
+        case If(_, yes, no):
+            return no is not None and _leaves(yes) and _leaves(no)
+        case Loop(None, body):
+            return not _breaks(body)
+    return False
+
+
+def _breaks(made: Stmt) -> bool:
+    """Whether a `break` in a loop's body, outside the loops and switches inside it, ends the loop."""
+    match made:
+        case Jump("break"):
+            return True
+        case Block(body):
+            return any(map(_breaks, body))
+        case If(_, yes, no):
+            return _breaks(yes) or (no is not None and _breaks(no))
+    return False
+
+
+def _can_be_reached(node: Any) -> bool:
+    """A label, a case, a declaration, or a block that holds a label."""
+    if isinstance(node, (c_ast.Label, c_ast.Case, c_ast.Default, c_ast.Decl, c_ast.Typedef)):
+        return True
+    if isinstance(node, c_ast.Node):
+        return any(
+            _can_be_reached(child) for _, child in node.children() if not isinstance(child, c_ast.Decl)
+        )
+    return False
+
+
+def _stmt_compound(analyser: Analyser, node: Any) -> Stmt:
+    analyser.scopes.push()
+    block = Block([])
+    items(analyser, node.block_items or [], block.body)
+    analyser.scopes.pop()
+    return block
+
+
+def _stmt_empty_statement(analyser: Analyser, node: Any) -> Stmt:
+    return Block([])
+
+
+def _stmt_decl_list(analyser: Analyser, node: Any) -> Stmt:
+    block = Block([])
+    for each in node.decls:
+        item(analyser, each, block.body)
+    return block
+
+
+def _stmt_if(analyser: Analyser, node: Any) -> Stmt:
+    condition = checked_condition(analyser, node.cond)
+    if isinstance(node.iftrue, c_ast.EmptyStatement) and node.iffalse is None:
+        analyser.reporter.warn("this 'if' controls an empty statement", analyser.place(node.iftrue))
+    return If(
+        condition,
+        nested(analyser, node.iftrue),
+        nested(analyser, node.iffalse) if node.iffalse else None,
+        analyser.place(node),
+    )
+
+
+def _loop(
+    analyser: Analyser, node: Any, condition: Expr | None, step: Expr | None, post: bool, body: Any = None
+) -> Stmt:
+    kind = {c_ast.While: "while", c_ast.For: "for"}.get(type(node), "do")
+    analyser.body.loops += 1
+    analyser.body.breakable += 1
+    inside = nested(analyser, node.stmt)
+    analyser.body.loops -= 1
+    analyser.body.breakable -= 1
+    if isinstance(condition, Num) and condition.value:
+        condition = None
+    return Loop(condition, inside, step, post, analyser.place(node), kind)
+
+
+def _stmt_while(analyser: Analyser, node: Any) -> Stmt:
+    return _loop(analyser, node, checked_condition(analyser, node.cond), None, False)
+
+
+def _stmt_do_while(analyser: Analyser, node: Any) -> Stmt:
+    return _loop(analyser, node, checked_condition(analyser, node.cond), None, True)
+
+
+def _stmt_for(analyser: Analyser, node: Any) -> Stmt:
+    analyser.scopes.push()
+    out: list[Stmt] = []
+    if isinstance(node.init, c_ast.DeclList):
+        for each in node.init.decls:
+            item(analyser, each, out)
+    elif node.init is not None:
+        out.append(ExprStmt(effect_of(analyser, node.init)))
+    condition = checked_condition(analyser, node.cond) if node.cond is not None else None
+    step = effect_of(analyser, node.next) if node.next is not None else None
+    loop = _loop(analyser, node, condition, step, False)
+    analyser.scopes.pop()
+    return Block([*out, loop])
+
+
+def _stmt_switch(analyser: Analyser, node: Any) -> Stmt:
+    value = promoted(analyser, expression(analyser, node.cond))
+    assert isinstance(value.type, IntType)
+    switch = Switch(value, [], None, Block([]), analyser.place(node))
+    analyser.body.switches.append((switch, promote(value.type, c2c=analyser.c2c)))
+    analyser.body.breakable += 1
+    if isinstance(node.stmt, c_ast.Compound):
+        switch.body = _stmt_compound(analyser, node.stmt)
+    else:
+        switch.body = nested(analyser, node.stmt)
+    analyser.body.breakable -= 1
+    analyser.body.switches.pop()
+    return switch
+
+
+def _stmt_case(analyser: Analyser, node: Any) -> Stmt:
+    if not analyser.body.switches:
+        raise analyser.fail("'case' outside a switch", node)
+    switch, kind = analyser.body.switches[-1]
+    value = kind.wrap(constant(analyser, node.expr, "a case"))
+    if any(value == known for known, _ in switch.cases):
+        raise analyser.fail(f"the case {value} is there twice", node)
+    label = CaseLabel(analyser.place(node))
+    switch.cases.append((value, label))
+    return _labelled(analyser, label, node.stmts)
+
+
+def _stmt_default(analyser: Analyser, node: Any) -> Stmt:
+    if not analyser.body.switches:
+        raise analyser.fail("'default' outside a switch", node)
+    switch, _ = analyser.body.switches[-1]
+    if switch.default is not None:
+        raise analyser.fail("'default' is there twice", node)
+    switch.default = CaseLabel(analyser.place(node))
+    return _labelled(analyser, switch.default, node.stmts)
+
+
+def _labelled(analyser: Analyser, label: CaseLabel | LabelStmt, nodes: list[Any]) -> Stmt:
+    block = Block([label])
+    items(analyser, nodes or [], block.body)
+    return block
+
+
+def _stmt_label(analyser: Analyser, node: Any) -> Stmt:
+    if node.name in analyser.body.labels:
+        raise analyser.fail(f"the label '{node.name}' is there twice", node)
+    analyser.body.labels[node.name] = analyser.place(node)
+    return _labelled(analyser, LabelStmt(node.name, analyser.place(node)), [node.stmt])
+
+
+def _stmt_break(analyser: Analyser, node: Any) -> Stmt:
+    if not analyser.body.breakable:
+        raise analyser.fail("'break' outside a loop or switch", node)
+    return Jump("break", "", analyser.place(node))
+
+
+def _stmt_continue(analyser: Analyser, node: Any) -> Stmt:
+    if not analyser.body.loops:
+        raise analyser.fail("'continue' outside a loop", node)
+    return Jump("continue", "", analyser.place(node))
+
+
+def _stmt_goto(analyser: Analyser, node: Any) -> Stmt:
+    analyser.body.gotos.append((node.name, node))
+    return Jump("goto", node.name, analyser.place(node))
+
+
+def _stmt_return(analyser: Analyser, node: Any) -> Stmt:
+    assert analyser.function is not None
+    result = analyser.function.result
+    place = analyser.place(node)
+    if node.expr is None:
+        if not isinstance(result, VoidType) and analyser.function.name != "main":
+            analyser.reporter.warn(f"'{analyser.function.name}' should return '{result}'", place)
+        return Return(None, place)
+    expr = expression(analyser, node.expr)
+    if isinstance(result, VoidType):
+        if isinstance(expr.type, VoidType):
+            return Return(expr, place)
+        raise analyser.fail(f"'{analyser.function.name}' returns void, not a value", node)
+    return Return(convert(analyser, expr, result, "the result"), place)
+
+
+def _stmt_pragma(analyser: Analyser, node: Any) -> Stmt:
+    return Block([])
+
+
+def _stmt_static_assert(analyser: Analyser, node: Any) -> Stmt:
+    static_assertion(analyser, node)
+    return Block([])
+
+
+def static_assertion(analyser: Analyser, node: Any) -> None:
+    """`_Static_assert`, in a function or outside."""
+    if not constant(analyser, node.cond, "a static assertion"):
+        raise analyser.fail("static assertion failed", node.cond)
+
+
+_STATEMENTS: dict[type, Callable[[Analyser, Any], Stmt]] = {
+    c_ast.Break: _stmt_break,
+    c_ast.Case: _stmt_case,
+    c_ast.Compound: _stmt_compound,
+    c_ast.Continue: _stmt_continue,
+    c_ast.DeclList: _stmt_decl_list,
+    c_ast.Default: _stmt_default,
+    c_ast.DoWhile: _stmt_do_while,
+    c_ast.EmptyStatement: _stmt_empty_statement,
+    c_ast.For: _stmt_for,
+    c_ast.Goto: _stmt_goto,
+    c_ast.If: _stmt_if,
+    c_ast.Label: _stmt_label,
+    c_ast.Pragma: _stmt_pragma,
+    c_ast.Return: _stmt_return,
+    c_ast.StaticAssert: _stmt_static_assert,
+    c_ast.Switch: _stmt_switch,
+    c_ast.While: _stmt_while,
+}

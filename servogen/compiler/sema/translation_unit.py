@@ -1,0 +1,157 @@
+"""The semantic analysis of a program: every file's declarations, then the bodies of its functions.
+
+In: preprocessed and rewritten files. Out: the `Analyser`, with the program's typed tree.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pycparser import c_ast
+
+from servogen.compiler.ast.nodes import FunctionDefinition
+from servogen.compiler.ast.types import FuncType
+from servogen.compiler.diagnostics import Fatal, Reporter
+from servogen.compiler.frontend.asm_blocks import AsmBlock
+from servogen.compiler.frontend.dialects import named_types
+from servogen.compiler.frontend.extensions import CONFIG_NAME, EEPROM_NAME, Rewritten
+from servogen.compiler.frontend.parser import parse
+from servogen.compiler.frontend.preprocessor import Preprocessed
+from servogen.compiler.frontend.settings import Settings
+from servogen.compiler.frontend.syntax_errors import place_of
+from servogen.compiler.sema.analyser import Analyser, Dispatch
+from servogen.compiler.sema.builtins import builtin, builtin_names
+from servogen.compiler.sema.declarations import declare, declare_function
+from servogen.compiler.sema.expressions import assignment, binary_op, cast_expression, ternary_op, unary_op
+from servogen.compiler.sema.lvalues import array_ref, func_call, struct_ref
+from servogen.compiler.sema.names import expression_list, identifier, literal
+from servogen.compiler.sema.scopes import Constant, Scopes
+from servogen.compiler.sema.statements import define_function, static_assertion
+from servogen.compiler.sema.type_names import declared_type
+from servogen.errors import Place
+from servogen.pic.device import CONFIG_ADDRESS, EEPROM_BYTES
+from servogen.pic.isa import WORD_MASK
+from servogen.units import Clock
+
+EEPROM_DATA_VALUES = 8
+"""What one `__EEPROM_DATA` holds (XC8 User's Guide, library functions)."""
+
+
+def begin_file(analyser: Analyser, rewritten: Rewritten) -> None:
+    """Start a new file: its own scope, the same program."""
+    analyser.scopes = Scopes(lower_case=True)
+    analyser.addresses = rewritten.addresses
+    analyser.interrupts = rewritten.interrupts
+
+
+def head(analyser: Analyser, unit: Any) -> FunctionDefinition:
+    """Declare the function that a definition defines."""
+    kind = declared_type(analyser, unit.decl.type)
+    if not isinstance(kind, FuncType):
+        raise analyser.fail(f"'{unit.decl.name}' is not a function but has a body", unit)
+    if unit.param_decls:
+        raise analyser.fail("parameters are declared inside the parentheses", unit.param_decls[0])
+    return declare_function(analyser, unit.decl, kind, define=True)
+
+
+def file_assembly(analyser: Analyser, rewritten: Rewritten, settings: Settings) -> None:
+    """Assembly outside functions: `__config` is understood."""
+    for number, place in rewritten.file_asm:
+        for line, text in analyser.asm_blocks[number].lines:
+            words = text.split(";")[0].split(None, 1)
+            where = Place(place.file, line)
+            if words and words[0].lower() == "__config" and len(words) > 1:
+                settings.asm_config(words[1], where)
+            elif words:
+                analyser.reporter.error("assembly outside functions can only be __config", where)
+
+
+def finish(analyser: Analyser, settings: Settings) -> None:
+    """What declarations said by their names: EEPROM data, configuration words."""
+    for symbol in [each for each in analyser.program.symbols if each.name.startswith(EEPROM_NAME)]:
+        analyser.program.symbols.remove(symbol)
+        if symbol.type.size != EEPROM_DATA_VALUES:
+            analyser.reporter.error(
+                f"__EEPROM_DATA takes {EEPROM_DATA_VALUES} values, not {symbol.type.size}",
+                symbol.place,
+                hint="fill the rest with 0",
+            )
+        for value in (symbol.initial or {}).values():
+            at = len(analyser.program.eeprom)
+            if at >= EEPROM_BYTES:
+                analyser.reporter.error(f"__EEPROM_DATA gives more than {EEPROM_BYTES} bytes", symbol.place)
+                break
+            analyser.program.eeprom[at] = value if isinstance(value, int) else 0
+    for name, meaning in analyser.scopes.stack[0].names.items():
+        if name.startswith(CONFIG_NAME) and isinstance(meaning, Constant):
+            settings.config_mask = (meaning.value & WORD_MASK, Place())
+    for symbol in analyser.program.symbols:
+        if symbol.address == CONFIG_ADDRESS:
+            low, high = ((symbol.initial or {}).get(offset, 0) for offset in (0, 1))
+            if isinstance(low, int) and isinstance(high, int):
+                settings.config_mask = ((high << 8 | low) & WORD_MASK, symbol.place)
+
+
+def analyse(
+    files: list[tuple[Preprocessed, Rewritten]],
+    dialect: str,
+    reporter: Reporter,
+    blocks: list[AsmBlock],
+    settings: Settings,
+    clock: Clock | None,
+) -> Analyser:
+    """Parse and check every file; heads first, so that functions may be called before they are written."""
+    analysis = Analyser(
+        dialect,
+        reporter,
+        _DISPATCH,
+        clock=clock,
+        serial_settings=settings.serial,
+        asm_blocks=blocks,
+    )
+    bodies: list[tuple[Any, Any, Any]] = []
+    for _, rewritten in files:
+        units = parse(rewritten.tokens, named_types(), reporter)
+        begin_file(analysis, rewritten)
+        for unit in units:
+            try:
+                if isinstance(unit, c_ast.FuncDef):
+                    bodies.append((head(analysis, unit), unit, analysis.scopes))
+                elif isinstance(unit, (c_ast.Decl, c_ast.Typedef)):
+                    declare(analysis, unit)
+                elif isinstance(unit, c_ast.StaticAssert):
+                    static_assertion(analysis, unit)
+            except RecursionError:
+                raise reporter.too_deep(place_of(unit.coord)) from None
+            except Fatal:
+                declared = unit.decl if isinstance(unit, c_ast.FuncDef) else unit
+                reporter.lost.update(filter(None, [getattr(declared, "name", None)]))
+        file_assembly(analysis, rewritten, settings)
+    for function, unit, scopes in bodies:
+        analysis.scopes = scopes
+        try:
+            define_function(analysis, function, unit)
+        except RecursionError:
+            raise reporter.too_deep(function.place) from None
+    finish(analysis, settings)
+    return analysis
+
+
+_DISPATCH = Dispatch(
+    expressions={
+        c_ast.Constant: literal,
+        c_ast.ID: identifier,
+        c_ast.ExprList: expression_list,
+        c_ast.ArrayRef: array_ref,
+        c_ast.StructRef: struct_ref,
+        c_ast.FuncCall: func_call,
+        c_ast.UnaryOp: unary_op,
+        c_ast.BinaryOp: binary_op,
+        c_ast.TernaryOp: ternary_op,
+        c_ast.Assignment: assignment,
+        c_ast.Cast: cast_expression,
+    },
+    declared_type=declared_type,
+    builtin=builtin,
+    builtin_names=builtin_names,
+)

@@ -1,0 +1,271 @@
+"""Semantic analysis of types: declarators, structures, enumerations.
+
+In: pycparser declarators. Out: types; tags and enumeration constants go into the scopes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from pycparser import c_ast
+
+from servogen.compiler.ast.types import (
+    BIT,
+    U8,
+    VOID,
+    ArrayType,
+    CType,
+    FuncType,
+    IntType,
+    Layout,
+    Member,
+    PointerType,
+    StructType,
+    VoidType,
+    qualified,
+    same,
+)
+from servogen.compiler.frontend.dialects import int_type
+from servogen.compiler.frontend.extensions import CONFIG_NAME
+from servogen.compiler.sema.analyser import Analyser
+from servogen.compiler.sema.names import constant
+from servogen.compiler.sema.scopes import Constant, TypeName
+from servogen.pic.device import PROGRAM_WORDS
+
+
+def declared_type(analyser: Analyser, node: Any) -> CType:
+    """The type of a declarator or type name."""
+    match node:
+        case c_ast.Typename() | c_ast.Decl() | c_ast.Typedef():
+            return declared_type(analyser, node.type)
+        case c_ast.TypeDecl():
+            base = specified(analyser, node.type, node)
+            return _qualified(analyser, base, node.quals or [])
+        case c_ast.PtrDecl():
+            target = declared_type(analyser, node.type)
+            if isinstance(target, FuncType):
+                raise analyser.fail("function pointers are not supported", node)
+            if isinstance(target, IntType) and target.is_bit:
+                raise analyser.fail("there are no pointers to bits", node)
+            return _qualified(analyser, PointerType(target), node.quals or [])
+        case c_ast.ArrayDecl():
+            return _array(analyser, node)
+        case c_ast.Struct() | c_ast.Union() | c_ast.Enum():
+            return specified(analyser, node, node)
+        case c_ast.FuncDecl():
+            return FuncType(declared_type(analyser, node.type), _parameters(analyser, node))
+    raise analyser.fail("this type is not supported", node)
+
+
+def _qualified(analyser: Analyser, kind: CType, quals: list[str]) -> CType:
+    return qualified(kind, const="const" in quals, volatile="volatile" in quals)
+
+
+def _array(analyser: Analyser, node: Any) -> CType:
+    element = declared_type(analyser, node.type)
+    if isinstance(element, IntType) and element.is_bit:
+        raise analyser.fail("there are no arrays of bits", node)
+    if isinstance(element, StructType) and element.layout.size is None:
+        raise analyser.fail(f"'{element}' is not defined", node)
+    if isinstance(element, VoidType) or (isinstance(element, ArrayType) and element.length is None):
+        raise analyser.fail(f"an array of '{element}' has no size", node)
+    if node.dim is None:
+        return ArrayType(element, None)
+    length = constant(analyser, node.dim, "the size of an array")
+    if length < 1:
+        raise analyser.fail(f"an array needs at least one element, not {length}", node)
+    return sized(analyser, ArrayType(element, length), node)
+
+
+def sized(analyser: Analyser, kind: ArrayType, node: Any) -> ArrayType:
+    """The same type, if any memory of the chip could hold it."""
+    if kind.size > PROGRAM_WORDS:
+        raise analyser.fail(f"an array of {kind.size} bytes is larger than the chip's memory", node)
+    return kind
+
+
+def specified(analyser: Analyser, node: Any, where: Any) -> CType:
+    match node:
+        case c_ast.IdentifierType(names=names):
+            return _named(analyser, tuple(names), node)
+        case c_ast.Struct() | c_ast.Union() | c_ast.Enum():
+            # declarators that share a specifier share its node: it is read once
+            if node not in analyser.types_read:
+                structure = not isinstance(node, c_ast.Enum)
+                analyser.types_read[node] = (
+                    StructType(_structure(analyser, node)) if structure else _enumeration(analyser, node)
+                )
+            return analyser.types_read[node]
+    raise analyser.fail("this type is not supported", where)
+
+
+def _named(analyser: Analyser, names: tuple[str, ...], node: Any) -> CType:
+    if names == ("void",):
+        return VOID
+    if any(name in ("float", "double") for name in names):
+        raise analyser.fail("this compiler has no floating point", node, hint="use scaled integers")
+    if names.count("long") > 1:
+        raise analyser.fail("64-bit integers are not supported", node, hint="the widest type is 32 bits")
+    found = int_type(names, analyser.dialect)
+    if found is not None:
+        return found
+    if len(names) == 1:
+        meaning = analyser.scopes.find(names[0])
+        if isinstance(meaning, TypeName):
+            return meaning.type
+        if names[0] in analyser.types:
+            return analyser.types[names[0]]
+    if len(names) == 2 and names[0] == "unsigned" and names[1] in ("bit", "__bit"):
+        return BIT
+    raise analyser.fail(f"'{' '.join(names)}' is not a type", node)
+
+
+def _structure(analyser: Analyser, node: Any) -> Layout:
+    union = isinstance(node, c_ast.Union)
+    tag = node.name or f"(unnamed {analyser.place(node).line})"
+    if node.decls is None:
+        found = analyser.scopes.tag(tag)
+        if isinstance(found, Layout):
+            return found
+        layout = Layout(tag, union)
+        analyser.scopes.here.tags[tag] = layout
+        return layout
+    # two without a name are two types, on one line too
+    tags = analyser.scopes.here.tags if node.name else {}
+    known = tags.get(tag)
+    layout = known if isinstance(known, Layout) and known.size is None else Layout(tag, union)
+    if known is layout or tag not in tags:
+        tags[tag] = layout
+    else:
+        raise analyser.fail(f"'{tag}' is defined twice", node)
+    _members(analyser, layout, node.decls)
+    return layout
+
+
+def _members(analyser: Analyser, layout: Layout, decls: list[Any]) -> None:
+    offset, bit, largest = 0, 0, 0
+    for decl in decls:
+        if not isinstance(decl, c_ast.Decl):
+            continue
+        kind = declared_type(analyser, decl.type)
+        width = (
+            constant(analyser, decl.bitsize, "the width of a bit-field") if decl.bitsize is not None else 0
+        )
+        is_field = decl.bitsize is not None
+        if isinstance(kind, IntType) and kind.is_bit and not is_field:
+            width, is_field = 1, True
+        if is_field:
+            if not isinstance(kind, IntType) or not 0 <= width <= 8:
+                # the structure is read to its end, so that its members are known
+                analyser.reporter.error(
+                    "a bit-field has 1 to 8 bits of an integer type", analyser.place(decl)
+                )
+                kind, width = U8, 8
+            if width == 0 or bit + width > 8:
+                offset, bit = offset + (bit > 0), 0
+            if width == 0:
+                continue
+            small = qualified(
+                analyser.types["int8_t"] if kind.signed else BIT if width == 1 else U8,
+                const=kind.const,
+                volatile=kind.volatile,
+            )
+            if decl.name is not None:
+                layout.members[decl.name] = Member(decl.name, small, offset, bit, width)
+                layout.parts.append(layout.members[decl.name])
+            bit += width
+            largest = max(largest, offset + 1)
+            if layout.union:
+                bit = 0
+            continue
+        if bit:
+            offset, bit = offset + 1, 0
+        if kind.size == 0 or isinstance(kind, (FuncType, VoidType)):
+            raise analyser.fail(f"a member cannot be of type '{kind}'", decl)
+        if decl.name is None and isinstance(kind, StructType):
+            for name, member in kind.layout.members.items():
+                layout.members[name] = replace(member, offset=offset + member.offset)
+            layout.parts.append(Member("", kind, offset))
+        elif decl.name is None:
+            continue  # `int;` declares nothing
+        elif decl.name in layout.members:
+            raise analyser.fail(f"the member '{decl.name}' is there twice", decl)
+        else:
+            layout.members[decl.name] = Member(decl.name, kind, offset)
+            layout.parts.append(layout.members[decl.name])
+        largest = max(largest, offset + kind.size)
+        if not layout.union:
+            offset += kind.size
+    if largest > PROGRAM_WORDS:
+        raise analyser.fail(f"a structure of {largest} bytes is larger than the chip's memory", decls[0])
+    layout.size = largest
+
+
+def _enumeration(analyser: Analyser, node: Any) -> CType:
+    if node.values is None:
+        found = analyser.scopes.tag(node.name)
+        if not isinstance(found, TypeName):
+            raise analyser.fail(f"'enum {node.name}' is not defined", node)
+        return found.type
+    value, values = -1, []
+    for each in node.values.enumerators:
+        analyser.reading_config = each.name.startswith(CONFIG_NAME)
+        value = (
+            constant(analyser, each.value, "an enumeration constant") if each.value is not None else value + 1
+        )
+        kind = (
+            analyser.int_type
+            if -32768 <= value <= 32767
+            else analyser.literal_type(value & 0xFFFFFFFF, "", False)
+        )
+        enter_name(analyser, each.name, Constant(value, kind), each)
+        values.append(value)
+        if not -32768 <= value <= 65535 or (value > 32767 and min(values) < 0):
+            raise analyser.fail(
+                f"the enumeration constant '{each.name}' is {value}",
+                each,
+                hint="an enumeration holds 0 to 65535 or -32768 to 32767",
+            )
+    analyser.reading_config = False
+    chosen: CType = U8
+    if not all(0 <= each <= 255 for each in values):
+        chosen = analyser.types["uint16_t"] if max(values) > 32767 else analyser.int_type
+    if node.name:
+        analyser.scopes.here.tags[node.name] = TypeName(chosen)
+    return chosen
+
+
+def enter_name(analyser: Analyser, name: str, meaning: Any, node: Any) -> None:
+    if name in analyser.scopes.here.names:
+        before = analyser.scopes.here.names[name]
+        if isinstance(before, TypeName) and isinstance(meaning, TypeName) and same(before.type, meaning.type):
+            return
+        where = getattr(before, "place", None)
+        raise analyser.fail(f"'{name}' is already declared", node, hint=f"at {where}" if where else None)
+    analyser.scopes.here.names[name] = meaning
+
+
+def _parameters(analyser: Analyser, node: Any) -> tuple[CType, ...] | None:
+    if node.args is None:
+        return None
+    params = node.args.params
+    unnamed = len(params) == 1 and isinstance(params[0], c_ast.Typename) and params[0].name is None
+    if unnamed and isinstance(declared_type(analyser, params[0]), VoidType):
+        return ()
+    found = []
+    for each in params:
+        if isinstance(each, c_ast.EllipsisParam):
+            raise analyser.fail("functions with '…' arguments are not supported", each)
+        if isinstance(each, c_ast.ID):
+            found.append(analyser.types["uint16_t"] if analyser.c2c else analyser.int_type)
+            continue
+        kind = declared_type(analyser, each)
+        if isinstance(kind, ArrayType):
+            kind = PointerType(kind.element)
+        if isinstance(kind, StructType) and kind.layout.size is None:
+            raise analyser.fail(f"'{kind}' is not defined", each)
+        if isinstance(kind, (VoidType, FuncType)):
+            raise analyser.fail(f"a parameter cannot be of type '{kind}'", each)
+        found.append(kind)
+    return tuple(found)

@@ -1,0 +1,723 @@
+"""Best-case and worst-case execution times, from the words of a program.
+
+In: program words and where its functions are. Out: `Times` of a function, from its first instruction to the
+end of its return; or the most cycles from one address to others. Costs are those of DS35007 table 7-2.
+
+Instructions are followed with the values that are known, so that a loop whose counter begins at a constant is
+gone through as often as it will be; where a value is not known, both edges of a skip are. That gives a graph
+of states, an address with what is known there. A cycle in it is a loop without a known bound; without cycles
+the times are its shortest and its longest path. Three things keep it small:
+
+- what no instruction will read any more is forgotten, so that paths meet again;
+- a loop that does nothing but count is one step (`_counted_loop`), so are the turns of a loop that are alike
+  but for its counter (`_Walk.turns`), and a piece of code that always takes the same time (`pieces`);
+- a function is explored once, with nothing known; again for the values of one call only if that has no bound.
+
+Interrupts are not counted. The bytes that an interrupt changes have to be given as `changing`.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from servogen.graph import components
+from servogen.graph import longest as longest_path
+from servogen.pic.device import RAM_FIRST, RAM_LAST
+from servogen.pic.known_values import (
+    CARRY,
+    FSR,
+    INDF,
+    STATUS,
+    ZERO,
+    Known,
+    Undefined,
+    W,
+    Word,
+    execute,
+    skipped,
+    word_of,
+)
+from servogen.pic.listing import ListedFunction
+from servogen.units import Cycles
+
+MAX_STATES = 200_000
+"""States between two addresses that are explored before the search is given up."""
+MAX_FUNCTION_STATES, MAX_PROGRAM_STATES = 2_000, 8_000
+"""The same for one function of a program, and for all its functions: it bounds a compiler's own time."""
+ERASED = 0x3FFF
+_PASSES = 0x1000
+"""Places from here on count how often an address was passed, for loops whose bound is given."""
+_MAX_TURN = 400
+"""Steps of one turn of a loop that are looked at."""
+_ALL_PLACES = (1 << RAM_LAST + 1) - 1
+_BITS = {W: RAM_LAST + 1, CARRY: RAM_LAST + 2, ZERO: RAM_LAST + 3}
+
+
+@dataclass(frozen=True, slots=True)
+class Unbounded:
+    """Why a time has no upper bound: a "loop", a "call", a "computed jump", "sleep", or "too many states"."""
+
+    kind: str
+    addresses: tuple[int, ...]
+    """The words of the loop, or the one that calls, jumps or sleeps."""
+
+
+@dataclass(frozen=True, slots=True)
+class Times:
+    """Times of a function; `shortest` is None where it never returns, `longest` where there is no bound."""
+
+    shortest: Cycles | None
+    longest: Cycles | None
+    unbounded: tuple[Unbounded, ...] = ()
+
+
+_State = tuple[int, int, tuple[int, ...], tuple[tuple[int, int], ...]]
+"""An address, the function that it belongs to, the return addresses, the known values."""
+_Edge = tuple[int, int | None, _State | None]
+"""(least cycles, most cycles, next state or None for the end)."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Piece:
+    """Code that always takes the same time from its beginning to `end`."""
+
+    cycles: int
+    end: int
+    changes: frozenset[int]
+
+
+class _NoBound(Exception):
+    """Something whose time is not known."""
+
+    def __init__(self, kind: str, at: int) -> None:
+        super().__init__(kind)
+        self.why = Unbounded(kind, (at,))
+
+
+class Program:
+    """The words of a program, and what its functions take.
+
+    `bounds` gives, for addresses inside loops, how often one call can pass them. `pieces` are (start, end)
+    of code that is worth exploring once by itself, as delays are.
+    """
+
+    def __init__(
+        self,
+        words: Mapping[int, int],
+        functions: Iterable[ListedFunction],
+        *,
+        changing: Collection[int] = (),
+        bounds: Mapping[int, int] | None = None,
+        pieces: Iterable[tuple[int, int]] = (),
+    ) -> None:
+        self._words = words
+        self.functions = {each.start: each for each in functions}
+        self.changing = frozenset(changing)
+        self.bounds = bounds or {}
+        self._pieces = dict(pieces)
+        self._piece_times: dict[int, _Piece | None] = {}
+        self._times: dict[tuple[int, tuple[tuple[int, int], ...]], Times] = {}
+        self._reached: dict[int, frozenset[int]] = {}
+        self._changes: dict[int, frozenset[int]] = {}
+        self._read: dict[int, int] = {}
+        self._heads: set[int] | None = None
+        self._states_left = MAX_PROGRAM_STATES
+
+    def word(self, at: int) -> Word:
+        return word_of(self._words.get(at, ERASED))
+
+    @cached_property
+    def home(self) -> Mapping[int, int]:
+        """The first address of the function that each address is in."""
+        return {at: each.start for each in self.functions.values() for at in range(each.start, each.end)}
+
+    # what is asked
+
+    def times(self, start: int) -> Times:
+        """The times of the function at `start`, whatever it is called with."""
+        return self._times_from(start, ())
+
+    def times_with_arguments(self, start: int) -> Times:
+        """The times over all its calls, where they are bounded only by the values that these bring along."""
+        alone = self.times(start)
+        calls = [times for (at, known), times in self._times.items() if at == start and known]
+        if alone.longest is not None or not calls or any(each.longest is None for each in calls):
+            return alone
+        shortest = [each.shortest for each in calls if each.shortest is not None]
+        longest = [each.longest for each in calls if each.longest is not None]
+        return Times(min(shortest, default=None), max(longest))
+
+    def longest(self, start: int, ends: Collection[int], without: Collection[int] = ()) -> Cycles | None:
+        """The most cycles from `start` to the first of `ends`; paths through `without` do not count.
+
+        None where a loop has no known bound, no path leads to an end, or a computed jump leads anywhere but
+        into a table of RETLW. A return from the function that `start` is in goes to each of its callers.
+        """
+        try:
+            walk = _Walk(self, frozenset(ends), frozenset(without), MAX_STATES, returns_to_callers=True)
+            walk.explore((start, self._home_of(start), (), ()))
+        except (_NoBound, Undefined):
+            return None
+        return None if walk.unbounded or not walk.complete else walk.longest()
+
+    # what the walks ask
+
+    def _home_of(self, at: int) -> int:
+        if at not in self.home:
+            raise _NoBound("computed jump", at)
+        return self.home[at]
+
+    def _times_from(self, start: int, known: tuple[tuple[int, int], ...]) -> Times:
+        key = (start, known)
+        if key not in self._times:
+            self._times[key] = Times(None, None, (Unbounded("call", (start,)),))  # one that calls itself
+            self._times[key] = self._explored(start, known)
+        return self._times[key]
+
+    def _explored(self, start: int, known: tuple[tuple[int, int], ...]) -> Times:
+        counters = self._counters(start)
+        for tracked in (None, counters):
+            limit = min(MAX_FUNCTION_STATES, self._states_left)
+            walk = _Walk(self, frozenset(), frozenset(), limit, tracked=tracked)
+            try:
+                walk.explore((start, start, (), known))
+            except Undefined:
+                return Times(None, None, (Unbounded("computed jump", (start,)),))
+            self._states_left -= len(walk.edges)
+            if walk.complete:
+                return walk.times()
+        return walk.times()
+
+    def call(self, target: int, known: Known) -> Times:
+        """The times of a function as it is called with these values."""
+        times = self.times(target)
+        if times.longest is None:
+            read = self.live.get(target, -1) & self._reads(target)
+            brought = tuple(sorted((place, known[place]) for place in known if read & _bit(place)))
+            if brought:
+                return self._times_from(target, brought)
+        return times
+
+    def piece(self, at: int) -> _Piece | None:
+        """The piece of code that begins at an address, where its time is always the same."""
+        if at not in self._pieces:
+            return None
+        if at not in self._piece_times:
+            self._piece_times[at] = None  # while it is explored it is not one step
+            self._piece_times[at] = self._explored_piece(at, self._pieces[at])
+        return self._piece_times[at]
+
+    def _explored_piece(self, start: int, end: int) -> _Piece | None:
+        walk = _Walk(self, frozenset({end}), frozenset(), MAX_FUNCTION_STATES)
+        walk.explore((start, start, (), ()))
+        times = walk.times()
+        if not walk.complete or times.longest is None or times.shortest != times.longest:
+            return None
+        words = [self.word(at) for at in range(start, end)]
+        changed = {W, CARRY, ZERO}.union(*(self.changes(each.k) for each in words if each.flow == "call"))
+        fs = {each.f for each in words if each.writes_f}
+        return None if INDF in fs else _Piece(times.longest, end, frozenset(changed | fs))
+
+    def reached(self, start: int) -> frozenset[int]:
+        """The addresses that a call of `start` may execute, without the RETLW of tables."""
+        if start not in self._reached:
+            found: set[int] = set()
+            waiting = [start]
+            while waiting:
+                at = waiting.pop()
+                if at not in found and at in self._words:
+                    found.add(at)
+                    waiting += [
+                        *self._followers(at),
+                        *([self.word(at).k] if self.word(at).flow == "call" else []),
+                    ]
+            self._reached[start] = frozenset(found)
+        return self._reached[start]
+
+    def _followers(self, at: int) -> list[int]:
+        """Where execution continues inside a function."""
+        word = self.word(at)
+        if word.flow == "jump":
+            return [word.k]
+        if word.flow == "return" or word.writes_pcl:
+            return []
+        return [at + 1, at + 2] if word.flow == "skip" else [at + 1]
+
+    def changes(self, start: int) -> frozenset[int]:
+        """The places that a call of `start` may change; through INDF it may be any."""
+        if start not in self._changes:
+            fs = {word.f for word in map(self.word, self.reached(start)) if word.writes_f}
+            every = range(RAM_FIRST, RAM_LAST + 1) if INDF in fs else fs
+            self._changes[start] = frozenset({W, CARRY, ZERO, FSR, *every})
+        return self._changes[start]
+
+    def _reads(self, start: int) -> int:
+        """The places that a call of `start` may read, as a bit set."""
+        if start not in self._read:
+            found = 0
+            for at in self.reached(start):
+                found |= _uses_and_kills(self.word(at))[0]
+            self._read[start] = found
+        return self._read[start]
+
+    def _counters(self, start: int) -> frozenset[int]:
+        """The bytes that the function at `start` counts in, W, FSR and the flags."""
+        words = [self.word(at) for at in self.reached(start)]
+        counts = {each.f for each in words if each.name in ("DECFSZ", "INCFSZ", "DECF", "INCF")}
+        return frozenset({W, CARRY, ZERO, FSR, *counts})
+
+    @property
+    def heads(self) -> set[int]:
+        """Addresses that are reached other than from the instruction before them: states are kept there."""
+        if self._heads is None:
+            self._heads = set(self.functions) | set(self.bounds)
+            for at in self._words:
+                try:
+                    word = self.word(at)
+                except Undefined:
+                    continue
+                if word.flow in ("jump", "call"):
+                    self._heads |= {word.k, at + 1}
+        return self._heads
+
+    def callers(self, home: int, seen: set[int]) -> Iterator[int]:
+        """Where a return from the function at `home` may lead; a function that jumps to it returns for it."""
+        if home in seen:
+            return
+        seen.add(home)
+        for at in self._words:
+            word = self.word(at)
+            if word.flow == "call" and word.k == home:
+                yield at + 1
+            elif word.flow == "jump" and word.k == home and self._home_of(at) != home:
+                yield from self.callers(self._home_of(at), seen)
+
+    def check_table(self, at: int) -> None:
+        """A computed jump at `at` goes to a RETLW: nothing else may follow it, up to the function's end."""
+        start = self._home_of(at)
+        end = self.functions[start].end
+        if any(self.word(after).name != "RETLW" for after in range(at + 1, end)):
+            raise _NoBound("computed jump", at)
+
+    @cached_property
+    def live(self) -> Mapping[int, int]:
+        """For each address, the places that some instruction may still read, as a bit set.
+
+        It only decides what is worth remembering, so that paths meet: forgetting too much costs precision,
+        never soundness. A return leads back to every caller of any function.
+        """
+        at_return = 0
+        live: dict[int, int] = dict.fromkeys(self._words, 0)
+        order = sorted(self._words, reverse=True)
+        changed = True
+        while changed:
+            changed = False
+            returned = at_return
+            for at in order:
+                try:
+                    word = self.word(at)
+                except Undefined:
+                    continue
+                if word.flow == "call":
+                    after = live.get(word.k, 0)
+                    at_return |= live.get(at + 1, 0)
+                elif word.flow == "return" or word.writes_pcl:
+                    after = at_return if word.name != "RETFIE" else 0
+                else:
+                    after = 0
+                    for follower in self._followers(at):
+                        after |= live.get(follower, 0)
+                uses, kills = _uses_and_kills(word)
+                before = uses | after & ~kills
+                if before != live[at]:
+                    live[at] = before
+                    changed = True
+            changed |= returned != at_return
+        return live
+
+
+def _bit(place: int) -> int:
+    return 1 << (_BITS.get(place, place) if place < _PASSES else _BITS[ZERO] + 1)
+
+
+def _is_live(place: int, live: int) -> bool:
+    return place >= _PASSES or bool(live & _bit(place))
+
+
+def _uses_and_kills(word: Word) -> tuple[int, int]:
+    """What an instruction reads, and what it overwrites entirely, as bit sets."""
+    uses = kills = 0
+    if "W" in word.reads:
+        uses |= _bit(W)
+    if "C" in word.reads:
+        uses |= _bit(CARRY)
+    if word.writes_w:
+        kills |= _bit(W)
+    if "C" in word.flags:
+        kills |= _bit(CARRY)
+    if "Z" in word.flags:
+        kills |= _bit(ZERO)
+    if word.has_f:
+        reads = "f" in word.reads
+        if word.f == INDF:
+            uses |= _bit(FSR) | (_ALL_PLACES if reads else 0)
+        elif word.f == STATUS and reads:
+            uses |= _bit(CARRY) | _bit(ZERO)
+        elif word.f == FSR or RAM_FIRST <= word.f <= RAM_LAST:
+            uses |= _bit(word.f) if reads else 0
+            kills |= 0 if reads else _bit(word.f)
+    return uses, kills
+
+
+@dataclass(slots=True)
+class _Walk:
+    """The graph of states from one start."""
+
+    program: Program
+    ends: frozenset[int]
+    without: frozenset[int]
+    limit: int
+    returns_to_callers: bool = False
+    tracked: frozenset[int] | None = None
+    """The places that are followed; None: all."""
+    edges: dict[_State, list[_Edge]] = field(default_factory=dict)
+    complete: bool = True
+    reasons: dict[Unbounded, None] = field(default_factory=dict)
+    start: _State | None = None
+    uneven: set[int] = field(default_factory=set)
+    """Heads of loops whose turns are not alike."""
+
+    def explore(self, start: _State) -> None:
+        """Follow every path from a state to the ends."""
+        self.start = start
+        waiting = [start]
+        while waiting:
+            state = waiting.pop()
+            if state in self.edges:
+                continue
+            if len(self.edges) >= self.limit:
+                self.complete = False
+                return
+            self.edges[state] = self.turns(state) or list(self._run(state))
+            waiting += [after for _, _, after in self.edges[state] if after is not None]
+
+    # answers
+
+    def times(self) -> Times:
+        shortest = self._shortest()
+        if not self.complete:
+            assert self.start is not None
+            often = Counter(at for at, *_ in self.edges)
+            at = max(often, key=lambda each: often[each], default=self.start[0])
+            return Times(shortest, None, (Unbounded("too many states", (at,)),))
+        unbounded = self.unbounded
+        if unbounded or shortest is None:
+            return Times(shortest, None, unbounded)
+        return Times(shortest, self.longest())
+
+    @property
+    def unbounded(self) -> tuple[Unbounded, ...]:
+        """Everything that has no bound: calls and jumps as they were met, then loops, outer ones first."""
+        graph = {
+            state: [after for _, _, after in ways if after is not None] for state, ways in self.edges.items()
+        }
+        returns = self._shortest() is not None
+        loops = dict.fromkeys(Unbounded("loop", part) for part in self._loops(graph, returns=returns))
+        return tuple({**self.reasons, **loops})
+
+    def _loops(self, graph: Mapping[_State, list[_State]], *, returns: bool) -> Iterator[tuple[int, ...]]:
+        """The addresses of each loop, then of those that are left inside it without its first address.
+
+        Where the function never returns, a jump to itself is its end.
+        """
+        for part in components(graph):
+            if not returns and len(part) == 1 and self._stands_still(part[0][0]):
+                continue
+            addresses = tuple(sorted({state[0] for state in part}))
+            yield addresses
+            inside = {state for state in part if state[0] != addresses[0]}
+            yield from self._loops(
+                {state: [each for each in graph[state] if each in inside] for state in inside},
+                returns=returns,
+            )
+
+    def _stands_still(self, at: int) -> bool:
+        word = self.program.word(at)
+        return word.flow == "jump" and word.k == at
+
+    def longest(self) -> Cycles | None:
+        assert self.start is not None
+        found = longest_path(self.start, self.edges)
+        return None if found is None else Cycles(found)
+
+    def _shortest(self) -> Cycles | None:
+        """Dijkstra's algorithm."""
+        assert self.start is not None
+        best = {self.start: 0}
+        heap: list[tuple[int, int, _State]] = [(0, 0, self.start)]
+        end: int | None = None
+        count = 0
+        while heap:
+            cost, _, state = heapq.heappop(heap)
+            if cost > best[state] or (end is not None and cost >= end):
+                continue
+            for least, _, after in self.edges.get(state, ()):
+                if after is None or after not in self.edges:  # the search was given up: at least so long
+                    end = cost + least if end is None else min(end, cost + least)
+                elif cost + least < best.get(after, cost + least + 1):
+                    best[after] = cost + least
+                    count += 1
+                    heapq.heappush(heap, (cost + least, count, after))
+        return None if end is None else Cycles(end)
+
+    # states
+
+    def turns(self, state: _State) -> list[_Edge]:
+        """All turns of a loop but the last in one step, where they differ in nothing but the counter.
+
+        One turn is gone through. It has to be the only path; nothing else that is known may have changed;
+        and on it the counter is only touched by one DECFSZ or DECF, which tell nothing of the result but
+        whether it is 0. Then each turn down to the counter's last is the same path with the same cycles.
+        Empty where that is not so.
+        """
+        at = state[0]
+        if at in self.uneven or at not in self.program.heads:
+            return []
+        self.uneven.add(at)
+        cycles = 0
+        here: _State | None = state
+        touched: Counter[int] = Counter()
+        counted: set[int] = set()
+        for _ in range(_MAX_TURN):
+            assert here is not None
+            word = self.program.word(here[0])
+            if word.flow == "return" or word.f == INDF or here[0] in self.program.bounds:
+                return []
+            if word.flow == "call":
+                touched.update(self.program.changes(word.k))
+            if word.has_f:
+                touched[word.f] += 1
+                if word.name in ("DECFSZ", "DECF") and word.d:
+                    counted.add(word.f)
+            ways = list(self._steps(here))
+            if len(ways) != 1 or ways[0][0] != ways[0][1] or ways[0][2] is None:
+                return []
+            cycles += ways[0][0]
+            here = ways[0][2]
+            if here[0] == at:
+                break
+        else:
+            return []
+        known, after = dict(state[3]), dict(self._kept(here)[3])  # type: ignore[index]
+        changed = {place for place in known.keys() | after.keys() if known.get(place) != after.get(place)}
+        counter = next(iter(changed)) if len(changed) == 1 else None
+        if counter not in counted or touched[counter] != 1 or counter not in known or counter not in after:
+            return []
+        self.uneven.discard(at)
+        turns = (known[counter] - 1) & 0xFF
+        if not turns or not after[counter]:
+            return []
+        last = _frozen(known | {counter: 1})
+        return [(turns * cycles, turns * cycles, (at, state[1], state[2], last))]
+
+    def _run(self, state: _State) -> Iterator[_Edge]:
+        """From a state along the only path, up to where paths part or meet."""
+        least, most = 0, 0
+        unknown = False
+        while True:
+            ways = [self._within(state, way) for way in self._steps(state)]
+            if len(ways) == 1:
+                fewest, slowest, after = ways[0]
+                least += fewest
+                most += slowest or 0
+                unknown |= slowest is None
+                if after is None or after[0] in self.program.heads:
+                    yield least, None if unknown else most, self._kept(after)
+                    return
+                state = after
+                continue
+            for fewest, slowest, after in ways:
+                longest = None if unknown or slowest is None else most + slowest
+                yield least + fewest, longest, self._kept(after)
+            return
+
+    def _within(self, before: _State, way: _Edge) -> _Edge:
+        """Code that runs on into another function ends there: the start-up in front of main."""
+        least, most, after = way
+        if after is None or self.returns_to_callers or after[0] not in self.program.functions:
+            return way
+        runs_on = after[0] in (before[0] + 1, before[0] + 2) and after[0] != before[1]
+        return (least, most, None) if runs_on else way
+
+    def _kept(self, state: _State | None) -> _State | None:
+        """A state without what need not be remembered."""
+        if state is None:
+            return None
+        at, home, stack, known = state
+        live = self.program.live.get(at, 0)
+        kept = tuple(
+            each
+            for each in known
+            if _is_live(each[0], live)
+            and (self.tracked is None or each[0] in self.tracked or each[0] >= _PASSES)
+        )
+        return at, home, stack, kept
+
+    def _steps(self, state: _State) -> Iterator[_Edge]:
+        """What one instruction, or one loop that only counts, leads to."""
+        at, home, stack, before = state
+        if at in self.ends and state != self.start:
+            yield 0, 0, None
+            return
+        if at in self.without:
+            return
+        known = dict(before)
+        if not self._passed(at, known):
+            return
+        piece = self.program.piece(at)
+        if piece is not None and not self.ends & set(range(at + 1, piece.end)):
+            kept = {place: value for place, value in known.items() if place not in piece.changes}
+            yield piece.cycles, piece.cycles, (piece.end, home, stack, _frozen(kept))
+            return
+        word = self.program.word(at)
+        counted = _counted_loop(self.program, at, word, known)
+        if counted is not None:
+            cycles, after = counted
+            yield cycles, cycles, (after, home, stack, _frozen(known))
+        elif word.flow == "jump":
+            yield from self._jump(at, word, state, known)
+        elif word.flow == "call":
+            yield from self._call(at, word, state, known)
+        elif word.flow == "return":
+            if word.name == "RETLW":
+                known[W] = word.k
+            yield from self._return(2, at, state, known)
+        elif word.writes_pcl:
+            yield from self._computed_jump(at, state, known)
+        elif word.name == "SLEEP":
+            yield from self._no_bound("sleep", at)
+        elif word.flow == "skip":
+            taken = skipped(word, known, self.program.changing)
+            after_known = _frozen(known)
+            if taken is not True:
+                yield 1, 1, (at + 1, home, stack, after_known)
+            if taken is not False:
+                yield 2, 2, (at + 2, home, stack, after_known)
+        else:
+            execute(word, known, self.program.changing)
+            yield 1, 1, (at + 1, home, stack, _frozen(known))
+
+    def _jump(self, at: int, word: Word, state: _State, known: Known) -> Iterator[_Edge]:
+        """Inside the function, or to another one, which returns for it."""
+        _, home, stack, _ = state
+        elsewhere = word.k in self.program.functions and word.k != home
+        if self.returns_to_callers:
+            yield 2, 2, (word.k, self._home(word.k, home), stack, _frozen(known))
+        elif not elsewhere:
+            yield 2, 2, (word.k, home, stack, _frozen(known))
+        else:
+            times = self._call_times(at, word, known)
+            if times.shortest is not None:
+                most = None if times.longest is None else 2 + times.longest
+                yield 2 + times.shortest, most, None
+
+    def _home(self, at: int, home: int) -> int:
+        return self.program.home.get(at, home)
+
+    def _passed(self, at: int, known: Known) -> bool:
+        """Whether an address may be passed once more."""
+        bound = self.program.bounds.get(at)
+        if bound is None:
+            return True
+        known[_PASSES + at] = known.get(_PASSES + at, 0) + 1
+        return known[_PASSES + at] <= bound
+
+    def _no_bound(self, kind: str, at: int) -> Iterator[_Edge]:
+        if self.returns_to_callers:
+            raise _NoBound(kind, at)
+        self.reasons[Unbounded(kind, (at,))] = None
+        yield 2, None, None
+
+    def _call(self, at: int, word: Word, state: _State, known: Known) -> Iterator[_Edge]:
+        _, home, stack, _ = state
+        if self.program.reached(word.k) & (self.ends | self.without):
+            yield 2, 2, (word.k, word.k, (*stack, at + 1), _frozen(known))
+            return
+        times = self._call_times(at, word, known)
+        if times.shortest is None:
+            return  # it never comes back
+        changed = self.program.changes(word.k)
+        kept = {place: value for place, value in known.items() if place not in changed}
+        most = None if times.longest is None else 2 + times.longest
+        yield 2 + times.shortest, most, (at + 1, home, stack, _frozen(kept))
+
+    def _call_times(self, at: int, word: Word, known: Known) -> Times:
+        """The times of the function that is entered at `at`."""
+        times = self.program.call(word.k, known)
+        if times.longest is None:
+            if self.returns_to_callers:
+                raise _NoBound("call", at)
+            self.reasons[Unbounded("call", (at,))] = None
+        return times
+
+    def _computed_jump(self, at: int, state: _State, known: Known) -> Iterator[_Edge]:
+        """Into a table: the jump takes two cycles, the RETLW behind it two."""
+        try:
+            self.program.check_table(at)
+        except _NoBound:
+            yield from self._no_bound("computed jump", at)
+            return
+        known.pop(W, None)
+        yield from self._return(2 + 2, at, state, known)
+
+    def _return(self, cycles: int, at: int, state: _State, known: Known) -> Iterator[_Edge]:
+        _, home, stack, _ = state
+        after = _frozen(known)
+        if stack:
+            yield cycles, cycles, (stack[-1], self._home(stack[-1], home), stack[:-1], after)
+        elif not self.returns_to_callers:
+            yield cycles, cycles, None
+        elif self.program.word(at).name == "RETFIE":
+            raise _NoBound("computed jump", at)
+        else:
+            for back in self.program.callers(home, set()):
+                yield cycles, cycles, (back, self.program._home_of(back), (), after)
+
+
+def _counted_loop(program: Program, at: int, word: Word, known: Known) -> tuple[int, int] | None:
+    """The cycles of a loop that only counts, and the address behind it. Changes what is known.
+
+    loop DECFSZ f,F     loop DECF f,F           loop ADDLW 0xFF
+         GOTO loop           BTFSS STATUS,Z          BTFSS STATUS,Z
+                             GOTO loop               GOTO loop
+    """
+    if word.name == "DECFSZ" and word.d and word.f in known and _is_goto(program, at + 1, at):
+        turns = known[word.f] or 256
+        known[word.f] = 0
+        return 3 * (turns - 1) + 2, at + 2
+    place = (
+        word.f if word.name == "DECF" and word.d else W if word.name == "ADDLW" and word.k == 0xFF else None
+    )
+    if place is None or place not in known or not _is_goto(program, at + 2, at):
+        return None
+    test = program.word(at + 1)
+    if (test.name, test.f, test.b) != ("BTFSS", STATUS, 2):
+        return None
+    turns = known[place] or 256
+    known[place], known[ZERO] = 0, 1
+    if place == W:
+        known[CARRY] = 1  # the last addition is 1 + 0xFF
+    return 4 * (turns - 1) + 3, at + 3
+
+
+def _is_goto(program: Program, at: int, target: int) -> bool:
+    word = program.word(at)
+    return word.name == "GOTO" and word.k == target
+
+
+def _frozen(known: Known) -> tuple[tuple[int, int], ...]:
+    return tuple(sorted(known.items()))

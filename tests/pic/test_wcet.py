@@ -1,0 +1,138 @@
+"""The longest way through a program: loops with counters, tables, calls, branches, and what has no bound."""
+
+import random
+
+import pytest
+
+from servogen.pic.assembler import Assembly, assemble
+from servogen.pic.listing import ListedFunction
+from servogen.pic.wcet import Program
+from servogen.simulator import Machine
+from servogen.units import Clock
+
+ARITHMETIC = ("addwf", "subwf", "xorwf", "andwf", "rlf", "rrf", "incf", "comf", "swapf", "movf")
+
+
+def code(text: str) -> Assembly:
+    return assemble(f'    list p=16f84, r=dec\n    include "p16f84.inc"\n    org 0\n{text}\n    end\n')
+
+
+def most(text: str, start: str = "start", end: str = "done", without: str | None = None) -> int | None:
+    """The longest way between two labels; functions begin at labels that begin with "f_"."""
+    made = code(text)
+    labels = dict(made.labels)
+    starts = sorted(at for name, at in labels.items() if name.startswith("f_") or name == "main")
+    ends = [*starts[1:], max(made.image.program) + 1]
+    names = {at: name for name, at in labels.items()}
+    functions = [ListedFunction(names[a], a, b) for a, b in zip(starts, ends, strict=True)]
+    return Program(made.image.program, functions).longest(
+        labels[start],
+        {labels[end]},
+        {labels[without]} if without else (),
+    )
+
+
+def test_straight_code_costs_what_the_data_sheet_says() -> None:
+    assert most("main\nstart\n nop\n movlw 3\n goto next\nnext\ndone\n nop") == 1 + 1 + 2
+
+
+def test_the_longer_of_two_ways_counts_where_the_value_is_not_known() -> None:
+    text = "main\nstart\n btfss PORTB, 0\n goto far\n goto done\nfar\n nop\n nop\n nop\ndone\n nop"
+    assert most(text) == 1 + 2 + 3
+    known = text.replace("start\n btfss PORTB, 0", "start\n movlw 1\n movwf 0x20\n btfss 0x20, 0")
+    assert most(known) == 1 + 1 + 2 + 2
+
+
+def test_a_loop_whose_counter_is_known_is_gone_through_that_often() -> None:
+    text = "main\nstart\n movlw 5\n movwf 0x20\nagain\n decfsz 0x20, f\n goto again\ndone\n nop"
+    assert most(text) == 2 + 4 * 3 + 2
+
+
+def test_a_loop_whose_counter_comes_from_outside_has_no_bound() -> None:
+    text = "main\nstart\n movf PORTB, w\n movwf 0x20\nagain\n decfsz 0x20, f\n goto again\ndone\n nop"
+    assert most(text) is None
+
+
+def test_writing_through_an_unknown_pointer_may_change_the_counter() -> None:
+    text = "main\nstart\n movlw 5\n movwf 0x20\n{}again\n decfsz 0x20, f\n goto again\ndone\n nop"
+    assert most(text.format(" clrf INDF\n")) is None
+    assert most(text.format(" movlw 0x30\n movwf FSR\n clrf INDF\n")) == 2 + 3 + 4 * 3 + 2
+
+
+def test_a_call_costs_its_body_and_a_return_beyond_the_start_goes_to_every_caller() -> None:
+    text = (
+        "main\n call f_one\n nop\n nop\n nop\ndone\n nop\n goto main\n"
+        "f_one\nstart\n nop\n call f_two\n return\nf_two\n nop\n return\n"
+    )
+    assert most(text) == 1 + (2 + 1 + 2) + 2 + 3
+    twice = text.replace(" nop\n goto main", " call f_one\n goto done")
+    assert most(twice) == 1 + (2 + 1 + 2) + 2 + 3  # the other way back is shorter: 2
+
+
+def test_a_loop_around_a_call_is_counted_unless_the_call_changes_its_counter() -> None:
+    text = (
+        "main\nstart\n movlw 5\n movwf 0x20\nagain\n call f_one\n decfsz 0x20, f\n goto again\n"
+        "done\n nop\n goto done\n"
+        "f_one\n btfsc PORTB, 0\n {}\n return\n"
+    )
+    body = 2 + 1 + 1 + 2
+    assert most(text.format("clrf 0x21")) == 2 + 5 * body + 4 * 3 + 2
+    for changes in ("incf 0x20, f", "clrf INDF"):
+        assert most(text.format(changes)) is None
+    nested = text.format("call f_two") + "f_two\n incf 0x20, f\n return\n"
+    assert most(nested) is None
+
+
+def test_a_function_whose_time_is_its_argument_is_gone_through_each_time() -> None:
+    text = (
+        "main\nstart\n movlw 3\n movwf 0x20\n call f_wait\n movlw 7\n movwf 0x20\n call f_wait\n"
+        "done\n nop\n goto done\n"
+        "f_wait\n decfsz 0x20, f\n goto f_wait\n return\n"
+    )
+    assert most(text) == sum(2 + 2 + 3 * (turns - 1) + 2 + 2 for turns in (3, 7))
+
+
+def test_a_table_costs_its_jump_and_its_return() -> None:
+    table = "f_table\n addwf PCL, f\n retlw 1\n retlw 2\n"
+    assert most(f"main\nstart\n movf PORTB, w\n call f_table\ndone\n nop\n{table}") == 1 + 2 + 2 + 2
+    other = table.replace("retlw 2", "goto f_table")
+    assert most(f"main\nstart\n movf PORTB, w\n call f_table\ndone\n nop\n{other}") is None
+
+
+def test_ways_through_a_forbidden_address_do_not_count() -> None:
+    text = "main\nstart\n btfss PORTB, 0\n goto far\n goto done\nfar\n nop\n nop\n nop\ndone\n nop"
+    assert most(text, without="far") == 2 + 2
+    assert most("main\nstart\n goto far\nfar\n nop\ndone\n nop", without="far") is None
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_no_run_takes_longer_and_with_all_known_every_run_takes_as_long(seed: int) -> None:
+    """Random programs of arithmetic on known bytes, with skips and counted loops, against the simulator."""
+    dice = random.Random(seed)
+    lines = ["main", " bsf STATUS, RP0", " clrf TRISB", " bcf STATUS, RP0"]
+    lines += [f" movlw {dice.randrange(256)}\n movwf 0x{at:02X}" for at in range(0x20, 0x26)]
+    lines += [" bcf STATUS, C", " bcf STATUS, Z", "start", " movlw 0"]
+    for number in range(12):
+        f = f"0x{dice.randrange(0x20, 0x26):02X}"
+        lines.append(f" {dice.choice(ARITHMETIC)} {f}, {dice.choice('wf')}")
+        lines.append(
+            f" {dice.choice(['btfsc', 'btfss'])} {dice.choice([f'{f}, 3', 'STATUS, C', 'STATUS, Z'])}"
+        )
+        lines.append(f" goto way_{number}")
+        lines.append(
+            f" movlw {dice.randrange(1, 9)}\n movwf 0x30\nturn_{number}\n decfsz 0x30, f\n goto turn_{number}"
+        )
+        lines.append(f"way_{number}")
+        lines.append(f" addlw {dice.randrange(256)}")
+    text = "\n".join([*lines, "done", " nop", " goto done"])
+    made, clock = code(text), Clock(4_000_000)
+    labels = dict(made.labels)
+    machine = Machine(made.image, clock)
+    machine.run_until(pc=labels["start"], limit=1000)
+    begun = machine.cycles
+    machine.run_until(pc=labels["done"], limit=100_000)
+    took = machine.cycles - begun
+    bound = most(text)
+    assert bound is not None and took <= bound
+    # From the beginning every byte is known: there is one way.
+    assert most(text, start="main") == machine.cycles
