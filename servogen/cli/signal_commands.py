@@ -8,7 +8,25 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from servogen.cli.files import PROGRAM_SUFFIXES, clock_of, keep_apart, read_program, read_schedule
-from servogen.cli.options import ClockHz, Json, Partial, Ra4PullUp, Seconds
+from servogen.cli.options import (
+    DEFAULT_POWER_UP_US,
+    DEFAULT_WATCHDOG_US,
+    ClockHz,
+    EepromWriteUs,
+    Floating,
+    Json,
+    OscillatorStartUp,
+    Partial,
+    PowerUp,
+    PowerUpUs,
+    Ra4PullUp,
+    Seconds,
+    StartRam,
+    StartSeed,
+    Tmr0Phase,
+    WatchdogUs,
+    machine_options,
+)
 from servogen.cli.show import as_json, status, warn_of_all
 from servogen.errors import InputError, Place
 
@@ -17,6 +35,7 @@ if TYPE_CHECKING:
     from servogen.edges import EdgeTrace
     from servogen.pic.image import Image
     from servogen.pulse import PulseSchedule
+    from servogen.simulator import Options
     from servogen.units import Clock, Cycles
 
 MEASURED_SECONDS = 20.0
@@ -48,16 +67,48 @@ def verify(
         int | None,
         typer.Option("--rate", min=1, help="A capture's samples a second, where its file does not tell."),
     ] = None,
+    device: Annotated[
+        str | None,
+        typer.Option("--device", help="PIC16F84 or PIC16F84A (default: the schedule's, else PIC16F84)."),
+    ] = None,
+    ra4_pull_up: Ra4PullUp = False,
+    watchdog_us: WatchdogUs = DEFAULT_WATCHDOG_US,
+    eeprom_write_us: EepromWriteUs = None,
+    power_up: PowerUp = False,
+    power_up_us: PowerUpUs = DEFAULT_POWER_UP_US,
+    oscillator_start_up: OscillatorStartUp = True,
+    ram: StartRam = 0,
+    floating: Floating = 0,
+    start_seed: StartSeed = None,
+    tmr0_phase: Tmr0Phase = 0,
     json: Json = False,
 ) -> None:
     """Hold a program (default: the motion, three times) or a file, to its end, against a schedule."""
     from servogen.edge_files.captures import is_capture
     from servogen.pipeline import checked_cycles, prove_file, prove_image
+    from servogen.simulator import Options
     from servogen.verify import verdict_lines
 
     schedule = read_schedule(against)
+    board = machine_options(
+        _device_for(schedule, against, device),
+        ra4_pull_up=ra4_pull_up,
+        watchdog_us=watchdog_us,
+        eeprom_write_us=eeprom_write_us,
+        power_up=power_up,
+        power_up_us=power_up_us,
+        oscillator_start_up=oscillator_start_up,
+        ram=ram,
+        floating=floating,
+        start_seed=start_seed,
+        tmr0_phase=tmr0_phase,
+    )
     if forever:
-        raise typer.Exit(_verify_forever(file, schedule, seconds, json))
+        raise typer.Exit(_verify_forever(file, schedule, seconds, board, json))
+    if not _is_program(file) and (device is not None or board != Options(device=board.device)):
+        raise InputError(
+            "is a recording: --device and the simulator's options are for programs", Place(str(file))
+        )
     if not _is_program(file) and is_capture(file):
         if seconds is not None:
             place = Place(str(file), key="--seconds")
@@ -72,8 +123,8 @@ def verify(
         )
     with status("comparing every edge"):
         if _is_program(file):
-            program = _program_for(schedule, file)
-            verdict = prove_image(schedule, program.image, span, program.listing)
+            program = _program_for(schedule, file, board.device)
+            verdict = prove_image(schedule, program.image, span, program.listing, board)
         else:
             trace = _trace(file, schedule, span or checked_cycles(schedule))
             verdict = prove_file(schedule, trace, file.suffix.lower() == ".vcd", span)
@@ -84,16 +135,33 @@ def verify(
     raise typer.Exit(0 if verdict.proven or (partial and verdict.agrees) else 1)
 
 
-def _verify_forever(file: Path, schedule: PulseSchedule, seconds: float | None, json: bool) -> int:
+def _device_for(schedule: PulseSchedule, against: Path, asked: str | None) -> str:
+    """Return the chip to simulate. Raises InputError where schedule and `--device` differ."""
+    from servogen.pic.device import DEVICES
+    from servogen.pic.device import device as device_named
+
+    try:
+        built = None if schedule.device is None else device_named(schedule.device)
+    except InputError as error:
+        raise InputError(error.message, Place(str(against), key="device"), error.hint) from error
+    chip = built or DEVICES[0] if asked is None else device_named(asked)
+    if built is not None and chip != built:
+        raise InputError(f"was built for a {built.name}, --device is {chip.name}", Place(str(against)))
+    return chip.name
+
+
+def _verify_forever(
+    file: Path, schedule: PulseSchedule, seconds: float | None, board: Options, json: bool
+) -> int:
     from servogen.pipeline.forever import prove_forever
     from servogen.verify import verdict_lines
 
     if not _is_program(file):
         raise InputError("only a program can be proven for all time, not edges", Place(str(file)))
     limit = schedule.clock.round_seconds(FOREVER_SECONDS if seconds is None else seconds)
-    program = _program_for(schedule, file)
+    program = _program_for(schedule, file, board.device)
     with status("looking for a repeat of the chip's state"):
-        found = prove_forever(schedule, program.image, limit, program.listing)
+        found = prove_forever(schedule, program.image, limit, program.listing, board)
     if json:
         as_json(found.to_json())
     else:
@@ -198,16 +266,17 @@ def _is_program(file: Path) -> bool:
 def _trace(file: Path, schedule: PulseSchedule, span: Cycles) -> EdgeTrace:
     """The edges of a program, running, or those that a file holds."""
     from servogen.edge_files import read_edges
+    from servogen.pic.device import DEVICES
     from servogen.pipeline import running
 
     if _is_program(file):
-        return running(schedule, _program_for(schedule, file).image, span)
+        return running(schedule, _program_for(schedule, file, schedule.device or DEVICES[0].name).image, span)
     return read_edges(file, schedule.clock)
 
 
-def _program_for(schedule: PulseSchedule, file: Path) -> Program:
+def _program_for(schedule: PulseSchedule, file: Path, device: str) -> Program:
     """Return the program in `file`. Raises InputError where it says another clock than the schedule."""
-    program = read_program(file)
+    program = read_program(file, device)
     if program.clock and program.clock != schedule.clock:
         raise InputError(
             f"says {program.clock.hz} Hz, the schedule is for {schedule.clock.hz} Hz", Place(str(file))

@@ -9,7 +9,26 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from servogen.cli.files import clock_of, keep_apart, read_program
-from servogen.cli.options import LONGEST_CYCLES, ClockHz, DeviceName, Json, Ra4PullUp, Seconds
+from servogen.cli.options import (
+    DEFAULT_POWER_UP_US,
+    DEFAULT_WATCHDOG_US,
+    LONGEST_CYCLES,
+    ClockHz,
+    DeviceName,
+    EepromWriteUs,
+    Floating,
+    Json,
+    OscillatorStartUp,
+    PowerUp,
+    PowerUpUs,
+    Ra4PullUp,
+    Seconds,
+    StartRam,
+    StartSeed,
+    Tmr0Phase,
+    WatchdogUs,
+    machine_options,
+)
 from servogen.cli.show import as_json, progress, table, warn_of_all
 from servogen.errors import InputError
 
@@ -53,57 +72,39 @@ def simulate(
     clock_hz: ClockHz = None,
     device: DeviceName = "PIC16F84",
     ra4_pull_up: Ra4PullUp = False,
-    watchdog_us: Annotated[
-        int, typer.Option("--watchdog-us", help="The watchdog's period; of real chips 7000 to 33000.")
-    ] = 18_000,
-    eeprom_write_us: Annotated[
-        int | None,
-        typer.Option("--eeprom-write-us", help="One EEPROM write (default: typical of the device)."),
-    ] = None,
-    power_up: Annotated[
-        bool, typer.Option("--power-up", help="Count the power-up and the oscillator's start-up time.")
-    ] = False,
-    power_up_us: Annotated[
-        int, typer.Option("--power-up-us", help="The power-up timer; of real chips 28000 to 132000.")
-    ] = 72_000,
-    oscillator_start_up: Annotated[
-        bool,
-        typer.Option(
-            "--oscillator-start-up/--no-oscillator-start-up",
-            help="A wake-up waits 1024 oscillator periods, unless the oscillator is RC.",
-        ),
-    ] = True,
-    ram: Annotated[int, typer.Option("--ram", help="The byte that RAM holds at power-up, 0 to 255.")] = 0,
-    floating: Annotated[
-        int, typer.Option("--floating", help="How a pin reads that nothing drives: 0 or 1.")
-    ] = 0,
-    start_seed: Annotated[
-        int | None,
-        typer.Option("--start-seed", help="Draw from this seed all that has no value at power-up."),
-    ] = None,
+    watchdog_us: WatchdogUs = DEFAULT_WATCHDOG_US,
+    eeprom_write_us: EepromWriteUs = None,
+    power_up: PowerUp = False,
+    power_up_us: PowerUpUs = DEFAULT_POWER_UP_US,
+    oscillator_start_up: OscillatorStartUp = True,
+    ram: StartRam = 0,
+    floating: Floating = 0,
+    start_seed: StartSeed = None,
+    tmr0_phase: Tmr0Phase = 0,
     json: Json = False,
 ) -> None:
     """Run a program from reset on the simulator (default: for one second)."""
     from servogen.edge_files import edge_writer, recorded
     from servogen.edges import EdgeTrace
-    from servogen.pic.device import device as chip
-    from servogen.simulator import Machine, Options, load_stimuli
+    from servogen.simulator import Machine, load_stimuli
     from servogen.simulator.stimulus import file_inputs
 
     keep_apart([path for path in (file, stimulus) if path], edges, vcd, trace, eeprom)
     program = read_program(file, device)
     clock = clock_of(program, clock_hz)
     span = _span(clock, seconds, cycles)
-    board = Options(
+    board = machine_options(
+        device,
         ra4_pull_up=ra4_pull_up,
         watchdog_us=watchdog_us,
-        eeprom_write_us=chip(device).eeprom_write_us if eeprom_write_us is None else eeprom_write_us,
+        eeprom_write_us=eeprom_write_us,
         power_up=power_up,
         power_up_us=power_up_us,
         oscillator_start_up=oscillator_start_up,
         ram=ram,
         floating=floating,
         start_seed=start_seed,
+        tmr0_phase=tmr0_phase,
     )
     stimuli = load_stimuli(stimulus, clock) if stimulus else None
     machine = Machine(program.image, clock, board, stimuli)

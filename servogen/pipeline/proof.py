@@ -65,7 +65,9 @@ def board_of(
     schedule: PulseSchedule,
     options: Options = Options(),  # noqa: B008 - frozen
 ) -> Options:
-    """Return `options` with what a schedule needs: the pull-up resistor of a servo on RA4, an open drain."""
+    """Return `options` with a schedule's chip, and the pull-up that a servo on RA4, an open drain, needs."""
+    if schedule.device is not None:
+        options = replace(options, device=schedule.device)
     if any(channel.pin == OPEN_DRAIN_PIN for channel in schedule.channels):
         return replace(options, ra4_pull_up=True)
     return options

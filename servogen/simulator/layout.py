@@ -41,6 +41,7 @@ RAM_SLOTS = 128
     T0_TICK,
     T0_FLAGGED,
     T0_HELD,
+    T0_PHASE,
     PRESCALER,
     WDT_AT,
     WDT_PERIOD,
@@ -112,7 +113,7 @@ RAM_SLOTS = 128
     WDT_SHORTEST,
     WDT_CLEARED,
     WDT_EARLIEST,
-) = range(RAM_SLOTS, RAM_SLOTS + 84)
+) = range(RAM_SLOTS, RAM_SLOTS + 85)
 
 STACK = 216  # 8 levels: DS35007 section 2.4.1
 EEPROM = 224  # 64 bytes: DS35007 section 3

@@ -69,7 +69,8 @@ def power_up(image: Image, clock: Clock, options: Options, tracked: bool) -> Sta
     shortest = min(options.watchdog_us, SHORTEST_WATCHDOG_US)
     s[at.WDT_PERIOD] = clock.round_us(options.watchdog_us).cycles if config & CONFIG_WATCHDOG_ON else 0
     s[at.WDT_SHORTEST] = clock.round_us(shortest).cycles if config & CONFIG_WATCHDOG_ON else 0
-    s[at.EE_TIME] = clock.round_us(options.eeprom_write_us).cycles
+    s[at.EE_TIME] = clock.round_us(options.eeprom_us).cycles
+    s[at.T0_PHASE] = options.tmr0_phase
     for address in range(EEPROM_BYTES):
         s[at.EEPROM + address] = image.eeprom.get(address, 0xFF)
     if options.power_up:

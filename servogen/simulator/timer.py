@@ -9,6 +9,9 @@ from the cycle. Before the anchor (the two cycles after a write) the timer stand
 
 T0IF is set by the clock that takes TMR0 from FFh to 00h, three oscillator periods before the register changes
 (DS30430 figure 6-4, note 4): it is read as set one cycle before TMR0 is first read as 00h.
+
+The data sheets do not say when TMR0 begins to count by a clock that OPTION_REG has just given it: it stands
+still for `T0_PHASE` cycles first.
 """
 
 from __future__ import annotations
@@ -25,6 +28,7 @@ from servogen.simulator.layout import (
     T0_AT,
     T0_FLAGGED,
     T0_HELD,
+    T0_PHASE,
     T0_TICK,
     T0_UNKNOWN,
     T0_VALUE,
@@ -229,3 +233,5 @@ def option_write(s: Vector, at: int, value: int) -> None:
     s[T0_AT] = max(s[T0_AT], at)
     if value & T0CS == 0:
         s[T0_TICK] = NEVER
+        if (before ^ value) & (T0CS | PSA | (0 if value & PSA else PS)):
+            s[T0_AT] = max(s[T0_AT], at + s[T0_PHASE])

@@ -27,7 +27,7 @@ def image(source: str, config: str = WATCHDOG_OFF) -> Image:
 
 def machine(
     source: str | Image,
-    options: Options = Options(),  # noqa: B008 - frozen
+    options: Options = Options(device="PIC16F84A"),  # noqa: B008 - frozen
     changes: Sequence[tuple[int, str, int]] = (),
     config: str = WATCHDOG_OFF,
 ) -> Machine:

@@ -27,6 +27,7 @@ class Chip:
         eeprom_cycles: int = 4_000,
         ra4_pull_up: bool = False,
         start_up: int = 256,
+        tmr0_phase: int = 0,
         stimuli: list[tuple[int, int, int]] | None = None,
     ) -> None:
         self.flash = image.program
@@ -60,6 +61,9 @@ class Chip:
         self.tmr0 = self.prescaler = 0
         self.standing_until = -1
         """The last cycle in which TMR0 is read as written, though its clock came."""
+        self.tmr0_phase = tmr0_phase
+        self.settling = range(0)
+        """The cycles in which a new clock of TMR0 does not count yet."""
         self.external_tick: int | None = None
         self.wdt_zero = 0
         self.ee_step, self.ee_step_at = 0, 0
@@ -128,8 +132,11 @@ class Chip:
     def clock_tmr0(self) -> None:
         """The tick that the last cycle gave."""
         self.rolled = False
-        if self.ticking and self.now > self.standing_until:
+        if self.ticking and self.counts_in(self.now):
             self.count_tmr0()
+
+    def counts_in(self, cycle: int) -> bool:
+        return cycle > self.standing_until and cycle not in self.settling
 
     ticking = False
     rolled = False
@@ -151,7 +158,7 @@ class Chip:
     def announce_overflow(self) -> None:
         """T0IF is set three oscillator periods before the register rolls over: DS30430 figure 6-4, note 4."""
         self.ticking = self.timer_clocked()
-        counts = self.ticking and self.now + 1 > self.standing_until
+        counts = self.ticking and self.counts_in(self.now + 1)
         if counts and self.tmr0 == 0xFF and (self.prescaler + 1) % self.ratio() == 0:
             self.intcon |= T0IF
 
@@ -176,6 +183,7 @@ class Chip:
         self.option = 0xFF
         self.asleep = False
         self.no_sample_before = self.standing_until = self.now
+        self.settling = range(0)
         self.sampled = None
         self.external_tick = None
         self.prescaler = 0
@@ -351,7 +359,12 @@ class Chip:
             self.eeadr = value
 
     def set_option(self, value: int) -> None:
+        changed = (self.option ^ value) & (T0CS | PSA | (0 if value & PSA else 7))
         self.option = value
+        if changed and not value & T0CS:
+            start = self.settling.start if self.now + 1 in self.settling else self.now + 2
+            stop = self.now + 2 + self.tmr0_phase
+            self.settling = range(start, max(stop, self.settling.stop))
         if not value & T0CS:
             self.external_tick = None
         self.look(self.now + 1)

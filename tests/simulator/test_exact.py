@@ -36,9 +36,15 @@ class Case:
         self.changes = random_stimuli(seed, CYCLES - 50) if seed % 3 else []
         self.watchdog = WATCHDOGS[seed % 3]
         self.pull_up = bool(seed & 4)
+        self.tmr0_phase = seed >> 3 & 3
 
     def machine(self) -> Machine:
-        options = Options(watchdog_us=self.watchdog, eeprom_write_us=EEPROM_CYCLES, ra4_pull_up=self.pull_up)
+        options = Options(
+            watchdog_us=self.watchdog,
+            eeprom_write_us=EEPROM_CYCLES,
+            ra4_pull_up=self.pull_up,
+            tmr0_phase=self.tmr0_phase,
+        )
         recorded = Recorded([Change(*change) for change in self.changes])
         return Machine(self.image, CLOCK, options, Stimuli([recorded]) if self.changes else None)
 
@@ -48,6 +54,7 @@ class Case:
             watchdog_cycles=self.watchdog,
             eeprom_cycles=EEPROM_CYCLES,
             ra4_pull_up=self.pull_up,
+            tmr0_phase=self.tmr0_phase,
             stimuli=self.changes,
         )
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from servogen.edges import HIGH
-from servogen.simulator import Options
-from tests.simulator.helpers import edges, machine, ram, steps
+from servogen.simulator import Machine, Options
+from tests.simulator.helpers import CLOCK, edges, image, machine, ram, steps
 
 WATCHDOG_ON = "        __config _XT_OSC & _WDT_ON & _PWRTE_OFF\n"
 
@@ -47,6 +47,25 @@ def test_the_prescaler_divides_by_a_power_of_two_section_5_2(ps: int) -> None:
     start = 5 + 3  # CLRF in cycle 5; counting from cycle 8 on
     due = start + (256 << (ps + 1)) - 1  # T0IF is seen one cycle before TMR0 is read as 0
     assert due <= chip.cycles - 2 < due + 3  # the loop looks every third cycle, and the skip takes two
+
+
+@pytest.mark.parametrize("tracked", [False, True])
+@pytest.mark.parametrize("phase", range(4))
+def test_after_a_new_clock_tmr0_stands_still_for_the_cycles_of_its_phase(phase: int, tracked: bool) -> None:
+    """OPTION_REG is written in cycle 4, from cycle 5 on it counts, and the reads begin in cycle 6."""
+    source = " clrf TMR0\n" + option(0x88) + " movf TMR0, w\n" * 8
+    chip = Machine(image(source), CLOCK, Options(tmr0_phase=phase), tracked=tracked)
+    steps(chip, 6)
+    read = [steps(chip, 1).state().w for _ in range(8)]
+    assert read == [max(0, cycle - 5 - phase) for cycle in range(6, 14)]
+
+
+def test_writes_of_option_reg_that_leave_tmr0s_clock_alone_do_not_stop_it() -> None:
+    """RBPU, INTEDG, T0SE, and the ratio of a prescaler that is the watchdog's."""
+    source = option(0x88) + " clrf TMR0\n" + option(0x58 | 3) + " movf TMR0, w\n"
+    assert [steps(machine(source, Options(tmr0_phase=p)), 12).state().w for p in (0, 3)] == [3, 3]
+    slower = option(0x88) + " clrf TMR0\n" + option(0x80) + " movf TMR0, w\n" * 4
+    assert [steps(machine(slower, Options(tmr0_phase=p)), 15).state().w for p in (0, 3)] == [4, 2]
 
 
 def test_writing_tmr0_clears_the_prescaler_when_it_has_it_section_5_2() -> None:
