@@ -2,11 +2,15 @@
 
 PYTHON ?= python3
 VENV   ?= .venv
+# The versions that were tested. CONSTRAINTS= installs the newest that pyproject.toml allows.
+CONSTRAINTS ?= constraints.txt
+EXTRAS := dev,plot,symbolic,urdf,flash,dask
+PIP_INSTALL = -m pip install --quiet --disable-pip-version-check $(addprefix -c ,$(CONSTRAINTS))
 BIN    := $(VENV)/bin
 JOBS   := $(wildcard jobs/*.toml)
 READY  := $(VENV)/.installed
 
-.PHONY: demo test check bench firmware flash clean help
+.PHONY: demo test check bench firmware constraints flash clean help
 
 help:
 	@echo "make demo      install into $(VENV), build and prove every job under jobs/, print one table"
@@ -14,14 +18,15 @@ help:
 	@echo "make check     format, lint, types and the tests, which also make firmware/ anew"
 	@echo "make firmware  make firmware/ anew, or one job of it: JOBS=jobs/lab8-exercise.toml"
 	@echo "make bench     measure speeds and print ratios"
+	@echo "make constraints  write constraints.txt: the newest versions that pyproject.toml allows; then make check"
 	@echo "make flash     build JOB=lab8-exercise, prove it and program a chip: [PROGRAMMER=picpro] [PORT=/dev/ttyUSB0]"
 	@echo "make clean     remove what was made"
 
-$(READY): pyproject.toml
+$(READY): pyproject.toml $(CONSTRAINTS)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "servogen needs Python 3.11 or newer: make PYTHON=python3.11 ..."; exit 3; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev,plot,urdf,flash,dask]'
+	$(BIN)/python $(PIP_INSTALL) -e '.[$(EXTRAS)]'
 	@touch $@
 
 demo: $(READY)
@@ -40,8 +45,18 @@ firmware: $(READY)
 	$(BIN)/servogen demo $(JOBS) --output firmware
 	$(BIN)/python tools/firmware_checksums.py firmware $(basename $(notdir $(JOBS)))
 
+# A fresh environment outside $(VENV), so that nothing of an earlier one is written down.
+constraints: CONSTRAINTS =
+constraints:
+	rm -rf build/constraints
+	$(PYTHON) -m venv build/constraints
+	build/constraints/bin/python $(PIP_INSTALL) -e '.[$(EXTRAS),benchmarks]'
+	build/constraints/bin/python tools/constraints.py > build/constraints.txt
+	mv build/constraints.txt constraints.txt
+	rm -rf build/constraints
+
 bench: $(READY)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[benchmarks]'
+	$(BIN)/python $(PIP_INSTALL) -e '.[benchmarks]'
 	$(BIN)/python benchmarks/simulator.py
 	$(BIN)/python benchmarks/kinematics.py
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import re
 import shutil
 
 import typer
@@ -68,9 +69,7 @@ def _libraries() -> dict[str, str]:
     """Version of each library that servogen needs, by name."""
     from importlib.metadata import PackageNotFoundError, requires, version
 
-    names = [
-        line.split(";")[0].split(">")[0].strip() for line in requires("servogen") or () if "extra" not in line
-    ]
+    names = [requirement_name(line) for line in requires("servogen") or () if "extra" not in line]
     found = {}
     for name in names:
         try:
@@ -78,3 +77,8 @@ def _libraries() -> dict[str, str]:
         except PackageNotFoundError:
             found[name] = MISSING
     return found
+
+
+def requirement_name(requirement: str) -> str:
+    """Returns the name in a requirement of the package metadata: numpy in `numpy<3,>=1.26`."""
+    return re.split(r"[^\w.-]", requirement.strip(), maxsplit=1)[0]

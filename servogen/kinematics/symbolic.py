@@ -1,7 +1,7 @@
 """Symbolic kinematics: link matrices, their product, the position and the Jacobian of an `Arm`, simplified.
 
-In: an `Arm`. Out: sympy matrices in its joints and lengths by name, as text, LaTeX or C. sympy is slow to
-import, so it is imported where it is used.
+In: an `Arm`. Out: sympy matrices in its joints and lengths by name, as text, LaTeX or C. sympy is large and
+slow to import, so it belongs to the extra "symbolic" and is imported where it is used.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from functools import cache
 from math import degrees
 from typing import TYPE_CHECKING, Any, Literal
 
-from servogen.errors import InputError
+from servogen.errors import InputError, ToolError
 from servogen.robot.model import Arm, DHRow, Frame, Length
 
 if TYPE_CHECKING:
@@ -35,10 +35,19 @@ class SymbolicKinematics:
         return self.product[:3, 3]
 
 
+def _sympy() -> Any:
+    """Returns the module. Raises ToolError if it is not installed."""
+    try:
+        import sympy
+    except ImportError as error:
+        raise ToolError("symbolic kinematics need sympy", hint="pip install 'servogen[symbolic]'") from error
+    return sympy
+
+
 @cache
 def symbolic_fk(arm: Arm) -> SymbolicKinematics:
     """The forward kinematics of `arm` in symbols: joints q1 …, lengths l1 … by their own names."""
-    import sympy
+    sympy = _sympy()
 
     joints = _joint_symbols(arm)
     base, tool = _frame(arm.base), _frame(arm.tool)
@@ -57,7 +66,7 @@ def symbolic_jacobian(arm: Arm, frame: Literal["0", "n"] = "0") -> sympy.Immutab
     In the base's frame the upper rows are the derivative of the position. In the tool's, U = [R, p] being the
     product of the links after the joint's axis z: upper rows Rᵀ (z × p), lower rows Rᵀ z.
     """
-    import sympy
+    sympy = _sympy()
 
     found = symbolic_fk(arm)
     columns = [sympy.zeros(6, 1) for _ in arm.joints]
@@ -98,7 +107,7 @@ def _after(arm: Arm, index: int) -> Any:
 
 
 def _column_at_tool(seen: Any, turning: bool) -> Any:
-    import sympy
+    sympy = _sympy()
 
     turn, p = seen[:3, :3].T, seen[:3, 3]
     if not turning:
@@ -108,7 +117,7 @@ def _column_at_tool(seen: Any, turning: bool) -> Any:
 
 def singular_condition(arm: Arm) -> Any:
     """The determinant of the position Jacobian of an arm with three joints, factorised: 0 where singular."""
-    import sympy
+    sympy = _sympy()
 
     jacobian = symbolic_jacobian(arm)[:3, :]
     if jacobian.shape != (3, 3):
@@ -118,7 +127,7 @@ def singular_condition(arm: Arm) -> Any:
 
 def text_of(matrix: Any, style: Style = "text", name: str = "T") -> str:
     """A sympy matrix or expression as text, as LaTeX, or as C assignments name[row][column] = …;"""
-    import sympy
+    sympy = _sympy()
 
     if style == "latex":
         return str(sympy.latex(matrix))
@@ -145,26 +154,26 @@ def _table(cells: list[list[str]]) -> str:
 
 
 def _joint_symbols(arm: Arm) -> tuple[Any, ...]:
-    import sympy
+    sympy = _sympy()
 
     return tuple(sympy.Symbol(joint.name, real=True) for joint in arm.joints)
 
 
 def _angle(radians: float) -> Any:
     """A constant angle as the fraction of π that it is to nine decimals of a degree."""
-    import sympy
+    sympy = _sympy()
 
     return sympy.Rational(str(round(degrees(radians), 9))) * sympy.pi / 180
 
 
 def _metres(value: float) -> Any:
-    import sympy
+    sympy = _sympy()
 
     return sympy.Rational(str(round(value, 12)))
 
 
 def _length(length: Length) -> Any:
-    import sympy
+    sympy = _sympy()
 
     terms = (int(factor) * sympy.Symbol(name, real=True) for name, factor in length.terms)
     return sum(terms, _metres(length.constant))
@@ -184,7 +193,7 @@ def _link(arm: Arm, row: DHRow, joints: tuple[Any, ...]) -> Any:
 
 
 def _frame(frame: Frame) -> Any:
-    import sympy
+    sympy = _sympy()
 
     shift = _shift(*(_metres(value) for value in (frame.x, frame.y, frame.z)))
     turns = _turn("z", _angle(frame.rz)) * _turn("y", _angle(frame.ry)) * _turn("x", _angle(frame.rx))
@@ -192,7 +201,7 @@ def _frame(frame: Frame) -> Any:
 
 
 def _turn(axis: str, angle: Any) -> Any:
-    import sympy
+    sympy = _sympy()
 
     place = "xyz".index(axis)
     first, second = (place + 1) % 3, (place + 2) % 3
@@ -203,7 +212,7 @@ def _turn(axis: str, angle: Any) -> Any:
 
 
 def _shift(x: Any, y: Any, z: Any) -> Any:
-    import sympy
+    sympy = _sympy()
 
     matrix = sympy.eye(4)
     matrix[:3, 3] = sympy.Matrix([x, y, z])
@@ -216,7 +225,7 @@ def _tidy(expression: Any) -> Any:
     sympy's own `simplify` is slow on these products and splits them into sines of sums of unrelated joints,
     so the addition theorems are applied only where they shorten the expression.
     """
-    import sympy
+    sympy = _sympy()
     from sympy.simplify.fu import TR5, TR6, TR10i
 
     forms = [sympy.expand(expression)]

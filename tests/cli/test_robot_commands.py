@@ -1,6 +1,7 @@
 """The commands of robots print the specification's worked numbers."""
 
 import json
+import sys
 from collections.abc import Callable
 from math import radians
 from pathlib import Path
@@ -66,6 +67,17 @@ def test_symbols_in_three_styles(run: Run) -> None:
     assert "q2*sin(q1)" in run("fk", "theta-r", "--symbolic").out
     assert "\\sin" in run("fk", "theta-r", "--symbolic", "--style", "latex").out
     assert run("jacobian", "theta-r", "--symbolic", "--frame", "n").code == 0
+
+
+@pytest.mark.parametrize("command", ["fk", "jacobian"])
+def test_without_sympy_symbols_say_what_to_install(
+    run: Run, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    monkeypatch.setitem(sys.modules, "sympy", None)
+    ran = run(command, "scara", "--symbolic")
+    assert ran.code == 3
+    assert "pip install 'servogen[symbolic]'" in ran.err and "Traceback" not in ran.err
+    assert run(command, "scara", 30, 60, 200, 0).code == 0
 
 
 def test_an_arm_written_as_urdf_is_the_same_arm_to_every_command(run: Run, tmp_path: Path) -> None:
