@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from servogen.errors import ServogenError, ToolError
-from servogen.kinematics.chain import fk, fk_position
-from servogen.kinematics.inverse import ik, solve
-from servogen.kinematics.numerical import limits, search
+from servogen.kinematics.forward import fk, fk_position
+from servogen.kinematics.inverse.numerical import limits, search
+from servogen.kinematics.inverse.solve import ik, solve
 from servogen.kinematics.transforms import Floats
 from servogen.robot.model import Arm
 from servogen.robot.robots import arm

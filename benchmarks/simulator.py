@@ -257,7 +257,7 @@ def missed(met: bool) -> str:
 
 def first_start() -> float:
     """Seconds to compile the instruction loop in a process of its own, as the first start does."""
-    code = "from servogen.simulator.native import compile_loop; compile_loop(observed=False)"
+    code = "from servogen.simulator.aot_cache import compile_loop; compile_loop(observed=False)"
     return best_of(lambda: subprocess.run([sys.executable, "-c", code], check=True), 1)
 
 

@@ -1,7 +1,7 @@
 """`EdgeTrace`: what the pins did, and `Expected`: what they should do.
 
 In: changes of pins, in order, in chunks of arrays, so that a day of edges needs no memory.
-Out: the same changes, to whoever iterates. Files of them are in `edge_files`.
+Out: the same changes, to whoever iterates. Files of them are in `traces`.
 """
 
 from __future__ import annotations

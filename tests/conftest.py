@@ -5,7 +5,7 @@ import os
 import pytest
 
 from servogen.compiler.options import VERIFY_IR
-from servogen.simulator.native import loop
+from servogen.simulator.aot_cache import loop
 
 os.environ[VERIFY_IR] = "1"  # the compiler checks its intermediate form after every pass
 

@@ -9,7 +9,7 @@ from pydantic import BaseModel
 
 from servogen.job import load
 from servogen.job.model import JobTable
-from servogen.kinematics.chain import fk_position
+from servogen.kinematics.forward import fk_position
 from servogen.robot.model import Arm, Hexapod
 from servogen.robot.robots import robot
 from servogen.robot.servo_models import ModelTable

@@ -13,9 +13,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from servogen.kinematics import omni
-from servogen.kinematics.chain import fk_position, link_frames
+from servogen.kinematics.forward import fk_position, link_frames
 from servogen.kinematics.hexapod import to_body
-from servogen.kinematics.inverse import ik_all
+from servogen.kinematics.inverse.solve import ik_all
 from servogen.kinematics.leg import Leg
 from servogen.robot.model import Hexapod, OmniBase
 from servogen.robot.robots import arm, robot

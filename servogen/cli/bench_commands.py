@@ -16,8 +16,8 @@ from servogen.cli.show import as_json, status, warn
 if TYPE_CHECKING:
     from contextlib import ExitStack
 
+    from servogen.build import Planned
     from servogen.pic.image import Image
-    from servogen.pipeline import Planned
     from servogen.pulse import PulseSchedule
 
 
@@ -52,10 +52,9 @@ def flash(
     """Program a chip, after proving its pulses, and believe only what shows that it worked."""
     import shlex
 
-    from servogen.bench.flash_checks import objections, remarks
-    from servogen.bench.flashing import command_of
-    from servogen.bench.flashing import flash as flashed
-    from servogen.bench.programmers import Order, find
+    from servogen.bench.programmers.flash import command_of, objections, remarks
+    from servogen.bench.programmers.flash import flash as flashed
+    from servogen.bench.programmers.table import Order, find
     from servogen.errors import InputError, Place
     from servogen.pic.device import device as device_named
 
@@ -116,7 +115,7 @@ def _chip(file: Path, asked: str | None, schedule: PulseSchedule | None) -> tupl
 
 def _unproven(image: Image, path: Path | None, schedule: PulseSchedule | None) -> tuple[str, ...]:
     """Return why nothing shows that the image's pulses are the schedule's; empty where they are."""
-    from servogen.pipeline import prove_image
+    from servogen.build import prove_image
 
     if schedule is None:
         return ("there is no schedule.json beside it: nothing shows what its pulses are (--against)",)
@@ -167,9 +166,9 @@ def rig(
     from servogen.bench.virtual.analyser import AnalyserOptions
     from servogen.bench.virtual.rig import RigOptions, with_fault
     from servogen.bench.virtual.rig import rig as opened
+    from servogen.build import planned
+    from servogen.build.proof import board_of
     from servogen.job import load
-    from servogen.pipeline import planned
-    from servogen.pipeline.proof import board_of
     from servogen.pulse.stream.settings import Stream
     from servogen.simulator.sources import pin_number
 
@@ -216,8 +215,8 @@ def _tell_sigrok(stack: ExitStack, port: str) -> None:
     """How sigrok-cli, where it is installed, is called on the analyser, for as long as the bench is there."""
     import shutil
 
-    from servogen.bench.modem_lines import compiler, library
-    from servogen.bench.sigrok import PROGRAM
+    from servogen.bench.analysers.sigrok import PROGRAM
+    from servogen.bench.ports import compiler, library
 
     if shutil.which(PROGRAM) and compiler():
         lines = stack.enter_context(library())

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from servogen.drive.controller import Channel
     from servogen.drive.sweep import Sweep
     from servogen.job import Job
-    from servogen.robot.calibration_fit import Fit, Reading
+    from servogen.robot.calibration import Fit, Reading
     from servogen.robot.servo import Servo
 
 TOLERANCE_DEG, WHEEL_TOLERANCE_DEG = 5.0, 20.0
@@ -72,9 +72,7 @@ def calibrate(
     """Move one servo through its pulses, fit a line to the angles that you see, and write its calibration."""
     from servogen.errors import InputError
     from servogen.job import load
-    from servogen.robot.calibration_file import calibration_text, write_calibration
-    from servogen.robot.calibration_fit import fit
-    from servogen.robot.calibration_readings import read_csv
+    from servogen.robot.calibration import calibration_text, fit, read_csv, write_calibration
 
     loaded = load(job)
     index = _index(loaded, servo)
@@ -121,11 +119,10 @@ def _taken(
 ) -> Sequence[Reading]:
     """Moves the servo and reads its angles; without a port only says what the widths would have been."""
     from servogen.drive.controller import controller_of
-    from servogen.drive.line import Line, Nowhere, Time, VirtualTime, port_opener
+    from servogen.drive.serial_link import Line, Nowhere, Time, VirtualTime, port_opener
     from servogen.drive.sweep import Sweep, positions
     from servogen.errors import InputError
-    from servogen.robot.calibration_fit import Reading
-    from servogen.robot.calibration_readings import angles_of
+    from servogen.robot.calibration import Reading, angles_of
 
     if port is None and angles is None:
         raise InputError("there is no line to move it on", hint="--port /dev/ttyUSB0, or --readings FILE.csv")
@@ -154,9 +151,9 @@ def _taken(
 
 def _asking(channel: Channel, count: int) -> Ask:
     """Asks on the terminal until there is a number."""
-    from servogen.drive.words import QUIT, Lines
+    from servogen.drive.commands import QUIT, Lines
     from servogen.errors import InputError
-    from servogen.robot.calibration_readings import angle_of
+    from servogen.robot.calibration import angle_of
 
     lines = Lines(sys.stdin.fileno())
     answers: list[str] = []

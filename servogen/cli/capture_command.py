@@ -15,10 +15,10 @@ from servogen.cli.show import as_json, progress, status, warn
 from servogen.errors import InputError, Place, ToolError
 
 if TYPE_CHECKING:
-    from servogen.bench.planning import Plan, Wanted
+    from servogen.bench.analysers.memory import Plan, Wanted
+    from servogen.bench.analysers.stitching import Stitched
+    from servogen.bench.analysers.sump_client import Analyser, Seen
     from servogen.bench.ports import Port as Line
-    from servogen.bench.stitching import Stitched
-    from servogen.bench.sump_client import Analyser, Seen
     from servogen.pulse import PulseSchedule, Run
 
 RATE = 1_000_000
@@ -73,11 +73,11 @@ def capture(
     json: Json = False,
 ) -> None:
     """Look at the chip's pins with a logic analyser that speaks SUMP (Logic Sniffer, Bus Pirate, …)."""
-    from servogen.bench.looking import check_name, stitched, write_capture
-    from servogen.bench.planning import plan
+    from servogen.bench.analysers.memory import plan
+    from servogen.bench.analysers.request import check_name, stitched, write_capture
+    from servogen.bench.analysers.sump_client import BAUD, identify
+    from servogen.bench.analysers.wires import channel_of, wires
     from servogen.bench.ports import open_port
-    from servogen.bench.sump_client import BAUD, identify
-    from servogen.bench.wires import channel_of, wires
 
     schedule = None if against is None else read_schedule(against)
     wanted = _wanted(schedule, seconds)
@@ -129,8 +129,8 @@ def _looks(
     whole_loop: bool,
 ) -> Stitched:
     """One look; or, where it is shorter than what is wanted, as many as that needs."""
-    from servogen.bench.looking import Record, edges
-    from servogen.bench.stitching import Stitched, stitch
+    from servogen.bench.analysers.request import Record, edges
+    from servogen.bench.analysers.stitching import Stitched, stitch
     from servogen.pulse.expected import expected
 
     if schedule is None or planned.frames >= frames:
@@ -148,8 +148,8 @@ def _looks(
 
 
 def _look(line: Line, planned: Plan, channel: int, label: str) -> Seen:
-    from servogen.bench.sump_client import Look
-    from servogen.bench.sump_client import capture as captured
+    from servogen.bench.analysers.sump_client import Look
+    from servogen.bench.analysers.sump_client import capture as captured
 
     patience = SLACK * float(planned.seconds) + PATIENCE_S
     look = Look(planned.rate, planned.words, planned.rle, channel, patience)
@@ -161,7 +161,7 @@ def _wanted(schedule: PulseSchedule | None, seconds: float | None) -> Wanted:
     """What is to be seen: by default the whole loop of the schedule, and a lead-in before it."""
     from math import ceil
 
-    from servogen.bench.planning import FEWEST_EDGES, USUAL_EDGES, USUAL_PERIOD_S, Wanted
+    from servogen.bench.analysers.memory import FEWEST_EDGES, USUAL_EDGES, USUAL_PERIOD_S, Wanted
 
     if schedule is None:
         frames = ceil(_exact(seconds or SECONDS) / USUAL_PERIOD_S)
@@ -207,8 +207,8 @@ def _look_by_sigrok(
     """Look for two frames more than is wanted, as sigrok begins anywhere, and for a slow crystal's share."""
     from math import ceil
 
-    from servogen.bench.sigrok import SigrokLook, sigrok_wires
-    from servogen.bench.sigrok import capture as captured
+    from servogen.bench.analysers.sigrok import SigrokLook, sigrok_wires
+    from servogen.bench.analysers.sigrok import capture as captured
 
     samples = ceil(rate * (wanted.frames + 2) * wanted.period_s * (1 + MOST_DRIFT))
     counts = rle and driver.partition(":")[0] == "ols"  # the one driver that has it

@@ -32,7 +32,7 @@ def doctor(json: Json = False) -> None:
     """Say which versions, tools and ports are found on this machine."""
     from serial.tools.list_ports import comports
 
-    from servogen.bench.programmers import PROGRAMMERS, installed
+    from servogen.bench.programmers.table import PROGRAMMERS, installed
 
     libraries = _libraries()
     found = [(name, use, shutil.which(name)) for name, use in TOOLS]

@@ -15,12 +15,11 @@ from servogen.cli.options import Json, duration
 from servogen.cli.show import as_json, warn
 
 if TYPE_CHECKING:
+    from servogen.drive.commands import Rates, Words
     from servogen.drive.controller import Controller
-    from servogen.drive.line import Opener
     from servogen.drive.motions import Motion
-    from servogen.drive.orders import Rates
+    from servogen.drive.serial_link import Opener
     from servogen.drive.session import Log, Summary
-    from servogen.drive.words import Words
     from servogen.job import Job
     from servogen.motion.trajectory import Floats
 
@@ -95,9 +94,9 @@ def drive(
     json: Json = False,
 ) -> None:
     """Move a robot live over a serial line (Mini SSC): its job's motion, a pose, or by keys."""
+    from servogen.drive.commands import Rates
     from servogen.drive.controller import controller_of
-    from servogen.drive.line import Line, Time, VirtualTime
-    from servogen.drive.orders import Rates
+    from servogen.drive.serial_link import Line, Time, VirtualTime
     from servogen.drive.session import Session
     from servogen.job import load
 
@@ -179,7 +178,7 @@ def _stop_pose(job: Job, text: str | None) -> Floats | None:
 
 
 def _opener(port: str | None, baud: int, dry_run: bool) -> Opener:
-    from servogen.drive.line import Nowhere, port_opener
+    from servogen.drive.serial_link import Nowhere, port_opener
     from servogen.errors import InputError
 
     if dry_run:
@@ -191,7 +190,7 @@ def _opener(port: str | None, baud: int, dry_run: bool) -> Opener:
 
 def _orders(steer: bool, dry_run: bool) -> AbstractContextManager[Words]:
     """Where orders come from: single keys, lines, or nowhere."""
-    from servogen.drive.words import Lines, Silence, keys, script
+    from servogen.drive.commands import Lines, Silence, keys, script
 
     if not steer:
         return nullcontext(Silence())

@@ -13,9 +13,9 @@ from servogen.cli.options import Json
 from servogen.cli.show import as_json, status, warn_of_all
 
 if TYPE_CHECKING:
-    from servogen.motion.gaits import Gait
+    from servogen.motion.gait.phases import Gait
+    from servogen.motion.gait.walk import Walk
     from servogen.motion.loads import Loads
-    from servogen.motion.walk import Walk
     from servogen.report.gait_facts import GaitFacts
     from servogen.robot.model import Hexapod
     from servogen.robot.servo import ServoModel
@@ -101,11 +101,11 @@ def gait(
     from fractions import Fraction
 
     from servogen.errors import InputError, Place
-    from servogen.motion.footwork import Posture
+    from servogen.motion.gait.footwork import Posture
+    from servogen.motion.gait.steps import Segment
+    from servogen.motion.gait.walk import walk
     from servogen.motion.limits import Limits
     from servogen.motion.loads import loads_of
-    from servogen.motion.steps import Segment
-    from servogen.motion.walk import walk
     from servogen.report.gait_facts import facts_of
     from servogen.robot.servo_models import servo_model
     from servogen.units import Clock, Cycles
@@ -183,9 +183,9 @@ def _gait(
 ) -> tuple[Gait, Hexapod]:
     """The gait, and the robot with the legs that walk."""
     from servogen.errors import InputError, Place
-    from servogen.motion.gaits import Gait, custom
-    from servogen.motion.gaits import gait as named
-    from servogen.motion.walk import one_leg
+    from servogen.motion.gait.phases import Gait, custom
+    from servogen.motion.gait.phases import gait as named
+    from servogen.motion.gait.walk import one_leg
 
     if (duty is None) != (lifts is None):
         raise InputError(

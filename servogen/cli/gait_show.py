@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 from servogen.cli.show import table
 
 if TYPE_CHECKING:
-    from servogen.motion.gaits import Gait
+    from servogen.motion.gait.phases import Gait
+    from servogen.motion.gait.walk import Walk
     from servogen.motion.loads import Loads
-    from servogen.motion.walk import Walk
     from servogen.report.gait_facts import GaitFacts
     from servogen.robot.model import Hexapod
 

@@ -17,8 +17,8 @@ from servogen.isolation import COMPILING, missing_limits
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from servogen.build.grading import Graded
     from servogen.grade import Lab
-    from servogen.pipeline.grading import Graded
 
 IMAGES = tuple(suffix for suffix in HEX_SUFFIXES if suffix != ".obj")
 """What counts as a HEX file in a folder: other tools write .obj files that are not."""
@@ -69,8 +69,8 @@ def grade(
     json: Json = False,
 ) -> None:
     """Check programs against a lab's task and say what is wrong with each."""
+    from servogen.build.grading import Task, grade_submissions
     from servogen.grade import find_submissions, load_lab, page_names, visible
-    from servogen.pipeline.grading import Task, grade_submissions
 
     task = Task.of(load_lab(lab), read_submission, timeout, memory_mb)
     if sentence := missing_limits():

@@ -13,7 +13,7 @@ from servogen.cli.options import Json
 from servogen.cli.show import as_json, counted, status, table, warn_of_all
 
 if TYPE_CHECKING:
-    from servogen.pipeline.build import Build
+    from servogen.build.build import Build
     from servogen.pulse import Quantised
 
 LEAST_FOLDED = 3
@@ -46,8 +46,8 @@ def new(
 
 def check(job: JobFile, json: Json = False) -> None:
     """Read a job file and say what its pulses will be, without building it."""
+    from servogen.build import planned as planned_job
     from servogen.job import load
-    from servogen.pipeline import planned as planned_job
     from servogen.plan_error import plan_words
 
     loaded = load(job)
@@ -89,10 +89,10 @@ def build(
     json: Json = False,
 ) -> None:
     """Make a job's firmware in every dialect and prove every pulse edge of it."""
+    from servogen.build import build as built
+    from servogen.build import write
+    from servogen.build.build import program_facts
     from servogen.job import load
-    from servogen.pipeline import build as built
-    from servogen.pipeline import write
-    from servogen.pipeline.build import program_facts
     from servogen.plan_error import plan_words
     from servogen.report import rooms_text
 
@@ -121,9 +121,9 @@ def demo(
     json: Json = False,
 ) -> None:
     """Build and prove several jobs, each in a folder of its own; one table, and what no engine can hold."""
+    from servogen.build import DoesNotFit, write
+    from servogen.build import build as built
     from servogen.job import load
-    from servogen.pipeline import DoesNotFit, write
-    from servogen.pipeline import build as built
 
     done: list[Build] = []
     refused: list[str] = []

@@ -13,8 +13,8 @@ from servogen.cli.options import Json
 from servogen.cli.show import as_json, table, warn_of_all
 
 if TYPE_CHECKING:
-    from servogen.motion.movemaster import Run
-    from servogen.motion.movemaster.memory import Pose
+    from servogen.movemaster import Run
+    from servogen.movemaster.memory import Pose
     from servogen.robot.model import Arm
 
 CLOCK_HZ = 4_000_000
@@ -45,7 +45,7 @@ def run_program(
     """Run a program of the arm command language: when it moves where, and what it writes to its port."""
     from fractions import Fraction
 
-    from servogen.motion.movemaster import Budget, input_of, manipulator, read, run
+    from servogen.movemaster import Budget, input_of, manipulator, read, run
     from servogen.outputs import write_text
     from servogen.robot.robots import arm
     from servogen.units import Clock, Cycles

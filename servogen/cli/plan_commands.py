@@ -68,8 +68,8 @@ def plan(
 
 def _planned(job: Job) -> tuple[Job, PulsePlan]:
     """Every pulse as near as whole cycles are; where that fits no frame, as the job's engine makes them."""
+    from servogen.build import planned as engines_plan
     from servogen.errors import InputError
-    from servogen.pipeline import planned as engines_plan
     from servogen.pulse.plan import plan as nearest_pulses
 
     try:

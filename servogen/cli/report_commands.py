@@ -28,9 +28,9 @@ def report(
     json: Json = False,
 ) -> None:
     """Build and prove a job and write one HTML page of it, which needs no network."""
+    from servogen.build.reporting import page_of
     from servogen.job import load
     from servogen.outputs import write_text
-    from servogen.pipeline.reporting import page_of
     from servogen.plan_error import plan_words
     from servogen.verify import capture_lines
 

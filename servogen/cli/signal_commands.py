@@ -84,9 +84,9 @@ def verify(
     json: Json = False,
 ) -> None:
     """Hold a program (default: the motion, three times) or a file, to its end, against a schedule."""
-    from servogen.edge_files.captures import is_capture
-    from servogen.pipeline import checked_cycles, prove_file, prove_image
+    from servogen.build import checked_cycles, prove_file, prove_image
     from servogen.simulator import Options
+    from servogen.traces.captures import is_capture
     from servogen.verify import verdict_lines
 
     schedule = read_schedule(against)
@@ -153,7 +153,7 @@ def _device_for(schedule: PulseSchedule, against: Path, asked: str | None) -> st
 def _verify_forever(
     file: Path, schedule: PulseSchedule, seconds: float | None, board: Options, json: bool
 ) -> int:
-    from servogen.pipeline.forever import prove_forever
+    from servogen.build.recurrence import prove_forever
     from servogen.verify import verdict_lines
 
     if not _is_program(file):
@@ -175,8 +175,8 @@ def _verify_capture(file: Path, schedule: PulseSchedule, rate: int | None, parti
 
     The analyser's own clock, the crystal's error and the samples' grid are allowed for.
     """
-    from servogen.edge_files.captures import read_capture, sampled_at
-    from servogen.pipeline.proof_of_capture import prove_capture
+    from servogen.build.proof_of_capture import prove_capture
+    from servogen.traces.captures import read_capture, sampled_at
     from servogen.verify import capture_lines
 
     capture = read_capture(file) if rate is None else sampled_at(read_capture(file), rate)
@@ -201,7 +201,7 @@ def measure(
     json: Json = False,
 ) -> None:
     """Say what pulses a program makes in 20 s, or recorded edges, and what is doubtful about them."""
-    from servogen.pipeline.measuring import cautions, servos_named
+    from servogen.build.measuring import cautions, servos_named
     from servogen.verify import measure as measured
     from servogen.verify import measurement_lines
 
@@ -228,7 +228,7 @@ def plot(
     clock_hz: ClockHz = None,
 ) -> None:
     """Draw the pulses of a program or of recorded edges (default: the motion once, else 20 s)."""
-    from servogen.pipeline import motion_cycles
+    from servogen.build import motion_cycles
     from servogen.report.pulse_plot import pulse_plot
 
     keep_apart([path for path in (file, against) if path], output)
@@ -248,8 +248,8 @@ def plot(
 
 def _is_program(file: Path) -> bool:
     """Whether `file` is to be run, by its ending; else it holds edges. Raises InputError for another."""
-    from servogen.edge_files import SUFFIXES
-    from servogen.edge_files.captures import SUFFIXES as CAPTURE_SUFFIXES
+    from servogen.traces import SUFFIXES
+    from servogen.traces.captures import SUFFIXES as CAPTURE_SUFFIXES
 
     suffix = file.suffix.lower()
     if suffix in PROGRAM_SUFFIXES:
@@ -265,9 +265,9 @@ def _is_program(file: Path) -> bool:
 
 def _trace(file: Path, schedule: PulseSchedule, span: Cycles) -> EdgeTrace:
     """The edges of a program, running, or those that a file holds."""
-    from servogen.edge_files import read_edges
+    from servogen.build import running
     from servogen.pic.device import DEVICES
-    from servogen.pipeline import running
+    from servogen.traces import read_edges
 
     if _is_program(file):
         return running(schedule, _program_for(schedule, file, schedule.device or DEVICES[0].name).image, span)
@@ -288,7 +288,7 @@ def _unknown(
     file: Path, seconds: float | None, clock_hz: int | None, ra4_pull_up: bool = False
 ) -> tuple[EdgeTrace, Cycles]:
     """The edges of a program or a file of which nothing is known, and for how long it is looked at."""
-    from servogen.edge_files import read_edges
+    from servogen.traces import read_edges
 
     if _is_program(file):
         program = read_program(file)

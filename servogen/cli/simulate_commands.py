@@ -84,10 +84,10 @@ def simulate(
     json: Json = False,
 ) -> None:
     """Run a program from reset on the simulator (default: for one second)."""
-    from servogen.edge_files import edge_writer, recorded
     from servogen.edges import EdgeTrace
     from servogen.simulator import Machine, load_stimuli
     from servogen.simulator.stimulus import file_inputs
+    from servogen.traces import edge_writer, recorded
 
     keep_apart([path for path in (file, stimulus) if path], edges, vcd, trace, eeprom)
     program = read_program(file, device)

@@ -38,10 +38,10 @@ def tune(
     Compile that C and call tune again with it as --c. Exit code 0: the HEX is 0 cycles off; 1: not yet, the
     next C is written.
     """
+    from servogen.build.retarget import tune_to
     from servogen.compiler import Source
     from servogen.job import load
     from servogen.outputs import write_text
-    from servogen.pipeline.foreign import tune_to
     from servogen.verify import verdict_lines
 
     loaded = load(job)

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from servogen.drive.commands import STOP, unknown
 from servogen.drive.motions import pose_of
-from servogen.drive.orders import STOP, unknown
 from servogen.job import Job
 from servogen.motion.trajectory import Floats
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from servogen.drive.orders import STOP, WAYS, Rates, unknown
+from servogen.drive.commands import STOP, WAYS, Rates, unknown
 from servogen.errors import InputError
 from servogen.job import Job
 from servogen.kinematics.omni import body_speed, wheel_speeds

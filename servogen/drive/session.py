@@ -16,10 +16,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 
 from servogen.bench.ports import Unplugged
+from servogen.drive.commands import QUIT, Silence, Words
 from servogen.drive.controller import Controller
-from servogen.drive.line import Line, Time
 from servogen.drive.motions import Motion
-from servogen.drive.words import QUIT, Silence, Words
+from servogen.drive.serial_link import Line, Time
 from servogen.errors import InputError, ToolError
 from servogen.motion.trajectory import Floats
 from servogen.pulse.stream.protocol import MOST, group_begins, group_goes, speed_command

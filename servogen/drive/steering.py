@@ -5,7 +5,7 @@ In: a job. Out: its `Steering`.
 
 from __future__ import annotations
 
-from servogen.drive.orders import Rates, Steering
+from servogen.drive.commands import Rates, Steering
 from servogen.drive.poser import Poser
 from servogen.drive.roller import roller
 from servogen.drive.walker import walker

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from servogen.drive.controller import Channel, Controller
-from servogen.drive.line import Line, Time
+from servogen.drive.serial_link import Line, Time
 from servogen.errors import InputError
 from servogen.pulse.stream.protocol import MOST
 

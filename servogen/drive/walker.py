@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
+from servogen.drive.commands import STOP, WAYS, Rates, unknown
 from servogen.drive.motions import frame_at
-from servogen.drive.orders import STOP, WAYS, Rates, unknown
 from servogen.errors import InputError, Place
 from servogen.job import Job, load_walking
 from servogen.motion.trajectory import Floats

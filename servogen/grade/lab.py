@@ -13,12 +13,12 @@ from pathlib import Path
 
 from pydantic import Field
 
-from servogen import tomlfile
 from servogen.edges import PINS
 from servogen.errors import InputError, Place, nearest
 from servogen.robot.servo import Servo, servo
 from servogen.robot.servo_models import servo_model
-from servogen.tomlfile import Document, Table
+from servogen.toml import file as toml_file
+from servogen.toml.file import Document, Table
 from servogen.units import Clock
 
 SLACK_DEG = 4.0
@@ -126,12 +126,12 @@ def names() -> tuple[str, ...]:
 def load_lab(name: str) -> Lab:
     """The lab of that name, or in that .toml file. Raises InputError."""
     if name.endswith(".toml"):
-        return _lab(Path(name).stem, *tomlfile.load(name, LabTable))
+        return _lab(Path(name).stem, *toml_file.load(name, LabTable))
     if name not in names():
         hint = f"{nearest(name, names())} A lab of your own is a file that ends in .toml"
         raise InputError(f"unknown lab '{name}'", Place(key="LAB"), hint)
     with as_file(_folder() / f"{name}.toml") as path:
-        return _lab(name, *tomlfile.load(path, LabTable))
+        return _lab(name, *toml_file.load(path, LabTable))
 
 
 def _folder() -> Traversable:

@@ -11,7 +11,7 @@ import numpy as np
 from servogen.grade.lab import Lab, Position, Way
 from servogen.grade.visits import Visit
 from servogen.grade.watch import PinPulses, Watched
-from servogen.pulse.checks import PERIOD_US
+from servogen.pulse.lint import PERIOD_US
 
 
 class Stay(NamedTuple):

@@ -12,7 +12,7 @@ from servogen.errors import nearest
 from servogen.job.model import FirmwareTable
 from servogen.pulse.player.buttons import Button, Buttons
 from servogen.robot.servo import Servo
-from servogen.tomlfile import Document
+from servogen.toml.file import Document
 
 
 def buttons_of(document: Document, table: FirmwareTable, servos: Sequence[Servo]) -> Buttons:

@@ -18,7 +18,7 @@ from servogen.motion.omni import Drive, contour, drive, positions
 from servogen.motion.trajectory import Floats
 from servogen.robot.model import OmniBase, Robot
 from servogen.robot.servo import Servo
-from servogen.tomlfile import Document, exact
+from servogen.toml.file import Document, exact
 from servogen.units import Clock, Cycles
 
 

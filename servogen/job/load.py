@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from servogen import tomlfile
 from servogen.errors import InputError, Place
 from servogen.job.buttons import buttons_of
 from servogen.job.drives import drive_of
@@ -33,7 +32,8 @@ from servogen.pulse.player.layout import layout
 from servogen.pulse.slots import Frame, rises
 from servogen.robot.model import Arm, Hexapod
 from servogen.robot.servo import Servo
-from servogen.tomlfile import Document, exact
+from servogen.toml import file as toml_file
+from servogen.toml.file import Document, exact
 from servogen.units import Clock, Cycles
 
 LEAST_CLOCK_HZ = 32_000
@@ -48,7 +48,7 @@ PARTS = ("motion", "walk", "program", "drive")
 
 def load(path: str | Path) -> Job:
     """The job in the file at `path`. Raises InputError."""
-    return _job(tomlfile.read(path))
+    return _job(toml_file.read(path))
 
 
 def load_walking(path: str | Path, way: Mapping[str, float]) -> Job:
@@ -56,7 +56,7 @@ def load_walking(path: str | Path, way: Mapping[str, float]) -> Job:
 
     `way` has the keys of one of [walk] way; without cycles it never ends.
     """
-    document = tomlfile.read(path)
+    document = toml_file.read(path)
     walk = {key: value for key, value in document.data.get("walk", {}).items() if key != "end"}
     walk |= {"way": (dict(way),), "repeat": "cycles" not in way}
     return _job(replace(document, data={**document.data, "walk": walk}))
@@ -64,7 +64,7 @@ def load_walking(path: str | Path, way: Mapping[str, float]) -> Job:
 
 def load_calibrated(path: str | Path, servo: str, file: str) -> Job:
     """The job at `path`, that servo having the calibration in `file`, beside the job. Raises InputError."""
-    document = tomlfile.read(path)
+    document = toml_file.read(path)
     rows = [
         {**{key: value for key, value in row.items() if key != "points"}, "calibration": file}
         if row.get("name") == servo
@@ -76,11 +76,11 @@ def load_calibrated(path: str | Path, servo: str, file: str) -> Job:
 
 def loads(text: str, file: str) -> Job:
     """The job that `text` is; `file` is its name in errors. Raises InputError."""
-    return _job(tomlfile.parse(text, file))
+    return _job(toml_file.parse(text, file))
 
 
 def _job(document: Document) -> Job:
-    table = tomlfile.validate(document, JobTable)
+    table = toml_file.validate(document, JobTable)
     chip, clock = _chip(document, table)
     servos = servos_of(document, table.servo)
     rig = rig_of(document, table, servos)

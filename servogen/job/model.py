@@ -1,6 +1,6 @@
 """The shape of a job file: one `Table` a TOML table, one field a key, its unit in the name.
 
-In: nothing. Out: models that `tomlfile` checks a file against. What several keys mean together is `load`'s.
+In: nothing. Out: models that `toml` checks a file against. What several keys mean together is `load`'s.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field
 
 from servogen.robot.servo_models import FactTable
-from servogen.tomlfile import Table
+from servogen.toml.file import Table
 
 NAME = r"^[A-Za-z][A-Za-z0-9_-]*$"
 

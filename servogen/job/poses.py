@@ -21,8 +21,8 @@ from servogen.motion.follow import SMALL, Branch, ChangesBranch, Followed, Leave
 from servogen.motion.paths import Arc, Line, arc
 from servogen.motion.trajectory import Floats
 from servogen.robot.servo import Servo
-from servogen.toml_places import Key
-from servogen.tomlfile import Document, exact, shown, unknown_key
+from servogen.toml.file import Document, exact, shown, unknown_key
+from servogen.toml.locations import Key
 
 ANGLE = "_deg"
 

@@ -17,11 +17,11 @@ from servogen.errors import Caution, InputError, nearest
 from servogen.job.model import ProgramTable
 from servogen.motion import JointTrajectory, Planned, bound
 from servogen.motion.limits import Limits
-from servogen.motion.movemaster import Budget, Hand, Manipulator, Run, input_of, manipulator, read, run
+from servogen.movemaster import Budget, Hand, Manipulator, Run, input_of, manipulator, read, run
 from servogen.robot.binding import Binding
 from servogen.robot.model import Arm, Robot
 from servogen.robot.servo import Servo
-from servogen.tomlfile import Document, exact
+from servogen.toml.file import Document, exact
 from servogen.units import Clock, Cycles
 
 HAND = "the hand"

@@ -18,7 +18,7 @@ from servogen.robot.binding import Binding
 from servogen.robot.model import Arm, Hexapod, Robot
 from servogen.robot.robots import robot as named_robot
 from servogen.robot.servo import Servo
-from servogen.tomlfile import Document
+from servogen.toml.file import Document
 
 SIGNS = {"nearest": 0, "positive": 1, "negative": -1}
 

@@ -13,10 +13,10 @@ from servogen.errors import Place, nearest
 from servogen.job.model import ServoTable
 from servogen.pic.device import OPEN_DRAIN_PIN
 from servogen.robot.binding import Binding
-from servogen.robot.calibration_file import read_calibration
+from servogen.robot.calibration import read_calibration
 from servogen.robot.servo import Calibration, Servo, ServoModel, servo
 from servogen.robot.servo_models import FILE_ENDING, points_of, servo_model
-from servogen.tomlfile import Document
+from servogen.toml.file import Document
 
 
 def servos_of(document: Document, rows: tuple[ServoTable, ...]) -> tuple[Servo, ...]:

@@ -17,7 +17,7 @@ from servogen.pic.device import OPEN_DRAIN_PIN
 from servogen.pulse.stream.protocol import MOST_SERVOS
 from servogen.pulse.stream.settings import Stream, bit_units
 from servogen.robot.servo import Servo
-from servogen.tomlfile import Document, exact
+from servogen.toml.file import Document, exact
 from servogen.units import Clock, Cycles
 
 ENGINE = "stream"

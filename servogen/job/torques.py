@@ -15,10 +15,10 @@ import numpy as np
 from servogen.errors import Caution
 from servogen.job.tip import ArmTip
 from servogen.kinematics.statics import gravity_torques, has_masses
+from servogen.motion.gait.walk import Walk
 from servogen.motion.loads import loads_of
 from servogen.motion.trajectory import Floats
-from servogen.motion.walk import Walk
-from servogen.pulse.checks import SAME_DIGITS, check_torque
+from servogen.pulse.lint import SAME_DIGITS, check_torque
 from servogen.robot.binding import Binding
 from servogen.robot.model import Hexapod
 from servogen.robot.servo import Servo

@@ -13,15 +13,15 @@ from servogen.errors import Caution, InputError, nearest
 from servogen.job.model import WalkTable
 from servogen.job.torques import walk_torques
 from servogen.motion import JointTrajectory, Planned, bound
-from servogen.motion.footwork import Posture
-from servogen.motion.gaits import Gait, custom, gait
+from servogen.motion.gait.footwork import Posture
+from servogen.motion.gait.phases import Gait, custom, gait
+from servogen.motion.gait.steps import Segment
+from servogen.motion.gait.walk import Walk, one_leg, walk
 from servogen.motion.limits import Limits
-from servogen.motion.steps import Segment
-from servogen.motion.walk import Walk, one_leg, walk
 from servogen.robot.binding import Binding
 from servogen.robot.model import Hexapod, Robot
 from servogen.robot.servo import Servo
-from servogen.tomlfile import Document, exact
+from servogen.toml.file import Document, exact
 from servogen.units import Clock, Cycles
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from servogen.errors import InputError
-from servogen.kinematics.chain import link_frames, row_axes
+from servogen.kinematics.forward import link_frames, row_axes
 from servogen.kinematics.orientation import rates_matrix, to_angles
 from servogen.kinematics.transforms import Floats
 from servogen.robot.model import Arm

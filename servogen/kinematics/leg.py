@@ -31,8 +31,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from servogen.errors import InputError
+from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.transforms import Floats, wrapped
-from servogen.kinematics.unreachable import Unreachable
 
 REACH_TOLERANCE_M = 1e-9
 """How far a foot may be from the surface to count as on it."""

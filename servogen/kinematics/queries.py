@@ -13,9 +13,9 @@ import numpy as np
 
 from servogen.errors import InputError, Place
 from servogen.kinematics import mobility, named, omni
-from servogen.kinematics.chain import fk, joint_array
+from servogen.kinematics.forward import fk, joint_array
 from servogen.kinematics.hexapod import feet
-from servogen.kinematics.inverse import ik_all
+from servogen.kinematics.inverse.solve import ik_all
 from servogen.kinematics.jacobian import FrameName, jacobian, manipulability, singularity
 from servogen.kinematics.tool_orientation import orientation_matrix, orientation_names
 from servogen.kinematics.transform_text import parse

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from servogen.kinematics.chain import joint_array
+from servogen.kinematics.forward import joint_array
 from servogen.kinematics.jacobian import jacobian
 from servogen.kinematics.transforms import Floats
 from servogen.robot.model import Arm, Frame

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from servogen.errors import InputError
-from servogen.kinematics.chain import fk
+from servogen.kinematics.forward import fk
 from servogen.kinematics.orientation import slerp
 from servogen.kinematics.transforms import Floats, rot
 from servogen.robot.model import Arm

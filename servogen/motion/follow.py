@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from servogen.errors import InputError, Place
-from servogen.kinematics.unreachable import in_mm
+from servogen.kinematics.inverse.unreachable import in_mm
 from servogen.motion.paths import Path
 from servogen.motion.trajectory import Floats
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from servogen.kinematics.leg import Leg
 from servogen.kinematics.statics import GRAVITY, foot_forces
+from servogen.motion.gait.walk import Walk
 from servogen.motion.trajectory import Floats
-from servogen.motion.walk import Walk
 from servogen.robot.model import Hexapod
 
 SAME_DIGITS = 9

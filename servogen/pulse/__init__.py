@@ -1,6 +1,6 @@
 """Trajectory -> `PulseSchedule` in integer cycles, its expected edges, and the checks of pulses."""
 
-from servogen.pulse.checks import (
+from servogen.pulse.lint import (
     check_calibration,
     check_measured,
     check_motion,

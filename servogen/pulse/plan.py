@@ -15,7 +15,7 @@ import numpy.typing as npt
 from servogen.errors import Caution
 from servogen.motion.trajectory import JointTrajectory
 from servogen.plan_error import PlanError
-from servogen.pulse.checks import check_calibration, check_motion, check_period
+from servogen.pulse.lint import check_calibration, check_motion, check_period
 from servogen.pulse.plan_errors import error_of_rows, largest
 from servogen.pulse.quantise import NO_PULSE, Quantised, quantise
 from servogen.pulse.schedule import Channel, Pulse, PulseSchedule, Run

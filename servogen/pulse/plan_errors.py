@@ -1,7 +1,7 @@
 """The distance between the widths that a chip makes and those of the motion: the largest of each kind.
 
 In: a servo, its planned angles and both widths. Out: a `PlanError`. Only `pulse` knows both sides: what
-follows it sees whole cycles. The distance at a foot or tool needs a robot and is added by `pipeline`.
+follows it sees whole cycles. The distance at a foot or tool needs a robot and is added by `build`.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from servogen.report.pictures import check_suffix, new_figure, save
-from servogen.robot.calibration_fit import Fit
+from servogen.robot.calibration import Fit
 from servogen.robot.servo import Servo
 
 

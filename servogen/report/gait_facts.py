@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from servogen.kinematics.hexapod import mount_matrix
-from servogen.motion.gaits import Gait
+from servogen.motion.gait.phases import Gait
+from servogen.motion.gait.walk import Walk
 from servogen.motion.trajectory import Floats
-from servogen.motion.walk import Walk
 from servogen.report.sticks import stick
 from servogen.report.tracks import to_place
 from servogen.robot.model import Hexapod

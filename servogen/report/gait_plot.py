@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from servogen.motion.gaits import Gait
-from servogen.motion.stability import support_polygon
+from servogen.motion.gait.phases import Gait
+from servogen.motion.gait.stability import support_polygon
+from servogen.motion.gait.walk import Walk
 from servogen.motion.trajectory import Floats
-from servogen.motion.walk import Walk
 from servogen.report.gait_facts import GaitFacts
 from servogen.report.pictures import check_suffix, new_figure, plane, save
 from servogen.robot.model import Hexapod

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from servogen.motion.walk import Walk
+from servogen.motion.gait.walk import Walk
 
 
 def frame_lines(made: Walk) -> Iterator[str]:

@@ -13,10 +13,10 @@ import numpy as np
 from servogen.errors import InputError, Place
 from servogen.job import Job
 from servogen.kinematics.hexapod import mount_matrix
+from servogen.motion.gait.stability import support_polygon
+from servogen.motion.gait.walk import Walk
 from servogen.motion.omni import positions
-from servogen.motion.stability import support_polygon
 from servogen.motion.trajectory import Floats
-from servogen.motion.walk import Walk
 from servogen.report.gait_facts import leg_sticks
 from servogen.report.sticks import base_outline, stick
 from servogen.report.tracks import End, ends_of, to_place, wheel_columns

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from servogen.kinematics.chain import link_frames
+from servogen.kinematics.forward import link_frames
 from servogen.kinematics.leg import Leg
 from servogen.motion.trajectory import Floats
 from servogen.robot.model import Arm, OmniBase

@@ -19,7 +19,7 @@ import numpy as np
 
 from servogen.job import Job
 from servogen.job.tip import ArmTip, LegTip
-from servogen.kinematics.chain import fk_position
+from servogen.kinematics.forward import fk_position
 from servogen.kinematics.hexapod import mount_matrix
 from servogen.kinematics.jacobian import jacobian
 from servogen.kinematics.omni import body_speed

@@ -10,10 +10,10 @@ from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-from servogen import tomlfile
 from servogen.errors import InputError, nearest
-from servogen.robot import file
+from servogen.robot import reader as file
 from servogen.robot.model import Arm, Hexapod, OmniBase, Robot
+from servogen.toml import file as toml_file
 
 
 def _files() -> dict[str, Traversable]:
@@ -29,7 +29,7 @@ def names() -> tuple[str, ...]:
 @cache
 def _aliases() -> dict[str, str]:
     """Other names of the catalogue's robots, such as `robotino` for `omni`."""
-    documents = {name: tomlfile.parse(each.read_text("utf-8"), each.name) for name, each in _files().items()}
+    documents = {name: toml_file.parse(each.read_text("utf-8"), each.name) for name, each in _files().items()}
     return {alias: name for name, document in documents.items() for alias in document.data.get("aliases", ())}
 
 
@@ -45,7 +45,7 @@ def catalogue(name: str) -> Robot:
 
 @cache
 def _read(short: str) -> Robot:
-    document = tomlfile.parse(_files()[short].read_text("utf-8"), f"catalogue/robots/{short}.toml")
+    document = toml_file.parse(_files()[short].read_text("utf-8"), f"catalogue/robots/{short}.toml")
     return file.robot_of(document, catalogue)
 
 

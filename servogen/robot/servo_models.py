@@ -15,10 +15,10 @@ from typing import Literal
 
 from pydantic import Field
 
-from servogen import tomlfile
 from servogen.errors import InputError, Place, nearest
 from servogen.robot.servo import Calibration, ServoModel, calibration
-from servogen.tomlfile import Document, Table
+from servogen.toml import file as toml_file
+from servogen.toml.file import Document, Table
 
 FILE_ENDING = ".toml"
 """A model whose name ends so is a file."""
@@ -179,7 +179,7 @@ def _model(name: str, place: Place | None) -> tuple[Document, ModelTable]:
     if name.endswith(FILE_ENDING):
         if not Path(name).is_file():
             raise InputError(f"there is no servo file '{name}'", place)
-        return tomlfile.load(name, ModelTable)
+        return toml_file.load(name, ModelTable)
     if name not in names():
         own = '; a servo of your own is a file: model = "my-servo.toml"'
         raise InputError(f"unknown servo model '{name}'", place, nearest(name, names()) + own)
@@ -189,8 +189,8 @@ def _model(name: str, place: Place | None) -> tuple[Document, ModelTable]:
 @cache
 def _catalogued(name: str) -> tuple[Document, ModelTable]:
     entry = _folder() / f"{name}.toml"
-    document = tomlfile.parse(entry.read_text(encoding="utf-8"), entry.name)
-    return document, tomlfile.validate(document, ModelTable)
+    document = toml_file.parse(entry.read_text(encoding="utf-8"), entry.name)
+    return document, toml_file.validate(document, ModelTable)
 
 
 def _folder() -> Traversable:

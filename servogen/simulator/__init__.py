@@ -10,31 +10,29 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from servogen.simulator.forever import NoRepeat, Repeat, find_repeat
     from servogen.simulator.machine import Machine, Observation, Stimulus
+    from servogen.simulator.observe import Profile, Spent, TraceRow, profile, trace
     from servogen.simulator.options import Options
-    from servogen.simulator.profiling import Profile, Spent, profile
+    from servogen.simulator.recurrence import NoRepeat, Repeat, find_repeat
     from servogen.simulator.run import Simulation, simulate
-    from servogen.simulator.servo_load import Position, ServoLoad
+    from servogen.simulator.servo_model import Position, ServoLoad
     from servogen.simulator.sources import Button, Change, Levels, Periodic, Reset, Serial
     from servogen.simulator.state import State
     from servogen.simulator.stimulus import Recorded, Stimuli, Wired, record
     from servogen.simulator.stimulus_file import load_stimuli, parse_stimuli
-    from servogen.simulator.tracing import TraceRow, trace
     from servogen.simulator.warnings import Warning
 
 _HOMES = {
-    "forever": ("NoRepeat", "Repeat", "find_repeat"),
+    "recurrence": ("NoRepeat", "Repeat", "find_repeat"),
     "machine": ("Machine", "Observation", "Stimulus"),
     "options": ("Options",),
-    "profiling": ("Profile", "Spent", "profile"),
+    "observe": ("Profile", "Spent", "TraceRow", "profile", "trace"),
     "run": ("Simulation", "simulate"),
-    "servo_load": ("Position", "ServoLoad"),
+    "servo_model": ("Position", "ServoLoad"),
     "sources": ("Button", "Change", "Levels", "Periodic", "Reset", "Serial"),
     "state": ("State",),
     "stimulus": ("Recorded", "Stimuli", "Wired", "record"),
     "stimulus_file": ("load_stimuli", "parse_stimuli"),
-    "tracing": ("TraceRow", "trace"),
     "warnings": ("Warning",),
 }
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}

@@ -18,9 +18,9 @@ from servogen.errors import InputError
 from servogen.pic.device import PROGRAM_WORDS
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
+from servogen.simulator.aot_cache import Loop, loop
+from servogen.simulator.block_cache import fast_code, marked_code
 from servogen.simulator.fingerprint import fingerprint, unknown_bits
-from servogen.simulator.loops import fast_code, marked_code
-from servogen.simulator.native import Loop, loop
 from servogen.simulator.options import Options
 from servogen.simulator.program import Code, program_code
 from servogen.simulator.reset_state import power_up

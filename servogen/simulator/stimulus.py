@@ -14,20 +14,11 @@ from itertools import islice, takewhile
 import numpy as np
 import numpy.typing as npt
 
-from servogen.edge_files import NO_INPUTS, Inputs
 from servogen.edges import EdgeChunk, EdgeTrace, edge_chunk
 from servogen.errors import InputError
 from servogen.simulator.layout import MCLR_PIN, NEVER, PACK_CYCLE, PACK_PIN
-from servogen.simulator.sources import (
-    STIMULUS_PINS,
-    Button,
-    Change,
-    Levels,
-    Periodic,
-    Reset,
-    Serial,
-    Source,
-)
+from servogen.simulator.sources import STIMULUS_PINS, Button, Change, Levels, Periodic, Reset, Serial, Source
+from servogen.traces import NO_INPUTS, Inputs
 from servogen.units import Clock
 
 PIECE = 4096

@@ -19,7 +19,7 @@ from servogen.edges import HIGH, LOW
 from servogen.errors import InputError
 from servogen.simulator.sources import RELEASED, Button, Levels, Periodic, Reset, Serial, Source, pin_number
 from servogen.simulator.stimulus import Stimuli
-from servogen.tomlfile import Document, Table, exact, parse, read, shown, validate
+from servogen.toml.file import Document, Table, exact, parse, read, shown, validate
 from servogen.units import Clock
 
 MAX_US = 10**15

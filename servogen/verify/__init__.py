@@ -1,12 +1,12 @@
 """The check that observed edges are the scheduled ones: two streams of edges go in, a verdict comes out."""
 
-from servogen.verify.capture import verify_capture
-from servogen.verify.capture_text import capture_lines
-from servogen.verify.capture_verdict import CapturedChannel, CaptureVerdict, Problem, Tolerances
-from servogen.verify.measure_text import measurement_lines
-from servogen.verify.measurement import Measurement, PinMeasurement
-from servogen.verify.measuring import measure
-from servogen.verify.prove import GLITCH, verify, whole_motion
+from servogen.verify.capture.check import verify_capture
+from servogen.verify.capture.text import capture_lines
+from servogen.verify.capture.verdict import CapturedChannel, CaptureVerdict, Problem, Tolerances
+from servogen.verify.compare import GLITCH, verify, whole_motion
+from servogen.verify.measure.measure import measure
+from servogen.verify.measure.measurement import Measurement, PinMeasurement
+from servogen.verify.measure.text import measurement_lines
 from servogen.verify.sampling import Sampling, sampling
 from servogen.verify.start import channel_pins, find_start
 from servogen.verify.text import verdict_lines

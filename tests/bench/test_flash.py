@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from intelhex import IntelHex
 
-from servogen.bench.flashing import command_of
-from servogen.bench.programmers import PROGRAMMERS, Found, Order, find
+from servogen.bench.programmers.flash import command_of
+from servogen.bench.programmers.table import PROGRAMMERS, Found, Order, find
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.bench.virtual.k150 import ProgrammerOptions, VirtualProgrammer
 from servogen.errors import ToolError

@@ -4,7 +4,7 @@ from fractions import Fraction
 
 import pytest
 
-from servogen.bench.planning import Wanted, plan, words_a_frame
+from servogen.bench.analysers.memory import Wanted, plan, words_a_frame
 from servogen.errors import InputError
 
 FRAME = Fraction(1, 50)

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 import serial
 
-from servogen.bench.modem_lines import compiler, library
-from servogen.bench.sigrok import SigrokLook, command_of
+from servogen.bench.analysers.sigrok import SigrokLook, command_of
+from servogen.bench.ports import compiler, library
 from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.pic.image import Image

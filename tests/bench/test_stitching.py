@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.bench.planning import Plan, Wanted, plan
-from servogen.bench.stitching import stitch
-from servogen.bench.sump import Runs
-from servogen.bench.sump_client import Seen
+from servogen.bench.analysers.memory import Plan, Wanted, plan
+from servogen.bench.analysers.stitching import stitch
+from servogen.bench.analysers.sump import Runs
+from servogen.bench.analysers.sump_client import Seen
 from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
 from servogen.bench.virtual.chip import VirtualChip
+from servogen.build.reporting import capture_facts
 from servogen.errors import ToolError
-from servogen.pipeline.reporting import capture_facts
 from servogen.pulse import from_json
 from servogen.pulse.expected import expected
 from servogen.report.signals import captured

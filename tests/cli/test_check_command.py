@@ -110,7 +110,7 @@ def test_work_that_nobody_asked_for_is_said_on_standard_error(
     """Whatever a package logs, as the simulator does when it is compiled."""
 
     def load(path: Path) -> None:
-        logging.getLogger("servogen.simulator.native").info("compiling, ten seconds")
+        logging.getLogger("servogen.simulator.aot_cache").info("compiling, ten seconds")
         raise ServogenError("and no more")
 
     monkeypatch.setattr("servogen.job.load", load)

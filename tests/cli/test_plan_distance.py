@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from servogen.edge_files import read_edges
-from servogen.edge_files.captures import capture_writer
+from servogen.traces import read_edges
+from servogen.traces.captures import capture_writer
 from servogen.units import Clock, Cycles
 
 Run = Callable[..., Any]
@@ -21,8 +21,8 @@ LAB8_DISTANCE = "0.333 µs, 0.06°"
 
 @pytest.fixture(scope="module")
 def lab8(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    from servogen.build import build, write
     from servogen.job import load
-    from servogen.pipeline import build, write
 
     folder = tmp_path_factory.mktemp("lab8")
     write(build(load(ROOT / "jobs" / "lab8-exercise.toml")), folder)

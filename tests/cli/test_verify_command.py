@@ -249,8 +249,8 @@ def edge_jsonl(path: Path, rows: list[Edge]) -> Path:
 
 def edge_vcd(path: Path, rows: list[Edge], quiet: int = 0) -> Path:
     """As `servogen simulate --vcd` writes it, to the end of the last edge's frame and `quiet` frames more."""
-    from servogen.edge_files import write_edges
     from servogen.edges import PINS, EdgeTrace, edge_chunk
+    from servogen.traces import write_edges
     from servogen.units import Clock, Cycles
 
     columns = zip(*((cycle, PINS.index(pin), level) for cycle, pin, level in rows), strict=True)

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from servogen.bench.ports import PortError, Unplugged
-from servogen.drive.line import Time
+from servogen.drive.serial_link import Time
 from servogen.errors import Place
 
 BITS = 10

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from servogen.drive.controller import Channel, controller_of
-from servogen.drive.line import Line
+from servogen.drive.serial_link import Line
 from servogen.drive.sweep import Sweep, positions
 from servogen.errors import InputError
 from servogen.job import load, loads

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from servogen.drive.controller import controller_of
-from servogen.drive.line import Line
 from servogen.drive.motions import Limited, Motion, Still
+from servogen.drive.serial_link import Line
 from servogen.drive.session import Session
 from servogen.errors import InputError
 from servogen.job import Job, loads

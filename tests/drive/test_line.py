@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import pytest
 
 from servogen.bench.ports import Port, PortError, Unplugged
-from servogen.drive.line import Line, VirtualTime, port_opener
+from servogen.drive.serial_link import Line, VirtualTime, port_opener
 from servogen.errors import ToolError
 from tests.drive.mini_ssc import Robot
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from servogen.drive.commands import script
 from servogen.drive.controller import REFRESH_S, Channel, Controller, controller_of
-from servogen.drive.line import Line
 from servogen.drive.motions import Limited, Motion, Played, Still, pose_of
+from servogen.drive.serial_link import Line
 from servogen.drive.session import Session, Summary
-from servogen.drive.words import script
 from servogen.errors import InputError, ToolError
 from servogen.job import Job, load, loads
 from servogen.motion.trajectory import Floats

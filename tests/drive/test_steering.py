@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.drive.orders import Rates, Steering
+from servogen.drive.commands import QUIT, Lines, Rates, Steering, keys, lines_of, script, wait_of, words_of
 from servogen.drive.steering import steering_of
 from servogen.drive.walker import Walker, walker
-from servogen.drive.words import QUIT, Lines, keys, lines_of, script, wait_of, words_of
 from servogen.errors import InputError
 from servogen.job import load, loads
 from servogen.kinematics.omni import body_speed

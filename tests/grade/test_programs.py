@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from servogen.build.grading import Task, grade_submissions
 from servogen.cli.files import read_submission
 from servogen.grade import Grade, Submission, load_lab
-from servogen.pipeline.grading import Task, grade_submissions
 
 PROGRAMS = Path(__file__).parent / "programs"
 ROOT = Path(__file__).parents[2]

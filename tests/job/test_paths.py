@@ -8,7 +8,7 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.job import Job, load, loads
-from servogen.kinematics.chain import fk
+from servogen.kinematics.forward import fk
 from servogen.motion import follow, moves
 from servogen.robot.robots import arm
 

@@ -8,7 +8,7 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.job import Job, load
-from servogen.kinematics.chain import fk_position
+from servogen.kinematics.forward import fk_position
 from servogen.pulse.plan import plan
 from servogen.robot.robots import arm
 

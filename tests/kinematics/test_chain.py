@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from servogen.errors import InputError
-from servogen.kinematics.chain import BLOCK, fk, fk_position, link_frames, row_axes
+from servogen.kinematics.forward import BLOCK, fk, fk_position, link_frames, row_axes
 from servogen.kinematics.leg import Leg
 from servogen.kinematics.transforms import frame_matrix, is_rotation, rotation
 from servogen.robot.model import Frame

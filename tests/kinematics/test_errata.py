@@ -12,8 +12,8 @@ import pytest
 
 from servogen.kinematics import differential, omni
 from servogen.kinematics import transforms as t
-from servogen.kinematics.chain import fk, fk_position, link_frames
-from servogen.kinematics.inverse import ik_all
+from servogen.kinematics.forward import fk, fk_position, link_frames
+from servogen.kinematics.inverse.solve import ik_all
 from servogen.kinematics.jacobian import jacobian
 from servogen.kinematics.orientation import from_angles, to_angles
 from servogen.kinematics.transform_text import parse

@@ -5,7 +5,7 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.kinematics import hexapod as h
-from servogen.kinematics.unreachable import Unreachable
+from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.robot.model import Hexapod, Mount
 from servogen.robot.robots import robot
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from servogen.errors import InputError
-from servogen.kinematics import numerical
-from servogen.kinematics.chain import fk, fk_position
-from servogen.kinematics.closed_forms import WRIST_JOINTS
-from servogen.kinematics.inverse import ik, ik_all, nearest_point, solve
+from servogen.kinematics.forward import fk, fk_position
+from servogen.kinematics.inverse import numerical
+from servogen.kinematics.inverse.closed_forms import WRIST_JOINTS
+from servogen.kinematics.inverse.solve import ik, ik_all, nearest_point, solve
+from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.tool_orientation import orientation_matrix
 from servogen.kinematics.transforms import wrapped
-from servogen.kinematics.unreachable import Unreachable
 from servogen.robot.model import Arm, Frame
 from servogen.robot.robots import arm
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from servogen.errors import InputError
-from servogen.kinematics.chain import fk, fk_position, link_frames
+from servogen.kinematics.forward import fk, fk_position, link_frames
 from servogen.kinematics.jacobian import (
     analytic_jacobian,
     jacobian,

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from servogen.errors import InputError
+from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.leg import Leg
 from servogen.kinematics.transforms import wrapped
-from servogen.kinematics.unreachable import Unreachable
 
 LEG = Leg(ab=0.03, bc=0.05, cd=0.01, df=0.08)
 

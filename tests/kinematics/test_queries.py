@@ -8,8 +8,8 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.kinematics import queries as q
+from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.transform_text import parse
-from servogen.kinematics.unreachable import Unreachable
 from servogen.robot.model import Length
 from servogen.robot.robots import names
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from servogen.errors import InputError
-from servogen.kinematics.chain import fk
+from servogen.kinematics.forward import fk
 from servogen.kinematics.urdf import from_urdf, to_urdf
 from servogen.robot.robots import arm
 

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from servogen.errors import InputError
-from servogen.motion.gaits import NAMES, Gait, custom, gait
-from servogen.motion.stability import margin, support_polygon
-from servogen.motion.walk import one_leg
+from servogen.motion.gait.phases import NAMES, Gait, custom, gait
+from servogen.motion.gait.stability import margin, support_polygon
+from servogen.motion.gait.walk import one_leg
 from servogen.robot.model import Hexapod
 from servogen.robot.robots import catalogue
 

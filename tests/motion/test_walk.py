@@ -9,11 +9,11 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.kinematics.leg import Leg
-from servogen.motion.footwork import Posture, to_body, to_leg
-from servogen.motion.gaits import NAMES, custom, gait
+from servogen.motion.gait.footwork import Posture, to_body, to_leg
+from servogen.motion.gait.phases import NAMES, custom, gait
+from servogen.motion.gait.steps import Segment
+from servogen.motion.gait.walk import Walk, one_leg, walk
 from servogen.motion.limits import Limits, stretch
-from servogen.motion.steps import Segment
-from servogen.motion.walk import Walk, one_leg, walk
 from servogen.robot.model import Hexapod, Mount
 from servogen.robot.robots import catalogue
 from servogen.units import Clock, Cycles

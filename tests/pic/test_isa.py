@@ -7,15 +7,7 @@ from __future__ import annotations
 
 import pytest
 
-from servogen.pic.isa import (
-    INSTRUCTIONS,
-    LEGACY,
-    WORD_MASK,
-    by_mnemonic,
-    decode,
-    decoder,
-    encode,
-)
+from servogen.pic.isa import INSTRUCTIONS, LEGACY, WORD_MASK, by_mnemonic, decode, decoder, encode
 
 # mnemonic, fixed bits and fields from bit 13 down, cycles, status bits affected
 WITNESS = """

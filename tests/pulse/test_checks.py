@@ -9,7 +9,7 @@ import pytest
 from servogen.errors import Caution
 from servogen.pulse import check_calibration, check_measured, check_motion, check_period, check_periods
 from servogen.pulse import check_widths as check
-from servogen.pulse.checks import check_torque
+from servogen.pulse.lint import check_torque
 from servogen.robot.servo import calibration, servo
 from servogen.robot.servo_models import FactTable, servo_model
 from servogen.units import Clock

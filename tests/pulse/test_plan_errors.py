@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from servogen.build import planned
 from servogen.errors import InputError
 from servogen.job import load, loads
-from servogen.pipeline import planned
 from servogen.plan_error import NO_PLAN, PlanError, plan_words
 from servogen.pulse import PulseSchedule, from_json
 from servogen.pulse.plan_errors import channel_error, largest

@@ -8,11 +8,11 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.job import load
-from servogen.motion.footwork import Posture
-from servogen.motion.gaits import NAMES, gait
+from servogen.motion.gait.footwork import Posture
+from servogen.motion.gait.phases import NAMES, gait
+from servogen.motion.gait.steps import Segment
+from servogen.motion.gait.walk import Walk, walk
 from servogen.motion.laws import law
-from servogen.motion.steps import Segment
-from servogen.motion.walk import Walk, walk
 from servogen.pulse.plan import plan
 from servogen.report.tool_error import errors_of, worst_of
 from servogen.report.tracks import tracks_of
@@ -86,7 +86,7 @@ def test_every_picture_is_there_and_its_command_is_stated() -> None:
 
 
 def test_the_refused_walk_is_refused_so() -> None:
-    from servogen.motion.gaits import custom
+    from servogen.motion.gait.phases import custom
 
     found = hexapod()
     side = custom("own", 0.5, [0, 0, 0, 0.5, 0.5, 0.5], found)

@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.edge_files.captures import capture_writer
+from servogen.build import planned
+from servogen.build.reporting import Page, page_of
 from servogen.edges import edge_chunk
 from servogen.job import load
 from servogen.pic.listing import ListedFunction, Listing
-from servogen.pipeline import planned
-from servogen.pipeline.reporting import Page, page_of
 from servogen.pulse import plan
 from servogen.report.drawing import Axis, dots_path, nice, points_path, pulses_path, steps_path
 from servogen.report.result_tables import costs
 from servogen.report.signals import pose_frames, scopes
 from servogen.report.wiring import remarks, wires
+from servogen.traces.captures import capture_writer
 from servogen.units import Cycles
 
 ROOT = Path(__file__).parents[2]

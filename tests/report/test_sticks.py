@@ -8,7 +8,7 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.job import load
-from servogen.kinematics.chain import fk_position
+from servogen.kinematics.forward import fk_position
 from servogen.kinematics.leg import Leg
 from servogen.report.film import film
 from servogen.report.scenes import MOST_PICTURES, job_scene

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from servogen.errors import InputError
 from servogen.job import load
-from servogen.robot.calibration_file import calibration_text, write_calibration
-from servogen.robot.calibration_fit import Fit, Reading, fit
+from servogen.robot.calibration import Fit, Reading, calibration_text, fit, write_calibration
 
 JOB = """
 [chip]

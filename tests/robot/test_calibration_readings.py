@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from servogen.errors import InputError
-from servogen.robot.calibration_readings import read_csv
+from servogen.robot.calibration import read_csv
 
 HEAD = "width_us,angle_deg\n"
 

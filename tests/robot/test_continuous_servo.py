@@ -5,7 +5,7 @@ import math
 import pytest
 
 from servogen.errors import InputError
-from servogen.pulse.checks import check_motion, check_widths
+from servogen.pulse.lint import check_motion, check_widths
 from servogen.robot.servo import Servo, servo
 from servogen.robot.servo_models import FactTable, PointTable, points_of, servo_model
 

@@ -5,7 +5,7 @@ from math import degrees, radians
 import pytest
 
 from servogen.compiler import Options, Source, compile_sources
-from servogen.motion.movemaster.language import COMMANDS, MISPRINTS
+from servogen.movemaster.language import COMMANDS, MISPRINTS
 from servogen.pic.device import PACKAGE
 from servogen.robot.servo_models import servo_model
 

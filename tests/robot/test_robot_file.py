@@ -5,10 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from servogen import tomlfile
 from servogen.errors import InputError
-from servogen.robot import file, robots
+from servogen.robot import reader as file
+from servogen.robot import robots
 from servogen.robot.model import Arm, Hexapod, Length, OmniBase
+from servogen.toml import file as toml_file
 
 ARM = """\
 name = "mine"
@@ -49,7 +50,7 @@ rz_deg = 90
 
 
 def read(text: str) -> object:
-    return file.robot_of(tomlfile.parse(text, "mine.toml"), robots.catalogue)
+    return file.robot_of(toml_file.parse(text, "mine.toml"), robots.catalogue)
 
 
 def test_a_users_arm_is_what_its_file_says() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from servogen.simulator.loops import fast_code
+from servogen.simulator.block_cache import fast_code
 from servogen.simulator.program import LOOP, OP_MASK, SPIN, WAITS_BIT, program_code
 from tests.simulator.helpers import image
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from servogen.simulator import native
+from servogen.simulator import aot_cache as native
 
 CODE = b"\x7fELF not really"
 

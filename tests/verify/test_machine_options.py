@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from servogen.build import prove_image
+from servogen.build.build import proven
+from servogen.build.grading import BOARD
+from servogen.build.recurrence import prove_forever
+from servogen.build.tuning import Firmware
 from servogen.cli.files import read_program, read_schedule
 from servogen.edges import HIGH
 from servogen.errors import InputError
-from servogen.pipeline import prove_image
-from servogen.pipeline.build import proven
-from servogen.pipeline.forever import prove_forever
-from servogen.pipeline.grading import BOARD
-from servogen.pipeline.targets import Simulator, check
-from servogen.pipeline.tuning import Firmware
 from servogen.simulator import Machine, Options
+from servogen.testing.targets import Simulator, check
 from servogen.units import Clock, Cycles
 from tests.cli.conftest import Ran, run  # noqa: F401 - a fixture
 

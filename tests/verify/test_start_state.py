@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from servogen.build import checked_cycles, prove, prove_image, running
+from servogen.build.recurrence import prove_forever
 from servogen.cli.files import read_program, read_schedule
-from servogen.pipeline import checked_cycles, prove, prove_image, running
-from servogen.pipeline.forever import prove_forever
-from servogen.pipeline.targets import Simulator, check
+from servogen.testing.targets import Simulator, check
 from servogen.units import Cycles
 from tests.cli.conftest import Ran, run  # noqa: F401 - a fixture
 

@@ -10,8 +10,8 @@ import random
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from servogen.bench import sump
-from servogen.bench.sump import Command, Key
+from servogen.bench.analysers import sump
+from servogen.bench.analysers.sump import Command, Key
 from servogen.bench.virtual.capture import Capture, armed
 from servogen.bench.virtual.chip import VirtualChip
 

@@ -16,10 +16,10 @@ from fractions import Fraction
 
 import numpy as np
 
-from servogen.bench import sump
-from servogen.bench.sump import Command, Flag, Runs
+from servogen.bench.analysers import sump
+from servogen.bench.analysers.sump import Command, Flag, Runs
+from servogen.bench.analysers.wires import CHANNEL_PINS
 from servogen.bench.virtual.chip import VirtualChip
-from servogen.bench.wires import CHANNEL_PINS
 
 SLICE_S = Fraction(1, 4)
 MOST_SAMPLES = 1 << 20

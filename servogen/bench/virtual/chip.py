@@ -17,7 +17,7 @@ import numpy.typing as npt
 from servogen.edges import HIGH, PINS
 from servogen.pic.image import Image
 from servogen.simulator import Machine, Options, Stimulus
-from servogen.simulator.native import loop
+from servogen.simulator.aot_cache import loop
 from servogen.units import Clock
 
 Levels = tuple[npt.NDArray[np.int64], npt.NDArray[np.uint32]]

@@ -13,12 +13,7 @@ from servogen.compiler.frontend.asm_numbers import assembler_number
 from servogen.compiler.frontend.dialects import config_names
 from servogen.compiler.frontend.preprocessor import Pragma
 from servogen.errors import Place, nearest
-from servogen.pic.device import (
-    OSCILLATORS,
-    Device,
-    config_word,
-    oscillator_for,
-)
+from servogen.pic.device import OSCILLATORS, Device, config_word, oscillator_for
 from servogen.units import Clock
 
 CODE_PROTECT_MASK = 0x3FF0  # DS35007 section 6.1

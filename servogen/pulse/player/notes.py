@@ -12,7 +12,7 @@ import numpy as np
 
 from servogen.errors import Caution
 from servogen.motion.trajectory import Floats, JointTrajectory
-from servogen.pulse.checks import check_calibration, check_motion, check_period
+from servogen.pulse.lint import check_calibration, check_motion, check_period
 from servogen.pulse.player.interpolation import Whole
 from servogen.pulse.player.layout import Layout
 from servogen.pulse.quantise import PARTS, Quantised

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from servogen.errors import Caution, InputError
-from servogen.pulse.checks import check_calibration, check_period
+from servogen.pulse.lint import check_calibration, check_period
 from servogen.pulse.plan import PulsePlan
 from servogen.pulse.plan_errors import error_of_rows, largest
 from servogen.pulse.quantise import PARTS, Quantised

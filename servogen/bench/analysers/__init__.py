@@ -1,0 +1,1 @@
+"""Logic analysers: SUMP, sigrok, and captures longer than their memory."""

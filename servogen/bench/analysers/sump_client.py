@@ -1,0 +1,194 @@
+"""A capture by an analyser that speaks SUMP: Logic Sniffer, Bus Pirate, boards with that firmware.
+
+In: an open port and a `Look`: rate, words, trigger. Out: `Seen`: runs of samples, and whether they are all
+that was asked for. Silence ends a capture: an analyser does not say how much it sends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+
+from servogen.bench.analysers import sump
+from servogen.bench.analysers.sump import Command, Flag, Key
+from servogen.bench.ports import Port, Unplugged
+from servogen.errors import Place, ToolError
+
+BAUD = 115_200
+ANSWER_S = 0.5
+SILENCE_S = 0.5
+ATTEMPTS = 2
+"""A device that is just sending an old capture answers the second question."""
+
+DEFAULT_MEMORY = 24 * 1024
+"""Bytes of sample memory where the device does not say: the Logic Sniffer's block RAM."""
+
+
+@dataclass(frozen=True, slots=True)
+class Analyser:
+    """What a device says of itself."""
+
+    name: str
+    memory: int
+    """Bytes."""
+    fastest: int | None
+    """Samples a second."""
+    stated: bool
+    """Whether the memory is the device's own word."""
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """One capture: `words` of memory at `rate`, begun when `channel` rises; None begins at once."""
+
+    rate: Fraction
+    words: int
+    rle: bool
+    channel: int | None
+    patience_s: float
+    """How long the first byte may take: the wait for the trigger and the capture itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """Samples, oldest first. `missing` says why they are not all; the samples that are there follow each
+    other without a gap and end where the capture ends."""
+
+    runs: sump.Runs
+    missing: str | None = None
+
+
+def identify(port: Port) -> Analyser:
+    """Wakes the device and asks what it is. Raises ToolError."""
+    answer = b""
+    for _ in range(ATTEMPTS):
+        port.write(sump.short(Command.RESET) * sump.RESETS)
+        port.read_whole(1 << 20, 0.1)
+        port.clear()
+        port.write(sump.short(Command.ID))
+        answer = port.read_whole(4, ANSWER_S)
+        if answer in sump.IDS:
+            return _described(port)
+    if not answer:
+        raise ToolError(
+            "the device does not answer",
+            Place(port.path),
+            "is it a SUMP analyser, is this its port, is its firmware the one for logic analysis?",
+        )
+    raise ToolError(f"the device is no SUMP analyser: it answered {answer!r}", Place(port.path))
+
+
+def _described(port: Port) -> Analyser:
+    port.write(sump.short(Command.METADATA))
+    data = port.read_whole(1 << 10, ANSWER_S / 2)
+    found = metadata(data)
+    name, memory, rate = found.get(Key.NAME), found.get(Key.MEMORY), found.get(Key.RATE)
+    return Analyser(
+        name if isinstance(name, str) and name else "SUMP analyser",
+        memory if isinstance(memory, int) and memory else DEFAULT_MEMORY,
+        rate if isinstance(rate, int) and rate else None,
+        bool(memory),
+    )
+
+
+def metadata(data: bytes) -> dict[int, int | str]:
+    """What a device's metadata say, by key; what is torn or unknown is left out."""
+    found: dict[int, int | str] = {}
+    at = 0
+    while at < len(data) and data[at] != Key.END:
+        key = data[at]
+        kind = key >> 5
+        if kind == 0:
+            end = data.find(b"\0", at + 1)
+            if end < 0:
+                break
+            found[key] = data[at + 1 : end].decode("latin-1")
+            at = end + 1
+        elif kind in (1, 2):
+            size = 4 if kind == 1 else 1
+            value = data[at + 1 : at + 1 + size]
+            if len(value) < size:
+                break
+            found[key] = int.from_bytes(value, "big")
+            at += 1 + size
+        else:
+            break
+    return found
+
+
+def capture(port: Port, look: Look, progress: Callable[[int], None] = lambda words: None) -> Seen:
+    """Arms the analyser and takes what it sends. Raises ToolError where it sends nothing."""
+    port.write(_settings(look))
+    port.write(sump.short(Command.RUN))
+    wanted = 2 * look.words
+    data = bytearray()
+    missing = None
+    try:
+        data += port.read(wanted, look.patience_s)
+        if not data:
+            port.write(sump.short(Command.RESET) * sump.RESETS)
+            raise _never(port, look)
+        while len(data) < wanted:
+            more = port.read(wanted - len(data), SILENCE_S)
+            if not more:
+                missing = f"the analyser fell silent after {len(data)} of {wanted} bytes"
+                break
+            data += more
+            progress(len(data) // 2)
+        if missing is None and port.read(1, SILENCE_S):
+            raise ToolError(
+                f"the analyser sent more than the {wanted} bytes that were asked for", Place(port.path)
+            )
+    except Unplugged:
+        if not data:
+            raise
+        missing = f"the analyser went away after {len(data)} of {wanted} bytes"
+    return Seen(sump.decode(sump.from_bytes(bytes(data)), look.rle), missing)
+
+
+def _never(port: Port, look: Look) -> ToolError:
+    waited = f"{look.patience_s:g} s"
+    if look.channel is None:
+        return ToolError(f"the analyser sent nothing for {waited}", Place(port.path))
+    return ToolError(
+        f"nothing rose on channel {look.channel} for {waited}, or too little followed to fill the memory",
+        Place(port.path),
+        "does the chip run, is that channel's wire on its pin, is ground connected?",
+    )
+
+
+def _settings(look: Look) -> bytes:
+    """The commands that describe a look: trigger, divider, counts, flags."""
+    fours = look.words // 4 - 1
+    flags = Flag.FILTER | Flag.NO_GROUP_3 | Flag.NO_GROUP_4
+    if look.rle:
+        flags |= Flag.RLE | Flag.COUNTS_EXCLUSIVE
+    return b"".join(
+        (
+            _trigger(look.channel),
+            sump.long(Command.DIVIDER, sump.divider(look.rate)),
+            sump.long(Command.COUNTS, fours | fours << 16),
+            sump.long(Command.FLAGS, flags),
+        )
+    )
+
+
+def _trigger(channel: int | None) -> bytes:
+    """Two stages make an edge of two levels: low arms the second, high starts."""
+    if channel is None:
+        return _stage(0, 0, 0, sump.TRIGGER_START)
+    mask = 1 << channel
+    return _stage(0, mask, 0, 0) + _stage(1, mask, mask, 1 << sump.TRIGGER_LEVEL | sump.TRIGGER_START)
+
+
+def _stage(number: int, mask: int, value: int, configuration: int) -> bytes:
+    first = sump.STAGES * number
+    return b"".join(
+        sump.long(command + first, data)
+        for command, data in (
+            (Command.TRIGGER_MASK, mask),
+            (Command.TRIGGER_VALUE, value),
+            (Command.TRIGGER_CONFIG, configuration),
+        )
+    )

@@ -1,0 +1,1 @@
+"""Programming a chip, and reading it back."""

@@ -1,0 +1,198 @@
+"""What speaks against programming an image, and what its owner should know before it is done."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from servogen.bench.ports import held
+from servogen.bench.programmers.readback import Contents, difference
+from servogen.bench.programmers.table import Found, Order, Programmer
+from servogen.errors import InputError, Place, ServogenError, ToolError
+from servogen.pic.device import CONFIG_WATCHDOG_ON, Device
+from servogen.pic.image import Image
+from servogen.pic.isa import decode
+
+CLEARS_WATCHDOG = ("CLRWDT", "SLEEP")
+"""DS35007 section 6.10: both clear it; a program with neither is reset for ever."""
+
+
+def objections(image: Image) -> tuple[str, ...]:
+    """Reasons not to program `image`."""
+    found = []
+    if not image.words:
+        found.append("the image has no program")
+    if image.config is None:
+        found.append("the image has no configuration word: oscillator and watchdog would be left to chance")
+    elif image.config & CONFIG_WATCHDOG_ON and not _clears_watchdog(image):
+        found.append("the watchdog is on, and the program never clears it: the chip would be reset for ever")
+    return tuple(found)
+
+
+def remarks(image: Image, device: Device) -> tuple[str, ...]:
+    """What programming it means."""
+    found = []
+    if device.name == "PIC16F84":
+        found.append(
+            "the PIC16F84 has no device ID: no programmer can tell whether this is the chip in the socket"
+        )
+    if protected(image, device):
+        found.append("code protection is on: the chip cannot be read again, only erased")
+    return tuple(found)
+
+
+def protected(image: Image, device: Device) -> bool:
+    mask = device.code_protect_mask
+    return image.config is not None and image.config & mask != mask
+
+
+def _clears_watchdog(image: Image) -> bool:
+    found = (decode(word) for word in image.program.values())
+    return any(each is not None and each.instruction.mnemonic in CLEARS_WATCHDOG for each in found)
+
+
+TIMEOUT_S = 120.0
+NOT_INSERTED = re.compile(r"waiting for user to insert chip(?![\s\S]*chip detected)", re.IGNORECASE)
+LAST_LINES = 3
+LINE = 120
+
+
+class Differs(ServogenError):
+    """The chip does not hold what the file holds."""
+
+    exit_code = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Flashed:
+    """`output` is what the programmer's program said; `compared` names the memories that were read back."""
+
+    output: str
+    compared: tuple[str, ...]
+
+
+def command_of(found: Found, order: Order) -> tuple[str, ...]:
+    """The command that programs. Raises InputError where it needs a port and none is given."""
+    if found.programmer.needs_port and order.port is None:
+        raise InputError(
+            f"{found.programmer.name} needs the programmer's port", hint="--port /dev/ttyUSB0, or the like"
+        )
+    return (*found.start, *found.programmer.program(order))
+
+
+def flash(found: Found, order: Order, image: Image, timeout_s: float = TIMEOUT_S) -> Flashed:
+    """Programs the chip. Raises ToolError or Differs."""
+    command = command_of(found, order)
+    port = order.port if found.programmer.needs_port else None
+    with nullcontext() if port is None else held(port):
+        code, output = _run(command, found.programmer, order.port, timeout_s)
+        try:
+            _judge(found.programmer, code, output, order.port)
+        except Differs as error:
+            raise _with_place(error, found, order, image, timeout_s) from None
+        read = _read(found, order, image, timeout_s)
+    at = difference(read, image)
+    if at is not None:
+        raise Differs(
+            f"{found.programmer.name} reports success, but the chip differs from the file, first {at}",
+            _place(order.port),
+            _last(output),
+        )
+    return Flashed(output, tuple(read))
+
+
+def _judge(programmer: Programmer, code: int, output: str, port: str | None) -> None:
+    """Raises what the exit code and the output say."""
+    for failure in programmer.failures:
+        if isinstance(failure.sign, int):
+            hit = code == failure.sign
+        else:
+            hit = re.search(failure.sign, output, re.IGNORECASE) is not None
+        if hit:
+            kind = Differs if failure.differs else ToolError
+            raise kind(failure.sentence, _place(port), _last(output))
+    missing = [text for text in programmer.said if text not in output]
+    if code != 0:
+        raise ToolError(f"{programmer.name} failed with exit code {code}", _place(port), _last(output))
+    if missing:
+        raise ToolError(
+            f"{programmer.name} did not say '{missing[0]}': nothing proves that the chip is programmed",
+            _place(port),
+            _last(output),
+        )
+
+
+def _with_place(error: Differs, found: Found, order: Order, image: Image, timeout_s: float) -> Differs:
+    """The same, with the first address that differs, where the programmer can read it."""
+    try:
+        at = difference(_read(found, order, image, timeout_s), image)
+    except ToolError:
+        return error
+    return error if at is None else Differs(f"{error.message}, first {at}", error.place, error.hint)
+
+
+def _read(found: Found, order: Order, image: Image, timeout_s: float) -> Contents:
+    """All that can be read back; of a chip whose code is protected, what such a chip still tells."""
+    contents: dict[str, Sequence[int]] = {}
+    closed = protected(image, order.device)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "read.hex"
+        for look in found.programmer.looks(replace(order, file=file)):
+            if closed and not look.of_protected:
+                continue
+            file.unlink(missing_ok=True)
+            command = (*found.start, *look.arguments)
+            code, output = _run(command, found.programmer, order.port, timeout_s)
+            if code != 0 or not file.exists():
+                raise ToolError(
+                    f"{found.programmer.name} could not read the chip back", _place(order.port), _last(output)
+                )
+            contents.update(look.contents(file, image))
+    return contents
+
+
+def _run(
+    command: tuple[str, ...], programmer: Programmer, port: str | None, timeout_s: float
+) -> tuple[int, str]:
+    """Exit code and output; the program is ended where it takes too long."""
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+    with subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        env=environment,
+    ) as process:
+        try:
+            output, _ = process.communicate(timeout=timeout_s)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            output, _ = process.communicate()
+            sentence = f"{programmer.name} did not end within {timeout_s:g} s"
+            if not output.strip():
+                sentence += " and said nothing: does the programmer answer?"
+            if NOT_INSERTED.search(output):
+                sentence = "there is no chip in the programmer's socket"
+            raise ToolError(sentence, _place(port), _last(output)) from None
+        except BaseException:
+            process.kill()
+            raise
+        return process.returncode, output
+
+
+def _place(port: str | None) -> Place | None:
+    return Place(port) if port else None
+
+
+def _last(output: str) -> str | None:
+    """The last lines that a program said, without the ends of very long ones."""
+    lines = [line for line in output.splitlines() if line.strip()][-LAST_LINES:]
+    return "\n  ".join(line if len(line) <= LINE else f"{line[:LINE]} …" for line in lines) or None

@@ -1,0 +1,236 @@
+"""The programmers of a PIC16F84 as a table: how each is called, and how it tells success from failure.
+
+Sources: picpro 0.3.0, run and read (it exits 0 on most failures); the published return codes of PK2CMD and
+success line of IPECMD. No documentation was found of IPECMD failing, or of what usbpicprog and picprog say:
+their patterns are assumptions, and whatever does not match them is a failure.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import shutil
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from servogen.bench.programmers.readback import Look, picpro_config, picpro_eeprom, program_of, whole_of
+from servogen.errors import InputError, ToolError, nearest
+from servogen.pic.device import Device
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What is to be programmed, where; `file` is read from or written to."""
+
+    file: Path
+    device: Device
+    port: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A sentence for a pattern of the output (searched without regard to case) or an exit code."""
+
+    sign: str | int
+    sentence: str
+    differs: bool = False
+    """Whether the chip was programmed and does not hold what it should: exit code 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class Programmer:
+    """`said` must all be in the output, and the exit code 0, for it to be a success."""
+
+    name: str
+    hardware: str
+    program: Callable[[Order], tuple[str, ...]]
+    failures: tuple[Failure, ...]
+    said: tuple[str, ...] = ()
+    needs_port: bool = False
+    looks: Callable[[Order], tuple[Look, ...]] = lambda order: ()
+    """How it reads the chip back into HEX files."""
+    verifies: bool = True
+    """Whether a success means that it compared the chip with the file."""
+    executable: str | None = None
+    """The program's name, where it is not the programmer's."""
+
+
+_AWAY = "the programmer went away while it worked: what is on the chip is not known, program it again"
+
+
+def _dump(memory: str, order: Order) -> tuple[str, ...]:
+    """picpro's arguments that read a memory."""
+    return (
+        *("dump", memory, "-p", str(order.port), "-o", str(order.file)),
+        *("-t", order.device.short_name),
+    )
+
+
+PICPRO = Programmer(
+    "picpro",
+    "K128, K149, K150, K182 on a serial port (P18A)",
+    lambda order: (
+        *("program", "-p", str(order.port), "-i", str(order.file)),
+        *("-t", order.device.short_name),
+    ),
+    (
+        Failure("unable to open serial port", "picpro cannot open the port"),
+        Failure(r"read failed|write failed|reports readiness|input/output error", _AWAY),
+        Failure(
+            r"invalid response received|unable to initialize connection",
+            "no programmer that speaks P18A answers on the port: is it powered, is it the right port?",
+        ),
+        Failure("unable to find chip type", "picpro's chip data do not know the device"),
+        Failure(r"chipdata\.cid was not found|unable to locate chip", "picpro's chip data are not installed"),
+        Failure(
+            r"out of range", "this picpro refuses a HEX file that fills the EEPROM: use version 0.3 or newer"
+        ),
+        Failure("erasure failed", "the chip could not be erased: is it in the socket, the right way round?"),
+        Failure("(?<!eep)rom programming failed", "the program memory could not be programmed"),
+        Failure("eeprom programming failed", "the data EEPROM could not be programmed"),
+        Failure("fuses failed", "the configuration word could not be programmed"),
+        Failure(
+            "maybe rom is locked",
+            "the program memory reads as zeros: the chip is code protected",
+            differs=True,
+        ),
+        Failure("(?<!eep)rom verification failed", "the program memory differs from the file", differs=True),
+        Failure("eeprom verification failed", "the data EEPROM differs from the file", differs=True),
+        Failure("communication failure", "the programmer does not answer as it should"),
+        Failure(r"chip detected(?![\s\S]*erasing)", "the programmer stopped before it erased the chip"),
+    ),
+    said=("ROM verified.", "EEPROM verified."),
+    needs_port=True,
+    looks=lambda order: (
+        Look(_dump("rom", order), program_of),
+        Look(_dump("eeprom", order), picpro_eeprom),
+        Look(_dump("config", order), picpro_config, of_protected=True),
+    ),
+)
+
+PK2CMD = Programmer(
+    "pk2cmd",
+    "PICkit 2",
+    lambda order: (f"-P{order.device.name}", f"-F{order.file}", "-M", "-R", "-T"),
+    (
+        Failure(5, "wrong voltage at the chip: is it connected, is something else driving the supply?"),
+        Failure(10, "no PICkit 2 is connected"),
+        Failure(11, "the PICkit 2's firmware is too old for this pk2cmd"),
+        Failure(24, "pk2cmd does not find its PK2DeviceFile.dat: put it beside pk2cmd"),
+        Failure(36, "pk2cmd does not know one of its arguments"),
+        Failure(37, "pk2cmd cannot read the HEX file"),
+        Failure(39, "pk2cmd found no known chip"),
+        Failure(34, "programming or its verification failed", differs=True),
+        Failure(7, "the operation failed"),
+    ),
+    looks=lambda order: (Look((f"-P{order.device.name}", f"-GF{order.file}", "-R", "-T"), whole_of),),
+)
+
+IPECMD = Programmer(
+    "ipecmd",
+    "PICkit 4",
+    lambda order: ("-TPPK4", f"-P{order.device.short_name}", f"-F{order.file}", "-M", "-OL"),
+    (
+        Failure(r"no .*tool|could not connect to tool|programmer not found", "no PICkit 4 is connected"),
+        Failure(
+            r"target device id .*does not match|invalid device id|target device was not found",
+            "another chip, or none, is in the socket",
+        ),
+        Failure(r"verif\w* failed|failed to verify", "the chip differs from the file", differs=True),
+        Failure(r"failed to program|programming failed", "programming failed"),
+    ),
+    said=("Program Succeeded.",),
+)
+
+PICKIT3 = replace(
+    IPECMD,
+    name="pickit3",
+    hardware="PICkit 3",
+    executable="ipecmd",
+    program=lambda order: ("-TPPK3", *IPECMD.program(order)[1:]),
+)
+
+USBPICPROG = Programmer(
+    "usbpicprog",
+    "usbpicprog",
+    lambda order: (f"-p={order.device.short_name}", "-e", "-w", "-v", f"-f={order.file}"),
+    (
+        Failure(r"not (found|detected|connected)|no programmer", "no usbpicprog is connected"),
+        Failure(r"verif\w* .*(fail|error)|differ", "the chip differs from the file", differs=True),
+        Failure(r"fail|error|unable|cannot", "usbpicprog failed"),
+    ),
+    verifies=False,
+)
+
+PICPROG = Programmer(
+    "picprog",
+    "JDM on a serial port",
+    lambda order: (
+        *(f"--device=pic{order.device.short_name.lower()}", f"--pic-serial-port={order.port}"),
+        *(f"--input-hexfile={order.file}", "--erase", "--burn"),
+    ),
+    (
+        Failure(64, "picprog does not know one of its arguments"),
+        Failure(65, "picprog cannot read the HEX file"),
+        Failure(66, "picprog cannot open the HEX file"),
+        Failure(69, "no JDM programmer answers on the port"),
+        Failure(74, _AWAY),
+        Failure(77, "picprog may not use the port"),
+        Failure(r"verif\w* .*(fail|error)|verify error", "the chip differs from the file", differs=True),
+    ),
+    needs_port=True,
+)
+
+PROGRAMMERS = (PICPRO, PK2CMD, IPECMD, PICKIT3, USBPICPROG, PICPROG)
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A programmer and how its program is started."""
+
+    programmer: Programmer
+    start: tuple[str, ...]
+
+
+def find(named: str | None) -> Found:
+    """The programmer by name or by the path of its program; by default the first that is installed.
+
+    A picpro of its own Python cannot read the configuration word back: its `dump config` fails (0.3.0).
+    Raises InputError for one that is not in the table, ToolError where it is not installed.
+    """
+    if named is None:
+        for programmer in PROGRAMMERS:
+            start = _start(programmer, programmer.name)
+            if start:
+                return Found(programmer, start)
+        raise ToolError(
+            "no program for a programmer is installed",
+            hint="one of: " + ", ".join(f"{each.name} ({each.hardware})" for each in PROGRAMMERS),
+        )
+    stem = Path(named).stem.lower()
+    known = {each.name: each for each in PROGRAMMERS}
+    if stem not in known:
+        raise InputError(f"'{named}' is no known programmer", hint=nearest(stem, known))
+    start = _start(known[stem], named)
+    if not start:
+        raise ToolError(f"'{named}' is not installed", hint=f"it programs with {known[stem].hardware}")
+    programmer = known[stem]
+    if programmer is PICPRO and start[0] != sys.executable:
+        programmer = replace(programmer, looks=lambda order: PICPRO.looks(order)[:-1])
+    return Found(programmer, start)
+
+
+def installed(programmer: Programmer) -> str | None:
+    """Return what `find` would start for the programmer, as doctor shows it; None: it is not installed."""
+    start = _start(programmer, programmer.name)
+    if not start:
+        return None
+    return start[0] if len(start) == 1 else f"{programmer.name} of {start[0]}"
+
+
+def _start(programmer: Programmer, named: str) -> tuple[str, ...]:
+    if named == PICPRO.name and importlib.util.find_spec("picpro"):
+        return (sys.executable, "-u", "-m", "servogen.bench.programmers.picpro")
+    path = shutil.which(programmer.executable or named if named == programmer.name else named)
+    return (path,) if path else ()

@@ -1,0 +1,213 @@
+"""From a job to proven HEX files: plan, tune for every dialect, simulate, verify, and the files of it all.
+
+In: a `Job`. Out: `Build`: the values of every step, and a folder of files. What is written does not depend on
+day, host or path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from servogen.build.engines import planned
+from servogen.build.fitting import DoesNotFit
+from servogen.build.proof import (
+    LOOPS_CHECKED,
+    START_FRAMES,
+    checked_cycles,
+    chip_warnings,
+    end_of,
+    inputs_of,
+    machine_of,
+    prove,
+)
+from servogen.build.tuning import Firmware
+from servogen.csource import DIALECTS
+from servogen.edges import EdgeTrace
+from servogen.errors import Caution, Place
+from servogen.job import Job
+from servogen.outputs import replaced_files, write_text
+from servogen.pic.device import RAM_FIRST
+from servogen.pic.image import Image, to_hex
+from servogen.pic.listing import listing_text
+from servogen.pulse import PulseSchedule
+from servogen.pulse.plan import PulsePlan
+from servogen.report import BuildFacts, Overrun, ProgramFacts, report_text
+from servogen.simulator import Machine
+from servogen.simulator.stimulus import file_inputs
+from servogen.traces import write_edges
+from servogen.units import Cycles
+from servogen.verify import Verdict
+
+ROUNDED = "is not a whole number of cycles"
+"""The C states cycles as times; that the compiler rounds them back is meant, and proven with every edge."""
+
+Progress = Callable[[str], None]
+"""Is told what is being done."""
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """One dialect's firmware and the verdict on its edges."""
+
+    firmware: Firmware
+    verdict: Verdict
+    overrun: Cycles | None = None
+    """The end of the first frame in which the C came too late, from reset; None: never, or not kept."""
+
+    @property
+    def proven(self) -> bool:
+        return self.verdict.proven and self.overrun is None
+
+    @property
+    def image(self) -> Image:
+        return self.firmware.compilation.image
+
+
+@dataclass(frozen=True, slots=True)
+class Build:
+    """What a job became; `job` with the engine's lead-in. `programs` begins with the job's own dialect."""
+
+    job: Job
+    engine: str
+    plan: PulsePlan
+    programs: tuple[Program, ...]
+    left_out: tuple[Caution, ...] = ()
+    """The dialects whose program does not fit the chip, though the job's own does."""
+
+    @property
+    def proven(self) -> bool:
+        return all(program.proven for program in self.programs)
+
+    @property
+    def frames(self) -> int:
+        """How many frames were checked."""
+        schedule = self.plan.schedule
+        return schedule.lead_in_frames + LOOPS_CHECKED * schedule.loop_frames
+
+    @property
+    def warnings(self) -> tuple[Caution, ...]:
+        compiler = [
+            Caution("compiler", str(diagnostic), Place(program.firmware.file))
+            for program in self.programs
+            for diagnostic in program.firmware.compilation.diagnostics
+            if ROUNDED not in diagnostic.message
+        ]
+        engine = [
+            Caution(each.code, each.text, Place(program.firmware.file))
+            for program in self.programs
+            for each in program.firmware.warnings
+        ]
+        return (*self.job.warnings, *self.plan.warnings, *engine, *compiler, *self.left_out)
+
+
+def build(job: Job, progress: Progress = lambda step: None) -> Build:
+    """Plans, compiles, simulates and verifies. Raises InputError where the job cannot be built."""
+    progress("planning")
+    found = planned(job)
+    schedule = found.plan.schedule
+    own = job.firmware.dialect
+    programs: list[Program] = []
+    left_out: list[Caution] = []
+    for dialect in (own, *(other for other in DIALECTS if other != own)):
+        progress(f"compiling {dialect}")
+        try:
+            firmware = found.make(dialect)
+        except DoesNotFit as error:
+            if dialect == own:
+                raise
+            left_out.append(Caution("dialect", f"no program for {dialect}: {error.message}"))
+            continue
+        progress(f"proving {dialect}")
+        span = checked_cycles(schedule)
+        programs.append(proven(schedule, firmware, span))
+    return Build(found.job, found.engine, found.plan, tuple(programs), tuple(left_out))
+
+
+def proven(schedule: PulseSchedule, firmware: Firmware, span: Cycles) -> Program:
+    """Runs the firmware for `span` cycles of pulses, and reads what it says of itself afterwards."""
+    image = firmware.compilation.image
+    machine = machine_of(schedule, image, tracked=True)
+    limit = Cycles(span + START_FRAMES * schedule.period)
+    verdict = prove(schedule, EdgeTrace(schedule.clock, machine.stream(limit), limit), span)
+    found = chip_warnings(machine, end_of(verdict), firmware.compilation.listing)
+    verdict = verdict.with_warnings(found)
+    late = None
+    if firmware.overrun is not None and _overrun(machine, firmware.overrun):
+        late = machine_of(schedule, image)
+        while not _overrun(late, firmware.overrun):
+            late.run(schedule.period)
+    return Program(firmware, verdict, late.cycles if late else None)
+
+
+def _overrun(machine: Machine, address: int) -> bool:
+    """RAM at power-up may hold anything: the bit counts once the program has written it."""
+    state = machine.state()
+    return address in state.ram_written and bool(state.ram[address - RAM_FIRST] & 1)
+
+
+FILES = frozenset(
+    (
+        *("schedule.json", "main.lst", "report.txt", "edges.csv", "main.vcd", "main.hex"),
+        *(f"main.{dialect}.{suffix}" for dialect in DIALECTS for suffix in ("c", "hex")),
+    )
+)
+"""All files that a build may write; those that it does not are removed with the build before."""
+
+
+def write(done: Build, folder: Path) -> None:
+    """Writes the files of a build. They take the place of those of an earlier one all at once."""
+    own = done.programs[0]
+    servos = {servo.pin: servo.name for servo in done.job.servos}
+    texts = {"schedule.json": done.plan.schedule.to_json()}
+    for program in done.programs:
+        texts |= {
+            program.firmware.file: program.firmware.text,
+            _hex_name(done, program): to_hex(program.image),
+        }
+    texts |= {"main.lst": listing_text(own.firmware.compilation.listing), "report.txt": report(done)}
+    with replaced_files(folder, FILES) as new:
+        for name, text in texts.items():
+            write_text(new / name, text)
+        schedule = done.plan.schedule
+        write_edges(
+            checked_edges(done),
+            new / "edges.csv",
+            new / "main.vcd",
+            servos=servos,
+            inputs=file_inputs(inputs_of(schedule), schedule.clock),
+        )
+
+
+def checked_edges(done: Build) -> EdgeTrace:
+    """The edges of the job's own program from reset to the end of the time that was checked."""
+    schedule, own = done.plan.schedule, done.programs[0]
+    end = Cycles((own.verdict.start or 0) + checked_cycles(schedule))
+    return EdgeTrace(schedule.clock, machine_of(schedule, own.image).stream(end), end)
+
+
+def report(done: Build) -> str:
+    """The text of report.txt."""
+    return report_text(BuildFacts(done.job, done.plan, program_facts(done), done.warnings))
+
+
+def program_facts(done: Build) -> tuple[ProgramFacts, ...]:
+    """What a report tells of each program."""
+    return tuple(
+        ProgramFacts(
+            program.firmware.dialect,
+            program.firmware.file,
+            _hex_name(done, program),
+            program.firmware.compilation.words,
+            program.firmware.compilation.ram_bytes,
+            program.verdict,
+            program.firmware.rooms,
+            None if program.firmware.overrun is None else Overrun(program.overrun),
+        )
+        for program in done.programs
+    )
+
+
+def _hex_name(done: Build, program: Program) -> str:
+    return "main.hex" if program is done.programs[0] else f"main.{program.firmware.dialect}.hex"

@@ -1,0 +1,339 @@
+"""Programs held against a lab's task: each is compiled, run on the simulator and judged; many at a time.
+
+In: submissions and a lab. Out: a `Graded` for each, in their order; nothing that is wrong with one stops the
+others. The programs are strangers': each is compiled and run in processes of its own, see `isolation`.
+
+    here        this process ──fork──▶ one process for each program
+    a cluster   Dask worker ──▶ a fresh process for a batch ──fork──▶ one process for each program
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from importlib import import_module
+from typing import Any, Protocol
+
+from servogen.edges import PINS, EdgeTrace
+from servogen.errors import InputError, ToolError
+from servogen.grade import ChipFacts, Grade, Lab, Submission, judge, message, refused
+from servogen.grade.watch import watch
+from servogen.isolation import COMPILING, LimitExceeded, Limits, Resource, can_fork, run_each
+from servogen.pic.image import Image
+from servogen.simulator import Machine, Options, Repeat, State, find_repeat
+from servogen.units import Clock, Cycles
+
+BOARD = Options(ra4_pull_up=True)
+
+RUNNING = Limits(seconds=120.0)
+"""What running and judging one program may use; it takes a second."""
+
+PATIENCE = 4
+"""So many times its processor time may pass: a grade must not depend on what else the machine does."""
+
+STARTING_S = 60
+"""That a process of its own may take to start, on a machine that is busy."""
+
+BATCH = 8
+"""Programs that a worker of a cluster grades in one process."""
+
+CONNECT_S = 10
+"""To a cluster's scheduler, and until it has a worker."""
+
+WITHOUT_WORKERS_S = 60.0
+"""A cluster that has no worker for so long is given up."""
+
+POLL_S = 1.0
+
+
+class Runnable(Protocol):
+    """A program that can be run: its image, the clock that its source names, what is odd about its file."""
+
+    @property
+    def image(self) -> Image: ...
+
+    @property
+    def clock(self) -> Clock | None: ...
+
+    @property
+    def remarks(self) -> tuple[str, ...]: ...
+
+
+Read = Callable[[Submission], Runnable]
+"""Reads a HEX file, compiles C, assembles assembly. Raises InputError."""
+
+
+@dataclass(frozen=True, slots=True)
+class Compiled:
+    """A program as it comes out of the process that compiled it."""
+
+    image: Image
+    clock: Clock | None
+    remarks: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Graded:
+    """A program and its grade; `defect` is what went wrong in servogen itself, not in the program."""
+
+    submission: Submission
+    grade: Grade
+    defect: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """How to grade: the lab, how programs are read, and what compiling and running one may use.
+
+    It can be sent to a worker of a cluster.
+    """
+
+    lab: Lab
+    read: Read
+    compiling: Limits = COMPILING
+    running: Limits = RUNNING
+
+    @classmethod
+    def of(cls, lab: Lab, read: Read, seconds: float, memory_mb: int) -> Task:
+        """Returns the task where running takes at most `seconds` of processor time, and so does compiling."""
+        compiling_s = min(seconds, COMPILING.seconds)
+        return cls(
+            lab,
+            read,
+            Limits(compiling_s, memory_mb, elapsed_s=PATIENCE * compiling_s),
+            Limits(seconds, memory_mb, elapsed_s=PATIENCE * seconds),
+        )
+
+
+def grade_submissions(
+    submissions: Sequence[Submission],
+    task: Task,
+    scheduler: str | None = None,
+    progress: Callable[[int], None] = lambda done: None,
+    at_once: int | None = None,
+) -> list[Graded]:
+    """Returns the grades, in the order of `submissions`; `progress` is called with how many there are.
+
+    The work is done on this machine, `at_once` programs at a time (default: one for each core), or on the
+    Dask cluster at the address `scheduler`. Raises ToolError where there is no such cluster.
+    """
+    at_once = at_once or os.cpu_count() or 1
+    graded: dict[int, Graded] = {}
+    if scheduler is not None:
+        found = _on_cluster(submissions, task, scheduler)
+    elif can_fork():
+        found = _in_forks(submissions, task, at_once)
+    else:
+        found = _in_fresh_processes(submissions, task, at_once)
+    for index, each in found:
+        graded[index] = each
+        progress(len(graded))
+    return [graded[index] for index in range(len(submissions))]
+
+
+def grade_program(lab: Lab, program: Runnable) -> Grade:
+    """Runs the program for the lab's time on the lab's board and judges its pulses."""
+    span = Cycles(lab.clock.round_seconds(lab.watch_s))
+    machine = Machine(program.image, lab.clock, BOARD, tracked=True)
+    watched = watch(EdgeTrace(lab.clock, machine.stream(span), span))
+    grade = judge(lab, watched, _facts(machine.state(), program))
+    if not grade.passed:
+        return grade
+    pin = PINS.index(grade.pins[0][1])
+    repeat = find_repeat(program.image, lab.clock, pin=pin, limit=span, options=BOARD)
+    dependent = (warning for warning in machine.state().warnings if warning.chip_dependent)
+    remarks = (*grade.remarks, *(f"other chips may do otherwise: {warning}" for warning in dependent))
+    return replace(grade, for_ever=isinstance(repeat, Repeat), remarks=remarks)
+
+
+def _in_forks(submissions: Sequence[Submission], task: Task, at_once: int) -> Iterator[tuple[int, Graded]]:
+    """Compiles all, then runs those that compile, each time in a process for each program."""
+    _load_simulator()
+    compiled: dict[int, Compiled] = {}
+    works = [partial(_compile, task.read, each) for each in submissions]
+    for index, result in run_each(works, task.compiling, at_once):
+        if isinstance(result, Compiled):
+            compiled[index] = result
+        else:
+            yield index, _failed(submissions[index], task.lab, "compiling it", result)
+    indices = sorted(compiled)
+    runs = [partial(grade_program, task.lab, compiled[index]) for index in indices]
+    for number, grade in run_each(runs, task.running, at_once):
+        index = indices[number]
+        if isinstance(grade, Grade):
+            remarks = (*compiled[index].remarks, *grade.remarks)
+            yield index, Graded(submissions[index], replace(grade, remarks=remarks))
+        else:
+            what = f"running it for {float(task.lab.watch_s):g} s of the chip's time"
+            yield index, _failed(submissions[index], task.lab, what, grade)
+
+
+def _compile(read: Read, submission: Submission) -> Compiled:
+    submission.require_readable()
+    program = read(submission)
+    return Compiled(program.image, program.clock, tuple(message(each) for each in program.remarks))
+
+
+def _failed(submission: Submission, lab: Lab, what: str, error: Exception) -> Graded:
+    """The grade of a program of which `error` came out."""
+    if isinstance(error, InputError):
+        return Graded(submission, refused(lab.name, message(f"the program cannot be run:\n{error}")))
+    if isinstance(error, LimitExceeded):
+        return Graded(submission, refused(lab.name, f"{what} {error}"))
+    text = message(f"{type(error).__name__}: {error}")
+    return Graded(submission, refused(lab.name, f"servogen failed on it: {text}"), text)
+
+
+def _load_simulator() -> None:
+    """Loads the compiled simulator before forking: a child may neither take the time nor write the file."""
+    import_module("servogen.simulator.aot_cache").loop(tracked=True)
+
+
+# In a fresh process: for workers of a cluster, which have threads and must not fork, and for systems
+# without fork.
+
+
+def _in_fresh_processes(
+    submissions: Sequence[Submission], task: Task, at_once: int
+) -> Iterator[tuple[int, Graded]]:
+    with ThreadPoolExecutor(at_once) as pool:
+        futures = {
+            pool.submit(grade_in_fresh_process, [each], task): index for index, each in enumerate(submissions)
+        }
+        waiting = set(futures)
+        while waiting:
+            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield futures[future], future.result()[0]
+
+
+def grade_in_fresh_process(submissions: Sequence[Submission], task: Task) -> list[Graded]:
+    """Returns the grades of `submissions`, graded one after the other in a process of their own.
+
+    Where that process does not end well, each is tried in one of its own.
+    """
+    each_s = task.compiling.deadline_s + task.running.deadline_s
+    command = "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
+    command += f"from {__name__} import serve; serve()"
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", command],
+            input=pickle.dumps(sys.path) + pickle.dumps((submissions, task)),
+            capture_output=True,
+            timeout=STARTING_S + len(submissions) * each_s,
+        )
+        if done.returncode == 0:
+            graded: list[Graded] = pickle.loads(done.stdout)
+            return graded
+        last = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
+        why = ": ".join([f"its process ended with exit code {done.returncode}", *last])
+    except subprocess.TimeoutExpired as error:
+        if len(submissions) == 1:  # where processes cannot be forked
+            late = LimitExceeded(Resource.TIME, Limits(seconds=error.timeout))
+            return [_failed(submissions[0], task.lab, "compiling and running it", late)]
+        why = f"its process had not ended after {error.timeout:g} s"
+    if len(submissions) > 1:
+        return [graded for each in submissions for graded in grade_in_fresh_process([each], task)]
+    return [_failed(submissions[0], task.lab, "", ToolError(why))]
+
+
+def serve() -> None:
+    """Grades what `grade_in_fresh_process` writes to standard input, and answers on standard output."""
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what anything else prints is no answer
+    submissions, task = pickle.load(sys.stdin.buffer)
+    found = dict(_in_forks(submissions, task, 1))
+    with answers:
+        pickle.dump([found[index] for index in range(len(submissions))], answers)
+
+
+# On a cluster.
+
+
+def _on_cluster(
+    submissions: Sequence[Submission], task: Task, scheduler: str
+) -> Iterator[tuple[int, Graded]]:
+    starts = range(0, len(submissions), BATCH)
+    with _client(scheduler) as client:
+        executor = client.get_executor(pure=False)
+        futures: dict[Future[list[Graded]], int] = {
+            executor.submit(grade_in_fresh_process, list(submissions[start : start + BATCH]), task): start
+            for start in starts
+        }
+        waiting = set(futures)
+        seen = time.monotonic()
+        while waiting:
+            done, waiting = wait(waiting, POLL_S, FIRST_COMPLETED)
+            if done or _has_worker(client):
+                seen = time.monotonic()
+            elif time.monotonic() - seen > WITHOUT_WORKERS_S:
+                done, waiting = waiting, set()
+            for future in done:
+                start = futures[future]
+                batch = submissions[start : start + BATCH]
+                yield from enumerate(_results(future, batch, task), start)
+
+
+def _results(future: Future[list[Graded]], batch: Sequence[Submission], task: Task) -> list[Graded]:
+    if not future.done():
+        error: BaseException | None = ToolError("the cluster has no worker any more")
+    else:
+        try:
+            error = future.exception()
+        except CancelledError:
+            error = ToolError("the connection to the cluster was lost")
+    if error is None:
+        return future.result()
+    lost = ToolError(f"its worker ended: {type(error).__name__}: {error}")
+    return [_failed(each, task.lab, "", lost) for each in batch]
+
+
+@contextmanager
+def _client(scheduler: str) -> Iterator[Any]:
+    """A client of the cluster, which has a worker. Raises ToolError."""
+    try:
+        distributed = import_module("distributed")
+    except ImportError as error:
+        raise ToolError(
+            "grading on a cluster needs Dask", hint="pip install 'servogen[dask]', or leave out --scheduler"
+        ) from error
+    try:
+        client = distributed.Client(scheduler, timeout=CONNECT_S)
+    except (OSError, ValueError) as error:
+        raise ToolError(f"there is no Dask scheduler at {scheduler}: {error}") from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=CONNECT_S)
+        except TimeoutError as error:
+            raise ToolError(
+                f"the Dask scheduler at {scheduler} has no worker", hint=f"start one: dask worker {scheduler}"
+            ) from error
+        yield client
+
+
+def _has_worker(client: Any) -> bool:
+    try:
+        return bool(client.scheduler_info()["workers"])
+    except OSError:
+        return False
+
+
+def _facts(state: State, program: Runnable) -> ChipFacts:
+    tris = {"A": state.registers["TRISA"], "B": state.registers["TRISB"]}
+    return ChipFacts(
+        inputs=frozenset(number for number, pin in enumerate(PINS) if tris[pin[1]] >> int(pin[2]) & 1),
+        watchdog_resets=state.resets["watchdog"],
+        configured=program.image.config is not None,
+        sleeping=state.sleeping,
+        lost=any(warning.kind == "erased-word" for warning in state.warnings),
+        stack_wraps=state.stack_wraps,
+        written_for_hz=program.clock.hz if program.clock else None,
+    )

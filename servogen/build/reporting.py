@@ -1,0 +1,91 @@
+"""From a job to its HTML page: build it, take its edges, hold a capture beside its plan.
+
+In: a `Job`, perhaps a capture. Out: the page and the verdicts on it. A job whose motion no engine can hold
+has a page, too: of its plan.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from servogen.build.build import Build, Progress, build, program_facts
+from servogen.build.engines import with_end_error
+from servogen.build.fitting import DoesNotFit
+from servogen.build.proof import motion_cycles, running
+from servogen.build.proof_of_capture import prove_capture
+from servogen.edges import EdgeTrace
+from servogen.job import Job
+from servogen.plan_error import PlanError
+from servogen.pulse import PulsePlan, PulseSchedule, plan
+from servogen.report.html import PageFacts, html_page
+from servogen.report.result_tables import CaptureFacts
+from servogen.traces.captures import read_capture
+from servogen.verify import CaptureVerdict
+from servogen.verify.capture.pieces import split
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A page, whether every program's edges are proven, and why none was built, where none was."""
+
+    html: str
+    programs_proven: bool
+    message: str
+    plan_error: PlanError | None = None
+    capture: CaptureVerdict | None = None
+
+    @property
+    def proven(self) -> bool:
+        """Whether the programs are proven, and the capture where there is one."""
+        return self.programs_proven and (self.capture is None or self.capture.proven)
+
+
+def page_of(job: Job, capture: Path | None = None, progress: Progress = lambda step: None) -> Page:
+    """Builds the job and writes its page. Raises InputError."""
+    try:
+        done = build(job, progress)
+    except DoesNotFit as error:
+        planned = with_end_error(job, plan(job.trajectory, job.servos, job.frame))
+        beside = capture_facts(planned.schedule, capture) if capture else None
+        facts = PageFacts(
+            job, planned, (*job.warnings, *planned.warnings), capture=beside, not_built=error.message
+        )
+        seen = beside.verdict if beside else None
+        return Page(html_page(facts), False, error.message, planned.schedule.plan_error, seen)
+    progress("writing the page")
+    beside = capture_facts(done.plan.schedule, capture) if capture else None
+    seen = beside.verdict if beside else None
+    return Page(html_page(_facts(done, beside)), done.proven, "", done.plan.schedule.plan_error, seen)
+
+
+def _facts(done: Build, capture: CaptureFacts | None) -> PageFacts:
+    own = done.programs[0]
+    return PageFacts(
+        done.job,
+        done.plan,
+        done.warnings,
+        program_facts(done),
+        own.firmware.compilation.listing,
+        _once(done.plan, done),
+        capture,
+    )
+
+
+def _once(planned: PulsePlan, done: Build) -> EdgeTrace:
+    """The edges of the job's own program, the motion once."""
+    schedule = planned.schedule
+    return running(schedule, done.programs[0].image, motion_cycles(schedule)).stored()
+
+
+def capture_facts(schedule: PulseSchedule, path: Path) -> CaptureFacts:
+    """What is shown of a capture; of several in one file the longest piece, whose place in time is known."""
+    found = read_capture(path)
+    found = replace(found, trace=found.trace.stored())
+    verdict = prove_capture(schedule, found)
+    if not verdict.pieces:
+        return CaptureFacts(path.name, found.trace, verdict)
+    longest = max(range(len(verdict.pieces)), key=lambda number: verdict.pieces[number].frames)
+    name = f"{path.name}, piece {longest + 1} of {len(verdict.pieces)}"
+    trace = tuple(split(found.trace, found.pieces))[longest]
+    return CaptureFacts(name, trace, replace(verdict, first_frame=verdict.pieces[longest].first_frame))

@@ -1,0 +1,182 @@
+"""The HEX that another compiler made of a sequence's C: what that compiler adds, and C that makes up for it.
+
+In: a job, the HEX, the C that it was made of. Out: `Tuned`: the verdict on the HEX, the cycles of each way
+through the program, and, unless the HEX is exact, the C to compile next.
+
+The delays in the C are known by servogen's own compiler: what its HEX of the same C takes on a way, less what
+its statements take there, are the delays. The rest of what the other HEX takes there is the other compiler's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+
+from servogen.build.engines import planned
+from servogen.build.proof import checked_cycles, motion_cycles, prove_image, running
+from servogen.build.tuning import edges_to_watch
+from servogen.compiler import Options, Source, compile_sources
+from servogen.csource import Overheads, Path, render, sequence
+from servogen.csource import Sequence as Program
+from servogen.csource.overheads import START
+from servogen.csource.programs import Hold
+from servogen.csource.sequencing import MARGIN
+from servogen.edges import PINS, join
+from servogen.errors import InputError, Place
+from servogen.job import Job
+from servogen.pic.image import Image
+from servogen.pulse import PulseSchedule
+from servogen.units import Cycles
+from servogen.verify import Verdict
+
+
+@dataclass(frozen=True, slots=True)
+class Added:
+    """What the other compiler's statements take on a way through the program, in cycles, and servogen's."""
+
+    way: str
+    theirs: int
+    ours: int
+
+
+@dataclass(frozen=True, slots=True)
+class Tuned:
+    """`source` is the C to compile next; empty where the HEX is exact."""
+
+    verdict: Verdict
+    added: tuple[Added, ...]
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Write:
+    """A port write that changes pins: when, and which become what, as "RB0 high"."""
+
+    cycle: int
+    changes: str
+
+
+def tune_to(job: Job, theirs: Image, hex_file: str, dialect: str, source: Source | None = None) -> Tuned:
+    """Measures `theirs`, compiled from `source` (default: the C that `build` writes), and renders the next C.
+
+    Raises InputError where the HEX is not that C's, takes different times on the same way, or leaves a delay
+    no time.
+    """
+    found = planned(job)
+    if found.engine != "sequence":
+        raise InputError(
+            f"{job.name}: its pulses come from the {found.engine}, exact whoever compiles it",
+            hint=f"there is nothing to tune: servogen verify {hex_file} --against schedule.json",
+        )
+    schedule, firmware = found.plan.schedule, found.make(dialect)
+    source = source or Source(firmware.text, firmware.file)
+    known = compile_sources([source], Options(dialect=dialect, device=job.device)).image
+    program = sequence(schedule, firmware.overheads)
+    wanted = edges_to_watch(program)
+    built, ours, seen = (
+        _writes(schedule, image, wanted) for image in (firmware.compilation.image, known, theirs)
+    )
+    _compare(ours, built, source.file, f"a program of {job.name}")
+    _compare(seen, ours, hex_file, f"{source.file} compiled")
+    overheads = _overheads(program, firmware.overheads, ours, seen, (hex_file, source.file))
+    ways = _ways(program)
+    added = [Added(ways[path], cost, firmware.overheads.of(path)) for path, cost in overheads.cycles.items()]
+    span = checked_cycles(schedule)
+    verdict = prove_image(schedule, theirs, span)
+    if verdict.edges_agree:
+        return Tuned(verdict, tuple(added), "")
+    following = render(sequence(schedule, overheads), dialect, job.device, job.name)
+    return Tuned(verdict, tuple(added), following)
+
+
+def _overheads(
+    program: Program,
+    known: Overheads,
+    ours: Sequence[_Write],
+    seen: Sequence[_Write],
+    files: tuple[str, str],
+) -> Overheads:
+    """What the statements of the HEX that made `seen` take on each path; `files` are the HEX and its C."""
+    ways = _ways(program)
+    costs: dict[Path, int] = {}
+    for index, (path, _) in enumerate(islice(program.walk(), len(ours))):
+        delays, taken, at = _since(ours, index) - known.of(path), _since(seen, index), seen[index].cycle
+        cost = taken - delays
+        if path != START and not 0 <= cost <= MARGIN:
+            raise InputError(
+                f"is not {files[1]} compiled: {ways[path]} it takes {taken} cycles up to cycle {at}, "
+                f"where the C's delays are {delays}",
+                Place(files[0]),
+                f"a compiler adds 0 to {MARGIN} cycles; say with --c which C the HEX was made of",
+            )
+        if costs.setdefault(path, cost) != cost:
+            raise InputError(
+                f"{ways[path]} its statements take {cost} cycles up to cycle {at}, before that {costs[path]}",
+                Place(files[0]),
+                "a delay makes up for what is always the same: let the compiler optimise, or use the player",
+            )
+    return Overheads(costs)
+
+
+def _writes(schedule: PulseSchedule, image: Image, wanted: int) -> list[_Write]:
+    """The first `wanted` port writes that change pins."""
+    span = Cycles(2 * motion_cycles(schedule))
+    edges = join(running(schedule, image, span).driven())
+    starts = np.flatnonzero(np.diff(edges.cycle, prepend=-1))[: wanted + 1].tolist()
+    ends = [*starts[1:], len(edges.cycle)]
+    return [
+        _Write(
+            int(edges.cycle[start]),
+            " and ".join(
+                f"{PINS[pin]} {'high' if level else 'low'}"
+                for pin, level in sorted(zip(edges.pin[start:end], edges.level[start:end], strict=True))
+            ),
+        )
+        for start, end in zip(starts[:wanted], ends, strict=False)
+    ]
+
+
+def _since(writes: Sequence[_Write], index: int) -> int:
+    """Cycles since the write before, or since reset."""
+    return writes[index].cycle - (writes[index - 1].cycle if index else 0)
+
+
+def _compare(seen: Sequence[_Write], wanted: Sequence[_Write], file: str, what: str) -> None:
+    """Raises InputError at the first write that is another one."""
+    for number, (here, there) in enumerate(zip(seen, wanted, strict=False), 1):
+        if here.changes != there.changes:
+            raise InputError(
+                f"is not {what}: the port write {number}, at cycle {here.cycle}, makes {here.changes}, "
+                f"not {there.changes}",
+                Place(file),
+            )
+    if len(seen) < len(wanted):
+        raise InputError(
+            f"is not {what}: it writes {len(seen)} times to its pins, not {len(wanted)} times", Place(file)
+        )
+
+
+def _ways(program: Program) -> Mapping[Path, str]:
+    """Each path in words that follow a subject."""
+    ways = {START: "from reset to the first edge"}
+    for step in (*program.lead_in, *program.loop):
+        if isinstance(step, Hold):
+            ways.update(_ways_of(step, program.schedule))
+    return ways
+
+
+def _ways_of(step: Hold, schedule: PulseSchedule) -> Iterator[tuple[Path, str]]:
+    name = f"position_{step.position.number}" if step.position else f"the frame of step {step.number + 1}"
+    owner = step.position.number if step.position else -step.number
+    for index, edge in enumerate(step.frame.edges):
+        words = " and ".join(
+            f"{schedule.channels[channel].name} {'high' if level else 'low'}"
+            for channel, level in edge.changes
+        )
+        yield Path("in", owner, index), f"in {name} after {words}"
+    yield Path("again", owner), f"from {name} to the same again"
+    yield Path("turn", step.number), f"from a call of step {step.number + 1} to its next"
+    yield Path("after", step.number), f"from step {step.number + 1} to the next"

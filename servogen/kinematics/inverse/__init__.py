@@ -1,0 +1,1 @@
+"""Inverse kinematics: closed forms, numerical iteration, and the choice between their solutions."""

@@ -1,0 +1,191 @@
+"""The branches of a closed form, turned into the limits and checked by forward kinematics.
+
+In: an `Arm` with a closed form, targets (m, 3) with or without rotations (m, 3, 3). Out: joint positions
+(m, branches, n), NaN in every joint of a branch that is not a solution.
+
+A stretched elbow costs a closed form half of its digits (an arccosine near 1), and on the axis of the first
+joint the position says nothing about that joint. Arms with fewer than six joints have nothing that makes up
+for it when the orientation is given too, so candidates that are nearly right are improved before the check.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from servogen.errors import InputError, nearest
+from servogen.kinematics.forward import BLOCK, fk, whole_chain
+from servogen.kinematics.inverse import numerical
+from servogen.kinematics.inverse.closed_forms import CLOSED_FORMS, DIVISORS
+from servogen.kinematics.inverse.target import Branch, Target
+from servogen.kinematics.transforms import Floats, frame_matrix, inverse
+from servogen.robot import robots
+from servogen.robot.model import Arm, Frame
+
+TOLERANCE = 1e-9
+"""How far (metres, and parts of a unit vector) forward kinematics may be from the target."""
+
+RIGHT_HANDED = 1e-6
+"""How far o may be from a × n in a target whose orientation is a rotation."""
+
+NEARLY = 1e-3
+"""Candidates that miss the target by less than this (metres, parts of a unit vector) are improved."""
+
+SLACK = 1e-4
+"""Candidates beyond a limit by less than this (radians, metres) are tried at the limit."""
+
+BESIDE_AXIS_M = 1e-6
+"""Targets nearer to the axis of the first joint than this take its angle from the orientation."""
+
+
+def has_closed_form(arm: Arm, oriented: bool) -> bool:
+    """Whether `arm` is solved in closed form: a tool that moves the tip needs an orientation for it.
+
+    Raises InputError when `arm` claims a form that is none, or that belongs to other rows than it has.
+    """
+    form = arm.closed_form
+    if form is None:
+        return False
+    if form not in CLOSED_FORMS:
+        raise InputError(f"no closed form '{form}'", hint=nearest(form, CLOSED_FORMS))
+    owner = robots.arm(form)
+    if (arm.rows, arm.convention) != (owner.rows, owner.convention):
+        raise InputError(
+            f"the rows of '{arm.name}' are not those that the closed form '{form}' solves",
+            hint=f'write like = "{form}", or leave closed_form out: the numerical method takes any rows',
+        )
+    if any(arm.length[name] == 0.0 for name in DIVISORS.get(form, ())):
+        return False
+    tool = arm.tool
+    return oriented or (tool.x == tool.y == tool.z == 0.0)
+
+
+def closed_solutions(
+    arm: Arm, position: Floats, rotation: Floats | None, tolerance: float, hard: bool
+) -> Floats:
+    """The solutions (m, branches, n) of targets (m, 3), NaN where none; `hard` keeps the limits."""
+    position, rotation = _without_base_and_tool(arm, position, rotation)
+    bare = replace(arm, base=Frame(), tool=Frame())
+    blocks = []
+    for start in range(0, max(len(position), 1), BLOCK):
+        part = slice(start, start + BLOCK)
+        components = position[part].T.copy()
+        p = (components[0], components[1], components[2])
+        if rotation is None:
+            target = Target(p)
+        else:
+            turn = np.moveaxis(rotation[part], 0, -1).copy()
+            n, o, a = ((turn[0, axis], turn[1, axis], turn[2, axis]) for axis in range(3))
+            target = Target(p, n, o, a)
+        blocks.append(_branches(bare, target, tolerance, hard))
+    return np.moveaxis(np.concatenate(blocks, axis=-1) if len(blocks) > 1 else blocks[0], -1, 0)
+
+
+def _branches(arm: Arm, target: Target, tolerance: float, hard: bool) -> Floats:
+    """The solutions of one block, components last: (branches, n, m)."""
+    candidates: list[Branch] = CLOSED_FORMS[arm.closed_form or ""](arm, target)
+    q = np.empty((len(candidates), len(arm.joints), target.p[0].size))
+    for branch, values in enumerate(candidates):
+        for column, value in enumerate(values):
+            q[branch, column] = value
+    _turn_on_axis(arm, q, target)
+    wrong = np.zeros((len(candidates), q.shape[2]), dtype=bool)
+    for column, joint in enumerate(arm.joints):
+        angles = q[:, column]
+        if joint.turning:
+            # into the turn about the middle of the limits; the ends themselves stay where they are
+            middle = 0.5 * (joint.lower + joint.upper)
+            angles -= (2 * np.pi) * np.rint((angles - middle) * (0.5 / np.pi))
+        if hard:
+            wrong |= (angles < joint.lower - SLACK) | (angles > joint.upper + SLACK)
+            np.clip(angles, joint.lower, joint.upper, out=angles)
+    missed = _missed(arm, q, target)
+    if target.n is not None and hard:
+        _improve(arm, q, target, ~wrong & (missed > tolerance) & (missed < NEARLY), missed)
+    wrong |= ~(missed <= tolerance)
+    np.copyto(q, np.nan, where=wrong[:, None, :])
+    return q
+
+
+def _missed(arm: Arm, q: Floats, target: Target) -> Floats:
+    """How far forward kinematics is from the target (branches, m): its position or its axes, the greater."""
+    chain = whole_chain(arm, [q[:, joint] for joint in range(q.shape[1])])
+    square = _square_distance(chain.origin, target.p)
+    if target.n is not None and target.o is not None and target.a is not None:
+        x, _, z = chain.axes()
+        square = np.maximum(square, _square_distance(x, target.n) + _square_distance(z, target.a))
+        turned = _square_distance(_cross(target.a, target.n), target.o) <= RIGHT_HANDED**2
+        square = np.where(turned, square, np.inf)
+    return np.asarray(np.sqrt(np.broadcast_to(square, (q.shape[0], q.shape[2]))))
+
+
+def _turn_on_axis(arm: Arm, q: Floats, target: Target) -> None:
+    """Turns the first joint of `q` (branches, n, m) as the orientation asks, where the position does not.
+
+    With fewer than six joints the other joints follow from the position. What is left between the orientation
+    that they give and the target is a rotation about the axis of the first joint.
+    """
+    if target.n is None or len(arm.joints) >= 6 or not arm.joints[0].turning:
+        return
+    (on_axis,) = np.nonzero(np.hypot(target.p[0], target.p[1]) < BESIDE_AXIS_M)
+    if not len(on_axis):
+        return
+    near = q[:, :, on_axis]
+    rotation = fk(arm, np.moveaxis(near, 1, -1))[..., :3, :3]
+    rest = _rotations(target, on_axis) @ np.swapaxes(rotation, -1, -2)
+    missed = _missed(arm, near, _part(target, on_axis))
+    turn = np.arctan2(rest[..., 1, 0] - rest[..., 0, 1], rest[..., 0, 0] + rest[..., 1, 1])
+    q[:, 0, on_axis] += np.where(missed > TOLERANCE, turn, 0.0)
+
+
+def _improve(arm: Arm, q: Floats, target: Target, which: NDArray[np.bool_], missed: Floats) -> None:
+    """Improves the candidates `which` (branches, m) of `q` numerically, in place; `missed` follows."""
+    branch, column = np.nonzero(which)
+    if not len(branch):
+        return
+    position = np.stack([component[column] for component in target.p], axis=-1)
+    better = numerical.improved(arm, q[branch, :, column], position, _rotations(target, column))
+    q[branch, :, column] = better
+    missed[branch, column] = _missed(arm, better.T[None], _part(target, column))[0]
+
+
+def _part(target: Target, which: NDArray[np.intp]) -> Target:
+    """The target at some of its indices."""
+    parts = (
+        None if vector is None else (vector[0][which], vector[1][which], vector[2][which])
+        for vector in (target.n, target.o, target.a)
+    )
+    x, y, z = target.p
+    return Target((x[which], y[which], z[which]), *parts)
+
+
+def _rotations(target: Target, which: NDArray[np.intp]) -> Floats:
+    """The rotations (k, 3, 3) of a target with an orientation at some of its indices."""
+    axes = [vector for vector in (target.n, target.o, target.a) if vector is not None]
+    return np.stack([np.stack([each[which] for each in axis], axis=-1) for axis in axes], axis=-1)
+
+
+def _cross(one: tuple[Floats, ...], two: tuple[Floats, ...]) -> tuple[Floats, Floats, Floats]:
+    (a, b, c), (x, y, z) = one, two
+    return b * z - c * y, c * x - a * z, a * y - b * x
+
+
+def _square_distance(one: tuple[Floats | float, ...], two: tuple[Floats, ...]) -> Floats:
+    x, y, z = (np.subtract(a, b) for a, b in zip(one, two, strict=True))
+    return np.asarray(x * x + y * y + z * z)
+
+
+def _without_base_and_tool(
+    arm: Arm, position: Floats, rotation: Floats | None
+) -> tuple[Floats, Floats | None]:
+    """The target of the last row in the frame before the first: base⁻¹ T tool⁻¹."""
+    if not arm.base.identity:
+        back = inverse(frame_matrix(arm.base))
+        position = position @ back[:3, :3].T + back[:3, 3]
+        rotation = None if rotation is None else back[:3, :3] @ rotation
+    if not arm.tool.identity and rotation is not None:
+        back = inverse(frame_matrix(arm.tool))
+        rotation, position = rotation @ back[:3, :3], position + rotation @ back[:3, 3]
+    return position, rotation

@@ -1,0 +1,212 @@
+"""Inverse kinematics by iteration, for any arm: damped least squares with hard limits and several starts.
+
+In: an `Arm` and targets (m, 3) with or without orientations (m, 3, 3). Out: the best joint positions found
+(m, n) and how far their tool is from the target. All targets are worked on at once, each with its own damping
+(Levenberg–Marquardt): a step that makes it worse is not taken.
+
+A joint at a limit that the step would push further out is left out of the step, so the others can still move
+along the limit. So where a target cannot be reached, what is found is the nearest reachable point around.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from servogen.kinematics.forward import fk
+from servogen.kinematics.jacobian import with_pose
+from servogen.kinematics.orientation import rotation_vector
+from servogen.kinematics.transforms import Floats, wrapped
+from servogen.robot.model import Arm
+
+ITERATIONS = 60
+FEW_ITERATIONS = 15
+"""For joint positions that are nearly right already."""
+STARTS = 40
+BATCH = 512
+"""Descents made at a time when only few targets are left."""
+BEND = 0.1
+"""The part of a step at which its curvature is measured."""
+SEED = 1984
+"""Of the starts after the first: the same targets give the same answers."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Joint positions (m, n) within the limits, and their distance (m,) and angle (m,) from the target."""
+
+    q: Floats
+    distance_m: Floats
+    angle: Floats
+
+    def within(self, tolerance: float) -> NDArray[np.bool_]:
+        """Which targets are met, to `tolerance` metres and radians."""
+        return np.asarray((self.distance_m <= tolerance) & (self.angle <= tolerance))
+
+
+def limits(arm: Arm) -> tuple[Floats, Floats]:
+    """Lower and upper limits (n,)."""
+    return np.array([joint.lower for joint in arm.joints]), np.array([joint.upper for joint in arm.joints])
+
+
+def search(
+    arm: Arm,
+    position: ArrayLike,
+    rotation: ArrayLike | None = None,
+    near: ArrayLike | None = None,
+    tolerance: float = 1e-10,
+    starts: int = STARTS,
+) -> Found:
+    """The best of several starts for each target: `near` or home first, then random ones.
+
+    Joints that the targets say nothing about (a last roll, without an orientation) stay where they start.
+    """
+    position = np.atleast_2d(np.asarray(position, float))
+    rotation = None if rotation is None else np.asarray(rotation, float).reshape(-1, 3, 3)
+    count = len(position)
+    lower, upper = limits(arm)
+    random = np.random.default_rng(SEED)
+    first = np.clip(arm.home if near is None else np.asarray(near, float), lower, upper)
+    start = np.broadcast_to(first, (count, len(lower)))
+    idle = _idle(arm, rotation is not None)
+    best = np.array(start)
+    best_error = np.full((2, count), np.inf)
+    open_ = np.arange(count)
+    left = starts
+    while left > 0 and len(open_):
+        # The first start for all; then, for those still open, as many at a time as fill a batch
+        each = 1 if left == starts else min(left, max(1, BATCH // len(open_)))
+        left -= each
+        which = np.repeat(open_, each)
+        guess = np.array(start[which])
+        if left < starts - 1:
+            spread = random.uniform(lower, upper, guess.shape)
+            guess[:, ~idle] = spread[:, ~idle]
+        turn = None if rotation is None else rotation[which]
+        q = _descend(arm, guess, position[which], turn, tolerance)
+        error = _errors(arm, q, position[which], turn)
+        first = np.argmin(error.sum(axis=0).reshape(-1, each), axis=1) + each * np.arange(len(open_))
+        q, error = q[first], error[:, first]
+        better = error.sum(axis=0) < best_error[:, open_].sum(axis=0)
+        best[open_[better]] = q[better]
+        best_error[:, open_[better]] = error[:, better]
+        open_ = open_[~(best_error[:, open_] <= tolerance).all(axis=0)]
+    return Found(best, best_error[0], best_error[1])
+
+
+def improved(
+    arm: Arm, q: Floats, position: Floats, rotation: Floats | None, tolerance: float = 1e-10
+) -> Floats:
+    """Descends from joint positions (m, n): nearer to their targets, and within the limits."""
+    return _descend(arm, q, position, rotation, tolerance, FEW_ITERATIONS)
+
+
+def _idle(arm: Arm, oriented: bool) -> NDArray[np.bool_]:
+    """Which joints move nothing that a target gives, at any of a few configurations."""
+    lower, upper = limits(arm)
+    some = np.random.default_rng(SEED).uniform(lower, upper, (8, len(lower)))
+    matrix = with_pose(arm, some)[0][:, : 6 if oriented else 3]
+    return np.asarray(np.abs(matrix).max(axis=(0, 1)) < 1e-12)
+
+
+def _errors(arm: Arm, q: Floats, position: Floats, rotation: Floats | None) -> Floats:
+    pose = fk(arm, q)
+    distance = np.linalg.norm(pose[:, :3, 3] - position, axis=1)
+    if rotation is None:
+        return np.stack([distance, np.zeros_like(distance)])
+    turn = rotation_vector(rotation @ np.swapaxes(pose[:, :3, :3], 1, 2))
+    return np.stack([distance, np.linalg.norm(turn, axis=1)])
+
+
+def _reach(arm: Arm) -> float:
+    """A length that an angle of one radian is worth: about the arm's size."""
+    lengths = arm.length
+    fixed = sum(abs(row.d.value(lengths)) + abs(row.a.value(lengths)) for row in arm.rows)
+    sliding = sum(joint.upper - joint.lower for joint in arm.joints if not joint.turning)
+    return max(fixed + sliding, 1e-3)
+
+
+class _Task:
+    """Errors (m, k) and Jacobians (m, k, n) in metres: angles are weighed by the arm's size."""
+
+    def __init__(self, arm: Arm, position: Floats, rotation: Floats | None) -> None:
+        self.arm, self.position, self.rotation, self.weight = arm, position, rotation, 0.5 * _reach(arm)
+
+    def at(self, q: Floats, which: NDArray[np.intp]) -> tuple[Floats, Floats]:
+        matrix, pose = with_pose(self.arm, q)
+        error = self.position[which] - pose[:, :3, 3]
+        if self.rotation is None:
+            return error, matrix[:, :3]
+        turn = rotation_vector(self.rotation[which] @ np.swapaxes(pose[:, :3, :3], 1, 2))
+        matrix[:, 3:] *= self.weight
+        return np.concatenate([error, self.weight * turn], axis=1), matrix
+
+
+def _descend(
+    arm: Arm,
+    q: Floats,
+    position: Floats,
+    rotation: Floats | None,
+    tolerance: float,
+    iterations: int = ITERATIONS,
+) -> Floats:
+    """Levenberg–Marquardt from `q` until each target is met or no step makes it better."""
+    lower, upper = limits(arm)
+    free = np.array([joint.turning for joint in arm.joints]) & (upper - lower >= 2 * np.pi - 1e-9)
+    low, high = np.where(free, -np.inf, lower), np.where(free, np.inf, upper)
+    task, result = _Task(arm, position, rotation), np.array(q)
+    which, q = np.arange(len(q)), np.array(q)
+    error, matrix = task.at(q, which)
+    cost = np.einsum("ij,ij->i", error, error)
+    damping = np.full(len(q), 1e-2)
+    for _ in range(iterations):
+        going = (cost > (0.1 * tolerance) ** 2) & (damping < 1e8)
+        result[which[~going]] = q[~going]
+        which, q, error, matrix, cost, damping = (
+            each[going] for each in (which, q, error, matrix, cost, damping)
+        )
+        if not len(which):
+            break
+        step = _Step(q, error, matrix, damping * np.minimum(cost, 1.0), low, high)
+        straight = step.towards(error)
+        # Second order: how the path bends along the step, from one more error on it
+        ahead = task.at(q + BEND * straight, which)[0]
+        bend = (2 / BEND) * ((error - ahead) / BEND - np.einsum("ijk,ik->ij", matrix, straight))
+        curve = -0.5 * step.towards(bend)
+        small = np.einsum("ij,ij->i", curve, curve) < 0.25 * np.einsum("ij,ij->i", straight, straight)
+        trial = np.clip(q + straight + np.where(small[:, None], curve, 0.0), low, high)
+        new_error, new_matrix = task.at(trial, which)
+        new_cost = np.einsum("ij,ij->i", new_error, new_error)
+        good = new_cost < cost * (1 - 1e-12)
+        q[good], error[good], matrix[good], cost[good] = (
+            trial[good],
+            new_error[good],
+            new_matrix[good],
+            new_cost[good],
+        )
+        damping = np.where(good, damping * 0.2, damping * 8.0)
+    result[which] = q
+    middle = (lower + upper) / 2
+    return np.asarray(np.where(free, np.clip(middle + wrapped(result - middle), lower, upper), result))
+
+
+class _Step:
+    """(JᵀJ + λI)⁻¹ Jᵀ, without the joints that stand at a limit and would be pushed out."""
+
+    def __init__(
+        self, q: Floats, error: Floats, matrix: Floats, damping: Floats, low: Floats, high: Floats
+    ) -> None:
+        gradient = np.einsum("ijk,ij->ik", matrix, error)
+        stuck = ((q <= low) & (gradient < 0)) | ((q >= high) & (gradient > 0))
+        self.matrix = np.where(stuck[:, None, :], 0.0, matrix)
+        square = np.swapaxes(self.matrix, 1, 2) @ self.matrix
+        diagonal = np.arange(q.shape[1])
+        square[:, diagonal, diagonal] += damping[:, None] + 1e-15
+        self.inverse = np.linalg.inv(square)
+
+    def towards(self, error: Floats) -> Floats:
+        """The step (m, n) that takes away the errors (m, k)."""
+        gradient = np.einsum("ijk,ij->ik", self.matrix, error)
+        return np.asarray((self.inverse @ gradient[..., None])[..., 0])

@@ -1,0 +1,281 @@
+"""Inverse kinematics: all solutions of a target, within the limits, each checked by forward kinematics.
+
+In: targets: positions (..., 3) in metres in the base's frame, with or without rotations (..., 3, 3).
+Out: `Solutions`, or for one target its joint positions by the choice rule; `Unreachable` where there is none.
+
+Decided:
+- `Solutions.q` gives a turning joint in the turn about the middle of its limits. A joint with a full turn of
+  travel or more has further turns, or both ends of ±180°: `Solutions.near` and `every_turn` give those.
+- Where infinitely many solutions exist (a target on the axis of a joint) the joint stays at home.
+- Choice rule: the solution nearest to where the arm is (`near`, else home), the sum of the squares of the
+  joints' moves, each divided by its range; of equals the first in the order of the branches.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from servogen.errors import InputError
+from servogen.kinematics.forward import fk_position
+from servogen.kinematics.inverse import numerical
+from servogen.kinematics.inverse.checked_forms import (
+    RIGHT_HANDED,
+    TOLERANCE,
+    closed_solutions,
+    has_closed_form,
+)
+from servogen.kinematics.inverse.closed_forms import WRIST_JOINTS
+from servogen.kinematics.inverse.numerical import limits
+from servogen.kinematics.inverse.unreachable import Unreachable
+from servogen.kinematics.transforms import Floats, is_rotation
+from servogen.robot.model import Arm
+
+NUMERICAL_TOLERANCE = 1e-7
+"""How far the numerical method may be from the target: it creeps where the arm is nearly singular."""
+
+TURN = 2 * np.pi
+
+SAME = 1e-7
+"""Solutions whose joints are all nearer than this (radians, metres) count once."""
+
+
+MAX_LISTED = 10_000
+"""More solutions of one target are not listed: each joint multiplies them by its turns."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solutions:
+    """Candidates of many targets: `q` (..., branches, n), NaN in every joint of a branch that has none."""
+
+    arm: Arm
+    q: Floats
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Which branches are solutions, shape (..., branches)."""
+        return ~np.isnan(self.q[..., 0])
+
+    def near(self, reference: ArrayLike) -> Floats:
+        """The branches (..., branches, n), each joint in the turn within its limits that is nearest."""
+        lower, upper = limits(self.arm)
+        least, most = self._turns()
+        wanted = np.rint((np.asarray(reference, float)[..., None, :] - self.q) / TURN)
+        # q itself is within the limits even where rounding says that no turn of it is
+        turns = np.clip(wanted, np.minimum(least, 0.0), np.maximum(most, 0.0))
+        return np.asarray(np.clip(self.q + TURN * turns, lower, upper))
+
+    def every_turn(self) -> Floats:
+        """All solutions (k, n) of one target in every turn. Raises InputError for more than 10,000."""
+        lower, upper = limits(self.arm)
+        least, most = self._turns()
+        found: list[Floats] = []
+        for row, first, last in zip(self.q, np.minimum(least, 0.0), np.maximum(most, 0.0), strict=True):
+            if np.isnan(row[0]):
+                continue
+            count = float(np.prod(last - first + 1))
+            if len(found) + count > MAX_LISTED:
+                raise InputError(
+                    f"{self.arm.name} reaches this target in more than {MAX_LISTED} ways: "
+                    "its joints have so many turns of travel",
+                    hint="narrow the limits of its joints",
+                )
+            turns = [np.arange(low, high + 1) for low, high in zip(first, last, strict=True)]
+            found += [np.clip(row + TURN * np.array(each), lower, upper) for each in product(*turns)]
+        return np.array(found).reshape(-1, len(lower))
+
+    def choose(self, near: ArrayLike | None = None) -> Floats:
+        """The solution of each target by the choice rule, shape (..., n); NaN where there is none."""
+        reference = np.asarray(self.arm.home if near is None else near, float)
+        lower, upper = limits(self.arm)
+        q = self.near(reference)
+        moves = (q - reference[..., None, :]) / (upper - lower)
+        away = np.einsum("...ij,...ij->...i", moves, moves)
+        best = np.argmin(np.where(np.isnan(away), np.inf, np.round(away, 12)), axis=-1)
+        return np.take_along_axis(q, best[..., None, None], axis=-2)[..., 0, :]
+
+    def _turns(self) -> tuple[Floats, Floats]:
+        """The fewest and the most turns that can be added to each joint of `q` within its limits."""
+        lower, upper = limits(self.arm)
+        turning = np.array([joint.turning for joint in self.arm.joints])
+        least = np.ceil((lower - TOLERANCE - self.q) / TURN)
+        most = np.floor((upper + TOLERANCE - self.q) / TURN)
+        return np.where(turning, least, 0.0), np.where(turning, most, 0.0)
+
+
+def solve(
+    arm: Arm,
+    position: ArrayLike,
+    rotation: ArrayLike | None = None,
+    tolerance: float | None = None,
+    near: ArrayLike | None = None,
+) -> Solutions:
+    """All solutions of all targets in closed form.
+
+    Where there is no closed form, the numerical method gives one; it looks from `near` (else home) first.
+    """
+    position, rotation = _checked(position, rotation)
+    shape = position.shape[:-1]
+    flat = position.reshape(-1, 3)
+    turns = None if rotation is None else np.broadcast_to(rotation, (*shape, 3, 3)).reshape(-1, 3, 3)
+    if has_closed_form(arm, rotation is not None):
+        q = closed_solutions(arm, flat, turns, TOLERANCE if tolerance is None else tolerance, hard=True)
+    else:
+        start = None if near is None else np.broadcast_to(near, (*shape, len(arm.joints)))
+        found = numerical.search(
+            arm, flat, turns, None if start is None else start.reshape(-1, len(arm.joints))
+        )
+        q = np.where(found.within(tolerance or NUMERICAL_TOLERANCE)[:, None], found.q, np.nan)[:, None, :]
+    return Solutions(arm, q.reshape(*shape, *q.shape[1:]))
+
+
+def solutions_near(arm: Arm, position: ArrayLike, rotation: ArrayLike | None, near: ArrayLike) -> Floats:
+    """Return the solutions (m, branches, n) of targets (m, 3), each in the turn nearest to `near` (m, n).
+
+    Where there is no closed form, it is the one that a descent from `near` ends at, if it ends at the target.
+    """
+    position, rotation = _checked(position, rotation)
+    if has_closed_form(arm, rotation is not None):
+        return solve(arm, position, rotation).near(near)
+    start = np.asarray(near, float)
+    found = numerical.search(arm, position, rotation, start, starts=1)
+    q = np.where(found.within(NUMERICAL_TOLERANCE)[:, None], found.q, np.nan)[:, None, :]
+    return Solutions(arm, q).near(start)
+
+
+def ik(
+    arm: Arm, position: ArrayLike, rotation: ArrayLike | None = None, near: ArrayLike | None = None
+) -> Floats:
+    """Joint positions (..., n) by the choice rule. Raises `Unreachable` for the first target without one."""
+    q = solve(arm, position, rotation, near=near).choose(near)
+    lost = np.isnan(q[..., 0])
+    if lost.any():
+        index = tuple(int(each[0]) for each in np.nonzero(np.atleast_1d(lost)))[: lost.ndim]
+        turns = (
+            None if rotation is None else np.broadcast_to(np.asarray(rotation, float), (*lost.shape, 3, 3))
+        )
+        raise why_unreachable(
+            arm, np.asarray(position, float)[index], None if turns is None else turns[index]
+        )
+    return q
+
+
+def ik_all(
+    arm: Arm, position: ArrayLike, rotation: ArrayLike | None = None, near: ArrayLike | None = None
+) -> Floats:
+    """All solutions (k, n) of one target, every turn of each, the chosen one first.
+
+    Raises `Unreachable` when there is none.
+    """
+    target, turn = _checked(position, rotation)
+    if target.ndim != 1:
+        raise InputError("one target at a time: give x, y, z")
+    if has_closed_form(arm, turn is not None):
+        found = solve(arm, target, turn)
+    else:
+        starts = np.vstack([arm.home if near is None else np.asarray(near, float), _spread(arm, 31)])
+        turns = None if turn is None else np.broadcast_to(turn, (len(starts), 3, 3))
+        met = numerical.search(arm, np.broadcast_to(target, (len(starts), 3)), turns, starts, starts=1)
+        found = Solutions(arm, met.q[met.within(NUMERICAL_TOLERANCE)])
+    q = found.every_turn()
+    if not len(q):
+        raise why_unreachable(arm, target, turn)
+    return _sorted_without_doubles(arm, q, near)
+
+
+def why_unreachable(arm: Arm, position: ArrayLike, rotation: ArrayLike | None = None) -> Unreachable:
+    """The error for one target without a solution: limits, distance or orientation, and the nearest point."""
+    target, turn = _checked(position, rotation)
+    if turn is not None and not is_rotation(turn, RIGHT_HANDED):
+        raise InputError("the orientation of the target is no rotation: its columns are no right-handed axes")
+    if has_closed_form(arm, turn is not None):
+        free = closed_solutions(
+            arm, target[None], None if turn is None else turn[None], TOLERANCE, hard=False
+        )[0]
+        free = free[~np.isnan(free[:, 0])]
+        if len(free):
+            return _unreachable(arm, target, turn, _limit_reason(arm, free), nearest_point(arm, target))
+    point = nearest_point(arm, target)
+    missed = float(np.linalg.norm(np.asarray(point) - target))
+    if missed > NUMERICAL_TOLERANCE:
+        reason = (
+            f"it is {1000 * missed:z.3f} mm from what the {len(arm.joints)} joints reach within their limits"
+        )
+    elif turn is not None:
+        reason = (
+            f"the {len(arm.joints)} joints reach the point, but not in this orientation within their limits"
+        )
+    else:
+        held = [joint.name for joint, kept in zip(arm.joints, _held(arm), strict=True) if kept]
+        reason = f"not with {', '.join(held) or 'these joints'} at home: give an orientation"
+    return _unreachable(arm, target, turn, reason, point)
+
+
+def _unreachable(
+    arm: Arm, target: Floats, turn: Floats | None, reason: str, point: tuple[float, ...]
+) -> Unreachable:
+    """The error, after a look whether the nearest point is reached as the target was asked for."""
+    as_asked = bool(solve(arm, point, turn, NUMERICAL_TOLERANCE).valid.any())
+    return Unreachable(target.tolist(), reason, point, as_asked=as_asked)
+
+
+def nearest_point(arm: Arm, position: ArrayLike) -> tuple[float, ...]:
+    """The reachable point (metres) nearest to `position`, in any orientation, within the limits."""
+    target = np.asarray(position, float)
+    starts = np.vstack([arm.home, _spread(arm, 47)])
+    found = numerical.search(arm, np.broadcast_to(target, (len(starts), 3)), None, starts, starts=1)
+    best = found.q[int(np.argmin(found.distance_m))]
+    return tuple(float(value) for value in fk_position(arm, best))
+
+
+def _checked(position: ArrayLike, rotation: ArrayLike | None) -> tuple[Floats, Floats | None]:
+    target = np.asarray(position, float)
+    turn = None if rotation is None else np.asarray(rotation, float)
+    if target.shape[-1:] != (3,) or not np.isfinite(target).all():
+        raise InputError("a target needs three finite coordinates x, y, z")
+    if turn is not None and (turn.shape[-2:] != (3, 3) or not np.isfinite(turn).all()):
+        raise InputError("an orientation is a rotation matrix of three rows and columns")
+    return target, turn
+
+
+def _spread(arm: Arm, count: int) -> Floats:
+    lower, upper = limits(arm)
+    return np.asarray(np.random.default_rng(numerical.SEED).uniform(lower, upper, (count, len(lower))))
+
+
+def _held(arm: Arm) -> list[bool]:
+    """Which joints stay at home when no orientation is given."""
+    free = len(arm.joints) - WRIST_JOINTS.get(arm.closed_form or "", 0)
+    return [index >= free for index in range(len(arm.joints))]
+
+
+def _limit_reason(arm: Arm, free: Floats) -> str:
+    """Which joint of the solution that breaks the limits least is beyond them, and by what."""
+    lower, upper = limits(arm)
+    beyond = np.maximum(np.maximum(lower - free, free - upper), 0.0)
+    best = int(np.argmin((beyond / (upper - lower)).max(axis=1)))
+    parts = []
+    for joint, value, over in zip(arm.joints, free[best], beyond[best], strict=True):
+        if over > TOLERANCE:
+            factor, unit = (180 / np.pi, "°") if joint.turning else (1000.0, " mm")
+            parts.append(
+                f"{joint.name} would have to be at {value * factor:z.3f}{unit},"
+                f" its limits are {joint.lower * factor:zg}{unit} to {joint.upper * factor:zg}{unit}"
+            )
+    return "; ".join(parts)
+
+
+def _sorted_without_doubles(arm: Arm, q: Floats, near: ArrayLike | None) -> Floats:
+    reference = np.asarray(arm.home if near is None else near, float)
+    lower, upper = limits(arm)
+    away = np.round((((q - reference) / (upper - lower)) ** 2).sum(axis=1), 12)
+    kept = np.empty_like(q)
+    count = 0
+    for row in q[np.argsort(away, kind="stable")]:
+        if (np.abs(kept[:count] - row).max(axis=1) > SAME).all():
+            kept[count] = row
+            count += 1
+    return kept[:count]

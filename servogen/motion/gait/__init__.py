@@ -1,0 +1,1 @@
+"""Walking: phases, footholds, footwork, stability."""

@@ -1,0 +1,213 @@
+"""A walking robot: gait, way and posture -> joint angles at each frame, with what is to be known of them.
+
+In: a `Hexapod` (any number of legs), a gait, the segments of the way, the posture. Out: `Walk`: the
+trajectory; at each frame the feet, the corrections that the legs' springs must give, the stability margin.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.errors import InputError
+from servogen.motion.gait.footwork import MOST_CYCLES, Frames, Posture, footwork, joined
+from servogen.motion.gait.phases import Gait, PhaseChange
+from servogen.motion.gait.stability import margin
+from servogen.motion.gait.steps import Segment
+from servogen.motion.limits import Limits, stretch
+from servogen.motion.trajectory import Floats, JointTrajectory
+from servogen.robot.model import Hexapod
+from servogen.units import Clock, Cycles
+
+SAME_RAD = 1e-7
+"""Angles of two rounds of a loop that are nearer than this are the same: far less than a pulse can show."""
+
+
+LEAST_SWING = 4
+"""Frames of a swing; with fewer the foot would hardly be seen in the air."""
+
+
+MAX_GRAIN = 24
+"""Frames: a cycle is not made longer to be a multiple of more."""
+
+
+MOST_FRAMES_A_CYCLE = 3000
+"""A minute of 20 ms; slower than that is a mistake."""
+
+
+MOST_FRAMES = 1 << 19
+"""Longer walks are refused: almost three hours at 50 frames a second."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Walk:
+    """`trajectory` has the joints `<leg>_alpha` and `<leg>_beta`, leg by leg; the arrays have a row a frame.
+
+    `feet` (frames, legs, 3): in the body's frame, by forward kinematics; `ground` (frames, legs): standing.
+    `corrections` (frames, legs, 3): what the springs give, from the foot to where it should stand; metres.
+    `margins` (frames,): from the centre of mass to the nearest edge of the support polygon; metres.
+    """
+
+    trajectory: JointTrajectory
+    legs: tuple[str, ...]
+    feet: Floats
+    ground: npt.NDArray[np.bool_]
+    corrections: Floats
+    margins: Floats
+    frames_per_cycle: int
+    changes: tuple[PhaseChange, ...] = ()
+    """Where the frames moved the gait's phases by more than half a frame."""
+
+    @property
+    def largest_correction_m(self) -> float:
+        return float(np.linalg.norm(self.corrections, axis=2).max(initial=0.0))
+
+    @property
+    def least_margin_m(self) -> float:
+        return float(self.margins.min(initial=math.inf))
+
+    @property
+    def lift_m(self) -> float:
+        """The greatest height of a foot above the ground."""
+        return float(self.feet[:, :, 2].max() - self.feet[:, :, 2].min())
+
+
+def walk(
+    robot: Hexapod,
+    gait: Gait,
+    segments: Sequence[Segment],
+    posture: Posture,
+    period: Cycles,
+    clock: Clock,
+    *,
+    frames_per_cycle: int | None = None,
+    limits: Limits | None = None,
+    spring_m: float | None = None,
+    allow_falling: bool = False,
+) -> Walk:
+    """The walk along `segments`, each from standstill to standstill; one without an end can only be the last.
+
+    A cycle takes `frames_per_cycle` frames, to which the gait's phases are moved; None: as few as `limits`
+    (of a servo) allow, and a multiple of the gait's grain where that is small. A walk without an end loops
+    over one cycle, others over the whole way.
+    `spring_m` is the most that a leg's spring can give.
+
+    Raises InputError for a posture that the legs cannot take, a step beyond their limits, a correction that
+    is too large, and, unless `allow_falling`, where the robot would fall over.
+    """
+    if not segments:
+        raise InputError("a walk needs at least one segment")
+    if any(segment.cycles is None for segment in segments[:-1]):
+        raise InputError("only the last segment of a walk can be without an end")
+    limits = limits or Limits()
+    if frames_per_cycle is None and math.isinf(limits.speed):
+        raise InputError("nothing says how fast the cycle may be", hint="give its time, or a speed limit")
+    plan = footwork(robot, gait, posture)
+    names = tuple(mount.name for mount in robot.mounts)
+    joints = tuple(f"{name}_{joint.name}" for name in names for joint in robot.leg.joints)
+    least = math.ceil(LEAST_SWING / gait.swing)
+    if frames_per_cycle is not None and frames_per_cycle < least:
+        raise InputError(
+            f"a cycle of {frames_per_cycle} frames is too short for the gait '{gait.name}'",
+            hint=f"at least {least} frames: each swing takes {LEAST_SWING} or more",
+        )
+    count = frames_per_cycle or _whole(gait, least)
+    cycles = sum(MOST_CYCLES if segment.cycles is None else segment.cycles for segment in segments)
+    while True:
+        if not count * cycles <= MOST_FRAMES:
+            raise InputError(
+                f"the walk is more than {MOST_FRAMES} frames long", hint="walk fewer cycles, or faster ones"
+            )
+        rhythm = gait.on_frames(count)
+        steps = replace(plan, gait=rhythm)
+        frames, loop_start = _round(
+            [steps.frames(segment, count) for segment in segments], segments[-1].cycles is None, count
+        )
+        angles = frames.angles.reshape(len(frames.angles), -1)
+        _check_limits(robot, joints, angles)
+        around = np.concatenate((angles, angles[loop_start : loop_start + 3]))
+        slower = stretch(around, float(clock.seconds(period)), [limits] * angles.shape[1])
+        if frames_per_cycle is not None or slower <= 1:
+            break
+        count = _whole(gait, max(count + 1, math.ceil(count * min(slower, 2.0))))
+        if count > MOST_FRAMES_A_CYCLE:
+            raise InputError(
+                "the limits of the servos ask for a cycle of more than a minute",
+                hint="shorten the stride, or raise the limits",
+            )
+    trajectory = JointTrajectory(joints, clock, period, angles, loop_start)
+    margins = _margins(robot, frames)
+    changes = rhythm.changes_from(gait, count)
+    made = Walk(trajectory, names, frames.feet, frames.ground, frames.corrections, margins, count, changes)
+    _refuse(made, spring_m, allow_falling)
+    return made
+
+
+def one_leg(robot: Hexapod, leg: str) -> Hexapod:
+    """The robot with that leg only: the same walk, on the bench."""
+    return replace(robot, mounts=(robot.mount(leg),))
+
+
+def _whole(gait: Gait, frames: int) -> int:
+    """Return at least `frames`, and a multiple of the gait's grain where that is small."""
+    return -(-frames // gait.grain) * gait.grain if gait.grain <= MAX_GRAIN else frames
+
+
+def _round(parts: Sequence[Frames], endless: bool, count: int) -> tuple[Frames, int]:
+    """All segments and the frame at which the loop begins; an endless one ends with a first steady cycle."""
+    frames = joined(parts)
+    if not endless:
+        return frames, 0
+    angles = parts[-1].angles
+    alike = np.abs(angles[count:] - angles[:-count]).max(axis=(1, 2)) < SAME_RAD
+    steady = 0 if alike.all() else len(alike) - int(np.argmin(alike[::-1]))
+    if steady + count > len(angles):
+        raise InputError("the walk does not become steady: its gait leaves a leg behind")
+    loop_start = len(frames.angles) - len(angles) + steady
+    return frames.part(0, loop_start + count), loop_start
+
+
+def _margins(robot: Hexapod, frames: Frames) -> Floats:
+    """Of each frame; a robot of one or two legs stands on something else."""
+    if len(robot.mounts) < 3:
+        return np.full(len(frames.angles), math.inf)
+    centre = np.array(robot.centre_of_mass[:2])
+    stand = (frames.feet + frames.corrections)[:, :, :2]
+    return np.array([margin(feet[down], centre) for feet, down in zip(stand, frames.ground, strict=True)])
+
+
+def _check_limits(robot: Hexapod, joints: Sequence[str], angles: Floats) -> None:
+    for index, (name, column) in enumerate(zip(joints, angles.T, strict=True)):
+        joint = robot.leg.joints[index % 2]
+        low, high = float(column.min()), float(column.max())
+        if low < joint.lower or high > joint.upper:
+            shown, allowed = (
+                " to ".join(f"{math.degrees(end):z.1f}°" for end in pair)
+                for pair in ((low, high), (joint.lower, joint.upper))
+            )
+            raise InputError(
+                f"{name} would have to turn from {shown}: its limits are {allowed}",
+                hint="shorten the stride, or lift the feet less",
+            )
+
+
+def _refuse(made: Walk, spring_m: float | None, allow_falling: bool) -> None:
+    worst = made.largest_correction_m
+    if spring_m is not None and worst > spring_m:
+        raise InputError(
+            f"the springs would have to give {1000 * worst:.2f} mm: they give {1000 * spring_m:g} mm at most",
+            hint="shorten the stride or the turn: two joints follow a straight line only roughly",
+        )
+    if made.least_margin_m < 0 and not allow_falling:
+        frame = int(np.argmin(made.margins))
+        feet = ", ".join(leg for leg, down in zip(made.legs, made.ground[frame], strict=True) if down)
+        outside = f"its centre of mass is {-1000 * made.least_margin_m:z.1f} mm outside of the feet {feet}"
+        raise InputError(
+            f"the robot falls over in frame {frame}: {outside if feet else 'no foot is on the ground'}",
+            hint="take a gait with more feet on the ground or a shorter stride, or allow falling "
+            "(allow_falling = true in a job, --allow-falling)",
+        )

@@ -1,0 +1,12 @@
+"""The arm command language: text of a program -> the trajectory of the arm that it moves."""
+
+from servogen.movemaster.arm import Manipulator, manipulator
+from servogen.movemaster.mover import Hand
+from servogen.movemaster.parser import Source, parse, read
+from servogen.movemaster.ports import Input, Output, input_of
+from servogen.movemaster.run import Budget, Run, run
+
+__all__ = [
+    "Budget", "Hand", "Input", "Manipulator", "Output", "Run", "Source", "input_of", "manipulator", "parse",
+    "read", "run",
+]  # fmt: skip

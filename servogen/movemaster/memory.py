@@ -1,0 +1,135 @@
+"""What a program keeps: positions with their hand states, counters, the comparison value, pallets.
+
+In: numbers of positions, counters and pallets. Out: their values; undefined ones raise InputError without a
+place, which the interpreter adds.
+
+A pallet's grid (pallet i; the manufacturer's numbering, i tens and units):
+
+    10i+2 ●───●───●───● 10i+3     columns run from 10i to 10i+1, rows from 10i to 10i+2
+          │   │   │   │           counters 10i+1 (column) and 10i+2 (row), both from 1,
+    10i   ●───●───●───● 10i+1     say which point PT makes position i
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from servogen.errors import InputError
+from servogen.movemaster.language import WORD
+
+OPEN, CLOSED = "O", "C"
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Tool point in mm; pitch above the horizontal and roll in degrees, as programs write them."""
+
+    x: float
+    y: float
+    z: float
+    p: float
+    r: float
+
+    @property
+    def values(self) -> tuple[float, float, float, float, float]:
+        return self.x, self.y, self.z, self.p, self.r
+
+    def plus(self, other: Pose, times: float = 1.0) -> Pose:
+        """This pose and `times` the other's values."""
+        return Pose(*(a + times * b for a, b in zip(self.values, other.values, strict=True)))
+
+    def times(self, factor: float) -> Pose:
+        return Pose(*(factor * value for value in self.values))
+
+    def __str__(self) -> str:
+        x, y, z, p, r = (f"{value:z.1f}" for value in self.values)
+        return f"({x}, {y}, {z}) mm, pitch {p}°, roll {r}°"
+
+
+@dataclass(frozen=True, slots=True)
+class Position:
+    """A stored pose and the state of the hand there."""
+
+    pose: Pose
+    hand: str = OPEN
+
+
+class Memory:
+    """The controller's memory. Every number is in the range of the language's table already."""
+
+    def __init__(self) -> None:
+        self.positions: dict[int, Position] = {}
+        self.counters: dict[int, int] = {}
+        self.pallets: dict[int, tuple[int, int]] = {}
+        self.comparison = 0
+
+    def position(self, number: int) -> Position:
+        if number not in self.positions:
+            raise InputError(
+                f"position {number} is not defined", hint="PD, HE, PL or PT defines it before it is used"
+            )
+        return self.positions[number]
+
+    def between(self, first: int, last: int) -> list[int]:
+        """The defined positions from `first` to `last`, both defined, upwards or downwards."""
+        for number in (first, last):
+            self.position(number)
+        low, high = sorted((first, last))
+        numbers = sorted(number for number in self.positions if low <= number <= high)
+        return numbers if first <= last else numbers[::-1]
+
+    def shift(self, number: int, by: int) -> None:
+        moved = self.position(number)
+        self.positions[number] = replace(moved, pose=moved.pose.plus(self.position(by).pose))
+
+    def clear(self, first: int, last: int) -> None:
+        for number in [each for each in self.positions if first <= each <= last]:
+            del self.positions[number]
+
+    def neighbour(self, number: int, step: int) -> int:
+        """The next defined position above (`step` 1) or below (-1) `number`."""
+        if step > 0:
+            beyond = [each for each in self.positions if each > number]
+        else:
+            beyond = [each for each in self.positions if each < number]
+        if not beyond:
+            side = "above" if step > 0 else "below"
+            raise InputError(f"no position {side} {number} is defined", hint="MO, MC and MS set the number")
+        return min(beyond) if step > 0 else max(beyond)
+
+    def count(self, number: int, step: int) -> None:
+        value = self.counters.get(number, 0) + step
+        if not WORD[0] <= value <= WORD[1]:
+            raise InputError(f"counter {number} would be {value}", hint=f"{WORD[0]} to {WORD[1]}")
+        self.counters[number] = value
+
+    def grid_point(self, pallet: int) -> Position:
+        """The point of the pallet's grid that its two counters name; the hand state of its first corner."""
+        if pallet not in self.pallets:
+            raise InputError(f"pallet {pallet} has no grid", hint=f"PA {pallet}, columns, rows defines it")
+        shares = []
+        for axis, name, size in zip((1, 2), ("column", "row"), self.pallets[pallet], strict=True):
+            counter = 10 * pallet + axis
+            index = self.counters.get(counter, 0)
+            if not 1 <= index <= size:
+                raise InputError(
+                    f"pallet {pallet}: counter {counter} names {name} {index} of {size}",
+                    hint=f"SC {counter}, 1 sets it; {name}s count from 1",
+                )
+            shares.append((index - 1) / (size - 1) if size > 1 else 0.0)
+        along, across = shares
+        corners = [self.position(10 * pallet + corner) for corner in range(4)]
+        weights = ((1 - along) * (1 - across), along * (1 - across), (1 - along) * across, along * across)
+        pose = corners[0].pose.times(weights[0])
+        for corner, weight in zip(corners[1:], weights[1:], strict=True):
+            pose = pose.plus(corner.pose, weight)
+        return Position(pose, corners[0].hand)
+
+    def kept(self) -> tuple[object, ...]:
+        """Everything that decides what a program will do, to be compared."""
+        return (
+            tuple((number, self.positions[number]) for number in sorted(self.positions)),
+            tuple(sorted((number, value) for number, value in self.counters.items() if value)),
+            tuple(sorted(self.pallets.items())),
+            self.comparison,
+        )

@@ -1,0 +1,265 @@
+"""Text of an .rvm file -> `Source`: statements with checked arguments, every error with line and column.
+
+    [number] COMMAND argument, argument  ' comment
+
+In: the text and its name. Out: direct (unnumbered) and program (numbered) statements in the file's order.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from servogen.errors import InputError, Place, nearest
+from servogen.inputs import read_input
+from servogen.movemaster.language import (
+    COMMANDS,
+    LINES,
+    MISPRINTS,
+    NOT_HERE,
+    Command,
+    Kind,
+    Parameter,
+    Where,
+    by_initial,
+)
+
+COMMENT = "'"
+
+
+@dataclass(frozen=True, slots=True)
+class Bit:
+    """A bit of a port: +3 is bit 3 on, -3 is bit 3 off, and -0 is bit 0 off."""
+
+    number: int
+    on: bool
+
+
+Value = int | float | str | Bit
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """One line: its number (None: direct), its command (None: a comment that can be jumped to), arguments.
+
+    Lengths and angles are as written, in mm and degrees.
+    """
+
+    number: int | None
+    command: Command | None
+    arguments: tuple[Value, ...]
+    place: Place
+    text: str
+
+    def whole(self, index: int) -> int:
+        """A whole argument, which the table says is there."""
+        value = self.arguments[index]
+        if not isinstance(value, int):
+            raise TypeError(f"argument {index + 1} of {self.text} is no whole number")
+        return value
+
+    def decimal(self, index: int) -> float:
+        value = self.arguments[index]
+        if not isinstance(value, int | float):
+            raise TypeError(f"argument {index + 1} of {self.text} is no number")
+        return float(value)
+
+    def bit(self, index: int) -> Bit:
+        value = self.arguments[index]
+        if not isinstance(value, Bit):
+            raise TypeError(f"argument {index + 1} of {self.text} is no bit")
+        return value
+
+    def has(self, index: int) -> bool:
+        return index < len(self.arguments)
+
+    def error(self, message: str, hint: str | None = None) -> InputError:
+        return InputError(message, self.place, hint)
+
+
+MAX_LINE = 1000
+"""Characters of a line; numbers of more digits cannot be read."""
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A file's statements, in its order."""
+
+    file: str
+    statements: tuple[Statement, ...]
+
+
+def read(path: str | Path) -> Source:
+    """The file at `path`. Raises InputError."""
+    try:
+        text = read_input(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
+        raise InputError("is not UTF-8 text", Place(str(path), line), "save the file as UTF-8") from error
+    return parse(text, str(path))
+
+
+def parse(text: str, file: str) -> Source:
+    """The statements of `text`. Raises InputError for the first thing that is wrong."""
+    long = next((index for index, line in enumerate(text.split("\n"), 1) if len(line) > MAX_LINE), None)
+    if long is not None:
+        raise InputError(f"the line has more than {MAX_LINE} characters", Place(file, long))
+    statements = tuple(
+        statement
+        for index, line in enumerate(text.split("\n"))
+        for statement in _statement(line.rstrip("\r"), file, index + 1)
+    )
+    if not statements:
+        raise InputError("has no command", Place(file), "a program: 10 NT, 20 ED, each on a line of its own")
+    return Source(file, statements)
+
+
+_HEAD = re.compile(r"\s*(?P<number>[+-]?\d+)?\s*(?P<word>[A-Za-z]+)?")
+
+
+def _statement(line: str, file: str, row: int) -> Iterator[Statement]:
+    code = line.split(COMMENT, 1)[0].rstrip()
+    head = _HEAD.match(code)
+    if head is None or (not code and COMMENT not in line) or (not code.strip() and not head["number"]):
+        return
+    number = _number(head["number"], file, row, head.start("number")) if head["number"] else None
+    key = None if number is None else f"program line {number}"
+    if head["word"] is None:
+        rest = code[head.end() :].strip()
+        if rest or COMMENT not in line:
+            wrong = rest.split(",")[0].split(" ")[0]
+            at = Place(file, row, len(code) - len(rest) + 1, key)
+            raise _no_command(wrong, head["number"], at)
+        yield Statement(number, None, (), Place(file, row, head.start("number") + 1, key), "")
+        return
+    place = Place(file, row, head.start("word") + 1, key)
+    command = _command(head["word"].upper(), number, place)
+    pieces = tuple(_pieces(code, head.end("word")))
+    arguments = _arguments(command, pieces, place, row)
+    yield Statement(number, command, arguments, place, code[head.start("word") :].strip())
+
+
+def _no_command(wrong: str, number: str, place: Place) -> InputError:
+    if not wrong:
+        return InputError(f"line {number} has no command", place, "write one, or a comment: 10 ' start")
+    if wrong in MISPRINTS:
+        real = MISPRINTS[wrong]
+        return InputError(
+            f"'{wrong}' is no command", place, f"a misprint in the source's table: write {real}"
+        )
+    return InputError(f"a command is missing before '{wrong}'", place, "two letters, such as MO 1")
+
+
+def _number(text: str, file: str, row: int, column: int) -> int:
+    place = Place(file, row, column + 1)
+    low, high = LINES
+    if not re.fullmatch("[0-9]{1,9}", text) or not low <= int(text) <= high:
+        raise InputError(f"{text[:40]} is not a line number", place, f"{low} to {high}")
+    return int(text)
+
+
+def _command(word: str, number: int | None, place: Place) -> Command:
+    if word in NOT_HERE:
+        raise InputError(f"{word} is not offered: {NOT_HERE[word]}", place)
+    if word not in COMMANDS:
+        raise InputError(f"unknown command '{word}'", place, _nearest_command(word))
+    command = COMMANDS[word]
+    if number is not None and command.where is Where.DIRECT:
+        raise InputError(
+            f"{word} is not allowed in a program",
+            place,
+            "write it without a line number, before the program: it is then carried out at once",
+        )
+    if number is None and command.where is Where.PROGRAM:
+        raise InputError(f"{word} is allowed in a program only", place, f"give it a line number: 10 {word}")
+    return command
+
+
+def _nearest_command(word: str) -> str:
+    if word in MISPRINTS:
+        return f"a misprint in the source's table: write {MISPRINTS[word]}"
+    said = nearest(word, COMMANDS)
+    alike = by_initial(word[0])
+    if said.startswith("known") and alike:
+        return f"commands that begin with {word[0]}: {', '.join(alike)}"
+    return said
+
+
+def _pieces(code: str, start: int) -> Iterator[tuple[str, int]]:
+    """The arguments between commas, and the column (from 1) of each."""
+    if not code[start:].strip():
+        return
+    at = start
+    for piece in code[start:].split(","):
+        lead = len(piece) - len(piece.lstrip())
+        yield piece.strip(), at + lead + 1
+        at += len(piece) + 1
+
+
+def _arguments(
+    command: Command, pieces: tuple[tuple[str, int], ...], place: Place, row: int
+) -> tuple[Value, ...]:
+    most = len(command.parameters)
+    if not command.least <= len(pieces) <= most:
+        wanted = str(most or "no") if most == command.least else f"{command.least} to {most}"
+        column = pieces[most][1] if len(pieces) > most else place.column
+        raise InputError(
+            f"{command.mnemonic} takes {wanted} argument{'' if most == 1 else 's'}, not {len(pieces)}",
+            Place(place.file, row, column, place.key),
+            f"it is written: {command.form}",
+        )
+    return tuple(
+        _value(command, parameter, text, Place(place.file, row, column, place.key))
+        for parameter, (text, column) in zip(command.parameters, pieces, strict=False)
+    )
+
+
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)$")
+_WHOLE = re.compile(r"[+-]?\d+$")
+_HEX = re.compile(r"&[0-9A-Fa-f]{1,4}$")
+
+
+def _value(command: Command, parameter: Parameter, text: str, place: Place) -> Value:
+    who = f"{command.mnemonic}: {parameter.name}"
+    if not text:
+        if parameter.blank is not None:
+            return parameter.blank
+        raise InputError(f"{who} is missing", place, f"allowed: {parameter.allowed}")
+    if parameter.kind is Kind.HAND:
+        if text.upper() not in ("O", "C"):
+            raise InputError(f"{who} cannot be '{text}'", place, f"allowed: {parameter.allowed}")
+        return text.upper()
+    if parameter.kind is Kind.BIT:
+        number = int(text) if _WHOLE.match(text) else -100
+        if not parameter.low <= abs(number) <= parameter.high:
+            raise InputError(f"{who} cannot be '{text}'", place, f"allowed: {parameter.allowed}")
+        return Bit(abs(number), not text.startswith("-"))
+    value = _as_number(who, parameter, text, place)
+    if not parameter.low <= value <= parameter.high:
+        raise InputError(f"{who} cannot be {text}", place, f"allowed: {parameter.allowed}")
+    return value
+
+
+def _as_number(who: str, parameter: Parameter, text: str, place: Place) -> int | float:
+    if text.startswith("&"):
+        if not parameter.hexadecimal:
+            raise InputError(
+                f"{who} takes no hexadecimal number, not '{text}'", place, f"allowed: {parameter.allowed}"
+            )
+        if not _HEX.match(text):
+            raise InputError(
+                f"{who}: '{text}' is no hexadecimal number",
+                place,
+                f"& and up to four of 0-9 A-F; allowed: {parameter.allowed}",
+            )
+        value = int(text[1:], 16)
+        return value - 0x10000 if parameter.low < 0 and value > 0x7FFF else value
+    if not _NUMBER.match(text):
+        raise InputError(f"{who}: '{text}' is not a number", place, f"allowed: {parameter.allowed}")
+    if parameter.kind is Kind.WHOLE:
+        if not _WHOLE.match(text):
+            raise InputError(f"{who} is not whole: {text}", place, f"allowed: {parameter.allowed}")
+        return int(text)
+    return float(text)

@@ -1,0 +1,165 @@
+"""An arm program -> `Run`: its `JointTrajectory`, what it wrote to the output port, what took how long.
+
+In: the parsed file, the arm with its speeds, the hand, the frame, inputs, budgets. Out: one row a frame. The
+first frame stands at home; the last pose is held when the program has ended, or the program is repeated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+import numpy as np
+
+from servogen.errors import Caution, InputError, Place
+from servogen.motion.trajectory import JointTrajectory
+from servogen.movemaster.arm import Manipulator
+from servogen.movemaster.commands import ACTIONS
+from servogen.movemaster.interpreter import Controller, Step
+from servogen.movemaster.memory import Position
+from servogen.movemaster.mover import Hand, Mover
+from servogen.movemaster.parser import Source, Statement
+from servogen.movemaster.ports import Input, InputPort, Output
+from servogen.units import Clock, Cycles
+
+SAME = 1e-9
+"""Joint positions (radians, metres) this near are the same."""
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """Where a program that does not end is stopped."""
+
+    commands: int = 100_000
+    seconds: Fraction = Fraction(3600)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """What a program did. `positions` and `counters` are the memory at its end."""
+
+    trajectory: JointTrajectory
+    steps: tuple[Step, ...]
+    outputs: tuple[Output, ...]
+    positions: dict[int, Position]
+    counters: dict[int, int]
+    warnings: tuple[Caution, ...]
+
+
+def run(
+    source: Source,
+    arm: Manipulator,
+    period: Cycles,
+    clock: Clock,
+    *,
+    hand: Hand | None = None,
+    inputs: tuple[Input, ...] = (),
+    repeat: bool = False,
+    budget: Budget = Budget(),
+) -> Run:
+    """Runs the file: direct lines at once, the program at RN, or at the end of a file without RN.
+
+    With `repeat` the program is the loop and what moves before it the lead-in, its first pass too where the
+    second moves otherwise; the second must end as the first did. Raises InputError with the place of the line
+    that cannot be carried out.
+    """
+    period_s = clock.seconds(period)
+    mover = Mover(arm, hand, period_s, budget.seconds)
+    controller = Controller(mover, InputPort(inputs, period_s), budget.commands, ACTIONS)
+    start = _once(controller, source)
+    if repeat:
+        first, loop_start, end = _repeated(controller, source, start, inputs)
+    else:
+        first, loop_start, end = 0, mover.frame, mover.frame + 1
+        mover.uncounted += 1
+        mover.stand(1)
+    joints = (*arm.joints, hand.name) if hand else arm.joints
+    return Run(
+        JointTrajectory(joints, clock, period, mover.samples[first:end], loop_start - first),
+        tuple(replace(step, frame=step.frame - first) for step in controller.steps if step.frame >= first),
+        tuple(replace(each, frame=each.frame - first) for each in controller.outputs if each.frame >= first),
+        dict(sorted(controller.memory.positions.items())),
+        dict(sorted(controller.memory.counters.items())),
+        tuple(controller.cautions),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Start:
+    """The state before the program, the frame at which it began, and the RN that began it (None: the end)."""
+
+    kept: tuple[object, ...]
+    frame: int
+    statement: Statement | None
+
+
+def _once(controller: Controller, source: Source) -> _Start | None:
+    """All statements in order, then the program if no RN began it."""
+    start: _Start | None = None
+    waiting: Statement | None = None
+    for statement in source.statements:
+        runs = statement.command is not None and statement.command.mnemonic == "RN"
+        if runs:
+            start, waiting = _Start(controller.kept(), controller.mover.frame, statement), None
+        elif statement.number is not None:
+            waiting = waiting or statement
+        controller.take(statement)
+    if waiting is not None and start is not None:
+        controller.caution(
+            Caution("lines-not-run", "the program lines from here on stand after RN", waiting.place)
+        )
+    if start is None and controller.program:
+        start = _Start(controller.kept(), controller.mover.frame, None)
+        controller.run_program(min(controller.program), None)
+    return start
+
+
+def _repeated(
+    controller: Controller, source: Source, start: _Start | None, inputs: tuple[Input, ...]
+) -> tuple[int, int, int]:
+    """Runs the program twice: the first frame that is needed, that of the loop, and the end.
+
+    When the second pass moves as the first did, the first is the loop already; what stands still before it,
+    where the loop ends, is not needed.
+    """
+    place = Place(source.file)
+    if start is None:
+        raise InputError("there is no program to repeat", place, "give the lines numbers, or repeat = false")
+    if inputs:
+        raise InputError(
+            "a program with inputs is not repeated: they come once", place, "write repeat = false"
+        )
+    last = source.statements[-1]
+    if start.statement is not None and (
+        start.statement is not last or sum(_is_run(each) for each in source.statements) > 1
+    ):
+        raise start.statement.error(
+            "a program that is repeated is run by one RN, the last line", "or write repeat = false"
+        )
+    after, second = controller.kept(), controller.mover.frame
+    steps, outputs = len(controller.steps), len(controller.outputs)
+    controller.commands = 0  # each pass has the whole budget
+    controller.mover.uncounted += second + 1
+    if start.statement is None:
+        controller.run_program(min(controller.program), None)
+    else:
+        controller.take(start.statement)
+    if controller.kept() != after:
+        raise InputError(
+            "the program cannot be repeated: its second pass ends otherwise than its first",
+            place,
+            "set speeds and counters at its beginning, end where it began, or write repeat = false",
+        )
+    if second == controller.mover.frame:  # a loop has at least one frame
+        controller.mover.stand(1)
+    samples = controller.mover.samples
+    loop, again = samples[start.frame : second], samples[second:]
+    if loop.shape != again.shape or not np.allclose(loop, again, rtol=0, atol=SAME):
+        return 0, second, len(samples)
+    del controller.steps[steps:], controller.outputs[outputs:]
+    still = np.allclose(samples[: start.frame], loop[-1], rtol=0, atol=SAME)
+    return start.frame if still else 0, start.frame, second
+
+
+def _is_run(statement: Statement) -> bool:
+    return statement.command is not None and statement.command.mnemonic == "RN"

@@ -1,0 +1,351 @@
+"""Readings of a calibration as text: angles in a row, or a CSV file of widths and angles.
+
+In: text. Out: `Reading`s; InputError with the place of what is no number.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+
+from servogen.errors import InputError, Place, ToolError
+from servogen.inputs import read_input
+from servogen.outputs import write_text
+from servogen.robot.servo import Calibration, Servo
+from servogen.robot.servo_models import PointTable, points_of
+from servogen.toml import file as toml_file
+from servogen.toml.file import Table
+
+WIDTH, ANGLE, SPEED = "width_us", "angle_deg", "speed_deg_s"
+
+
+def angle_of(text: str, what: str = "") -> float:
+    """Radians of a number of degrees; `what` is named in the error. Raises InputError."""
+    try:
+        degrees = float(text)
+    except ValueError:
+        degrees = math.nan
+    if not math.isfinite(degrees):
+        raise InputError(f"{what}'{text.strip()}' is no number of degrees", hint="90, or 92.5")
+    return math.radians(degrees)
+
+
+def angles_of(text: str) -> list[float]:
+    """Radians of `0,45,90`. Raises InputError."""
+    return [angle_of(part, f"reading {index + 1}: ") for index, part in enumerate(text.split(","))]
+
+
+def read_csv(path: Path, speed: bool) -> Sequence[Reading]:
+    """The readings in a file with the columns width_us and angle_deg (or, of a speed, speed_deg_s).
+
+    Raises InputError.
+    """
+    try:
+        text = read_input(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError("is not UTF-8 text", Place(str(path))) from error
+    try:
+        return _readings(csv.DictReader(io.StringIO(text), skipinitialspace=True), path, speed)
+    except csv.Error as error:
+        raise InputError(f"is not a CSV file: {error}", Place(str(path))) from error
+
+
+MAX_READINGS = 1000
+MAX_WIDTH_US, MAX_DEGREES = 1e6, 1e6
+
+
+def _readings(rows: csv.DictReader[str], path: Path, speed: bool) -> Sequence[Reading]:
+    wanted = SPEED if speed else ANGLE
+    for column in (WIDTH, wanted):
+        if column not in (rows.fieldnames or ()):
+            raise InputError(f"there is no column {column}", Place(str(path), 1), f"{WIDTH},{wanted}")
+    found = []
+    for row in rows:
+        place = Place(str(path), rows.line_num)
+        try:
+            width_us, degrees = float(row[WIDTH]), float(row[wanted])
+        except (TypeError, ValueError) as error:
+            raise InputError(f"a reading is two numbers, {WIDTH} and {wanted}", place) from error
+        if not (0 < width_us <= MAX_WIDTH_US and abs(degrees) <= MAX_DEGREES):
+            raise InputError(f"{width_us:g}, {degrees:g} is not a reading of a servo", place)
+        found.append(Reading(width_us, math.radians(degrees)))
+        if len(found) > MAX_READINGS:
+            raise InputError("has too many readings", place, f"at most {MAX_READINGS}")
+    return found
+
+
+FEWEST = 3
+"""Any two readings lie on a line."""
+
+TOLERANCE_RAD = math.radians(5)
+"""How far a reading may be from the line."""
+
+OUTLIER = 4.0
+"""A reading so many times farther from the line of the others than they are is a slip of the eye."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """`width_us` of the pulse that was sent; `angle` of the servo as it is mounted, radians (a second)."""
+
+    width_us: float
+    angle: float
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """The line, and how far each reading's angle is from it: `residuals` in radians, read less fitted."""
+
+    readings: tuple[Reading, ...]
+    zero_us: float
+    us_per_rad: float
+    residuals: tuple[float, ...]
+
+    @property
+    def rms(self) -> float:
+        """Root of the mean square of the residuals, for the two degrees of freedom that the line takes."""
+        return math.sqrt(sum(each**2 for each in self.residuals) / max(1, len(self.residuals) - 2))
+
+    @property
+    def worst(self) -> int:
+        """The index of the reading that is farthest from the line."""
+        return max(range(len(self.residuals)), key=lambda index: abs(self.residuals[index]))
+
+    def width_us(self, angle: float) -> float:
+        return self.zero_us + self.us_per_rad * angle
+
+    def angle(self, width_us: float) -> float:
+        return (width_us - self.zero_us) / self.us_per_rad
+
+    def ends(
+        self, limits: tuple[float, float] = (-math.inf, math.inf)
+    ) -> tuple[tuple[float, float], tuple[float, float]]:
+        """(angle, width) of the line's ends: the shortest and longest width read, cut at `limits` (radians).
+
+        Raises InputError where nothing is left of it.
+        """
+        widths = [reading.width_us for reading in self.readings]
+        first, last = sorted((self.angle(min(widths)), self.angle(max(widths))))
+        low, high = max(first, limits[0]), min(last, limits[1])
+        if low >= high:
+            raise InputError("all that was read lies outside of the servo's travel")
+        return (low, self.width_us(low)), (high, self.width_us(high))
+
+
+def fit(readings: Sequence[Reading], tolerance: float = TOLERANCE_RAD, speed: bool = False) -> Fit:
+    """The line of `readings`; `speed`: their angles are speeds.
+
+    Raises InputError for too few readings and a servo that did not move; and where a reading is farther than
+    `tolerance` (radians) from the line: for the one that is off the line of the others, for angles that do
+    not rise or fall with the widths, for readings that are no straight line.
+    """
+    unit = "°/s" if speed else "°"
+    _check_each(readings, unit)
+    made = _line(readings)
+    off = abs(made.residuals[made.worst])
+    if off > tolerance:
+        _check_outlier(readings, tolerance, unit)
+        _check_order(readings, made.us_per_rad > 0, unit)
+        raise InputError(
+            f"the readings are no straight line: {_named(readings, made.worst, unit)} is "
+            f"{math.degrees(off):z.1f}{unit} off it, {math.degrees(tolerance):zg}{unit} is allowed",
+            hint="calibrate a shorter range, or allow more with --tolerance-deg",
+        )
+    return made
+
+
+def _check_each(readings: Sequence[Reading], unit: str) -> None:
+    for index, reading in enumerate(readings):
+        if not math.isfinite(reading.angle) or not math.isfinite(reading.width_us):
+            raise InputError(f"{_named(readings, index, unit)} is not a number")
+    widths = {reading.width_us for reading in readings}
+    if len(widths) < FEWEST:
+        raise InputError(
+            f"{len(widths)} widths were read: a line needs {FEWEST} or more to show its error",
+            hint="take more points",
+        )
+    angles = [reading.angle for reading in readings]
+    if max(angles) == min(angles):
+        raise InputError(
+            f"the servo did not move: all readings are {math.degrees(angles[0]):zg}{unit}",
+            hint="is it powered, and on that pin?",
+        )
+
+
+def _check_order(readings: Sequence[Reading], rising: bool, unit: str) -> None:
+    """All angles rise with the widths, or all fall."""
+    order = sorted(range(len(readings)), key=lambda index: readings[index].width_us)
+    steps = [
+        (before, after, readings[after].angle - readings[before].angle)
+        for before, after in pairwise(order)
+        if readings[after].width_us > readings[before].width_us
+    ]
+    for before, after, step in steps:
+        if step == 0 or (step > 0) != rising:
+            raise InputError(
+                f"{_named(readings, after, unit)} does not {'rise' if rising else 'fall'} from "
+                f"{_named(readings, before, unit)}, as the others do",
+                hint="read both again: did the servo reach its stop, or slip on its horn?",
+            )
+
+
+def _check_outlier(readings: Sequence[Reading], tolerance: float, unit: str) -> None:
+    """One reading that is off the line of all others, which agree."""
+    if len(readings) <= FEWEST:
+        return
+    found: list[tuple[float, float, int]] = []
+    for index, reading in enumerate(readings):
+        others = [*readings[:index], *readings[index + 1 :]]
+        if len({each.width_us for each in others}) < FEWEST:
+            continue
+        line = _line(others)
+        if math.isinf(line.us_per_rad) or line.us_per_rad == 0:
+            continue
+        off = abs(reading.angle - line.angle(reading.width_us))
+        spread = abs(line.residuals[line.worst])
+        if off > tolerance and spread <= tolerance and off > OUTLIER * spread:
+            found.append((off / max(spread, 1e-12), off, index))
+    if not found:
+        return
+    _, off, index = max(found)
+    raise InputError(
+        f"{_named(readings, index, unit)} is {math.degrees(off):z.1f}{unit} off the line of the others",
+        hint="read it again",
+    )
+
+
+def _named(readings: Sequence[Reading], index: int, unit: str) -> str:
+    reading = readings[index]
+    return f"reading {index + 1} ({math.degrees(reading.angle):zg}{unit} at {reading.width_us:g} µs)"
+
+
+def _line(readings: Sequence[Reading]) -> Fit:
+    """Least squares of angle over width, written as width over angle."""
+    widths = np.array([reading.width_us for reading in readings])
+    angles = np.array([reading.angle for reading in readings])
+    middle, mean = float(widths.mean()), float(angles.mean())
+    away = widths - middle
+    slope = float(away @ (angles - mean)) / float(away @ away)
+    residuals = tuple((angles - mean - slope * away).tolist())
+    if slope == 0:
+        return Fit(tuple(readings), math.nan, math.inf, residuals)
+    return Fit(tuple(readings), middle - mean / slope, 1 / slope, residuals)
+
+
+class LineTable(Table):
+    """[fit]: what the points were made from, for people."""
+
+    readings: int
+    us_per_deg: float
+    zero_us: float
+    rms_deg: float
+    worst_deg: float
+
+
+class ReadingTable(PointTable):
+    """[[reading]]: what was sent and read, of the servo as it sits, and how far it is from the line."""
+
+    residual_deg: float
+
+
+class CalibrationTable(Table):
+    """A calibration file. The points are the shaft's, as a model's are: without reverse and trim_us."""
+
+    servo: str
+    model: str
+    points: tuple[PointTable, ...] = Field(min_length=2)
+    fit: LineTable | None = None
+    reading: tuple[ReadingTable, ...] = ()
+
+
+def read_calibration(path: Path, servo: str, model: str, continuous: bool, place: Place) -> Calibration:
+    """The calibration of that servo; `place` is where the job names the file.
+
+    Raises InputError for a file that is not there or wrong, and for one of another servo or model.
+    """
+    if not path.is_file():
+        raise InputError(
+            f"there is no calibration file '{path}'", place, f"servogen calibrate … --servo {servo}"
+        )
+    document, table = toml_file.load(path, CalibrationTable)
+    for key, mine in (("servo", servo), ("model", model)):
+        given = getattr(table, key)
+        if given != mine:
+            raise document.error(
+                (key,), f"this calibrates the {key} '{given}', the job's is '{mine}'", "calibrate it anew"
+            )
+    return points_of(table.points, document.place("points"), continuous)
+
+
+def calibration_text(fit: Fit, servo: Servo) -> str:
+    """The file's text; the line is cut at the servo's mechanical stops."""
+    key = "speed_deg_s" if servo.model.continuous else "angle_deg"
+    points = [
+        f"    {{ {key} = {math.degrees(servo.mounted(angle)):z.6f}, "
+        f"width_us = {width - servo.trim_us:.4f} }},"
+        for angle, width in fit.ends(servo.model.travel)
+    ]
+    lines = [
+        "# The calibration of one servo, as `servogen calibrate` found it.",
+        f'servo = "{servo.name}"',
+        f'model = "{servo.model.name}"',
+        "points = [ # of the shaft: reverse and trim_us of the job are not in them",
+        *points,
+        "]",
+        "",
+        "[fit] # of the servo as it sits, trimmed; from here on for people",
+        f"readings = {len(fit.readings)}",
+        f"us_per_deg = {fit.us_per_rad * math.radians(1):z.6f}",
+        f"zero_us = {fit.zero_us:z.3f}",
+        f"rms_deg = {math.degrees(fit.rms):z.3f}",
+        f"worst_deg = {math.degrees(fit.residuals[fit.worst]):z.3f}",
+    ]
+    for reading, residual in zip(fit.readings, fit.residuals, strict=True):
+        lines += [
+            "",
+            "[[reading]]",
+            f"{key} = {math.degrees(reading.angle):z.3f}",
+            f"width_us = {reading.width_us:z.3f}",
+            f"residual_deg = {math.degrees(residual):z.3f}",
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def write_calibration(path: Path, text: str) -> Path | None:
+    """Writes the file, whole or not at all; a file that was there is kept, under the name that is returned.
+
+    Raises InputError where the path cannot be written.
+    """
+    kept = _kept(path) if path.is_file() else None
+    try:
+        write_text(path, text)
+    except BaseException:
+        if kept is not None:  # the old file still has its own name
+            kept.unlink(missing_ok=True)
+        raise
+    return kept
+
+
+def _kept(path: Path) -> Path:
+    """A copy of the file under the first of NAME.1.bak, NAME.2.bak, … that is free."""
+    old = path.read_bytes()
+    number = 0
+    while True:
+        number += 1
+        copy = path.with_name(f"{path.name}.{number}.bak")
+        try:
+            with copy.open("xb") as file:
+                file.write(old)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise ToolError(f"the old file cannot be kept: {error.strerror}", Place(str(copy))) from error
+        return copy

@@ -1,0 +1,205 @@
+"""The instruction loop as machine code that is kept across processes.
+
+numba compiles the loop once for this processor (about ten seconds); what it made is kept as an object file,
+so that a later process loads that through llvmlite in milliseconds, without numba and its start-up time.
+The file's name is a digest of the sources, the versions and the processor: any change makes a new one.
+A file is loaded only where nobody but the user and root can have written it: it is run as machine code.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import logging
+import os
+import re
+import stat
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import llvmlite
+from llvmlite import binding as llvm
+
+from servogen.errors import ToolError
+from servogen.simulator.program import OPS
+
+ENTRY = "servogen_run"
+SIGNATURE = "pipppppppipp"
+"""The arguments of `kernel.instruction_loop`: pointers to int64 (p) and int64 (i)."""
+
+_LOG = logging.getLogger(__name__)
+
+DIGEST_BYTES = hashlib.sha256().digest_size
+
+Loop = Callable[..., int]
+
+
+@cache
+def loop(observed: bool = False, tracked: bool = False) -> Loop:
+    """Return the compiled loop: it takes addresses of vectors and returns why it came back."""
+    kind = "observed" if observed else "tracked" if tracked else "plain"
+    name = f"simulator-{kind}-{_digest()}.o"
+    for folder in _folders():
+        kept = _kept(folder / name)
+        if kept is not None:
+            return _load(kept)
+    _LOG.info("compiling the simulator for this processor, which takes about ten seconds")
+    code = compile_loop(observed, tracked)
+    _keep(name, code)
+    return _load(code)
+
+
+def _digest() -> str:
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    digest.update(repr(OPS).encode())  # the numbers of the instructions come from pic.isa
+    machine = (llvm.get_process_triple(), llvm.get_host_cpu_name(), _features(), llvmlite.__version__)
+    digest.update(repr(machine).encode())
+    return digest.hexdigest()[:24]
+
+
+def _features() -> str:
+    return str(llvm.get_host_cpu_features().flatten())
+
+
+def _folders() -> Iterator[Path]:
+    """Where object files are kept: beside the sources, or in the user's cache."""
+    yield Path(__file__).parent / "__pycache__"
+    base = Path(os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or "~/.cache")
+    with suppress(RuntimeError):  # a user without a home
+        base = base.expanduser()
+        if base.is_absolute():
+            yield base / "servogen"
+
+
+def _kept(path: Path) -> bytes | None:
+    """The machine code in a file, if it is there whole, as the digest before it says, and nobody else's."""
+    try:
+        if not _only_ours(path):
+            return None
+        with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0)), "rb") as file:
+            content = file.read()
+    except OSError:
+        return None
+    code = content[DIGEST_BYTES:]
+    return code if hashlib.sha256(code).digest() == content[:DIGEST_BYTES] else None
+
+
+def _only_ours(path: Path) -> bool:
+    """Whether only the user and root can change what is at `path`: the file, and each folder above it.
+
+    A folder that all may write in, but in which they may not touch each other's files (/tmp), is not a danger
+    to what is the user's in it. Raises OSError where there is nothing.
+    """
+    if os.name != "posix":  # the folders are the user's own
+        return True
+    if path.is_symlink():
+        return False
+    path = path.resolve(strict=True)
+    for each in (path, *path.parents):
+        found = each.stat()
+        shared = found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+        if found.st_uid not in (0, os.geteuid()) or (
+            shared and (each == path or not found.st_mode & stat.S_ISVTX)
+        ):
+            return False
+    return True
+
+
+def _make_own(folder: Path) -> None:
+    """Makes a folder, and those above it that are missing, for the user alone."""
+    if not folder.exists():
+        _make_own(folder.parent)
+        folder.mkdir(mode=0o700, exist_ok=True)
+
+
+def _keep(name: str, code: bytes) -> None:
+    """Writes the object file to the first folder from which it may be loaded, if there is one."""
+    content = hashlib.sha256(code).digest() + code
+    for folder in _folders():
+        try:
+            _make_own(folder)
+            if not _only_ours(folder):
+                continue
+            with tempfile.NamedTemporaryFile(dir=folder, delete=False) as file:
+                file.write(content)
+            Path(file.name).chmod(0o644)
+            Path(file.name).replace(folder / name)
+            for old in folder.glob(f"{name.rpartition('-')[0]}-*.o"):
+                if old.name != name:
+                    old.unlink()
+        except OSError:
+            continue
+        return
+
+
+def compile_loop(observed: bool = False, tracked: bool = False) -> bytes:
+    """Return an object file with the loop as ENTRY, in numba's way to call: (result, error, arguments)."""
+    from numba import cfunc, types
+
+    from servogen.simulator.core import instruction_loop
+
+    kinds = {"p": types.CPointer(types.int64), "i": types.int64}  # type: ignore[no-untyped-call]
+    signature = types.int64(*(kinds[kind] for kind in SIGNATURE))
+    made = cfunc(signature, error_model="numpy")(instruction_loop(observed, tracked))
+    text = _alone(made.inspect_llvm(), made.native_name.removeprefix("cfunc."))
+    module = llvm.parse_assembly(text)
+    return bytes(_target().emit_object(module))
+
+
+def _alone(text: str, name: str) -> str:
+    """The module without numba's wrappers, which need numba to run, and with the loop under our name."""
+    text = re.sub(
+        r"^define [^\n]*@\"?(?:cfunc|cpython|_ZN7cpython)[^\n]*\{\n.*?^\}\n", "", text, flags=re.M | re.S
+    )
+    text = text.replace(f"@{name}", f"@{ENTRY}").replace(f'@"{name}"', f"@{ENTRY}")
+    for declared in re.findall(r"^declare [^\n]*@\"?([\w.]+)", text, flags=re.M):
+        if not declared.startswith("llvm.") and len(re.findall(rf"@\"?{re.escape(declared)}\b", text)) > 1:
+            raise ToolError(f"the compiled simulator needs '{declared}', which only numba has")
+    return text
+
+
+def _target() -> Any:
+    """This process's machine, with the code model and relocations that numba uses at run time."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    target = llvm.Target.from_triple(llvm.get_process_triple())
+    return target.create_target_machine(
+        cpu=llvm.get_host_cpu_name(),
+        features=_features(),
+        opt=3,
+        reloc="static" if target.name.startswith("x86") else "default",
+        codemodel="jitdefault",
+        jit=True,
+    )
+
+
+_ENGINES: list[Any] = []
+"""Machine code lives as long as its engine."""
+
+
+def _load(code: bytes) -> Loop:
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    _ENGINES.append(engine)
+    address = engine.get_function_address(ENTRY)
+    if not address:
+        raise ToolError(
+            "the compiled simulator cannot be loaded", hint="this is a defect of servogen; report it"
+        )
+    arguments = [ctypes.c_void_p if kind == "p" else ctypes.c_int64 for kind in SIGNATURE]
+    function = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, *arguments)(address)
+
+    def call(*values: int) -> int:
+        result, error = ctypes.c_int64(), ctypes.c_void_p()
+        if function(ctypes.addressof(result), ctypes.addressof(error), *values) != 0:
+            raise ToolError("the compiled simulator failed", hint="this is a defect of servogen; report it")
+        return result.value
+
+    return call

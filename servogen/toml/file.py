@@ -1,0 +1,313 @@
+"""TOML files as checked values, every error with its line, its column and its key.
+
+In: the text of a TOML file and a model (a subclass of `Table`). Out: the model's frozen value and a
+`Document` that knows where each key stands.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, TypeVar, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from servogen.errors import InputError, Place, nearest
+from servogen.inputs import read_input
+from servogen.toml.locations import Key, TooMuch, places_of
+
+UNITS = {
+    *("us", "ms", "s", "deg", "rad", "mm", "cm", "m", "hz", "khz", "mhz", "v", "mv", "a", "ma", "nm", "ncm"),
+    *("kg", "g", "deg_s", "rad_s", "mm_s", "deg_s2", "rad_s2", "mm_s2"),
+}
+"""What a key may end with, after an underscore, to say its unit."""
+
+
+class Table(BaseModel):
+    """A TOML table: unknown keys, wrong types (a boolean is no number), NaN and infinity are refused."""
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+Model = TypeVar("Model", bound=Table)
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """A parsed file: its values (arrays as tuples) and the place (line, column) of each key."""
+
+    file: str
+    data: Mapping[str, Any]
+    places: Mapping[Key, tuple[int, int]]
+
+    def place(self, *key: str | int) -> Place:
+        """Where `key` stands, or the nearest table around it that is written in the file."""
+        for end in range(len(key), 0, -1):
+            if key[:end] in self.places:
+                line, column = self.places[key[:end]]
+                return Place(self.file, line, column, key_text(key))
+        return Place(self.file, key=key_text(key))
+
+    def error(self, key: Key, message: str, hint: str | None = None) -> InputError:
+        return InputError(message, self.place(*key), hint)
+
+
+def load(path: str | Path, model: type[Model]) -> tuple[Document, Model]:
+    """The file at `path`, checked against `model`. Raises InputError."""
+    document = read(path)
+    return document, validate(document, model)
+
+
+def read(path: str | Path) -> Document:
+    """The file at `path`, parsed but not checked. Raises InputError."""
+    raw = read_input(path)
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise InputError("is not UTF-8 text", Place(str(path), line), "TOML files are UTF-8") from error
+    return parse(text, str(path))
+
+
+def parse(text: str, file: str) -> Document:
+    """`text` as a document named `file`. Raises InputError with line and column for a syntax error."""
+    text = text.replace("\r\n", "\n")
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise _syntax_error(text, file, str(error)) from error
+    except ValueError as error:  # a number of thousands of digits
+        digits = re.search(r"\d[\d_]{4000}", text)
+        line = text.count("\n", 0, digits.start()) + 1 if digits else None
+        message = "a number has thousands of digits" if digits else f"TOML syntax: {error}"
+        raise InputError(message, Place(file, line), _WHOLE_RANGE) from error
+    except RecursionError as error:
+        raise InputError("tables or arrays are nested too deeply", Place(file)) from error
+    try:
+        document = Document(file, _frozen(data), places_of(text))
+        _check_range(document, document.data, ())
+        return document
+    except TooMuch as error:
+        raise InputError(error.message, Place(file, error.line), error.hint) from error
+    except RecursionError as error:
+        raise InputError("tables or arrays are nested too deeply", Place(file)) from error
+
+
+def validate(document: Document, model: type[Model], key: Key = ()) -> Model:
+    """The value of `model` in `document` at `key`. Raises InputError for the first thing that is wrong."""
+    data: Any = document.data
+    for step in key:
+        data = data[step]
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        details = [dict(detail) for detail in error.errors(include_url=False)]
+        causes = [detail for detail in details if not _consequence(detail)]
+        # A missing key tells least: its place is the table, above the misspelt key that explains it.
+        first = min(causes, key=lambda detail: _order(document, key, detail))
+        raise _input_error(document, model, key, first) from error
+
+
+def unknown_key(document: Document, key: Key, known: Iterable[str]) -> InputError:
+    """The error for a key that is none of `known`: a missing or other unit is told from a misspelling."""
+    names = sorted(known)
+    word = str(key[-1])
+    stem, unit = split_unit(word)
+    for name in names:
+        other_stem, other_unit = split_unit(name)
+        if other_unit and other_stem == stem:
+            if unit:
+                return document.error(key, f"'{word}' is not taken in {unit}: write {name}")
+            return document.error(key, f"'{word}' has no unit: write {name}")
+    return document.error(key, f"unknown key '{word}'", nearest(word, names))
+
+
+def split_unit(word: str) -> tuple[str, str]:
+    """The name and the unit of a key: "period_us" is ("period", "us"), "pin" is ("pin", "")."""
+    parts = word.split("_")
+    for start in range(1, len(parts)):
+        unit = "_".join(parts[start:])
+        if unit.lower() in UNITS:
+            return "_".join(parts[:start]), unit
+    return word, ""
+
+
+def exact(number: float) -> Fraction:
+    """The number as it is written: 0.1 in a file is a tenth."""
+    return Fraction(repr(number)) if isinstance(number, float) else Fraction(number)
+
+
+def key_text(key: Key) -> str:
+    """A key as people write it: servo[1].trim_us, arrays counted from 1."""
+    text = ""
+    for step in key:
+        text += f"[{step + 1}]" if isinstance(step, int) else f".{step}" if text else step
+    return text
+
+
+_WHOLE_RANGE = "whole numbers are those of 64 bits: -2^63 to 2^63 - 1"
+
+
+def _check_range(document: Document, value: Any, key: Key) -> None:
+    """Refuses integers that TOML does not have: those of more than 64 bits."""
+    if isinstance(value, dict):
+        for name, item in value.items():
+            _check_range(document, item, (*key, name))
+    elif isinstance(value, tuple):
+        for index, item in enumerate(value):
+            if not isinstance(item, float | str):
+                _check_range(document, item, (*key, index))
+    elif isinstance(value, int) and not -(2**63) <= value < 2**63:
+        raise document.error(key, f"{shown(value)} is too large", _WHOLE_RANGE)
+
+
+def _frozen(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _frozen(item) for name, item in value.items()}
+    return tuple(_frozen(item) for item in value) if isinstance(value, list) else value
+
+
+def _syntax_error(text: str, file: str, said: str) -> InputError:
+    found = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", said)
+    message = said[: found.start()] if found else said
+    if found and found[1]:
+        line, column = int(found[1]), int(found[2])
+    else:
+        line, column = text.count("\n") + 1, len(text) - text.rfind("\n")
+    shown = text.splitlines()[line - 1].strip() if line <= len(text.splitlines()) else ""
+    message = next(
+        (plain for pattern, plain in _PLAIN if re.match(pattern, message)), message[:1].lower() + message[1:]
+    )
+    return InputError(f"TOML syntax: {message}", Place(file, line, column), f"in: {shown}" if shown else None)
+
+
+# What tomllib says -> what a person can do about it.
+_PLAIN = (
+    (r"Illegal character '\\n'", "this text has no closing quote"),
+    (r"Invalid value", 'not a value: a text stands in "quotes", and an array above may lack its ]'),
+    (r"Unclosed array", "an array above lacks its ]"),
+    (r"Cannot overwrite a value", "this name is given twice"),
+    (r"Cannot declare \(.*\) twice", "this table is given twice; one of several has two brackets: [[ … ]]"),
+    (r"Expected '=' after a key", "a key, then =, then its value"),
+)
+
+
+# What pydantic finds, as a sentence: the kind of error -> what is allowed there.
+_ALLOWED = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "string_type": 'a text in "quotes"',
+    "bool_type": "true or false",
+    "tuple_type": "an array [ … ]",
+    "model_type": "a table { … }",
+    "dict_type": "a table { … }",
+    "finite_number": "a finite number",
+}
+_BOUNDS = {
+    "greater_than": ("more than", "gt"),
+    "greater_than_equal": ("at least", "ge"),
+    "less_than": ("less than", "lt"),
+    "less_than_equal": ("at most", "le"),
+}
+
+
+def _input_error(document: Document, model: type[Table], root: Key, detail: Mapping[str, Any]) -> InputError:
+    kind, where = str(detail["type"]), tuple(detail["loc"])
+    key, context = root + where, detail.get("ctx", {})
+    if kind == "extra_forbidden":
+        return unknown_key(document, key, _known_keys(model, where[:-1]))
+    if kind == "missing":
+        if where and isinstance(where[-1], int):
+            return document.error(key[:-1], f"has too few values: number {where[-1] + 1} is missing")
+        return document.error(key[:-1], f"'{key[-1]}' is missing", f"add {_added(model, key, where)}")
+    if kind == "value_error":
+        return document.error(key, str(context["error"]))
+    value = shown(detail["input"])
+    if kind == "literal_error":
+        return document.error(key, f"{value} is not allowed here", f"allowed: {context['expected']}")
+    if kind in _BOUNDS:
+        words, name = _BOUNDS[kind]
+        return document.error(key, f"{value} is out of range: {words} {context[name]:g} is allowed")
+    if kind in ("too_short", "too_long"):
+        count = context["actual_length"]
+        return document.error(
+            key, f"has {count} value{'s' if count != 1 else ''}", _length_hint(kind, context)
+        )
+    if kind in _ALLOWED:
+        return document.error(key, f"{value} is not {_ALLOWED[kind]}", _whole_hint(kind, detail["input"]))
+    if kind == "string_pattern_mismatch":
+        return document.error(key, f"{value} is not a name", "a letter, then letters, digits, _ or -")
+    return document.error(key, f"{value}: {detail['msg']}")
+
+
+def _consequence(detail: Mapping[str, Any]) -> bool:
+    """An array counts as too short when an element of it is wrong: the element is what is told."""
+    return bool(detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"])
+
+
+def _length_hint(kind: str, context: Mapping[str, Any]) -> str:
+    return f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"
+
+
+def _whole_hint(kind: str, given: Any) -> str | None:
+    """4e6 is a whole number, but TOML knows it as one only when it is written as one."""
+    whole = kind == "int_type" and isinstance(given, float) and given.is_integer() and abs(given) < 1e15
+    return f"without a point and an exponent: {int(given):_}" if whole else None
+
+
+def _added(model: type[Table], key: Key, where: Key) -> str:
+    """How a missing key is written: a table has its own heading."""
+    fields = [table.model_fields.get(str(where[-1])) for table in _tables(model, where[:-1])]
+    annotation = next((field.annotation for field in fields if field), None)
+    if len(key) > 1 or not any(_models(annotation)):
+        return f"{key_text(key)} = …"
+    return f"[[{key[0]}]]" if get_origin(annotation) is tuple else f"[{key[0]}]"
+
+
+def _order(document: Document, root: Key, detail: Mapping[str, Any]) -> tuple[bool, int, int]:
+    """Returns what the errors of a document are sorted by: a missing key after all others, then the place."""
+    where = tuple(detail["loc"])
+    missing = detail["type"] == "missing"
+    place = document.place(*root, *(where[:-1] if missing else where))
+    return missing and not isinstance(where[-1], int), place.line or 0, place.column or 0
+
+
+def shown(value: Any) -> str:
+    """A value as TOML writes it, cut short."""
+    if isinstance(value, tuple):
+        text = f"[{', '.join(shown(item) for item in value)}]"
+    elif isinstance(value, dict):
+        text = f"{{ {', '.join(f'{name} = {shown(item)}' for name, item in value.items())} }}"
+    elif isinstance(value, str):
+        text = f'"{value}"'
+    else:
+        text = str(value).lower() if isinstance(value, bool) else repr(value)
+    return text if len(text) <= 40 else f"{text[:37]}…"
+
+
+def _known_keys(model: type[Table], where: Key) -> Iterator[str]:
+    """The names of the fields of the table that is at `where` in `model`."""
+    for table in _tables(model, where):
+        for name, field in table.model_fields.items():
+            yield field.alias or name
+
+
+def _tables(model: type[Table], where: Key) -> list[type[BaseModel]]:
+    """The models that the table at `where` in `model` may be."""
+    tables: list[type[BaseModel]] = [model]
+    for step in where:
+        if isinstance(step, str):
+            found = [table.model_fields[step].annotation for table in tables if step in table.model_fields]
+            tables = [inner for annotation in found for inner in _models(annotation)] or tables
+    return tables
+
+
+def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for inner in get_args(annotation):
+        yield from _models(inner)

@@ -1,0 +1,126 @@
+"""Saved captures of logic analysers: VCD, sigrok sessions (.sr), Saleae's CSV.
+
+In: a file. Out: a `Capture`: its edges in the file's own time steps, so that nothing is rounded before the
+chip's clock is known. Levels at time 0 are what the analyser found at its first sample.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+
+from servogen.edges import EdgeTrace
+from servogen.errors import InputError, Place
+from servogen.inputs import open_input
+from servogen.outputs import atomic_write
+from servogen.traces.csv import HEADER as EDGES_HEADER
+from servogen.traces.formats import EdgeWriter
+from servogen.traces.lines import first_lines
+from servogen.traces.rates import rate_in, step_clock
+from servogen.traces.saleae import read_saleae
+from servogen.traces.sigrok import read_session
+from servogen.traces.vcd_reader import read_header, read_vcd
+from servogen.traces.vcd_writer import MADE, PARTIAL, STITCHED, VcdWriter
+
+SUFFIXES = (".vcd", ".sr", ".csv")
+
+_PIECES = re.compile(re.escape(STITCHED) + r"((?:\d+-\d+\s*)+)")
+_VERSION = re.compile(rb"\$version\s(.*?)\$end", re.DOTALL)
+
+
+@dataclass(frozen=True, slots=True)
+class Capture:
+    """`trace` counts time steps as cycles of a clock that is as fast; `sample` is the steps of one sample.
+
+    It is None where the file does not tell how often it was sampled.
+    """
+
+    trace: EdgeTrace
+    sample: float | None
+    missing: str | None = None
+    """Why it is not whole, where the file says so."""
+    pieces: tuple[tuple[int, int], ...] = ()
+    """Begin and end, in steps, of each where it is several captures; the time between two is not known."""
+    file: str | None = None
+
+
+def read_capture(path: str | Path, wires: Mapping[str, str] | None = None) -> Capture:
+    """The capture at `path`; `wires` gives pins to channels that are not named by them, {"D0": "RB0"}."""
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix == ".vcd":
+        return _read_vcd(path, wires)
+    if suffix == ".sr":
+        return Capture(read_session(path, wires), 1.0, file=str(path))
+    if suffix == ".csv":
+        return Capture(read_saleae(path, wires), None, file=str(path))
+    hint = f"one of: {', '.join(SUFFIXES)}"
+    raise InputError(f"'{path.suffix}' is not the ending of a capture", Place(str(path)), hint)
+
+
+def is_capture(path: str | Path) -> bool:
+    """Whether the file at `path` holds an analyser's samples rather than edges in cycles of a chip."""
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix == ".csv":
+        return first_lines(path, 1)[0].strip() != EDGES_HEADER.encode()
+    if suffix == ".vcd":
+        with open_input(path) as file:
+            version = _VERSION.search(file.read(1 << 16))
+        return version is None or version.group(1).strip() != MADE.encode()
+    return suffix in SUFFIXES
+
+
+def sampled_at(capture: Capture, samples_per_second: int) -> Capture:
+    """Return the capture with the sampling rate that its file does not tell. Raises InputError if it does."""
+    if capture.sample is not None:
+        step_us = float(capture.trace.clock.cycle_us)
+        told = 1e6 / (capture.sample * step_us)
+        raise InputError(
+            f"tells its own sampling rate, {told:g} Hz", Place(capture.file, key="--rate"), "leave --rate out"
+        )
+    steps = float(capture.trace.clock.cycles_per_second) / samples_per_second
+    return replace(capture, sample=steps)
+
+
+@contextmanager
+def capture_writer(
+    path: str | Path,
+    samples_per_second: int,
+    servos: Mapping[str, str] | None = None,
+    missing: str | None = None,
+    pieces: Sequence[tuple[int, int]] = (),
+) -> Iterator[EdgeWriter]:
+    """A writer of a capture, whose cycles are samples, to a VCD file that `read_capture` knows as one.
+
+    `missing` says why the capture is not whole, `pieces` from which sample to which each of several is: both
+    stand in the file.
+    """
+    with atomic_write(path, "wb") as file:
+        clock = step_clock(Fraction(samples_per_second), Place(str(path)))
+        yield VcdWriter(file, clock, servos, captured=True, missing=missing, pieces=pieces)
+
+
+def _read_vcd(path: Path, wires: Mapping[str, str] | None) -> Capture:
+    header = read_header(path, wires)
+    clock = step_clock(1 / header.step_s, Place(str(path)))
+    rates = (rate_in(comment) for comment in header.comments if "hannels at" in comment)
+    rate = next((rate for rate in rates if rate), None)
+    sample = None if rate is None else float(1 / (rate * header.step_s))
+    missing = next((text.partition(PARTIAL)[2] for text in header.comments if PARTIAL in text), None)
+    steps = Fraction(1) if rate is None else 1 / (rate * header.step_s)
+    pieces = _pieces(header.comments, steps)
+    return Capture(read_vcd(path, clock, wires=wires), sample, missing, pieces, str(path))
+
+
+def _pieces(comments: Iterable[str], steps: Fraction) -> tuple[tuple[int, int], ...]:
+    """Begin and end of each piece, in time steps of which `steps` are a sample."""
+    found = next((match for text in comments if (match := _PIECES.search(text))), None)
+    if found is None:
+        return ()
+    ranges = (tuple(map(int, each.split("-"))) for each in found.group(1).split())
+    return tuple((round(begin * steps), round(end * steps)) for begin, end in ranges)

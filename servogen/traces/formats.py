@@ -1,0 +1,116 @@
+"""Which format a file has: by its ending. The heavy readers and writers are imported when one is chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import IO, Protocol
+
+from servogen.edges import EdgeChunk, EdgeTrace
+from servogen.errors import InputError, Place
+from servogen.outputs import atomic_write
+from servogen.traces.inputs import NO_INPUTS, Inputs
+from servogen.units import Clock, Cycles
+
+SUFFIXES = (".csv", ".jsonl", ".vcd")
+
+
+class EdgeWriter(Protocol):
+    """Takes a trace's chunks in order, then its end."""
+
+    def add(self, chunk: EdgeChunk) -> None: ...
+
+    def finish(self, end: Cycles) -> None: ...
+
+
+@contextmanager
+def edge_writer(
+    path: str | Path, clock: Clock, servos: Mapping[str, str] | None = None, inputs: Inputs = NO_INPUTS
+) -> Iterator[EdgeWriter]:
+    """Give a writer to `path`; the file is there when the block ends. `servos` names pins, as {"RB0": "arm"}.
+
+    CSV and VCD also hold what `inputs` do.
+    """
+    suffix = _suffix(Path(path))
+    with atomic_write(path, "wb") as file:
+        yield _writer(file, suffix, clock, servos, inputs)
+
+
+def write_edges(
+    trace: EdgeTrace,
+    *paths: str | Path,
+    servos: Mapping[str, str] | None = None,
+    inputs: Inputs = NO_INPUTS,
+) -> None:
+    """Write `trace` to every one of `paths` in one pass."""
+    with ExitStack() as stack:
+        writers = [stack.enter_context(edge_writer(path, trace.clock, servos, inputs)) for path in paths]
+        for _ in recorded(trace, writers).chunks:
+            pass
+
+
+def recorded(trace: EdgeTrace, writers: Iterable[EdgeWriter]) -> EdgeTrace:
+    """The same trace, which each of `writers` is given while it is read; read it once, and whole."""
+    return EdgeTrace(trace.clock, _passed(trace, tuple(writers)), trace.end)
+
+
+def _passed(trace: EdgeTrace, writers: tuple[EdgeWriter, ...]) -> Iterator[EdgeChunk]:
+    for chunk in trace.chunks:
+        for writer in writers:
+            writer.add(chunk)
+        yield chunk
+    for writer in writers:
+        writer.finish(trace.end)
+
+
+def read_edges(
+    path: str | Path, clock: Clock, end: int | None = None, wires: Mapping[str, str] | None = None
+) -> EdgeTrace:
+    """The edges of the file at `path` in cycles of `clock`.
+
+    `end` is the cycle at which the trace ends where the file does not say it (CSV, JSONL), or at which it
+    is cut. `wires` gives pins to the wires of a VCD file that are not named by them, {"D0": "RB0"}.
+    """
+    path = Path(path)
+    suffix = _suffix(path)
+    if wires is not None and suffix != ".vcd":
+        raise InputError("wires are named in VCD files only", Place(str(path)))
+    if suffix == ".csv":
+        from servogen.traces.csv import read_csv
+
+        return read_csv(path, clock, end)
+    if suffix == ".jsonl":
+        from servogen.traces.jsonl import read_jsonl
+
+        return read_jsonl(path, clock, end)
+    from servogen.traces.vcd_reader import read_vcd
+
+    return read_vcd(path, clock, end, wires)
+
+
+def _writer(
+    file: IO[bytes], suffix: str, clock: Clock, servos: Mapping[str, str] | None, inputs: Inputs
+) -> EdgeWriter:
+    if suffix == ".csv":
+        from servogen.traces.csv import CsvWriter
+
+        return CsvWriter(file, inputs)
+    if suffix == ".jsonl":
+        from servogen.traces.jsonl import JsonlWriter
+
+        return JsonlWriter(file)
+    from servogen.traces.vcd_writer import VcdWriter
+
+    return VcdWriter(file, clock, servos, inputs=inputs)
+
+
+def _suffix(path: Path) -> str:
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InputError(
+            f"'{path.suffix}' is not the ending of an edge file",
+            Place(str(path)),
+            f"one of: {', '.join(SUFFIXES)}",
+        )
+    return suffix

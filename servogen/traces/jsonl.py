@@ -1,0 +1,142 @@
+"""Edges ↔ JSON lines: {"cycle":1000,"pin":"RB0","level":0}, one object a change, in order; level 0, 1 or "z".
+
+Unlike CSV it keeps what is undriven. Objects of other programs may have further keys and any spacing.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any, NoReturn
+
+import numpy as np
+
+from servogen.edges import PINS, Changes, EdgeChunk, EdgeTrace, edge_chunk
+from servogen.errors import InputError, Place, nearest
+from servogen.traces import rows
+from servogen.traces.endings import ended
+from servogen.traces.lines import last_line, line_blocks
+from servogen.units import Clock, Cycles
+
+KEYS = ("cycle", "pin", "level")
+LEVELS: tuple[int | str, ...] = (0, 1, "z")
+"""By level number: LOW, HIGH, UNDRIVEN."""
+
+_EXAMPLE = '{"cycle":1000,"pin":"RB0","level":1}'
+_MOST = 10**18
+_HEAD = rows.table(['{"cycle":'])
+_TAILS = rows.table(
+    [f',"pin":"{pin}","level":{json.dumps(level)}}}\n' for pin in PINS for level in LEVELS],
+)
+_PIN_NUMBER = {pin: number for number, pin in enumerate(PINS)}
+
+
+class JsonlWriter:
+    """Writes chunks as they come to a binary file."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+        self._changes = Changes()
+
+    def add(self, chunk: EdgeChunk) -> None:
+        for block in rows.blocks(self._changes(chunk)):
+            head = np.repeat(_HEAD, len(block.cycle), axis=0)
+            tails = _TAILS[block.pin.astype(np.intp) * len(LEVELS) + block.level]
+            self._file.write(rows.text(head, rows.decimals(block.cycle), tails))
+
+    def finish(self, end: Cycles) -> None:
+        """The format does not hold the trace's end."""
+
+
+def read_jsonl(path: str | Path, clock: Clock, end: int | None = None) -> EdgeTrace:
+    """The edges of a JSONL file, up to `end`; by default to the last edge, all that it tells."""
+    source = _JsonlChunks(Path(path))
+    try:
+        cycle = json.loads(last_line(source.path))["cycle"]
+    except (ValueError, KeyError, TypeError, RecursionError):
+        cycle = None  # the iteration names the line
+    known = Cycles(cycle + 1 if _is_cycle(cycle) else 0)
+    return ended(clock, source, known, end)
+
+
+@dataclass(frozen=True, slots=True)
+class _JsonlChunks:
+    path: Path
+
+    def __iter__(self) -> Iterator[EdgeChunk]:
+        last = 0
+        for line, block in line_blocks(self.path):
+            chunk = _parse(block, last)
+            if chunk is None:
+                _complain(block, last, self.path, line)
+            if len(chunk.cycle):
+                last = int(chunk.cycle[-1])
+                yield chunk
+
+
+def _parse(block: bytes, last: int) -> EdgeChunk | None:
+    """The edges of whole lines, or None when any line is not as it must be or its cycle is before `last`."""
+    lines = [line for line in block.split(b"\n") if line.strip()]
+    try:
+        # One call of the C parser for all lines is several times faster than a call each.
+        objects: list[dict[str, Any]] = json.loads(b"[" + b",".join(lines) + b"]")
+        cycle = [edge["cycle"] for edge in objects]
+        pin = [_PIN_NUMBER[edge["pin"]] for edge in objects]
+        level = [LEVELS.index(edge["level"]) for edge in objects]
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return None
+    if len(objects) != len(lines) or not all(map(_is_cycle, cycle)):
+        return None
+    chunk = edge_chunk(cycle, pin, level)
+    falls = np.any(np.diff(chunk.cycle, prepend=last) < 0)
+    return None if falls else chunk
+
+
+def _complain(block: bytes, last: int, path: Path, line: int) -> NoReturn:
+    """Names the first line of `block` that `_parse` refused."""
+    for number, text in enumerate(block.decode("utf-8", "replace").split("\n"), line):
+        if text.strip():
+            last = _check(text, last, Place(str(path), number))
+    raise InputError("is not one JSON object a line", Place(str(path), line), f"like {_EXAMPLE}")
+
+
+def _check(text: str, last: int, place: Place) -> int:
+    """The cycle of one line; an InputError that says what is wrong with it."""
+    try:
+        edge = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(
+            f"is not JSON: {error}", place, f"expected one object a line, like {_EXAMPLE}"
+        ) from error
+    if not isinstance(edge, dict):
+        raise InputError(f"'{text[:40]}' is not a JSON object", place, f"like {_EXAMPLE}")
+    for key in KEYS:
+        if key not in edge:
+            raise InputError(f"has no '{key}'", place, f"like {_EXAMPLE}")
+    cycle, pin, level = (edge[key] for key in KEYS)
+    if not _is_cycle(cycle):
+        raise InputError(
+            f"cycle {_shown(cycle)} is not allowed",
+            place,
+            "a whole number of instruction cycles since reset, below 10^18",
+        )
+    if pin not in PINS:
+        raise InputError(f"pin {_shown(pin)} is not allowed", place, nearest(str(pin), PINS))
+    if level not in LEVELS:
+        raise InputError(f"level {_shown(level)} is not allowed", place, 'allowed: 0, 1, "z"')
+    if cycle < last:
+        raise InputError(
+            f"cycle {cycle} comes after cycle {last}", place, "edges must be in the order of their cycles"
+        )
+    return int(cycle)
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 40 else f"{text[:37]}…"
+
+
+def _is_cycle(value: object) -> bool:
+    return type(value) is int and 0 <= value < _MOST

@@ -1,0 +1,114 @@
+"""Saleae's digital CSV → edges in nanoseconds from the file's first row.
+
+Header `Time [s],Channel 0,…` (the first versions: `Time[s], Channel 0, …`), one row for each time at which a
+channel changes: seconds, and the level of every channel: 0, 1 or X (not known). The first row is what was
+found at the beginning. Source: Saleae's support pages, "Binary and CSV Export Formats".
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from servogen.edges import HIGH, LOW, UNDRIVEN, Changes, EdgeChunk, EdgeTrace, edge_chunk
+from servogen.errors import InputError, Place
+from servogen.traces.lines import first_lines, last_line, line_blocks
+from servogen.traces.rates import step_clock
+from servogen.traces.wires import pins_of
+from servogen.units import Cycles
+
+NANOSECONDS = 10**9
+LEVELS = {b"0": LOW, b"1": HIGH, b"X": UNDRIVEN, b"x": UNDRIVEN}
+LONGEST = 9e9
+"""Seconds; more nanoseconds are no 64-bit integer."""
+
+
+_SECONDS = re.compile(r"[-+]?\d{1,20}(\.\d{0,20})?([eE][-+]?\d{1,3})?", re.ASCII)
+"""With an exponent of more digits, the exact value would fill the memory."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Rows:
+    path: Path
+    columns: int
+    pins: Mapping[int, int]
+    start: int
+
+    def __iter__(self) -> Iterator[EdgeChunk]:
+        last = 0
+        changes = Changes()
+        order = sorted(self.pins, key=lambda column: self.pins[column])
+        pins = np.array([self.pins[column] for column in order], dtype=np.uint8)
+        for number, block in line_blocks(self.path):
+            lines = block.split(b"\n")[:-1]
+            first = number == 1
+            table = [line.split(b",") for line in lines[first:]]
+            try:
+                time = np.array([row[0] for row in table], dtype=np.float64)
+                level = [LEVELS[row[column].strip()] for row in table for column in order]
+                whole = all(len(row) == self.columns for row in table) and np.all(np.abs(time) < LONGEST)
+            except (ValueError, KeyError, IndexError):
+                whole = False
+            if not whole:
+                _complain(lines[first:], number + first, self.path, self.columns)
+            cycle = np.rint(time * NANOSECONDS).astype(np.int64) - self.start
+            if np.any(np.diff(cycle, prepend=last) < 0):
+                row = int(np.argmax(np.diff(cycle, prepend=last) < 0))
+                place = Place(str(self.path), number + first + row)
+                raise InputError("a time lies before that of the row above", place)
+            if len(cycle):
+                last = int(cycle[-1])
+                yield changes(edge_chunk(np.repeat(cycle, len(order)), np.tile(pins, len(cycle)), level))
+
+
+def read_saleae(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrace:
+    """The edges of the channels; the file does not tell the capture's end, so it ends with the last row."""
+    place = Place(str(path), 1)
+    head, first = first_lines(path, 2)
+    header = head.decode("utf-8-sig", "replace").strip().split(",")
+    if not header[0].replace(" ", "").lower().startswith("time[s]") or len(header) < 2:
+        raise InputError("is not a digital CSV file of Saleae's", place, "expected: Time [s],Channel 0,…")
+    names = [(name.strip(), column) for column, name in enumerate(header) if column]
+    pins = pins_of(names, wires, place)
+    start, end = _nanoseconds(first, path, 2), _nanoseconds(last_line(path), path, None)
+    clock = step_clock(Fraction(NANOSECONDS), place)
+    return EdgeTrace(clock, _Rows(path, len(header), pins, start), Cycles(end - start + 1))
+
+
+def _nanoseconds(line: bytes, path: Path, number: int | None) -> int:
+    text = line.split(b",")[0].decode("utf-8", "replace").strip()
+    if not _SECONDS.fullmatch(text) or not _is_time(text.encode()):
+        place = Place(str(path), number)
+        raise InputError(f"time '{text[:40]}' is not a number of seconds", place, "export times in seconds")
+    return round(Fraction(text) * NANOSECONDS)
+
+
+def _complain(lines: list[bytes], number: int, path: Path, columns: int) -> NoReturn:
+    """Names the first line that is not as it must be."""
+    for offset, line in enumerate(lines):
+        place = Place(str(path), number + offset)
+        time, *levels = (field.strip() for field in line.split(b","))
+        if len(levels) != columns - 1:
+            shown = line[:40].decode("utf-8", "replace")
+            raise InputError(f"'{shown}' has not {columns} fields as the header has", place)
+        for level in levels:
+            if level not in LEVELS:
+                shown = level[:40].decode("utf-8", "replace")
+                raise InputError(f"level '{shown}' is not allowed", place, "allowed: 0, 1, X")
+        if not _is_time(time):
+            shown = time[:40].decode("utf-8", "replace")
+            raise InputError(f"time '{shown}' is not a number of seconds", place, "export times in seconds")
+    raise InputError("is not a digital CSV file of Saleae's", Place(str(path), number))
+
+
+def _is_time(text: bytes) -> bool:
+    try:
+        return abs(float(text)) < LONGEST
+    except ValueError:
+        return False

@@ -1,0 +1,214 @@
+"""sigrok's session files (.sr) → edges, one sample one time step.
+
+A session is a ZIP archive: `metadata` (INI: samplerate, unitsize, probe1 … by name) and the samples of all
+probes in `logic-1`, or in `logic-1-1`, `logic-1-2` … one after the other; probe n is bit n - 1 of a sample of
+`unitsize` bytes, the lowest byte first. Source: sigrok's wiki, "File format:sigrok/v2".
+"""
+
+from __future__ import annotations
+
+import configparser
+import re
+import struct
+import zipfile
+import zlib
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.edges import EdgeChunk, EdgeTrace, edge_chunk
+from servogen.errors import InputError, Place
+from servogen.inputs import open_input, size_text
+from servogen.traces.rates import rate_in, step_clock
+from servogen.traces.wires import pins_of
+from servogen.units import Cycles
+
+MOST_BYTES = 8
+"""Of a sample: 64 probes."""
+
+BLOCK_SAMPLES = 1 << 20
+MAX_METADATA_BYTES = 1 << 16
+"""A session of 64 probes has three thousand."""
+
+MAX_MEMBERS = 10_000
+"""Files in the archive: sigrok splits its samples into pieces of some megabytes."""
+
+MAX_SAMPLE_BYTES = 1 << 31
+"""Of all samples, unpacked: 35 minutes of 8 probes at 1 MHz. A packed megabyte can unpack to a thousand."""
+
+_DAMAGED = (
+    zipfile.BadZipFile,
+    zlib.error,
+    struct.error,
+    KeyError,
+    ValueError,
+    OSError,
+    EOFError,
+    RuntimeError,
+)
+"""What zipfile raises on archives that are damaged, encrypted or packed in a way that it does not know."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Session:
+    """Where the samples are, how many bytes each has, and which bit is which pin."""
+
+    path: Path
+    pieces: tuple[str, ...]
+    size: int
+    pins: Mapping[int, int]
+
+    def __iter__(self) -> Iterator[EdgeChunk]:
+        time, last = 0, None
+        for block in self._blocks():
+            before = block[:1] if last is None else last
+            changed = np.concatenate((before, block[:-1])) ^ block
+            if last is None:
+                yield self._initial(int(block[0]))
+            rows = np.flatnonzero(changed & np.uint64(self._mask()))
+            if len(rows):
+                yield self._edges(rows + time, changed[rows], block[rows])
+            time += len(block)
+            last = block[-1:]
+
+    def _mask(self) -> int:
+        return sum(1 << bit for bit in self.pins)
+
+    def _initial(self, sample: int) -> EdgeChunk:
+        levels = sorted((pin, sample >> bit & 1) for bit, pin in self.pins.items())
+        return edge_chunk([0] * len(levels), [pin for pin, _ in levels], [level for _, level in levels])
+
+    def _edges(
+        self, time: npt.NDArray[np.intp], changed: npt.NDArray[np.uint64], sample: npt.NDArray[np.uint64]
+    ) -> EdgeChunk:
+        parts = []
+        for bit, pin in self.pins.items():
+            own = np.flatnonzero(changed >> np.uint64(bit) & np.uint64(1))
+            parts.append((time[own], np.full(len(own), pin), sample[own] >> np.uint64(bit) & np.uint64(1)))
+        cycle, pins, level = (np.concatenate(column) for column in zip(*parts, strict=True))
+        order = np.lexsort((pins, cycle))
+        return edge_chunk(cycle[order], pins[order], level[order])
+
+    def _blocks(self) -> Iterator[npt.NDArray[np.uint64]]:
+        """The samples as integers."""
+        try:
+            yield from self._unpacked()
+        except _DAMAGED as error:
+            raise InputError(f"is damaged: {error}", Place(str(self.path))) from error
+
+    def _unpacked(self) -> Iterator[npt.NDArray[np.uint64]]:
+        with zipfile.ZipFile(self.path) as archive:
+            rest = b""
+            for piece in self.pieces:
+                with archive.open(piece) as file:
+                    while data := file.read(BLOCK_SAMPLES * self.size):
+                        data = rest + data
+                        whole = len(data) // self.size * self.size
+                        rest = data[whole:]
+                        if whole:
+                            yield self._samples(data[:whole])
+
+    def _samples(self, data: bytes) -> npt.NDArray[np.uint64]:
+        wide = np.zeros((len(data) // self.size, MOST_BYTES), dtype=np.uint8)
+        wide[:, : self.size] = np.frombuffer(data, dtype=np.uint8).reshape(-1, self.size)
+        return wide.view("<u8")[:, 0].astype(np.uint64)
+
+
+def read_session(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrace:
+    """The edges of a session's logic probes; the trace ends behind the last sample."""
+    place = Place(str(path))
+    try:
+        _check_directory(path)
+        with zipfile.ZipFile(path) as archive:
+            members = {info.filename: info for info in archive.infolist()}
+            with archive.open("metadata") as file:
+                metadata = file.read(MAX_METADATA_BYTES + 1).decode("utf-8")
+    except _DAMAGED as error:
+        raise InputError("is not a sigrok session", place, "a ZIP archive with a file `metadata`") from error
+    if len(metadata) > MAX_METADATA_BYTES:
+        raise InputError(f"has more than {size_text(MAX_METADATA_BYTES)} of metadata", place)
+    device = _device(metadata, place)
+    rate = rate_in(device.get("samplerate", ""))
+    if not rate:
+        raise InputError("does not say its samplerate", place, "capture with a samplerate set")
+    unit = str(device.get("unitsize"))
+    if not re.fullmatch(f"[1-{MOST_BYTES}]", unit):
+        raise InputError(f"unitsize '{unit[:40]}' is not allowed", place, f"1 to {MOST_BYTES} bytes")
+    size = int(unit)
+    pieces = _pieces(device.get("capturefile", "logic-1"), members)
+    packed = next((piece for piece in pieces if members[piece].compress_type not in _COMPRESSIONS), None)
+    if packed is not None:
+        raise InputError(f"packs '{packed}' in a way that sigrok does not use", place, "stored or deflated")
+    unpacked = sum(members[piece].file_size for piece in pieces)
+    if unpacked > MAX_SAMPLE_BYTES:
+        raise InputError(
+            f"unpacks to {size_text(unpacked)} of samples, more than {size_text(MAX_SAMPLE_BYTES)}",
+            place,
+            "capture for a shorter time, at a lower rate, or fewer probes",
+        )
+    samples = unpacked // size
+    if not samples:
+        raise InputError("holds no samples of logic probes", place)
+    pins = pins_of(_probes(device, size), wires, place)
+    return EdgeTrace(step_clock(rate, place), _Session(path, pieces, size, pins), Cycles(samples))
+
+
+def _device(metadata: str, place: Place) -> Mapping[str, str]:
+    parser = configparser.ConfigParser(interpolation=None, strict=False)
+    try:
+        parser.read_string(metadata)
+    except configparser.Error as error:
+        raise InputError(f"has metadata that cannot be read: {error}", place) from error
+    for section in parser.sections():
+        if section.startswith("device"):
+            return parser[section]
+    raise InputError("has no device in its metadata", place)
+
+
+def _probes(device: Mapping[str, str], size: int) -> list[tuple[str, int]]:
+    """(name, bit) of each probe that a sample of `size` bytes has."""
+    numbered = ((name, re.fullmatch(r"probe([1-9]\d?)", key)) for key, name in device.items())
+    probes = [(name, int(found.group(1)) - 1) for name, found in numbered if found]
+    return [(name, bit) for name, bit in probes if bit < 8 * size]
+
+
+def _pieces(name: str, members: Collection[str]) -> tuple[str, ...]:
+    """Returns the names of the archive's files of samples, in order."""
+    pieces = [file for file in members if re.fullmatch(re.escape(name) + r"-[0-9]{1,9}", file)]
+    pieces.sort(key=lambda file: int(file.rpartition("-")[2]))
+    return tuple(pieces) or ((name,) if name in members else ())
+
+
+_COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+_END = struct.Struct("<4s4H2LH")
+"""A ZIP archive's last record: signature, disk numbers, files here and in all, bytes of the directory and
+where it begins, bytes of the comment. Source: PKWARE's APPNOTE, section 4.3.16."""
+
+_END_SIGNATURE = b"PK\5\6"
+_ZIP64_SIGNATURE = b"PK\6\7"
+_MAX_COMMENT_BYTES = (1 << 16) - 1
+_MAX_DIRECTORY_BYTES = 1 << 22
+
+
+def _check_directory(path: Path) -> None:
+    """Refuses an archive whose directory would fill the memory: zipfile reads it whole.
+
+    Raises InputError, and ValueError for a file that is not an archive.
+    """
+    with open_input(path) as file:
+        size = file.seek(0, 2)
+        file.seek(max(0, size - _END.size - _MAX_COMMENT_BYTES))
+        tail = file.read()
+    at = tail.rfind(_END_SIGNATURE)
+    if at < 0 or len(tail) - at < _END.size:
+        raise ValueError("no end of the central directory")
+    _, _, _, _, count, directory_bytes, _, _ = _END.unpack_from(tail, at)
+    is_64 = tail[max(0, at - 20) : at].startswith(_ZIP64_SIGNATURE)
+    if is_64 or count > MAX_MEMBERS or directory_bytes > _MAX_DIRECTORY_BYTES:
+        raise InputError("is an archive of too many or too large files", Place(str(path)), _SMALL)
+
+
+_SMALL = f"at most {MAX_MEMBERS} files, none of 4 GiB"

@@ -1,0 +1,1 @@
+"""The check of what a logic analyser saw against a schedule."""

@@ -1,0 +1,261 @@
+"""`verify_capture`: are the pulses that an analyser saw the scheduled ones, within stated tolerances?
+
+In: the schedule's edges and a capture: a trace whose cycles are the time steps of the analyser or of its
+file, which may begin and end anywhere. Out: a `CaptureVerdict`. Three things stand between the two, and the
+capture itself tells them: where in the schedule it begins, the crystal's error, and the grid of the samples.
+
+    true edge       │      ╭──────
+    samples     ·   ·   ·  │   ·   ·      an edge is seen at the first sample behind it,
+                           ╰──▶n          so that a width is right to less than one sample
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.edges import HIGH, PINS, EdgeTrace, Expected, join
+from servogen.errors import InputError
+from servogen.verify.capture.alignment import Line, Signals, align
+from servogen.verify.capture.frames import whole_frames
+from servogen.verify.capture.judge import Judged, Scale, judge
+from servogen.verify.capture.pieces import merged, split
+from servogen.verify.capture.reasons import with_reasons
+from servogen.verify.capture.verdict import CapturedChannel, CaptureVerdict, Problem, Tolerances
+from servogen.verify.compare import whole_motion
+from servogen.verify.coverage import coverage
+from servogen.verify.overlap import Levels, overlap, together
+from servogen.verify.pulses import CutPulses, Pulses, cut_pulses, pulses_of, without_glitches
+from servogen.verify.sampling import Sampling, sampling
+from servogen.verify.start import StrayCount
+from servogen.verify.verdict import StrayPin
+from servogen.verify.windows import Edges, Ints, Windows, expected_edges, observed_edges
+
+CAP_US = 50.0
+"""In the search for the phase no pulse counts as more wrong than this."""
+
+LONGEST_GUESS_US = 1.0
+"""A slower analyser's sample must be stated: what it hides would otherwise be hidden by chance."""
+
+MAX_FRAMES = 1_000_000
+"""Of a capture, five hours at 50 Hz: what it should hold is put together in memory."""
+
+MOST_CYCLES = 1.03
+"""A capture holds at most so many times the cycles that it would hold of a chip with the nominal clock."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Setup:
+    """Both sides, brought into one form."""
+
+    expected: Expected
+    allowed: Tolerances
+    end: int
+    step_us: float
+    cycle_us: float
+    connected: frozenset[int]
+    level: Levels
+    """What the analyser found at its first sample."""
+    captured: Edges
+    scheduled: Edges
+    signals: Signals
+    glitches: tuple[int, ...]
+
+
+def verify_capture(
+    expected: Expected,
+    captured: EdgeTrace,
+    tolerances: Tolerances | None = None,
+    sample: float | None = None,
+    pieces: Sequence[tuple[int, int]] = (),
+) -> CaptureVerdict:
+    """Compare a capture with the schedule.
+
+    `captured.clock` is such that one of its cycles is one time step of the capture; `sample` is the number of
+    steps from one sample to the next. By default it is the largest that divides the time of every edge, but
+    no more than a microsecond. Levels at time 0 are what the analyser found, not edges; a pin without any
+    was not connected. `pieces` are the begin and end (in steps) of each of several captures in one trace,
+    whose distance in time is not known: each is judged by itself, and `expected.chunks` is read for each.
+
+    Raises InputError where a sample is longer than the tolerances allow. Where `sample` is not given and the
+    edges do not show that it is shorter, the capture is not proven.
+    """
+    allowed = tolerances or Tolerances()
+    captured = captured.stored()
+    sampled = sampling(captured, sample)
+    if sampled.stated:
+        sampled.check(allowed.glitch_us)
+    if pieces:
+        found = [_found(expected, piece, allowed, sampled) for piece in split(captured, pieces)]
+        step_us = float(captured.clock.cycle_us)
+        verdict = merged(found, [begin * step_us for begin, _ in pieces])
+    else:
+        verdict = with_reasons(_found(expected, captured, allowed, sampled))
+    if sampled.too_slow(allowed.glitch_us):
+        verdict = verdict.but(sampled.words(allowed.glitch_us))
+    return replace(verdict, plan_error=expected.plan_error)
+
+
+def _found(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sampled: Sampling) -> CaptureVerdict:
+    """Return what one continuous capture holds."""
+    setup = _set_up(expected, captured, allowed, sampled)
+    line = align(setup.signals)
+    if line is None:
+        return _facts(setup, None, {})
+    scale = Scale(line, setup.signals.quantum, setup.step_us, setup.cycle_us, setup.end)
+    judged = {
+        number: judge(setup.signals, scale, number, channel, setup.allowed, expected)
+        for number, channel in enumerate(expected.channels)
+        if channel.pin in setup.connected
+    }
+    return _facts(setup, line, judged)
+
+
+def _set_up(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sampled: Sampling) -> _Setup:
+    end = int(captured.end)
+    step_us, cycle_us = float(captured.clock.cycle_us), float(expected.clock.cycle_us)
+    nominal = cycle_us / step_us
+    level, changes, connected = _changes(captured)
+    longest_us = sampled.sample_us if sampled.stated else min(sampled.sample_us, LONGEST_GUESS_US)
+    quantum = max(1.0, longest_us / step_us)
+    reach = int(end / nominal * MOST_CYCLES)
+    frames = reach // expected.period
+    if frames > MAX_FRAMES:
+        raise InputError(
+            f"the capture is {frames} frames of the schedule long: at most {MAX_FRAMES} are compared",
+            hint="cut it, or capture for a shorter time",
+        )
+    candidates = whole_motion(expected, 2)
+    scheduled = Windows(expected_edges(chunk) for chunk in expected.chunks).until(candidates + reach)
+    ours, theirs, cut, glitches = [], [], [], []
+    for channel in expected.channels:
+        wanted = pulses_of(scheduled, channel.pin, candidates + reach)
+        in_steps = Pulses(_rounded(wanted.rise * nominal), _rounded(wanted.fall * nominal), wanted.frame)
+        seen, ends = _pulses(changes, channel.pin, bool(level[channel.pin]))
+        seen, number = without_glitches(seen, in_steps, int(allowed.glitch_us / step_us))
+        ours.append(wanted)
+        theirs.append(seen)
+        cut.append(ends)
+        glitches.append(number)
+    signals = Signals(
+        tuple(theirs),
+        tuple(ours),
+        nominal,
+        quantum,
+        int(expected.period),
+        CAP_US / cycle_us,
+        int(candidates),
+        tuple(cut),
+        end,
+    )
+    return _Setup(
+        expected,
+        allowed,
+        end,
+        step_us,
+        cycle_us,
+        connected,
+        level,
+        changes,
+        scheduled,
+        signals,
+        tuple(glitches),
+    )
+
+
+def _rounded(values: npt.ArrayLike) -> Ints:
+    return np.rint(values).astype(np.int64)
+
+
+def _changes(captured: EdgeTrace) -> tuple[Levels, Edges, frozenset[int]]:
+    """The levels at time 0, the changes after it, and the pins that were connected."""
+    stored = captured.stored()
+    connected = frozenset(np.unique(join(stored.chunks).pin).tolist())
+    driven = observed_edges(join(stored.driven()), 0)
+    first = int(np.searchsorted(driven.cycle, 1))
+    level: Levels = np.zeros(16, dtype=np.uint8)
+    level[driven.pin[:first]] = driven.level[:first]
+    return level, driven.take(slice(first, None)), connected
+
+
+def _pulses(changes: Edges, pin: int, high: bool) -> tuple[Pulses, CutPulses]:
+    """Return the pulses of `pin` that the capture holds from rise to fall, and those that its ends cut."""
+    own = changes.take(changes.pin == pin)
+    rise, fall = own.cycle[own.level == HIGH], own.cycle[own.level != HIGH]
+    cut = cut_pulses(rise, fall, high)
+    fall = fall[1:] if high else fall
+    return Pulses(rise[: len(fall)], fall, np.full(len(fall), -1, dtype=np.int64)), cut
+
+
+def _facts(setup: _Setup, line: Line | None, judged: Mapping[int, Judged]) -> CaptureVerdict:
+    """All that was found; what speaks against it is said by `with_reasons`."""
+    problems = [problem for found in judged.values() for problem in found.problems]
+    ppm, ppm_error = _clock(setup, line)
+    frames = [frame for found in judged.values() for frame in found.frames]
+    whole = None
+    if line is not None:
+        whole = whole_frames(
+            setup.scheduled, line, setup.signals.quantum, setup.end, int(setup.expected.period)
+        )
+    stray = _stray(setup)
+    for pin in stray:
+        text = f"{PINS[pin.pin]} changes, which the schedule does not drive"
+        problems.append(Problem(pin.first * setup.step_us, pin.pin, "", None, text))
+    return CaptureVerdict(
+        False,
+        (),
+        setup.allowed,
+        setup.signals.quantum * setup.step_us,
+        setup.end * setup.step_us,
+        ppm,
+        ppm_error,
+        min(frames) if frames else None,
+        max(frames) - min(frames) + 1 if frames else 0,
+        tuple(_channel(setup, number, judged.get(number)) for number in range(len(setup.glitches))),
+        min(problems, key=lambda problem: (problem.time_us, problem.pin), default=None),
+        stray,
+        _overlap_us(setup, line),
+        sum(found.paired for found in judged.values()),
+        whole,
+        coverage(setup.scheduled, setup.expected, whole.frames if whole else range(0)),
+    )
+
+
+def _channel(setup: _Setup, number: int, judged: Judged | None) -> CapturedChannel:
+    """The judged channel, or what can be said of it without a phase; with its glitches."""
+    channel = setup.expected.channels[number]
+    glitches = setup.glitches[number]
+    if judged is not None:
+        return replace(judged.channel, glitches=glitches)
+    captured = len(setup.signals.captured[number].rise)
+    connected = channel.pin in setup.connected
+    return CapturedChannel(channel.name, channel.pin, connected, captured=captured, glitches=glitches)
+
+
+def _clock(setup: _Setup, line: Line | None) -> tuple[float | None, float | None]:
+    """The crystal's error in ppm and its standard error; a faster chip needs fewer steps a cycle."""
+    if line is None or line.b_error is None:
+        return None, None
+    return (setup.signals.nominal / line.b - 1) * 1e6, line.b_error / line.b * 1e6
+
+
+def _overlap_us(setup: _Setup, line: Line | None) -> float:
+    """How long pins are high together that the schedule never has so; 0 where a sample may be all of it."""
+    pins = np.array([channel.pin for channel in setup.expected.channels], dtype=np.uint8)
+    allowed = together(setup.scheduled, np.zeros(16, dtype=np.uint8), pins)
+    found = overlap(setup.captured, allowed, setup.level, pins, setup.end)
+    if found is None or line is None:
+        return 0.0
+    longest = found.longest * setup.step_us
+    return longest if longest > setup.signals.quantum * setup.step_us + setup.allowed.width_us else 0.0
+
+
+def _stray(setup: _Setup) -> tuple[StrayPin, ...]:
+    pins = [channel.pin for channel in setup.expected.channels]
+    other = ~np.isin(setup.captured.pin, pins)
+    stray = StrayCount()
+    stray.add(setup.captured.cycle[other], setup.captured.pin[other])
+    return stray.pins()

@@ -1,0 +1,221 @@
+"""One channel of a capture against its schedule, once phase and clock are known.
+
+In: the channel's pulses, captured and scheduled, and the line that joins their times. Out: the channel's
+numbers and each thing that is wrong, with its time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from servogen.edges import PINS, Expected, ExpectedChannel
+from servogen.verify.capture.alignment import Floats, Line, Signals, partners
+from servogen.verify.capture.verdict import CapturedChannel, Problem, Spread, Tolerances
+from servogen.verify.capture_ends import end_errors
+from servogen.verify.pulses import Pulses
+from servogen.verify.reasons import frame_words
+from servogen.verify.windows import Ints
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """The line, and what a step of the capture, a sample (`quantum` steps) and a cycle are."""
+
+    line: Line
+    quantum: float
+    step_us: float
+    cycle_us: float
+    end: int
+
+    @property
+    def sample_us(self) -> float:
+        return self.quantum / self.line.b * self.cycle_us
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    channel: CapturedChannel
+    problems: tuple[Problem, ...]
+    frames: tuple[int, ...]
+    """The first and the last frame of a pulse that is paired."""
+    paired: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Errors:
+    """Errors in µs with the time (steps) and frame of each, and what is allowed."""
+
+    noun: str
+    error: Floats
+    wanted: Floats
+    time: Ints
+    frame: Ints
+    limit: float
+
+    def spread(self) -> Spread:
+        if not len(self.error):
+            return Spread()
+        worst = self.error[np.argmax(np.abs(self.error))]
+        wrong = int(np.count_nonzero(np.abs(self.error) > self.limit))
+        return Spread(float(worst), float(self.error.mean()), wrong)
+
+
+def judge(
+    signals: Signals,
+    scale: Scale,
+    number: int,
+    channel: ExpectedChannel,
+    allowed: Tolerances,
+    expected: Expected,
+) -> Judged:
+    """The channel's verdict; its glitches are counted elsewhere."""
+    wanted, got = signals.scheduled[number], signals.captured[number]
+    rows, others = partners(signals, scale.line, number)
+    ours, theirs = wanted.take(rows), got.take(others)
+    kinds = (
+        _widths(ours, theirs, scale, allowed),
+        _periods(ours, theirs, rows, others, scale, allowed),
+        _edges(ours, theirs, scale, allowed),
+    )
+    missing = np.setdiff1d(np.flatnonzero(_due(wanted, scale, kinds[2])), rows)
+    extra = np.setdiff1d(np.arange(len(got.rise)), others)
+    width, period, edge = (kind.spread() for kind in kinds)
+    problems = [
+        *(problem for kind in kinds[:2] for problem in _wrong(kind, channel, scale, expected)),
+        *_missing(wanted.take(missing), channel, scale, expected),
+        *_extra(got.take(extra), channel, scale),
+    ]
+    # One wrong width turns the line, and with it every edge: edges alone are a problem only without another.
+    problems = problems or list(_wrong(kinds[2], channel, scale, expected))
+    problems = problems or list(_cut(signals, number, scale, channel, allowed))
+    late = kinds[2].error[: len(rows)]
+    each = np.diff(theirs.rise)[np.diff(ours.frame) == 1] / scale.line.b * scale.cycle_us
+    return Judged(
+        CapturedChannel(
+            channel.name,
+            channel.pin,
+            True,
+            len(rows) + len(missing),
+            len(got.rise),
+            len(missing),
+            len(extra),
+            0,
+            width,
+            period,
+            edge,
+            float(each.mean()) if len(each) else None,
+            float(late.std()) if len(late) else 0.0,
+        ),
+        tuple(problems),
+        (int(ours.frame[0]), int(ours.frame[-1])) if len(rows) else (),
+        len(rows),
+    )
+
+
+def _due(wanted: Pulses, scale: Scale, edges: _Errors) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Which scheduled pulses lie wholly in the capture: two samples from its ends.
+
+    Where edges come too late or too early, by so much more: a pulse there is wrong, not missing.
+    """
+    begin, end = scale.line.steps(wanted.rise), scale.line.steps(wanted.fall)
+    wrong = float(np.abs(edges.error).max(initial=0.0)) / scale.cycle_us * scale.line.b
+    margin = 2 * scale.quantum + wrong
+    return np.asarray((begin > margin) & (end < scale.end - margin))
+
+
+def _us(steps: Ints, scale: Scale) -> Floats:
+    """Captured times as µs of the chip's nominal clock."""
+    return steps / scale.line.b * scale.cycle_us
+
+
+def _widths(ours: Pulses, theirs: Pulses, scale: Scale, allowed: Tolerances) -> _Errors:
+    wanted = ours.width.astype(np.float64) * scale.cycle_us
+    error = _us(theirs.width, scale) - wanted
+    return _Errors("width", error, wanted, theirs.rise, ours.frame, scale.sample_us + allowed.width_us)
+
+
+def _periods(
+    ours: Pulses, theirs: Pulses, rows: Ints, others: Ints, scale: Scale, allowed: Tolerances
+) -> _Errors:
+    follows = (np.diff(rows) == 1) & (np.diff(others) == 1)
+    wanted = np.diff(ours.rise)[follows].astype(np.float64) * scale.cycle_us
+    error = _us(np.diff(theirs.rise)[follows], scale) - wanted
+    limit = scale.sample_us + allowed.period_us
+    return _Errors("period", error, wanted, theirs.rise[1:][follows], ours.frame[1:][follows], limit)
+
+
+def _edges(ours: Pulses, theirs: Pulses, scale: Scale, allowed: Tolerances) -> _Errors:
+    wanted = np.concatenate((ours.rise, ours.fall)).astype(np.float64)
+    time = np.concatenate((theirs.rise, theirs.fall))
+    error = (scale.line.cycles(time) - wanted) * scale.cycle_us
+    frame = np.concatenate((ours.frame, ours.frame))
+    limit = scale.sample_us + allowed.edge_us
+    return _Errors("edge", error, wanted * scale.cycle_us, time, frame, limit)
+
+
+def _wrong(errors: _Errors, channel: ExpectedChannel, scale: Scale, expected: Expected) -> Iterator[Problem]:
+    """The first that is not allowed; the others are counted."""
+    rows = np.flatnonzero(np.abs(errors.error) > errors.limit)
+    if not len(rows):
+        return
+    row = int(rows[np.argmin(errors.time[rows])])
+    error, wanted = float(errors.error[row]), float(errors.wanted[row])
+    what = {
+        "width": f"a pulse of {wanted + error:z.2f} µs where {wanted:z.2f} µs are scheduled",
+        "period": f"{wanted + error:z.2f} µs from the rise before where {wanted:z.2f} µs are scheduled",
+        "edge": "an edge that is not where it is scheduled",
+    }[errors.noun]
+    text = f"{what} ({error:+z.2f} µs, allowed ±{errors.limit:z.2f} µs)"
+    yield _problem(float(errors.time[row]), int(errors.frame[row]), channel, scale, expected, text)
+
+
+def _missing(pulses: Pulses, channel: ExpectedChannel, scale: Scale, expected: Expected) -> Iterator[Problem]:
+    if len(pulses.rise):
+        time = float(scale.line.steps(pulses.rise[:1])[0])
+        yield _problem(time, int(pulses.frame[0]), channel, scale, expected, "a pulse is missing")
+
+
+def _extra(pulses: Pulses, channel: ExpectedChannel, scale: Scale) -> Iterator[Problem]:
+    if len(pulses.rise):
+        width = float(_us(pulses.width[:1], scale)[0])
+        time = float(pulses.rise[0]) * scale.step_us
+        text = f"{PINS[channel.pin]} ({channel.name}): a pulse of {width:z.2f} µs that is not scheduled"
+        yield Problem(time, channel.pin, channel.name, None, text)
+
+
+def _cut(
+    signals: Signals, number: int, scale: Scale, channel: ExpectedChannel, allowed: Tolerances
+) -> Iterator[Problem]:
+    """Yield what is wrong with the edges of the pulses that the capture's ends cut."""
+    line = scale.line
+    ppm = allowed.crystal_ppm if line.b_error is None else 4e6 * line.b_error / line.b
+    drift_us = scale.end * scale.step_us * ppm / 1e6
+    limit = (scale.sample_us + allowed.edge_us + drift_us) / scale.cycle_us
+    begin = np.array([float(line.cycles(0))])
+    cut, wanted = signals.cut[number], signals.scheduled[number]
+    first, last = end_errors(cut, wanted, begin, line.b, scale.end)
+    for error, step, edge, what in (
+        (first, 0, cut.first_fall, "ends"),
+        (last, scale.end, cut.last_rise, "begins"),
+    ):
+        if float(error[0]) > limit:
+            text = (
+                "a pulse that it cuts is missing"
+                if edge is None
+                else f"a pulse {what} where none is scheduled to"
+            )
+            place = "beginning" if step == 0 else "end"
+            where = f"{PINS[channel.pin]} ({channel.name}), at the capture's {place}"
+            time_us = (step if edge is None else edge) * scale.step_us
+            yield Problem(time_us, channel.pin, channel.name, None, f"{where}: {text}")
+
+
+def _problem(
+    time: float, frame: int, channel: ExpectedChannel, scale: Scale, expected: Expected, text: str
+) -> Problem:
+    where = frame_words(frame, expected.lead_in, expected.loop)
+    words = f"{PINS[channel.pin]} ({channel.name}), {where}: {text}"
+    return Problem(time * scale.step_us, channel.pin, channel.name, frame, words)

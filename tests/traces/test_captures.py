@@ -1,0 +1,203 @@
+"""Captures saved by other programs are read in their own time steps."""
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, EdgeTrace, edge_chunk, join
+from servogen.errors import InputError
+from servogen.traces import write_edges
+from servogen.traces.captures import Capture, capture_writer, is_capture, read_capture
+from servogen.units import Clock, Cycles
+
+RA4, RB0, RB1 = PINS.index("RA4"), PINS.index("RB0"), PINS.index("RB1")
+METADATA = """\
+[global]
+sigrok version=0.5.2
+
+[device 1]
+capturefile=logic-1
+total probes=10
+samplerate=1.5 MHz
+total analog=1
+probe1=RB0_arm
+probe2=D1
+probe10=RB1
+analog11=A0
+unitsize=2
+"""
+
+
+def rows_of(capture: Capture) -> list[tuple[int, int, int]]:
+    return list(zip(*(column.tolist() for column in join(capture.trace.chunks)), strict=True))
+
+
+def session(path: Path, members: dict[str, bytes], metadata: str = METADATA) -> Path:
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("version", "2")
+        archive.writestr("metadata", metadata)
+        for name, data in members.items():
+            archive.writestr(name, data)
+    return path
+
+
+def samples(*runs: tuple[int, int]) -> bytes:
+    """`count` samples of two bytes for each (value, count)."""
+    return b"".join(value.to_bytes(2, "little") * count for value, count in runs)
+
+
+def test_a_sigrok_session_is_read_sample_by_sample_over_its_parts(tmp_path: Path) -> None:
+    first, second = samples((0x200, 7), (0x201, 5)), samples((0x201, 3), (0x002, 4), (0x003, 1))
+    capture = read_capture(session(tmp_path / "a.sr", {"logic-1-2": second, "logic-1-1": first}))
+    assert rows_of(capture) == [
+        (0, RB0, LOW),
+        (0, RB1, HIGH),
+        (7, RB0, HIGH),
+        (15, RB0, LOW),
+        (15, RB1, LOW),
+        (19, RB0, HIGH),
+    ]
+    assert (capture.trace.end, capture.trace.clock.hz, capture.sample) == (20, 6_000_000, 1)
+    assert rows_of(capture) == rows_of(capture)
+
+
+def test_a_sample_may_be_cut_by_the_end_of_a_part(tmp_path: Path) -> None:
+    data = samples((0, 4), (1, 4))
+    whole = read_capture(session(tmp_path / "a.sr", {"logic-1": data}))
+    parts = read_capture(session(tmp_path / "b.sr", {"logic-1-1": data[:7], "logic-1-2": data[7:]}))
+    assert rows_of(whole) == rows_of(parts)
+
+
+def test_a_long_session_has_the_edges_of_its_samples(tmp_path: Path) -> None:
+    level = np.repeat(np.arange(3000) % 2, np.random.default_rng(5).integers(1, 1500, 3000)).astype("<u2")
+    capture = read_capture(session(tmp_path / "a.sr", {"logic-1": level.tobytes()}))
+    edges = [(cycle, level) for cycle, pin, level in rows_of(capture) if pin == RB0]
+    at = np.flatnonzero(np.diff(level)) + 1
+    assert edges == [(0, 0), *zip(at.tolist(), level[at].tolist(), strict=True)]
+
+
+@pytest.mark.parametrize(
+    ("members", "metadata", "message"),
+    [
+        ({}, METADATA, "holds no samples"),
+        ({"logic-1": b"ab"}, METADATA.replace("samplerate=1.5 MHz\n", ""), "does not say its samplerate"),
+        ({"logic-1": b"ab"}, METADATA.replace("unitsize=2", "unitsize=9"), "unitsize '9' is not allowed"),
+        ({"logic-1": b"ab"}, METADATA.replace("unitsize=2", ""), "unitsize 'None' is not allowed"),
+        ({"logic-1": b"ab"}, METADATA.replace("[device 1]", "[gadget]"), "no device in its metadata"),
+        ({"logic-1": b"ab"}, "samplerate=1", "metadata that cannot be read"),
+        ({"logic-1": b"ab"}, METADATA.replace("RB", "D"), "no wire that is named by a pin"),
+    ],
+)
+def test_each_defect_of_a_session_has_its_message(
+    tmp_path: Path, members: dict[str, bytes], metadata: str, message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        read_capture(session(tmp_path / "a.sr", members, metadata))
+
+
+def test_a_file_that_is_no_session_is_said(tmp_path: Path) -> None:
+    (tmp_path / "a.sr").write_bytes(b"not a zip")
+    with pytest.raises(InputError, match="is not a sigrok session"):
+        read_capture(tmp_path / "a.sr")
+    with pytest.raises(InputError, match="No such file"):
+        read_capture(tmp_path / "none.sr")
+
+
+SALEAE = (
+    "Time [s],RB0,RB1,Channel 2\n-0.000001000,0,1,0\n0.000000500,1,1,0\n0.001500500,0,1,0\n0.0016,0,0,1\n"
+)
+
+
+def test_saleae_csv_is_read_in_nanoseconds_from_its_first_row(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(SALEAE)
+    capture = read_capture(tmp_path / "a.csv")
+    assert rows_of(capture) == [
+        (0, RB0, LOW),
+        (0, RB1, HIGH),
+        (1500, RB0, HIGH),
+        (1_501_500, RB0, LOW),
+        (1_601_000, RB1, LOW),
+    ]
+    assert (capture.trace.end, capture.trace.clock.hz, capture.sample) == (1_601_001, 4 * 10**9, None)
+
+
+def test_the_older_header_unknown_levels_and_other_names_are_read(tmp_path: Path) -> None:
+    text = "Time[s], Channel 0, Channel 1\r\n0.000000000000000, X, 0\r\n0.5, 1, 1\r\n"
+    (tmp_path / "a.csv").write_bytes(text.encode())
+    capture = read_capture(tmp_path / "a.csv", {"Channel 0": "RA4"})
+    assert rows_of(capture) == [(500_000_000, RA4, HIGH)]
+    (tmp_path / "b.csv").write_text("Time [s],RB0\n0,1\n0.5,X\n")
+    assert rows_of(read_capture(tmp_path / "b.csv")) == [(0, RB0, HIGH), (500_000_000, RB0, UNDRIVEN)]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("cycle,pin,level\n1,RB0,1\n", r"a\.csv:1: is not a digital CSV file of Saleae's"),
+        ("", r"a\.csv:1: is not a digital CSV file"),
+        (SALEAE.replace("RB", "D"), r"a\.csv:1: has no wire"),
+        (SALEAE + "0.0017,0,0\n", r"a\.csv:6: '0.0017,0,0' has not 4 fields"),
+        (SALEAE + "0.0017,0,2,0\n", r"a\.csv:6: level '2' is not allowed\n.*0, 1, X"),
+        (SALEAE.replace("0.001500500", "soon"), r"a\.csv:4: time 'soon' is not a number"),
+        (SALEAE + "0.0001,0,0,0\n", r"a\.csv:6: a time lies before"),
+        ("Time [s],RB0\n", r"a\.csv:2: time '' is not a number"),
+        ("Time [s],RB0\n2026-11-21T08:00:00Z,0\n", r"a\.csv:2: time '2026-11-21T08:00:00Z' is not a number"),
+    ],
+)
+def test_each_defect_of_a_saleae_file_has_its_place_and_message(
+    tmp_path: Path, text: str, message: str
+) -> None:
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(InputError, match=message):
+        rows_of(read_capture(tmp_path / "a.csv"))
+
+
+def test_a_vcd_of_sigrok_tells_its_sampling_rate(tmp_path: Path) -> None:
+    text = (
+        "$comment\n  Acquisition with 1/8 channels at 1.5 MHz\n$end\n$timescale 1 ns $end\n"
+        "$scope module libsigrok $end\n$var wire 1 ! RB0 $end\n$upscope $end\n$enddefinitions $end\n"
+        "#0 1!\n#667 0!\n#2000 1!\n#4000\n"
+    )
+    (tmp_path / "a.vcd").write_text(text)
+    capture = read_capture(tmp_path / "a.vcd")
+    assert rows_of(capture) == [(0, RB0, HIGH), (667, RB0, LOW), (2000, RB0, HIGH)]
+    assert (capture.trace.end, capture.trace.clock.hz) == (4000, 4 * 10**9)
+    assert capture.sample == pytest.approx(1000 / 1.5)
+
+
+def test_a_vcd_of_another_program_does_not(tmp_path: Path) -> None:
+    text = "$timescale 10 us $end\n$var wire 1 ! RB0 $end\n$enddefinitions $end\n#0 0!\n#5 1!\n#9\n"
+    (tmp_path / "a.vcd").write_text(text)
+    capture = read_capture(tmp_path / "a.vcd")
+    assert (capture.trace.clock.hz, capture.sample) == (400_000, None)
+
+
+def test_an_unknown_ending_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"'\.bin' is not the ending of a capture"):
+        read_capture(tmp_path / "a.bin")
+
+
+def test_a_capture_that_is_written_is_read_as_it_was(tmp_path: Path) -> None:
+    with capture_writer(tmp_path / "a.vcd", 12_500_000, {"RB0": "arm"}) as writer:
+        writer.add(edge_chunk([0, 0, 7, 9], [RB0, RB1, RB0, RB1], [HIGH, LOW, LOW, HIGH]))
+        writer.finish(Cycles(1000))
+    capture = read_capture(tmp_path / "a.vcd")
+    step = capture.sample
+    assert step is not None
+    assert rows_of(capture) == [(0, RB0, HIGH), (0, RB1, LOW), (7 * step, RB0, LOW), (9 * step, RB1, HIGH)]
+    assert capture.trace.end == 1000 * step
+    assert capture.trace.clock.cycle_us * round(step) == Clock(50_000_000).cycle_us
+
+
+def test_captures_are_told_from_edges_in_cycles(tmp_path: Path) -> None:
+    trace = EdgeTrace(Clock(4_000_000), (edge_chunk([5], [RB0], [HIGH]),), Cycles(10))
+    write_edges(trace, *(tmp_path / f"a{suffix}" for suffix in (".csv", ".jsonl", ".vcd")))
+    assert [is_capture(tmp_path / f"a{suffix}") for suffix in (".csv", ".jsonl", ".vcd")] == [False] * 3
+    (tmp_path / "b.csv").write_text(SALEAE)
+    with capture_writer(tmp_path / "b.vcd", 10**6) as writer:
+        writer.finish(Cycles(5))
+    (tmp_path / "c.vcd").write_text("$version Other $end\n$enddefinitions $end\n")
+    for name in ("b.csv", "b.vcd", "c.vcd", "none.sr"):
+        assert is_capture(tmp_path / name)

@@ -1,0 +1,191 @@
+"""VCD: as pyvcd would write it, and as other programs write it."""
+
+import io
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from vcd import VCDWriter
+from vcd.reader import TokenKind, tokenize
+
+from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, EdgeTrace, edge_chunk, join
+from servogen.errors import InputError
+from servogen.traces import read_edges, write_edges
+from servogen.traces.vcd_writer import VcdWriter, wire_name
+from servogen.units import Clock, Cycles
+
+MHZ4 = Clock(4_000_000)
+RB0, RB1 = PINS.index("RB0"), PINS.index("RB1")
+HEADER = """\
+$timescale 1 us $end
+$scope module top $end
+$var wire 1 ! RB0 $end
+$upscope $end
+$enddefinitions $end
+"""
+
+
+def read(tmp_path: Path, text: str, clock: Clock = MHZ4, **options: object) -> EdgeTrace:
+    (tmp_path / "a.vcd").write_text(text)
+    return read_edges(tmp_path / "a.vcd", clock, **options)  # type: ignore[arg-type]
+
+
+def rows_of(trace: EdgeTrace) -> list[tuple[int, int, int]]:
+    return list(zip(*(column.tolist() for column in join(trace.chunks)), strict=True))
+
+
+@settings(derandomize=True, deadline=None, max_examples=80)
+@given(st.lists(st.tuples(st.integers(0, 5000), st.integers(0, 12), st.integers(0, 2)), max_size=40))
+def test_every_byte_is_as_pyvcd_alone_would_write_it(steps: list[tuple[int, int, int]]) -> None:
+    rows = []
+    cycle = 0
+    for step, pin, level in steps:
+        cycle += step
+        rows.append((cycle, pin, level))
+    ours = io.BytesIO()
+    writer = VcdWriter(ours, MHZ4, {"RB0": "arm"})
+    if rows:
+        writer.add(edge_chunk(*zip(*rows, strict=True)))
+    writer.finish(Cycles(cycle + 10))
+
+    theirs = io.StringIO()
+    comment = "clock 4000000 Hz: one instruction cycle is exactly 1 us"
+    vcd = VCDWriter(theirs, "1 us", date="", comment=comment, version="servogen")
+    names = [f"{pin}_arm" if pin == "RB0" else pin for pin in PINS]
+    wires = [vcd.register_var("chip", name, "wire", size=1, init="z") for name in names]
+    for cycle, pin, level in rows:
+        vcd.change(wires[pin], cycle, "01z"[level])
+    vcd.close(cycle + 10)
+    assert ours.getvalue().decode() == theirs.getvalue()
+
+
+def test_wires_are_named_by_pin_and_servo_and_start_undriven(tmp_path: Path) -> None:
+    trace = EdgeTrace(MHZ4, (edge_chunk([10, 20], [RB0, RB0], [HIGH, LOW]),), Cycles(30))
+    write_edges(trace, tmp_path / "a.vcd", servos={"RB0": "arm", "RB1": "left leg/2"})
+    tokens = list(tokenize((tmp_path / "a.vcd").open("rb")))
+    names = {token.var.reference: token.var for token in tokens if token.kind is TokenKind.VAR}
+    assert set(names) == {*PINS, "RB0_arm", "RB1_left_leg_2"} - {"RB0", "RB1"}
+    assert {(var.type_.value, var.size) for var in names.values()} == {("wire", 1)}
+    start = [token.kind for token in tokens].index(TokenKind.DUMPVARS)
+    initial = [token.scalar_change.value for token in tokens[start + 1 : start + 14]]
+    assert initial == ["z"] * 13
+    assert tokens[-1].time_change == 30
+    assert not any(token.kind is TokenKind.DATE for token in tokens)
+
+
+def test_a_name_that_vcd_cannot_hold_gets_underscores() -> None:
+    assert wire_name("RA2", "braț drept") == "RA2_bra__drept"
+    assert wire_name("RA2", None) == "RA2"
+
+
+@pytest.mark.parametrize(
+    ("name", "pin"),
+    [
+        ("RB0", "RB0"),
+        ("rb0", "RB0"),
+        ("RB0_arm", "RB0"),
+        ("servo_RB7", "RB7"),
+        ("PORTB[3]", "RB3"),
+        ("PORTA_4", "RA4"),
+        ("RB [5]", "RB5"),
+        ("RB1_ra2", "RB1"),  # the servo is called ra2
+    ],
+)
+def test_a_wire_is_found_by_the_pin_in_its_name(tmp_path: Path, name: str, pin: str) -> None:
+    trace = read(tmp_path, HEADER.replace("RB0", name) + "#0\n0!\n#7\n1!\n#9\n")
+    assert rows_of(trace) == [(0, PINS.index(pin), LOW), (7, PINS.index(pin), HIGH)]
+
+
+@pytest.mark.parametrize("name", ["RB8", "ARB0", "RB01", "RA5", "D0", "RC0"])
+def test_other_names_are_no_pins_and_the_error_lists_them(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError, match=f"no wire that is named by a pin.*\n.*{name}"):
+        read(tmp_path, HEADER.replace("RB0", name) + "#0\n0!\n#9\n")
+
+
+def test_wires_of_other_names_are_given_their_pins(tmp_path: Path) -> None:
+    text = HEADER.replace("RB0", "D0") + "#0\n0!\n#7\n1!\n#9\n"
+    assert rows_of(read(tmp_path, text, wires={"D0": "RB4"}))[-1] == (7, PINS.index("RB4"), HIGH)
+    with pytest.raises(InputError, match=r"no 1-bit wire 'D1'.*\n.*D0"):
+        read(tmp_path, text, wires={"D1": "RB4"})
+    with pytest.raises(InputError, match="'RB9' is no pin"):
+        read(tmp_path, text, wires={"D0": "RB9"})
+
+
+def test_two_wires_of_one_pin_are_an_error_but_two_names_of_one_wire_are_not(tmp_path: Path) -> None:
+    second = '$var wire 1 " RB0_again $end\n$upscope'
+    with pytest.raises(InputError, match="'RB0' and 'RB0_again' are both RB0"):
+        read(tmp_path, HEADER.replace("$upscope", second) + "#0\n")
+    trace = read(tmp_path, HEADER.replace("$upscope", second.replace('"', "!")) + "#0\n#3\n1!\n#4\n")
+    assert rows_of(trace) == [(3, RB0, HIGH)]
+
+
+def test_any_timescale_is_read_in_the_clock_that_the_caller_states(tmp_path: Path) -> None:
+    text = HEADER.replace("1 us", "10ns") + "#0\n0!\n#100\n1!\n#149\n0!\n#150\n1!\n#400\n"
+    trace = read(tmp_path, text)  # 10 ns: a hundredth of a cycle; 1.49 and 1.50 cycles
+    assert rows_of(trace) == [(0, RB0, LOW), (1, RB0, HIGH), (1, RB0, LOW), (2, RB0, HIGH)]
+    assert trace.end == 4
+    faster = read(tmp_path, text, Clock(20_000_000))  # 200 ns: 20 steps
+    assert rows_of(faster)[1:] == [(5, RB0, HIGH), (7, RB0, LOW), (8, RB0, HIGH)]
+
+
+def test_the_end_is_always_after_the_last_change(tmp_path: Path) -> None:
+    assert read(tmp_path, HEADER + "#5\n1!\n").end == 6
+    assert read(tmp_path, HEADER + "#5 1!\n").end == 6  # as sigrok writes it
+    assert read(tmp_path, HEADER + "#5\n1!\n#9\n").end == 9
+    assert read(tmp_path, HEADER.replace("1 us", "1 ns") + "#4900\n1!\n#5100\n").end == 6
+
+
+def test_states_of_other_programs_have_their_meaning(tmp_path: Path) -> None:
+    trace = read(tmp_path, HEADER + "#0\nx!\n#1\n1!\n#2\nZ!\n#3\nH!\n#4\nL!\n#5\nU!\n#6\n")
+    levels = [level for _, _, level in rows_of(trace)]
+    assert levels == [HIGH, UNDRIVEN, HIGH, LOW, UNDRIVEN]
+
+
+def test_what_is_not_a_pin_is_passed_over(tmp_path: Path) -> None:
+    header = HEADER.replace("$upscope", "$var reg 8 # bus $end\n$var real 64 % volts $end\n$upscope")
+    body = "#0\n$dumpvars\n0!\nb00000000 #\nr0 %\n$end\n#5 b1010 # 1! r1.5 %\n"
+    body += "$comment #9 1! 0! $end\n#8\n0!\nbx #\n#9\n"
+    assert rows_of(read(tmp_path, header + body)) == [(0, RB0, LOW), (5, RB0, HIGH), (8, RB0, LOW)]
+
+
+def test_a_one_bit_vector_is_a_wire(tmp_path: Path) -> None:
+    assert rows_of(read(tmp_path, HEADER + "#0\nb0 !\n#5\nb1 !\n#6\nbz !\n#7\n"))[1:] == [
+        (5, RB0, HIGH),
+        (6, RB0, UNDRIVEN),
+    ]
+
+
+def test_a_line_that_sigrok_puts_in_front_is_passed_over(tmp_path: Path) -> None:
+    trace = read(tmp_path, "META samplerate: 1000000\n" + HEADER + "#0 0!\n#10 1!\n#20\n")
+    assert (rows_of(trace), trace.end) == ([(0, RB0, LOW), (10, RB0, HIGH)], 20)
+
+
+def test_windows_line_ends_are_line_ends(tmp_path: Path) -> None:
+    (tmp_path / "a.vcd").write_bytes((HEADER + "#5\n1!\n#9\n").replace("\n", "\r\n").encode())
+    trace = read_edges(tmp_path / "a.vcd", MHZ4)
+    assert (rows_of(trace), trace.end) == ([(5, RB0, HIGH)], 9)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("hello\n", r"a\.vcd: is not a VCD file"),
+        ("", r"a\.vcd: is not a VCD file"),
+        (HEADER.replace("$timescale 1 us $end\n", "") + "#0\n", r"a\.vcd: has no \$timescale"),
+        (HEADER.replace("1 us", "1 min") + "#0\n", r"a\.vcd:1: .*min"),
+        (HEADER.replace("wire 1", "wire one") + "#0\n", r"a\.vcd:3: "),
+        (HEADER, r"a\.vcd: is not a whole VCD file"),
+        (HEADER + "#0\n0!\n#9\n1!\n#8\n0!\n#10\n", r"a\.vcd:10: time '#8' is not allowed here"),
+        (HEADER + "#0\n0!\n#9z\n1!\n#10\n", r"a\.vcd:8: time '#9z'"),
+        (HEADER + "#0\n0!\n?!\n#10\n", r"a\.vcd:8: '\?!' is not a value change"),
+        (HEADER + f"#0\n0!\n#{10**19}\n", r"a\.vcd: time #10000000000000000000 is too late"),
+        (
+            HEADER.replace("1 us", "1 s") + f"#0\n0!\n#{10**15}\n",
+            r"a\.vcd: time #1000000000000000 is too late\n.* a step of this file is 1e\+06",
+        ),
+    ],
+)
+def test_each_defect_of_a_file_has_its_place_and_message(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        rows_of(read(tmp_path, text))
