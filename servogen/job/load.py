@@ -27,6 +27,7 @@ from servogen.job.torques import arm_torques
 from servogen.job.walks import walk_of
 from servogen.motion import Motion, Planned, trajectory
 from servogen.motion.limits import Limits
+from servogen.motion.trajectory import MAX_FRAMES
 from servogen.pic.device import Device, device
 from servogen.pulse.player.layout import layout
 from servogen.pulse.slots import Frame, rises
@@ -93,6 +94,7 @@ def _job(document: Document) -> Job:
     else:
         planned, poses = _motion(document, table, servos, rig, frame, clock)
     _check_travel(document, planned, servos)
+    _check_soft_start(document, table, planned)
     heavy = arm_torques(rig.tip, planned.trajectory.angles, servos) if isinstance(rig.tip, ArmTip) else ()
     return Job(
         _name(document),
@@ -117,6 +119,19 @@ def _job(document: Document) -> Job:
         (*planned.warnings, *heavy),
         planned.notes,
     )
+
+
+def _check_soft_start(document: Document, table: JobTable, planned: Planned) -> None:
+    """Refuse a soft start that makes the motion too long: the neutral pose, and the way to the first one."""
+    motion = planned.trajectory
+    asked_s = exact(table.firmware.soft_start_s)
+    frames = 2 * round(asked_s / motion.clock.seconds(motion.period)) + len(motion.angles)
+    if frames > MAX_FRAMES:
+        raise document.error(
+            ("firmware", "soft_start_s"),
+            f"the motion and a soft start of {float(asked_s):g} s are {frames} frames long",
+            f"at most {MAX_FRAMES} frames, {float(MAX_FRAMES * motion.clock.seconds(motion.period)):g} s",
+        )
 
 
 def _name(document: Document) -> str:

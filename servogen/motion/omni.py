@@ -25,7 +25,7 @@ import numpy as np
 
 from servogen.errors import InputError, nearest
 from servogen.kinematics.omni import Travel, body_speed, directions, travel, wheel_speeds
-from servogen.motion.trajectory import Floats, JointTrajectory
+from servogen.motion.trajectory import MAX_FRAMES, Floats, JointTrajectory
 from servogen.robot.model import OmniBase
 from servogen.units import Clock, Cycles
 
@@ -33,8 +33,6 @@ Directions = Literal["any", "six"]
 SIXTH = math.pi / 3
 _SAME_DIRECTION = 1e-9
 """Radians within which a stretch has one of the six directions: what floating point leaves."""
-
-MOST_FRAMES = 1 << 23
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,8 +138,8 @@ def drive(
     if not speed * float(period_s) > 0:
         raise InputError(f"a speed is more than 0, not {speed:g} m/s")
     asked = [each.length / (speed * float(period_s)) for each in stretches]
-    if sum(asked) + len(asked) * (2 * ramp + pause + 1) > MOST_FRAMES:
-        raise InputError(f"the drive is more than {MOST_FRAMES} frames long", hint="raise its speed")
+    if sum(asked) + len(asked) * (2 * ramp + pause + 1) > MAX_FRAMES:
+        raise InputError(f"the drive is more than {MAX_FRAMES} frames long", hint="raise its speed")
     blocks, counts = [], []
     for each, frames in zip(stretches, asked, strict=True):
         shape = _shape(frames, ramp)

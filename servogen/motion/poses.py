@@ -21,12 +21,8 @@ from servogen.errors import Caution, InputError, Place
 from servogen.motion import moves
 from servogen.motion.follow import Followed
 from servogen.motion.limits import Limits
-from servogen.motion.trajectory import Floats, JointTrajectory
+from servogen.motion.trajectory import MAX_FRAMES, Floats, JointTrajectory
 from servogen.units import Clock, Cycles
-
-MOST_FRAMES = 1 << 23
-"""Longer motions are refused: more than a day at 50 frames a second."""
-
 
 OFF_THE_PATH_M = 1e-3
 """A point that leaves its path by so much more between two frames than at them is worth a warning."""
@@ -222,14 +218,15 @@ class _Sampler:
     def _add(self, block: Floats, pose: Pose) -> None:
         self.blocks.append(block)
         self._frames += len(block)
-        if self._frames > MOST_FRAMES:
-            raise self._too_long(pose)
+        if self._frames > MAX_FRAMES:
+            raise self._too_long("with this pose", pose)
 
-    def _too_long(self, pose: Pose) -> InputError:
+    def _too_long(self, cause: str, pose: Pose) -> InputError:
+        longest_s = float(MAX_FRAMES * self.period_s)
         return InputError(
-            f"the motion is more than {MOST_FRAMES} frames long",
+            f"{cause} the motion is more than {MAX_FRAMES} frames long, {longest_s:g} s",
             pose.place,
-            "shorten the holds, or let the motion repeat",
+            "shorten move_s, hold_s and pause_s, or let the motion repeat",
         )
 
     def _count(self, seconds: Fraction, name: str, pose: Pose) -> int:
@@ -237,8 +234,8 @@ class _Sampler:
         asked = seconds / self.period_s
         count = (2 * asked.numerator + asked.denominator) // (2 * asked.denominator)
         count = max(1, count) if seconds else 0
-        if count > MOST_FRAMES:
-            raise self._too_long(pose)
+        if count > MAX_FRAMES:
+            raise self._too_long(f"with {name} = {float(seconds):g}", pose)
         if count != asked:
             self.warnings.append(
                 Caution(

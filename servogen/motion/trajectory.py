@@ -11,6 +11,9 @@ from servogen.units import Clock, Cycles
 
 Floats = npt.NDArray[np.float64]
 
+MAX_FRAMES = 500_000
+"""Of a motion, nearly three hours at 50 Hz. Whatever works on a motion holds all its frames in memory."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointTrajectory:

@@ -22,7 +22,7 @@ from servogen.kinematics.tool_orientation import short_way
 from servogen.motion.follow import Branch, ChangesBranch, LeavesReach, chord_errors, trace
 from servogen.motion.laws import Law, law
 from servogen.motion.paths import Line
-from servogen.motion.trajectory import Floats
+from servogen.motion.trajectory import MAX_FRAMES, Floats
 from servogen.movemaster.arm import Manipulator
 from servogen.movemaster.memory import CLOSED, OPEN, Pose
 
@@ -282,6 +282,11 @@ class Mover:
             raise InputError(
                 f"the program would take longer than {float(self.most_s):g} s",
                 hint="end it with ED; what should go on for ever is repeated by its job; or allow more time",
+            )
+        if self.frame + frames > MAX_FRAMES:
+            raise InputError(
+                f"the program is more than {MAX_FRAMES} frames long, {float(MAX_FRAMES * self.period_s):g} s",
+                hint="shorten its waits, or make the frames longer",
             )
         return frames
 

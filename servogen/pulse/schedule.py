@@ -17,6 +17,7 @@ from typing import Any
 
 from servogen.edges import PINS
 from servogen.errors import InputError, Place, nearest
+from servogen.motion.trajectory import MAX_FRAMES
 from servogen.plan_error import PlanError
 from servogen.units import Clock, Cycles
 
@@ -134,9 +135,6 @@ def _runs_text(runs: Iterable[Run]) -> str:
     ]
     return "[\n" + ",\n".join(lines) + "\n  ]" if lines else "[]"
 
-
-MAX_FRAMES = 500_000
-"""Of a schedule that is read, nearly three hours at 50 Hz: a check of it holds its motion in memory."""
 
 MAX_NUMBER = 10**9
 """Of a schedule's numbers: hertz, frames, cycles of a frame."""

@@ -135,7 +135,22 @@ def test_facts_of_a_servo_can_be_given_in_the_job() -> None:
         ("hold_s = 5", "hold_ms = 5", "'hold_ms' is not taken in ms: write hold_s"),
         ("hold_s = 5", "hold_s = 0", "18:5: motion.poses[2]: a pose takes no time"),
         ("hold_s = 5", "hold_s = 1e300", "1e+300 is out of range: at most 1e+06 is allowed"),
-        ("hold_s = 5", "hold_s = 900000", "frames long"),
+        (
+            "hold_s = 5",
+            "hold_s = 65536",
+            "18:5: motion.poses[2]: with hold_s = 65536 the motion is more than 500000 frames long, 10000 s",
+        ),
+        ("hold_s = 5", "move_s = 65536", "with move_s = 65536 the motion is more than 500000 frames long"),
+        (
+            "hold_s = 5",
+            "hold_s = 9999, pause_s = 9999",
+            "with this pose the motion is more than 500000 frames",
+        ),
+        (
+            "[motion]",
+            "[firmware]\nsoft_start_s = 5000\n[motion]",
+            "16:1: firmware.soft_start_s: the motion and a soft start of 5000 s are 500",
+        ),
         ("hold_s = 5", "hold_s = 5, release = true", "release = true without a pause"),
         ("[motion]", '[motion]\nend = "hold"', "16:1: motion.end: a motion that repeats has no end"),
         ("[motion]", "[motion]\nrepeat = 0", "16:1: motion.repeat: 0 is not true or false"),

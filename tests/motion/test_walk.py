@@ -237,7 +237,7 @@ def test_a_way_of_nothing_is_stood() -> None:
 
 
 def test_a_walk_that_is_too_long_to_be_meant_is_refused() -> None:
-    with pytest.raises(InputError, match="more than 524288 frames long"):
+    with pytest.raises(InputError, match="more than 500000 frames long"):
         walked("tripod", Segment(0.04, cycles=1e7))
 
 

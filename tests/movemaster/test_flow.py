@@ -306,3 +306,10 @@ def test_an_input_is_written_as_seconds_and_value(text: str, at: str, value: int
 def test_other_inputs_are_refused(text: str) -> None:
     with pytest.raises(InputError, match="is no input"):
         input_of(text)
+
+
+def test_a_program_of_too_many_frames_is_refused_however_long_it_may_take(refused: Refused) -> None:
+    # TI 32767 waits 3276.7 s, 163 835 frames of 20 ms; the fourth goes beyond 500 000.
+    text = "10 TI 32767\n20 TI 32767\n30 TI 32767\n40 TI 32767"
+    said = refused(text, budget=Budget(seconds=Fraction(10**6)))
+    assert "program line 40: the program is more than 500000 frames long, 10000 s" in said

@@ -146,7 +146,7 @@ def test_the_first_start_says_what_takes_so_long(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(native, "_folders", lambda: iter(()))
-    monkeypatch.setattr(native, "compile_loop", lambda observed: CODE)
+    monkeypatch.setattr(native, "compile_loop", lambda observed, tracked: CODE)
     monkeypatch.setattr(native, "_load", lambda code: code)
     with caplog.at_level("INFO", "servogen"):
         assert native.loop.__wrapped__(False) == CODE

@@ -19,7 +19,7 @@ from servogen.motion.gait.phases import Gait, PhaseChange
 from servogen.motion.gait.stability import margin
 from servogen.motion.gait.steps import Segment
 from servogen.motion.limits import Limits, stretch
-from servogen.motion.trajectory import Floats, JointTrajectory
+from servogen.motion.trajectory import MAX_FRAMES, Floats, JointTrajectory
 from servogen.robot.model import Hexapod
 from servogen.units import Clock, Cycles
 
@@ -37,10 +37,6 @@ MAX_GRAIN = 24
 
 MOST_FRAMES_A_CYCLE = 3000
 """A minute of 20 ms; slower than that is a mistake."""
-
-
-MOST_FRAMES = 1 << 19
-"""Longer walks are refused: almost three hours at 50 frames a second."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,9 +114,9 @@ def walk(
     count = frames_per_cycle or _whole(gait, least)
     cycles = sum(MOST_CYCLES if segment.cycles is None else segment.cycles for segment in segments)
     while True:
-        if not count * cycles <= MOST_FRAMES:
+        if not count * cycles <= MAX_FRAMES:
             raise InputError(
-                f"the walk is more than {MOST_FRAMES} frames long", hint="walk fewer cycles, or faster ones"
+                f"the walk is more than {MAX_FRAMES} frames long", hint="walk fewer cycles, or faster ones"
             )
         rhythm = gait.on_frames(count)
         steps = replace(plan, gait=rhythm)

@@ -75,8 +75,8 @@ def _cut(rows: Floats, offset: int) -> Iterator[Stretch]:
 
 def _held(first: int, frames: int, *, silent: bool) -> Iterator[Stretch]:
     whole, rest = divmod(frames, MOST)
-    if whole:
-        yield Stretch(first, MOST, min(whole, MOST), silent)
+    for done in range(0, whole, MOST):
+        yield Stretch(first + done * MOST, MOST, min(MOST, whole - done), silent)
     if rest:
         yield Stretch(first + whole * MOST, rest, 1, silent)
 
