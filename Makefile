@@ -1,4 +1,4 @@
-# One machine needs only Python 3.11 or newer, pip, make and gcc; all else is installed into .venv.
+# A machine needs Python 3.11 or newer, pip, make and gcc, and git for the tests; all else is installed into .venv.
 
 PYTHON ?= python3
 VENV   ?= .venv
