@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 
 from servogen.errors import InputError
-from servogen.movemaster import Budget, Hand, Manipulator, Run, manipulator, run
-from servogen.movemaster import parser as parse
+from servogen.movemaster import Budget, Hand, Manipulator, Run, manipulator, parse, run
 from servogen.robot.model import Arm
 from servogen.robot.robots import arm
 from servogen.units import Clock, Cycles

@@ -7,8 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from servogen.errors import InputError
-from servogen.movemaster import Budget, Run, manipulator, run
-from servogen.movemaster import parser as parse
+from servogen.movemaster import Budget, Run, manipulator, parse, run
 from servogen.movemaster.language import COMMANDS, Command, Kind, Parameter, Where
 from servogen.robot.robots import arm
 from servogen.units import Clock, Cycles

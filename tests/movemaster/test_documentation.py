@@ -5,8 +5,7 @@ from collections.abc import Callable
 from math import degrees
 from pathlib import Path
 
-from servogen.movemaster import Run
-from servogen.movemaster import parser as parse
+from servogen.movemaster import Run, parse
 from servogen.movemaster.language import COMMANDS, Where
 from servogen.robot.robots import arm
 
