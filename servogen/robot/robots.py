@@ -11,7 +11,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from servogen.errors import InputError, nearest
-from servogen.robot import reader as file
+from servogen.robot import reader
 from servogen.robot.model import Arm, Hexapod, OmniBase, Robot
 from servogen.toml import file as toml_file
 
@@ -46,13 +46,13 @@ def catalogue(name: str) -> Robot:
 @cache
 def _read(short: str) -> Robot:
     document = toml_file.parse(_files()[short].read_text("utf-8"), f"catalogue/robots/{short}.toml")
-    return file.robot_of(document, catalogue)
+    return reader.robot_of(document, catalogue)
 
 
 def robot(name: str) -> Robot:
     """The robot of a short name, or of the TOML file at a path that ends in .toml."""
     if name.lower().endswith(".toml"):
-        return file.load(Path(name), catalogue)
+        return reader.load(Path(name), catalogue)
     return catalogue(name)
 
 

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from servogen.edges import HIGH, LOW, PINS, EdgeTrace, Expected, ExpectedChannel, ExpectedChunk, edge_chunk
 from servogen.units import Clock, Cycles
-from servogen.verify import compare as prove
-from servogen.verify import verify
+from servogen.verify import compare, verify
 
 MHZ4 = Clock(4_000_000)
 PERIOD = 400
@@ -131,9 +130,9 @@ def test_the_length_of_the_windows_changes_no_number(
     assume(len({(cycle, pin) for cycle, pin, _ in observed}) == len(observed))
     trace = EdgeTrace(MHZ4, (edge_chunk(*zip(*observed, strict=True)),), Cycles(len(widths) * PERIOD + 99))
     whole = verify(expected_of(scheduled, frames, len(widths), 7), trace)
-    before = prove.WINDOW
-    prove.WINDOW = window
+    before = compare.WINDOW
+    compare.WINDOW = window
     try:
         assert verify(expected_of(scheduled, frames, len(widths), 7), trace).to_json() == whole.to_json()
     finally:
-        prove.WINDOW = before
+        compare.WINDOW = before
