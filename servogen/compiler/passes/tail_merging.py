@@ -5,7 +5,7 @@ In: a `Function` after the other passes. Out: fewer words, no more cycles.
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import count, pairwise
 
 from servogen.compiler.ir.function import Function, Line, is_skipped
 from servogen.compiler.ir.instruction import DELAY, ENDS, Instruction, Label, Reg
@@ -115,7 +115,9 @@ def _merge(
     function: Function, lines: list[Line], jump: Instruction, at: int, rival: int, length: int
 ) -> None:
     """Drop the instructions before a jump at `at`; it goes to their like before `rival`."""
-    name = f"{function.name}.tail{sum(isinstance(each, Label) for each in lines)}.{at}"
+    used = {each.name for each in lines if isinstance(each, Label)}
+    free = next(number for number in count() if f"{function.name}.tail{number}" not in used)
+    name = f"{function.name}.tail{free}"
     label = Label(name, jump.place)
     jump.target = name
     start = rival - length
