@@ -12,7 +12,7 @@ from pathlib import Path
 from servogen.build.build import Build, Progress, build, program_facts
 from servogen.build.engines import with_end_error
 from servogen.build.fitting import DoesNotFit
-from servogen.build.proof import motion_cycles, running
+from servogen.build.proof import motion_cycles, prove_file, running
 from servogen.build.proof_of_capture import prove_capture
 from servogen.edges import EdgeTrace
 from servogen.job import Job
@@ -20,7 +20,8 @@ from servogen.plan_error import PlanError
 from servogen.pulse import PulsePlan, PulseSchedule, plan
 from servogen.report.html import PageFacts, html_page
 from servogen.report.result_tables import CaptureFacts
-from servogen.traces.captures import read_capture
+from servogen.traces.captures import Capture, is_capture, read_capture, sampled_at
+from servogen.traces.vcd_reader import read_vcd
 from servogen.verify import CaptureVerdict
 from servogen.verify.capture.pieces import split
 
@@ -41,20 +42,25 @@ class Page:
         return self.programs_proven and (self.capture is None or self.capture.proven)
 
 
-def page_of(job: Job, capture: Path | None = None, progress: Progress = lambda step: None) -> Page:
-    """Builds the job and writes its page. Raises InputError."""
+def page_of(
+    job: Job,
+    capture: Path | None = None,
+    progress: Progress = lambda step: None,
+    rate: int | None = None,
+) -> Page:
+    """Build the job and return its page; `rate` is a capture's samples a second. Raises InputError."""
     try:
         done = build(job, progress)
     except DoesNotFit as error:
         planned = with_end_error(job, plan(job.trajectory, job.servos, job.frame))
-        beside = capture_facts(planned.schedule, capture) if capture else None
+        beside = capture_facts(planned.schedule, capture, rate) if capture else None
         facts = PageFacts(
             job, planned, (*job.warnings, *planned.warnings), capture=beside, not_built=error.message
         )
         seen = beside.verdict if beside else None
         return Page(html_page(facts), False, error.message, planned.schedule.plan_error, seen)
     progress("writing the page")
-    beside = capture_facts(done.plan.schedule, capture) if capture else None
+    beside = capture_facts(done.plan.schedule, capture, rate) if capture else None
     seen = beside.verdict if beside else None
     return Page(html_page(_facts(done, beside)), done.proven, "", done.plan.schedule.plan_error, seen)
 
@@ -78,14 +84,25 @@ def _once(planned: PulsePlan, done: Build) -> EdgeTrace:
     return running(schedule, done.programs[0].image, motion_cycles(schedule)).stored()
 
 
-def capture_facts(schedule: PulseSchedule, path: Path) -> CaptureFacts:
-    """What is shown of a capture; of several in one file the longest piece, whose place in time is known."""
+def capture_facts(schedule: PulseSchedule, path: Path, rate: int | None = None) -> CaptureFacts:
+    """Return what is shown of a capture; of several in one file the longest piece, whose time is known."""
     found = read_capture(path)
+    if rate is not None:
+        found = sampled_at(found, rate)
     found = replace(found, trace=found.trace.stored())
-    verdict = prove_capture(schedule, found)
+    verdict = _verdict(schedule, found, path)
     if not verdict.pieces:
         return CaptureFacts(path.name, found.trace, verdict)
     longest = max(range(len(verdict.pieces)), key=lambda number: verdict.pieces[number].frames)
     name = f"{path.name}, piece {longest + 1} of {len(verdict.pieces)}"
     trace = tuple(split(found.trace, found.pieces))[longest]
     return CaptureFacts(name, trace, replace(verdict, first_frame=verdict.pieces[longest].first_frame))
+
+
+def _verdict(schedule: PulseSchedule, capture: Capture, path: Path) -> CaptureVerdict:
+    """Return the verdict on a capture; edges in cycles of a chip are also held to the cycle."""
+    verdict = prove_capture(schedule, capture)
+    if is_capture(path):
+        return verdict
+    exact = prove_file(schedule, read_vcd(path, schedule.clock), tells_end=True)
+    return verdict if exact.agrees else verdict.but(exact.reasons[0])

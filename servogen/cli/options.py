@@ -57,6 +57,10 @@ Partial = Annotated[
         help="Exit with 0 as well where all that was seen is right, but not every frame was seen.",
     ),
 ]
+CaptureRate = Annotated[
+    int | None,
+    typer.Option("--rate", min=1, help="A capture's samples a second, where its file does not tell."),
+]
 Ra4PullUp = Annotated[bool, typer.Option("--ra4-pull-up", help="RA4, an open drain, has a pull-up resistor.")]
 WatchdogUs = Annotated[
     int, typer.Option("--watchdog-us", help="The watchdog's period; of real chips 7000 to 33000.")

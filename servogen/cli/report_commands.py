@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from servogen.cli.options import Json, Partial
+from servogen.cli.options import CaptureRate, Json, Partial
 from servogen.cli.show import as_json, status
 
 
@@ -24,20 +24,24 @@ def report(
         Path | None,
         typer.Option("--capture", help="An analyser's capture to show beside the plan: .vcd, .sr, .csv."),
     ] = None,
+    rate: CaptureRate = None,
     partial: Partial = False,
     json: Json = False,
 ) -> None:
     """Build and prove a job and write one HTML page of it, which needs no network."""
     from servogen.build.reporting import page_of
+    from servogen.errors import InputError, Place
     from servogen.job import load
     from servogen.outputs import write_text
     from servogen.plan_error import plan_words
     from servogen.verify import capture_lines
 
+    if rate is not None and capture is None:
+        raise InputError("only a capture has a sampling rate", Place(str(job), key="--rate"))
     loaded = load(job)
     target = output or Path(f"{loaded.name}.html")
     with status(f"{loaded.name}: planning") as tell:
-        page = page_of(loaded, capture, lambda step: tell(f"{loaded.name}: {step}"))
+        page = page_of(loaded, capture, lambda step: tell(f"{loaded.name}: {step}"), rate)
     write_text(target, page.html)
     if json:
         error = page.plan_error.to_json() if page.plan_error else None

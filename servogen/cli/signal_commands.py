@@ -11,6 +11,7 @@ from servogen.cli.files import PROGRAM_SUFFIXES, clock_of, keep_apart, read_prog
 from servogen.cli.options import (
     DEFAULT_POWER_UP_US,
     DEFAULT_WATCHDOG_US,
+    CaptureRate,
     ClockHz,
     EepromWriteUs,
     Floating,
@@ -63,10 +64,7 @@ def verify(
         bool, typer.Option("--forever", help="Prove it for all time, by a repeat of the chip's whole state.")
     ] = False,
     partial: Partial = False,
-    rate: Annotated[
-        int | None,
-        typer.Option("--rate", min=1, help="A capture's samples a second, where its file does not tell."),
-    ] = None,
+    rate: CaptureRate = None,
     device: Annotated[
         str | None,
         typer.Option("--device", help="PIC16F84 or PIC16F84A (default: the schedule's, else PIC16F84)."),

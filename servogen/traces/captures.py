@@ -36,7 +36,8 @@ _VERSION = re.compile(rb"\$version\s(.*?)\$end", re.DOTALL)
 class Capture:
     """`trace` counts time steps as cycles of a clock that is as fast; `sample` is the steps of one sample.
 
-    It is None where the file does not tell how often it was sampled.
+    It is None where the file does not say how often it was sampled. Edges in cycles of a chip, which are not
+    samples, are exact to a step.
     """
 
     trace: EdgeTrace
@@ -77,6 +78,8 @@ def is_capture(path: str | Path) -> bool:
 
 def sampled_at(capture: Capture, samples_per_second: int) -> Capture:
     """Return the capture with the sampling rate that its file does not tell. Raises InputError if it does."""
+    if capture.file is not None and not is_capture(capture.file):
+        raise InputError("only a capture has a sampling rate", Place(capture.file, key="--rate"))
     if capture.sample is not None:
         step_us = float(capture.trace.clock.cycle_us)
         told = 1e6 / (capture.sample * step_us)
@@ -111,6 +114,8 @@ def _read_vcd(path: Path, wires: Mapping[str, str] | None) -> Capture:
     rates = (rate_in(comment) for comment in header.comments if "hannels at" in comment)
     rate = next((rate for rate in rates if rate), None)
     sample = None if rate is None else float(1 / (rate * header.step_s))
+    if not is_capture(path):
+        sample = 1.0
     missing = next((text.partition(PARTIAL)[2] for text in header.comments if PARTIAL in text), None)
     steps = Fraction(1) if rate is None else 1 / (rate * header.step_s)
     pieces = _pieces(header.comments, steps)
