@@ -29,7 +29,7 @@ def test_every_command_is_told_and_every_command_told_is_there() -> None:
         command.name or (command.callback.__name__ if command.callback else "")
         for command in app.registered_commands
     }
-    section = README.split("## Commands")[1].split("Each has")[0]
+    section = README.split("## Commands")[1].split("Every command has")[0]
     first_cells = [line.split("|")[1] for line in section.splitlines() if line.startswith("| `")]
     told = {
         word.removeprefix("servogen ").split()[0]
