@@ -133,3 +133,12 @@ def test_a_skip_and_what_it_skips_are_not_parted() -> None:
 def test_an_unknown_level_is_refused() -> None:
     with pytest.raises(InputError, match="unknown level of optimisation 'most'"):
         build(MAIN, "most")
+
+
+def test_a_program_that_cannot_fit_is_not_searched_for_equal_code() -> None:
+    """It is refused with its size in words, without the hint of -Os and without minutes of search."""
+    statements = "PORTB = x + 1; x = PORTA; " * 600
+    text = f"unsigned char x;\nvoid f(void) {{ {statements} }}\nvoid main(void) {{ f(); }}"
+    with pytest.raises(CompileError, match="words of flash, the chip has 1024") as caught:
+        compile_sources([Source(text, "main.c")], Options(dialect="xc8", optimise="size"))
+    assert caught.value.too_large

@@ -18,8 +18,11 @@ from servogen.compiler.ir.function import Function, Line, is_skipped
 from servogen.compiler.ir.instruction import DELAY, ENDS, Byte, Instruction, Label
 from servogen.compiler.passes.call_depth import room_for_calls
 from servogen.compiler.passes.tail_merging import is_timed
+from servogen.pic.device import PROGRAM_WORDS
 
 _LONGEST = 40
+_MAX_WORDS = 3 * PROGRAM_WORDS
+"""A larger program does not fit the chip whatever is shared, and searching it takes long."""
 _Run = tuple[int, ...]
 _Place = tuple[str, int]
 """Function and line of a run's first instruction."""
@@ -33,7 +36,9 @@ class _Candidate:
 
 
 def outline(functions: dict[str, Function], roots: list[str]) -> int:
-    """Make subroutines as long as one saves words; gives how many words were saved."""
+    """Make subroutines as long as one saves words, and return how many words were saved."""
+    if sum(function.size for function in functions.values()) > _MAX_WORDS:
+        return 0
     saved = 0
     refused: set[_Run] = set()
     while True:
