@@ -39,7 +39,8 @@ def verify(
 
     The first rising edge of a scheduled pin is the schedule's time zero. `checked` counts from there; by
     default it is the whole motion with two repeats of its loop. A trace that ends earlier is not proven.
-    Reads no further than it must, so that `observed` may be a machine that would run for ever.
+    The verdict is on the span asked for: whether it covers the schedule is in its `coverage`.
+    Reads no further than it must, so that `observed` may be a machine that never stops.
     Raises InputError when the two count cycles of different clocks.
     """
     if observed.clock != expected.clock:

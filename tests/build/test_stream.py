@@ -12,7 +12,7 @@ import pytest
 
 from servogen.build import build, prove, running
 from servogen.build.build import Build, proven, report
-from servogen.build.proof import board_of, checked_cycles
+from servogen.build.proof import board_of, checked_cycles, motion_cycles
 from servogen.build.recurrence import prove_forever
 from servogen.build.stream import compiled
 from servogen.build.stream import firmware as made_of
@@ -22,6 +22,7 @@ from servogen.edges import HIGH, LOW, PINS, Driven, EdgeChunk, EdgeTrace, join, 
 from servogen.errors import InputError
 from servogen.job import load, loads
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, RAM_FIRST
+from servogen.pulse.expected import expected
 from servogen.pulse.stream.chip import Chip, schedule, widths
 from servogen.pulse.stream.layout import Layout
 from servogen.pulse.stream.protocol import (
@@ -36,6 +37,7 @@ from servogen.pulse.stream.protocol import (
 )
 from servogen.simulator import Levels, Machine, Reset, Stimuli
 from servogen.units import Cycles
+from servogen.verify import verify
 from tests.build import stream_soak
 from tests.build.other_compilers import sdcc, sdcc_compiled
 from tests.build.stream_line import Line, group, talk
@@ -261,7 +263,7 @@ def test_a_line_that_is_stuck_is_an_idle_line(name: str, level: int) -> None:
     plan = made.streamed.plan.schedule
     assert made.job.stream
     pin = PINS.index(made.job.stream.receive_pin)
-    span = Cycles(80 * plan.period)
+    span = motion_cycles(plan)
     machine = Machine(made.image, plan.clock, board_of(plan), Stimuli([Levels(pin, ((0, level),))]))
     trace = EdgeTrace(plan.clock, machine.stream(span + 3 * plan.period), Cycles(span + 3 * plan.period))
     assert prove(plan, trace, span).proven
@@ -303,7 +305,7 @@ def test_a_reset_at_any_frame_is_followed_by_the_neutral_pose() -> None:
         later = part(chunk, chunk.cycle >= at + held)
         moved = later._replace(cycle=later.cycle - (at + held))
         trace = EdgeTrace(plan.clock, (moved,), Cycles(end - at - held))
-        assert prove(plan, trace, Cycles(20 * plan.period)).proven, number
+        assert verify(expected(plan), trace, Cycles(20 * plan.period)).proven, number
         for channel in plan.channels:
             _, lengths = pulses(part(chunk, chunk.cycle < at), channel.pin)
             assert (lengths >= 1000).all() and (lengths <= 2000).all()
@@ -385,11 +387,11 @@ def test_the_model_without_a_command_does_what_the_schedule_of_the_build_says() 
     for name in NAMES:
         made = firmware(name)
         plan = made.streamed.plan.schedule
-        frames = plan.lead_in_frames + 3
+        frames = plan.lead_in_frames + plan.loop_frames
         model = schedule(made.streamed, islice(widths(made.streamed, ()), frames))
-        span = Cycles(frames * plan.period)
-        assert prove(plan, running(plan, made.image, span), span).proven
-        assert prove(model, running(plan, made.image, span), span).proven
+        for wanted in (plan, model):
+            span = motion_cycles(wanted)
+            assert prove(wanted, running(plan, made.image, span), span).proven
 
 
 def test_a_pulse_is_prepared_before_its_slot() -> None:
