@@ -137,7 +137,7 @@ def test_an_unknown_level_is_refused() -> None:
 
 def test_a_program_that_cannot_fit_is_not_searched_for_equal_code() -> None:
     """It is refused with its size in words, without the hint of -Os and without minutes of search."""
-    statements = "PORTB = x + 1; x = PORTA; " * 600
+    statements = "PORTB = x + 1; x = PORTA; " * 900
     text = f"unsigned char x;\nvoid f(void) {{ {statements} }}\nvoid main(void) {{ f(); }}"
     with pytest.raises(CompileError, match="words of flash, the chip has 1024") as caught:
         compile_sources([Source(text, "main.c")], Options(dialect="xc8", optimise="size"))
