@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from servogen.errors import InputError
 from servogen.motion.trajectory import MAX_FRAMES, Floats
-from servogen.pulse.player.parts import MOST, stretches
+from servogen.pulse.player.parts import ALIKE, LONGEST, MAX_PARTS, MOST, stretches
 
 
 def played(rows: Floats, following: Floats) -> Floats:
@@ -21,3 +22,16 @@ def played(rows: Floats, following: Floats) -> Floats:
 def test_a_pose_or_a_pause_of_any_length_is_played_as_long_as_it_is(frames: int, width: float) -> None:
     rows = np.full((frames, 2), width)
     assert np.array_equal(played(rows, np.full(2, 1600.0)), rows, equal_nan=True)
+
+
+def test_a_slow_move_is_not_a_hold() -> None:
+    """Each frame is within 0.01 cycles of the next: 40 cycles in 10 000 frames are still a move."""
+    rows = np.linspace(1500.0, 1540.0, 10_000)[:, None]
+    assert np.abs(played(rows, rows[-1]) - rows).max() < 2 * ALIKE
+
+
+def test_a_motion_of_more_parts_than_words_for_them_is_refused_early() -> None:
+    rows = np.random.default_rng(1).uniform(1000, 2000, (MAX_PARTS * LONGEST + 1, 3))
+    with pytest.raises(InputError, match="more than 204 parts, which no program can hold"):
+        stretches(rows, rows[0])
+    assert len(stretches(rows[:-1], rows[0])) == MAX_PARTS

@@ -28,6 +28,9 @@ LOOP_WEIGHT = 4
 NO_WRAP = 255
 """`Part.wrap` of a part whose tracks do not go round."""
 
+SURELY_TOO_MANY = 2 * MOST_BYTES
+"""Bytes: when the fewest keyframes of all parts are more, which parts share keyframes does not matter."""
+
 MOST_BITS = 8
 LAST_STEP = 7
 
@@ -126,6 +129,7 @@ def fitting(parts: Sequence[Section], scale: Scale, clock: Clock, loop: int) -> 
     best, worst = (float(us / clock.cycle_us) for us in (BEST_US, WORST_US))
     choices = [_choices(section, scale, best, worst) for section in parts]
     taken = [0] * len(choices)
+    _check_size([each[-1][0] for each in choices], SURELY_TOO_MANY)
     while True:
         made = [each[number][0] for each, number in zip(choices, taken, strict=True)]
         size = len(pooled(made)[0].data)
@@ -140,12 +144,19 @@ def fitting(parts: Sequence[Section], scale: Scale, clock: Clock, loop: int) -> 
                 if saved > 0:
                     ways.append((grown / saved, part, number))
         if not ways:
-            raise InputError(
-                f"within {WORST_US} µs of the plan the motion has {size} bytes of keyframes: "
-                f"the player's table holds {MOST_BYTES}",
-                hint="shorten the motion, or let more of it repeat",
-            )
+            _check_size(made, MOST_BYTES)
         _, part, taken[part] = min(ways)
+
+
+def _check_size(made: list[Made], most: int) -> None:
+    """Refuse parts whose keyframes are more than `most` bytes."""
+    size = len(pooled(made)[0].data)
+    if size > most:
+        raise InputError(
+            f"within {WORST_US} µs of the plan the motion has {size} bytes of keyframes: "
+            f"the player's table holds {MOST_BYTES}",
+            hint="shorten the motion, or let more of it repeat",
+        )
 
 
 def _choices(section: Section, scale: Scale, best: float, worst: float) -> list[tuple[Made, float]]:

@@ -14,7 +14,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from servogen.errors import InputError
 from servogen.motion.trajectory import Floats
+from servogen.pic.device import PROGRAM_WORDS
 
 ALIKE = 0.01
 """Widths, in cycles, that are nearer than this are the same."""
@@ -29,6 +31,10 @@ LONGEST = 256
 """What does not repeat is cut here: in a byte 0, and whole keyframes however far they are apart."""
 
 
+MAX_PARTS = PROGRAM_WORDS // 5
+"""Each part takes a word in each of five tables: more do not fit, whatever else the program needs."""
+
+
 @dataclass(frozen=True, slots=True)
 class Stretch:
     """`repeats` times the `frames` frames from `first` on; `silent`: without pulses."""
@@ -40,16 +46,29 @@ class Stretch:
 
 
 def stretches(rows: Floats, following: Floats) -> tuple[Stretch, ...]:
-    """The parts of `rows` (frames, channels); `following` is the row of the frame after them."""
+    """Return the parts of `rows` (frames, channels); `following` is the row of the frame after them.
+
+    Raises InputError where they are more than `MAX_PARTS`.
+    """
     silent = np.asarray(np.isnan(rows).all(axis=1))
     found: list[Stretch] = []
     bounds = [0, *(np.flatnonzero(silent[1:] != silent[:-1]) + 1).tolist(), len(rows)]
     for first, end in pairwise(bounds):
         after = rows[end] if end < len(rows) else following
-        if first < end and silent[first]:
-            found += _held(first, end - first, silent=True)
-        elif first < end:
-            found += _cut(np.vstack((rows[first:end], after)), first)
+        if first == end:
+            continue
+        parts = (
+            _held(first, end - first, silent=True)
+            if silent[first]
+            else _cut(np.vstack((rows[first:end], after)), first)
+        )
+        for part in parts:
+            found.append(part)
+            if len(found) > MAX_PARTS:
+                raise InputError(
+                    f"the motion has more than {MAX_PARTS} parts, which no program can hold",
+                    hint="shorten the motion, or let more of it repeat",
+                )
     return tuple(found)
 
 
@@ -90,7 +109,16 @@ def _repetition(rows: Floats) -> tuple[int, int, int, int]:
         for start, end in edges.reshape(-1, 2).tolist():
             # The row after the last repetition is alike too: the last keyframe leads to it.
             times = (end - start + period - 1) // period
+            if (times - 1) * period <= best[0]:
+                continue
+            times = _alike(rows[start : start + times * period].reshape(times, period, -1))
             saved = (times - 1) * period
             if times >= 2 and saved > best[0]:
                 best = (saved, period, start, times)
     return best
+
+
+def _alike(rounds: Floats) -> int:
+    """Return how many `rounds` from the first on are like the first; each is like the next, but may drift."""
+    far = np.flatnonzero((np.abs(rounds - rounds[0]) >= ALIKE).any(axis=(1, 2)))
+    return int(far[0]) if len(far) else len(rounds)
