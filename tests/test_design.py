@@ -29,7 +29,7 @@ def test_every_package_has_a_row_in_the_design() -> None:
 
 def test_the_check_is_independent_of_what_it_checks() -> None:
     allowed = design_table()
-    assert "csource" not in allowed["compiler"]
+    assert "engines" not in allowed["compiler"]
     assert "compiler" not in allowed["simulator"]
     assert not allowed["verify"] - leaves(allowed)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from servogen.build import DoesNotFit, build, write
+from servogen.build import ResourceError, build, write
 from servogen.job import load
 from tools.firmware_checksums import SUMS, checksum, ignored_names, read_sums, update_sums
 
@@ -25,7 +25,7 @@ MAX_LINES = 25_000
 def test_the_kept_firmware_is_what_the_job_makes(job: Path, tmp_path: Path) -> None:
     if job.stem not in KEPT:
         with pytest.raises(
-            DoesNotFit, match=f"{job.stem}: planned, but more than the sequence engine can hold"
+            ResourceError, match=f"{job.stem}: planned, but more than the sequence engine can hold"
         ):
             build(load(job))
         return

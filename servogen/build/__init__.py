@@ -2,7 +2,6 @@
 
 from servogen.build.build import Build, Program, build, report, write
 from servogen.build.engines import Planned, planned
-from servogen.build.fitting import DoesNotFit
 from servogen.build.proof import (
     LOOPS_CHECKED,
     checked_cycles,
@@ -12,13 +11,14 @@ from servogen.build.proof import (
     prove_image,
     running,
 )
+from servogen.engines.firmware import ResourceError
 
 __all__ = [
     "LOOPS_CHECKED",
     "Build",
-    "DoesNotFit",
     "Planned",
     "Program",
+    "ResourceError",
     "build",
     "checked_cycles",
     "motion_cycles",

@@ -11,20 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from servogen.build.engines import planned
-from servogen.build.fitting import DoesNotFit
-from servogen.build.proof import (
-    LOOPS_CHECKED,
-    START_FRAMES,
-    checked_cycles,
-    chip_warnings,
-    end_of,
-    inputs_of,
-    machine_of,
-    prove,
-)
-from servogen.build.tuning import Firmware
-from servogen.csource import DIALECTS
+from servogen.build.proof import LOOPS_CHECKED, START_FRAMES, checked_cycles, chip_warnings, end_of, prove
 from servogen.edges import EdgeTrace
+from servogen.engines.board import inputs_of, machine_of
+from servogen.engines.c_text import DIALECTS
+from servogen.engines.firmware import Firmware, ResourceError
 from servogen.errors import Caution, Place
 from servogen.job import Job
 from servogen.outputs import replaced_files, write_text
@@ -114,7 +105,7 @@ def build(job: Job, progress: Progress = lambda step: None) -> Build:
         progress(f"compiling {dialect}")
         try:
             firmware = found.make(dialect)
-        except DoesNotFit as error:
+        except ResourceError as error:
             if dialect == own:
                 raise
             left_out.append(Caution("dialect", f"no program for {dialect}: {error.message}"))

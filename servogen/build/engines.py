@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
 
-from servogen.build.fitting import DoesNotFit
-from servogen.build.player import compiled, play
-from servogen.build.stream import compiled as compiled_stream
-from servogen.build.stream import stream
-from servogen.build.tuning import Firmware, tune
+from servogen.engines.firmware import Firmware, ResourceError
+from servogen.engines.player.engine import compiled, play
+from servogen.engines.sequence.tuning import tune
+from servogen.engines.stream.engine import compiled as compiled_stream
+from servogen.engines.stream.engine import stream
 from servogen.errors import InputError
 from servogen.job import Job
 from servogen.plan_error import DECIMALS
@@ -37,7 +37,7 @@ class Planned:
 def planned(job: Job) -> Planned:
     """Return the job as its engine plays it.
 
-    Raises InputError, DoesNotFit where no engine can hold the motion.
+    Raises InputError, ResourceError where no engine can hold the motion.
     """
     found = _planned(job)
     schedule = replace(found.plan.schedule, device=job.device.name)
@@ -73,9 +73,9 @@ def _planned(job: Job) -> Planned:
             continue
         return found
     smallest, largest = refused[0], refused[-1]
-    if not isinstance(smallest, DoesNotFit):
+    if not isinstance(smallest, ResourceError):
         raise smallest
-    raise DoesNotFit(f"{smallest.message}; nor can the player: {largest.message}", hint=largest.hint)
+    raise ResourceError(f"{smallest.message}; nor can the player: {largest.message}", hint=largest.hint)
 
 
 def _sequence(job: Job) -> Planned:

@@ -5,18 +5,15 @@ In: a `PulseSchedule` and an `Image`, or a trace from elsewhere. Out: the `Verdi
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from servogen.edges import EdgeTrace, Expected
-from servogen.pic.device import OPEN_DRAIN_PIN
+from servogen.engines.board import machine_of
 from servogen.pic.image import Image
 from servogen.pic.listing import Listing
 from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
-from servogen.simulator import Levels, Machine, Options, Stimuli
-from servogen.simulator.sources import pin_number
+from servogen.simulator import Machine, Options
 from servogen.units import Cycles
 from servogen.verify import ChipWarning, Verdict, channel_pins, find_start, verify, whole_motion
 from servogen.verify.reasons import unseen_motion_reason
@@ -42,35 +39,6 @@ def running(schedule: PulseSchedule, image: Image, span: Cycles) -> EdgeTrace:
     """The edges of `image` while it runs on the simulator: `span` cycles, and the time to the first pulse."""
     limit = Cycles(span + START_FRAMES * schedule.period)
     return EdgeTrace(schedule.clock, machine_of(schedule, image).stream(limit), limit)
-
-
-def machine_of(
-    schedule: PulseSchedule,
-    image: Image,
-    options: Options = Options(),  # noqa: B008 - frozen
-    *,
-    tracked: bool = False,
-) -> Machine:
-    """Return the chip with `image` on the board of `schedule`, its inputs held as that says."""
-    return Machine(image, schedule.clock, board_of(schedule, options), inputs_of(schedule), tracked=tracked)
-
-
-def inputs_of(schedule: PulseSchedule) -> Stimuli | None:
-    """The levels at which a schedule's inputs are held from power-up on."""
-    held = [Levels(pin_number(each.pin), ((0, each.level),)) for each in schedule.inputs]
-    return Stimuli(held) if held else None
-
-
-def board_of(
-    schedule: PulseSchedule,
-    options: Options = Options(),  # noqa: B008 - frozen
-) -> Options:
-    """Return `options` with a schedule's chip, and the pull-up that a servo on RA4, an open drain, needs."""
-    if schedule.device is not None:
-        options = replace(options, device=schedule.device)
-    if any(channel.pin == OPEN_DRAIN_PIN for channel in schedule.channels):
-        return replace(options, ra4_pull_up=True)
-    return options
 
 
 def prove_file(

@@ -13,8 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import lcm
 
-from servogen.build.proof import board_of, inputs_of, prove_image
+from servogen.build.proof import prove_image
 from servogen.edges import PINS
+from servogen.engines.board import board_of, inputs_of
 from servogen.pic.image import Image
 from servogen.pic.listing import Listing
 from servogen.plan_error import plan_words

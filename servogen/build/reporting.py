@@ -11,10 +11,10 @@ from pathlib import Path
 
 from servogen.build.build import Build, Progress, build, program_facts
 from servogen.build.engines import with_end_error
-from servogen.build.fitting import DoesNotFit
 from servogen.build.proof import motion_cycles, prove_file, running
 from servogen.build.proof_of_capture import prove_capture
 from servogen.edges import EdgeTrace
+from servogen.engines.firmware import ResourceError
 from servogen.job import Job
 from servogen.plan_error import PlanError
 from servogen.pulse import PulsePlan, PulseSchedule, plan
@@ -51,7 +51,7 @@ def page_of(
     """Build the job and return its page; `rate` is a capture's samples a second. Raises InputError."""
     try:
         done = build(job, progress)
-    except DoesNotFit as error:
+    except ResourceError as error:
         planned = with_end_error(job, plan(job.trajectory, job.servos, job.frame))
         beside = capture_facts(planned.schedule, capture, rate) if capture else None
         facts = PageFacts(

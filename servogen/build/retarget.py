@@ -17,14 +17,14 @@ import numpy as np
 
 from servogen.build.engines import planned
 from servogen.build.proof import checked_cycles, motion_cycles, prove_image, running
-from servogen.build.tuning import edges_to_watch
 from servogen.compiler import Options, Source, compile_sources
-from servogen.csource import Overheads, Path, render, sequence
-from servogen.csource import Sequence as Program
-from servogen.csource.overheads import START
-from servogen.csource.programs import Hold
-from servogen.csource.sequencing import MARGIN
 from servogen.edges import PINS, join
+from servogen.engines.sequence.overheads import START, Overheads, Path
+from servogen.engines.sequence.programs import Hold
+from servogen.engines.sequence.programs import Sequence as Program
+from servogen.engines.sequence.rendering import render
+from servogen.engines.sequence.sequencing import MARGIN, sequence
+from servogen.engines.sequence.tuning import edges_to_watch
 from servogen.errors import InputError, Place
 from servogen.job import Job
 from servogen.pic.image import Image

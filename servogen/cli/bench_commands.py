@@ -167,9 +167,9 @@ def rig(
     from servogen.bench.virtual.rig import RigOptions, with_fault
     from servogen.bench.virtual.rig import rig as opened
     from servogen.build import planned
-    from servogen.build.proof import board_of
+    from servogen.engines.board import board_of
+    from servogen.engines.stream.settings import Stream
     from servogen.job import load
-    from servogen.pulse.stream.settings import Stream
     from servogen.simulator.sources import pin_number
 
     loaded = load(job)

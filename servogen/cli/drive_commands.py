@@ -218,7 +218,7 @@ def _ended_by_signals() -> Iterator[None]:
 
 def _tell(job: Job, controller: Controller, baud: int, byte_s: float) -> None:
     """What the line can carry."""
-    from servogen.pulse.stream.protocol import BYTES
+    from servogen.engines.stream.protocol import BYTES
 
     count = len(controller.channels)
     position_ms = 1000 * BYTES * byte_s

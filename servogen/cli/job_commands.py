@@ -121,7 +121,7 @@ def demo(
     json: Json = False,
 ) -> None:
     """Build and prove several jobs, each in a folder of its own; one table, and what no engine can hold."""
-    from servogen.build import DoesNotFit, write
+    from servogen.build import ResourceError, write
     from servogen.build import build as built
     from servogen.job import load
 
@@ -135,7 +135,7 @@ def demo(
 
             try:
                 done.append(built(loaded, progress))
-            except DoesNotFit as error:
+            except ResourceError as error:
                 refused.append(error.message)
                 continue
             write(done[-1], output / loaded.name)

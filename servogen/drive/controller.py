@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from servogen.engines.stream.protocol import MOST, Command, Kind, travel
+from servogen.engines.stream.settings import Stream
 from servogen.errors import InputError, Place
 from servogen.job import Job
 from servogen.motion.trajectory import Floats
-from servogen.pulse.stream.protocol import MOST, Command, Kind, travel
-from servogen.pulse.stream.settings import Stream
 from servogen.robot.servo import Servo
 
 USUAL_BAUD = 9600

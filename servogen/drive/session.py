@@ -20,9 +20,9 @@ from servogen.drive.commands import QUIT, Silence, Words
 from servogen.drive.controller import Controller
 from servogen.drive.motions import Motion
 from servogen.drive.serial_link import Line, Time
+from servogen.engines.stream.protocol import MOST, group_begins, group_goes, speed_command
 from servogen.errors import InputError, ToolError
 from servogen.motion.trajectory import Floats
-from servogen.pulse.stream.protocol import MOST, group_begins, group_goes, speed_command
 
 Log = Callable[[dict[str, object]], None]
 

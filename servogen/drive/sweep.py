@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 from servogen.drive.controller import Channel, Controller
 from servogen.drive.serial_link import Line, Time
+from servogen.engines.stream.protocol import MOST
 from servogen.errors import InputError
-from servogen.pulse.stream.protocol import MOST
 
 FEWEST = 3
 STEP_S = 0.02

@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from servogen.edges import PINS
+from servogen.engines.player.buttons import Button, Buttons
 from servogen.errors import nearest
 from servogen.job.model import FirmwareTable
-from servogen.pulse.player.buttons import Button, Buttons
 from servogen.robot.servo import Servo
 from servogen.toml.file import Document
 

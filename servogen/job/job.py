@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 
+from servogen.engines.player.buttons import Buttons
+from servogen.engines.stream.settings import Stream
 from servogen.errors import Caution
 from servogen.job.tip import Tip
 from servogen.motion import JointTrajectory
 from servogen.pic.device import Device
-from servogen.pulse.player.buttons import Buttons
 from servogen.pulse.slots import Frame
-from servogen.pulse.stream.settings import Stream
 from servogen.robot.binding import Binding
 from servogen.robot.model import Robot
 from servogen.robot.servo import Servo

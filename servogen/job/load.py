@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from servogen.engines.player.layout import layout
 from servogen.errors import InputError, Place
 from servogen.job.buttons import buttons_of
 from servogen.job.drives import drive_of
@@ -29,7 +30,6 @@ from servogen.motion import Motion, Planned, trajectory
 from servogen.motion.limits import Limits
 from servogen.motion.trajectory import MAX_FRAMES
 from servogen.pic.device import Device, device
-from servogen.pulse.player.layout import layout
 from servogen.pulse.slots import Frame, rises
 from servogen.robot.model import Arm, Hexapod
 from servogen.robot.servo import Servo

@@ -10,12 +10,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from servogen.edges import PINS
+from servogen.engines.stream.protocol import MOST_SERVOS
+from servogen.engines.stream.settings import Stream, bit_units
 from servogen.errors import nearest
 from servogen.job.model import JobTable, StreamTable
 from servogen.motion import JointTrajectory
 from servogen.pic.device import OPEN_DRAIN_PIN
-from servogen.pulse.stream.protocol import MOST_SERVOS
-from servogen.pulse.stream.settings import Stream, bit_units
 from servogen.robot.servo import Servo
 from servogen.toml.file import Document, exact
 from servogen.units import Clock, Cycles

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from jinja2 import Environment, StrictUndefined, TemplateError
 
-from servogen.csource.filling import RenderError, template_folder
 from servogen.edges import EdgeTrace
+from servogen.engines.c_text import RenderError, template_folder
 from servogen.errors import Caution, Place
 from servogen.job import Job
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, oscillator_for

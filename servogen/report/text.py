@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
+from servogen.engines.timing_budget import TimingBudget
 from servogen.errors import Caution
 from servogen.job import Job
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, oscillator_for
 from servogen.pulse.plan import PulsePlan
-from servogen.pulse.player import Room
 from servogen.report.tool_error import ERROR_COLUMNS, error_rows, errors_of, worst_of
 from servogen.report.tracks import tracks_of
 from servogen.report.wiring import open_drain, remarks, wires
@@ -54,7 +54,7 @@ class ProgramFacts:
     words: int
     ram_bytes: int
     verdict: Verdict
-    rooms: tuple[Room, ...] = ()
+    rooms: tuple[TimingBudget, ...] = ()
     overrun: Overrun | None = None
     """None: the engine keeps no such bit."""
 

@@ -12,17 +12,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
-from servogen.build.proof import (
-    START_FRAMES,
-    checked_cycles,
-    chip_warnings,
-    end_of,
-    machine_of,
-    prove,
-    prove_file,
-)
+from servogen.build.proof import START_FRAMES, checked_cycles, chip_warnings, end_of, prove, prove_file
 from servogen.build.proof_of_capture import prove_capture
 from servogen.edges import PINS, EdgeTrace
+from servogen.engines.board import machine_of
 from servogen.errors import InputError, Place
 from servogen.pic.image import Image
 from servogen.plan_error import NO_PLAN, PlanError

@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 
 from servogen.build import Planned, checked_cycles, planned, prove, running
 from servogen.build.retarget import tune_to
-from servogen.build.tuning import Firmware
 from servogen.cli.main import app
 from servogen.compiler import Options, Source, compile_sources
-from servogen.csource import DIALECTS
+from servogen.engines.c_text import DIALECTS
+from servogen.engines.firmware import Firmware
 from servogen.errors import InputError
 from servogen.job import Job, load
 from servogen.pic.device import device

@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 
 from servogen.build import checked_cycles, prove
-from servogen.build.proof import START_FRAMES, machine_of
+from servogen.build.proof import START_FRAMES
 from servogen.cli.files import read_image, read_schedule
 from servogen.edges import EdgeTrace, join
+from servogen.engines.board import machine_of
 from servogen.pic.image import Image
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Options

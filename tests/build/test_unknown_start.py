@@ -17,7 +17,7 @@ import pytest
 
 from servogen.build import Planned, checked_cycles, planned
 from servogen.build.build import proven
-from servogen.build.tuning import Firmware
+from servogen.engines.firmware import Firmware
 from servogen.job import load
 from servogen.pic.image import Image, to_hex
 from servogen.pic.isa import decode, encode

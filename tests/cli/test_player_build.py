@@ -3,8 +3,8 @@
 import json
 from pathlib import Path
 
-from tests.build.player_jobs import built_text, job_text, sweep
 from tests.cli.conftest import Run
+from tests.engines.player.player_jobs import built_text, job_text, sweep
 
 SMALL = job_text(5, sweep(5, 0.64), firmware='soft_start_s = 0.16\nstart_pin = "RA4"')
 

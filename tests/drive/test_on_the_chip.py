@@ -16,7 +16,6 @@ import pytest
 
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.bench.virtual.serial_line import LineStimulus
-from servogen.build.stream import compiled, stream
 from servogen.drive.commands import QUIT, Rates, Silence, Words, script
 from servogen.drive.controller import controller_of
 from servogen.drive.motions import Limited, Motion, Played, Still
@@ -25,10 +24,11 @@ from servogen.drive.session import Session
 from servogen.drive.steering import steering_of
 from servogen.drive.sweep import Sweep, positions
 from servogen.edges import PINS
+from servogen.engines.stream.engine import compiled, stream
+from servogen.engines.stream.protocol import travel
 from servogen.job import Job, load, loads
 from servogen.motion.trajectory import Floats
 from servogen.pic.image import Image
-from servogen.pulse.stream.protocol import travel
 from servogen.simulator import Options
 from tests.drive.conftest import Run
 

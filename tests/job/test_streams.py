@@ -5,9 +5,9 @@ from fractions import Fraction
 
 import pytest
 
+from servogen.engines.stream.settings import Stream, bit_units
 from servogen.errors import InputError
 from servogen.job import loads
-from servogen.pulse.stream.settings import Stream, bit_units
 from servogen.units import Clock
 
 CHIP = '[chip]\ndevice = "PIC16F84A"\nclock_hz = 4_000_000\n'

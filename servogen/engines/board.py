@@ -1,0 +1,40 @@
+"""The simulated board on which a schedule's program runs: chip, pull-ups, levels of the inputs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from servogen.pic.device import OPEN_DRAIN_PIN
+from servogen.pic.image import Image
+from servogen.pulse import PulseSchedule
+from servogen.simulator import Levels, Machine, Options, Stimuli
+from servogen.simulator.sources import pin_number
+
+
+def machine_of(
+    schedule: PulseSchedule,
+    image: Image,
+    options: Options = Options(),  # noqa: B008 - frozen
+    *,
+    tracked: bool = False,
+) -> Machine:
+    """Return the chip with `image` on the board of `schedule`, its inputs held as that says."""
+    return Machine(image, schedule.clock, board_of(schedule, options), inputs_of(schedule), tracked=tracked)
+
+
+def inputs_of(schedule: PulseSchedule) -> Stimuli | None:
+    """The levels at which a schedule's inputs are held from power-up on."""
+    held = [Levels(pin_number(each.pin), ((0, each.level),)) for each in schedule.inputs]
+    return Stimuli(held) if held else None
+
+
+def board_of(
+    schedule: PulseSchedule,
+    options: Options = Options(),  # noqa: B008 - frozen
+) -> Options:
+    """Return `options` with a schedule's chip, and the pull-up that a servo on RA4, an open drain, needs."""
+    if schedule.device is not None:
+        options = replace(options, device=schedule.device)
+    if any(channel.pin == OPEN_DRAIN_PIN for channel in schedule.channels):
+        return replace(options, ra4_pull_up=True)
+    return options

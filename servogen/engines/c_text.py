@@ -1,0 +1,115 @@
+"""What every engine's C is written with: the dialects, the files of `templates/`, the head of a C file.
+
+A template is rendered from the values that it uses. Nothing is computed in the templates; a name that they
+use and that is not given is an error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cache
+from pathlib import Path
+from traceback import walk_tb
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError, TemplateSyntaxError
+
+from servogen.errors import Place, ServogenError
+from servogen.pulse import PulseSchedule
+
+SUFFIXES = (".j2", ".asm")
+"""Of templates: bodies and dialects, and the engines' assembly."""
+
+
+class RenderError(ServogenError):
+    """A template is wrong: its name and line."""
+
+
+def filled(template: str, **values: object) -> str:
+    """The text of a template. Raises RenderError, with the template's name and line."""
+    try:
+        return _environment().get_template(template).render(**values)
+    except TemplateError as error:
+        raise RenderError(error.message or "the template is wrong", _template_place(error)) from error
+
+
+def _template_place(error: TemplateError) -> Place:
+    """The template and line of an error: its own, or the last template line that was running."""
+    if isinstance(error, TemplateSyntaxError):
+        return Place(error.name, error.lineno)
+    lines = [
+        (frame.f_code.co_filename, line)
+        for frame, line in walk_tb(error.__traceback__)
+        if frame.f_code.co_filename.endswith(SUFFIXES)
+    ]
+    file, line = lines[-1] if lines else (None, None)
+    return Place(str(Path(file).relative_to(template_folder())) if file else None, line)
+
+
+@dataclass(frozen=True, slots=True)
+class AsmLine:
+    """A line of assembly; either may be empty."""
+
+    code: str
+    comment: str
+
+
+def assembly(text: str) -> Iterator[AsmLine]:
+    """The lines of assembly, whose comments each dialect writes in its own way."""
+    for line in text.splitlines():
+        code, _, comment = line.partition(";")
+        yield AsmLine(code, comment.strip())
+
+
+def template_folder() -> Path:
+    """`templates/`: inside the package when installed from a wheel, beside it in a checkout."""
+    package = Path(__file__).parent.parent
+    inside = package / "templates"
+    return inside if inside.is_dir() else package.parent / "templates"
+
+
+@cache
+def _environment() -> Environment:
+    return Environment(
+        loader=FileSystemLoader(template_folder()),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,
+    )
+
+
+DIALECTS = ("c2c", "xc8", "sdcc")
+"""The C dialects that every engine writes."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelText:
+    """A channel of the C file's head."""
+
+    name: str
+    pin: str
+    widths_us: str
+
+
+@dataclass(frozen=True, slots=True)
+class PortText:
+    """A port in use and the value of its TRIS register."""
+
+    name: str
+    tris: str
+
+
+def ports_of(schedule: PulseSchedule) -> Iterator[PortText]:
+    """The ports in use; their other pins stay inputs, as reset leaves them."""
+    for port, inputs in (("A", 0x1F), ("B", 0xFF)):
+        pins = [int(channel.pin[2]) for channel in schedule.channels if channel.pin[1] == port]
+        if pins:
+            yield PortText(port, f"0x{inputs & ~sum(1 << pin for pin in pins):02X}")
+
+
+def decimal(value: Fraction) -> str:
+    """A number as people write it: whole, or with the decimals it needs, three at most."""
+    return f"{float(value):.3f}".rstrip("0").rstrip(".")

@@ -1,0 +1,93 @@
+"""The player of a job: planned, compiled, and the C between its pulses counted.
+
+In: a job and a dialect. Out: the firmware, with the most cycles that its C takes from one slot's end to the
+moment when the kernel looks at the timer for the next, counted from the program's words over all paths.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+from servogen.compiler import Options
+from servogen.engines.firmware import Firmware, compiled_to_fit
+from servogen.engines.player import Layout, Playing, playing, soft_start
+from servogen.engines.player.buttons import waited, waited_motion
+from servogen.engines.player.rendering import render_player
+from servogen.engines.protocol import EngineJob
+from servogen.engines.sequence.overheads import Overheads
+from servogen.engines.timing_budget import TimingBudget
+from servogen.errors import Caution
+from servogen.motion import JointTrajectory
+from servogen.pic.listing import Listing
+from servogen.pic.wcet import Program
+
+CHECK, DONE, WIDTHS = "pl_check", "pl_done", "pl_between"
+"""Labels of the assembly: the kernel's look at the timer, its end; what is only run between two frames."""
+
+HINT = "fewer parts: let more of the motion repeat"
+"""What helps where the chip is too small."""
+
+
+def play(job: EngineJob) -> tuple[JointTrajectory, Playing]:
+    """The motion with its lead-in, and as the player plays it. Raises InputError."""
+    frames = round(job.firmware.soft_start_s / job.clock.seconds(job.trajectory.period))
+    begun = soft_start(job.trajectory, job.servos, frames)
+    soft = len(begun.angles) - len(job.trajectory.angles)
+    played = playing(begun, job.servos, job.frame, soft)
+    buttons = job.firmware.buttons
+    schedule = replace(waited(played.plan.schedule, buttons.waiting), inputs=buttons.inputs)
+    plan = replace(played.plan, schedule=schedule)
+    return waited_motion(begun, buttons.waiting), replace(played, plan=plan)
+
+
+def compiled(job: EngineJob, played: Playing, dialect: str) -> Firmware:
+    """The firmware in `dialect`. Raises ResourceError where the chip is too small."""
+    text = render_player(played, job.firmware.buttons, dialect, job.device, job.name)
+    return firmware(text, job, played.layout, dialect)
+
+
+def firmware(text: str, job: EngineJob, layout: Layout, dialect: str) -> Firmware:
+    """What the compiler makes of a player's C, and how long that takes at most. Raises ResourceError."""
+    file = f"main.{dialect}.c"
+    options = Options(dialect=dialect, device=job.device)
+    made = compiled_to_fit(text, file, options, job.name, "the player", HINT)
+    found = rooms(made.listing, layout)
+    overrun = next(address for address, name, _ in made.listing.variables if name == "overrun")
+    return Firmware(dialect, file, text, made, Overheads(), found, overrun, tuple(cautions(found)))
+
+
+def rooms(listing: Listing, layout: Layout) -> tuple[TimingBudget, ...]:
+    """The time that the C takes between two slots and between two frames, beside what it has."""
+    program = Program({row.address: row.word for row in listing.rows}, listing.functions)
+    most = partial(program.longest, label(listing, DONE), {label(listing, CHECK)})
+    return (
+        TimingBudget("two slots", most(without={label(listing, WIDTHS)}), layout.between_slots),
+        TimingBudget("two frames", most(), layout.between_frames),
+    )
+
+
+def cautions(found: tuple[TimingBudget, ...]) -> Iterator[Caution]:
+    """Of C that may take longer than it has: the simulated motion may still be exact, another may not."""
+    for room in found:
+        if room.left is None:
+            yield Caution("player-room", f"the C between {room.between}: its longest time is not known")
+        elif room.left < 0:
+            yield Caution(
+                "player-room",
+                f"the C between {room.between} may take {room.worst} cycles, {-room.left} more than it has",
+            )
+
+
+def label(listing: Listing, name: str) -> int:
+    """The address of a label of the C's assembly: of the first word, on the next line that has one."""
+    lines = {
+        (file, number)
+        for file, text in listing.sources
+        for number, line in enumerate(text.splitlines(), 1)
+        if f"{name}:" in line
+    }
+    ((file, first),) = lines
+    after = [(row.line, row.address) for row in listing.rows if row.file == file and (row.line or 0) >= first]
+    return min(after)[1]

@@ -1,0 +1,144 @@
+"""`JointTrajectory` -> what the player plays: parts, keyframes, and the schedule that comes of them.
+
+In: a trajectory whose joints are the servos, and the frame. Out: `Playing`. Its schedule is what the chip
+does, cycle for cycle; how far that is from the trajectory is in the rows of its plan.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from servogen.engines.player.fitting import Part, fitting, pooled, scale_of, sections
+from servogen.engines.player.interpolation import Whole
+from servogen.engines.player.layout import Layout, layout
+from servogen.engines.player.notes import rows_of, warnings_of
+from servogen.errors import InputError
+from servogen.motion.trajectory import Floats, JointTrajectory
+from servogen.plan_error import PlanError
+from servogen.pulse.plan import PulsePlan
+from servogen.pulse.plan_errors import channel_error, largest
+from servogen.pulse.schedule import Channel, Pulse, PulseSchedule, Run
+from servogen.pulse.slots import Frame
+from servogen.robot.servo import Servo
+from servogen.units import Clock, Cycles
+
+
+@dataclass(frozen=True, slots=True)
+class Playing:
+    """The player's data; `bases`, `signs` and a part's tracks are in order of the servos.
+
+    A width is base + sign · (value between keyframes) · 2**shift.
+    """
+
+    plan: PulsePlan
+    layout: Layout
+    bases: tuple[int, ...]
+    signs: tuple[int, ...]
+    shift: int
+    data: bytes
+    parts: tuple[Part, ...]
+    loop_part: int
+
+
+def playing(
+    trajectory: JointTrajectory,
+    servos: Sequence[Servo],
+    frame: Frame,
+    soft_frames: int = 0,
+) -> Playing:
+    """The player's parts of `trajectory`; `servos` are its joints, in its order. Raises InputError.
+
+    Its first `soft_frames` frames are parts of their own.
+    """
+    clock = trajectory.clock
+    rows = ideal_widths(trajectory, servos, clock)
+    pulsed = rows[~np.isnan(rows).any(axis=1)]
+    if not len(pulsed):
+        raise InputError("the motion has no pulse")
+    start = trajectory.loop_start
+    lead = [
+        *sections(rows[:soft_frames], rows[soft_frames]),
+        *sections(rows[soft_frames:start], rows[start]),
+    ]
+    loop = sections(rows[start:], rows[start])
+    scale = scale_of(pulsed, [*lead, *loop])
+    slots = layout(servos, frame, clock, scale.shift)
+    made = fitting((*lead, *loop), scale, clock, len(lead))
+    pool, parts = pooled(made)
+    every = np.concatenate([np.tile(each.widths, (each.stretch.repeats, 1)) for each in made])
+    heard = np.concatenate(
+        [np.full(each.stretch.frames * each.stretch.repeats, not each.stretch.silent) for each in made]
+    )
+    first_loop = sum(each.stretch.frames * each.stretch.repeats for each in made[: len(lead)])
+    channels = tuple(Channel(servo.name, servo.pin, servo.model.name) for servo in servos)
+    rises = [slots.rise(channel) for channel in range(len(servos))]
+    schedule = PulseSchedule(
+        clock,
+        slots.period,
+        channels,
+        tuple(_runs(every[:first_loop], heard[:first_loop], rises)),
+        tuple(_runs(every[first_loop:], heard[first_loop:], rises)),
+        plan_error=_plan_error(trajectory, servos, every, rows, clock),
+    )
+    return Playing(
+        PulsePlan(
+            schedule,
+            tuple(rows_of(servos, every, rows, clock)),
+            warnings_of(trajectory, servos, frame, slots),
+        ),
+        slots,
+        tuple(scale.bases().tolist()),
+        tuple(scale.signs.tolist()),
+        scale.shift,
+        pool.data,
+        parts,
+        len(lead),
+    )
+
+
+def ideal_widths(trajectory: JointTrajectory, servos: Sequence[Servo], clock: Clock) -> Floats:
+    """Widths in cycles as planned, (frames, servos); NaN without a pulse."""
+    angles = trajectory.angles
+    silent = np.isnan(angles)
+    if (silent.any(axis=1) & ~silent.all(axis=1)).any():
+        number = int(np.argmax(silent.any(axis=1) & ~silent.all(axis=1)))
+        raise InputError(
+            f"in frame {number} some servos have pulses and some have none",
+            hint='the player rests all servos together: engine = "sequence", or the same pauses for all',
+        )
+    rows = np.full(angles.shape, np.nan)
+    for index, servo in enumerate(servos):
+        distinct, back = np.unique(angles[:, index], return_inverse=True)
+        us = [np.nan if np.isnan(angle) else servo.width_us(angle) for angle in distinct.tolist()]
+        rows[:, index] = np.array(us)[back] / float(clock.cycle_us)
+    return rows
+
+
+def _plan_error(
+    trajectory: JointTrajectory, servos: Sequence[Servo], made: Whole, ideal: Floats, clock: Clock
+) -> PlanError:
+    """Return the largest distance between the widths `made` and `ideal`, cycles of each frame and servo."""
+    cycle_us = float(clock.cycle_us)
+    errors = []
+    for index, servo in enumerate(servos):
+        pulsed = ~np.isnan(ideal[:, index])
+        widths = [cycle_us * each[pulsed, index] for each in (ideal, made)]
+        errors.append(channel_error(servo, trajectory.angles[pulsed, index], *widths))
+    return largest(errors)
+
+
+def _runs(widths: Whole, heard: np.ndarray, rises: Sequence[Cycles]) -> Iterator[Run]:
+    """Equal frames in a row as one run."""
+    if not len(widths):
+        return
+    table = np.where(heard[:, None], widths, 0)
+    changes = (np.flatnonzero((table[1:] != table[:-1]).any(axis=1)) + 1).tolist()
+    for first, end in zip([0, *changes], [*changes, len(table)], strict=True):
+        pulses = tuple(
+            Pulse(rise, Cycles(width)) if width else None
+            for rise, width in zip(rises, table[first].tolist(), strict=True)
+        )
+        yield Run(end - first, pulses)

@@ -1,0 +1,128 @@
+"""The `sequence` engine's program as values: frame functions, steps that call them, every delay in cycles.
+
+`Sequence.walk` says which delays lie between any two edges, so that a compiler's overheads can be measured.
+
+    position(frames)          main
+    ┌─ edge, wait, edge …      ┌─ position_1(100), wait
+    │  gap                     │  position_2(250), wait
+    │  last frame? ── return   │  pause
+    └─ again                   └─ …
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from servogen.engines.sequence.overheads import START, Path
+from servogen.pulse import PulseSchedule, Run
+from servogen.units import Cycles
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """A port write: `value` goes to port A or B; `channels` are the (channel, level) that it changes."""
+
+    at: Cycles
+    port: str
+    value: int
+    changes: tuple[tuple[int, int], ...]
+    wait: Cycles
+    """The delay after it; the frame's last edge has none of its own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One frame's edges in order of time."""
+
+    edges: tuple[Edge, ...]
+    run: Run
+
+    @property
+    def first(self) -> Cycles:
+        return self.edges[0].at
+
+    @property
+    def last(self) -> Cycles:
+        return self.edges[-1].at
+
+
+@dataclass(frozen=True, slots=True)
+class Position:
+    """A function that repeats one frame."""
+
+    number: int
+    frame: Frame
+    gap: Cycles
+    again: Cycles
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """A step: `frames` times a position, or once a frame of its own (`position` None); then `after`.
+
+    All of it `turns` times, with `turn` between two of them in place of `after`.
+    """
+
+    number: int
+    frame: Frame
+    position: Position | None
+    frames: int
+    turns: int
+    turn: Cycles
+    after: Cycles
+
+    @property
+    def all_frames(self) -> int:
+        return self.turns * self.frames
+
+
+@dataclass(frozen=True, slots=True)
+class Pause:
+    """A step without pulses."""
+
+    frames: int
+    wait: Cycles
+
+
+Step = Hold | Pause
+
+
+@dataclass(frozen=True, slots=True)
+class Sequence:
+    """The whole program. The first edge is `start` cycles and the way from reset after reset."""
+
+    schedule: PulseSchedule
+    start: Cycles
+    positions: tuple[Position, ...]
+    lead_in: tuple[Step, ...]
+    loop: tuple[Step, ...]
+
+    def walk(self) -> Iterator[tuple[Path, Cycles]]:
+        """For each edge in turn, for ever: the path that ends in it and the delays asked for on that path."""
+        path, asked = START, self.start
+        for step in self._steps():
+            if isinstance(step, Pause):
+                asked = Cycles(asked + step.wait)
+                continue
+            gap = step.position.gap if step.position else Cycles(0)
+            for left in reversed(range(step.all_frames)):
+                for index, edge in enumerate(step.frame.edges):
+                    yield path, asked
+                    path, asked = Path("in", _owner(step), index), edge.wait
+                if left == 0:
+                    path, asked = Path("after", step.number), Cycles(gap + step.after)
+                elif left % step.frames == 0:
+                    path, asked = Path("turn", step.number), Cycles(gap + step.turn)
+                elif step.position:
+                    path, asked = Path("again", _owner(step)), Cycles(gap + step.position.again)
+
+    def _steps(self) -> Iterator[Step]:
+        yield from self.lead_in
+        while any(isinstance(step, Hold) for step in self.loop):
+            yield from self.loop
+
+
+def _owner(step: Hold) -> int:
+    """Positions are numbered from 1; a frame of its own goes by its step's number, below 0."""
+    return step.position.number if step.position else -step.number

@@ -1,0 +1,196 @@
+"""A schedule as the program that a lab would write.
+
+In: a `PulseSchedule` and the `Overheads` of a compiler. Out: a `Sequence`, every delay reckoned.
+
+The way back to the same frame and the way on to the next step differ in cycles; a position's `gap` stops
+short of both by `MARGIN`, and `again` and the step's own wait make up what is left of each. A run that is
+longer than a byte counts is a loop of calls, whose way back has a wait of its own (`turn`).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from itertools import pairwise
+
+from servogen.engines.sequence.overheads import START, Overheads, Path
+from servogen.engines.sequence.programs import Edge, Frame, Hold, Pause, Position, Sequence
+from servogen.errors import InputError
+from servogen.pulse import PulseSchedule, Run
+from servogen.units import Cycles
+
+MARGIN = Cycles(64)
+"""More than any compiler's loop, return and call take between two frames."""
+
+MOST_COUNTED = 255
+"""A counter of frames or calls is one byte: its cycles do not depend on its value."""
+
+FEW_FRAMES_A_CALL = 100
+"""A long run is made of equal calls of no fewer frames, if it can be."""
+
+
+def sequence(schedule: PulseSchedule, overheads: Overheads) -> Sequence:
+    """The program of a schedule. Raises InputError where the schedule leaves a delay no time."""
+    lead_in, loop = _split(schedule.lead_in), _split(schedule.loop)
+    parts = (*lead_in, *loop)
+    runs = tuple(part.run for part in parts)
+    pulsed = [run for run in runs if _pulsed(run)]
+    if not pulsed:
+        raise InputError("the schedule has no pulse")
+    often = Counter(run.pulses for run in pulsed)
+    shared = dict.fromkeys(run.pulses for run in pulsed if run.frames > 1 or often[run.pulses] > 1)
+    numbers = {pulses: number for number, pulses in enumerate(shared, 1)}
+    owners = [numbers.get(run.pulses, -step) for step, run in enumerate(runs)]
+    frames = [
+        _frame(schedule, run, owner, overheads) if _pulsed(run) else None
+        for run, owner in zip(runs, owners, strict=True)
+    ]
+    exits = _exits(schedule, frames, len(lead_in))
+    positions = {
+        number: _position(schedule, number, frames, owners, exits, overheads) for number in numbers.values()
+    }
+    steps = tuple(
+        Pause(part.run.frames, Cycles(part.run.frames * schedule.period))
+        if frame is None
+        else _hold(schedule, step, part, frame, positions.get(owners[step]), exits[step], overheads)
+        for step, (part, frame) in enumerate(zip(parts, frames, strict=True))
+    )
+    start = _delay(schedule.period, START, overheads, "from reset to the first edge")
+    return Sequence(schedule, start, tuple(positions.values()), steps[: len(lead_in)], steps[len(lead_in) :])
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """A run that is made `turns` times."""
+
+    run: Run
+    turns: int = 1
+
+
+def _split(runs: tuple[Run, ...]) -> tuple[_Part, ...]:
+    """The same frames in parts whose frames and turns one byte each can count."""
+    parts: list[_Part] = []
+    for run in runs:
+        if not _pulsed(run):
+            parts.append(_Part(run))
+            continue
+        left = run.frames
+        while left > MOST_COUNTED:
+            size, turns = _equal_calls(left)
+            parts.append(_Part(Run(size, run.pulses), turns))
+            left -= size * turns
+        parts += [_Part(Run(left, run.pulses))] if left else []
+    return tuple(parts)
+
+
+def _equal_calls(frames: int) -> tuple[int, int]:
+    """(frames a call, calls) for all of `frames`, or for as many as that can do."""
+    for size in range(MOST_COUNTED, FEW_FRAMES_A_CALL, -1):
+        if frames % size == 0 and frames // size <= MOST_COUNTED:
+            return size, frames // size
+    return MOST_COUNTED, min(frames // MOST_COUNTED, MOST_COUNTED)
+
+
+def _pulsed(run: Run) -> bool:
+    return any(run.pulses)
+
+
+def _frame(schedule: PulseSchedule, run: Run, owner: int, overheads: Overheads) -> Frame:
+    """The port writes of one frame and the delays between them."""
+    changes: dict[int, list[tuple[int, int]]] = {}
+    for channel, pulse in enumerate(run.pulses):
+        if pulse:
+            changes.setdefault(pulse.rise, []).append((channel, 1))
+            changes.setdefault(pulse.rise + pulse.width, []).append((channel, 0))
+    times = sorted(changes)
+    ports = {"A": 0, "B": 0}
+    edges = []
+    for index, at in enumerate(times):
+        touched = {schedule.channels[channel].pin[1] for channel, _ in changes[at]}
+        if len(touched) > 1:
+            raise InputError(
+                f"edges of both ports fall on cycle {at} of a frame",
+                hint="one write reaches one port: move one servo to the other's port or to another slot",
+            )
+        (port,) = touched
+        for channel, level in changes[at]:
+            mask = 1 << int(schedule.channels[channel].pin[2])
+            ports[port] = ports[port] | mask if level else ports[port] & ~mask
+        wait = Cycles(0)
+        if index + 1 < len(times):
+            path = Path("in", owner, index)
+            wait = _delay(times[index + 1] - at, path, overheads, f"after cycle {at} of a frame")
+        edges.append(Edge(Cycles(at), port, ports[port], tuple(changes[at]), wait))
+    return Frame(tuple(edges), run)
+
+
+def _exits(schedule: PulseSchedule, frames: list[Frame | None], lead_in: int) -> dict[int, Cycles | None]:
+    """For each step with pulses: cycles from its last edge to the next step's first, pauses left out.
+
+    None where no pulse follows.
+    """
+    order = [step for step, frame in enumerate(frames) if frame]
+    following = dict(pairwise(order))
+    around = [step for step in order if step >= lead_in]
+    if around:
+        following[order[-1]] = around[0]
+    exits: dict[int, Cycles | None] = dict.fromkeys(order)
+    for step, after in following.items():
+        here, there = frames[step], frames[after]
+        if here and there:
+            exits[step] = Cycles(schedule.period - here.last + there.first)
+    return exits
+
+
+def _position(
+    schedule: PulseSchedule,
+    number: int,
+    frames: list[Frame | None],
+    owners: list[int],
+    exits: dict[int, Cycles | None],
+    overheads: Overheads,
+) -> Position:
+    mine = [step for step, owner in enumerate(owners) if owner == number]
+    frame = next(frame for step in mine if (frame := frames[step]))
+    around = _around(schedule, frame)
+    gap = _checked(
+        min([around, *(leave for step in mine if (leave := exits[step]))]) - MARGIN, "between frames"
+    )
+    again = _delay(around - gap, Path("again", number), overheads, "between frames")
+    return Position(number, frame, gap, again)
+
+
+def _around(schedule: PulseSchedule, frame: Frame) -> Cycles:
+    """From a frame's last edge to the first of the same frame again."""
+    return Cycles(schedule.period - frame.last + frame.first)
+
+
+def _hold(
+    schedule: PulseSchedule,
+    step: int,
+    part: _Part,
+    frame: Frame,
+    position: Position | None,
+    leave: Cycles | None,
+    overheads: Overheads,
+) -> Hold:
+    gap = position.gap if position else 0
+    turn = after = Cycles(0)
+    if part.turns > 1:
+        turn = _delay(_around(schedule, frame) - gap, Path("turn", step), overheads, "between frames")
+    if leave is not None:
+        after = _delay(leave - gap, Path("after", step), overheads, "between frames")
+    return Hold(step, frame, position, part.run.frames, part.turns, turn, after)
+
+
+def _delay(cycles: int, path: Path, overheads: Overheads, where: str) -> Cycles:
+    return _checked(cycles - overheads.of(path), where)
+
+
+def _checked(cycles: int, where: str) -> Cycles:
+    if cycles < 0:
+        raise InputError(
+            f"two edges are too close {where}: the statements between them take {-cycles} cycles too many",
+            hint="lengthen the period, or give the servos slots that are further apart",
+        )
+    return Cycles(cycles)

@@ -1,0 +1,106 @@
+"""Measures what a compiler adds between two edges and renders the C again without it.
+
+In: a schedule, a dialect, a device. Out: `Firmware`: C text and HEX image whose every delay makes up for the
+statements around it. The overheads are measured on the simulator, never assumed: render, compile, simulate,
+render, until what is measured is what the rendering took into account.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import islice
+
+import numpy as np
+
+from servogen.compiler import Compilation, Options
+from servogen.edges import EdgeChunk, EdgeTrace
+from servogen.engines.board import board_of
+from servogen.engines.firmware import Firmware, compiled_to_fit
+from servogen.engines.sequence.overheads import Overheads, Path
+from servogen.engines.sequence.programs import Sequence
+from servogen.engines.sequence.rendering import render
+from servogen.engines.sequence.sequencing import sequence
+from servogen.errors import ServogenError
+from servogen.pic.device import Device
+from servogen.pulse import PulseSchedule
+from servogen.simulator import Machine
+from servogen.units import Cycles
+
+ROUNDS = 3
+"""One to measure, one to confirm; a third where the first delays were too short to be waited."""
+
+SLACK_FRAMES = 4
+
+SHORTER = "fewer positions, shorter moves between them, or holds in place of moves"
+"""What helps a sequence that does not fit."""
+
+
+class TuningError(ServogenError):
+    """The compiler's code does not take the same cycles each time: the delays cannot make up for it."""
+
+
+def tune(schedule: PulseSchedule, dialect: str, device: Device, title: str) -> Firmware:
+    """The firmware of a schedule with every delay corrected.
+
+    Raises InputError where a delay has no time left, ResourceError where the chip is too small, TuningError
+    where the overheads do not settle.
+    """
+    overheads = Overheads()
+    for _ in range(ROUNDS):
+        program = sequence(schedule, overheads)
+        file = f"main.{dialect}.c"
+        text = render(program, dialect, device, title)
+        options = Options(dialect=dialect, device=device)
+        compilation = compiled_to_fit(text, file, options, title, "the sequence engine", SHORTER)
+        measured = measure(program, compilation)
+        if measured == overheads:
+            return Firmware(dialect, file, text, compilation, overheads)
+        overheads = measured
+    raise TuningError(f"{file}: the cycles between the delays did not settle in {ROUNDS} rounds")
+
+
+def measure(program: Sequence, compilation: Compilation) -> Overheads:
+    """The cycles of each path of `program` beyond the delays asked for, over its lead-in and one loop."""
+    schedule = program.schedule
+    frames = sum(run.frames for run in (*schedule.lead_in, *schedule.loop))
+    wanted = edges_to_watch(program)
+    limit = Cycles(2 * (frames + SLACK_FRAMES) * schedule.period)
+    machine = Machine(compilation.image, schedule.clock, board_of(schedule))
+    trace = EdgeTrace(schedule.clock, machine.stream(limit), limit)
+    times = _times(trace.driven(), wanted)
+    paths = list(islice(program.walk(), wanted))
+    if len(times) < len(paths):
+        raise TuningError(f"the program made {len(times)} edges in {limit} cycles, not {len(paths)}")
+    cycles: dict[Path, int] = {}
+    before = 0
+    for time, (path, asked) in zip(times, paths, strict=False):
+        extra = time - before - asked
+        before = time
+        if cycles.setdefault(path, extra) != extra:
+            raise TuningError(
+                f"at cycle {time} the statements took {extra} cycles, before that {cycles[path]} ({path})"
+            )
+    return Overheads(cycles)
+
+
+def edges_to_watch(program: Sequence) -> int:
+    """The port writes of the lead-in, of one loop and the first of the next."""
+    schedule = program.schedule
+    writes = sum(
+        run.frames
+        * len({time for pulse in run.pulses if pulse for time in (pulse.rise, pulse.rise + pulse.width)})
+        for run in (*schedule.lead_in, *schedule.loop)
+    )
+    repeats = any(any(run.pulses) for run in schedule.loop)
+    return writes + int(repeats)
+
+
+def _times(chunks: Iterable[EdgeChunk], wanted: int) -> list[int]:
+    """The cycles of the first `wanted` port writes that change a pin."""
+    times: list[int] = []
+    for chunk in chunks:
+        new = np.unique(chunk.cycle).tolist()
+        times += new[1:] if times and new and new[0] == times[-1] else new
+        if len(times) > wanted:
+            break
+    return times[:wanted]

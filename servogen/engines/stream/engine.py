@@ -1,0 +1,60 @@
+"""The stream engine of a job: planned and compiled.
+
+In: a job with a serial line, and a dialect. Out: what it streams, and the firmware.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from servogen.compiler import Options
+from servogen.engines.firmware import Firmware, compiled_to_fit
+from servogen.engines.protocol import EngineJob
+from servogen.engines.sequence.overheads import Overheads
+from servogen.engines.stream.rendering import render_stream
+from servogen.engines.stream.streaming import Streaming, streaming
+from servogen.errors import InputError
+from servogen.motion import JointTrajectory
+from servogen.pulse.schedule import Input, PulseSchedule
+
+HINT = "fewer servos, or none on the other port"
+"""What helps where the chip is too small."""
+
+
+def stream(job: EngineJob) -> tuple[JointTrajectory, Streaming]:
+    """What the firmware does for itself, the neutral pose, and what it is made of. Raises InputError."""
+    if job.stream is None:
+        raise InputError(f"{job.name} has no serial line", hint="add a table [stream]")
+    made = streaming(job.servos, job.frame, job.clock, job.stream, job.firmware.soft_start_s)
+    idle = replace(made.plan.schedule, inputs=(Input(job.stream.receive_pin, 1),))
+    plan = replace(made.plan, schedule=idle)
+    return _idle(job, idle), replace(made, plan=plan)
+
+
+def _idle(job: EngineJob, schedule: PulseSchedule) -> JointTrajectory:
+    """The neutral pose frame by frame; NaN where the fail-safe takes the pulses away."""
+    runs = (*schedule.lead_in, *schedule.loop)
+    rows = [
+        [servo.neutral if pulse else math.nan for servo, pulse in zip(job.servos, run.pulses, strict=True)]
+        for run in runs
+    ]
+    angles = np.repeat(np.array(rows), [run.frames for run in runs], axis=0)
+    names = tuple(servo.name for servo in job.servos)
+    return JointTrajectory(names, job.clock, schedule.period, angles, schedule.lead_in_frames)
+
+
+def compiled(job: EngineJob, streamed: Streaming, dialect: str) -> Firmware:
+    """The firmware in `dialect`. Raises ResourceError where the chip is too small."""
+    return firmware(render_stream(streamed, dialect, job.device, job.name), job, dialect)
+
+
+def firmware(text: str, job: EngineJob, dialect: str) -> Firmware:
+    """What the compiler makes of a stream's C. Raises ResourceError where the chip is too small."""
+    file = f"main.{dialect}.c"
+    options = Options(dialect=dialect, device=job.device)
+    made = compiled_to_fit(text, file, options, job.name, "the stream engine", HINT)
+    overrun = next(address for address, name, _ in made.listing.variables if name == "due")
+    return Firmware(dialect, file, text, made, Overheads(), overrun=overrun)

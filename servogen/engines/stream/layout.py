@@ -1,0 +1,96 @@
+"""The stream engine's frame: a slot for each servo, one after the other, all of as many rounds of TMR0.
+
+In: the servos and the frame asked for. Out: `Layout`; InputError where the pulses do not fit.
+
+    |<------- slot: whole rounds of 256 cycles ------->|
+    |    ▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁|
+      rise: TMR0 = 152             fall, at least 80 before the next slot's round
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from servogen.engines.stream.protocol import BITS, BYTES, MOST_TRIM, Travel, travel
+from servogen.engines.stream.settings import BAUD_ERROR
+from servogen.errors import InputError
+from servogen.pulse.slots import Frame
+from servogen.robot.servo import Servo
+from servogen.units import Clock, Cycles
+
+ROUND = 256
+RISE = 152
+"""TMR0 when a pulse begins."""
+LATEST = 80
+"""A fall may be so many cycles after TMR0 = RISE in the last round of its slot but one."""
+LEAST_WIDTH = Cycles(ROUND + MOST_TRIM + 1)
+REACTION_S = Fraction(10, 1000)
+"""A command counts in the first frame that begins so long after it: two slots may pass until its pulse."""
+C_ROUNDS = 9
+"""What the C may take to prepare a pulse and do a command."""
+MOST_SLOTS = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """`slots` of `rounds` timer rounds each; servo n's pulse is in slot n, the others are silent."""
+
+    slots: int
+    rounds: int
+
+    @property
+    def period(self) -> Cycles:
+        return Cycles(self.slots * self.rounds * ROUND)
+
+    def rise(self, servo: int) -> Cycles:
+        """From the first servo's rise."""
+        return Cycles(servo * self.rounds * ROUND)
+
+
+def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, baud: int) -> Layout:
+    """The longest frame that is no longer than the one asked for. Raises InputError."""
+    widths = [travel(servo, clock) for servo in servos]
+    for servo, each in zip(servos, widths, strict=True):
+        if each.least < LEAST_WIDTH:
+            raise InputError(
+                f"{servo.name}: a pulse of {each.least} cycles is shorter than {LEAST_WIDTH}",
+                servo.place,
+                "take a faster clock, or narrow the servo's limits",
+            )
+    rounds = frame.period.cycles // ROUND
+    least, most = max(C_ROUNDS, _rounds(widths)), _most_rounds(clock, baud)
+    if least > most:
+        raise InputError(
+            f"the longest pulse needs a slot of {least} rounds of {ROUND} cycles; "
+            f"commands at {baud} baud come after as few as {most}",
+            frame.place,
+            "a lower rate, or narrow the servos' limits",
+        )
+    fits = [
+        Layout(slots, min(rounds // slots, most))
+        for slots in range(len(servos), MOST_SLOTS)
+        if rounds // slots >= least
+    ]
+    if not fits:
+        raise InputError(
+            f"the pulses do not fit a frame: {len(servos)} servos, one after the other, take {least} rounds "
+            f"of {ROUND} cycles each, the frame has {rounds}",
+            frame.place,
+            f"period_us = {float(clock.us(len(servos) * least * ROUND)):g}, or narrow the servos' limits",
+        )
+    return max(fits, key=lambda each: (each.period, -each.slots))
+
+
+def _most_rounds(clock: Clock, baud: int) -> int:
+    """Of a slot: a command must be done before the next one is there, and count soon enough."""
+    command = clock.cycles_per_second / baud * BITS * BYTES * (1 - BAUD_ERROR)
+    soon = clock.cycles_per_second * REACTION_S / 2
+    return int(min(command - C_ROUNDS * ROUND, soon) // ROUND)
+
+
+def _rounds(widths: Sequence[Travel]) -> int:
+    """Of the shortest slot that holds the longest pulse and its trim."""
+    longest = max(each.most for each in widths) + MOST_TRIM
+    return -(-(longest - LATEST) // ROUND) + 1

@@ -1,0 +1,146 @@
+"""The `stream` engine as C: `templates/stream/main.c.j2` is the body, `stream/*.asm` are its assembly.
+
+In: what is streamed and a dialect. Out: the text of one C file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+
+from servogen.engines.c_text import ChannelText, assembly, decimal, filled, ports_of
+from servogen.engines.stream.layout import RISE
+from servogen.engines.stream.protocol import TRIM_ZERO
+from servogen.engines.stream.settings import SAMPLE_GAP, UNIT
+from servogen.engines.stream.streaming import Streaming
+from servogen.pic.device import Device, oscillator_for, registers
+
+NONE = 0xFE
+"""In the place of a command: there is none. No command begins with this byte."""
+
+LAST = 84
+"""Cycles from the last look before an edge to the edge: the longest look and the way to st_exactly fit."""
+
+SECOND, THIRD = 84, 152
+"""TMR0 at the second and third look of a round without an edge."""
+
+READ_LATE = 24
+"""Cycles from the time stamps to the looks that they belong to, the start bit's and a bit's together."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Out:
+    """The port of the pin that answers: its TRIS register, and its pins while nothing is sent."""
+
+    name: str
+    tris: str
+    idle: str
+
+
+def render_stream(streamed: Streaming, dialect: str, device: Device, title: str) -> str:
+    """The C file of `streamed` in `dialect`. Raises RenderError."""
+    schedule, stream = streamed.plan.schedule, streamed.stream
+    clock = schedule.clock
+    pins = [channel.pin for channel in schedule.channels]
+    two_ports = len({pin[1] for pin in pins}) > 1
+    return filled(
+        "stream/main.c.j2",
+        dialect=dialect,
+        title=title,
+        device=device.name,
+        clock_hz=clock.hz,
+        clock_mhz=decimal(Fraction(clock.hz, 1_000_000)),
+        oscillator=oscillator_for(clock.hz),
+        period_us=decimal(clock.us(schedule.period)),
+        baud=stream.baud,
+        line=stream.receive_pin,
+        channels=list(_channels(streamed)),
+        servos=len(pins),
+        slots=streamed.layout.slots,
+        slot_ticks=streamed.layout.rounds,
+        ports=list(ports_of(schedule)),
+        out=_out(stream.transmit_pin),
+        answers=stream.transmit_pin is not None,
+        two_ports=two_ports,
+        facts=_facts(streamed, two_ports),
+        everybody=_everybody(pins, two_ports),
+        fail_safe=stream.fail_safe,
+        silence_frames=streamed.silence_frames,
+        soft_frames=streamed.soft_frames,
+        nothing=f"0x{NONE:02X}",
+        trim_zero=TRIM_ZERO,
+        tick=list(assembly(tick(streamed))),
+        **{
+            name: list(assembly(filled(f"stream/{name}.asm")))
+            for name in ("extend", "trim", "keep", "ready", "multiply", "add", "way", "step", "divide")
+        },
+    )
+
+
+def tick(streamed: Streaming) -> str:
+    """The assembly of the interrupt."""
+    pins = [channel.pin for channel in streamed.plan.schedule.channels]
+    ports = sorted({f"PORT{pin[1]}" for pin in pins})
+    line, out = streamed.stream.receive_pin, streamed.stream.transmit_pin
+    bit = streamed.plan.schedule.clock.cycles_per_second / streamed.stream.baud
+    return filled(
+        "stream/tick.asm",
+        rise=RISE,
+        last=LAST,
+        second=SECOND,
+        third=THIRD,
+        slot_ticks=streamed.layout.rounds,
+        two_ports=len(ports) > 1,
+        port="INDF" if len(ports) > 1 else ports[0],
+        nothing=f"0x{NONE:02X}",
+        line_port=f"PORT{line[1]}",
+        line_bit=line[2],
+        answers=out is not None,
+        out_port=f"PORT{out[1]}" if out else "",
+        out_bit=out[2] if out else "",
+        bit_units=streamed.bit_units,
+        first_units=round((bit / 2 - SAMPLE_GAP - READ_LATE) / UNIT),
+    )
+
+
+def _channels(streamed: Streaming) -> Iterator[ChannelText]:
+    schedule = streamed.plan.schedule
+    for channel, each in zip(schedule.channels, streamed.travels, strict=True):
+        ends = (decimal(schedule.clock.us(width)) for width in (each.least, each.most))
+        yield ChannelText(channel.name, channel.pin, " to ".join(ends))
+
+
+def _out(pin: str | None) -> _Out | None:
+    """No servo is on its port: its other pins stay inputs."""
+    if pin is None:
+        return None
+    mask = 1 << int(pin[2])
+    inputs = 0x1F if pin[1] == "A" else 0xFF
+    return _Out(pin[1], f"0x{inputs & ~mask:02X}", f"0x{mask:02X}")
+
+
+def _facts(streamed: Streaming, two_ports: bool) -> list[int]:
+    """The rows of the table, a number a servo in each; two rows are looked up at a time."""
+    pins = [channel.pin for channel in streamed.plan.schedule.channels]
+    masks = [1 << int(pin[2]) for pin in pins]
+    rows = [
+        half
+        for widths in (
+            [each.least for each in streamed.travels],
+            [each.scale for each in streamed.travels],
+            streamed.neutral,
+        )
+        for half in ([width & 0xFF for width in widths], [width >> 8 for width in widths])
+    ]
+    rows.append([1 << number for number in range(len(pins))] if two_ports else masks)
+    rows.append(masks)
+    if two_ports:
+        rows.append([registers()[f"PORT{pin[1]}"].address for pin in pins])
+    return [number for row in rows for number in row]
+
+
+def _everybody(pins: list[str], two_ports: bool) -> str:
+    """All servos' bits: by number, or by pin where one port has them all."""
+    bits = range(len(pins)) if two_ports else [int(pin[2]) for pin in pins]
+    return f"0x{sum(1 << bit for bit in bits):02X}"

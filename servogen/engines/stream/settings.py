@@ -1,0 +1,93 @@
+"""What a job says of its serial line, and whether the chip can receive it at its clock.
+
+In: [stream]'s values. Out: `Stream`; InputError for a baud rate that does not go with the clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+from servogen.engines.stream.protocol import BITS
+from servogen.errors import InputError, Place
+from servogen.units import Clock
+
+UNIT = 4
+"""Cycles of the receiver's clock: a bit's time is counted in one byte of these."""
+MOST_UNITS = 255 - 32
+"""What is left of a byte when the longest time between two samples is taken off."""
+
+SAMPLE_GAP = 120
+"""Cycles between two looks at the line: three in a round of the timer, as far apart as can be."""
+
+BAUD_ERROR = Fraction(2, 100)
+"""How wrong a sender's rate may be."""
+
+HOLD, NEUTRAL, OFF = "hold", "neutral", "off"
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """The serial line's rate and pins; after `silence_s` without a command the fail-safe comes."""
+
+    baud: int = 2400
+    receive_pin: str = "RA4"
+    transmit_pin: str | None = None
+    silence_s: Fraction = Fraction(1)
+    fail_safe: str = NEUTRAL
+    """HOLD: as they are; NEUTRAL: to the neutral pose; OFF: no more pulses."""
+    place: Place | None = None
+
+
+USUAL = (300, 600, 1200, 2400, 4800, 9600, 14_400, 19_200, 38_400)
+"""Rates that are named where another is refused."""
+
+
+def bit_units(stream: Stream, clock: Clock) -> int:
+    """A bit in units of 4 cycles, rounded. Raises InputError where the line cannot be received.
+
+    A bit is looked at in its middle, give or take half the time between two looks, for the start bit as for
+    itself; until the stop bit the rounding to units has come nine times, and a sender that is 2 % off has
+    drifted by 0.19 bits. Together it must stay below half a bit.
+    """
+    bit = clock.cycles_per_second / stream.baud
+    units, rounding, drift = _off(bit)
+    if SAMPLE_GAP + rounding + drift >= bit / 2:
+        parts = round(rounding, 1), round(drift, 1)
+        raise InputError(
+            f"{stream.baud} baud at {clock.hz} Hz: a bit is {float(bit):.1f} cycles, it is looked at up to "
+            f"{float(SAMPLE_GAP + sum(parts)):.1f} from its middle: {SAMPLE_GAP} between two looks + "
+            f"{float(parts[0]):.1f} for bits of {units * UNIT} cycles + {float(parts[1]):.1f} for a sender "
+            f"{float(100 * BAUD_ERROR):g} % off; half a bit is {float(bit / 2):.1f}",
+            stream.place,
+            _rates(clock),
+        )
+    if units > MOST_UNITS:
+        raise InputError(
+            f"{stream.baud} baud at {clock.hz} Hz: a bit is {float(bit):.1f} cycles, the receiver counts "
+            f"{MOST_UNITS * UNIT} at most",
+            stream.place,
+            _rates(clock),
+        )
+    return units
+
+
+def _off(bit: Fraction) -> tuple[int, Fraction, Fraction]:
+    """A bit's units; how far rounding and the sender's error move the stop bit, in cycles."""
+    units = round(bit / UNIT)
+    return units, abs(units * UNIT - bit) * (BITS - 1), bit * BAUD_ERROR * (2 * BITS - 1) / 2
+
+
+def _rates(clock: Clock) -> str:
+    """The usual rates that this clock can receive."""
+    found = []
+    for baud in USUAL:
+        bit = clock.cycles_per_second / baud
+        units, rounding, drift = _off(bit)
+        if SAMPLE_GAP + rounding + drift < bit / 2 and units <= MOST_UNITS:
+            found.append(str(baud))
+    return (
+        f"at this clock: {', '.join(found)} baud"
+        if found
+        else "no usual rate goes with this clock: take another"
+    )

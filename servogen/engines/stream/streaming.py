@@ -1,0 +1,109 @@
+"""A stream job as numbers: frame, widths, fail-safe, and the schedule of an idle line.
+
+In: the servos, the frame, the line. Out: `Streaming`, whose schedule is what the chip does when nothing
+comes: the neutral pose, then what the fail-safe says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+from servogen.engines.stream.layout import Layout, layout
+from servogen.engines.stream.protocol import MOST, Travel, travel
+from servogen.engines.stream.settings import OFF, Stream, bit_units
+from servogen.errors import Caution, InputError
+from servogen.pulse.lint import check_calibration, check_period
+from servogen.pulse.plan import PulsePlan
+from servogen.pulse.plan_errors import error_of_rows, largest
+from servogen.pulse.quantise import PARTS, Quantised
+from servogen.pulse.schedule import Channel, Pulse, PulseSchedule, Run
+from servogen.pulse.slots import Frame
+from servogen.robot.servo import Servo
+from servogen.units import Clock, Cycles
+
+LEAST_SILENCE = 5
+"""Frames: the silence must outlast a write to the EEPROM and the time between two commands."""
+
+
+@dataclass(frozen=True, slots=True)
+class Streaming:
+    """What the firmware is made of; `travels` and `neutral` in the order of the servos."""
+
+    plan: PulsePlan
+    layout: Layout
+    stream: Stream
+    bit_units: int
+    travels: tuple[Travel, ...]
+    neutral: tuple[Cycles, ...]
+    silence_frames: int
+    soft_frames: int
+    """How many frames the way to the neutral pose takes."""
+
+
+def streaming(
+    servos: Sequence[Servo], frame: Frame, clock: Clock, stream: Stream, soft_start_s: Fraction
+) -> Streaming:
+    """The stream engine of these servos. Raises InputError."""
+    units = bit_units(stream, clock)
+    slots = layout(servos, frame, clock, stream.baud)
+    period_s = clock.seconds(slots.period)
+    silence = round(stream.silence_s / period_s)
+    if not LEAST_SILENCE <= silence <= MOST:
+        raise InputError(
+            f"a silence of {float(stream.silence_s):g} s is {silence} frames",
+            stream.place,
+            f"{LEAST_SILENCE} to {MOST} frames are counted, "
+            f"{float(LEAST_SILENCE * period_s):.2g} to {float(MOST * period_s):.2g} s",
+        )
+    neutral = tuple(clock.round_us(servo.width_us(servo.neutral)).cycles for servo in servos)
+    soft = min(MOST, max(1, round(soft_start_s / period_s)))
+    schedule = _schedule(servos, slots, clock, neutral, silence, soft, stream.fail_safe)
+    widths = tuple(
+        _quantised(servo, width, clock, schedule.lead_in_frames + schedule.loop_frames)
+        for servo, width in zip(servos, neutral, strict=True)
+    )
+    errors = (error_of_rows(servo, (row,)) for servo, row in zip(servos, widths, strict=True))
+    schedule = replace(schedule, plan_error=largest(errors))
+    plan = PulsePlan(schedule, widths, _warnings(servos, frame, slots, clock))
+    travels = tuple(travel(servo, clock) for servo in servos)
+    return Streaming(plan, slots, stream, units, travels, neutral, silence, soft)
+
+
+def _schedule(
+    servos: Sequence[Servo],
+    slots: Layout,
+    clock: Clock,
+    neutral: Sequence[Cycles],
+    silence: int,
+    soft: int,
+    fail_safe: str,
+) -> PulseSchedule:
+    """The neutral pose until after the fail-safe has come, and then what it leaves."""
+    channels = tuple(Channel(servo.name, servo.pin, servo.model.name) for servo in servos)
+    pulses = tuple(Pulse(slots.rise(number), width) for number, width in enumerate(neutral))
+    if fail_safe == OFF:
+        none = (None,) * len(servos)
+        return PulseSchedule(clock, slots.period, channels, (Run(silence - 1, pulses),), (Run(1, none),))
+    return PulseSchedule(clock, slots.period, channels, (Run(silence + soft, pulses),), (Run(1, pulses),))
+
+
+def _quantised(servo: Servo, width: Cycles, clock: Clock, frames: int) -> Quantised:
+    asked = Fraction(round(servo.width_us(servo.neutral) * PARTS), PARTS)
+    return Quantised(servo.name, servo.neutral, asked, width, clock.us(width), frames)
+
+
+def _warnings(servos: Sequence[Servo], frame: Frame, slots: Layout, clock: Clock) -> tuple[Caution, ...]:
+    found = [*check_period(clock.round_us(clock.us(slots.period)), frame.place)]
+    if slots.period != frame.period.cycles:
+        found.append(
+            Caution(
+                "period-rounded",
+                f"the frame takes {float(clock.us(slots.period)):g} µs, "
+                f"not {float(frame.period.requested_us):g}: "
+                f"{slots.slots} slots of {slots.rounds} rounds of 256 cycles",
+                frame.place,
+            )
+        )
+    return (*found, *(caution for servo in servos for caution in check_calibration(servo)))

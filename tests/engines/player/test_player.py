@@ -1,0 +1,127 @@
+"""The player on the chip: hexapods proven in every dialect, trims, power-up, a watchdog left on."""
+
+from dataclasses import replace
+
+import pytest
+
+from servogen.build import build, prove, running
+from servogen.edges import PINS, join
+from servogen.engines.player.engine import play
+from servogen.engines.player.fitting import NO_WRAP
+from servogen.errors import InputError
+from servogen.job import loads
+from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
+from servogen.simulator import Machine
+from servogen.units import Cycles
+from tests.engines.player.player_jobs import (
+    ROOT,
+    THIRTEEN,
+    built,
+    built_text,
+    crossings,
+    job_text,
+    poses,
+    trimmed,
+    widths,
+)
+
+TRIPOD = (ROOT / "jobs" / "hexapod-tripod.toml").read_text()
+
+
+@pytest.mark.parametrize("name", ["hexapod-tripod", "hexapod-ripple", "hexapod-wave"])
+def test_a_whole_hexapod_is_exact_on_one_chip_in_every_dialect(name: str) -> None:
+    done = built(name)
+    assert done.engine == "player"
+    assert len(done.plan.schedule.channels) == 12
+    for program in done.programs:
+        assert program.verdict.proven, program.verdict.reasons
+        assert program.verdict.worst_edge_error == 0
+        assert program.firmware.compilation.words <= PROGRAM_WORDS
+        assert program.firmware.compilation.ram_bytes <= RAM_BYTES
+
+
+def test_the_first_pulses_go_to_the_neutral_pose() -> None:
+    schedule = built("hexapod-tripod").plan.schedule
+    first = schedule.lead_in[0]
+    assert first.frames == 50
+    assert {pulse.width for pulse in first.pulses if pulse} == {1500}
+
+
+def test_the_tripod_starts_from_standing_and_stops_standing() -> None:
+    done = built("hexapod-tripod")
+    rows = [run.pulses for run in done.plan.schedule.loop for _ in range(run.frames)]
+    lifts = [n for n, channel in enumerate(done.plan.schedule.channels) if channel.name.endswith("-lift")]
+    turns = [n for n in range(12) if n not in lifts]
+
+    def width(row: int, channel: int) -> int:
+        pulse = rows[row][channel]
+        assert pulse is not None
+        return pulse.width
+
+    # It begins and ends in the neutral pose, all feet down; in between three feet at a time are lifted.
+    for row in (0, len(rows) - 1):
+        assert all(abs(width(row, channel) - 1500) <= 1 for channel in range(12))
+    lifted = [{n for n in lifts if abs(width(row, n) - 1500) > 5} for row in range(len(rows))]
+    assert max(map(len, lifted)) == 3 and len({frozenset(each) for each in lifted if len(each) == 3}) == 2
+    # The legs swing in between.
+    reach = [max(abs(width(row, n) - 1500) for n in turns) for row in range(len(rows))]
+    assert reach[0] <= 1 and reach[-1] <= 1 and max(reach) > 30
+
+
+def test_a_trim_in_the_eeprom_moves_that_servo_by_exactly_that_much() -> None:
+    done = built("hexapod-tripod")
+    trims = {0: 25, 3: -40, 4: 127, 7: -2, 11: -127}
+    schedule = trimmed(done.plan.schedule, trims)
+    span = Cycles(200 * schedule.period)
+    for program in done.programs:
+        data = {channel: trim & 0xFF for channel, trim in trims.items()} | {2: 0xFF, 5: 0}
+        image = replace(program.image, eeprom={**program.image.eeprom, **data})
+        verdict = prove(schedule, running(schedule, image, span), span)
+        assert verdict.worst_edge_error == 0, verdict.reasons
+
+
+def test_after_power_up_no_pin_is_high_before_its_first_pulse_and_none_is_short() -> None:
+    done = built("hexapod-tripod")
+    schedule, image = done.plan.schedule, done.programs[0].image
+    chunk = join(Machine(image, schedule.clock).stream(Cycles(40 * schedule.period)))
+    for channel in schedule.channels:
+        assert set(widths(chunk, PINS.index(channel.pin))) == {1500}
+
+
+def test_thirteen_servos_that_sweep_across_each_other_are_exact() -> None:
+    # Ten minutes of the same: python -m tests.engines.player.player_jobs.
+    done = built_text(THIRTEEN)
+    assert done.proven
+    assert len(crossings(done)) == 6 and min(crossings(done).values()) >= 2
+    most = dict.fromkeys(range(13), 127)
+    schedule = trimmed(done.plan.schedule, most)
+    span = Cycles(300 * schedule.period)
+    for program in done.programs:
+        assert program.verdict.worst_edge_error == 0
+        # The slots have room for the longest pulse with the longest trim, in every frame.
+        image = replace(program.image, eeprom=most)
+        verdict = prove(schedule, running(schedule, image, span), span)
+        assert verdict.worst_edge_error == 0, verdict.reasons
+
+
+def test_held_poses_between_two_steps_are_held() -> None:
+    # Steps of 4 µs; the poses are 1 and 2 µs off them. A part that is held has one keyframe and stays at it.
+    done = built_text(
+        job_text(3, poses([(10.3, 20, 31), (159, 144.4, 77)], 0.32).replace("move_s", "hold_s = 0.3, move_s"))
+    )
+    _, played = play(done.job)
+    held = [part for part in played.parts if part.wrap == 1]
+    assert played.shift == 2 and len(held) >= 3
+    for part in played.parts:
+        # `segment` must not pass the end of what goes round: the chip takes `wrap` off it once.
+        assert part.wrap == NO_WRAP or part.frames * (part.speed or 256) <= part.wrap * 256
+    for program in done.programs:
+        assert program.proven and program.verdict.worst_edge_error == 0
+
+
+def test_a_motion_with_too_many_keyframes_is_refused_with_its_bytes() -> None:
+    long = TRIPOD.replace('gait = "tripod"', 'gait = "wave"').replace("cycles = 4", "cycles = 7")
+    with pytest.raises(
+        InputError, match=r"the motion has \d+ bytes of keyframes: the player's table holds 256"
+    ):
+        build(loads(long, "long.toml"))

@@ -1,0 +1,108 @@
+"""The player at every clock: as many servos as fit, every edge exact; the arithmetic where they do not."""
+
+import re
+from itertools import pairwise
+
+import pytest
+
+from servogen.engines.player.engine import play
+from servogen.errors import InputError
+from servogen.job import loads
+from servogen.units import Clock
+from tests.engines.player.player_jobs import built_text, job_text, sweep
+
+TABLE = ((1, 6, 32), (2, 10, 32), (4, 13, 32), (8, 13, 32), (10, 13, 32), (16, 13, 32), (20, 13, 64))
+"""MHz, servos with pulses of up to 2 ms, cycles of a tick."""
+
+
+def text(mhz: int, servos: int, **more: object) -> str:
+    return job_text(
+        servos,
+        sweep(servos, 1.28),
+        clock_hz=mhz * 1_000_000,
+        firmware="soft_start_s = 0.16",
+        **more,  # type: ignore[arg-type]
+    )
+
+
+@pytest.mark.parametrize(("mhz", "servos", "tick"), TABLE)
+def test_every_edge_is_exact(mhz: int, servos: int, tick: int) -> None:
+    done = built_text(text(mhz, servos))
+    _, played = play(done.job)
+    assert played.layout.tick == tick
+    for program in done.programs:
+        assert program.proven and program.verdict.worst_edge_error == 0
+        for room in program.firmware.rooms:
+            assert room.left is not None and room.left >= 0
+    # The period is the nearest whole number of ticks; what that costs is said.
+    clock = Clock(mhz * 1_000_000)
+    wanted = clock.round_us(20_000).cycles
+    assert abs(done.plan.schedule.period - wanted) <= tick / 2
+    rounded = [each.text for each in done.warnings if each.code == "period-rounded"]
+    assert bool(rounded) == bool(wanted % tick)
+    if rounded:
+        assert f"{done.plan.schedule.period - wanted:+d} cycles" in rounded[0]
+
+
+@pytest.mark.parametrize(("mhz", "servos"), [(1, 7), (1, 13), (2, 11)])
+def test_more_than_fits_is_refused_with_the_arithmetic(mhz: int, servos: int) -> None:
+    with pytest.raises(InputError) as refused:
+        loads(text(mhz, servos), "job.toml")
+    found = re.search(
+        r"those of (\d+) servos.*take (\d+) cycles.*a frame is (\d+) cycles", str(refused.value)
+    )
+    assert found
+    said, needed, have = map(int, found.groups())
+    assert (said, have) == (servos, mhz * 5000)
+    # Two at a time, each slot the longest pulse, 127 cycles of trim and what the kernel needs.
+    longest = round(2016 * mhz / 4)
+    assert needed > have and needed > -(-servos // 2) * (longest + 127 + 100)
+
+
+@pytest.mark.parametrize(("mhz", "servos"), [(1, 6), (2, 9), (4, 12), (8, 13), (20, 13)])
+def test_how_many_servos_with_pulses_of_2_ms_fit(mhz: int, servos: int) -> None:
+    _, played = play(loads(text(mhz, servos, limits=(10, 180)), "job.toml"))
+    assert len(played.layout.order) == servos
+    if servos < 13:
+        with pytest.raises(InputError, match="do not fit a frame"):
+            play(loads(text(mhz, servos + 1, limits=(10, 180)), "job.toml"))
+
+
+def test_the_refusal_counts_whole_ticks() -> None:
+    # In cycles the pulses and the C would be 4 less than a frame; slots begin at ticks.
+    with pytest.raises(InputError) as refused:
+        loads(text(4, 13, limits=(10, 162), frame="most_together = 1"), "job.toml")
+    found = re.search(r"take (\d+) cycles.*a frame is 20000 cycles", str(refused.value))
+    assert found and int(found[1]) > 20_000 and int(found[1]) % 32 == 0
+
+
+def test_the_longest_pulses_at_20_mhz_have_slots_of_more_than_8160_cycles() -> None:
+    done = built_text(text(20, 13, limits=(0, 180)))
+    _, played = play(done.job)
+    # From the first slot to the second, and so on; the last, without a pulse, only waits.
+    slots = [slot.ticks * played.layout.tick for slot in played.layout.slots[1:7]]
+    assert min(slots) > 255 * 32
+    assert done.proven
+
+
+def test_a_long_frame_is_cut_by_slots_without_pulses() -> None:
+    done = built_text(job_text(3, sweep(3, 1.28), frame="period_us = 60_000"))
+    _, played = play(done.job)
+    assert sum(not slot.channels for slot in played.layout.slots) >= 5
+    assert done.proven and done.plan.schedule.period == 60_000
+
+
+@pytest.mark.parametrize("mhz", [2, 4, 20])
+def test_with_most_together_1_no_two_pins_rise_within_32_cycles(mhz: int) -> None:
+    done = built_text(text(mhz, 8, frame="most_together = 1"))
+    assert done.proven
+    rises = sorted(pulse.rise for pulse in done.plan.schedule.lead_in[0].pulses if pulse)
+    assert min(b - a for a, b in pairwise(rises)) == 32
+    together = built_text(text(mhz, 8))
+    assert len({pulse.rise for pulse in together.plan.schedule.lead_in[0].pulses if pulse}) == 4
+
+
+def test_the_sequence_engine_keeps_the_rule_by_its_slots() -> None:
+    lab = text(4, 2, frame="most_together = 1\nper_slot = 2").replace('"player"', '"sequence"')
+    with pytest.raises(InputError, match="per_slot = 2 servos start together, most_together allows 1"):
+        loads(lab, "job.toml")

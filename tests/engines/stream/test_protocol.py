@@ -1,0 +1,96 @@
+"""The stream engine's protocol: bytes of commands, what they mean, positions and widths."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from servogen.engines.stream.protocol import (
+    MOST,
+    NO_TRIM,
+    Command,
+    Kind,
+    Travel,
+    command_of,
+    group_begins,
+    group_goes,
+    position_command,
+    query_command,
+    speed_command,
+    trim_byte,
+    trim_command,
+    trim_cycles,
+)
+from servogen.errors import InputError
+from servogen.units import Cycles
+
+
+def test_commands_are_the_bytes_of_the_table() -> None:
+    assert position_command(3, 254) == bytes.fromhex("FF 03 FE")
+    assert speed_command(7, 20) == bytes.fromhex("FF 47 14")
+    assert group_begins() == bytes.fromhex("FF 80 00")
+    assert group_goes(50) == bytes.fromhex("FF 80 32")
+    assert trim_command(2, -127) == bytes.fromhex("FF C2 00")
+    assert trim_command(2, 127) == bytes.fromhex("FF C2 FE")
+    assert query_command(1) == bytes.fromhex("FF F0 01")
+    assert query_command(1, low=True) == bytes.fromhex("FF F0 09")
+
+
+def test_a_command_is_what_its_bytes_say_and_all_other_bytes_are_none() -> None:
+    known = {
+        **{n: (Kind.POSITION, n) for n in range(8)},
+        **{0x40 + n: (Kind.SPEED, n) for n in range(8)},
+        0x80: (Kind.GROUP, 0),
+        **{0xC0 + n: (Kind.TRIM, n) for n in range(8)},
+        0xF0: (Kind.QUERY, 0),
+    }
+    for second in range(256):
+        found = command_of(second, 17)
+        assert found == (Command(*known[second], 17) if second in known else None)
+        assert command_of(second, 0xFF) is None
+    assert command_of(3, 17, servos=3) is None
+    assert command_of(0xF0, 1, answers=False) is None
+    assert command_of(0x42, 17, servos=3) == Command(Kind.SPEED, 2, 17)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: position_command(8, 0),
+        lambda: position_command(0, 255),
+        lambda: position_command(-1, 0),
+        lambda: group_goes(0),
+        lambda: trim_command(0, -1),
+        lambda: trim_command(0, 128),
+        lambda: Travel(Cycles(1000), Cycles(2000)).width(255),
+    ],
+)
+def test_what_cannot_be_said_is_refused(wrong: object) -> None:
+    with pytest.raises(InputError):
+        wrong()  # type: ignore[operator]
+
+
+def test_a_trim_s_byte_is_two_s_complement_and_the_erased_one_is_none() -> None:
+    assert [trim_byte(cycles) for cycles in (0, 1, 127, -2, -127)] == [0, 1, 127, 0xFE, 0x81]
+    assert trim_cycles(NO_TRIM) == 0
+    for cycles in range(-127, 128):
+        assert trim_cycles(trim_byte(cycles)) == (0 if cycles == -1 else cycles)
+
+
+@settings(derandomize=True, max_examples=200)
+@given(st.integers(256, 5000), st.integers(1, 10_000))
+def test_positions_go_from_end_to_end_and_are_within_a_cycle_of_the_straight_line(
+    least: int, span: int
+) -> None:
+    each = Travel(Cycles(least), Cycles(least + span))
+    widths = [each.width(p) for p in range(MOST + 1)]
+    assert widths[0] == least and widths[MOST] == least + span
+    assert widths == sorted(widths)
+    assert all(abs(width - (least + p * span / MOST)) < 1 for p, width in enumerate(widths))
+
+
+@settings(derandomize=True, max_examples=100)
+@given(st.integers(0, MOST), st.integers(300, 10_000))
+def test_the_nearest_position_of_a_position_s_width_is_that_position(p: int, span: int) -> None:
+    each = Travel(Cycles(600), Cycles(600 + span))
+    assert each.nearest(each.width(p)) == p
+    assert each.nearest(0) == 0 and each.nearest(99_999) == MOST
