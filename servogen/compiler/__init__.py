@@ -1,5 +1,5 @@
-"""The PIC16F84 C compiler: `compile_sources` takes C of the C2C, XC8 or SDCC dialect and gives an
-image and a listing.
+"""The PIC16F84 C compiler: `compile_sources` compiles C in the C2C, XC8 or SDCC dialect to an image and a
+listing.
 """
 
 from servogen.compiler.diagnostics import CompileError, Diagnostic

@@ -1,4 +1,4 @@
-"""What the compiler says about a program: errors and warnings with a place, the line and a caret.
+"""Errors and warnings about a program, with a location, the source line and a caret.
 
 In: messages from every stage. Out: `Diagnostic` values, and one `CompileError` that carries them all.
 """
@@ -14,7 +14,7 @@ from servogen.errors import InputError, Place
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One error or warning. `source_line` is the text of the line that it points at, if there is one."""
+    """One error or warning. `source_line` is the text of the line that it points to, if there is one."""
 
     severity: str
     """ "error" or "warning"."""
@@ -39,7 +39,7 @@ class Diagnostic:
 
 
 class CompileError(InputError):
-    """The program cannot be compiled; `diagnostics` says why, warnings among the errors, in source order."""
+    """Raised when the program cannot be compiled; `diagnostics` holds errors and warnings in source order."""
 
     def __init__(self, diagnostics: tuple[Diagnostic, ...]) -> None:
         errors = [each for each in diagnostics if each.severity == "error"]
@@ -54,11 +54,11 @@ class CompileError(InputError):
 
 
 class Fatal(Exception):
-    """Raised inside the compiler to leave a construct whose error has been reported."""
+    """Raised inside the compiler to abandon a construct whose error has been reported."""
 
 
 class Reporter:
-    """Collects diagnostics and knows the text of each source file."""
+    """Collects diagnostics and keeps the text of each source file."""
 
     def __init__(self) -> None:
         self.texts: dict[str, str] = {}
@@ -97,17 +97,19 @@ class Reporter:
         self._add("warning", message, place, hint)
 
     def fatal(self, message: str, place: Place, hint: str | None = None) -> Fatal:
-        """Report an error; the caller raises what comes back."""
+        """Report an error; the caller raises the exception that is returned."""
         self.error(message, place, hint)
         return Fatal(message)
 
     def too_large(self, message: str, place: Place, hint: str | None = None) -> Fatal:
-        """Report that the program is too large; the caller raises what comes back."""
+        """Report that the program is too large; the caller raises the exception that is returned."""
         self._add("error", message, place, hint, too_large=True)
         return Fatal(message)
 
     def too_deep(self, place: Place) -> Fatal:
-        """Report nesting beyond what the compiler can follow; the caller raises what comes back."""
+        """Report nesting deeper than the compiler supports; the caller raises the exception that is
+        returned.
+        """
         return self.fatal(
             "something in the program is nested too deeply",
             place,
@@ -115,7 +117,7 @@ class Reporter:
         )
 
     def ordered(self) -> tuple[Diagnostic, ...]:
-        """All of them in source order."""
+        """Return all diagnostics in source order."""
         files: Mapping[str, int] = {file: number for number, file in enumerate(self.texts)}
 
         def key(each: Diagnostic) -> tuple[int, int, int]:
@@ -125,7 +127,7 @@ class Reporter:
         return tuple(sorted(self._found, key=key))
 
     def stop_on_error(self) -> None:
-        """Raises CompileError when an error was reported."""
+        """Raise CompileError if an error was reported."""
         found = self.ordered()
         if any(each.severity == "error" for each in found):
             raise CompileError(found)

@@ -1,4 +1,4 @@
-"""The whole way: source texts and options to an image and its listing.
+"""The complete compilation: from source texts and options to an image and its listing.
 
 In: `Source`s and `Options`. Out: a `Compilation`, or CompileError with every diagnostic.
 """
@@ -39,7 +39,9 @@ from servogen.units import Clock
 
 @dataclass(frozen=True, slots=True)
 class Compilation:
-    """What came out. `words` are program words without the configuration, `diagnostics` the warnings."""
+    """The result of a compilation. `words` are the program words without the configuration, `diagnostics` the
+    warnings.
+    """
 
     image: Image
     listing: Listing
@@ -134,7 +136,7 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
 def _transform(
     functions: dict[str, Function], roots: list[str], options: Options, manager: PassManager
 ) -> None:
-    """Run the passes over each function, then those over the whole program."""
+    """Run the passes over each function, then the passes over the whole program."""
     if options.optimise != "none":
         for function in functions.values():
             manager.optimise(function)
@@ -150,7 +152,7 @@ def _transform(
 
 
 class _Dump:
-    """Keeps the text of each function as one pass leaves it."""
+    """Records the text of each function as one pass leaves it."""
 
     def __init__(self, after: str | None) -> None:
         self.after = after
@@ -161,7 +163,7 @@ class _Dump:
             self._texts[function.name] = text_of(function)
 
     def text(self, functions: Mapping[str, Function]) -> str:
-        """The functions that are left, in order."""
+        """Return the functions that remain, in order."""
         return "\n".join(self._texts[name] for name in functions if name in self._texts)
 
 
@@ -181,7 +183,7 @@ def _read(
 
 
 def reached(functions: dict[str, Function], roots: list[str]) -> set[str]:
-    """The functions that the roots call, directly or not, themselves included."""
+    """Return the functions that the roots call, directly or indirectly, including the roots."""
     found = set(roots)
     waiting = list(roots)
     while waiting:
@@ -192,7 +194,7 @@ def reached(functions: dict[str, Function], roots: list[str]) -> set[str]:
 
 
 def drop_unused(functions: dict[str, Function], roots: list[str]) -> None:
-    """Forget functions and routines that nothing calls any more."""
+    """Remove the functions and routines that nothing calls any more."""
     wanted = reached(functions, roots)
     for name in [
         name
@@ -206,7 +208,7 @@ def drop_unused(functions: dict[str, Function], roots: list[str]) -> None:
 
 
 def _mark_shared(graph: CallGraph) -> None:
-    """Variables that the interrupt names are read and written as they stand."""
+    """Mark the variables that the interrupt refers to, so that their reads and writes are kept."""
     for symbol in globals_of(graph.program, graph.isr):
         if symbol.static:
             symbol.volatile = True

@@ -1,7 +1,8 @@
-"""How large a program may be: bounds on the compiler's own time and memory, far above what the chip holds.
+"""Limits on the size of a program: bounds on the compiler's own time and memory, far above what the chip
+holds.
 
-In: nothing; numbers. A program of 1024 words has some thousand tokens; whatever goes beyond these bounds
-cannot fit, and is refused at that place before it costs seconds.
+In: nothing. Out: numbers. A program of 1024 words has a few thousand tokens; whatever exceeds these limits
+cannot fit, and is rejected there before it costs seconds.
 """
 
 from __future__ import annotations

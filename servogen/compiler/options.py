@@ -1,4 +1,4 @@
-"""What a compilation is asked for: sources, dialect, device, level of optimisation."""
+"""The options of a compilation: sources, dialect, device, optimisation level."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ VERIFY_IR = "SERVOGEN_VERIFY_IR"
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """One C file: its text and the name that messages give it."""
+    """One C file: its text and the name that messages use for it."""
 
     text: str
     file: str = "main.c"

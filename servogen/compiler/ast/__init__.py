@@ -1,1 +1,1 @@
-"""The typed tree: C types, expressions and statements, constant folding."""
+"""The typed syntax tree: C types, expressions and statements, constant folding."""

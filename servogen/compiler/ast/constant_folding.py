@@ -1,4 +1,4 @@
-"""Constant arithmetic of C on this chip, and the range of values that an expression can take.
+"""Constant arithmetic as C defines it on this chip, and the range of values that an expression can take.
 
 In: typed tree nodes. Out: folded constants (ISO C 6.5 on types of 8 to 32 bits, wrapping), and (low, high)
 intervals from which the code generator chooses the narrowest arithmetic that is still right.
@@ -27,7 +27,7 @@ Interval = tuple[int, int]
 
 
 def fold(op: str, left: int, right: int, kind: IntType) -> int | None:
-    """`left op right` in a type; None for a division by zero."""
+    """Return `left op right` computed in a type; None for a division by zero."""
     match op:
         case "+":
             value = left + right
@@ -80,7 +80,7 @@ def type_interval(kind: object) -> Interval:
 
 
 def interval(expr: Expr) -> Interval:
-    """The least and the greatest value of an expression, from its types and constants."""
+    """Return the minimum and maximum value of an expression, derived from its types and constants."""
     full = type_interval(expr.type)
     match expr:
         case Num(value):
@@ -153,7 +153,9 @@ def _binary(expr: Binary, full: Interval) -> Interval:
 
 
 def has_effect(expr: Expr) -> bool:
-    """Whether evaluating it does anything beside giving a value (reads of volatile objects do)."""
+    """Return whether evaluating an expression does more than yield a value; reading a volatile object
+    counts.
+    """
     match expr:
         case Num():
             return False

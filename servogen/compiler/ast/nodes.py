@@ -1,6 +1,6 @@
 """The typed tree of a program: symbols, expressions, statements, functions.
 
-In: nothing; the semantic analysis builds these values. Out: what the code generator translates.
+In: nothing; the semantic analysis builds these values. Out: the tree that the code generator translates.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from servogen.errors import Place
 
 @dataclass(eq=False, slots=True)
 class Symbol:
-    """A variable: its storage and what is known of its use."""
+    """A variable: its storage and what is known about its use."""
 
     name: str
     type: CType
@@ -48,7 +48,7 @@ class Symbol:
 
 @dataclass(frozen=True, slots=True)
 class AddressByte:
-    """One byte of the address of an object (plus an offset) as a constant: `part` 0 is the low one."""
+    """One byte of the address of an object (plus an offset) as a constant; `part` 0 is the low byte."""
 
     symbol: Symbol
     offset: int
@@ -67,7 +67,7 @@ class Num:
 
 @dataclass(slots=True)
 class Ref:
-    """An object or a part of it: `symbol` + `offset` + `index` bytes."""
+    """An object or part of one, at `symbol` + `offset` + `index` bytes."""
 
     symbol: Symbol
     offset: int
@@ -81,7 +81,7 @@ class Ref:
 
 @dataclass(slots=True)
 class Deref:
-    """What a pointer points to, `offset` bytes on."""
+    """The object that a pointer points to, `offset` bytes further on."""
 
     pointer: Expr
     offset: int
@@ -119,7 +119,7 @@ class Unary:
 
 @dataclass(slots=True)
 class Binary:
-    """Arithmetic on operands of the result's type; comparisons on operands of one type; shifts by any
+    """Arithmetic on operands of the result type, comparisons of operands of one type, and shifts by any
     integer.
     """
 
@@ -143,7 +143,7 @@ class Logic:
 
 @dataclass(slots=True)
 class Choice:
-    """`? :`"""
+    """The conditional operator, `? :`."""
 
     condition: Expr
     yes: Expr
@@ -170,7 +170,7 @@ class Assign:
 
 @dataclass(slots=True)
 class Update:
-    """`target op= value`, computed in the type `work`; `post` gives the value from before."""
+    """`target op= value`, computed in the type `work`; with `post`, the result is the previous value."""
 
     op: str
     target: Ref | Deref
@@ -191,7 +191,7 @@ class Call:
 
 @dataclass(slots=True)
 class Builtin:
-    """An operation of the chip or the library; `name` says which, `data` carries what is not an
+    """An operation of the chip or the library, identified by `name`; `data` holds whatever is not an
     expression.
     """
 
@@ -203,7 +203,7 @@ class Builtin:
 
 
 class ConstNum(Num):
-    """The known value of a const object: a number that remembers where it lies, for `&`."""
+    """The known value of a const object: a number that remembers its location, so that `&` works."""
 
     __slots__ = ("reference",)
 
@@ -250,8 +250,8 @@ class If:
 
 @dataclass(slots=True)
 class Loop:
-    """`while`, `for` and `do`: the test comes first unless `post`; `step` runs before the test is
-    repeated.
+    """A `while`, `for` or `do` loop. The test comes first unless `post` is set; `step` runs before the test
+    is repeated.
     """
 
     condition: Expr | None
@@ -300,7 +300,7 @@ class Return:
 
 @dataclass(slots=True)
 class Asm:
-    """Lines of assembly with their places; `names` are the C variables that they can see, `calls` the C
+    """Lines of assembly with their locations; `names` are the C variables visible to them, `calls` the C
     functions that they call.
     """
 
@@ -329,7 +329,7 @@ class FunctionDefinition:
 
 @dataclass(slots=True)
 class Program:
-    """All source files together."""
+    """All source files of a program, merged."""
 
     functions: dict[str, FunctionDefinition]
     symbols: list[Symbol]

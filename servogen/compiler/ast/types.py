@@ -18,10 +18,10 @@ class CType(ABC):
     @property
     @abstractmethod
     def size(self) -> int:
-        """Bytes that an object of the type takes."""
+        """Return the size of an object of the type, in bytes."""
 
     def plain(self) -> CType:
-        """The type without its own qualifiers."""
+        """Return the type without its own qualifiers."""
         return replace(self, const=False, volatile=False) if self.const or self.volatile else self
 
     @property
@@ -63,7 +63,7 @@ class IntType(CType):
         return (1 << 8 * self.bytes - self.signed) - 1
 
     def wrap(self, value: int) -> int:
-        """A value converted to this type."""
+        """Return a value converted to this type."""
         if self.is_bool:
             return int(value & 1 if self.is_bit else value != 0)
         value &= (1 << 8 * self.bytes) - 1
@@ -83,7 +83,7 @@ class PointerType(CType):
 
     @property
     def wide(self) -> bool:
-        """May point to flash."""
+        """Return whether the pointer may point to flash."""
         return is_const_object(self.target)
 
     def __str__(self) -> str:
@@ -121,7 +121,7 @@ class Member:
 
 @dataclass(eq=False)
 class Layout:
-    """The members of a structure, known once its body has been read."""
+    """The members of a structure, known once its body has been parsed."""
 
     tag: str
     union: bool
@@ -178,7 +178,7 @@ C2C_SIGNED = IntType("signed int", 2, True)
 
 
 def is_const_object(kind: CType) -> bool:
-    """Whether an object of this type lies in flash."""
+    """Return whether an object of this type lies in flash."""
     while isinstance(kind, ArrayType):
         kind = kind.element
     return kind.const and not kind.volatile
@@ -202,7 +202,7 @@ def holds_volatile(kind: CType) -> bool:
 
 
 def same(left: CType, right: CType) -> bool:
-    """Whether two types are compatible, qualifiers of the pointed-to object apart from size."""
+    """Return whether two types are compatible. Qualifiers of the pointed-to object are ignored."""
     left, right = left.plain(), right.plain()
     if isinstance(left, IntType) and isinstance(right, IntType):
         return (left.bytes, left.signed, left.is_bool) == (right.bytes, right.signed, right.is_bool)
@@ -225,7 +225,7 @@ def same(left: CType, right: CType) -> bool:
 
 
 def _same_layout(left: Layout, right: Layout) -> bool:
-    """Return whether two structures, of two files, are declared alike (ISO C 6.2.7)."""
+    """Return whether two structures from different files are declared alike (ISO C 6.2.7)."""
     if left is right:
         return True
     if (left.tag, left.union, left.size) != (right.tag, right.union, right.size):
@@ -238,12 +238,14 @@ def _same_layout(left: Layout, right: Layout) -> bool:
 
 
 def _leads_to_structure(kind: CType) -> bool:
-    """Return whether it is a pointer to a structure, which may be the one that it is a member of."""
+    """Return whether a type is a pointer to a structure, possibly the structure that it is a member of."""
     return isinstance(kind, PointerType) and isinstance(kind.target, StructType)
 
 
 def promote(kind: IntType, *, c2c: bool) -> IntType:
-    """The integer promotion: to a 16-bit int; in C2C, where `int` is unsigned, of the same signedness."""
+    """Return the type after integer promotion: a 16-bit int; in C2C, where `int` is unsigned, with the
+    signedness of `kind`.
+    """
     if kind.bytes > 1:
         return kind
     if c2c:
@@ -252,7 +254,7 @@ def promote(kind: IntType, *, c2c: bool) -> IntType:
 
 
 def common(left: IntType, right: IntType, *, c2c: bool) -> IntType:
-    """The type in which a binary operator computes (ISO C 6.3.1.8)."""
+    """Return the type in which a binary operator computes (ISO C 6.3.1.8)."""
     left, right = promote(left, c2c=c2c), promote(right, c2c=c2c)
     if left.bytes != right.bytes:
         return left if left.bytes > right.bytes else right

@@ -1,1 +1,1 @@
-"""From the typed tree to instructions."""
+"""The code generator: from the typed tree to instructions."""

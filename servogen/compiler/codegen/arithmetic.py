@@ -1,12 +1,12 @@
 """Arithmetic on operands of one to four bytes, low byte first: sums, bitwise operations, shifts by constants,
 comparisons.
 
-In: target bytes and operand bytes of the same number. Out: instructions; of a comparison, the carry. A target
-may be the left operand itself (then the operation happens in place); where it overlaps otherwise the caller
-has put a copy between.
+In: target bytes and the same number of operand bytes. Out: instructions; for a comparison, the result in the
+carry. A target may be the left operand itself, in which case the operation is done in place; if it overlaps
+in any other way, the caller has inserted a copy.
 
-The middle bytes of an addition use INCFSZ on the operand with the carry: when operand + carry is 256 the byte
-stays as it is and the carry stays set, so that skipping the ADDWF is exactly right.
+The middle bytes of an addition apply INCFSZ to the operand plus carry: if that sum is 256, the target byte
+must stay unchanged and the carry stay set, which is exactly what skipping the ADDWF does.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from servogen.compiler.ir.instruction import STATUS, C, Imm, Loc, Operand, Z, ex
 
 
 def const(operands: list[Operand]) -> int | None:
-    """The value of operands that are all known constants."""
+    """Return the value of the operands if they are all known constants, else None."""
     total = 0
     for number, each in enumerate(operands):
         if not isinstance(each, Imm) or not isinstance(each.value, int):
@@ -30,7 +30,7 @@ def imms(value: int, size: int) -> list[Operand]:
 
 
 def destination_bit(gen: InstructionBuilder, target: Loc, left: Operand) -> int:
-    """The destination bit: in place when the target is the left operand."""
+    """Return the destination bit: in place if the target is the left operand, otherwise W."""
     return int(target == left)
 
 
@@ -80,7 +80,7 @@ def add(gen: InstructionBuilder, target: list[Loc], left: list[Operand], right: 
 
 
 def load_twice(gen: InstructionBuilder, operand: Operand) -> Loc:
-    """W = a byte of memory; return where it can be read again."""
+    """Load a byte of memory into W and return a location from which it can be read again."""
     operand = gen.steady(operand)
     assert not isinstance(operand, Imm)
     gen.load(operand)
@@ -100,7 +100,7 @@ def _add_first(gen: InstructionBuilder, t: Loc, a: Operand, b: Operand) -> None:
 
 
 def _carry_last(gen: InstructionBuilder, t: Loc, a: Operand, b: Imm) -> None:
-    """The top byte plus a constant plus the carry."""
+    """Add a constant and the carry to the top byte."""
     if isinstance(a, Imm):
         gen.load(a)
         gen.skip_if(C, False)
@@ -129,7 +129,7 @@ def _carry_last(gen: InstructionBuilder, t: Loc, a: Operand, b: Imm) -> None:
 
 
 def _carry_middle_imm(gen: InstructionBuilder, t: Loc, a: Operand, b: Operand) -> None:
-    """A middle byte where one operand is a constant: the target first becomes the other."""
+    """Add a constant and the carry to a middle byte; the other operand is first copied to the target."""
     if isinstance(a, Imm):
         a, b = b, a
     if isinstance(a, Imm):
@@ -453,7 +453,7 @@ def one_left(gen: InstructionBuilder, target: list[Loc]) -> None:
 
 
 def sign_byte(gen: InstructionBuilder, top: Operand) -> Operand:
-    """0x00 or 0xFF by the sign of a byte."""
+    """Return an operand that is 0x00 or 0xFF, depending on the sign of a byte."""
     if isinstance(top, Imm):
         return Imm(0xFF if isinstance(top.value, int) and top.value & 0x80 else 0)
     held = gen.temp()[0]
@@ -464,7 +464,7 @@ def sign_byte(gen: InstructionBuilder, top: Operand) -> Operand:
 
 
 def compare_less(gen: InstructionBuilder, left: list[Operand], right: list[Operand]) -> None:
-    """C = not (left < right), unsigned."""
+    """Set C to not (left < right), compared as unsigned."""
     constant = const(right)
     start = 0
     if constant is not None:
@@ -498,7 +498,7 @@ def compare_less(gen: InstructionBuilder, left: list[Operand], right: list[Opera
 
 
 def biased(gen: InstructionBuilder, operands: list[Operand]) -> list[Operand]:
-    """Operands whose unsigned order is the signed order: the top bit turned over."""
+    """Return operands with the top bit inverted, so that an unsigned comparison gives the signed order."""
     top = operands[-1]
     if isinstance(top, Imm) and isinstance(top.value, int):
         return [*operands[:-1], Imm(top.value ^ 0x80)]

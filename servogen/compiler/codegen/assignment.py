@@ -1,6 +1,6 @@
 """Assignments: in place where that is safe, through a temporary where the value reads its target.
 
-In: targets and values. Out: instructions. A port is written once, with the result.
+In: targets and values. Out: instructions. A port is written only once, with the final result.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from servogen.compiler.ir.instruction import FSR, INDF, Byte, Imm, Loc, Operand,
 
 
 def assign_bytes(gen: FunctionGenerator, target: Ref | Deref, value: list[Operand]) -> None:
-    """Store bytes that are ready; they are temporaries or constants."""
+    """Store bytes that are already evaluated; they are temporaries or constants."""
     if isinstance(target, Ref) and is_direct(gen, target):
         gen.move_all(ref_locs(gen, target), value)
         return
@@ -62,7 +62,7 @@ def _struct_value(gen: FunctionGenerator, value: Expr) -> list[Operand]:
 
 
 def _assign_direct(gen: FunctionGenerator, locs: list[Loc], target: Ref, value: Expr) -> None:
-    """A variable: in place where that is safe, else through a temporary."""
+    """Assign to a variable: in place where that is safe, otherwise through a temporary."""
     symbol_locs: list[Loc] = [Byte(target.symbol, 0)] if isinstance(locs[0], Byte) else locs
     if _in_place(gen, value, locs) or not touches(value, symbol_locs):
         gen.lower.into(gen, value, locs)
@@ -77,7 +77,9 @@ def _assign_direct(gen: FunctionGenerator, locs: list[Loc], target: Ref, value: 
 
 
 def _in_place(gen: FunctionGenerator, value: Expr, locs: list[Loc]) -> bool:
-    """Whether `into` may write the target although the value reads it: x = x + y, x = -x, x = x << 3."""
+    """Return whether `into` may write the target even though the value reads it: x = x + y, x = -x, x = x <<
+    3.
+    """
     inner = stripped(value)
     symbols: list[Loc] = [each if isinstance(each, Reg) else Byte(each.symbol, 0) for each in locs]
     if inner.type.size < len(locs) or (len(locs) > 1 and isinstance(locs[0], Reg)):
@@ -107,7 +109,7 @@ def same_bytes(gen: FunctionGenerator, expr: Expr, locs: list[Loc]) -> bool:
 
 
 def update(gen: FunctionGenerator, expr: Update, target: Ref | Deref) -> None:
-    """target = target op value"""
+    """Generate target = target op value."""
     kind = target.type
     if expr.op == "^" and isinstance(expr.value, Num) and _toggled(gen, target, expr.value.value):
         return
@@ -120,7 +122,7 @@ def update(gen: FunctionGenerator, expr: Update, target: Ref | Deref) -> None:
 
 
 def updated(gen: FunctionGenerator, expr: Update, old: Ref | Deref) -> Expr:
-    """Return what `op=` stores, from the value that the object has had."""
+    """Return the value that `op=` stores, computed from the previous value of the object."""
     kind, right = old.type, _operand(expr)
     left: Expr = old if kind.plain() == expr.work else Cast(old, expr.work, expr.place)
     same = isinstance(right, Num) and _leaves_alone(expr.op, right.value, kind)
@@ -131,7 +133,7 @@ def updated(gen: FunctionGenerator, expr: Update, old: Ref | Deref) -> Expr:
 
 
 def _toggled(gen: FunctionGenerator, target: Ref | Deref, value: int) -> bool:
-    """Turn one bit over where it lies. True when it was done."""
+    """Toggle a bit in place; return whether the target is a single bit."""
     if target.width != 1 or target.bit is None or not isinstance(target, Ref) or target.index is not None:
         return False
     if value & 1:
@@ -141,7 +143,7 @@ def _toggled(gen: FunctionGenerator, target: Ref | Deref, value: int) -> bool:
 
 
 def _update_indirect(gen: FunctionGenerator, op: str, target: Ref | Deref, right: Expr) -> bool:
-    """One byte behind FSR, changed where it lies."""
+    """Update one byte behind FSR in place; return whether that was possible."""
     mnemonic = {"+": "ADDWF", "-": "SUBWF", "&": "ANDWF", "|": "IORWF", "^": "XORWF"}.get(op)
     if mnemonic is None:
         return False
@@ -163,7 +165,7 @@ def _update_indirect(gen: FunctionGenerator, op: str, target: Ref | Deref, right
 
 
 def assign_field(gen: FunctionGenerator, target: Ref | Deref, value: Expr) -> None:
-    """A bit or bit-field."""
+    """Assign to a bit or bit-field."""
     assert target.bit is not None
     byte: Loc
     if isinstance(target, Ref) and target.index is None:
@@ -252,7 +254,7 @@ def _set_by_jumps(gen: FunctionGenerator, byte: Loc, bit: int, value: Expr) -> N
 
 
 def _operand(expr: Update) -> Expr:
-    """Return the right operand of `op=` in the type in which it is computed; a shift's count stays."""
+    """Return the right operand of `op=` in the type of the computation; a shift count keeps its own type."""
     right = expr.value
     if expr.op in ("<<", ">>") or right.type.plain() == expr.work:
         return right
@@ -262,7 +264,7 @@ def _operand(expr: Update) -> Expr:
 
 
 def _leaves_alone(op: str, value: int, kind: CType) -> bool:
-    """Return whether `op= value` keeps every value of a type."""
+    """Return whether `op= value` leaves every value of a type unchanged."""
     if isinstance(kind, IntType) and kind.is_bool:
         return False
     mask = (1 << 8 * kind.size) - 1
@@ -279,7 +281,7 @@ def _leaves_alone(op: str, value: int, kind: CType) -> bool:
 
 
 def _negated(value: Expr) -> Expr | None:
-    """x of !x, whatever it is converted to."""
+    """Return the x of !x, through any conversions; None for other expressions."""
     while isinstance(value, Cast) and isinstance(value.type, IntType):
         value = value.operand
     return value.operand if isinstance(value, Unary) and value.op == "!" else None

@@ -1,7 +1,8 @@
 """Calls: arguments, library routines, multiplication, division, tables in flash.
 
-In: typed calls and operators. Out: instructions. Arguments go into the callee's own bytes; the last one of
-one byte goes in W. A result of one byte comes back in W, wider ones in the callee's result bytes.
+In: typed calls and operators. Out: instructions. Arguments are written to the callee's own bytes, except that
+the last one-byte argument is passed in W. A one-byte result is returned in W, a wider one in the callee's
+result bytes.
 """
 
 from __future__ import annotations
@@ -21,16 +22,18 @@ from servogen.compiler.ir.instruction import Byte, Imm, Loc, Operand
 
 def call(gen: FunctionGenerator, expr: Call) -> Function:
     name = expr.function
-    code = gen.signature(name)
-    _arguments(gen, code, expr.arguments)
+    function = gen.signature(name)
+    _arguments(gen, function, expr.arguments)
     gen.place = expr.place if expr.place.line else gen.place
-    gen.emit("CALL", target=code.name)
-    return code
+    gen.emit("CALL", target=function.name)
+    return function
 
 
-def _arguments(gen: FunctionGenerator, code: Function, arguments: list[Expr]) -> None:
-    """Arguments that call something go through temporaries, because calls use the callee's bytes."""
-    parameters = code.parameters
+def _arguments(gen: FunctionGenerator, function: Function, arguments: list[Expr]) -> None:
+    """Evaluate the arguments; those that contain calls go through temporaries, because a call overwrites the
+    callee's bytes.
+    """
+    parameters = function.parameters
     ready: list[list[Operand] | None] = [None] * len(arguments)
     for number, (parameter, argument) in enumerate(zip(parameters, arguments, strict=True)):
         later = any(calls_something(each) or has_effect(each) for each in arguments[number + 1 :])
@@ -41,7 +44,7 @@ def _arguments(gen: FunctionGenerator, code: Function, arguments: list[Expr]) ->
             ready[number] = list(held)
     w_number = None
     for number, (parameter, argument) in enumerate(zip(parameters, arguments, strict=True)):
-        if parameter is code.w_parameter:
+        if parameter is function.w_parameter:
             w_number = number
             continue
         target: list[Loc] = [Byte(parameter, each) for each in range(parameter.size)]
@@ -72,21 +75,21 @@ def _bool_to_w(gen: FunctionGenerator, argument: Expr) -> None:
     gen.load(held[0])
 
 
-def library_call(gen: FunctionGenerator, code: Function, operands: list[list[Operand]]) -> list[Loc]:
-    """Call a library routine with operands that are ready; gives its result bytes."""
+def library_call(gen: FunctionGenerator, function: Function, operands: list[list[Operand]]) -> list[Loc]:
+    """Call a library routine with evaluated operands, and return its result bytes."""
     w_operand: Operand | None = None
-    for parameter, values in zip(code.parameters, operands, strict=True):
-        if parameter is code.w_parameter:
+    for parameter, values in zip(function.parameters, operands, strict=True):
+        if parameter is function.w_parameter:
             w_operand = values[0]
             continue
         for number, each in enumerate(values):
             gen.move(Byte(parameter, number), each)
     if w_operand is not None:
         gen.load(w_operand)
-    gen.emit("CALL", target=code.name)
-    if code.result is None:
+    gen.emit("CALL", target=function.name)
+    if function.result is None:
         return []
-    return [Byte(code.result, each) for each in range(code.result.size)]
+    return [Byte(function.result, each) for each in range(function.result.size)]
 
 
 def multiply(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
@@ -99,14 +102,16 @@ def multiply(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
     (a, b), (c, d) = interval(left), interval(right)
     small = min(a, c) >= 0 and max(b, d) <= 0xFF
     width = 1 if (small and size <= 2) or size == 1 else size
-    code = gen.library("mul", (width, size))
+    function = gen.library("mul", (width, size))
     one, two = pair(gen, left, right, width)
-    result = library_call(gen, code, [one, two])
+    result = library_call(gen, function, [one, two])
     gen.move_all(target, list(result[:size]))
 
 
 def _multiply_constant(gen: FunctionGenerator, left: Expr, value: int, target: list[Loc]) -> bool:
-    """By a power of two, or a sum of two: shifts and an addition."""
+    """Multiply by a power of two, or a sum of two powers, with shifts and an addition; return whether that
+    applied.
+    """
     size = len(target)
     value &= (1 << 8 * size) - 1
     bits = [bit for bit in range(8 * size) if value >> bit & 1]
@@ -155,13 +160,13 @@ def divide(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
         else:
             gen.move_all(target, list(work[: len(target)]))
         return
-    code = gen.library("sdivide" if signed else "divide", (size,))
-    holder = gen.library("divide", (size,)) if signed else code
+    function = gen.library("sdivide" if signed else "divide", (size,))
+    holder = gen.library("divide", (size,)) if signed else function
     result_symbol = next(
         each for each in holder.own if each.name == ("quotient" if expr.op == "/" else "remainder")
     )
     one, two = pair(gen, expr.left, expr.right, size)
-    library_call(gen, code, [one, two])
+    library_call(gen, function, [one, two])
     have = min(len(target), size)
     gen.move_all(target[:have], [Byte(result_symbol, each) for each in range(have)])
     if len(target) > have:

@@ -1,7 +1,7 @@
 """Jumps on conditions: comparisons, bits, logical operators.
 
-In: typed expressions and a label. Out: instructions that go to the label when the
-condition has a given truth.
+In: typed expressions and a label. Out: instructions that jump to the label when the condition has a given
+truth value.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def _width(gen: FunctionGenerator, left: Expr, right: Expr) -> tuple[int, bool]:
 def _against_constant(
     gen: FunctionGenerator, left: Expr, bound: int, size: int, signed: bool, at_least: bool, label: str
 ) -> None:
-    """Jump when (left >= bound) is `at_least`."""
+    """Jump if (left >= bound) equals `at_least`."""
     low, high = interval(left)
     if not isinstance(left.type, IntType):
         low, high = 0, (1 << 8 * size) - 1
@@ -119,7 +119,7 @@ def _against_constant(
 
 
 def _equality(gen: FunctionGenerator, left: Expr, right: Expr, size: int, equal: bool, label: str) -> None:
-    """Jump when (left == right) is `equal`."""
+    """Jump if (left == right) equals `equal`."""
     if isinstance(right, Num):
         value = right.value & (1 << 8 * size) - 1
         low, high = interval(left)
@@ -153,7 +153,7 @@ def _equality(gen: FunctionGenerator, left: Expr, right: Expr, size: int, equal:
 
 
 def differ(gen: FunctionGenerator, one: Operand, two: Operand) -> None:
-    """Z = the bytes are equal."""
+    """Set Z if two bytes are equal."""
     if isinstance(one, Imm):
         one, two = two, one
     if two == Imm(0) and not isinstance(one, Imm):
@@ -173,7 +173,7 @@ def differ(gen: FunctionGenerator, one: Operand, two: Operand) -> None:
 
 
 def to_w_with_zero(gen: FunctionGenerator, expr: Expr) -> None:
-    """W = a one-byte value and Z = whether it is zero."""
+    """Load a one-byte value into W and set Z according to it."""
     to_w(gen, expr)
     last = gen.last
     sets_zero = last is not None and last.op in _SETS_Z and last.d == 0 and last.writes_w
@@ -183,7 +183,7 @@ def to_w_with_zero(gen: FunctionGenerator, expr: Expr) -> None:
 
 
 def zero_test(gen: FunctionGenerator, operands: list[Operand]) -> None:
-    """Z = all bytes are zero."""
+    """Set Z if all bytes are zero."""
     variables = [each for each in operands if each != Imm(0)]
     if not variables:
         gen.emit("MOVLW", k=0)
@@ -220,7 +220,7 @@ _SETS_Z = frozenset(
 
 
 def jump(gen: FunctionGenerator, expr: Expr, sense: bool, label: str) -> None:
-    """Go to `label` when the truth of `expr` is `sense`, else fall through."""
+    """Jump to `label` if the truth value of `expr` is `sense`, otherwise fall through."""
     match expr:
         case Num(value):
             if bool(value) == sense:
@@ -266,7 +266,7 @@ def jump(gen: FunctionGenerator, expr: Expr, sense: bool, label: str) -> None:
 
 
 def _lowest_bit(gen: FunctionGenerator, operand: Expr, sense: bool, label: str) -> None:
-    """A conversion to `bit` keeps the lowest bit alone."""
+    """Jump on the lowest bit, which is all that a conversion to `bit` keeps."""
     byte = operands_of(gen, operand, 1)[0]
     if isinstance(byte, Imm):
         held = gen.temp()[0]
@@ -276,7 +276,7 @@ def _lowest_bit(gen: FunctionGenerator, operand: Expr, sense: bool, label: str) 
 
 
 def _same_truth(gen: FunctionGenerator, expr: Cast) -> bool:
-    """A conversion that keeps the value keeps its truth."""
+    """Return whether a conversion keeps the truth value of its operand."""
     assert isinstance(expr.type, IntType)
     if expr.type.is_bool and not expr.type.is_bit:
         return True
@@ -314,7 +314,7 @@ def _bit(gen: FunctionGenerator, expr: Ref | Deref, sense: bool, label: str) -> 
 
 
 def _bit_test(gen: FunctionGenerator, expr: Binary, sense: bool, label: str) -> bool:
-    """`x & 0x10` as a test of one bit."""
+    """Jump on `x & 0x10` by testing one bit; return whether the expression had that form."""
     left, right = stripped(expr.left), expr.right
     if isinstance(expr.left, Num):
         left, right = stripped(expr.right), expr.left
@@ -331,7 +331,7 @@ def _bit_test(gen: FunctionGenerator, expr: Binary, sense: bool, label: str) -> 
 
 
 def _counted(gen: FunctionGenerator, expr: Update, sense: bool, label: str) -> bool:
-    """`--n`, `n--` and `++n` of one byte by the instructions made for it."""
+    """Jump on a one-byte `--n`, `n--` or `++n` with DECFSZ or INCFSZ; return whether that was possible."""
     target = expr.target
     if not (isinstance(target, Ref) and is_direct(gen, target) and target.type.size == 1):
         return False

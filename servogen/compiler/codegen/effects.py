@@ -1,7 +1,7 @@
-"""What an expression does beside having a value, and how wide it is.
+"""The effects of an expression beyond its value, and the width that its value needs.
 
-In: typed expressions. Out: whether evaluating one calls, changes or touches something; the bytes that a range
-of values needs; what is left of an expression when only its lowest byte counts.
+In: typed expressions. Out: whether evaluating one calls, changes or touches something; the number of bytes
+that a range of values needs; what remains of an expression when only its lowest byte matters.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from servogen.compiler.ir.instruction import Byte, Loc, Reg
 
 
 def width_of(low: int, high: int) -> tuple[int, bool]:
-    """(bytes, signed) that hold every value from `low` to `high`."""
+    """Return (bytes, signed) of the narrowest type that holds every value from `low` to `high`."""
     signed = low < 0
     size = 1
     while not (-(1 << 8 * size - 1) <= low and high < 1 << 8 * size - 1 if signed else high < 1 << 8 * size):
@@ -39,7 +39,9 @@ def width_of(low: int, high: int) -> tuple[int, bool]:
 
 
 def changes(expr: Expr) -> bool:
-    """Whether evaluating it may change a variable; reading a volatile one does not count."""
+    """Return whether evaluating an expression may change a variable; reading a volatile one does not
+    count.
+    """
     match expr:
         case Num():
             return False
@@ -59,12 +61,12 @@ def changes(expr: Expr) -> bool:
 
 
 def in_flash(expr: Ref | Deref) -> bool:
-    """Return whether an object lies in flash, or may lie there."""
+    """Return whether an object is, or may be, located in flash."""
     return expr.symbol.kind == "flash" if isinstance(expr, Ref) else expr.pointer.type.size > 1
 
 
 def calls_something(expr: Expr) -> bool:
-    """Whether evaluating it may call a function or a library routine."""
+    """Return whether evaluating an expression may call a function or a library routine."""
     match expr:
         case Num():
             return False
@@ -90,7 +92,7 @@ def calls_something(expr: Expr) -> bool:
 
 
 def touches(expr: Expr, locs: list[Loc]) -> bool:
-    """Whether evaluating `expr` may read or change one of the bytes (given as symbols of the tree)."""
+    """Return whether evaluating `expr` may read or change one of the bytes (given as symbols of the tree)."""
     symbols = {each.symbol for each in locs if isinstance(each, Byte)}
     registers = any(isinstance(each, Reg) for each in locs)
     return _touches(expr, symbols, registers)
@@ -124,7 +126,7 @@ def _touches(expr: Expr, symbols: set[Symbol], registers: bool) -> bool:
 
 
 def stripped(expr: Expr) -> Expr:
-    """Without the integer conversions that do not change the low byte."""
+    """Return an expression without the integer conversions that leave its low byte unchanged."""
     while isinstance(expr, Cast) and isinstance(expr.type, IntType) and not expr.type.is_bool:
         if not expr.operand.type.scalar:
             break

@@ -1,6 +1,6 @@
-"""Function for expressions: values into bytes, into W, or for their effect only.
+"""Code for expressions: values into bytes, into W, or evaluated only for their effect.
 
-In: typed expressions. Out: instructions. Arithmetic is done in the fewest bytes that give the same result.
+In: typed expressions. Out: instructions. Arithmetic uses the fewest bytes that give the same result.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ from servogen.compiler.ir.instruction import Byte, Loc, Operand, exposed
 
 
 def into(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> None:
-    """Store the low len(target) bytes of a value, widened where it has fewer.
+    """Store the low len(target) bytes of a value, extending values that have fewer.
 
     A byte of a volatile object is stored once, with the result.
     """
@@ -68,7 +68,9 @@ def into(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> None:
 
 
 def _stored_once(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> bool:
-    """Return whether the code for a value stores no byte of its target twice and never reads one back."""
+    """Return whether the code for a value stores each byte of its target at most once and never reads one
+    back.
+    """
     size = len(target)
     if size > expr.type.size and negative_possible(gen, expr):
         return False
@@ -175,7 +177,7 @@ def _into_logic(gen: FunctionGenerator, expr: Logic, target: list[Loc]) -> None:
 
 
 def boolean(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> None:
-    """0 or 1 by a condition."""
+    """Store 0 or 1 according to a condition."""
     if target and not exposed(target[0]) and not touches(expr, target):
         gen.move_all(target, imms(0, len(target)))
         end = gen.new_label()
@@ -217,7 +219,7 @@ def _into_comma(gen: FunctionGenerator, expr: Comma, target: list[Loc]) -> None:
 
 
 def _into_assign(gen: FunctionGenerator, expr: Assign, target: list[Loc]) -> None:
-    """The value is what has been stored; a volatile object is not read back."""
+    """Store the value of an assignment, which is the value stored; a volatile object is not read back."""
     there = expr.target
     if not there.type.scalar or (there.width and not has_effect(there)):
         effect(gen, expr)
@@ -235,7 +237,7 @@ def _into_assign(gen: FunctionGenerator, expr: Assign, target: list[Loc]) -> Non
 
 
 def hold_value(gen: FunctionGenerator, value: Expr, target: Ref | Deref) -> Ref:
-    """Return a temporary with a value as `target` holds it: of a bit-field only its bits are kept."""
+    """Return a temporary with a value as `target` holds it: for a bit-field, only its bits are kept."""
     size = target.type.size
     block = gen.temp() if size == 1 else gen.block_temp(size)
     into(gen, value, list(block))
@@ -261,7 +263,7 @@ def _into_update(gen: FunctionGenerator, expr: Update, target: list[Loc]) -> Non
 
 
 def _volatile_update(gen: FunctionGenerator, expr: Update, source: Ref | Deref, target: list[Loc]) -> None:
-    """Read the object once and store it once; the value comes from temporaries."""
+    """Update a volatile object with one read and one store; the value is computed in temporaries."""
     old = hold_value(gen, source, source) if expr.post else source
     new = hold_value(gen, updated(gen, expr, old), source)
     assign(gen, source, new)
@@ -290,13 +292,13 @@ def _into_binary(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> Non
 
 
 def _into_call(gen: FunctionGenerator, expr: Call, target: list[Loc]) -> None:
-    code = gen.lower.call(gen, expr)
-    if code.returns_w:
+    function = gen.lower.call(gen, expr)
+    if function.returns_w:
         gen.store(target[0])
         widen_result(gen, expr, target, 1)
         return
-    assert code.result is not None
-    result: list[Operand] = [Byte(code.result, each) for each in range(min(expr.type.size, len(target)))]
+    assert function.result is not None
+    result: list[Operand] = [Byte(function.result, each) for each in range(min(expr.type.size, len(target)))]
     gen.move_all(target[: len(result)], result)
     widen_result(gen, expr, target, len(result))
 
@@ -308,7 +310,7 @@ def _into_builtin(gen: FunctionGenerator, expr: Builtin, target: list[Loc]) -> N
 
 
 def effect(gen: FunctionGenerator, expr: Expr) -> None:
-    """Evaluate for what it does."""
+    """Evaluate an expression only for its effect."""
     before = gen.place
     gen.place = expr.place if expr.place.line else gen.place
     _evaluate(gen, expr)

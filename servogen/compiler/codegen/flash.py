@@ -18,13 +18,13 @@ from servogen.compiler.ir.instruction import Imm, Loc, Operand
 
 
 def flash_byte(gen: FunctionGenerator, expr: Ref) -> None:
-    """W = one byte of a table."""
+    """Load one byte of a table into W."""
     held = _flash_index(gen, expr)
     _flash_call(gen, expr.symbol, held, 0)
 
 
 def _flash_index(gen: FunctionGenerator, expr: Ref) -> list[Operand]:
-    """The byte's number in its table: one byte, or two for large tables."""
+    """Return the index of a byte in its table: one operand byte, or two for large tables."""
     size = 1 if expr.symbol.size <= 256 else 2
     if expr.index is None:
         return [Imm(expr.offset >> 8 * each & 0xFF) for each in range(size)]
@@ -36,7 +36,7 @@ def _flash_index(gen: FunctionGenerator, expr: Ref) -> list[Operand]:
 
 
 def _flash_call(gen: FunctionGenerator, symbol: Symbol, index: list[Operand], step: int) -> None:
-    """W = byte index + step of a flash object."""
+    """Load byte index + step of a flash object into W."""
     if len(index) == 1:
         gen.load(index[0])
         if step:
@@ -50,8 +50,8 @@ def _flash_call(gen: FunctionGenerator, symbol: Symbol, index: list[Operand], st
 
 
 def _read_pointer(gen: FunctionGenerator, pointer: list[Loc]) -> None:
-    code = gen.library("flash", ())
-    library_call(gen, code, [[pointer[1]], [pointer[0]]])
+    function = gen.library("flash", ())
+    library_call(gen, function, [[pointer[1]], [pointer[0]]])
 
 
 def from_flash(gen: FunctionGenerator, expr: Ref, target: list[Loc]) -> None:
@@ -91,16 +91,16 @@ def builtin(gen: FunctionGenerator, expr: Builtin) -> None:
             gen.delay(expr.data)
         case "delay_variable":
             assert isinstance(expr.data, int)
-            code = gen.library("delay", (expr.data,))
+            function = gen.library("delay", (expr.data,))
             load = gen.load(operands_of(gen, expr.arguments[0], 1)[0])
             load.fixed = True  # it is part of the time
-            gen.emit("CALL", target=code.name)
+            gen.emit("CALL", target=function.name)
         case "eeprom_read":
-            code = gen.library("eeprom_read", ())
+            function = gen.library("eeprom_read", ())
             to_w(gen, expr.arguments[0])
-            gen.emit("CALL", target=code.name)
+            gen.emit("CALL", target=function.name)
         case "eeprom_write" | "putchar" | "getchar":
             data = expr.data if isinstance(expr.data, tuple) else ()
-            code = gen.library(expr.name, tuple(int(each) for each in data))
+            function = gen.library(expr.name, tuple(int(each) for each in data))
             operands = [operands_of(gen, each, 1) for each in expr.arguments]
-            library_call(gen, code, operands)
+            library_call(gen, function, operands)

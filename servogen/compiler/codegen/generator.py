@@ -1,7 +1,7 @@
-"""The state of generating one function's code, and the table by which the generator's modules recurse.
+"""The state of generating one function's code, and the table through which the generator's modules recurse.
 
-An expression contains expressions: operands need conditions, conditions need operands. A module calls the
-modules below it directly, and those above it through `Lowering`, which `codegen.program` fills in.
+Expressions nest: operands need conditions, and conditions need operands. A module calls the modules below it
+directly, and those above it through `Lowering`, which `codegen.program` fills in.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Library = Callable[[str, tuple[int, ...]], Function]
 
 @dataclass(frozen=True, slots=True)
 class Lowering:
-    """What the lower modules of the generator call in the modules above them."""
+    """The functions of higher modules that the lower modules of the generator call."""
 
     into: Callable[[FunctionGenerator, Expr, list[Loc]], None]
     """Store the low len(target) bytes of a value, extended where it has fewer."""
@@ -59,7 +59,7 @@ class Lowering:
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """What the code of one function needs from the rest of the program."""
+    """What generating the code of one function needs from the rest of the program."""
 
     signature: Callable[[str], Function]
     """The parameters and result of a function, before or after its code is generated."""
@@ -73,10 +73,10 @@ class Context:
 class FunctionGenerator(InstructionBuilder):
     """An instruction builder that knows the function whose body it translates."""
 
-    def __init__(self, function: FunctionDefinition, context: Context, lower: Lowering) -> None:
-        code = context.signature(function.name)
-        super().__init__(code, place=function.place, symbol_map=context.symbol_map)
-        self.function = function
+    def __init__(self, definition: FunctionDefinition, context: Context, lower: Lowering) -> None:
+        function = context.signature(definition.name)
+        super().__init__(function, place=definition.place, symbol_map=context.symbol_map)
+        self.definition = definition
         self.context = context
         self.lower = lower
         self.isr = context.isr

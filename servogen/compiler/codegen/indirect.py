@@ -1,6 +1,6 @@
-"""Memory behind an index or a pointer, and bit-fields.
+"""Memory accessed through an index or a pointer, and bit-fields.
 
-In: objects whose address is computed. Out: instructions that set FSR and go through INDF.
+In: objects with computed addresses. Out: instructions that set FSR and go through INDF.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from servogen.compiler.ir.instruction import FSR, INDF, Byte, Imm, Loc, Reg
 
 
 def settled(gen: FunctionGenerator, target: Ref | Deref) -> Ref | Deref:
-    """The same object with its address computed once, into a temporary."""
+    """Return the same object with its address evaluated once, into a temporary."""
     from servogen.compiler.ast.types import U8, PointerType
 
     if isinstance(target, Ref) and (target.index is None or isinstance(target.index, Num)):
@@ -32,7 +32,7 @@ def settled(gen: FunctionGenerator, target: Ref | Deref) -> Ref | Deref:
 
 
 def address_to_w(gen: FunctionGenerator, target: Ref | Deref) -> None:
-    """W = the RAM address of an object."""
+    """Load the RAM address of an object into W."""
     if isinstance(target, Ref):
         base = AddressByte(gen.symbol(target.symbol), target.offset, 0)
         if target.index is None:
@@ -47,7 +47,7 @@ def address_to_w(gen: FunctionGenerator, target: Ref | Deref) -> None:
 
 
 def point_fsr(gen: FunctionGenerator, target: Ref | Deref) -> None:
-    """FSR = the address of an object."""
+    """Load the address of an object into FSR."""
     address_to_w(gen, target)
     gen.store(FSR)
 
@@ -91,7 +91,7 @@ def into_field(gen: FunctionGenerator, expr: Ref | Deref, target: list[Loc]) -> 
 
 
 def cut_to_field(gen: FunctionGenerator, value: list[Loc], field: Ref | Deref) -> None:
-    """Keep the bits of a value that a bit-field has, with their sign."""
+    """Reduce a value to the bits that a bit-field holds, and extend its sign."""
     bitwise(gen, "&", value, list(value), [Imm((1 << field.width) - 1)])
     if isinstance(field.type, IntType) and field.type.signed:
         gen.emit("MOVLW", k=1 << field.width - 1)
@@ -100,7 +100,7 @@ def cut_to_field(gen: FunctionGenerator, value: list[Loc], field: Ref | Deref) -
 
 
 def field_byte(gen: FunctionGenerator, expr: Ref | Deref) -> Ref | Deref:
-    """The byte that holds a bit-field."""
+    """Return the byte that holds a bit-field."""
     from servogen.compiler.ast.types import U8
 
     if isinstance(expr, Ref):
@@ -109,7 +109,9 @@ def field_byte(gen: FunctionGenerator, expr: Ref | Deref) -> Ref | Deref:
 
 
 def bit_source(gen: FunctionGenerator, loc: Loc) -> Loc:
-    """Where a bit can be tested: registers of bank 1 are copied first, no switch can follow a skip."""
+    """Return a location where a bit can be tested. Registers of bank 1 are copied first, because no bank
+    switch can follow a skip.
+    """
     if isinstance(loc, Reg) and loc.address & 0x80:
         held = gen.temp()[0]
         gen.move(held, loc)

@@ -1,6 +1,6 @@
-"""One line of inline assembly to instructions.
+"""Translates one line of inline assembly to instructions.
 
-In: a line as C2C, XC8 or SDCC programs write it: a label, a mnemonic of the chip, operands that name
+In: a line as written in C2C, XC8 or SDCC programs: a label, a mnemonic of the chip, and operands that name
 registers, bits, C variables (`_name`, `_name_function`) and numbers. Out: symbolic instructions.
 """
 
@@ -33,7 +33,7 @@ _MACROS = {
 
 
 class AsmError(Exception):
-    """What is wrong with a line, and a hint."""
+    """An error in a line of assembly, with a hint."""
 
     def __init__(self, message: str, hint: str | None = None) -> None:
         super().__init__(message)
@@ -42,7 +42,7 @@ class AsmError(Exception):
 
 
 def assemble_line(text: str, place: Place, names: Names, label: Callable[[str], str]) -> list[Line]:
-    """The instructions (none or one, and a label) of a line. Raises AsmError."""
+    """Return the label and the instruction of a line, if it has them. Raises AsmError."""
     code = re.split(r";|//|/\*", text, maxsplit=1)[0]
     out: list[Line] = []
     match = re.match(r"\s*([A-Za-z_.$][\w.$]*)\s*:\s*(.*)$", code, re.DOTALL)

@@ -1,7 +1,7 @@
-"""Values as operands: bytes of variables, constants, temporaries; widened, kept, kept apart.
+"""Values as operands: bytes of variables, constants and temporaries; extended, preserved, kept disjoint.
 
-In: typed expressions. Out: operands of the number of bytes that is asked for. What needs more than naming its
-bytes is left to the classes that build on this one; they fill in the methods that are only promised here.
+In: typed expressions. Out: the requested number of operand bytes. A value whose bytes cannot simply be named
+is evaluated into a temporary through `Lowering`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from servogen.compiler.ir.instruction import Byte, Imm, Loc, Operand
 
 
 def operands_of(gen: FunctionGenerator, expr: Expr, size: int) -> list[Operand]:
-    """Operands of the low `size` bytes; they stay good until something is assigned or called."""
+    """Return operands for the low `size` bytes; they remain valid until the next assignment or call."""
     match expr:
         case Num(value):
             return imms(value, size)
@@ -49,7 +49,7 @@ def address_operands(gen: FunctionGenerator, target: Ref, have: int, size: int) 
 
 
 def extended(gen: FunctionGenerator, operands: list[Operand], expr: Expr, size: int) -> list[Operand]:
-    """The bytes of a value, widened by its sign or zeros, or cut."""
+    """Return the bytes of a value, extended with its sign or zeros, or truncated."""
     if len(operands) >= size:
         return operands[:size]
     missing = size - len(operands)
@@ -61,7 +61,7 @@ def extended(gen: FunctionGenerator, operands: list[Operand], expr: Expr, size: 
 
 
 def widen(gen: FunctionGenerator, target: list[Loc], size: int, *, signed: bool) -> None:
-    """Fill the bytes above `size` with the sign or zeros."""
+    """Fill the bytes above `size` with the sign or with zeros."""
     fill: Operand = Imm(0)
     if signed:
         top = target[size]
@@ -83,7 +83,7 @@ def negative_possible(gen: FunctionGenerator, expr: Expr) -> bool:
 
 
 def is_direct(gen: FunctionGenerator, expr: Expr) -> bool:
-    """A whole variable, or a part of one at a known offset."""
+    """Return whether an expression is a whole variable, or a part of one at a known offset."""
     return isinstance(expr, Ref) and expr.index is None and not expr.width and expr.symbol.kind != "flash"
 
 
@@ -92,7 +92,7 @@ def ref_locs(gen: FunctionGenerator, expr: Ref) -> list[Loc]:
 
 
 def pair(gen: FunctionGenerator, left: Expr, right: Expr, size: int) -> tuple[list[Operand], list[Operand]]:
-    """Operands of two values; the first survives the evaluation of the second."""
+    """Return the operands of two values; the first survives the evaluation of the second."""
     if not has_effect(right) and not calls_something(right):
         a = operands_of(gen, left, size)
         return a, operands_of(gen, right, size)
@@ -105,7 +105,7 @@ def pair(gen: FunctionGenerator, left: Expr, right: Expr, size: int) -> tuple[li
 
 
 def kept(gen: FunctionGenerator, operands: list[Operand]) -> list[Operand]:
-    """Copies of the operands that are variables, so that nothing can change them."""
+    """Return operands in which variables are replaced by copies, so that nothing can change them."""
     variables = [each for each in operands if not isinstance(each, Imm) and not _is_temp(gen, each)]
     if not variables:
         return operands
@@ -119,7 +119,7 @@ def _is_temp(gen: FunctionGenerator, operand: Operand) -> bool:
 
 
 def apart(gen: FunctionGenerator, target: list[Loc], operands: list[Operand]) -> list[Operand]:
-    """Operands of which no byte is a target byte of another position."""
+    """Return operands of which no byte is a target byte at another position."""
     for number, each in enumerate(operands):
         if any(each == t and at != number for at, t in enumerate(target)):
             held: list[Loc] = gen.temp(len(operands))
@@ -135,7 +135,7 @@ def is_constant(gen: FunctionGenerator, expr: Expr) -> bool:
 
 
 def is_simple_operand(gen: FunctionGenerator, expr: Expr) -> bool:
-    """Its low byte is a byte of memory already."""
+    """Return whether the low byte of an expression is already a byte of memory."""
     return is_direct(gen, stripped(expr))
 
 

@@ -1,7 +1,7 @@
-"""Arithmetic and bitwise operators, through W where one byte is wanted.
+"""Arithmetic and bitwise operators, computed in W where one byte is wanted.
 
-In: typed expressions. Out: instructions. Sums, differences and bitwise operations are done in as many bytes
-as the result has; the low bytes of a sum depend on the low bytes of its operands only.
+In: typed expressions. Out: instructions. Sums, differences and bitwise operations use as many bytes as the
+result has, because the low bytes of a sum depend only on the low bytes of its operands.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def _through_w(gen: FunctionGenerator, expr: Binary, target: Loc) -> bool:
 
 
 def binary_w(gen: FunctionGenerator, expr: Binary) -> None:
-    """W = the low byte of a sum, difference or bitwise operation."""
+    """Load the low byte of a sum, difference or bitwise operation into W."""
     left, right, op = expr.left, expr.right, expr.op
     if (op != "-" and is_simple_operand(gen, left) and not is_simple_operand(gen, right)) or (
         op != "-" and is_constant(gen, left)
@@ -106,7 +106,7 @@ def _w_constant(gen: FunctionGenerator, op: str, value: int | AddressByte) -> No
 
 
 def to_w(gen: FunctionGenerator, expr: Expr) -> None:
-    """W = the low byte of a value."""
+    """Load the low byte of a value into W."""
     inner = stripped(expr)
     if isinstance(inner, Num) or is_direct(gen, inner):
         gen.load(operands_of(gen, inner, 1)[0])
@@ -115,10 +115,10 @@ def to_w(gen: FunctionGenerator, expr: Expr) -> None:
     elif isinstance(inner, Unary) and inner.op in ("-", "~"):
         _unary_w(gen, inner)
     elif isinstance(inner, Call):
-        code = gen.lower.call(gen, inner)
-        if not code.returns_w:
-            assert code.result is not None
-            gen.load(Byte(code.result, 0))
+        function = gen.lower.call(gen, inner)
+        if not function.returns_w:
+            assert function.result is not None
+            gen.load(Byte(function.result, 0))
     elif isinstance(inner, Builtin):
         gen.lower.builtin(gen, inner)
     elif isinstance(inner, (Ref, Deref)) and gen.lower.one_byte_indirect(gen, inner):

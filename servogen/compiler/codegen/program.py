@@ -1,7 +1,7 @@
-"""From the typed tree to code of every function that is reached: main's, the interrupt's, the library's.
+"""Generates the code of every function that is reached: from main, from the interrupt, and the library.
 
-In: a Program. Out: `Function` by name. Functions that both main and the interrupt reach are made twice, each
-with its own variables, so that an interrupt in the middle of one cannot change it.
+In: a Program. Out: `Function`s by name. Functions that both main and the interrupt reach are generated twice,
+each copy with variables of its own, so that an interrupt in the middle of one cannot corrupt it.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from servogen.pic.device import PROGRAM_WORDS
 
 
 class ProgramGenerator:
-    """Generates the code of functions and library routines on demand, and keeps it."""
+    """Generates functions and library routines on demand, and caches them."""
 
     def __init__(self, graph: CallGraph, reporter: Reporter, asm_symbols: dict[str, Symbol]) -> None:
         self.graph = graph
         self.program = graph.program
         self.reporter = reporter
         self.asm_symbols = asm_symbols
-        self.codes: dict[str, Function] = {}
+        self.functions: dict[str, Function] = {}
         self._clones: dict[Symbol, Symbol] = {}
 
     def generate(self) -> dict[str, Function]:
@@ -41,10 +41,10 @@ class ProgramGenerator:
             self._function(name, isr=False)
         for name in self.graph.isr:
             self._function(name, isr=True)
-        return self.codes
+        return self.functions
 
     def _function(self, name: str, *, isr: bool) -> None:
-        function = self.program.functions[name]
+        definition = self.program.functions[name]
         context = Context(
             signature=lambda called_name: self.signature(called_name, isr=isr),
             symbol_map=lambda symbol: self._symbol(symbol, isr=isr),
@@ -53,20 +53,22 @@ class ProgramGenerator:
             reporter=self.reporter,
             isr=isr,
         )
-        generator = FunctionGenerator(function, context, _LOWERING)
+        generator = FunctionGenerator(definition, context, _LOWERING)
         try:
             generate(generator)
         except RecursionError:
-            raise self.reporter.too_deep(generator.place or function.place) from None
-        made = sum(code.size for code in self.codes.values())
+            raise self.reporter.too_deep(generator.place or definition.place) from None
+        made = sum(each.size for each in self.functions.values())
         if made > INSTRUCTIONS:
             raise self.reporter.too_large(
                 f"the program has {made} instructions up to here, the chip has {PROGRAM_WORDS} words",
-                function.place,
+                definition.place,
             )
 
     def _symbol(self, symbol: Symbol, *, isr: bool) -> Symbol:
-        """The interrupt's own copy of a local of a shared function."""
+        """Return the symbol to use for a variable: for a local of a shared function, the interrupt's own
+        copy.
+        """
         if (
             not isr
             or symbol.function not in self.graph.shared
@@ -78,39 +80,39 @@ class ProgramGenerator:
         return self._clones[symbol]
 
     def signature(self, name: str, *, isr: bool) -> Function:
-        """The callee's parameters and result, before or after its code is made."""
+        """Return the callee, whose parameters and result are known even before its code is generated."""
         full = name + ISR_SUFFIX if isr and name in self.graph.shared else name
-        if full not in self.codes:
-            function = self.program.functions[name]
-            code = Function(full, place=function.place)
-            code.parameters = [self._symbol(each, isr=isr) for each in function.parameters]
-            result = function.result
+        if full not in self.functions:
+            definition = self.program.functions[name]
+            function = Function(full, place=definition.place)
+            function.parameters = [self._symbol(each, isr=isr) for each in definition.parameters]
+            result = definition.result
             if not isinstance(result, VoidType):
                 if result.size == 1 and result.scalar:
-                    code.returns_w = True
+                    function.returns_w = True
                 else:
-                    code.result = Symbol(
+                    function.result = Symbol(
                         f"{full}.result",
                         result,
                         "result",
                         function=name,
                         pinned=not isinstance(result, IntType),
                     )
-                    code.own.append(code.result)
-            one_byte = [each for each in code.parameters if each.size == 1 and each.type.scalar]
-            code.w_parameter = one_byte[-1] if one_byte else None
-            locals_ = [self._symbol(each, isr=isr) for each in function.locals]
-            code.own += [*code.parameters, *locals_]
-            self.codes[full] = code
-        return self.codes[full]
+                    function.own.append(function.result)
+            one_byte = [each for each in function.parameters if each.size == 1 and each.type.scalar]
+            function.w_parameter = one_byte[-1] if one_byte else None
+            locals_ = [self._symbol(each, isr=isr) for each in definition.locals]
+            function.own += [*function.parameters, *locals_]
+            self.functions[full] = function
+        return self.functions[full]
 
     def _library(self, kind: str, key: tuple[int, ...], *, isr: bool) -> Function:
         name = "__" + "_".join([kind, *map(str, key)]) + (ISR_SUFFIX if isr else "")
-        if name not in self.codes:
-            code = Function(name)
-            self.codes[name] = code
-            build(kind, key, code, lambda other, other_key: self._library(other, other_key, isr=isr))
-        return self.codes[name]
+        if name not in self.functions:
+            function = Function(name)
+            self.functions[name] = function
+            build(kind, key, function, lambda other, other_key: self._library(other, other_key, isr=isr))
+        return self.functions[name]
 
 
 _LOWERING = Lowering(

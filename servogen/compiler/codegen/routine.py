@@ -1,4 +1,4 @@
-"""The base of the library: emits one routine.
+"""Helpers for emitting one library routine.
 
 In: an empty `Function`. Out: its instructions, parameters and variables.
 """
@@ -16,16 +16,16 @@ _UNSIGNED: tuple[IntType, ...] = (U8, U16, U24, U32)
 def variable(
     gen: InstructionBuilder, name: str, size: int, *, parameter: bool = False, in_w: bool = False
 ) -> list[Loc]:
-    """A new variable of a library routine: its bytes, the low one first."""
-    symbol = Symbol(name, _UNSIGNED[size - 1], "param" if parameter else "temp", function=gen.code.name)
-    gen.code.own.append(symbol)
+    """Return the bytes of a new variable of a library routine, low byte first."""
+    symbol = Symbol(name, _UNSIGNED[size - 1], "param" if parameter else "temp", function=gen.function.name)
+    gen.function.own.append(symbol)
     if parameter:
-        gen.code.parameters.append(symbol)
+        gen.function.parameters.append(symbol)
     if in_w:
-        gen.code.w_parameter = symbol
+        gen.function.w_parameter = symbol
     return [Byte(symbol, each) for each in range(size)]
 
 
 def parameter(gen: InstructionBuilder, name: str, size: int, *, in_w: bool = False) -> list[Loc]:
-    """A new parameter of a library routine."""
+    """Return the bytes of a new parameter of a library routine, low byte first."""
     return variable(gen, name, size, parameter=True, in_w=in_w)

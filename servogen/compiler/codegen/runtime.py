@@ -1,8 +1,8 @@
-"""The library: multiplication, division, tables, variable delays, EEPROM, serial; each routine generated on
-demand.
+"""The library: multiplication, division, tables, variable delays, EEPROM, serial; each routine is generated
+on demand.
 
-In: the kind of a routine and its sizes. Out: its `Function`, with parameters and result like any
-other.
+In: the kind of a routine and its sizes. Out: its `Function`, with parameters and a result like any other
+function.
 """
 
 from __future__ import annotations
@@ -26,18 +26,20 @@ from servogen.compiler.ir.instruction import FSR, INDF, PCL, PCLATH
 Library = Callable[[str, tuple[int, ...]], Function]
 
 
-def build(kind: str, key: tuple[int, ...], code: Function, library: Library) -> None:
-    """Fill `code` with a routine."""
-    _BUILDERS[kind](InstructionBuilder(code), key, library)
+def build(kind: str, key: tuple[int, ...], function: Function, library: Library) -> None:
+    """Fill `function` with the instructions of a routine."""
+    _BUILDERS[kind](InstructionBuilder(function), key, library)
 
 
-def with_result(code: Function, name: str) -> Function:
-    """The same routine seen with another of its variables as the result."""
-    return replace(code, result=next(each for each in code.own if each.name == name))
+def with_result(function: Function, name: str) -> Function:
+    """Return the same routine with another of its variables as the result."""
+    return replace(function, result=next(each for each in function.own if each.name == name))
 
 
 def _flash_read(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
-    """W = the byte behind a pointer to const: a jump into a table of RETLW, or a look into RAM."""
+    """Load the byte behind a pointer to const into W: by a jump into a table of RETLW, or by a read
+    from RAM.
+    """
     high, low = parameter(gen, "high", 1)[0], parameter(gen, "low", 1, in_w=True)[0]
     flash = gen.new_label()
     gen.goto_if(7, True, flash, high)

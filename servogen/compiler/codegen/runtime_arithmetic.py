@@ -1,6 +1,6 @@
-"""Library routines of arithmetic: multiplication and division of every width.
+"""Library routines for arithmetic: multiplication and division of every width.
 
-In: a builder and its sizes. Out: its instructions.
+In: a builder and the operand sizes. Out: its instructions.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ def multiply(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     a, b = parameter(gen, "a", size), parameter(gen, "b", size)
     product = variable(gen, "product", size)
     assert isinstance(product[0], Byte)
-    gen.code.result = product[0].symbol
+    gen.function.result = product[0].symbol
     for each in product:
         gen.emit("CLRF", each)
     loop, no_add = gen.new_label(), gen.new_label()
-    gen.code.bounds[loop] = 8 * size
+    gen.function.bounds[loop] = 8 * size
     gen.label(loop)
     one_right(gen, b, signed=False)
     gen.goto_if(C, False, no_add)
@@ -45,18 +45,20 @@ def multiply(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
 
 
 def _multiply_8_to_16(gen: InstructionBuilder) -> None:
-    """Shift and add from the low bit; the bit that starts at the top of the low byte ends the loop."""
+    """Emit a shift-and-add multiplication from the low bit; a sentinel that starts at the top of the low byte
+    ends the loop.
+    """
     a, b = parameter(gen, "a", 1), parameter(gen, "b", 1, in_w=True)
     low, high = variable(gen, "product", 2)
     assert isinstance(low, Byte)
-    gen.code.result = low.symbol
+    gen.function.result = low.symbol
     gen.store(b[0])
     gen.emit("CLRF", high)
     gen.emit("MOVLW", k=0x80)
     gen.store(low)
     gen.load(a[0])
     loop = gen.new_label()
-    gen.code.bounds[loop] = 8
+    gen.function.bounds[loop] = 8
     gen.label(loop)
     gen.emit("RRF", b[0], 1)
     gen.skip_if(C, False)
@@ -68,7 +70,7 @@ def _multiply_8_to_16(gen: InstructionBuilder) -> None:
 
 
 def divide(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
-    """Bit by bit: the quotient grows where the dividend leaves."""
+    """Emit an unsigned bit-by-bit division; the quotient fills the bits that the dividend vacates."""
     (size,) = key
     a, b = parameter(gen, "quotient", size), parameter(gen, "divisor", size)
     rest, count = variable(gen, "remainder", size), variable(gen, "count", 1)[0]
@@ -92,13 +94,13 @@ def divide(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> N
 
 
 def divide_signed(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
-    """Through the unsigned division of the absolute values, whose variables it uses."""
+    """Emit a signed division: the unsigned division of the absolute values, sharing its variables."""
     inner = library("divide", key)
     dividend, divisor = inner.parameters
     remainder = next(each for each in inner.own if each.name == "remainder")
     size = key[0]
     a, b, rest = ([Byte(symbol, each) for each in range(size)] for symbol in (dividend, divisor, remainder))
-    gen.code.parameters = [dividend, divisor]
+    gen.function.parameters = [dividend, divisor]
     signs = variable(gen, "signs", 1)[0]
     gen.emit("CLRF", signs)
     for operand, mask in ((a, 3), (b, 1)):

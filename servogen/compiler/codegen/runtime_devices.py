@@ -1,4 +1,4 @@
-"""Library routines that take their time: variable delays, the EEPROM, serial lines.
+"""Library routines that depend on time: variable delays, the EEPROM, serial lines.
 
 In: a builder and its key. Out: its instructions.
 """
@@ -21,26 +21,28 @@ _GIE, _RD, _WR, _WREN = (register_bits()[name][1] for name in ("GIE", "RD", "WR"
 
 
 def _fix(gen: InstructionBuilder) -> None:
-    """Keep every instruction as it is: the routine takes exact time."""
-    for line in gen.code.lines():
+    """Mark every instruction as fixed, because the routine takes an exact time."""
+    for line in gen.function.lines():
         line.fixed = not (isinstance(line, Instruction) and line.op == DELAY)
 
 
 def delay_variable(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
-    """No instruction of it may be optimised away."""
+    """Emit a variable delay; none of its instructions may be optimised away."""
     _delay_body(gen, key)
     _fix(gen)
 
 
 def _delay_body(gen: InstructionBuilder, key: tuple[int, ...]) -> None:
-    """W times `unit` cycles, from the load of W to behind the call; less than the minimum returns at once."""
+    """Emit a delay of W times `unit` cycles, from the load of W to after the call; values below the minimum
+    return at once.
+    """
     (unit,) = key
     least = least_units(unit)
     gen.emit("ADDLW", k=-least)
     gen.skip_if(C, True)
     gen.emit("RETURN")
     loop = gen.new_label()
-    gen.code.bounds[loop] = (255 - least >> {1: 2, 2: 1}.get(unit, 0)) + 1
+    gen.function.bounds[loop] = (255 - least >> {1: 2, 2: 1}.get(unit, 0)) + 1
     if unit in (1, 2):
         held = variable(gen, "count", 1)[0]
         gen.store(held)
@@ -83,7 +85,7 @@ def _delay_body(gen: InstructionBuilder, key: tuple[int, ...]) -> None:
 
 
 def _count_w(gen: InstructionBuilder, loop: str) -> None:
-    """4 W + 4 cycles."""
+    """Emit a loop of 4 W + 4 cycles."""
     gen.emit("ADDLW", k=1)
     gen.label(loop)
     gen.emit("ADDLW", k=-1)
@@ -91,12 +93,12 @@ def _count_w(gen: InstructionBuilder, loop: str) -> None:
 
 
 def least_units(unit: int) -> int:
-    """The least argument for which a variable delay of `unit` cycles a step is exact."""
+    """Return the minimum argument for which a variable delay with steps of `unit` cycles is exact."""
     return {1: 22, 2: 10, 3: 4, 4: 3}.get(unit, -(-12 // unit))
 
 
 def eeprom_read(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
-    """DS35007 section 3.1."""
+    """Emit a read of the EEPROM (DS35007 section 3.1)."""
     gen.store(_EEADR)
     gen.emit("BSF", _EECON1, b=_RD)
     gen.emit("MOVF", _EEDATA, 0)
@@ -104,10 +106,10 @@ def eeprom_read(gen: InstructionBuilder, key: tuple[int, ...], library: Library)
 
 
 def eeprom_write(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
-    """DS35007 section 3.2: no interrupt may come between 0x55 and 0xAA; it waits until the byte is
-    written.
+    """Emit a write to the EEPROM that waits for its completion. No interrupt may come between 0x55 and 0xAA
+    (DS35007 section 3.2).
     """
-    gen.code.waits_for = "the EEPROM"
+    gen.function.waits_for = "the EEPROM"
     address, value = parameter(gen, "address", 1)[0], parameter(gen, "value", 1, in_w=True)[0]
     enabled = variable(gen, "enabled", 1)[0]
     del value
@@ -136,7 +138,7 @@ def eeprom_write(gen: InstructionBuilder, key: tuple[int, ...], library: Library
 
 
 def putchar(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
-    """8 data bits, low bit first, one stop bit; every bit is `cycles` long to the cycle."""
+    """Emit a routine that sends 8 data bits, low bit first, and one stop bit, each exactly `cycles` long."""
     port_address, pin, cycles, inverted = key
     port = Reg(port_address)
     value = parameter(gen, "value", 1, in_w=True)[0]
@@ -168,12 +170,12 @@ def putchar(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> 
 
 
 def getchar(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
-    """Waits for a start bit and samples each bit in its middle."""
+    """Emit a routine that waits for a start bit and samples each data bit in its middle."""
     port_address, pin, cycles, inverted = key
     port = Reg(port_address)
     value, count = variable(gen, "value", 1)[0], variable(gen, "count", 1)[0]
     wait, loop = gen.new_label(), gen.new_label()
-    gen.code.waits_for = "a start bit"
+    gen.function.waits_for = "a start bit"
     gen.label(wait)
     gen.goto_if(pin, not inverted, wait, port)
     gen.emit("MOVLW", k=8)

@@ -1,6 +1,7 @@
 """Shifts by constants and by variables.
 
-In: typed shift expressions. Out: instructions; a right shift is as wide as the range of its left operand.
+In: typed shift expressions. Out: instructions; a right shift is as wide as the value range of its left
+operand requires.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
-"""The frame of a program: vectors, start-up, saving of registers around the interrupt, tables, their order
-in flash.
+"""The frame of a program: vectors, start-up code, context saving around the interrupt, tables, and their
+order in flash.
 
-In: the generated functions and the program's variables. Out: an `Arrangement`: which code comes where.
+In: the generated functions and the program's variables. Out: an `Arrangement`: the code in the order in which
+it is placed.
 
-Address 0 holds a GOTO to the start-up when there is an interrupt function; without one, the start-up
-stands there.
+Address 0 holds a GOTO to the start-up code if there is an interrupt function; otherwise the start-up code
+itself begins there.
 """
 
 from __future__ import annotations
@@ -29,62 +30,77 @@ _CLEAR_LOOP_WORDS = 8
 
 @dataclass(slots=True)
 class Arrangement:
-    """Roots of the call trees (main's first), static variables, flash objects' labels, code order."""
+    """The roots of the call trees (main's first), the static variables, the labels of flash objects, and the
+    order of the code.
+    """
 
     roots: list[str]
     statics: list[Symbol]
     tables: dict[Symbol, str] = field(default_factory=dict)
     first: list[str] = field(default_factory=list)
 
-    def order(self, codes: dict[str, Function]) -> list[Function]:
-        """Start-up, interrupt, main, then the functions in the order in which they were made."""
-        names = [*self.first, *(name for name in codes if name not in self.first)]
-        return [codes[name] for name in names if name in codes]
+    def order(self, functions: dict[str, Function]) -> list[Function]:
+        """Return the start-up code, the interrupt, main, then the other functions in the order of their
+        creation.
+        """
+        names = [*self.first, *(name for name in functions if name not in self.first)]
+        return [functions[name] for name in names if name in functions]
 
 
 def arrange(
     generator: ProgramGenerator, program: Program, settings: Settings, reporter: Reporter
 ) -> Arrangement:
-    """Add the start-up code and the interrupt's frame to the codes."""
-    codes = generator.codes
-    statics = used_statics([each for each in program.symbols if each.kind in ("global", "fixed")], codes)
+    """Add the start-up code and the interrupt's frame to the functions, and return how they are arranged."""
+    functions = generator.functions
+    statics = used_statics([each for each in program.symbols if each.kind in ("global", "fixed")], functions)
     found = Arrangement([START], statics)
     start = Function(START, falls_into="main")
     _initialise(start, statics)
-    codes[START] = start
+    functions[START] = start
     if generator.graph.handler:
-        codes[RESET] = Function(RESET)
-        codes[RESET].append(Instruction("GOTO", target=START))
-        handler = codes[generator.graph.handler]
+        functions[RESET] = Function(RESET)
+        functions[RESET].append(Instruction("GOTO", target=START))
+        handler = functions[generator.graph.handler]
         isr = [
             handler,
-            *(codes[name] for name in codes if name.endswith(ISR_SUFFIX) or name in generator.graph.isr),
+            *(
+                functions[name]
+                for name in functions
+                if name.endswith(ISR_SUFFIX) or name in generator.graph.isr
+            ),
         ]
-        fsr = any(ins.f in (FSR, INDF) for code in isr for ins in code.instructions())
-        pclath = any(ins.f == PCLATH or ins.table is not None for code in isr for ins in code.instructions())
-        leaves = any(code.inline_asm and _leaves(code, codes) for code in isr)
+        fsr = any(ins.f in (FSR, INDF) for function in isr for ins in function.instructions())
+        pclath = any(
+            ins.f == PCLATH or ins.table is not None for function in isr for ins in function.instructions()
+        )
+        leaves = any(function.inline_asm and _leaves(function, functions) for function in isr)
         _save_context(handler, fsr=fsr or leaves, pclath=pclath or leaves)
         found.roots.append(handler.name)
         found.first = [RESET, handler.name]
-    found.tables = add_tables(codes, statics)
-    found.first += [START, "main", *(name for name, code in codes.items() if code.table is not None)]
+    found.tables = add_tables(functions, statics)
+    found.first += [
+        START,
+        "main",
+        *(name for name, function in functions.items() if function.table is not None),
+    ]
     return found
 
 
-def _leaves(code: Function, codes: dict[str, Function]) -> bool:
-    """Whether assembly calls or goes to another function: what that does is not looked at here."""
+def _leaves(function: Function, functions: dict[str, Function]) -> bool:
+    """Return whether assembly calls or jumps to another function, which is not analysed here."""
     return any(
-        ins.op in ("CALL", "GOTO") and ins.fixed and ins.target in codes for ins in code.instructions()
+        ins.op in ("CALL", "GOTO") and ins.fixed and ins.target in functions
+        for ins in function.instructions()
     )
 
 
-def _initialise(code: Function, statics: list[Symbol]) -> None:
-    """Start values: constants stored; what starts as zero is cleared, in a loop where that is shorter."""
+def _initialise(function: Function, statics: list[Symbol]) -> None:
+    """Emit the initial values: constants are stored; zeros are cleared, in a loop where that is shorter."""
     zero = [symbol for symbol in statics if symbol.kind == "global" and not symbol.initial]
     together = all(symbol.kind == "global" for symbol in statics)
     if together and sum(symbol.size for symbol in zero) > _CLEAR_LOOP_WORDS:
-        code.extend(_clear_loop(zero))
-        code.bounds[_CLEAR_LABEL] = sum(symbol.size for symbol in zero)
+        function.extend(_clear_loop(zero))
+        function.bounds[_CLEAR_LABEL] = sum(symbol.size for symbol in zero)
     else:
         zero = []
     for symbol in statics:
@@ -95,16 +111,16 @@ def _initialise(code: Function, statics: list[Symbol]) -> None:
         loaded: Data | None = None
         for value, offset in sorted(bytes_, key=lambda pair: (pair[0] != 0, repr(pair[0]), pair[1])):
             if value == 0:
-                code.append(Instruction("CLRF", Byte(symbol, offset)))
+                function.append(Instruction("CLRF", Byte(symbol, offset)))
                 continue
             if value != loaded:
-                code.append(Instruction("MOVLW", k=value))
-            code.append(Instruction("MOVWF", Byte(symbol, offset)))
+                function.append(Instruction("MOVLW", k=value))
+            function.append(Instruction("MOVWF", Byte(symbol, offset)))
             loaded = value
 
 
 def _clear_loop(zero: list[Symbol]) -> list[Line]:
-    """Clear variables that lie one behind the other."""
+    """Return a loop that clears consecutive variables."""
     first, last = AddressByte(zero[0], 0, 0), AddressByte(zero[-1], zero[-1].size, 0)
     return [
         Instruction("MOVLW", k=first),
@@ -119,14 +135,14 @@ def _clear_loop(zero: list[Symbol]) -> list[Line]:
     ]
 
 
-def used_statics(statics: list[Symbol], codes: dict[str, Function]) -> list[Symbol]:
-    """Return the variables that an instruction names, or a start value or constant that is used itself;
-    those that start as zero come first.
+def used_statics(statics: list[Symbol], functions: dict[str, Function]) -> list[Symbol]:
+    """Return the variables that an instruction refers to, or that the initial value of a used variable or
+    constant refers to; those that start as zero come first.
     """
     named: set[Symbol] = set()
     waiting: list[Symbol] = []
-    for code in codes.values():
-        for ins in code.instructions():
+    for function in functions.values():
+        for ins in function.instructions():
             if isinstance(ins.f, Byte):
                 waiting.append(ins.f.symbol)
             if isinstance(ins.k, AddressByte):
@@ -142,18 +158,19 @@ def used_statics(statics: list[Symbol], codes: dict[str, Function]) -> list[Symb
     return sorted(found, key=lambda symbol: bool(symbol.initial))
 
 
-def _save_context(code: Function, *, fsr: bool, pclath: bool) -> None:
-    """W, STATUS and what the interrupt uses of FSR and PCLATH are kept (DS35007 section 6.9, "Context
-    saving").
+def _save_context(function: Function, *, fsr: bool, pclath: bool) -> None:
+    """Save and restore W, STATUS, and FSR and PCLATH where the interrupt uses them (DS35007 section 6.9,
+    "Context saving").
 
     SWAPF moves STATUS without changing its flags. Bank 0 is selected for the function itself.
     """
 
     def kept(name: str) -> Byte:
-        symbol = Symbol(f"saved_{name}", U8, "temp", function=code.name, pinned=True)
-        code.own.append(symbol)
+        symbol = Symbol(f"saved_{name}", U8, "temp", function=function.name, pinned=True)
+        function.own.append(symbol)
         return Byte(symbol, 0)
 
+    # the bank is unknown on entry, which is harmless: RAM is the same in both
     w, status = kept("w"), kept("status")
     before = [
         Instruction("MOVWF", w),
@@ -175,7 +192,7 @@ def _save_context(code: Function, *, fsr: bool, pclath: bool) -> None:
             after = [Instruction("MOVF", held, 0), Instruction("MOVWF", register), *after]
     for each in (*before, *after):
         each.fixed = True
-    body = list(code.lines())
+    body = list(function.lines())
     assert isinstance(body[-1], Instruction) and body[-1].op == "RETFIE"
-    code.replace([*before, *body[:-1], *after])
-    code.origin = INTERRUPT_VECTOR
+    function.replace([*before, *body[:-1], *after])
+    function.origin = INTERRUPT_VECTOR

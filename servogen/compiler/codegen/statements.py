@@ -1,4 +1,4 @@
-"""Function for statements and whole functions.
+"""Code for statements and whole functions.
 
 In: a function of the typed tree. Out: its `Function`.
 """
@@ -43,21 +43,21 @@ from servogen.errors import Place
 
 
 def generate(gen: FunctionGenerator) -> Function:
-    function = gen.function
-    assert function.body is not None
-    gen.place = function.place
-    if gen.code.w_parameter is not None:
-        gen.store(Byte(gen.code.w_parameter, 0))
-    statement(gen, function.body)
+    definition = gen.definition
+    assert definition.body is not None
+    gen.place = definition.place
+    if gen.function.w_parameter is not None:
+        gen.store(Byte(gen.function.w_parameter, 0))
+    statement(gen, definition.body)
     gen.label(gen.end_label)
     gen.place = None
-    if function.interrupt:
+    if definition.interrupt:
         gen.emit("RETFIE")
-    elif function.name == "main":
+    elif definition.name == "main":
         gen.goto(gen.end_label)  # there is nothing to return to
     else:
         gen.emit("RETURN")
-    return gen.code
+    return gen.function
 
 
 def statement(gen: FunctionGenerator, node: Stmt) -> None:
@@ -104,9 +104,9 @@ def _stmt_loop(gen: FunctionGenerator, node: Loop) -> None:
 
 
 def _loop(gen: FunctionGenerator, node: Loop, *, entered: bool) -> None:
-    """The test stands in front, or at the end when it surely holds at first."""
+    """Generate a loop; the test goes to the end if it certainly holds at first."""
     gen.place = node.place
-    start = gen.code.size
+    start = gen.function.size
     top, again, end = (gen.new_label(hint) for hint in ("top", "again", "end"))
     gen.break_labels.append(end)
     gen.continue_labels.append(again)
@@ -130,13 +130,13 @@ def _loop(gen: FunctionGenerator, node: Loop, *, entered: bool) -> None:
 
 
 def _note_loop(gen: FunctionGenerator, node: Loop, start: int) -> None:
-    """Remember where a loop stands: the listing names loops without a known end."""
+    """Record the location of a loop, so that the listing can name loops without a known bound."""
     places = [
         node.place,
-        *(each.place for each in islice(gen.code.instructions(), start, None) if each.place is not None),
+        *(each.place for each in islice(gen.function.instructions(), start, None) if each.place is not None),
     ]
     inside = [(each.line or 0, each.column or 0) for each in places]
-    gen.code.loops.append(LoopLines(node.kind, min(inside), max(inside)))
+    gen.function.loops.append(LoopLines(node.kind, min(inside), max(inside)))
 
 
 def _stmt_switch(gen: FunctionGenerator, node: Switch) -> None:
@@ -212,7 +212,7 @@ def _stmt_return(gen: FunctionGenerator, node: Return) -> None:
     if node.value is not None:
         if isinstance(node.value.type, VoidType):
             effect(gen, node.value)
-        elif gen.code.returns_w:
+        elif gen.function.returns_w:
             if (
                 isinstance(node.value.type, IntType)
                 and node.value.type.is_bool
@@ -223,14 +223,14 @@ def _stmt_return(gen: FunctionGenerator, node: Return) -> None:
             else:
                 to_w(gen, node.value)
         else:
-            assert gen.code.result is not None
-            size = gen.code.result.size
-            into(gen, node.value, [Byte(gen.code.result, each) for each in range(size)])
+            assert gen.function.result is not None
+            size = gen.function.result.size
+            into(gen, node.value, [Byte(gen.function.result, each) for each in range(size)])
     gen.goto(gen.end_label)
 
 
 def _stmt_asm(gen: FunctionGenerator, node: Asm) -> None:
-    gen.code.inline_asm = True
+    gen.function.inline_asm = True
     labels: dict[str, str] = {}
     for place, text in node.lines:
         gen.place = place
@@ -241,7 +241,7 @@ def _stmt_asm(gen: FunctionGenerator, node: Asm) -> None:
             continue
         for line in found:
             line.place, line.fixed = place, True
-            gen.code.append(line)
+            gen.function.append(line)
 
 
 def _asm_name(gen: FunctionGenerator, node: Asm) -> Callable[[str], Symbol | None]:
@@ -253,18 +253,20 @@ def _asm_name(gen: FunctionGenerator, node: Asm) -> Callable[[str], Symbol | Non
 
 
 def _asm_label(gen: FunctionGenerator, node: Asm, labels: dict[str, str]) -> Callable[[str], str]:
-    """A label is its block's; `_name` may be a C function."""
+    """Return the function that resolves labels: they are local to their block; `_name` may be a C
+    function.
+    """
 
     def find(name: str) -> str:
         if any(call.function == name.removeprefix("_") for call in node.calls):
             return gen.signature(name.removeprefix("_")).name
-        return labels.setdefault(name, f"{gen.code.name}.asm.{name}")
+        return labels.setdefault(name, f"{gen.function.name}.asm.{name}")
 
     return find
 
 
 def _holds_at_first(loop: Loop, before: Stmt) -> bool:
-    """Whether a loop's test surely holds at first: `for (i = 0; i < 8; i++)`."""
+    """Return whether the test of a loop certainly holds at first: `for (i = 0; i < 8; i++)`."""
     if not isinstance(before, ExprStmt) or not isinstance(before.expr, Assign):
         return False
     target, value, test = before.expr.target, before.expr.value, loop.condition

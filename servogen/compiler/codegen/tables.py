@@ -1,7 +1,7 @@
-"""Constants in flash: tables of RETLW, and the few instructions in front that jump into them.
+"""Constants in flash: tables of RETLW, and the few instructions that jump into them.
 
-In: flash objects that the code names. Out: a `Function` each. A table whose program lies in the first 256
-words with all others needs only ADDWF PCL; elsewhere PCLATH is set, and a carry is added where a table
+In: the flash objects that the code refers to. Out: a `Function` for each. A table needs only ADDWF PCL if it
+lies, with all others, in the first 256 words; elsewhere PCLATH is set, and a carry is added where a table
 crosses a page of 256 words (DS35007 section 2.4; "Implementing a Table Read", Microchip AN556).
 """
 
@@ -16,26 +16,27 @@ _PAGE = 256
 
 
 def table_name(symbol: Symbol) -> str:
-    """The label of the routine that reads a flash object by index."""
+    """Return the label of the routine that reads a flash object by index."""
     place = symbol.place
     return f"__table.{symbol.name}@{place.file}:{place.line}:{place.column}"
 
 
 def data_label(name: str) -> str:
-    """The label of the first byte of the table with that name."""
+    """Return the label of the first byte of the table with that name."""
     return name + ".data"
 
 
-def add_tables(codes: dict[str, Function], statics: list[Symbol]) -> dict[Symbol, str]:
-    """Make a Function for every flash object that is named, and give the labels of their first bytes.
+def add_tables(functions: dict[str, Function], statics: list[Symbol]) -> dict[Symbol, str]:
+    """Create a Function for every flash object that is referred to, and return the labels of their first
+    bytes.
 
-    A table that the interrupt reads and main too exists twice: its routine keeps the index in a byte.
+    A table that both main and the interrupt read exists twice, because its routine keeps the index in a byte.
     """
     found: dict[Symbol, str] = {}
     called: dict[str, Symbol] = {}
     waiting: list[Symbol] = []
-    for code in codes.values():
-        for ins in code.instructions():
+    for function in functions.values():
+        for ins in function.instructions():
             if ins.table is not None:
                 called[ins.target] = ins.table
             elif isinstance(ins.k, AddressByte):
@@ -48,38 +49,40 @@ def add_tables(codes: dict[str, Function], statics: list[Symbol]) -> dict[Symbol
     ]
     for name, symbol in called.items():
         held = Symbol("index", U8, "temp", function=name)
-        codes[name] = Function(name, own=[held], table=symbol, w_parameter=held)
+        functions[name] = Function(name, own=[held], table=symbol, w_parameter=held)
         found.setdefault(symbol, data_label(name))
         waiting += pointed_to(symbol)
     while waiting:
         symbol = waiting.pop(0)
         if symbol.kind == "flash" and symbol not in found:
             name = table_name(symbol)
-            codes[name] = Function(name, table=symbol)
+            functions[name] = Function(name, table=symbol)
             found[symbol] = data_label(name)
             waiting += pointed_to(symbol)
     return found
 
 
 def pointed_to(symbol: Symbol) -> list[Symbol]:
-    """Return the objects whose addresses a variable starts with or a flash object holds."""
+    """Return the objects whose addresses the initial value of a variable or flash object contains."""
     return [each.symbol for each in (symbol.initial or {}).values() if isinstance(each, AddressByte)]
 
 
-def table_code(code: Function, address: int, *, only_first_page: bool) -> list[Line] | None:
-    """The instructions of a table at an address; None when it would leave the first page and must not."""
-    symbol = code.table
+def table_code(function: Function, address: int, *, only_first_page: bool) -> list[Line] | None:
+    """Return the instructions of a table at an address; None if it would leave the first page and must
+    not.
+    """
+    symbol = function.table
     assert symbol is not None
     data = [
         Instruction("RETLW", k=(symbol.initial or {}).get(each, 0), fixed=True) for each in range(symbol.size)
     ]
-    label = Label(data_label(code.name), fixed=True)
-    if code.w_parameter is None:
+    label = Label(data_label(function.name), fixed=True)
+    if function.w_parameter is None:
         return [label, *data]
     last = address + len(data)
     if only_first_page:
         return [Instruction("ADDWF", PCL, 1), label, *data] if last < _PAGE else None
-    held = Byte(code.w_parameter, 0)
+    held = Byte(function.w_parameter, 0)
     start = address + 5
     crosses = start // _PAGE != (start + len(data) - 1) // _PAGE
     start = address + 8 if crosses else start

@@ -25,7 +25,7 @@ MAX_LEVELS = 5
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Loop counters, the innermost first (none: no loop), whether it counts in W, and the cycles left
+    """Loop counters, innermost first (none: no loop), whether the inner one counts in W, and the cycles left
     over.
     """
 
@@ -41,13 +41,13 @@ class Plan:
 
     @property
     def bytes(self) -> int:
-        """Counters in memory."""
+        """Return the number of counters in memory."""
         return max(len(self.counts) - self.in_w, 0)
 
 
 @lru_cache(maxsize=4096)
 def plan(cycles: int) -> Plan:
-    """The plan of exactly `cycles` cycles with the fewest words, and of those the fewest bytes."""
+    """Return the plan of exactly `cycles` cycles with the fewest words and, among those, the fewest bytes."""
     plans = [Plan((), False, cycles)] if cycles <= 16 else []
     for levels in range(1, MAX_LEVELS + 1):
         for in_w in (True, False):
@@ -83,7 +83,7 @@ def _loops(cycles: int, levels: int, in_w: bool) -> Plan | None:
 
 
 def instructions(found: Plan, counters: list[Loc], label: str) -> list[Line]:
-    """The instructions of a plan; `counters` are its bytes, `label` a name for its loop."""
+    """Return the instructions of a plan; `counters` are its bytes, `label` names its loop."""
     out: list[Line] = []
     memory = list(counters)
     levels = len(found.counts)
@@ -113,7 +113,9 @@ def instructions(found: Plan, counters: list[Loc], label: str) -> list[Line]:
 
 
 def filler(cycles: int, label: str) -> list[Line]:
-    """Two cycles a word by GOTO to the next instruction, an odd one by NOP."""
+    """Return instructions of `cycles` cycles: GOTOs to the next instruction, two cycles per word, and a NOP
+    for an odd cycle.
+    """
     out: list[Line] = []
     for number in range(cycles // 2):
         after = f"{label}.f{number}"

@@ -1,10 +1,10 @@
-"""Delays made real: each in place, or by routines where that saves words.
+"""Expands delays: each in place, or through routines where that saves words.
 
-In: the code of every function, with delays as one instruction each. Out: the same with their instructions.
+In: the code of every function, with each delay as one instruction. Out: the same code with the delays'
+instructions.
 
-Delays that stand one behind the other are one delay. A delay that occurs often can be a routine of its own;
-delays of many lengths can share a loop that takes its counters, entered so many NOPs before it as cycles are
-left over:
+Adjacent delays are merged. A delay that occurs often can be a routine of its own; delays of many lengths can
+share a loop that takes its counters and is entered as many NOPs early as there are cycles left over:
 
     MOVLW c1                        MOVLW c2; MOVWF t; MOVLW c1
     CALL  loop1 - rest              CALL  loop2 - rest
@@ -32,7 +32,7 @@ _SITE_WORDS = {1: 2, 2: 4}
 
 @dataclass(slots=True)
 class _Choice:
-    """How the delays of one call tree are made."""
+    """How the delays of one call tree are implemented."""
 
     words: int = 0
     merged: bool = True
@@ -42,34 +42,37 @@ class _Choice:
     """Lengths that go through a shared loop: the number of its counters."""
 
 
-def expand_delays(codes: dict[str, Function], room_for_call: dict[str, bool], interrupt: set[str]) -> None:
-    """Replace each delay by its instructions.
+def expand_delays(
+    functions: dict[str, Function], room_for_call: dict[str, bool], interrupt: set[str]
+) -> None:
+    """Replace each delay with its instructions.
 
-    `room_for_call` says of each function whether the stack has a level left for one more call from it. What
-    the `interrupt` reaches has routines of its own: it may come in the middle of one of main's.
+    `room_for_call` tells, for each function, whether the stack has a level left for one more call from it.
+    The functions that the `interrupt` reaches have delay routines of their own, because it may come in the
+    middle of one of main's.
     """
     for isr in (False, True):
         suffix = ISR_SUFFIX if isr else ""
-        group = [code for name, code in codes.items() if (name in interrupt) == isr]
-        with_room = [code for code in group if room_for_call.get(code.name, False)]
-        merged = Counter(cycles for code in with_room for cycles in _lengths(code, merged=True))
-        single = Counter(cycles for code in with_room for cycles in _lengths(code, merged=False))
+        group = [function for name, function in functions.items() if (name in interrupt) == isr]
+        with_room = [function for function in group if room_for_call.get(function.name, False)]
+        merged = Counter(cycles for function in with_room for cycles in _lengths(function, merged=True))
+        single = Counter(cycles for function in with_room for cycles in _lengths(function, merged=False))
         options = [
             _choose(counts, shared, merged=kind)
             for kind, counts in ((True, merged), (False, single))
             for shared in product((False, True), (False, True))
         ]
         best = min(options, key=lambda each: each.words)
-        for code in group:
-            _expand(code, best if code in with_room else _Choice(), suffix, codes)
-        _make_loops(best, suffix, codes)
+        for function in group:
+            _expand(function, best if function in with_room else _Choice(), suffix, functions)
+        _make_loops(best, suffix, functions)
 
 
-def _lengths(code: Function, *, merged: bool) -> list[int]:
-    """The delays of a function, neighbours as one or each by itself."""
+def _lengths(function: Function, *, merged: bool) -> list[int]:
+    """Return the delays of a function, with neighbours merged or each by itself."""
     found: list[int] = []
     before = False
-    for ins in code.lines():
+    for ins in function.lines():
         if isinstance(ins, Instruction) and ins.op == DELAY:
             assert isinstance(ins.k, int)
             if before and merged:
@@ -81,10 +84,12 @@ def _lengths(code: Function, *, merged: bool) -> list[int]:
 
 
 def _choose(counts: Counter[int], shared: tuple[bool, bool], *, merged: bool) -> _Choice:
-    """The cheapest way for each length when these shared loops exist; `words` is the sum."""
+    """Return the cheapest implementation of each length, given these shared loops; `words` is the total."""
     choice = _Choice(merged=merged)
     rests: dict[int, list[int]] = {1: [], 2: []}
     for cycles, times in counts.items():
+        # (words, kind): 0 expands in place, -1 is a routine of its own with one CALL per use, 1 and 2 are the
+        # shared loops
         ways: list[tuple[int, int]] = [(times * plan(cycles).words, 0)]
         if cycles >= _CALL_AND_RETURN:
             ways.append((times + plan(cycles - _CALL_AND_RETURN).words + 1, -1))
@@ -104,7 +109,9 @@ def _choose(counts: Counter[int], shared: tuple[bool, bool], *, merged: bool) ->
 
 
 def _loop(cycles: int, level: int) -> tuple[int, ...] | None:
-    """(counters…, cycles left over) of a delay through the shared loop; None when it does not reach."""
+    """Return (counters…, cycles left over) of a delay through the shared loop; None if it does not reach."""
+    # Level 1: MOVLW, CALL and RETURN take 5 cycles, each turn 4, the last turn 3. Level 2 adds MOVLW, MOVWF
+    # and the final DECFSZ; each further outer turn takes 256 inner turns and 3 cycles less 1.
     left = cycles - (4 if level == 1 else 8)
     outer = 0
     if level == 2:
@@ -117,10 +124,10 @@ def _loop(cycles: int, level: int) -> tuple[int, ...] | None:
     return (inner, rest) if level == 1 else (inner, outer + 1, rest)
 
 
-def _expand(code: Function, choice: _Choice, suffix: str, codes: dict[str, Function]) -> None:
+def _expand(function: Function, choice: _Choice, suffix: str, functions: dict[str, Function]) -> None:
     out: list[Line] = []
     number = 0
-    lines = list(code.lines())
+    lines = list(function.lines())
     while number < len(lines):
         first = lines[number]
         number += 1
@@ -131,47 +138,50 @@ def _expand(code: Function, choice: _Choice, suffix: str, codes: dict[str, Funct
         while choice.merged and number < len(lines) and (more := _cycles(lines[number])) is not None:
             cycles += more
             number += 1
-        made = _made(code, cycles, choice, suffix, codes, f"{code.name}.delay{number}")
+        made = _made(function, cycles, choice, suffix, functions, f"{function.name}.delay{number}")
         for each in made:
             each.place = first.place
         inside = [each for each in made if isinstance(each, Instruction)]
         if len(inside) > 2:
-            code.delays.append((inside[0], inside[-1]))
+            function.delays.append((inside[0], inside[-1]))
         out += made
-    code.replace(out)
+    function.replace(out)
 
 
 def _cycles(line: Line) -> int | None:
-    """The length of a delay; None for what is not one."""
+    """Return the length of a delay; None for any other line."""
     return line.k if isinstance(line, Instruction) and line.op == DELAY and isinstance(line.k, int) else None
 
 
 def _made(
-    code: Function, cycles: int, choice: _Choice, suffix: str, codes: dict[str, Function], label: str
+    function: Function, cycles: int, choice: _Choice, suffix: str, functions: dict[str, Function], label: str
 ) -> Sequence[Line]:
-    """The instructions of one delay."""
+    """Return the instructions of one delay."""
     if cycles in choice.own:
         name = f"__delay_{cycles}{suffix}"
-        if name not in codes:
-            codes[name] = _routine(name, cycles - _CALL_AND_RETURN)
+        if name not in functions:
+            functions[name] = _routine(name, cycles - _CALL_AND_RETURN)
         return [Instruction("CALL", target=name, fixed=True)]
     level = choice.levels.get(cycles, 0)
     found = _loop(cycles, level) if level else None
     if found is None:
-        return _inline(code, cycles, label)
+        return _inline(function, cycles, label)
     name = _loop_name(level, suffix)
     target = f"{name}.{found[-1]}" if found[-1] else name
     made: list[Instruction] = []
     if level == 2:
-        if name not in codes:
-            codes[name] = Function(name, own=[Symbol("count", U8, "param", function=name)])
-        made += [Instruction("MOVLW", k=found[1] & 0xFF), Instruction("MOVWF", Byte(codes[name].own[0], 0))]
-    elif name not in codes:
-        codes[name] = Function(name)
+        if name not in functions:
+            functions[name] = Function(name, own=[Symbol("count", U8, "param", function=name)])
+        made += [
+            Instruction("MOVLW", k=found[1] & 0xFF),
+            Instruction("MOVWF", Byte(functions[name].own[0], 0)),
+        ]
+    elif name not in functions:
+        functions[name] = Function(name)
     made += [Instruction("MOVLW", k=found[0] & 0xFF), Instruction("CALL", target=target)]
     for each in made:
         each.fixed = True
-    code.also_calls = (*code.also_calls, name)
+    function.also_calls = (*function.also_calls, name)
     return made
 
 
@@ -179,18 +189,18 @@ def _loop_name(level: int, suffix: str) -> str:
     return f"__delay_loop{level}{suffix}"
 
 
-def _make_loops(choice: _Choice, suffix: str, codes: dict[str, Function]) -> None:
-    """The loops that the delays share, behind as many NOPs as one of them needs."""
+def _make_loops(choice: _Choice, suffix: str, functions: dict[str, Function]) -> None:
+    """Create the loops that the delays share, preceded by as many NOPs as any of them needs."""
     for level in (1, 2):
         name = _loop_name(level, suffix)
-        if name not in codes:
+        if name not in functions:
             continue
         found = [_loop(cycles, level) for cycles, each in choice.levels.items() if each == level]
-        code = codes[name]
+        function = functions[name]
         for rest in range(max((each[-1] for each in found if each), default=0), 0, -1):
-            code.extend([Label(f"{name}.{rest}"), Instruction("NOP")])
+            function.extend([Label(f"{name}.{rest}"), Instruction("NOP")])
         loop = f"{name}.loop"
-        code.extend(
+        function.extend(
             [
                 Label(name),
                 Label(loop),
@@ -200,28 +210,30 @@ def _make_loops(choice: _Choice, suffix: str, codes: dict[str, Function]) -> Non
             ]
         )
         if level == 2:
-            code.extend([Instruction("DECFSZ", Byte(code.own[0], 0), 1), Instruction("GOTO", target=loop)])
-        code.append(Instruction("RETURN"))
-        for line in code.lines():
+            function.extend(
+                [Instruction("DECFSZ", Byte(function.own[0], 0), 1), Instruction("GOTO", target=loop)]
+            )
+        function.append(Instruction("RETURN"))
+        for line in function.lines():
             line.fixed = True
 
 
-def _inline(code: Function, cycles: int, label: str) -> list[Line]:
+def _inline(function: Function, cycles: int, label: str) -> list[Line]:
     found = plan(cycles)
-    return instructions(found, counters(code, found.bytes), label)
+    return instructions(found, counters(function, found.bytes), label)
 
 
-def counters(code: Function, count: int) -> list[Loc]:
-    """Bytes for the counters of delays; the delays of one function use the same ones."""
-    have = [symbol for symbol in code.own if symbol.name.startswith("delay_counter")]
+def counters(function: Function, count: int) -> list[Loc]:
+    """Return bytes for delay counters; all delays of a function use the same ones."""
+    have = [symbol for symbol in function.own if symbol.name.startswith("delay_counter")]
     while len(have) < count:
-        symbol = Symbol(f"delay_counter{len(have) + 1}", U8, "temp", function=code.name)
-        code.own.append(symbol)
+        symbol = Symbol(f"delay_counter{len(have) + 1}", U8, "temp", function=function.name)
+        function.own.append(symbol)
         have.append(symbol)
     return [Byte(symbol, 0) for symbol in have[:count]]
 
 
 def _routine(name: str, cycles: int) -> Function:
-    code = Function(name)
-    code.extend([*_inline(code, cycles, f"{name}.loop"), Instruction("RETURN", fixed=True)])
-    return code
+    function = Function(name)
+    function.extend([*_inline(function, cycles, f"{name}.loop"), Instruction("RETURN", fixed=True)])
+    return function

@@ -1,6 +1,6 @@
-"""The frame of a function: where its variables lie relative to one another.
+"""The frame of a function: the offsets of its variables.
 
-In: a `Function`. Out: offsets; variables that are never alive together share a place.
+In: a `Function`. Out: offsets; variables that are never live at the same time share a place.
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ from servogen.compiler.passes.liveness import Liveness
 
 
 def frame(function: Function) -> tuple[dict[Symbol, int], int]:
-    """Offsets of a function's variables in its frame, and the frame's size: the first place that is free."""
+    """Return the offsets of a function's variables in its frame, and the frame's size, which is the first
+    free offset.
+    """
     conflicts = symbol_conflicts(function)
     offsets: dict[Symbol, int] = {}
     for symbol in sorted(conflicts, key=lambda each: -each.size):
@@ -31,7 +33,7 @@ def frame(function: Function) -> tuple[dict[Symbol, int], int]:
 
 
 def symbol_conflicts(function: Function) -> dict[Symbol, set[Symbol]]:
-    """For each variable of a function that is used, the others that must not share its place."""
+    """Return, for each used variable of a function, the others that must not share its place."""
     live = Liveness(function)
     used: dict[Symbol, None] = {}
     for parameter in [*function.parameters, function.w_parameter]:

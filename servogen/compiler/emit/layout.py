@@ -1,7 +1,7 @@
 """Addresses: variables in RAM, functions in flash, labels; then words, the image and the listing's rows.
 
-In: optimised code, the globals, what goes into the reset and interrupt vectors. Out: words by address.
-Variables of a function lie above those of everything it calls, so that calls in progress never share a byte.
+In: optimised code, the globals, the contents of the reset and interrupt vectors. Out: words by address. The
+variables of a function lie above those of everything it calls, so that calls in progress never share a byte.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ FLASH_FLAG = 0x80
 
 @dataclass(slots=True)
 class Memory:
-    """Where variables are, and how many bytes are used."""
+    """The addresses of variables, and the number of bytes used."""
 
     addresses: dict[Symbol, int] = field(default_factory=dict)
     used: int = 0
 
 
 def allocate(
-    roots: list[str], codes: dict[str, Function], statics: list[Symbol], reporter: Reporter
+    roots: list[str], functions: dict[str, Function], statics: list[Symbol], reporter: Reporter
 ) -> Memory:
-    """Addresses for every variable."""
+    """Return an address for every variable."""
     memory = Memory()
     taken = {
         symbol.address + each
@@ -64,8 +64,10 @@ def allocate(
         def reserve(name: str, base: int = base, ends: dict[str, int] = ends) -> int:
             if name not in ends:
                 ends[name] = base  # guards against a loop of calls in assembly
-                at = max([base, *(reserve(callee) for callee in codes[name].calls() if callee in codes)])
-                offsets, size = frame(codes[name])
+                at = max(
+                    [base, *(reserve(callee) for callee in functions[name].calls() if callee in functions)]
+                )
+                offsets, size = frame(functions[name])
                 at = place(size, at)
                 for symbol, offset in offsets.items():
                     memory.addresses[symbol] = at + offset
@@ -110,11 +112,11 @@ class Layout:
 def lay_out(
     order: list[Function], memory: Memory, reporter: Reporter, tables: dict[Symbol, str], *, small: bool
 ) -> Layout:
-    """Give each instruction its address and encode it. `tables` name the label of each flash object.
+    """Assign each instruction its address and encode it. `tables` gives the label of each flash object.
 
-    `small` says whether the program has been made as small as it can be.
+    `small` tells whether the program is already as small as the compiler can make it.
     """
-    pointers = any(code.name.startswith("__flash") for code in order)
+    pointers = any(function.name.startswith("__flash") for function in order)
     found = None if pointers else _place(order, only_first_page=True)
     if found is None:
         found = _place(order, only_first_page=False)
@@ -132,26 +134,28 @@ def lay_out(
 
 
 def _place(order: list[Function], *, only_first_page: bool) -> Layout | None:
-    """Addresses in order; None when a table misses the first page but all should lie there."""
+    """Assign addresses in order; return None if a table misses the first page although all should lie
+    there.
+    """
     words: list[Word] = []
     labels: dict[str, int] = {}
     starts: dict[str, tuple[int, int]] = {}
     address = 0
-    for code in order:
-        if code.table is not None:
-            found = table_code(code, address, only_first_page=only_first_page)
+    for function in order:
+        if function.table is not None:
+            found = table_code(function, address, only_first_page=only_first_page)
             if found is None:
                 return None
-            code.replace(found)
-        address = code.origin if code.origin is not None else address
-        labels[code.name] = begin = address
-        for line in code.lines():
+            function.replace(found)
+        address = function.origin if function.origin is not None else address
+        labels[function.name] = begin = address
+        for line in function.lines():
             if isinstance(line, Label):
                 labels[line.name] = address
             else:
-                words.append(Word(address, line, code.name))
+                words.append(Word(address, line, function.name))
                 address += 1
-        starts[code.name] = (begin, address)
+        starts[function.name] = (begin, address)
     return Layout(words, labels, starts, address)
 
 
@@ -198,7 +202,7 @@ def _literal(
 
 
 def address_byte(k: AddressByte, labels: dict[str, int], memory: Memory, tables: dict[Symbol, str]) -> int:
-    """One byte of the address of a variable or flash object, as pointers hold it."""
+    """Return one byte of the address of a variable or flash object, as pointers hold it."""
     if k.symbol.kind == "flash":
         where = labels[tables[k.symbol]] + k.offset
         return where & 0xFF if k.part == 0 else where >> 8 | FLASH_FLAG

@@ -1,4 +1,4 @@
-"""The listing: each word with its source line, and per function its size, depth and times.
+"""The listing: each word with its source line, and the size, call depth and times of each function.
 
 In: the layout. Out: `pic.listing.Listing`.
 """
@@ -20,30 +20,32 @@ from servogen.pic.listing import ListedFunction, Listing, ListingRow
 def make_listing(
     layout: Layout,
     memory: Memory,
-    codes: dict[str, Function],
+    functions: dict[str, Function],
     times: Mapping[str, FunctionTimes],
     reporter: Reporter,
 ) -> Listing:
-    """The listing of a program."""
+    """Return the listing of a program."""
     rows = tuple(_row(word, memory) for word in layout.words)
-    chains = depths(codes)
-    functions = tuple(
+    chains = depths(functions)
+    listed = tuple(
         ListedFunction(
             name,
             start,
             end,
-            sum(each.size for each in codes[name].own),
+            sum(each.size for each in functions[name].own),
             len(chains[name]),
             *_times(times.get(name)),
         )
         for name, (start, end) in layout.starts.items()
         if end > start
     )
-    return Listing(rows, functions, _variables(memory), tuple(reporter.texts.items()))
+    return Listing(rows, listed, _variables(memory), tuple(reporter.texts.items()))
 
 
 def _variables(memory: Memory) -> tuple[tuple[int, str, int], ...]:
-    """The program's own variables by address, then what each function and routine needs beside them."""
+    """Return the program's own variables by address, then the bytes that each function and routine needs in
+    addition.
+    """
     named: list[tuple[int, str, int]] = []
     unnamed: dict[str, set[int]] = {}
     for symbol, address in memory.addresses.items():
@@ -57,7 +59,7 @@ def _variables(memory: Memory) -> tuple[tuple[int, str, int], ...]:
 
 
 def _runs(addresses: set[int]) -> list[tuple[int, int]]:
-    """(first, how many) of the addresses that follow one another."""
+    """Return (first, count) of each run of consecutive addresses."""
     found: list[tuple[int, int]] = []
     for address in sorted(addresses):
         if found and sum(found[-1]) == address:

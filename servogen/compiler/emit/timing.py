@@ -1,4 +1,4 @@
-"""The shortest and the longest time of each function, with names for what has no bound.
+"""The minimum and maximum execution time of each function, with a name for whatever has no bound.
 
 In: the words of a program, and the functions that they come from. Out: `FunctionTimes` by name.
 """
@@ -18,7 +18,9 @@ from servogen.pic.wcet import Program, Unbounded
 
 @dataclass(frozen=True, slots=True)
 class FunctionTimes:
-    """Cycles; `shortest` is None where the function never returns, `longest` where `unbounded` says why."""
+    """Execution times in cycles; `shortest` is None if the function never returns, `longest` if `unbounded`
+    gives the reason.
+    """
 
     shortest: int | None
     longest: int | None
@@ -28,9 +30,9 @@ class FunctionTimes:
 def function_times(
     layout: Layout, functions: Mapping[str, Function], *, main: Iterable[str], interrupt: Iterable[str]
 ) -> dict[str, FunctionTimes]:
-    """The times of the functions that `main` and the `interrupt` reach.
+    """Return the times of the functions that `main` and the `interrupt` reach.
 
-    What the interrupt changes is never known to main; main changes nothing while the interrupt runs.
+    Values that the interrupt changes are unknown in main; main changes nothing while the interrupt runs.
     """
     words = {word.address: word.value for word in layout.words}
     listed = [ListedFunction(name, start, end) for name, (start, end) in layout.starts.items() if end > start]
@@ -75,7 +77,7 @@ def _name(
     names: Mapping[int, str],
     program: Program,
 ) -> str:
-    """What has no bound, as the source names it: "while at line 12"."""
+    """Return a name in terms of the source for what has no bound: "while at line 12"."""
     at = reason.addresses[0]
     match reason.kind:
         case "call":
@@ -92,7 +94,7 @@ def _at_line(what: str, place: Place | None) -> str:
 
 
 def _loop(function: Function, addresses: Iterable[int], places: Mapping[int, Place | None]) -> str:
-    """The loop of the source that holds these words."""
+    """Return the source loop that contains these words."""
     if function.waits_for:
         return f"waits for {function.waits_for}"
     found = [places.get(at) for at in addresses]

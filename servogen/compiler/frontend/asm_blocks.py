@@ -1,7 +1,7 @@
-"""Rewrites what the C preprocessor cannot read, in the source text itself, line for line.
+"""Rewrites in the source text, line for line, what the C preprocessor cannot read.
 
-In: the text of a source file. Out: text of the same lines in which binary constants are hexadecimal ones
-padded to the same columns, and each block of assembly that is not an `asm("…")` is a numbered marker.
+In: the text of a source file. Out: text with the same lines, in which binary constants are hexadecimal ones
+padded to the same columns and each block of assembly that is not an `asm("…")` is a numbered marker.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class AsmBlock:
 
 
 class _Lines:
-    """Line numbers of ascending positions in a text, each line counted once."""
+    """Maps ascending positions in a text to line numbers in linear time."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -48,7 +48,9 @@ class _Lines:
 
 
 def rewrite(text: str, file: str, blocks: list[AsmBlock], reporter: Reporter) -> str:
-    """The text as the preprocessor takes it. Found blocks of assembly are appended to `blocks`."""
+    """Return the text in the form that the preprocessor accepts. Blocks of assembly are appended to
+    `blocks`.
+    """
     out: list[str] = []
     position = 0
     lines = _Lines(text)
@@ -102,12 +104,12 @@ def _marker(blocks: list[AsmBlock], file: str, start: int, inside: str) -> str:
 
 
 def _code(line: str) -> str:
-    """An assembly line without its comment."""
+    """Return an assembly line without its comment."""
     return re.split(r";|//", line, maxsplit=1)[0]
 
 
 def _asm_extent(text: str, position: int) -> tuple[int, int]:
-    """Start and end of what follows the word asm: a block in braces, or the rest of the line."""
+    """Return the start and end of what follows the word asm: a block in braces, or the rest of the line."""
     start = position
     brace = re.compile(r"\s*\{").match(text, position)
     if brace:

@@ -1,7 +1,8 @@
-"""Macros' names in assembly.
+"""Expansion of macros in assembly.
 
-In: the preprocessor's tokens, the blocks of assembly, what a macro stands for at that place. Out: the same
-tokens and blocks, where each operand that names a macro of numbers, registers or bits is what it stands for.
+In: the preprocessor's tokens, the blocks of assembly, the definition of a macro at that point. Out: the same
+tokens and blocks, with each operand that names a macro for numbers, registers or bits replaced by its
+expansion.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ _OWN = frozenset(("W", "F", "OPTION"))
 
 
 def assembly_macros(stream: Iterator[Any], blocks: list[AsmBlock], value: Value) -> Iterator[Any]:
-    """The tokens of a file; `value` is asked while they pass, as definitions change on the way."""
+    """Return the tokens of a file; `value` is queried as they pass, because definitions change on the way."""
     within = ""
     for tok in stream:
         if tok.value in (MARKER, "asm", "__asm", "__asm__"):
@@ -47,7 +48,9 @@ def assembly_macros(stream: Iterator[Any], blocks: list[AsmBlock], value: Value)
 
 
 def replace_macros(line: str, value: Value) -> str:
-    """A line of assembly with its operands' macros replaced; labels of GOTO and CALL are no macros."""
+    """Return a line of assembly with the macros in its operands expanded; labels of GOTO and CALL are not
+    expanded.
+    """
     match = _LINE.match(line)
     if not match or _JUMP.search(match[0]):
         return line
@@ -64,12 +67,12 @@ def replace_macros(line: str, value: Value) -> str:
 
 
 def plain_numbers(text: str) -> str:
-    """C's numbers without their suffixes."""
+    """Return a text with the suffixes of C's numbers removed."""
     return re.sub(r"\b(0[xX][0-9a-fA-F]+|\d+)[uUlL]+\b", r"\1", text)
 
 
 def _operands(text: str) -> bool:
-    """Whether a text is made of what assembly reads as C does; 017 it does not."""
+    """Return whether a text means the same in assembly as in C; 017, for one, does not."""
     return not re.search(r"\b0\d", text) and all(
         _of_the_chip(part.strip()) or assembler_number(part) is not None for part in text.split(",")
     )

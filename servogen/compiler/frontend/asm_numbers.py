@@ -1,6 +1,6 @@
 """Constants of inline assembly.
 
-In: an operand's text. Out: its value, where it consists of numbers only.
+In: an operand's text. Out: its value, if it consists of numbers only.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from servogen.pic.assembler.text import Text
 
 
 class _NoNames:
-    """Constants are made of numbers."""
+    """A symbol table without names, because constants consist of numbers only."""
 
     here = 0
 
@@ -25,7 +25,7 @@ class _NoNames:
 
 
 def assembler_number(text: str) -> int | None:
-    """A constant as the assembler computes it, `(1500 - 14) / 1000 + 1`; C's 0b101 too."""
+    """Return a constant as the assembler computes it, `(1500 - 14) / 1000 + 1`; C's 0b101 is accepted too."""
     try:
         found = parse_expression(Text.of(re.sub(r"\b0[bB]([01]+)\b", r"B'\1'", text)), 10)
         return evaluate(found, _NoNames())

@@ -62,7 +62,7 @@ _STDINT_MORE: Mapping[str, CType] = {
 
 @cache
 def named_types() -> Mapping[str, CType]:
-    """Every predefined type name that a header or the compiler gives."""
+    """Return every predefined type name that a header or the compiler provides."""
     return {**BUILTIN_TYPES, **STDINT, **_STDINT_MORE}
 
 
@@ -87,7 +87,7 @@ _SPELLINGS_C2C: Mapping[tuple[str, ...], tuple[IntType, IntType]] = {
 
 
 def int_type(words: tuple[str, ...], dialect: str) -> IntType | None:
-    """The type of `unsigned short long` and the like; None when the words make no type."""
+    """Return the type of `unsigned short long` and the like; None if the words do not form a type."""
     if words == ("_Bool",):
         return BOOL
     rest = list(words)
@@ -175,12 +175,12 @@ _CONFIG_NAMES = {
 
 
 def config_names() -> Mapping[str, int]:
-    """Names that `__CONFIG(…)` and the assembler's `__config` know, as masks to be ANDed."""
+    """Return the names that `__CONFIG(…)` and the assembler's `__config` accept, as masks to be ANDed."""
     return _CONFIG_NAMES
 
 
 def headers(dialect: str) -> Mapping[str, str]:
-    """The compiler's own header files by name."""
+    """Return the compiler's own header files by name."""
     common = {
         "stdint.h": _STDINT_LIMITS,
         "limits.h": _LIMITS,
@@ -199,14 +199,16 @@ def headers(dialect: str) -> Mapping[str, str]:
 
 
 def _sdcc_chip() -> str:
-    """What SDCC's header defines beside registers and bits: the configuration's address and its masks."""
+    """Return what SDCC's header defines besides registers and bits: the address of the configuration word and
+    its masks.
+    """
     masks = {f"_{name.lstrip('_')}": mask for name, mask in _CONFIG_NAMES.items() if "_" in name}
     lines = [f"#define {name} 0x{mask:04X}" for name, mask in masks.items()]
     return "\n".join([*lines, f"#define _CONFIG 0x{CONFIG_ADDRESS:04X}", ""])
 
 
 def macros(dialect: str, device: Device) -> Mapping[str, str]:
-    """Macros that are defined before the first line."""
+    """Return the macros that are defined before the first line."""
     part = device.name.removeprefix("PIC")
     found = {"__SERVOGEN__": "1", f"_{part}": "1", f"__{part}": "1", f"__{part}__": "1"}
     if dialect == XC8:
@@ -256,7 +258,7 @@ class ChipBit:
 
 @cache
 def chip_registers() -> Mapping[str, Register]:
-    """Registers by every spelling: upper case, lower case, aliases."""
+    """Return the registers by every spelling: upper case, lower case, aliases."""
     found = dict(registers())
     for alias, name in REGISTER_ALIASES.items():
         found[alias] = registers()[name]
@@ -265,6 +267,6 @@ def chip_registers() -> Mapping[str, Register]:
 
 @cache
 def chip_bits() -> Mapping[str, ChipBit]:
-    """Bits by name, with XC8's other spellings."""
+    """Return the bits by name, including XC8's other spellings."""
     found = {name: ChipBit(register, bit) for name, (register, bit) in register_bits().items()}
     return {**found, **{alias: found[name] for alias, name in _BIT_ALIASES.items()}}

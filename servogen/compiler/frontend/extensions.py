@@ -1,6 +1,6 @@
-"""Rewrites what is C to these compilers but not to a C parser, token by token.
+"""Rewrites, token by token, the extensions of these compilers that a C parser does not accept.
 
-In: preprocessing tokens. Out: tokens of plain C, and what was taken out of them: fixed addresses, interrupt
+In: preprocessing tokens. Out: tokens of plain C, and what was extracted from them: fixed addresses, interrupt
 functions, assembly at file level. `__CONFIG(…)` and `__EEPROM_DATA(…)` become declarations.
 """
 
@@ -90,7 +90,7 @@ class _Rewriter:
         self.at += 1
 
     def arguments(self) -> list[PToken]:
-        """The tokens in the parentheses at `at`, which moves behind them."""
+        """Return the tokens in the parentheses at `at`, and advance past them."""
         depth, found = 0, []
         while self.at < len(self.tokens):
             token = self.tokens[self.at]
@@ -117,7 +117,7 @@ class _Rewriter:
 
 
 def _declared_name(tokens: list[PToken]) -> PToken | None:
-    """Return the name that a declarator ends with, before the lengths of an array."""
+    """Return the name at the end of a declarator, before any array lengths."""
     depth = 0
     for token in reversed(tokens):
         depth += {"]": 1, "[": -1}.get(token.text, 0)
@@ -127,7 +127,7 @@ def _declared_name(tokens: list[PToken]) -> PToken | None:
 
 
 def _at_sign(self: _Rewriter, token: PToken) -> bool:
-    """`name @ address`"""
+    """Rewrite `name @ address`."""
     name = _declared_name(self.out.tokens)
     self.at += 1
     found = []
@@ -140,7 +140,7 @@ def _at_sign(self: _Rewriter, token: PToken) -> bool:
 
 
 def _at_word(self: _Rewriter, token: PToken) -> bool:
-    """`__at(address)` before or after the name."""
+    """Rewrite `__at(address)` before or after the name."""
     if self.text(1) != "(":
         return False
     self.at += 1
@@ -154,8 +154,8 @@ def _at_word(self: _Rewriter, token: PToken) -> bool:
 
 
 def _interrupt(self: _Rewriter, token: PToken) -> bool:
-    """`interrupt` and `__interrupt()` as qualifiers before the name, or behind the parameters as SDCC has
-    it; a function named interrupt stays.
+    """Rewrite `interrupt` and `__interrupt()` as qualifiers before the name, or after the parameters as in
+    SDCC; a function named interrupt is kept.
     """
     if token.text == "interrupt" and self.text(1) == "(":
         self.out.interrupts.add("interrupt")
@@ -182,7 +182,7 @@ def _name_before_parameters(tokens: list[PToken]) -> str:
 
 
 def _code(self: _Rewriter, token: PToken) -> bool:
-    """SDCC's `__code`: what lies in flash is constant."""
+    """Rewrite SDCC's `__code` as const, because everything in flash is constant."""
     self.emit("const", token.place)
     self.at += 1
     return True
@@ -196,7 +196,7 @@ def _drop(self: _Rewriter, token: PToken) -> bool:
 
 
 def _asm_call(self: _Rewriter, token: PToken) -> bool:
-    """`asm("…")`; neighbouring strings are one, as everywhere in C."""
+    """Rewrite `asm("…")`; adjacent strings are joined, as everywhere in C."""
     if self.text(1) == "volatile":
         self.at += 1
     if self.text(1) != "(":
@@ -238,7 +238,7 @@ def _asm_marker(self: _Rewriter, token: PToken, number: int) -> None:
 
 
 def _declaration_call(self: _Rewriter, token: PToken) -> bool:
-    """`__EEPROM_DATA(…)` and `__CONFIG(…)` as declarations that the semantic analysis evaluates."""
+    """Rewrite `__EEPROM_DATA(…)` and `__CONFIG(…)` as declarations that the semantic analysis evaluates."""
     if self.text(1) != "(" or self.depth:
         return False
     self.at += 1
@@ -261,7 +261,7 @@ def _declaration_call(self: _Rewriter, token: PToken) -> bool:
 
 
 def _bit_number(self: _Rewriter, token: PToken) -> bool:
-    """`portb.7`: a member that is a number."""
+    """Rewrite `portb.7`, a member that is a number."""
     if self.text(1) == self.text(2) == ".":
         self.emit("...", token.place)
         self.at += 3
@@ -294,5 +294,5 @@ _HANDLERS = {
 def rewrite_tokens(
     tokens: list[PToken], blocks: list[AsmBlock], reporter: Reporter, serial: int
 ) -> Rewritten:
-    """Plain C of the tokens of one file; `serial` keeps the made-up names of several files apart."""
+    """Return plain C for the tokens of one file; `serial` keeps generated names distinct between files."""
     return _Rewriter(tokens, blocks, reporter, serial).run()

@@ -1,7 +1,8 @@
-"""Tokens to a syntax tree: pycparser's recursive descent, fed with tokens that keep their own places.
+"""From tokens to a syntax tree: pycparser's recursive descent, fed with tokens that carry their own
+locations.
 
 In: preprocessing tokens after the dialect's rewriting. Out: a pycparser tree. After a syntax error the parser
-goes on at the next function, so that one run shows the errors of each.
+resumes at the next function, so that one run reports the errors of each.
 """
 
 from __future__ import annotations
@@ -92,7 +93,7 @@ def _keywords() -> dict[str, str]:
 
 
 class _Feed:
-    """Stands where pycparser's lexer would: hands out ready-made tokens."""
+    """Replaces pycparser's lexer and hands out ready-made tokens."""
 
     def __init__(self, error_func: Callable[[str, int, int], None], *, dialect: str = "legacy") -> None:
         self.tokens: list[c_lexer.Token] = []
@@ -119,7 +120,7 @@ class _Parser(CParser):  # type: ignore[misc]
     def units(
         self, tokens: list[c_lexer.Token], typedefs: Iterable[str], fault: Callable[..., int]
     ) -> list[Any]:
-        """Parse the whole file; `fault` reports an error and says at which token to go on."""
+        """Parse the whole file; `fault` reports an error and returns the token at which to resume."""
         self.clex.tokens = tokens
         self._scope_stack = [dict.fromkeys(typedefs, True)]
         self._typedef_checked_token = None
@@ -145,7 +146,7 @@ class _Parser(CParser):  # type: ignore[misc]
 
 
 def parse(tokens: list[PToken], typedefs: Iterable[str], reporter: Reporter) -> list[Any]:
-    """The external declarations of a file. Syntax errors go to the reporter."""
+    """Return the external declarations of a file. Syntax errors are reported to the reporter."""
     stream = [_token(each, reporter) for each in tokens]
     parser = _Parser(lexer=_Feed)
 

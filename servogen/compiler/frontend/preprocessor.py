@@ -1,4 +1,4 @@
-"""The C preprocessor: source text to tokens that know their file, line and column.
+"""The C preprocessor: from source text to tokens that know their file, line and column.
 
 In: a source file and the dialect's predefined macros. Out: tokens for the parser, the `#pragma` lines, and
 the values of macros that the compiler itself reads (`_CLOCK_FREQ`, `_XTAL_FREQ`). pcpp does the work.
@@ -31,7 +31,7 @@ _LONGEST_MESSAGE = 200
 
 @dataclass(frozen=True, slots=True)
 class PToken:
-    """A preprocessing token: its text and where the user wrote it."""
+    """A preprocessing token: its text and its location in the user's source."""
 
     text: str
     place: Place
@@ -52,7 +52,7 @@ class Preprocessed:
 
 
 def _shifted(self: Value, count: object) -> Value:
-    """Return a number of #if shifted to the left; pcpp would make the whole of 1 << 1000000000."""
+    """Return an #if value shifted left, within 64 bits; pcpp alone would compute 1 << 1000000000 in full."""
     bits = int(Value(count))
     return _SHIFT(self, count) if 0 <= bits < 64 else Value(0)
 
@@ -62,7 +62,7 @@ Value.__lshift__ = _shifted
 
 
 class _Pcpp(Preprocessor):  # type: ignore[misc]
-    """pcpp with its files, errors and pragmas led to this compiler."""
+    """pcpp with its files, errors and pragmas routed to this compiler."""
 
     def __init__(
         self,
@@ -90,7 +90,9 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         """The file whose macros are being expanded."""
 
     def without_long_suffixes(self, tokens: list[Any], **names: Any) -> Any:
-        """Evaluate the expression of an #if, whose integers all have 64 bits: pcpp knows no LL."""
+        """Evaluate the expression of an #if without LL suffixes, which pcpp does not know; its integers have
+        64 bits anyway.
+        """
         kept: list[Any] = []
         for tok in tokens:
             if kept and kept[-1].type == self.t_INTEGER and re.fullmatch("[uUlL]{1,2}", tok.value):
@@ -161,7 +163,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         self.depth -= 1
 
     def value(self, name: str) -> str | None:
-        """What an object-like macro stands for at this place, as assembly writes it."""
+        """Return the expansion of an object-like macro at this point, as assembly writes it."""
         macro = self.macros.get(name)
         if macro is None or macro.arglist is not None:
             return None
@@ -169,7 +171,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         return plain_numbers("".join(tok.value for tok in expanded).strip())
 
     def expand_macros(self, tokens: list[Any], expanding_from: Sequence[str] = ()) -> list[Any]:
-        """Expand the macros in a list of tokens, up to a bound on what they may grow to."""
+        """Expand the macros in a list of tokens, up to a limit on the size of the result."""
         before = len(tokens)
         if not expanding_from and tokens:
             self.outer = tokens[0].source
@@ -184,7 +186,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         return found
 
     def prepare(self, text: str, file: str, place: Place) -> str:
-        """Register a source text that is asked for at a place; returns it as the lexer must see it."""
+        """Register a source text that is included at a location, and return it as the lexer must see it."""
         self.read += len(text)
         if len(text) > limits.SOURCE_CHARACTERS:
             raise self.reporter.too_large(
@@ -222,7 +224,7 @@ def preprocess(
     reporter: Reporter,
     blocks: list[AsmBlock],
 ) -> Preprocessed:
-    """Expand one source file. Errors go to the reporter."""
+    """Preprocess one source file. Errors are reported to the reporter."""
     pcpp = _Pcpp(reporter, headers, resolver, blocks)
     for name, value in defines.items():
         pcpp.define(f"{name} {value}")
@@ -253,14 +255,16 @@ def preprocess(
 
 
 def _belongs(before: str, text: str) -> bool:
-    """Whether pcpp has split one token: 0b1, 12UL, 1.5, and ^= (its lexer lacks that one)."""
+    """Return whether pcpp has split one token: 0b1, 12UL, 1.5, and ^=, which its lexer does not know."""
     if (before, text) == ("^", "="):
         return True
     return before[0].isdigit() and (text == "." or re.match(r"\w", text) is not None)
 
 
 def _placed(stream: Iterator[Any], reporter: Reporter, starts: dict[str, list[int]]) -> Iterator[PToken]:
-    """Tokens without white space; a number and the letters that touch it are one token again."""
+    """Return tokens without white space; a number and the letters that touch it are joined into one token
+    again.
+    """
     held: PToken | None = None
     last = Place()
     touching = False

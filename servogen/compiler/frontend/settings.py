@@ -1,7 +1,7 @@
-"""What the source says about the chip: the clock, the configuration word, the serial port.
+"""The chip settings that the source makes: the clock, the configuration word, the serial port.
 
-In: pragmas, macros, `__CONFIG` values, the options. Out: a `Clock` or none, the configuration word,
-settings by name; contradictions are reported.
+In: pragmas, macros, `__CONFIG` values, the options. Out: a `Clock` or none, the configuration word, settings
+by name; contradictions are reported.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _IGNORED = frozenset(
 
 
 class Settings:
-    """Collects what pragmas say."""
+    """Collects the settings made by pragmas."""
 
     def __init__(self, device: Device, reporter: Reporter) -> None:
         self.device = device
@@ -89,7 +89,7 @@ class Settings:
                 self.config[name] = (value, place)
 
     def asm_config(self, text: str, place: Place) -> None:
-        """`__config` of the assembler: an expression of numbers and masks joined by &."""
+        """Read `__config` of the assembler: an expression of numbers and masks joined by &."""
         total = 0x3FFF
         for word in text.split("&"):
             name = word.strip().strip("()").strip()
@@ -105,7 +105,9 @@ class Settings:
         self.config_mask = (total, place)
 
     def clock(self, macros: dict[str, tuple[str, Place]], option_hz: int | None) -> Clock | None:
-        """The clock. `#pragma CLOCK_FREQ` before `_XTAL_FREQ` before `_CLOCK_FREQ` before the option."""
+        """Return the clock. `#pragma CLOCK_FREQ` takes precedence over `_XTAL_FREQ`, `_CLOCK_FREQ` and the
+        option, in this order.
+        """
         found: list[tuple[str, int, Place]] = []
         if self.clock_pragma is not None:
             found.append(("#pragma CLOCK_FREQ", *self.clock_pragma))
@@ -137,7 +139,9 @@ class Settings:
         return Clock(first[1])
 
     def config_word(self, clock: Clock | None) -> int:
-        """The configuration word: what the source says, else by the clock, no watchdog, power-up timer on."""
+        """Return the configuration word: as the source sets it, else with the oscillator that suits the
+        clock, watchdog off and power-up timer on.
+        """
         if self.config_mask is not None:
             return self.config_mask[0]
         chosen = {name: value for name, (value, _) in self.config.items()}
@@ -160,7 +164,7 @@ _VALUES = {
 
 
 def number(text: str) -> int | None:
-    """A number as a macro or pragma gives it: suffixes, parentheses and products are allowed."""
+    """Return a number as written in a macro or pragma: suffixes, parentheses and products are allowed."""
     text = text.strip()
     while text.startswith("(") and text.endswith(")"):
         text = text[1:-1].strip()

@@ -1,6 +1,6 @@
-"""Syntax errors in words, and where the check goes on behind one.
+"""Describes syntax errors, and finds where parsing resumes after one.
 
-In: the tokens of a file and what the parser said. Out: a diagnostic; the token of the next declaration.
+In: the tokens of a file and the parser's exception. Out: a diagnostic; the token of the next declaration.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class SyntaxFault(ParseError):  # type: ignore[misc]
 
 
 def place_of(coord: Any) -> Place:
-    """The place of a pycparser coordinate."""
+    """Return the location of a pycparser coordinate."""
     if coord is None or isinstance(coord, str):
         return Place(coord or None)
     return Place(coord.file or None, coord.line or None, coord.column or None)
@@ -39,7 +39,7 @@ def report_syntax(
     at: int,
     reporter: Reporter,
 ) -> None:
-    """One sentence at the place where the parser stopped."""
+    """Report one sentence at the location where the parser stopped."""
     message = str(error)
     coord = getattr(error, "coord", None)
     index = _index_of(tokens, coord, start, at)
@@ -95,7 +95,9 @@ def _wants_semicolon(tokens: list[PToken], index: int) -> bool:
 
 
 def _unended(tokens: list[PToken], start: int, index: int) -> int | None:
-    """The token that begins a declaration on a new line although the one before it has no end."""
+    """Return the token that begins a declaration on a new line although the previous one is not
+    terminated.
+    """
     depth = 0
     for at in range(start + 1, index):
         before, here = tokens[at - 1], tokens[at]
@@ -107,7 +109,7 @@ def _unended(tokens: list[PToken], start: int, index: int) -> int | None:
 
 
 def _bracket_hint(tokens: list[PToken], start: int, index: int) -> str | None:
-    """What is wrong with the brackets around token `index`, where that is plain."""
+    """Return what is wrong with the brackets around token `index`, if that is clear."""
     opened, here = _open(tokens[start:index]), tokens[index].text
     if here == "}" and not opened:
         return "there is no '{' for it"
@@ -126,7 +128,7 @@ def _unclosed(tokens: list[PToken]) -> PToken | None:
 
 
 def _open(tokens: list[PToken]) -> list[PToken]:
-    """The brackets that are open after `tokens`."""
+    """Return the brackets that are still open after `tokens`."""
     stack: list[PToken] = []
     for token in tokens:
         if token.text in ("{", "(", "["):
@@ -137,7 +139,9 @@ def _open(tokens: list[PToken]) -> list[PToken]:
 
 
 def resume(tokens: list[PToken], start: int, at: int) -> int:
-    """The token after the declaration that holds token `at`: after its closing brace or semicolon."""
+    """Return the token after the declaration that contains token `at`: after its closing brace or
+    semicolon.
+    """
     depth = 0
     for index in range(start, len(tokens)):
         text = tokens[index].text
@@ -162,7 +166,9 @@ def resume(tokens: list[PToken], start: int, at: int) -> int:
 
 
 def declared(tokens: list[PToken]) -> set[str]:
-    """The names outside all brackets of a declaration that was not understood: it may declare them."""
+    """Return the names outside all brackets of a declaration that could not be parsed: it may declare
+    them.
+    """
     depth = 0
     found = set()
     for token in tokens:

@@ -1,1 +1,1 @@
-"""The intermediate form: instructions with symbolic operands, and the functions that they make up."""
+"""The intermediate form: instructions with symbolic operands, and the functions made of them."""

@@ -33,20 +33,25 @@ def _same(symbol: Symbol) -> Symbol:
 class InstructionBuilder:
     """Appends instructions to a function.
 
-    `symbol_map` gives the function's own copy of a variable: the interrupt's copy of a function has its own.
+    `symbol_map` maps a variable to the function's own copy of it: the interrupt's copy of a function has
+    variables of its own.
     """
 
     def __init__(
-        self, code: Function, *, place: Place | None = None, symbol_map: Callable[[Symbol], Symbol] = _same
+        self,
+        function: Function,
+        *,
+        place: Place | None = None,
+        symbol_map: Callable[[Symbol], Symbol] = _same,
     ) -> None:
-        self.code = code
+        self.function = function
         self.place = place
         self.symbol_map = symbol_map
         self._labels = 0
         self._temps = 0
 
     def symbol(self, symbol: Symbol) -> Symbol:
-        """The function's own copy of a variable."""
+        """Return the function's own copy of a variable."""
         return self.symbol_map(symbol)
 
     # instructions
@@ -62,33 +67,33 @@ class InstructionBuilder:
         target: str = "",
         fixed: bool = False,
     ) -> Instruction:
-        """Append an instruction, and return it."""
+        """Append an instruction and return it."""
         if isinstance(k, int):
             k &= 0xFF
         made = Instruction(op, f, d, b, k, target, self.place, fixed)
-        self.code.append(made)
+        self.function.append(made)
         return made
 
     @property
     def last(self) -> Instruction | None:
-        """The instruction that was emitted last; None behind a label."""
-        return self.code.blocks[-1].last if self.code.blocks else None
+        """Return the last emitted instruction; None directly after a label."""
+        return self.function.blocks[-1].last if self.function.blocks else None
 
     @property
     def last_may_be_skipped(self) -> bool:
-        blocks = self.code.blocks
+        blocks = self.function.blocks
         return len(blocks) > 1 and len(blocks[-1].instructions) == 1 and blocks[-2].skips
 
     def delay(self, cycles: int) -> None:
         if cycles:
-            self.code.append(Instruction(DELAY, k=cycles, place=self.place))
+            self.function.append(Instruction(DELAY, k=cycles, place=self.place))
 
     def label(self, name: str) -> None:
-        self.code.append(Label(name, self.place))
+        self.function.append(Label(name, self.place))
 
     def new_label(self, hint: str = "L") -> str:
         self._labels += 1
-        return f"{self.code.name}.{hint}.{self._labels}"
+        return f"{self.function.name}.{hint}.{self._labels}"
 
     def goto(self, label: str) -> None:
         self.emit("GOTO", target=label)
@@ -97,27 +102,29 @@ class InstructionBuilder:
         self.emit("BTFSS" if value else "BTFSC", f, b=bit)
 
     def goto_if(self, bit: int, value: bool, label: str, f: Loc = STATUS) -> None:
-        """Jump when a bit has a value."""
+        """Jump if a bit has a value."""
         self.skip_if(bit, not value, f)
         self.goto(label)
 
     # operands
 
     def temp(self, size: int = 1) -> list[Loc]:
-        """Bytes of a new temporary; each can be placed by itself."""
+        """Return the bytes of a new temporary; each can be allocated independently."""
         found: list[Loc] = []
         for _ in range(size):
             self._temps += 1
-            symbol = Symbol(f"t{self._temps}", U8, "temp", function=self.code.name)
-            self.code.own.append(symbol)
+            symbol = Symbol(f"t{self._temps}", U8, "temp", function=self.function.name)
+            self.function.own.append(symbol)
             found.append(Byte(symbol, 0))
         return found
 
     def block_temp(self, size: int) -> list[Loc]:
-        """A temporary whose bytes lie together."""
+        """Return the bytes of a new temporary that are contiguous in memory."""
         self._temps += 1
-        symbol = Symbol(f"t{self._temps}", ArrayType(U8, size), "temp", function=self.code.name, pinned=True)
-        self.code.own.append(symbol)
+        symbol = Symbol(
+            f"t{self._temps}", ArrayType(U8, size), "temp", function=self.function.name, pinned=True
+        )
+        self.function.own.append(symbol)
         return [Byte(symbol, number) for number in range(size)]
 
     def loc(self, symbol: Symbol, offset: int) -> Loc:
@@ -134,7 +141,7 @@ class InstructionBuilder:
     # bytes
 
     def load(self, operand: Operand) -> Instruction:
-        """W = operand."""
+        """Load an operand into W."""
         if isinstance(operand, Imm):
             return self.emit("MOVLW", k=operand.value)
         return self.emit("MOVF", operand, 0)
@@ -152,7 +159,7 @@ class InstructionBuilder:
         self.store(target)
 
     def steady(self, operand: Operand) -> Operand:
-        """Return an operand that can be read several times: of a volatile object a copy."""
+        """Return an operand that can be read several times; for a volatile object, a copy."""
         if not exposed(operand):
             return operand
         held = self.temp()[0]
@@ -166,7 +173,7 @@ class InstructionBuilder:
                 self.load(each)
 
     def move_all(self, targets: list[Loc], operands: list[Operand]) -> None:
-        """Copy bytes that may overlap, and never load the same constant twice in a row."""
+        """Copy bytes that may overlap, without loading the same constant twice in a row."""
         pending = [(t, o) for t, o in zip(targets, operands, strict=True) if t != o]
         while pending:
             free = [

@@ -1,8 +1,9 @@
-"""The intermediate form: a function as blocks of instructions in the order in which they lie in flash.
+"""The intermediate form: a function as blocks of instructions, in their order in flash.
 
-In: what the code generator emits. Out: the same value, rewritten by each pass, until it is laid out in flash.
+In: the output of the code generator. Out: the same value, rewritten by each pass, until it is laid out in
+flash.
 
-A block is entered at its first instruction and left behind its last. Where it goes from there:
+A block is entered at its first instruction and left after its last. Its successors are:
 
     GOTO               the block with that label; another function when no block has it
     RETURN, RETLW, …   out of the function
@@ -40,7 +41,7 @@ class Block:
 
     @property
     def skips(self) -> bool:
-        """Whether it ends with a conditional edge over the next block."""
+        """Return whether the block ends with a conditional edge over the next block."""
         return self.last is not None and self.last.skips
 
     def has_label(self, name: str) -> bool:
@@ -49,7 +50,7 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class LoopLines:
-    """A loop of the source: "while", "for" or "do"; (line, column) of its first and its last part."""
+    """A loop of the source: "while", "for" or "do", and (line, column) of its first and last part."""
 
     kind: str
     first: tuple[int, int]
@@ -58,7 +59,7 @@ class LoopLines:
 
 @dataclass(slots=True)
 class Function:
-    """The blocks of one function, its own variables, and what it calls."""
+    """The blocks of one function, its own variables, and the functions that it calls."""
 
     name: str
     blocks: list[Block] = field(default_factory=list)
@@ -89,7 +90,7 @@ class Function:
     # building
 
     def append(self, line: Line) -> None:
-        """Add a label or an instruction at the end, in a new block where one begins."""
+        """Append a label or an instruction, starting a new block where necessary."""
         here = self.blocks[-1] if self.blocks else None
         if isinstance(line, Label):
             if here is None or here.instructions:
@@ -105,25 +106,25 @@ class Function:
             self.append(line)
 
     def _is_closed(self, block: Block) -> bool:
-        """Whether the last block ends here: by its last instruction, or because a skip leads over it."""
+        """Return whether a block is complete: by its last instruction, or because a skip leads over it."""
         if block.last is None:
             return False
         return block.last.ends_block or (len(self.blocks) > 1 and self.blocks[-2].skips)
 
     def replace(self, lines: Iterable[Line]) -> None:
-        """Give it other contents; blocks are divided anew."""
+        """Replace the contents, and divide them into blocks again."""
         lines = list(lines)
         self.blocks = []
         self.extend(lines)
 
     def rebuild(self) -> None:
-        """Divide the blocks anew after labels or instructions have gone."""
+        """Divide the function into blocks again after labels or instructions were removed."""
         self.replace(self.lines())
 
     # looking at it
 
     def lines(self) -> Iterator[Line]:
-        """Labels and instructions in order."""
+        """Yield labels and instructions in order."""
         for block in self.blocks:
             yield from block.labels
             yield from block.instructions
@@ -134,16 +135,16 @@ class Function:
 
     @property
     def size(self) -> int:
-        """The number of instructions."""
+        """Return the number of instructions."""
         return sum(len(block.instructions) for block in self.blocks)
 
     def by_label(self) -> dict[str, Block]:
         return {label.name: block for block in self.blocks for label in block.labels}
 
     def successors(self) -> list[tuple[Block | None, ...]]:
-        """For each block, the blocks that may be executed next; None stands for leaving the function.
+        """Return, for each block, the blocks that may be executed next; None stands for leaving the function.
 
-        Of a conditional edge the first is the next block, the second the one behind it.
+        For a conditional edge, the first is the next block and the second the one after it.
         """
         labelled = self.by_label()
         following = [*self.blocks[1:], None, None]
@@ -163,11 +164,11 @@ class Function:
         return found
 
     def skipped(self) -> set[Block]:
-        """The blocks over which a conditional edge leads."""
+        """Return the blocks that a conditional edge leads over."""
         return {after for block, after in zip(self.blocks, self.blocks[1:], strict=False) if block.skips}
 
     def calls(self) -> list[str]:
-        """Names of the functions that it calls or jumps to, in order, each once."""
+        """Return the names of the functions that it calls or jumps to, in order, each once."""
         labels = self.by_label()
         found = {
             each.target: None
@@ -179,6 +180,6 @@ class Function:
 
 
 def is_skipped(lines: Sequence[Line], at: int) -> bool:
-    """Whether a skip stands right before a line."""
+    """Return whether a line directly follows a skip."""
     before = lines[at - 1] if at else None
     return isinstance(before, Instruction) and before.skips

@@ -1,7 +1,7 @@
-"""Instructions before they have addresses: symbolic operands, labels, delays as one instruction each.
+"""Instructions before they have addresses: symbolic operands, labels, and delays as one instruction each.
 
-In: nothing; the code generator makes these values, the passes rewrite them, the layout turns them into words.
-What an instruction reads and writes comes from its row in `pic.isa`.
+In: nothing; the code generator creates these values, the passes rewrite them, the layout turns them into
+words. The registers and flags that an instruction reads and writes come from its row in `pic.isa`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ from servogen.pic.isa import by_mnemonic
 
 @dataclass(frozen=True, slots=True)
 class Imm:
-    """A constant byte. No tuple, for a number must not equal the register of that address."""
+    """A constant byte. Not a tuple, because a number must not compare equal to the register at that
+    address.
+    """
 
     value: int | AddressByte
 
@@ -31,7 +33,7 @@ class Byte(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Reg:
-    """A special function register, bit 7 of the address being the bank."""
+    """A special function register; bit 7 of the address is the bank."""
 
     address: int
 
@@ -41,7 +43,7 @@ Operand = Imm | Byte | Reg
 
 
 def exposed(operand: Operand | None) -> bool:
-    """Return whether loads and stores of it are seen: a register, or a byte of a volatile object."""
+    """Return whether accesses to an operand are observable: a register, or a byte of a volatile object."""
     return isinstance(operand, Reg) or (isinstance(operand, Byte) and operand.symbol.volatile)
 
 
@@ -74,7 +76,7 @@ _CONVEYS_W = frozenset(("CALL", "RETURN", "RETFIE"))
 
 @dataclass(slots=True, eq=False)
 class Label:
-    """A name for the instruction behind it."""
+    """A name for the instruction that follows it."""
 
     name: str
     place: Place | None = None
@@ -102,12 +104,12 @@ class Instruction:
         return replace(self)
 
     def same(self, other: Instruction) -> bool:
-        """Whether it does the same, wherever in the source it comes from."""
+        """Return whether it does the same, regardless of its source location."""
         return self.key == other.key
 
     @property
     def key(self) -> tuple[object, ...]:
-        """What it does, without its place in the source."""
+        """Return what it does, without its source location."""
         return self.op, self.f, self.d, self.b, self.k, self.target
 
     @property
@@ -130,12 +132,12 @@ class Instruction:
 
     @property
     def reads_carry(self) -> bool:
-        """Whether it reads C other than by naming STATUS."""
+        """Return whether it reads C other than by naming STATUS."""
         return "C" in _FACTS[self.op][0]
 
     @property
     def flags(self) -> str:
-        """The flags that it changes, of C, D and Z; a call changes all."""
+        """Return the flags among C, D and Z that it changes; a call changes all of them."""
         if self.op in ("CALL", DELAY) or (self.f == STATUS and self.writes_f):
             return "CDZ"
         return _FACTS[self.op][2]
@@ -146,7 +148,7 @@ class Instruction:
 
     @property
     def leaves(self) -> bool:
-        """Whether the instruction behind it is not executed next: a jump, a return, a write to PCL."""
+        """Return whether the following instruction is not executed next: a jump, a return, a write to PCL."""
         return self.op in ENDS or (self.f == PCL and self.writes_f)
 
     @property
@@ -170,7 +172,7 @@ def operand_text(operand: object) -> str:
 
 
 def assembly(ins: Instruction) -> str:
-    """The instruction as text, for the listing of what has no address."""
+    """Return the instruction as text, for listings of code that has no addresses yet."""
     if ins.op == DELAY:
         return f"; delay {ins.k} cycles"
     parts = []

@@ -1,4 +1,4 @@
-"""Writes functions in the intermediate form as text, with their blocks and edges.
+"""Prints functions in the intermediate form as text, with their blocks and edges.
 
 In: a `Function`. Out: lines such as
 
@@ -16,7 +16,7 @@ from servogen.compiler.ir.function import Block, Function
 
 
 def text_of(function: Function) -> str:
-    """The function as text."""
+    """Return the function as text."""
     size = f"; {_count(len(function.blocks), 'block')}, {_count(function.size, 'instruction')}"
     lines = [f"{function.name}:".ljust(36) + size]
     number = {block: at for at, block in enumerate(function.blocks)}

@@ -1,7 +1,7 @@
 """Checks that a function in the intermediate form is well-formed.
 
 In: a `Function`. Out: nothing, or `MalformedIR` with the function, the pass after which it was checked, and
-what is wrong. It looks at the form only: whether a pass kept the meaning is for other tests.
+the fault. Only the form is checked; whether a pass preserves the meaning is tested elsewhere.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from servogen.pic.isa import by_mnemonic
 
 
 class MalformedIR(Exception):
-    """The compiler itself is wrong: a pass has left something that is not a program."""
+    """Raised when a pass has left an invalid program, which is a bug in the compiler."""
 
 
 def verify(function: Function, *, after: str) -> None:
@@ -26,7 +26,7 @@ def verify(function: Function, *, after: str) -> None:
 
 
 def faults(function: Function) -> Iterator[str]:
-    """Everything that is wrong with a function."""
+    """Yield a description of each fault in a function."""
     labels = Counter(label.name for block in function.blocks for label in block.labels)
     for name, count in labels.items():
         if count > 1:

@@ -1,1 +1,1 @@
-"""Transformations of the intermediate form, one file each."""
+"""Transformations of the intermediate form, one per file."""

@@ -1,9 +1,9 @@
-"""Bank switching: RP0 is set for the registers of bank 1 and cleared again behind them.
+"""Bank switching: RP0 is set before accesses to registers of bank 1 and cleared after them.
 
 In: a function's instructions. Out: the same with BSF and BCF of RP0 where they are needed. A program that
-switches by itself keeps its own switches, and none is added inside its bracket; a function that returns
-without having switched back leaves its bank to its callers. Variables need none: RAM is the same in both
-banks (DS35007 section 2.2). The code generator never puts a skip before or on a register of bank 1.
+switches banks itself keeps its own switches, and none is added between them; a function that returns without
+having switched back leaves its bank selected in its callers. Variables need no switches: RAM is the same in
+both banks (DS35007 section 2.2). The code generator never puts a skip before or on a register of bank 1.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _COMMON = frozenset(registers()[name].address & 0x7F for name in BOTH_BANKS)
 
 
 def bank_needed(ins: Instruction) -> int | None:
-    """The bank that an instruction's register lies in; None when it is in both."""
+    """Return the bank that an instruction's register is in; None if it is in both."""
     if not isinstance(ins.f, Reg):
         return None
     low = ins.f.address & 0x7F
@@ -30,39 +30,41 @@ def bank_needed(ins: Instruction) -> int | None:
 
 
 def _own_switch(ins: Instruction) -> int | None:
-    """The bank that an instruction selects."""
+    """Return the bank that an instruction of the program selects."""
     if ins.f == STATUS and ins.b == RP0 and ins.op in ("BSF", "BCF"):
         return int(ins.op == "BSF")
     return None
 
 
 def _selects(ins: Instruction) -> bool:
-    """Whether it writes the whole of STATUS."""
+    """Return whether an instruction writes the whole of STATUS."""
     return ins.f == STATUS and ins.op in ("MOVWF", "CLRF")
 
 
 def banked(functions: Mapping[str, Function]) -> set[str]:
-    """The functions that need a bank or switch it, themselves or through what they call."""
+    """Return the functions that need a bank or switch it, themselves or through the functions that they
+    call.
+    """
     return _with_callers(
         functions, lambda ins: bank_needed(ins) is not None or _selects(ins) or _own_switch(ins) is not None
     )
 
 
 def exit_banks(functions: Mapping[str, Function], reaching: set[str]) -> dict[str, int]:
-    """The bank that a call leaves selected, for each function that switches and may return without having
-    switched back. A call of any other function leaves the bank as it was.
+    """Return the bank that a call leaves selected, for each function that switches banks and may return
+    without having switched back. A call of any other function leaves the bank as it was.
     """
     switching = _with_callers(functions, lambda ins: _selects(ins) or _own_switch(ins) is not None)
     found: dict[str, int] = {}
 
     def visit(name: str) -> int:
         if name not in found:
-            found[name] = 0  # what calls itself is refused elsewhere
-            code = functions[name]
-            for callee in code.calls():
+            found[name] = 0  # recursion is reported elsewhere
+            function = functions[name]
+            for callee in function.calls():
                 if callee in switching:
                     visit(callee)
-            banks = _leaving(code, _banks(code, found), found, reaching)
+            banks = _leaving(function, _banks(function, found), found, reaching)
             found[name] = banks.pop() if len(banks) == 1 else UNKNOWN if banks else 0
         return found[name]
 
@@ -72,11 +74,13 @@ def exit_banks(functions: Mapping[str, Function], reaching: set[str]) -> dict[st
 
 
 def _with_callers(functions: Mapping[str, Function], wanted: Callable[[Instruction], bool]) -> set[str]:
-    """The functions with such an instruction, and all that call or enter one of them."""
-    found = {name for name, code in functions.items() if any(wanted(ins) for ins in code.instructions())}
+    """Return the functions that contain such an instruction, and all that call or enter one of them."""
+    found = {
+        name for name, function in functions.items() if any(wanted(ins) for ins in function.instructions())
+    }
     grown = True
     while grown:
-        more = {name for name, code in functions.items() if found & set(code.calls())} - found
+        more = {name for name, function in functions.items() if found & set(function.calls())} - found
         grown = bool(more)
         found |= more
     return found
@@ -85,7 +89,7 @@ def _with_callers(functions: Mapping[str, Function], wanted: Callable[[Instructi
 def _leaving(
     function: Function, banks: Mapping[Instruction, int], exits: Mapping[str, int], reaching: set[str]
 ) -> set[int]:
-    """The banks in which a function returns, or in which the function that it ends with does."""
+    """Return the banks in which a function returns, including through a function that it ends with."""
     inside = function.by_label()
     found: set[int] = set()
     for ins, bank in banks.items():
@@ -97,10 +101,10 @@ def _leaving(
 
 
 def switch_banks(function: Function, reaching: set[str], exits: Mapping[str, int]) -> bool:
-    """Insert the switches; true when there are any.
+    """Insert the switches; return whether there are any.
 
-    `reaching` names the functions before whose call bank 0 must be selected, `exits` the bank that those
-    leave which switch by themselves.
+    `reaching` names the functions that must be called with bank 0 selected, `exits` gives the bank left
+    selected by functions that switch it themselves.
     """
     banks = _banks(function, exits)
     lines = list(function.lines())
@@ -121,13 +125,17 @@ def switch_banks(function: Function, reaching: set[str], exits: Mapping[str, int
             continue
         before = out[-1] if out else None
         skip = before if isinstance(before, Instruction) and before.skips else None
+        # no switch back: control does not return here, or the callee chooses the bank; behind a skip, the
+        # path that skips still needs it
         if enters and (each.op == "GOTO" or each.target in exits):
             if skip is None:
                 out += [_switch(need, each), each]
             else:
                 out[-1:] = [_switch(need, each), skip, each, _switch(base, each)]
+        # the guarded instruction must directly follow its skip, so both go between the switches
         elif skip is not None:
             out[-1:] = [_switch(need, each), skip, each, _switch(base, each)]
+        # only after the guarded instruction is there room for the switch back
         elif each.skips and number < len(lines):
             shadow = _shadow(function, lines[number], base, behind)
             out += [_switch(need, each), each, shadow, _switch(base, each)]
@@ -143,7 +151,7 @@ def switch_banks(function: Function, reaching: set[str], exits: Mapping[str, int
 
 
 def _run(first: Instruction, after: Sequence[Line], need: int) -> list[Instruction]:
-    """The instructions that may stand between one pair of switches."""
+    """Return the instructions that may stand between one pair of switches."""
     run = [first]
     if first.op == "CALL":
         return run
@@ -157,7 +165,9 @@ def _run(first: Instruction, after: Sequence[Line], need: int) -> list[Instructi
 
 
 def _without_needless(lines: list[Line]) -> list[Line]:
-    """Drop a switch of the compiler's behind which another comes before anything needs the bank."""
+    """Return the lines without the compiler's switches that another one follows before anything needs the
+    bank.
+    """
     out: list[Line] = []
     bank: int | None = None
     for number, each in enumerate(lines):
@@ -188,13 +198,15 @@ def _is_overruled(lines: list[Line], number: int) -> bool:
 
 
 def _passes(ins: Instruction) -> bool:
-    """Whether an instruction neither changes the bank nor leads anywhere else."""
+    """Return whether an instruction neither changes the bank nor transfers control."""
     leads = ins.skips or ins.op in ENDS or ins.op in ("CALL", DELAY)
     return not leads and not _selects(ins) and _own_switch(ins) is None
 
 
 def _shadow(function: Function, follower: Line, base: int, behind: list[Line]) -> Line:
-    """What follows a skip between two switches; a jump goes over a place that switches back first."""
+    """Return what follows a skip between two switches; a jump is redirected through a place that switches
+    back first.
+    """
     if isinstance(follower, Label) or follower.op != "GOTO":
         return follower
     label = f"{function.name}.bank{len(behind)}"
@@ -203,7 +215,7 @@ def _shadow(function: Function, follower: Line, base: int, behind: list[Line]) -
 
 
 def _joins(ins: Instruction, need: int) -> bool:
-    """Whether an instruction may stand between the switches."""
+    """Return whether an instruction may stand between the switches."""
     if ins.fixed or ins.skips or ins.op in ENDS or ins.op in ("CALL", DELAY):
         return False
     return bank_needed(ins) in (None, need) and _own_switch(ins) is None
@@ -214,13 +226,14 @@ def _switch(bank: int, like: Instruction) -> Instruction:
 
 
 def _banks(function: Function, exits: Mapping[str, int]) -> dict[Instruction, int]:
-    """The bank that the program itself has selected before each instruction that is reached."""
+    """Return the bank that the program itself has selected before each reachable instruction."""
     successors = dict(zip(function.blocks, function.successors(), strict=True))
     entry: dict[Block, int] = {}
     found: dict[Instruction, int] = {}
     waiting = [(block, 0) for block in function.blocks[:1]]
     while waiting:
         block, bank = waiting.pop()
+        # a block that is reached with different banks becomes UNKNOWN, so each is visited at most twice
         known = entry.get(block)
         if known in (bank, UNKNOWN):
             continue
@@ -235,7 +248,7 @@ def _banks(function: Function, exits: Mapping[str, int]) -> dict[Instruction, in
 
 
 def _bank_after(before: Instruction | None, ins: Instruction, bank: int, exits: Mapping[str, int]) -> int:
-    """The bank behind one instruction that was reached in `bank`."""
+    """Return the bank after an instruction that was reached in `bank`."""
     switched = _own_switch(ins)
     if switched is not None:
         return switched

@@ -1,7 +1,7 @@
-"""Small branches without their jumps.
+"""Replaces jumps in small branches.
 
-In: a `Function` and its liveness. Out: a choice of two constants, or of two instructions, by skips alone; a
-loop that counts down by DECFSZ.
+In: a `Function` and its liveness. Out: a choice between two constants, or between two instructions, by skips
+alone; a loop that counts down with DECFSZ.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _COUNTS = {"DECF": "DECFSZ", "INCF": "INCFSZ"}
 
 
 def short_branches(function: Function) -> bool:
-    """One pass; true when something changed."""
+    """Run the pass once; return whether something changed."""
     named = Counter(each.target for each in function.instructions() if each.op in ("GOTO", "CALL"))
     skipped = function.skipped()
     for number, block in enumerate(function.blocks[:-3]):
@@ -28,9 +28,10 @@ def short_branches(function: Function) -> bool:
 
 
 def _choice(blocks: list[Block], named: Counter[str]) -> bool:
-    """BTFSS b; GOTO no; yes; GOTO end; no: other; end: as skips alone.
+    """Rewrite `BTFSS b; GOTO no; yes; GOTO end; no: other; end:` with skips alone; return whether it was
+    rewritten.
 
-    `blocks` begin with the one that ends with the test. True when they were changed.
+    `blocks` begins with the block that ends with the test.
     """
     first, jump_block, yes_block, other_block = blocks[:4]
     test = first.last
@@ -77,7 +78,7 @@ def _turned(test: Instruction) -> Instruction:
 
 
 def _stays(test: Instruction, ins: Instruction) -> bool:
-    """Whether a bit can be tested again behind an instruction that may be skipped."""
+    """Return whether a bit can be tested again after an instruction that may be skipped."""
     if not isinstance(test.f, Byte) or test.f.symbol.volatile:
         return False
     if ins.op in (DELAY, "CALL") or ins.ends_block:
@@ -86,14 +87,16 @@ def _stays(test: Instruction, ins: Instruction) -> bool:
 
 
 def _apart(one: Instruction, two: Instruction) -> bool:
-    """Whether two instructions surely name different bytes: a pointer may lead anywhere."""
+    """Return whether two instructions certainly refer to different bytes; a pointer may lead anywhere."""
     if isinstance(one.f, Byte):
         return one.f != two.f and "fixed" not in (one.f.symbol.kind, two.f.symbol.kind)  # type: ignore[union-attr]
     return one.f is not None and one.f.address & 0x7F > 4
 
 
 def _count_down(function: Function) -> bool:
-    """DECF n,F; BTFSS STATUS,Z; GOTO again: DECFSZ n,F; GOTO again; a MOVF n between is not needed."""
+    """Rewrite `DECF n,F; BTFSS STATUS,Z; GOTO again` as `DECFSZ n,F; GOTO again`; a MOVF n in between is
+    dropped. Return whether something changed.
+    """
     live = Liveness(function)
     for block, after in zip(function.blocks, function.blocks[1:], strict=False):
         test, jump = block.last, after.last

@@ -1,4 +1,4 @@
-"""Which private bytes are alive together; copies between bytes that are not become one byte.
+"""Finds which private bytes are live at the same time, and merges copied bytes that are not.
 
 In: a `Function`. Out: fewer copies.
 """
@@ -14,7 +14,7 @@ from servogen.compiler.passes.liveness import Liveness, is_private
 
 
 def interference(function: Function, live: Liveness) -> dict[Byte, int]:
-    """For each private byte, the bit set of the bytes that are alive where it is written."""
+    """Return, for each private byte, the bit set of the bytes that are live where it is written."""
     found = dict.fromkeys(live.number, 0)
     for block in function.blocks:
         for before, ins in zip([None, *block.instructions], block.instructions, strict=False):
@@ -42,28 +42,30 @@ def interference(function: Function, live: Liveness) -> dict[Byte, int]:
 
 
 def _meet(found: dict[Byte, int], live: Liveness, changed: int, after: int) -> None:
-    """A call may change every byte of other functions while `after` is alive."""
+    """Record that a call may change every byte of other functions while `after` is live."""
     for byte in live.number:
         if changed & live.bit(byte):
             found[byte] |= (after | changed) & ~live.bit(byte)
 
 
 def _copy_source(before: Instruction | None, ins: Instruction) -> Byte | None:
-    """The byte that a MOVWF copies, when the instruction before it in its block has just loaded it."""
+    """Return the byte that a MOVWF copies, if the preceding instruction in its block has just loaded it."""
     if before is None or ins.op != "MOVWF" or before.op != "MOVF" or before.d:
         return None
     return before.f if isinstance(before.f, Byte) else None
 
 
 def _changed_source(before: Instruction, ins: Instruction) -> Byte | None:
-    """The byte of which a MOVWF stores what the instruction before has made: it could be changed in place."""
+    """Return the byte whose modified value a MOVWF stores, if it could be modified in place."""
     if ins.op == "MOVWF" and before.op in IN_PLACE and before.d == 0 and isinstance(before.f, Byte):
         return before.f
     return None
 
 
 def coalesce_copies(function: Function) -> bool:
-    """Give a temporary and the byte that it is copied to (or from) one place, one pair a call."""
+    """Merge a temporary with the byte that it is copied to or from, one pair per call; return whether one was
+    merged.
+    """
     live = Liveness(function)
     own = {id(symbol) for symbol in function.own}
     against: dict[Byte, int] | None = None
@@ -94,16 +96,16 @@ def coalesce_copies(function: Function) -> bool:
 
 
 def _pairs(function: Function) -> Iterator[tuple[Instruction, Instruction]]:
-    """Neighbours in a block."""
+    """Yield adjacent instructions of a block."""
     for block in function.blocks:
         yield from pairwise(block.instructions)
 
 
 def _safe_outside(function: Function, live: Liveness, gone: Byte, kept: Byte) -> bool:
-    """Whether a temporary may live in another function's byte.
+    """Return whether a temporary may live in another function's byte.
 
-    The frames of two functions that are called one after the other overlap: while a byte of one is wanted,
-    nothing may be written into the other.
+    The frames of two functions that are called one after the other overlap: while a byte of one is still
+    needed, nothing may be written to the other.
     """
     own = {id(symbol) for symbol in function.own}
     others = 0

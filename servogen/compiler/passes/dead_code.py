@@ -1,4 +1,4 @@
-"""Drops blocks that nothing reaches, instructions whose results nobody needs, and needless destinations.
+"""Removes unreachable blocks, instructions whose results are not needed, and needless destinations.
 
 In: a `Function`. Out: fewer instructions with the same effect.
 """
@@ -16,7 +16,9 @@ _BIT_TESTS = ("BTFSC", "BTFSS")
 
 
 def drop_unreachable(function: Function) -> bool:
-    """Drop blocks that nothing reaches, and labels that nothing names. Assembly counts as reached."""
+    """Remove unreachable blocks and unused labels; return whether there were any. Assembly counts as
+    reached.
+    """
     blocks = function.blocks
     successors = dict(zip(blocks, function.successors(), strict=True))
     followers = dict(pairwise(blocks))
@@ -45,14 +47,16 @@ def drop_unreachable(function: Function) -> bool:
 
 
 def _first_fixed(block: Block) -> int | None:
-    """The index of the first instruction that the user wrote; 0 for a block with a label of the user's."""
+    """Return the index of the first instruction that the user wrote; 0 for a block with one of the user's
+    labels.
+    """
     if any(label.fixed for label in block.labels):
         return 0
     return next((at for at, each in enumerate(block.instructions) if each.fixed), None)
 
 
 def drop_dead(function: Function) -> bool:
-    """Remove what has no use. True when something changed."""
+    """Remove instructions whose results are not used; return whether something changed."""
     live = Liveness(function)
     dead: set[Instruction] = set()
     changed = False
@@ -81,7 +85,7 @@ def _flags_needed(ins: Instruction, needed: int) -> bool:
 
 
 def _writes_dead(ins: Instruction, live: Liveness) -> bool:
-    """Whether W or the byte that it writes is not needed."""
+    """Return whether W, or the byte that an instruction writes, is not needed."""
     needed = live.after[ins]
     if ins.writes_f:
         return isinstance(ins.f, Byte) and is_private(ins.f) and not needed & live.bit(ins.f)
@@ -89,14 +93,14 @@ def _writes_dead(ins: Instruction, live: Liveness) -> bool:
 
 
 def _observable_read(ins: Instruction) -> bool:
-    """Reading a register or a volatile variable is kept."""
+    """Return whether an instruction reads a register or a volatile variable, so that it must be kept."""
     if not ins.reads_f or ins.f is None:
         return False
     return not isinstance(ins.f, Byte) or ins.f.symbol.volatile
 
 
 def remove(function: Function, dead: Collection[Instruction], live: Liveness) -> None:
-    """Take instructions out; a skip whose instruction goes, goes with it, or both stay."""
+    """Remove instructions. A skip and the instruction it guards are removed together or not at all."""
     gone = set(dead)
     outer: Instruction | None = None
     before: Instruction | None = None
@@ -114,7 +118,7 @@ def _with_skip(
     gone: set[Instruction],
     live: Liveness,
 ) -> set[Instruction]:
-    """What goes when the instruction behind `skip` is dead; `outer` is a skip over that skip."""
+    """Return what is removed when the instruction after `skip` is dead; `outer` is a skip over that skip."""
     simple = skip.op in _BIT_TESTS
     if skip.fixed or (outer is not None and outer.op not in _BIT_TESTS):
         return gone - {ins}

@@ -1,4 +1,4 @@
-"""Jumps that lead to jumps, jumps to what follows anyway, and skips around them.
+"""Simplifies jumps to jumps, jumps to the next instruction, and skips around them.
 
 In: a `Function`. Out: fewer jumps between the same blocks.
 """
@@ -15,7 +15,9 @@ _MAX_CHAIN = 10
 
 
 def thread_jumps(function: Function) -> bool:
-    """A jump to a jump goes where that goes; a jump to RETURN returns."""
+    """Redirect jumps to jumps to their final target, and replace jumps to RETURN; return whether something
+    changed.
+    """
     entered = _first_instructions(function)
     changed = False
     for jump in function.instructions():
@@ -40,7 +42,7 @@ def thread_jumps(function: Function) -> bool:
 
 
 def _first_instructions(function: Function) -> dict[str, Instruction]:
-    """The instruction that each label leads to."""
+    """Return the instruction that each label leads to."""
     found: dict[str, Instruction] = {}
     waiting: list[str] = []
     for block in function.blocks:
@@ -52,7 +54,9 @@ def _first_instructions(function: Function) -> dict[str, Instruction]:
 
 
 def drop_jumps_to_next(function: Function) -> bool:
-    """Drop a GOTO to what follows anyway; a skip over a GOTO over one instruction is inverted."""
+    """Remove each GOTO to the next instruction, and invert a skip over a GOTO over one instruction; return
+    whether something changed.
+    """
     changed = False
     number = 0
     while number < len(function.blocks):
@@ -65,7 +69,7 @@ def drop_jumps_to_next(function: Function) -> bool:
 
 
 def _is_jump(block: Block | None) -> bool:
-    """Whether a block without labels holds one jump of the compiler's."""
+    """Return whether a block has no labels and consists of one jump of the compiler's."""
     return (
         block is not None
         and not block.labels
@@ -80,12 +84,14 @@ def _at(function: Function, number: int) -> Block | None:
 
 
 def _is_skipped(function: Function, number: int) -> bool:
-    """Whether a conditional edge leads over a block."""
+    """Return whether a conditional edge leads over a block."""
     return number > 0 and function.blocks[number - 1].skips
 
 
 def _drop_jump(function: Function, number: int) -> bool:
-    """Drop the jump at the end of a block when it leads to the next block, and the test in front of it."""
+    """Remove the jump at the end of a block if it leads to the next block, together with the test
+    before it.
+    """
     block, after, before = function.blocks[number], _at(function, number + 1), _at(function, number - 1)
     jump = block.last
     if jump is None or jump.op != "GOTO" or jump.fixed or after is None or not after.has_label(jump.target):
@@ -106,7 +112,7 @@ def _drop_jump(function: Function, number: int) -> bool:
 
 
 def _skip_instead(function: Function, number: int) -> bool:
-    """BTFSC x; GOTO a; one; a: becomes BTFSS x; one; a:"""
+    """Rewrite `BTFSC x; GOTO a; one; a:` as `BTFSS x; one; a:`."""
     block, jump, one, after = (_at(function, number + each) for each in range(4))
     test = block.last if block is not None else None
     if (
@@ -131,7 +137,7 @@ def _skip_instead(function: Function, number: int) -> bool:
 
 
 def invert_skips(function: Function) -> bool:
-    """BTFSC x; GOTO a; GOTO b; a: becomes BTFSS x; GOTO b; a:"""
+    """Rewrite `BTFSC x; GOTO a; GOTO b; a:` as `BTFSS x; GOTO b; a:`."""
     for number, block in enumerate(function.blocks):
         first, second, after = (_at(function, number + each) for each in (1, 2, 3))
         test = block.last

@@ -1,8 +1,8 @@
-"""Which bytes, W and flags are still needed behind each instruction of a function.
+"""Computes which bytes, W and flags are still needed after each instruction of a function.
 
-In: a `Function`. Out: per instruction a bit set of what is live after it. Only private bytes are followed:
-parameters, results, locals and temporaries that nothing can reach but by name; everything else is always
-needed. Bytes of other functions (parameters being filled, results being fetched) are used and changed by
+In: a `Function`. Out: for each instruction, a bit set of what is live after it. Only private bytes are
+tracked: parameters, results, locals and temporaries that can be reached only by name; everything else is
+always live. Bytes of other functions (parameters being filled, results being fetched) are used and changed by
 every CALL.
 """
 
@@ -20,7 +20,7 @@ _PRIVATE = ("local", "param", "result", "temp")
 
 
 def is_private(loc: object) -> bool:
-    """Whether a byte is only reached by its name."""
+    """Return whether a byte can be reached only by its name."""
     return (
         isinstance(loc, Byte)
         and loc.symbol.kind in _PRIVATE
@@ -30,7 +30,7 @@ def is_private(loc: object) -> bool:
 
 
 class Liveness:
-    """The analysis of one function: `after[instruction]` is what is live behind it."""
+    """The analysis of one function: `after[instruction]` is the set that is live after it."""
 
     def __init__(self, function: Function) -> None:
         self.function = function
@@ -63,10 +63,12 @@ class Liveness:
         return live
 
     def _uses_and_kills(self, ins: Instruction) -> tuple[int, int]:
-        """(what it needs, what it overwrites entirely)."""
+        """Return (what an instruction needs, what it overwrites entirely)."""
         op = ins.op
+        # the loop that a delay is expanded to may count in W, and changes the flags
         if op == DELAY:
             return 0, W_BIT | ALL_FLAGS
+        # W may hold an argument; the bytes of other functions are parameters and results
         if op == "CALL":
             return W_BIT | self.foreign, W_BIT | ALL_FLAGS | self.foreign
         if op in ("RETURN", "RETFIE"):
@@ -94,16 +96,17 @@ class Liveness:
         return uses, kills
 
     def before(self, ins: Instruction) -> int:
-        """What is live before an instruction."""
+        """Return what is live before an instruction."""
         uses, kills = self._uses_and_kills(ins)
         return uses | self.after[ins] & ~kills
 
     def _solve(self) -> int:
-        """Iterate over the blocks from behind until nothing changes, then fill in `after`."""
+        """Iterate backwards over the blocks until nothing changes, then fill in `after`."""
         blocks = self.function.blocks
         if not blocks:
             return self._exit
         facts = [[self._uses_and_kills(each) for each in block.instructions] for block in blocks]
+        # summarise each block, so that the iteration below works on blocks instead of instructions
         summary = []
         for each in facts:
             needed, overwritten = 0, 0
@@ -138,7 +141,9 @@ class Liveness:
         return live_in[0]
 
     def _exit_of(self, last: Instruction | None) -> int:
-        """What is needed when the function is left: a jump into another one needs all that it could use."""
+        """Return what is needed when the function is left; a jump into another function needs everything that
+        it could use.
+        """
         if last is not None and last.op in ("RETURN", "RETFIE", "RETLW"):
             return 0
         return self._exit | W_BIT | self.foreign

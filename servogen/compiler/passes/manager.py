@@ -1,6 +1,6 @@
-"""Runs the passes over each function, and says what each of them saved.
+"""Runs the passes over each function, and records what each of them saved.
 
-In: the functions of a program. Out: the same, smaller. The user's assembly is never touched.
+In: the functions of a program. Out: the same functions, smaller. The user's assembly is never changed.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _MAX_ROUNDS = 60
 
 @dataclass(slots=True)
 class PassManager:
-    """Runs passes, checks the form after each where asked to, and keeps account."""
+    """Runs the passes, optionally verifies the form after each, and keeps statistics."""
 
     verify_ir: bool = False
     after_pass: Callable[[str, Function], None] | None = None
@@ -59,20 +59,20 @@ class PassManager:
     runs: Counter[str] = field(default_factory=Counter)
 
     def finished(self, name: str, function: Function) -> None:
-        """Check a function after a pass, and show it to who watches."""
+        """Verify a function after a pass, and pass it to the observer."""
         if self.verify_ir:
             verify(function, after=name)
         if self.after_pass is not None:
             self.after_pass(name, function)
 
     def finished_all(self, name: str, functions: Mapping[str, Function]) -> None:
-        """The same for every function that has instructions of its own."""
+        """Do the same for every function that has instructions of its own."""
         for function in functions.values():
             if function.table is None:
                 self.finished(name, function)
 
     def run(self, passes: Mapping[str, Pass], function: Function) -> bool:
-        """Run each pass once; true when one of them changed something."""
+        """Run each pass once; return whether one of them changed something."""
         changed = False
         for name, transform in passes.items():
             before = function.size
@@ -96,6 +96,6 @@ class PassManager:
 
 
 def _jumps_by_hand(function: Function) -> bool:
-    """Whether assembly in it jumps, so that its flow is not known."""
+    """Return whether a function contains assembly that jumps, so that its control flow is unknown."""
     jumps = ("GOTO", "CALL", "RETURN", "RETLW", "RETFIE", *SKIPS)
     return function.inline_asm and any(each.fixed and each.op in jumps for each in function.instructions())

@@ -1,11 +1,12 @@
-"""Equal runs of instructions, anywhere in the program, made one subroutine where that saves words.
+"""Moves equal runs of instructions, anywhere in the program, to one subroutine where that saves words.
 
-In: the code of every function, with banks switched and delays still whole. Out: the same in fewer words.
-Each place takes four cycles more (two where the run ends its function), and a level of the stack where the
-run does not end it.
+In: the code of every function, with banks switched and delays not yet expanded. Out: the same in fewer words.
+Each use takes four cycles more (two where the run ends its function), and a level of the stack unless the run
+ends it.
 
-Never shared: assembly, tables, the library; what stands in one run with a delay, or next to it, so that
-pulses keep their width; what names variables of its own function, whose places depend on where they are used.
+Never shared: assembly, tables, the library; a run that contains a delay or is adjacent to one, so that pulses
+keep their width; instructions that refer to variables of their own function, whose addresses depend on where
+they are used.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class _Candidate:
 
 
 def outline(functions: dict[str, Function], roots: list[str]) -> int:
-    """Make subroutines as long as one saves words, and return how many words were saved."""
+    """Create subroutines as long as one saves words; return the number of words saved."""
     if sum(function.size for function in functions.values()) > _MAX_WORDS:
         return 0
     saved = 0
@@ -48,22 +49,25 @@ def outline(functions: dict[str, Function], roots: list[str]) -> int:
             return saved
         if _apply(best, functions, roots):
             saved += best.saved
+            # runs are numbered anew once the functions have changed
             refused.clear()
         else:
             refused.add(best.run)
 
 
 def _best(runs: Mapping[_Run, list[tuple[_Place, bool]]], refused: set[_Run]) -> _Candidate | None:
-    """The run that saves most; of equal ones the longest, then the first."""
+    """Return the run that saves most; among equal ones the longest, then the first."""
     found: _Candidate | None = None
     for run, every in runs.items():
         if len(every) < 2 or run in refused:
             continue
         places: list[_Place] = []
+        # overlapping occurrences within one function count once
         for (name, at), _ in every:
             if not places or places[-1][0] != name or at >= places[-1][1] + len(run):
                 places.append((name, at))
         ends = every[0][1]
+        # each place shrinks to one word; the subroutine takes the run and, unless that ends itself, a RETURN
         saved = len(places) * (len(run) - 1) - len(run) - (0 if ends else 1)
         if saved > 0 and (found is None or (saved, len(run)) > (found.saved, len(found.run))):
             found = _Candidate(run, tuple(places), saved)
@@ -73,8 +77,8 @@ def _best(runs: Mapping[_Run, list[tuple[_Place, bool]]], refused: set[_Run]) ->
 def _runs(
     functions: Mapping[str, Function], numbers: dict[object, int]
 ) -> dict[_Run, list[tuple[_Place, bool]]]:
-    """Return every run that may be shared, with its places and whether it needs no RETURN behind it; equal
-    instructions have one number.
+    """Return every run that may be shared, with its places and whether it needs no RETURN after it; equal
+    instructions have the same number.
     """
     found: dict[_Run, list[tuple[_Place, bool]]] = {}
     for name, function in functions.items():
@@ -87,6 +91,7 @@ def _runs(
                 if is_skipped(lines, first + start):
                     continue
                 for end in range(start + 2, min(len(stretch), start + _LONGEST) + 1):
+                    # a skip at the end of a run would guard the RETURN
                     if not stretch[end - 1].skips:
                         run = tuple(keys[start:end])
                         ends = stretch[end - 1].op in ENDS or _ends_in_call(stretch[start:end])
@@ -95,7 +100,9 @@ def _runs(
 
 
 def _stretches(function: Function, lines: list[Line]) -> Iterator[tuple[int, list[Instruction]]]:
-    """The parts of a function that can be moved, without what a delay times, and where each begins."""
+    """Yield the parts of a function that can be moved, without those that a delay times, and the index where
+    each begins.
+    """
     labels = set(function.by_label())
     own = set(function.own)
     cuts: list[tuple[int, int, bool]] = []
@@ -108,6 +115,7 @@ def _stretches(function: Function, lines: list[Line]) -> Iterator[tuple[int, lis
             cuts.append((first, at + 1, any(map(is_timed, inside))))
             first = at + 1
     for number, (first, behind, _) in enumerate(cuts):
+        # moving a stretch next to a delay would change the time between pin changes
         if any(timed for _, _, timed in cuts[max(0, number - 1) : number + 2]):
             continue
         start, stretch = first, list[Instruction]()
@@ -122,7 +130,7 @@ def _stretches(function: Function, lines: list[Line]) -> Iterator[tuple[int, lis
 
 
 def _movable(ins: Instruction, labels: set[str], own: set[Symbol], *, skipped: bool) -> bool:
-    """Whether an instruction does the same in a subroutine."""
+    """Return whether an instruction does the same in a subroutine."""
     if ins.fixed or ins.op in (DELAY, "RETFIE") or (ins.op in ENDS and skipped):
         return False
     if ins.op == "GOTO" and ins.target in labels:
@@ -133,13 +141,15 @@ def _movable(ins: Instruction, labels: set[str], own: set[Symbol], *, skipped: b
 
 
 def _ends_in_call(run: list[Instruction]) -> bool:
-    """Return whether a run always ends in a call, which may be a jump: one that is never skipped."""
+    """Return whether a run always ends in a call, which can become a jump; a call that may be skipped does
+    not count.
+    """
     last = run[-1]
     return last.op == "CALL" and last.table is None and not run[-2].skips
 
 
 def _apply(found: _Candidate, functions: dict[str, Function], roots: list[str]) -> bool:
-    """Make the subroutine; false, and nothing changed, where the stack has no level for it."""
+    """Create the subroutine; return False, with nothing changed, if the stack has no level for it."""
     before = {name: list(functions[name].lines()) for name, _ in found.places}
     room = room_for_calls(functions, roots)
     first_name, at = found.places[0]
@@ -155,6 +165,7 @@ def _apply(found: _Candidate, functions: dict[str, Function], roots: list[str]) 
         functions[user].replace(_replaced(user, lines, found, name, "GOTO" if ends else "CALL"))
     functions[name] = Function(name)
     functions[name].extend(body)
+    # functions with delays keep the level of the stack that shared delay routines need
     after = room_for_calls(functions, roots)
     if after is None or any(
         (room or {}).get(each) and not fits and _has_delay(functions[each]) for each, fits in after.items()
@@ -171,7 +182,7 @@ def _has_delay(function: Function) -> bool:
 
 
 def _replaced(user: str, lines: list[Line], found: _Candidate, name: str, op: str) -> list[Line]:
-    """A function's lines with a call in the place of each run."""
+    """Return a function's lines with a call in place of each run."""
     out: list[Line] = []
     done = 0
     for function, at in found.places:

@@ -1,4 +1,4 @@
-"""Short sequences that have a shorter form.
+"""Replaces short sequences with shorter ones.
 
 In: a `Function` and its liveness. Out: an operation on a byte in place instead of through W, CLRF for a
 stored zero, one skip instead of a skip and two jumps.
@@ -16,7 +16,7 @@ _COMMUTING = {"ADDLW": "ADDWF", "ANDLW": "ANDWF", "IORLW": "IORWF", "XORLW": "XO
 
 
 def peephole(function: Function) -> bool:
-    """One pass; true when something changed."""
+    """Run the pass once; return whether something changed."""
     live = Liveness(function)
     changed = False
     for block in function.blocks:
@@ -41,7 +41,9 @@ def peephole(function: Function) -> bool:
 
 
 def _match(window: list[Instruction], live: Liveness) -> tuple[list[Instruction], int] | None:
-    """What the first instructions of a window become, and how many of them; None where nothing fits."""
+    """Return the replacement of the first instructions of a window and their number; None if no rule
+    applies.
+    """
     if len(window) < 2 or window[0].fixed or window[1].fixed:
         return None
     one, two = window[:2]
@@ -90,7 +92,7 @@ def _match(window: list[Instruction], live: Liveness) -> tuple[list[Instruction]
 
 
 def _swaps(one: Instruction, two: Instruction, three: Instruction) -> bool:
-    """MOVWF t; MOVF x,W; XORWF t,W: the same as XORWF x,W where t is not needed any more."""
+    """Return whether `MOVWF t; MOVF x,W; XORWF t,W` can be `XORWF x,W`, because t is not needed any more."""
     return (
         one.op == "MOVWF"
         and is_private(one.f)
@@ -102,7 +104,9 @@ def _swaps(one: Instruction, two: Instruction, three: Instruction) -> bool:
 
 
 def _flags(one: Instruction, two: Instruction) -> tuple[list[Instruction], int] | None:
-    """IORLW 0 behind what has set Z already; MOVF x,W only for Z."""
+    """Return one instruction in place of two if the second, an IORLW 0, sets Z as the first already has; else
+    None.
+    """
     if (
         two.op == "IORLW"
         and two.k == 0

@@ -1,6 +1,7 @@
-"""The ends of things: a call before a return becomes a jump, equal code before one label is kept once.
+"""Merges code at the ends of paths: a call before a return becomes a jump, equal code before one label is
+kept once.
 
-In: a `Function` after the other passes. Out: fewer words, no more cycles.
+In: a `Function` after the other passes. Out: fewer words, and no more cycles than before.
 """
 
 from __future__ import annotations
@@ -12,7 +13,9 @@ from servogen.compiler.ir.instruction import DELAY, ENDS, Instruction, Label, Re
 
 
 def tail_calls(function: Function) -> bool:
-    """CALL f; RETURN becomes GOTO f: a word, two cycles and a level of the stack less."""
+    """Replace `CALL f; RETURN` with `GOTO f`, which saves a word, two cycles and a level of the stack; return
+    whether something changed.
+    """
     changed = False
     for one, two in pairwise(function.lines()):
         if isinstance(one, Label) or isinstance(two, Label) or one.fixed or two.fixed:
@@ -26,7 +29,9 @@ def tail_calls(function: Function) -> bool:
 
 
 def merge_tails(function: Function) -> bool:
-    """One pass over the jumps; true when one of them now goes to the beginning of what was the same."""
+    """Merge one pair of equal instruction runs before jumps to the same label; return whether one was
+    merged.
+    """
     lines = list(function.lines())
     where = {each.name: at for at, each in enumerate(lines) if isinstance(each, Label)}
     jumps = {
@@ -37,11 +42,13 @@ def merge_tails(function: Function) -> bool:
         and not each.fixed
         and not is_skipped(lines, at)
     }
+    # a merge invalidates these positions, so one call makes at most one
     for at, jump in jumps.items():
         target = where.get(jump.target)
         if target is None:
             continue
         rivals = [other for other, each in jumps.items() if other < at and each.target == jump.target]
+        # the code that runs into the label ends there too
         before = target
         while before and isinstance(lines[before - 1], Label):
             before -= 1
@@ -63,8 +70,8 @@ def _ends(line: Line) -> bool:
 
 
 def _timed_run(lines: list[Line], first: int, last: int) -> bool:
-    """Whether a run of instructions reaches a register and a delay runs into it without a branch: its
-    distance to the delay is promised.
+    """Return whether a run of instructions accesses a register and a delay leads into it without a branch, so
+    that its distance from the delay must not change.
     """
     run = [each for each in lines[first:last] if isinstance(each, Instruction)]
     if not any(isinstance(each.f, Reg) or each.op == "CALL" for each in run):
@@ -83,12 +90,12 @@ def _timed_run(lines: list[Line], first: int, last: int) -> bool:
 
 
 def is_timed(ins: Instruction) -> bool:
-    """A delay, constant or by a library routine."""
+    """Return whether an instruction is a delay, constant or through a library routine."""
     return ins.op == DELAY or (ins.op in ("CALL", "GOTO") and ins.target.startswith("__delay"))
 
 
 def _common(lines: list[Line], one: int, two: int) -> int:
-    """How many instructions before two places are the same, with no skip into the first of them."""
+    """Return how many instructions before two places are the same; a run may not start behind a skip."""
     if abs(one - two) < 2:
         return 0
     length = 0
@@ -100,6 +107,7 @@ def _common(lines: list[Line], one: int, two: int) -> int:
         if not _same(lines[a], lines[b]):
             break
         length += 1
+        # a run that begins behind a skip would be separated from it
         if not is_skipped(lines, a) and not is_skipped(lines, b):
             best = length
     return best
@@ -114,7 +122,7 @@ def _same(one: Line, two: Line) -> bool:
 def _merge(
     function: Function, lines: list[Line], jump: Instruction, at: int, rival: int, length: int
 ) -> None:
-    """Drop the instructions before a jump at `at`; it goes to their like before `rival`."""
+    """Remove the instructions before the jump at `at` and redirect it to the equal ones before `rival`."""
     used = {each.name for each in lines if isinstance(each, Label)}
     free = next(number for number in count() if f"{function.name}.tail{number}" not in used)
     name = f"{function.name}.tail{free}"

@@ -1,8 +1,8 @@
-"""Follows what W and bytes hold, so that nothing is loaded, stored or tested twice.
+"""Tracks what W and bytes hold, so that nothing is loaded, stored or tested twice.
 
-In: a `Function`. Out: loads of what W already holds are dropped, operands whose value is known become
-constants, temporaries that are copies give way to their originals. Knowledge flows forward; where edges meet
-only what all of them know is kept, and nothing where a loop comes back.
+In: a `Function`. Out: loads of what W already holds are removed, operands whose value is known become
+constants, temporaries that are copies are replaced by their originals. Facts flow forward; where edges meet
+only what holds on all of them is kept, and nothing where a loop comes back.
 """
 
 from __future__ import annotations
@@ -22,12 +22,14 @@ _TO_LITERAL = {"ADDWF": "ADDLW", "ANDWF": "ANDLW", "IORWF": "IORLW", "XORWF": "X
 
 
 def trackable(loc: object) -> bool:
-    """A byte of RAM, or FSR, that changes only where the code says so."""
+    """Return whether a location is a byte of RAM, or FSR, that changes only where the code does so."""
     return loc == FSR or (isinstance(loc, Byte) and not loc.symbol.volatile)
 
 
 def number_values(function: Function) -> bool:
-    """Rewrite a function by what is known to be equal. True when something changed."""
+    """Replace operands and remove instructions using what is known to be equal; return whether something
+    changed.
+    """
     return _Tracker(function).run()
 
 
@@ -61,6 +63,7 @@ class _Tracker:
             self._block(block, state, in_skip=block in skipped)
             last = block.last
             if last is not None and last.skips and last not in self.dead:
+                # the edge over the next block arrives at the one after it
                 over[number + 2] = dict(state)
             elif last is not None and last.op in ENDS:
                 state = None
@@ -88,7 +91,7 @@ class _Tracker:
 
     def _meet(self, label: str, sources: int, state: State | None) -> State | None:
         if self.seen.get(label, 0) < sources:
-            return {}  # a loop comes back here
+            return {}  # a jump back leads here, and its state is not known yet
         states = [each for each in [*self.arriving.get(label, []), state] if each is not None]
         if not states:
             return None
@@ -113,9 +116,11 @@ class _Tracker:
         if op in ("NOP", "CLRWDT", "SLEEP") or op in ENDS:
             return
         if op == "CALL":
+            # the callee may change everything except the private bytes of this function
             for loc in [each for each in state if not (is_private(each) and id(each.symbol) in self.own)]:  # type: ignore[attr-defined]
                 del state[loc]
             return
+        # the loop that a delay is expanded to may count in W
         if op == DELAY:
             state.pop(_W, None)
             return
@@ -137,7 +142,7 @@ class _Tracker:
             state[_W] = self._result(ins, state)
 
     def _result(self, ins: Instruction, state: State) -> Value:
-        """The same operation on the same values has the same value."""
+        """Return the value number of a result; the same operation on the same values has the same number."""
         other: object
         if ins.op in _TO_LITERAL.values() or ins.op == "SUBLW":
             other = Imm(ins.k)
@@ -156,7 +161,7 @@ class _Tracker:
             state[loc] = value
 
     def _forget_aliases(self, loc: Loc | None, state: State) -> None:
-        """Fixed-address variables may lie over one another."""
+        """Forget what is known about fixed-address variables, which may overlap a location."""
         if isinstance(loc, Byte) and loc.symbol.kind == "fixed":
             for each in [
                 each
@@ -202,13 +207,13 @@ class _Tracker:
             self._original(ins, state)
 
     def _near(self, loc: Byte) -> bool:
-        """A variable of this function or a global: another function's bytes are only good right
-        behind its call.
+        """Return whether a location is a variable of this function or a global; another function's bytes are
+        only valid directly after a call of it.
         """
         return loc.symbol.static or id(loc.symbol) in self.own
 
     def _original(self, ins: Instruction, state: State) -> None:
-        """Read the variable that a temporary is a copy of."""
+        """Read the variable that a temporary is a copy of instead of the temporary."""
         known = state.get(ins.f)
         if known is None or not is_private(ins.f):
             return

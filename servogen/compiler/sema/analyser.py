@@ -1,4 +1,4 @@
-"""The state of the semantic analysis, and the table by which its modules recurse.
+"""The state of the semantic analysis, and the table through which its modules recurse.
 
 A declarator contains expressions (the length of an array), an expression contains types (`sizeof`, casts). A
 module calls the modules below it directly, and those above it through `Dispatch`, which
@@ -36,7 +36,7 @@ U8_CONST = IntType("unsigned char", 1, False, const=True)
 
 @dataclass(frozen=True, slots=True)
 class Dispatch:
-    """What the lower modules of the analysis call in the modules above them."""
+    """The functions of higher modules that the lower modules of the analysis call."""
 
     expressions: Mapping[type, Callable[[Analyser, Any], Expr]]
     """The analysis of each kind of expression."""
@@ -59,7 +59,7 @@ class Body:
 
 
 class Analyser:
-    """The state of one program's analysis: scopes, symbols, the function being read."""
+    """The state of one program's analysis: scopes, symbols, the current function."""
 
     def __init__(
         self,
@@ -97,7 +97,7 @@ class Analyser:
 
     @property
     def int_type(self) -> IntType:
-        """The type of comparisons, enumerations and small literals."""
+        """Return the type of comparisons, enumerations and small literals."""
         return C2C_SIGNED if self.c2c else S16
 
     def fail(self, message: str, node: Any, hint: str | None = None) -> Fatal:
@@ -114,7 +114,7 @@ class Analyser:
     # constants
 
     def literal_type(self, value: int, suffix: str, decimal: bool) -> IntType:
-        """The type of an integer literal (ISO C 6.4.4.1 on these sizes)."""
+        """Return the type of an integer literal (ISO C 6.4.4.1 with these sizes)."""
         unsigned = "u" in suffix
         if "l" not in suffix:
             if value <= 32767 and not unsigned:
@@ -124,7 +124,7 @@ class Analyser:
         return S32 if value <= 0x7FFFFFFF and not unsigned else U32
 
     def string(self, values: list[int], place: Place) -> Ref:
-        """A string literal in flash, one copy of each."""
+        """Return a string literal in flash; equal literals share one copy."""
         key = tuple(values)
         if key not in self.strings:
             kind = ArrayType(U8_CONST, len(values))

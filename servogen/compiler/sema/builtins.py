@@ -1,7 +1,7 @@
-"""The functions that the dialects have built in: registers, bits, delays, EEPROM, the serial line.
+"""The functions built into the dialects: registers, bits, delays, EEPROM, the serial line.
 
-In: the name and arguments of a call. Out: ordinary expressions on registers and bits where that is what the
-call means, `Builtin` nodes for delays, NOP and the library.
+In: the name and arguments of a call. Out: ordinary expressions on registers and bits if the call means that,
+`Builtin` nodes for delays, NOP and the library.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def set_bit(analyser: Analyser, target: Ref | Deref, value: int) -> Expr:
 
 
 def _bit_number(analyser: Analyser, node: Any) -> Expr:
-    """A bit's number: a constant, or the name of a bit."""
+    """Return the number of a bit, given as a constant or as the name of a bit."""
     if isinstance(node, c_ast.ID):
         found = analyser.scopes.find(node.name)
         if isinstance(found, ChipBit):
@@ -52,7 +52,9 @@ def _bit_number(analyser: Analyser, node: Any) -> Expr:
 def bit_target(
     analyser: Analyser, variable: Any, number: Any, node: Any
 ) -> Ref | Deref | tuple[Ref | Deref, Expr]:
-    """The bit that set_bit and its kin mean; variable and number when the number is not a constant."""
+    """Return the bit that set_bit and similar functions refer to, or variable and number if the number is not
+    constant.
+    """
     base = expression(analyser, variable)
     if not isinstance(base, (Ref, Deref)) or not isinstance(base.type, IntType):
         raise analyser.fail("the first argument must be a variable or a register", node)
@@ -72,7 +74,7 @@ def bit_mask(analyser: Analyser, base: Ref | Deref, bit: Expr, place: Place) -> 
 
 
 def delay_cycles(analyser: Analyser, us: Fraction, node: Any, *, cut: bool = False) -> int:
-    """Whole cycles of a time, the nearest or what is left when the rest is cut off; warns of both."""
+    """Return a time in whole cycles, rounded to the nearest or down; warns in both cases."""
     if analyser.clock is None:
         raise analyser.fail(
             "the clock frequency is not known",
@@ -91,7 +93,7 @@ def delay_cycles(analyser: Analyser, us: Fraction, node: Any, *, cut: bool = Fal
 
 
 def constant_us(analyser: Analyser, node: Any, *, fractions: bool = False) -> Fraction | None:
-    """A constant argument of a delay; with `fractions` also one that is made of floating constants."""
+    """Return the constant argument of a delay; with `fractions`, floating constants are allowed too."""
     exact = _fraction(analyser, node) if fractions else None
     if exact is not None:
         return exact
@@ -100,7 +102,9 @@ def constant_us(analyser: Analyser, node: Any, *, fractions: bool = False) -> Fr
 
 
 def _fraction(analyser: Analyser, node: Any) -> Fraction | None:
-    """The exact value of `2.5` or `2.5 * 3`; None where there is no floating constant, or no value."""
+    """Return the exact value of `2.5` or `2.5 * 3`; None if there is no floating constant or no constant
+    value.
+    """
     match node:
         case c_ast.Constant(type="float" | "double" | "long double", value=text):
             return Fraction(text.rstrip("fFlL")) if _SHORT_FLOAT.fullmatch(text) else None
@@ -110,7 +114,7 @@ def _fraction(analyser: Analyser, node: Any) -> Fraction | None:
         case c_ast.BinaryOp(op="+" | "-" | "*" | "/"):
             left, right = _fraction(analyser, node.left), _fraction(analyser, node.right)
             if left is None and right is None:
-                return None  # integers follow the rules of integers
+                return None  # an expression of integers follows the integer rules of C
             left = constant_us(analyser, node.left) if left is None else left
             right = constant_us(analyser, node.right) if right is None else right
             if left is None or right is None or (node.op == "/" and right == 0):

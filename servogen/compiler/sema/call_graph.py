@@ -1,6 +1,6 @@
-"""Which function calls which: what main and the interrupt reach, and what is wrong with the calls.
+"""The call graph: what main and the interrupt reach, and errors in the calls.
 
-In: the typed tree of a program. Out: a `CallGraph`; errors of missing, second and recursive functions.
+In: the typed tree of a program. Out: a `CallGraph`; errors for missing, duplicate and recursive functions.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _TREE = "servogen.compiler.ast.nodes"
 
 
 def called(function: FunctionDefinition) -> dict[str, Call]:
-    """The functions that a function calls, and where."""
+    """Return the functions that a function calls, with the location of the call."""
     found: dict[str, Call] = {}
     if function.body is not None:
         for expr in expressions(function.body):
@@ -38,7 +38,7 @@ def called(function: FunctionDefinition) -> dict[str, Call]:
 
 
 def expressions(node: object) -> Iterator[Expr]:
-    """Every expression in a statement or expression, itself included."""
+    """Yield every expression in a statement or expression, including itself."""
     if isinstance(node, (list, tuple)):
         for each in node:
             yield from expressions(each)
@@ -53,7 +53,7 @@ def expressions(node: object) -> Iterator[Expr]:
 
 
 def reachable(program: Program, start: str) -> list[str]:
-    """Functions that `start` reaches, itself first."""
+    """Return the functions that `start` reaches, itself first."""
     found: dict[str, None] = {}
     waiting = [start]
     while waiting:
@@ -77,12 +77,12 @@ class CallGraph:
 
     @property
     def shared(self) -> set[str]:
-        """The functions that main and the interrupt both reach."""
+        """Return the functions that main and the interrupt both reach."""
         return set(self.main) & set(self.isr)
 
 
 def call_graph(program: Program) -> CallGraph:
-    """Follow the calls of a program from main and from its interrupt function."""
+    """Return the call graph of a program from main and from its interrupt function."""
     handler = next((name for name, function in program.functions.items() if function.interrupt), None)
     return CallGraph(
         program, reachable(program, "main"), handler, reachable(program, handler) if handler else []
@@ -90,7 +90,7 @@ def call_graph(program: Program) -> CallGraph:
 
 
 def check_calls(graph: CallGraph, reporter: Reporter) -> None:
-    """Errors of the call graph: no main, several interrupts, undefined functions, recursion."""
+    """Report errors in the call graph: no main, several interrupts, undefined functions, recursion."""
     functions = graph.program.functions
     if "main" not in functions or functions["main"].body is None:
         file = next(iter(reporter.texts), None)
@@ -138,7 +138,7 @@ def _check_recursion(graph: CallGraph, reporter: Reporter) -> None:
 
 
 def globals_of(program: Program, names: list[str]) -> set[Symbol]:
-    """The variables that functions name."""
+    """Return the variables that functions refer to."""
     found: set[Symbol] = set()
     for name in names:
         body = program.functions[name].body

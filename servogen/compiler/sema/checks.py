@@ -1,7 +1,7 @@
-"""Warnings about the whole program: what is legal C and bites on this chip.
+"""Warnings about the whole program: legal C that causes trouble on this chip.
 
 In: the typed tree. Out: warnings for a read-modify-write of a pin that stays an input, and for variables of
-several bytes that main and the interrupt share while interrupts are on.
+several bytes that main and the interrupt share while interrupts are enabled.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _PINS = {"PORTA": "RA", "PORTB": "RB"}
 
 
 def check_program(graph: CallGraph, reporter: Reporter) -> None:
-    """All warnings of this module."""
+    """Report all warnings of this module."""
     _inputs(graph.program, reporter)
     _unused_results(graph.program, reporter)
     if graph.handler:
@@ -50,7 +50,9 @@ def check_program(graph: CallGraph, reporter: Reporter) -> None:
 
 
 def _inputs(program: Program, reporter: Reporter) -> None:
-    """DS35007 section 4: a write to a port reads the pins, and an input's level gets into its latch."""
+    """Warn about read-modify-writes of inputs: a write to a port reads the pins, and the level of an input
+    gets into its latch (DS35007 section 4).
+    """
     every = [
         expr
         for function in program.functions.values()
@@ -85,7 +87,7 @@ def _assembly(node: Stmt) -> bool:
 
 
 def _possible_outputs(writes: list[Assign | Update], every: list[Expr], tris: str) -> int:
-    """The pins that some write of TRIS may make outputs, as a mask."""
+    """Return the pins that some write to TRIS may make outputs, as a mask."""
     mask = 0
     for expr in every:
         if isinstance(expr, (AddressOf, Deref)):
@@ -105,7 +107,7 @@ def _possible_outputs(writes: list[Assign | Update], every: list[Expr], tris: st
 
 
 def _changed_bits(expr: Assign | Update, port: str) -> list[int]:
-    """The pins that a read-modify-write of a port is meant to change."""
+    """Return the pins that a read-modify-write of a port is intended to change."""
     target = expr.target
     if not isinstance(target, Ref) or target.symbol.name != port:
         return []
@@ -116,11 +118,11 @@ def _changed_bits(expr: Assign | Update, port: str) -> list[int]:
     return []
 
 
-# calls whose result is all that they do
+# calls whose only effect is their result
 
 
 def _unused_results(program: Program, reporter: Reporter) -> None:
-    """A statement that calls a function which changes nothing, and drops what it returns."""
+    """Warn about a statement that calls a function without effects and discards its result."""
     acting: set[str] = set()
     grown = True
     while grown:
@@ -138,7 +140,7 @@ def _unused_results(program: Program, reporter: Reporter) -> None:
 
 
 def _acts(function: FunctionDefinition, acting: set[str]) -> bool:
-    """Whether a function changes anything but its own variables, or takes its time."""
+    """Return whether a function changes anything but its own variables, or takes time on purpose."""
     if function.body is None or _assembly(function.body):
         return True
     for expr in expressions(function.body):
@@ -157,7 +159,7 @@ def _acts(function: FunctionDefinition, acting: set[str]) -> bool:
 
 
 def _statements_that_call(node: Stmt | None) -> Iterator[Call]:
-    """The calls that are statements by themselves."""
+    """Yield the calls that are statements by themselves."""
     match node:
         case ExprStmt(Call() as call):
             yield call
@@ -193,7 +195,9 @@ def _shared(graph: CallGraph, reporter: Reporter) -> None:
 
 
 def _uses(program: Program, names: list[str], *, masked: bool) -> tuple[set[Symbol], set[Symbol]]:
-    """(variables read, written) in several bytes; with `masked`, only where interrupts may be on."""
+    """Return (variables read, variables written) of several bytes; with `masked`, only where interrupts may
+    be enabled.
+    """
     reads: set[Symbol] = set()
     writes: set[Symbol] = set()
     for name in names:
@@ -212,7 +216,7 @@ def _uses(program: Program, names: list[str], *, masked: bool) -> tuple[set[Symb
 
 
 def _unmasked(block: Block) -> list[object]:
-    """The statements and conditions that are not between GIE = 0 and GIE = 1 of one block."""
+    """Return the statements and conditions that are not between GIE = 0 and GIE = 1 of one block."""
     found: list[object] = []
     off = False
     for each in block.body:
@@ -238,7 +242,7 @@ def _parts(node: Stmt) -> list[object]:
 
 
 def _switches_interrupts(node: Stmt) -> bool | None:
-    """Whether a statement switches interrupts on or off; None when neither."""
+    """Return whether a statement enables or disables interrupts; None if neither."""
     if not isinstance(node, ExprStmt):
         return None
     expr = node.expr

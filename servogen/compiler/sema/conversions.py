@@ -1,7 +1,7 @@
-"""What the parts of the semantic analysis share: the dialect, the scopes, errors, and conversions.
+"""Conversions, which all parts of the semantic analysis share.
 
-In: typed operands. Out: operands converted as ISO C 6.3 says, constants folded, with warnings for what is
-lost.
+In: typed operands. Out: operands converted according to ISO C 6.3, constants folded, with warnings for loss
+of information.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _ALL_ONES = (1 << 16, 1 << 24, 1 << 32)
 
 
 def decay(analyser: Analyser, expr: Expr) -> Expr:
-    """An array as the address of its first element."""
+    """Return an array as the address of its first element, other expressions unchanged."""
     if isinstance(expr.type, ArrayType):
         kind = PointerType(expr.type.element)
         if isinstance(expr, Ref):
@@ -58,7 +58,7 @@ def address_int(analyser: Analyser, kind: CType) -> IntType:
 
 
 def rvalue(analyser: Analyser, expr: Expr) -> Expr:
-    """The value of an expression: arrays decay; void has none."""
+    """Return the value of an expression: arrays decay; void has no value."""
     expr = decay(analyser, expr)
     if isinstance(expr.type, VoidType):
         raise analyser.fail("this has no value: its type is void", expr)
@@ -86,7 +86,7 @@ def balance(analyser: Analyser, left: Expr, right: Expr) -> tuple[Expr, Expr, In
 
 
 def cast(analyser: Analyser, expr: Expr, kind: CType) -> Expr:
-    """A conversion without questions; folds constants and drops what changes nothing."""
+    """Return an explicit conversion; constants are folded and conversions without effect dropped."""
     kind = kind.plain()
     if expr.type.plain() == kind:
         return expr
@@ -106,7 +106,7 @@ def cast(analyser: Analyser, expr: Expr, kind: CType) -> Expr:
 
 
 def convert(analyser: Analyser, expr: Expr, kind: CType, what: str) -> Expr:
-    """The implicit conversion of an assignment, argument, initialiser or result."""
+    """Return the implicit conversion of an assignment, argument, initialiser or result."""
     expr = rvalue(analyser, expr)
     kind = kind.plain()
     if isinstance(kind, IntType) and isinstance(expr.type, IntType):
@@ -160,7 +160,7 @@ def _to_pointer(analyser: Analyser, expr: Expr, kind: PointerType, what: str) ->
 
 
 def keep_const(analyser: Analyser, expr: Expr, kind: CType, what: str) -> None:
-    """Refuse to make a pointer that reaches RAM only of one that may lead to flash."""
+    """Reject the conversion of a pointer that may lead to flash to one that reaches only RAM."""
     both = isinstance(expr.type, PointerType) and isinstance(kind, PointerType)
     if both and expr.type.size > kind.size:
         raise analyser.fail(
@@ -171,7 +171,7 @@ def keep_const(analyser: Analyser, expr: Expr, kind: CType, what: str) -> None:
 
 
 def truth(analyser: Analyser, expr: Expr) -> Expr:
-    """An operand of a condition."""
+    """Return the operand of a condition."""
     expr = rvalue(analyser, expr)
     if not expr.type.scalar:
         raise analyser.fail(f"a condition needs a number or a pointer, not '{expr.type}'", expr)

@@ -1,4 +1,4 @@
-"""Semantic analysis of declarations: variables and functions' signatures.
+"""Semantic analysis of declarations: variables and function signatures.
 
 In: pycparser declarations. Out: symbols and functions in the program, names in the scopes.
 """
@@ -34,7 +34,7 @@ from servogen.pic.device import CONFIG_ADDRESS, RAM_BYTES, RAM_FIRST, RAM_LAST, 
 
 
 def declare(analyser: Analyser, node: Any) -> None:
-    """One declaration, at file level or in a block; locals' initialisers go to `pending`."""
+    """Analyse one declaration, at file level or in a block; initialisers of locals are added to `pending`."""
     if isinstance(node, c_ast.Typedef):
         enter_name(analyser, node.name, TypeName(declared_type(analyser, node.type)), node)
         return
@@ -84,7 +84,7 @@ def _new_global(analyser: Analyser, name: str, kind: CType, place: Place, addres
 
 
 def _fix(analyser: Analyser, symbol: Symbol, address: int, place: Place) -> None:
-    """Put a variable at an address."""
+    """Assign a fixed address to a variable."""
     symbol.kind, symbol.address, symbol.pinned = "fixed", address, True
     in_ram = RAM_FIRST <= address & 0x7F <= RAM_LAST
     symbol.volatile = symbol.volatile or not RAM_FIRST <= address <= RAM_LAST
@@ -101,7 +101,7 @@ def _fix(analyser: Analyser, symbol: Symbol, address: int, place: Place) -> None
 
 
 def _redeclare(analyser: Analyser, symbol: Symbol, kind: CType, place: Place, address: int | None) -> None:
-    """Add what a further declaration of a variable says: its length, volatile, its address."""
+    """Add what a further declaration of a variable specifies: its length, volatile, its address."""
     if is_const_object(symbol.type) != is_const_object(kind):
         raise analyser.reporter.fatal(
             f"'{symbol.name}' is const in one declaration only",
@@ -125,7 +125,7 @@ def _redeclare(analyser: Analyser, symbol: Symbol, kind: CType, place: Place, ad
 
 
 def _configuration(analyser: Analyser, name: str, kind: CType, place: Place) -> Symbol:
-    """SDCC's way to say the configuration word: a constant at its address."""
+    """Return the symbol for SDCC's form of the configuration word: a constant at its address."""
     if not is_const_object(kind) or kind.size != 2:
         raise analyser.reporter.fatal(
             f"the configuration word at 0x{CONFIG_ADDRESS:X} is a constant of 16 bits", place
@@ -196,7 +196,7 @@ def _local(analyser: Analyser, node: Any, kind: CType, static: bool, address: in
 
 
 def _constant_local(analyser: Analyser, node: Any, kind: CType, place: Place) -> bool:
-    """`const int n = 5;` in a block is the number itself."""
+    """Treat `const int n = 5;` in a block as the number itself; return whether it had that form."""
     value = convert(analyser, expression(analyser, node.init), kind, "the initialiser")
     if not isinstance(value, Num) or not isinstance(kind, IntType):
         return False
@@ -226,7 +226,7 @@ def _initialise_local(analyser: Analyser, symbol: Symbol, node: Any) -> None:
 def declare_function(
     analyser: Analyser, node: Any, kind: FuncType, *, define: bool = False
 ) -> FunctionDefinition:
-    """A prototype, or the head of a definition."""
+    """Analyse a prototype, or the head of a definition, and return the function."""
     name, place = node.name, analyser.place(node)
     static = "static" in (node.storage or [])
     known = analyser.scopes.find(name) if name in analyser.scopes.stack[0].names else None

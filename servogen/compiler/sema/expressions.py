@@ -88,7 +88,7 @@ def unary_op(analyser: Analyser, node: Any) -> Expr:
 
 
 def condition_operand(analyser: Analyser, node: Any) -> Expr:
-    """An operand whose truth is asked: in C2C a bare bit name means the bit here."""
+    """Return the operand of a condition; in C2C, a bare bit name means the bit here."""
     return named(analyser, node, as_bit=True) if isinstance(node, c_ast.ID) else expression(analyser, node)
 
 

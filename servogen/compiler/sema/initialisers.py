@@ -1,7 +1,7 @@
-"""Semantic analysis of initialisers: bytes for what is constant, assignments for what is not.
+"""Semantic analysis of initialisers: bytes for constant parts, assignments for the others.
 
-In: pycparser initialisers and the type that they fill. Out: bytes by offset, or assignments of the
-locals' parts.
+In: pycparser initialisers and the type that they initialise. Out: bytes by offset, or assignments to the
+parts of a local.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from servogen.errors import Place
 
 
 class Leaf(NamedTuple):
-    """A scalar of an initialiser: where it goes, its type, the expression or byte; a bit-field's bits."""
+    """A scalar of an initialiser: its offset, its type, the expression or byte; for a bit-field, its bits."""
 
     at: int
     type: CType
@@ -43,7 +43,7 @@ class Leaf(NamedTuple):
 
 
 def complete(analyser: Analyser, kind: CType, node: Any) -> CType:
-    """An array without a length takes it from its initialiser."""
+    """Return the type; an array without a length takes it from its initialiser."""
     if not isinstance(kind, ArrayType) or kind.length is not None:
         return kind
     init = node.init
@@ -74,14 +74,14 @@ def complete(analyser: Analyser, kind: CType, node: Any) -> CType:
 
 
 def fill(analyser: Analyser, symbol: Symbol, kind: CType, init: Any, offset: int, place: Place) -> None:
-    """Assignments for an array or structure in RAM whose initialiser may not be constant."""
+    """Emit the assignments for an array or structure in RAM whose initialiser need not be constant."""
     leaves: list[Leaf] = []
     _leaves(analyser, kind, init, offset, leaves)
     given = {each.at: each for each in leaves if not each.width}
     behind = offset
     for at, scalar in _scalars(kind, offset):
         if at < behind:
-            continue  # a byte of a member that was given whole
+            continue  # a byte of a member that one expression initialises as a whole
         found = given.get(at)
         leaf = found.type if found else scalar
         behind = at + leaf.size
@@ -103,7 +103,7 @@ def _assign(analyser: Analyser, symbol: Symbol, leaf: Leaf, place: Place) -> Non
 
 
 def initialise(analyser: Analyser, data: dict[int, Data], kind: CType, init: Any, offset: int) -> None:
-    """The bytes of a constant initialiser."""
+    """Set the bytes of a constant initialiser."""
     leaves: list[Leaf] = []
     _leaves(analyser, kind, init, offset, leaves)
     for leaf in leaves:
@@ -120,7 +120,7 @@ def initialise(analyser: Analyser, data: dict[int, Data], kind: CType, init: Any
 
 
 def _set_field(analyser: Analyser, data: dict[int, Data], leaf: Leaf, value: Data) -> None:
-    """Put a bit-field's value between those of its neighbours."""
+    """Insert the value of a bit-field between those of its neighbours."""
     before = data.get(leaf.at, 0)
     if not isinstance(value, int) or not isinstance(before, int):
         raise analyser.fail("the initialiser must be a constant", leaf.value)
@@ -154,7 +154,9 @@ def _bytes(analyser: Analyser, expr: Expr, size: int, node: Any) -> list[Data]:
 
 
 def _leaves(analyser: Analyser, kind: CType, init: Any, offset: int, out: list[Leaf]) -> None:
-    """The scalars of an initialiser as (offset, type, node or byte), braces left out or not."""
+    """Collect the scalars of an initialiser as (offset, type, node or byte), with braces present or
+    omitted.
+    """
     if isinstance(kind, ArrayType) and isinstance(kind.element, IntType) and kind.element.size == 1:
         inner = init
         if isinstance(init, c_ast.InitList) and len(init.exprs) == 1:
@@ -190,7 +192,7 @@ def _aggregate(
     *,
     braced: bool,
 ) -> None:
-    """Take from `items` what the elements of one array or structure need."""
+    """Consume from `items` what the elements of one array or structure need."""
     slots: list[tuple[int, CType]] = _elements(kind)
     parts = kind.layout.parts if isinstance(kind, StructType) else []
     if isinstance(kind, StructType) and kind.layout.union:
@@ -227,7 +229,9 @@ def _aggregate(
 
 
 def _designated(analyser: Analyser, kind: CType, item: Any) -> int:
-    """The element or part that a designator names; an unnamed part for one of its members."""
+    """Return the index of the element or member that a designator refers to; for a member of an unnamed
+    member, that of the unnamed member.
+    """
     designator = item.name[0]
     inner = getattr(designator, "expr", designator)
     if isinstance(kind, StructType):
@@ -240,14 +244,14 @@ def _designated(analyser: Analyser, kind: CType, item: Any) -> int:
 
 
 def _elements(kind: ArrayType | StructType) -> list[tuple[int, CType]]:
-    """(offset, type) of each element or member."""
+    """Return (offset, type) of each element or member."""
     if isinstance(kind, ArrayType):
         return [(number * kind.element.size, kind.element) for number in range(kind.length or 0)]
     return [(part.offset, part.type) for part in kind.layout.parts]
 
 
 def _scalars(kind: CType, offset: int) -> list[tuple[int, CType]]:
-    """(offset, type) of everything in an object that is not made of parts."""
+    """Return (offset, type) of every scalar in an object."""
     if isinstance(kind, StructType) and any(part.width for part in kind.layout.parts):
         return [(offset + each, U8) for each in range(kind.size)]
     if isinstance(kind, StructType) and kind.layout.union:

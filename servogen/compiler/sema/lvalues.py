@@ -1,4 +1,4 @@
-"""Semantic analysis of access: elements, members, bits, calls, addresses.
+"""Semantic analysis of accesses: elements, members, bits, calls, addresses.
 
 In: pycparser nodes. Out: typed references whose addresses are byte offsets, pointer arithmetic scaled.
 """
@@ -94,7 +94,7 @@ def _element(analyser: Analyser, base: Ref, index: Expr, node: Any) -> Expr:
 
 
 def _lvalue(analyser: Analyser, target: Ref | Deref) -> Expr:
-    """Return a part of an object; one in flash at a known offset is its constant value."""
+    """Return a part of an object; for one in flash at a known offset, its constant value."""
     if isinstance(target, Deref) and isinstance(target.pointer, Num) and target.pointer.type.size == 1:
         _check_memory(analyser, target.pointer.value + target.offset, target)
     if (
@@ -117,7 +117,7 @@ def _lvalue(analyser: Analyser, target: Ref | Deref) -> Expr:
 
 
 def _check_memory(analyser: Analyser, address: int, target: Deref) -> None:
-    """Refuse a constant address where the chip has no memory."""
+    """Reject a constant address at which the chip has no memory."""
     size = target.type.size
     if not all(data_byte_exists(address + each) for each in range(size)):
         raise analyser.fail(
@@ -209,7 +209,7 @@ def _member(analyser: Analyser, base: Ref | Deref, member: Member, place: Place)
 
 
 def bit_of(analyser: Analyser, base: Expr, bit: int, node: Any) -> Expr:
-    """One bit of an integer variable."""
+    """Return one bit of an integer variable."""
     if not isinstance(base, (Ref, Deref)) or not isinstance(base.type, IntType) or base.width:
         raise analyser.fail("a bit can only be taken of an integer variable", node)
     if bit >= 8 * base.type.size:
@@ -325,7 +325,7 @@ def assignable(analyser: Analyser, target: Expr, node: Any) -> Ref | Deref:
 
 
 def binary(analyser: Analyser, op: str, left: Expr, right: Expr, kind: CType, place: Place) -> Expr:
-    """An arithmetic node on converted operands, folded."""
+    """Return an arithmetic node on converted operands, folded if constant."""
     if isinstance(right, Num) and right.value == 0 and op in ("/", "%"):
         raise analyser.fail("division by zero", right)
     if isinstance(left, Num) and isinstance(right, Num) and isinstance(kind, IntType):

@@ -1,6 +1,7 @@
 """Semantic analysis of primary expressions: literals, strings, names of variables, registers and bits.
 
-In: pycparser nodes and the names in scope. Out: typed expressions; const objects of known value are numbers.
+In: pycparser nodes and the names in scope. Out: typed expressions; const objects of known value become
+numbers.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ def expression(analyser: Analyser, node: Any) -> Expr:
 
 
 def constant(analyser: Analyser, node: Any, what: str) -> int:
-    """The value of a constant expression."""
+    """Return the value of a constant expression."""
     expr = arithmetic(analyser, expression(analyser, node))
     if not isinstance(expr, Num):
         raise analyser.fail(f"{what} must be a constant", node)
@@ -79,7 +80,7 @@ def literal(analyser: Analyser, node: Any) -> Expr:
             f"'{node.value}': this compiler has no floating point", node, hint="use scaled integers"
         )
     match = re.fullmatch(r"(0[xX][0-9a-fA-F]+|[0-9]+)([uUlL]*)", node.value)
-    assert match is not None  # the parser has refused other numbers
+    assert match is not None  # the parser has rejected other numbers
     digits = match[1]
     octal = len(digits) > 1 and digits[0] == "0" and digits[1] not in "xX"
     shown = digits if len(digits) <= DIGITS else digits[:DIGITS] + "…"
@@ -92,7 +93,9 @@ def literal(analyser: Analyser, node: Any) -> Expr:
 
 
 def characters(analyser: Analyser, text: str, place: Place) -> list[int]:
-    """The codes of a string or character literal with its quotes; adjacent strings already joined."""
+    """Return the character codes of a string or character literal, given with its quotes; adjacent strings
+    are already joined.
+    """
     found = []
     for match in re.finditer(r"\\x([0-9a-fA-F]+)|\\([0-7]{1,3})|\\(.)|([^\\])", text[1:-1], re.DOTALL):
         if match[1]:
@@ -116,7 +119,7 @@ def identifier(analyser: Analyser, node: Any) -> Expr:
 
 
 def named(analyser: Analyser, node: Any, *, as_bit: bool) -> Expr:
-    """What a name stands for; that of a register's bit is the bit, or in C2C its number."""
+    """Return what a name refers to; the name of a register's bit is the bit, or in C2C its number."""
     meaning = analyser.scopes.find(node.name)
     place = analyser.place(node)
     match meaning:
@@ -173,7 +176,7 @@ def expression_list(analyser: Analyser, node: Any) -> Expr:
 
 
 def warn_unused(analyser: Analyser, expr: Expr) -> None:
-    """A warning for a statement that does nothing."""
+    """Warn about a statement without effect."""
     if isinstance(expr, Cast) and isinstance(expr.type, VoidType):
         return
     if isinstance(expr, (Choice, Logic, Comma)) and has_effect(expr):

@@ -1,4 +1,4 @@
-"""Names and what they mean: block scopes over the chip's registers and bits.
+"""Names and their meanings: block scopes on top of the chip's registers and bits.
 
 In: declarations as they are read. Out: the meaning of a name: variable, function, type, enumeration constant,
 register bit.
@@ -36,7 +36,7 @@ class Scope:
 
 
 class Scopes:
-    """A stack of scopes; the chip lies below the first."""
+    """A stack of scopes; the chip's names lie below the first."""
 
     def __init__(self, *, lower_case: bool) -> None:
         self.stack: list[Scope] = [Scope()]
@@ -70,7 +70,7 @@ class Scopes:
         return None
 
     def chip(self, name: str) -> Meaning | None:
-        """A register (as a variable at its address) or a register's bit."""
+        """Return a register (as a variable at its address) or a register's bit; None for other names."""
         register = chip_registers().get(name)
         if register is not None and (self.lower_case or name.isupper() or not name.islower()):
             return self.register(register)

@@ -41,7 +41,7 @@ from servogen.errors import Place, nearest
 
 
 def define_function(analyser: Analyser, function: FunctionDefinition, node: Any) -> None:
-    """Read the body of a function."""
+    """Analyse the body of a function."""
     analyser.function = function
     analyser.body = Body()
     analyser.scopes.push()
@@ -62,7 +62,7 @@ def define_function(analyser: Analyser, function: FunctionDefinition, node: Any)
 
 
 def items(analyser: Analyser, nodes: list[Any], out: list[Stmt]) -> None:
-    """Block items; an error in one does not hide those of the next."""
+    """Analyse block items; an error in one does not suppress those of the next."""
     ended = False
     for node in nodes:
         if ended and not _can_be_reached(node):
@@ -97,7 +97,7 @@ def item(analyser: Analyser, node: Any, out: list[Stmt]) -> None:
 
 
 def _forget(analyser: Analyser, node: Any) -> None:
-    """After a wrong declaration the name is known all the same, so that its uses are not errors too."""
+    """Declare the names of an invalid declaration all the same, so that their uses are not reported too."""
     name = getattr(node, "name", None)
     if name and analyser.scopes.here.names.get(name) is None and analyser.function is not None:
         from servogen.compiler.ast.nodes import Symbol
@@ -131,7 +131,7 @@ def asm_statement(analyser: Analyser, number: int, place: Place) -> Asm:
 
 
 def _asm_calls(analyser: Analyser, lines: list[tuple[Place, str]]) -> Iterator[Call]:
-    """The C functions that lines of assembly call as `_name`."""
+    """Yield the C functions that lines of assembly call as `_name`."""
     for place, text in lines:
         match = re.match(r"(?i)(?:.*:)?\s*call\s+_(\w+)\s*(?:;|//|$)", text)
         called = analyser.scopes.find(match[1]) if match else None
@@ -140,7 +140,7 @@ def _asm_calls(analyser: Analyser, lines: list[tuple[Place, str]]) -> Iterator[C
 
 
 def effect_of(analyser: Analyser, node: Any) -> Expr:
-    """An expression evaluated for what it does."""
+    """Return an expression that is evaluated for its effect."""
     expr = expression(analyser, node)
     warn_unused(analyser, expr)
     return expr
@@ -165,7 +165,7 @@ def nested(analyser: Analyser, node: Any) -> Stmt:
 
 
 def _leaves(made: Stmt) -> bool:
-    """Whether what stands behind a statement can only be reached by a label."""
+    """Return whether the code after a statement can only be reached through a label."""
     match made:
         case Return() | Jump():
             return True
@@ -179,7 +179,9 @@ def _leaves(made: Stmt) -> bool:
 
 
 def _breaks(made: Stmt) -> bool:
-    """Whether a `break` in a loop's body, outside the loops and switches inside it, ends the loop."""
+    """Return whether a `break` in a loop's body ends that loop; those of nested loops and switches do not
+    count.
+    """
     match made:
         case Jump("break"):
             return True
@@ -191,7 +193,7 @@ def _breaks(made: Stmt) -> bool:
 
 
 def _can_be_reached(node: Any) -> bool:
-    """A label, a case, a declaration, or a block that holds a label."""
+    """Return whether a node is a label, a case, a declaration, or a block that contains a label."""
     if isinstance(node, (c_ast.Label, c_ast.Case, c_ast.Default, c_ast.Decl, c_ast.Typedef)):
         return True
     if isinstance(node, c_ast.Node):
@@ -362,7 +364,7 @@ def _stmt_static_assert(analyser: Analyser, node: Any) -> Stmt:
 
 
 def static_assertion(analyser: Analyser, node: Any) -> None:
-    """`_Static_assert`, in a function or outside."""
+    """Check a `_Static_assert`, inside or outside a function."""
     if not constant(analyser, node.cond, "a static assertion"):
         raise analyser.fail("static assertion failed", node.cond)
 

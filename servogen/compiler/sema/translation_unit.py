@@ -1,6 +1,6 @@
-"""The semantic analysis of a program: every file's declarations, then the bodies of its functions.
+"""The semantic analysis of a program: the declarations of every file, then the bodies of its functions.
 
-In: preprocessed and rewritten files. Out: the `Analyser`, with the program's typed tree.
+In: preprocessed and rewritten files. Out: the `Analyser` with the program's typed tree.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ EEPROM_DATA_VALUES = 8
 
 
 def begin_file(analyser: Analyser, rewritten: Rewritten) -> None:
-    """Start a new file: its own scope, the same program."""
+    """Start a new file: a scope of its own in the same program."""
     analyser.scopes = Scopes(lower_case=True)
     analyser.addresses = rewritten.addresses
     analyser.interrupts = rewritten.interrupts
 
 
 def head(analyser: Analyser, unit: Any) -> FunctionDefinition:
-    """Declare the function that a definition defines."""
+    """Declare the function that a definition defines, and return it."""
     kind = declared_type(analyser, unit.decl.type)
     if not isinstance(kind, FuncType):
         raise analyser.fail(f"'{unit.decl.name}' is not a function but has a body", unit)
@@ -55,7 +55,7 @@ def head(analyser: Analyser, unit: Any) -> FunctionDefinition:
 
 
 def file_assembly(analyser: Analyser, rewritten: Rewritten, settings: Settings) -> None:
-    """Assembly outside functions: `__config` is understood."""
+    """Handle assembly outside functions; only `__config` is accepted."""
     for number, place in rewritten.file_asm:
         for line, text in analyser.asm_blocks[number].lines:
             words = text.split(";")[0].split(None, 1)
@@ -67,7 +67,7 @@ def file_assembly(analyser: Analyser, rewritten: Rewritten, settings: Settings) 
 
 
 def finish(analyser: Analyser, settings: Settings) -> None:
-    """What declarations said by their names: EEPROM data, configuration words."""
+    """Handle declarations that are recognised by their names: EEPROM data, configuration words."""
     for symbol in [each for each in analyser.program.symbols if each.name.startswith(EEPROM_NAME)]:
         analyser.program.symbols.remove(symbol)
         if symbol.type.size != EEPROM_DATA_VALUES:
@@ -100,7 +100,9 @@ def analyse(
     settings: Settings,
     clock: Clock | None,
 ) -> Analyser:
-    """Parse and check every file; heads first, so that functions may be called before they are written."""
+    """Parse and check every file. Function heads come first, so that functions may be called before their
+    definition.
+    """
     analysis = Analyser(
         dialect,
         reporter,

@@ -1,6 +1,6 @@
 """Semantic analysis of types: declarators, structures, enumerations.
 
-In: pycparser declarators. Out: types; tags and enumeration constants go into the scopes.
+In: pycparser declarators. Out: types; tags and enumeration constants are added to the scopes.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from servogen.pic.device import PROGRAM_WORDS
 
 
 def declared_type(analyser: Analyser, node: Any) -> CType:
-    """The type of a declarator or type name."""
+    """Return the type of a declarator or type name."""
     match node:
         case c_ast.Typename() | c_ast.Decl() | c_ast.Typedef():
             return declared_type(analyser, node.type)
@@ -79,7 +79,7 @@ def _array(analyser: Analyser, node: Any) -> CType:
 
 
 def sized(analyser: Analyser, kind: ArrayType, node: Any) -> ArrayType:
-    """The same type, if any memory of the chip could hold it."""
+    """Return the same type if some memory of the chip could hold it."""
     if kind.size > PROGRAM_WORDS:
         raise analyser.fail(f"an array of {kind.size} bytes is larger than the chip's memory", node)
     return kind
