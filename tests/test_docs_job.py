@@ -7,8 +7,8 @@ from typing import Any, get_args
 import pytest
 from pydantic import BaseModel
 
-from servogen.job import load
-from servogen.job.model import JobTable
+from servogen.job import load, plan_job
+from servogen.job.schema import JobTable
 from servogen.kinematics.forward import fk_position
 from servogen.robot.model import Arm, Hexapod
 from servogen.robot.robots import robot
@@ -89,7 +89,7 @@ def examples(tmp_path: Path) -> Path:
 
 
 def test_the_arm_of_the_page_can_be_planned(examples: Path) -> None:
-    job = load(examples / "arm.toml")
+    job = plan_job(load(examples / "arm.toml"))
     assert [servo.model.title for servo in job.servos] == ["Micro servo 9 g"] * 3
     assert not job.warnings
     found = robot(str(examples / "arm3.toml"))

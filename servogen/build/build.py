@@ -1,7 +1,7 @@
 """From a job to proven HEX files: plan, tune for every dialect, simulate, verify, and the files of it all.
 
-In: a `Job`. Out: `Build`: the values of every step, and a folder of files. What is written does not depend on
-day, host or path.
+In: a planned job. Out: `Build`: the values of every step, and a folder of files. What is written does not
+depend on day, host or path.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from servogen.engines.board import inputs_of, machine_of
 from servogen.engines.c_text import DIALECTS
 from servogen.engines.firmware import Firmware, ResourceError
 from servogen.errors import Caution, Place
-from servogen.job import Job
+from servogen.job import PlannedJob
 from servogen.outputs import replaced_files, write_text
 from servogen.pic.device import RAM_FIRST
 from servogen.pic.image import Image, to_hex
@@ -60,7 +60,7 @@ class Program:
 class Build:
     """What a job became; `job` with the engine's lead-in. `programs` begins with the job's own dialect."""
 
-    job: Job
+    job: PlannedJob
     engine: str
     plan: PulsePlan
     programs: tuple[Program, ...]
@@ -93,7 +93,7 @@ class Build:
         return (*self.job.warnings, *self.plan.warnings, *engine, *compiler, *self.left_out)
 
 
-def build(job: Job, progress: Progress = lambda step: None) -> Build:
+def build(job: PlannedJob, progress: Progress = lambda step: None) -> Build:
     """Plans, compiles, simulates and verifies. Raises InputError where the job cannot be built."""
     progress("planning")
     found = planned(job)

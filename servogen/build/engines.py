@@ -1,7 +1,7 @@
 """The engines that a job can choose: from a job to its schedule and the firmware of each dialect.
 
-In: a `Job`. Out: `Planned`. "auto" is the smallest engine that can do the job: `sequence`, else `player`;
-`stream` where the job has a serial line.
+In: a planned job. Out: `Planned`. "auto" is the smallest engine that can do the job: `sequence`, else
+`player`; `stream` where the job has a serial line.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from servogen.engines.sequence.tuning import tune
 from servogen.engines.stream.engine import compiled as compiled_stream
 from servogen.engines.stream.engine import stream
 from servogen.errors import InputError
-from servogen.job import Job
+from servogen.job import PlannedJob
 from servogen.plan_error import DECIMALS
 from servogen.pulse.plan import PulsePlan, plan
 from servogen.report.tool_error import errors_of, worst_of
@@ -28,13 +28,13 @@ from servogen.report.tracks import tracks_of
 class Planned:
     """A job as its engine plays it, with its lead-in; the schedule; what makes a dialect's firmware."""
 
-    job: Job
+    job: PlannedJob
     engine: str
     plan: PulsePlan
     make: Callable[[str], Firmware]
 
 
-def planned(job: Job) -> Planned:
+def planned(job: PlannedJob) -> Planned:
     """Return the job as its engine plays it.
 
     Raises InputError, ResourceError where no engine can hold the motion.
@@ -44,7 +44,7 @@ def planned(job: Job) -> Planned:
     return replace(found, plan=with_end_error(found.job, replace(found.plan, schedule=schedule)))
 
 
-def with_end_error(job: Job, plan: PulsePlan) -> PulsePlan:
+def with_end_error(job: PlannedJob, plan: PulsePlan) -> PulsePlan:
     """Return the plan, its error also measured at the foot, tool or base that `job`'s servos move."""
     error = plan.schedule.plan_error
     ends = errors_of(tracks_of(job, plan.schedule))
@@ -56,7 +56,7 @@ def with_end_error(job: Job, plan: PulsePlan) -> PulsePlan:
     return replace(plan, schedule=replace(plan.schedule, plan_error=error))
 
 
-def _planned(job: Job) -> Planned:
+def _planned(job: PlannedJob) -> Planned:
     if job.stream is not None:
         return _stream(job)
     if job.firmware.engine != "auto":
@@ -78,24 +78,26 @@ def _planned(job: Job) -> Planned:
     raise ResourceError(f"{smallest.message}; nor can the player: {largest.message}", hint=largest.hint)
 
 
-def _sequence(job: Job) -> Planned:
+def _sequence(job: PlannedJob) -> Planned:
     made = plan(job.trajectory, job.servos, job.frame)
     return Planned(
         job, "sequence", made, cache(lambda dialect: tune(made.schedule, dialect, job.device, job.name))
     )
 
 
-def _player(job: Job) -> Planned:
+def _player(job: PlannedJob) -> Planned:
     motion, played = play(job)
     made = cache(lambda dialect: compiled(job, played, dialect))
     return Planned(replace(job, trajectory=motion), "player", played.plan, made)
 
 
-def _stream(job: Job) -> Planned:
+def _stream(job: PlannedJob) -> Planned:
     idle, streamed = stream(job)
     made = cache(lambda dialect: compiled_stream(job, streamed, dialect))
     return Planned(replace(job, trajectory=idle), "stream", streamed.plan, made)
 
 
-ENGINES: Mapping[str, Callable[[Job], Planned]] = MappingProxyType({"sequence": _sequence, "player": _player})
+ENGINES: Mapping[str, Callable[[PlannedJob], Planned]] = MappingProxyType(
+    {"sequence": _sequence, "player": _player}
+)
 """Those that play a motion of their own, smallest first."""

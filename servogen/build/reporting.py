@@ -1,7 +1,7 @@
 """From a job to its HTML page: build it, take its edges, hold a capture beside its plan.
 
-In: a `Job`, perhaps a capture. Out: the page and the verdicts on it. A job whose motion no engine can hold
-has a page, too: of its plan.
+In: a planned job, perhaps a capture. Out: the page and the verdicts on it. A job whose motion no engine can
+hold has a page, too: of its plan.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from servogen.build.proof import motion_cycles, prove_file, running
 from servogen.build.proof_of_capture import prove_capture
 from servogen.edges import EdgeTrace
 from servogen.engines.firmware import ResourceError
-from servogen.job import Job
+from servogen.job import PlannedJob
 from servogen.plan_error import PlanError
 from servogen.pulse import PulsePlan, PulseSchedule, plan
 from servogen.report.html import PageFacts, html_page
@@ -43,7 +43,7 @@ class Page:
 
 
 def page_of(
-    job: Job,
+    job: PlannedJob,
     capture: Path | None = None,
     progress: Progress = lambda step: None,
     rate: int | None = None,

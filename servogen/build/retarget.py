@@ -26,7 +26,7 @@ from servogen.engines.sequence.rendering import render
 from servogen.engines.sequence.sequencing import MARGIN, sequence
 from servogen.engines.sequence.tuning import edges_to_watch
 from servogen.errors import InputError, Place
-from servogen.job import Job
+from servogen.job import PlannedJob
 from servogen.pic.image import Image
 from servogen.pulse import PulseSchedule
 from servogen.units import Cycles
@@ -59,7 +59,9 @@ class _Write:
     changes: str
 
 
-def tune_to(job: Job, theirs: Image, hex_file: str, dialect: str, source: Source | None = None) -> Tuned:
+def tune_to(
+    job: PlannedJob, theirs: Image, hex_file: str, dialect: str, source: Source | None = None
+) -> Tuned:
     """Measures `theirs`, compiled from `source` (default: the C that `build` writes), and renders the next C.
 
     Raises InputError where the HEX is not that C's, takes different times on the same way, or leaves a delay

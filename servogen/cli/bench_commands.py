@@ -169,10 +169,10 @@ def rig(
     from servogen.build import planned
     from servogen.engines.board import board_of
     from servogen.engines.stream.settings import Stream
-    from servogen.job import load
+    from servogen.job import load, plan_job
     from servogen.simulator.sources import pin_number
 
-    loaded = load(job)
+    loaded = plan_job(load(job))
     line = loaded.stream or Stream(receive_pin="RB7")
     out = serial_out or line.transmit_pin
     options = RigOptions(

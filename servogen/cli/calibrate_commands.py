@@ -91,7 +91,7 @@ def calibrate(
         from servogen.report.calibration_plot import calibration_plot
 
         calibration_plot(made, chosen, plot)
-    refused = _refused(job, chosen.name, target)
+    refused = _refused(loaded, chosen.name, target)
     _show(job, chosen, made, (target, kept), refused, json)
     if refused:
         raise typer.Exit(1)
@@ -178,13 +178,13 @@ def _asking(channel: Channel, count: int) -> Ask:
     return ask
 
 
-def _refused(job: Path, servo: str, target: Path) -> str:
+def _refused(job: Job, servo: str, target: Path) -> str:
     """Why the job cannot do its motion with the new calibration; empty where it can."""
     from servogen.errors import InputError
-    from servogen.job import load_calibrated
+    from servogen.job import calibrated, plan_job
 
     try:
-        load_calibrated(job, servo, str(target.resolve()))
+        plan_job(calibrated(job, servo, str(target.resolve())))
     except InputError as error:
         return str(error)
     return ""

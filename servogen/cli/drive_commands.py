@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from servogen.drive.motions import Motion
     from servogen.drive.serial_link import Opener
     from servogen.drive.session import Log, Summary
-    from servogen.job import Job
+    from servogen.job import PlannedJob
     from servogen.motion.trajectory import Floats
 
 INTERRUPTED = 130
@@ -98,9 +98,9 @@ def drive(
     from servogen.drive.controller import controller_of
     from servogen.drive.serial_link import Line, Time, VirtualTime
     from servogen.drive.session import Session
-    from servogen.job import load
+    from servogen.job import load, plan_job
 
-    loaded = load(job)
+    loaded = plan_job(load(job))
     speed, controller = controller_of(loaded, baud, range_us, first)
     end = _stop_pose(loaded, stop)
     motion, order = _driven(loaded, pose, steer, seconds, Rates(way_mm, turn_deg), dry_run)
@@ -123,7 +123,7 @@ def drive(
 
 
 def _driven(
-    job: Job, pose: str | None, steer: bool, seconds: float | None, rates: Rates, dry_run: bool
+    job: PlannedJob, pose: str | None, steer: bool, seconds: float | None, rates: Rates, dry_run: bool
 ) -> tuple[Motion, Callable[[str], None]]:
     """The motion, and what its orders go to."""
     from servogen.drive.motions import Limited, Played, Still, pose_of
@@ -146,7 +146,7 @@ def _driven(
     return limited, steering.order
 
 
-def _pose_s(job: Job, seconds: float | None, dry_run: bool) -> float:
+def _pose_s(job: PlannedJob, seconds: float | None, dry_run: bool) -> float:
     """A pose is sent and left, but not wheels that turn, nor to a chip that would take its fail-safe."""
     if seconds is not None:
         return seconds
@@ -155,7 +155,7 @@ def _pose_s(job: Job, seconds: float | None, dry_run: bool) -> float:
     return math.inf if (turns or leaves) and not dry_run else 0.0
 
 
-def _stop_pose(job: Job, text: str | None) -> Floats | None:
+def _stop_pose(job: PlannedJob, text: str | None) -> Floats | None:
     """The pose that ends the drive; None: the servos hold what they were sent last."""
     import numpy as np
 
@@ -216,7 +216,7 @@ def _ended_by_signals() -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _tell(job: Job, controller: Controller, baud: int, byte_s: float) -> None:
+def _tell(job: PlannedJob, controller: Controller, baud: int, byte_s: float) -> None:
     """What the line can carry."""
     from servogen.engines.stream.protocol import BYTES
 

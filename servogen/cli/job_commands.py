@@ -47,10 +47,10 @@ def new(
 def check(job: JobFile, json: Json = False) -> None:
     """Read a job file and say what its pulses will be, without building it."""
     from servogen.build import planned as planned_job
-    from servogen.job import load
+    from servogen.job import load, plan_job
     from servogen.plan_error import plan_words
 
-    loaded = load(job)
+    loaded = plan_job(load(job))
     with status(f"{loaded.name}: planning"):
         planned = planned_job(loaded).plan
     schedule = planned.schedule
@@ -92,11 +92,11 @@ def build(
     from servogen.build import build as built
     from servogen.build import write
     from servogen.build.build import program_facts
-    from servogen.job import load
+    from servogen.job import load, plan_job
     from servogen.plan_error import plan_words
     from servogen.report import rooms_text
 
-    loaded = load(job)
+    loaded = plan_job(load(job))
     folder = output or Path("build") / loaded.name
     with status(f"{loaded.name}: planning") as tell:
         done = built(loaded, lambda step: tell(f"{loaded.name}: {step}"))
@@ -123,12 +123,12 @@ def demo(
     """Build and prove several jobs, each in a folder of its own; one table, and what no engine can hold."""
     from servogen.build import ResourceError, write
     from servogen.build import build as built
-    from servogen.job import load
+    from servogen.job import load, plan_job
 
     done: list[Build] = []
     refused: list[str] = []
     with status("reading") as tell:
-        for loaded in [load(job) for job in jobs]:
+        for loaded in [plan_job(load(job)) for job in jobs]:
 
             def progress(step: str, name: str = loaded.name) -> None:
                 tell(f"{name}: {step}")

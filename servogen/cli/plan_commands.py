@@ -13,7 +13,7 @@ from servogen.cli.options import Json
 from servogen.cli.show import as_json, counted, status, table, warn_of_all
 
 if TYPE_CHECKING:
-    from servogen.job import Job
+    from servogen.job import PlannedJob
     from servogen.pulse.plan import PulsePlan
     from servogen.report.servo_facts import ServoFacts
     from servogen.report.tool_error import EndError
@@ -36,7 +36,7 @@ def plan(
     json: Json = False,
 ) -> None:
     """Say what a job will do without building it: frames, servos, paths, the error of the pulses."""
-    from servogen.job import load
+    from servogen.job import load, plan_job
     from servogen.outputs import atomic_write
     from servogen.report.motion_table import frame_lines
     from servogen.report.servo_facts import facts_of
@@ -44,7 +44,7 @@ def plan(
     from servogen.report.tracks import tracks_of
 
     with status("planning"):
-        loaded, made = _planned(load(job))
+        loaded, made = _planned(plan_job(load(job)))
     tracks = tracks_of(loaded, made.schedule)
     if csv:
         with atomic_write(csv) as file:
@@ -66,7 +66,7 @@ def plan(
         _show_plan(loaded, made, facts, tracks, errors)
 
 
-def _planned(job: Job) -> tuple[Job, PulsePlan]:
+def _planned(job: PlannedJob) -> tuple[PlannedJob, PulsePlan]:
     """Every pulse as near as whole cycles are; where that fits no frame, as the job's engine makes them."""
     from servogen.build import planned as engines_plan
     from servogen.errors import InputError
@@ -80,7 +80,7 @@ def _planned(job: Job) -> tuple[Job, PulsePlan]:
 
 
 def _show_plan(
-    job: Job,
+    job: PlannedJob,
     made: PulsePlan,
     facts: tuple[ServoFacts, ...],
     tracks: tuple[Track, ...],
@@ -111,7 +111,7 @@ def _show_plan(
     warn_of_all((*job.warnings, *made.warnings))
 
 
-def _show_servos(job: Job, facts: tuple[ServoFacts, ...]) -> None:
+def _show_servos(job: PlannedJob, facts: tuple[ServoFacts, ...]) -> None:
     joints = {binding.servo: binding.joint for binding in job.bindings}
     rows = []
     for each in facts:
@@ -163,7 +163,7 @@ def _show_ends(tracks: tuple[Track, ...], errors: tuple[EndError, ...], frame_s:
 
 
 def _plan_dict(
-    job: Job,
+    job: PlannedJob,
     made: PulsePlan,
     facts: tuple[ServoFacts, ...],
     tracks: tuple[Track, ...],

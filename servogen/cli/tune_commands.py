@@ -40,11 +40,11 @@ def tune(
     """
     from servogen.build.retarget import tune_to
     from servogen.compiler import Source
-    from servogen.job import load
+    from servogen.job import load, plan_job
     from servogen.outputs import write_text
     from servogen.verify import verdict_lines
 
-    loaded = load(job)
+    loaded = plan_job(load(job))
     text = read_source(c_file) if c_file else ""
     spoken = dialect.value if dialect else dialect_of([text]) if c_file else loaded.firmware.dialect
     with status(f"{loaded.name}: measuring {hex_file.name}"):

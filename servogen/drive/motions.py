@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from servogen.errors import InputError, Place, nearest
-from servogen.job import Job
+from servogen.job import PlannedJob
 from servogen.motion.trajectory import Floats, JointTrajectory
 from servogen.robot.servo import Servo
 
@@ -70,7 +70,7 @@ def frame_at(trajectory: JointTrajectory, seconds: float) -> int:
     return int(seconds / float(trajectory.clock.seconds(trajectory.period)) + ALMOST)
 
 
-def pose_of(job: Job, text: str) -> Floats:
+def pose_of(job: PlannedJob, text: str) -> Floats:
     """A pose by its number (from 1) or name in the job, or `servo=degrees,…`; servos that are not named stay.
 
     Raises InputError for a pose or servo that is not there and an angle that a servo does not allow.

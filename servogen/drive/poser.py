@@ -11,7 +11,7 @@ import numpy as np
 
 from servogen.drive.commands import STOP, unknown
 from servogen.drive.motions import pose_of
-from servogen.job import Job
+from servogen.job import PlannedJob
 from servogen.motion.trajectory import Floats
 
 SLOW_RAD_S = 1.0
@@ -22,7 +22,7 @@ SLOW_RAD_S = 1.0
 class Poser:
     """Goes to poses of the job, each servo as fast as its model can and all of them in the same time."""
 
-    job: Job
+    job: PlannedJob
     _from: Floats = field(init=False)
     _to: Floats = field(init=False)
     _now: Floats = field(init=False)

@@ -13,7 +13,7 @@ import numpy as np
 
 from servogen.drive.commands import STOP, WAYS, Rates, unknown
 from servogen.errors import InputError
-from servogen.job import Job
+from servogen.job import PlannedJob
 from servogen.kinematics.omni import body_speed, wheel_speeds
 from servogen.motion.trajectory import Floats
 from servogen.robot.model import OmniBase
@@ -24,7 +24,7 @@ RAMP_S = 0.2
 DEFAULT_TURN_DEG_S = 45.0
 
 
-def roller(job: Job, base: OmniBase, rates: Rates) -> Roller:
+def roller(job: PlannedJob, base: OmniBase, rates: Rates) -> Roller:
     """The ways that the wheels' servos allow; at least one of them."""
     columns = [[servo.name for servo in job.servos].index(name) for name in job.wheels]
     moving = body_speed(base, np.nan_to_num(job.trajectory.angles[:, columns]))
@@ -51,7 +51,7 @@ def roller(job: Job, base: OmniBase, rates: Rates) -> Roller:
 class Roller:
     """Wheel speeds that go over into those of the order in `RAMP_S`."""
 
-    job: Job
+    job: PlannedJob
     speeds: Mapping[str, Floats]
     wanted: str = STOP
     _before: Floats = field(init=False)

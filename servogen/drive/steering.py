@@ -10,11 +10,11 @@ from servogen.drive.poser import Poser
 from servogen.drive.roller import roller
 from servogen.drive.walker import walker
 from servogen.errors import InputError, Place
-from servogen.job import Job
+from servogen.job import PlannedJob
 from servogen.robot.model import Hexapod, OmniBase
 
 
-def steering_of(job: Job, rates: Rates) -> Steering:
+def steering_of(job: PlannedJob, rates: Rates) -> Steering:
     """Raises InputError where the robot cannot go any of the ways, or has nothing to be steered by."""
     if isinstance(job.robot, Hexapod) and not job.poses:
         return walker(job, rates)

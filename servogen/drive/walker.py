@@ -10,14 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
 from servogen.drive.commands import STOP, WAYS, Rates, unknown
 from servogen.drive.motions import frame_at
 from servogen.errors import InputError, Place
-from servogen.job import Job, load_walking
+from servogen.job import PlannedJob, plan_job
 from servogen.motion.trajectory import Floats
 
 OVER_FRAMES = 10
@@ -39,9 +38,8 @@ class Gait:
     stop: Floats
 
 
-def walker(job: Job, rates: Rates) -> Walker:
+def walker(job: PlannedJob, rates: Rates) -> Walker:
     """The ways that the legs allow; at least one of them."""
-    path = Path(job.file)
     gaits, refused = {}, None
     for word, (x, y, turn) in WAYS.items():
         if y:  # legs of two joints swing forward and lift: they cannot step aside
@@ -49,7 +47,7 @@ def walker(job: Job, rates: Rates) -> Walker:
         stride = DEFAULT_STRIDE_MM if rates.way_mm is None else rates.way_mm
         angle = DEFAULT_TURN_DEG if rates.turn_deg is None else rates.turn_deg
         try:
-            gaits[word] = _gait(path, {"forward_mm": x * stride, "turn_deg": turn * angle})
+            gaits[word] = _gait(job, {"forward_mm": x * stride, "turn_deg": turn * angle})
         except InputError as error:
             refused = refused or error
     if refused and not gaits:
@@ -57,23 +55,23 @@ def walker(job: Job, rates: Rates) -> Walker:
     return Walker(job, gaits)
 
 
-def _gait(path: Path, way: Mapping[str, float]) -> Gait:
+def _gait(job: PlannedJob, way: Mapping[str, float]) -> Gait:
     """One way as start, cycle and stop. Raises InputError where the legs cannot go it."""
-    endless = load_walking(path, way).trajectory
+    endless = plan_job(job, way).trajectory
     angles, loop = endless.angles, endless.loop_start
     cycle = len(angles) - loop
     for cycles in range(-(-loop // cycle) + 1, MOST_CYCLES):
-        whole = load_walking(path, {**way, "cycles": float(cycles)}).trajectory.angles
+        whole = plan_job(job, {**way, "cycles": float(cycles)}).trajectory.angles
         if len(whole) > len(angles) and np.allclose(whole[: len(angles)], angles, atol=SAME_RAD):
             return Gait(angles[:loop], angles[loop:], whole[len(angles) :])
-    raise InputError("the walk cannot be stopped: its gait leaves a leg behind", Place(str(path)))
+    raise InputError("the walk cannot be stopped: its gait leaves a leg behind", Place(job.file))
 
 
 @dataclass(slots=True, eq=False)
 class Walker:
     """Walks by cycles; `wanted` is the order, `going` the way that is gone now, if any."""
 
-    job: Job
+    job: PlannedJob
     gaits: Mapping[str, Gait]
     wanted: str = STOP
     going: str | None = None

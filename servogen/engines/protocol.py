@@ -1,7 +1,7 @@
 """`EngineJob`: what an engine reads of a job.
 
 A job imports the settings of the engines (a player's buttons, a stream's serial line), so an engine cannot
-import `Job`; `Job` has the attributes listed here.
+import `PlannedJob`, which has the attributes listed here.
 """
 
 from __future__ import annotations

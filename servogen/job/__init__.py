@@ -1,7 +1,8 @@
-"""Job file -> `Job`: chip, servos, motion and frame, checked."""
+"""Job file -> `Job`: chip, servos, motion and frame, checked; `Job` -> `PlannedJob`: its trajectory."""
 
-from servogen.job.job import Firmware, Job
-from servogen.job.load import load, load_calibrated, load_walking, loads
+from servogen.job.job import Firmware, Job, PlannedJob
+from servogen.job.plan import plan_job
+from servogen.job.reader import calibrated, load, loads
 from servogen.job.template import template
 
-__all__ = ["Firmware", "Job", "load", "load_calibrated", "load_walking", "loads", "template"]
+__all__ = ["Firmware", "Job", "PlannedJob", "calibrated", "load", "loads", "plan_job", "template"]

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from servogen.edges import PINS
 from servogen.engines.player.buttons import Button, Buttons
 from servogen.errors import nearest
-from servogen.job.model import FirmwareTable
+from servogen.job.schema import FirmwareTable
 from servogen.robot.servo import Servo
 from servogen.toml.file import Document
 

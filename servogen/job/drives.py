@@ -1,6 +1,6 @@
 """[drive] of a job -> the wheel servos' trajectory: a contour that the omni base drives without turning.
 
-In: the checked table, the base, the servos. Out: `Planned`; its notes say the routines, their motor turns and
+In: the job and its checked table. Out: `Planned`; its notes say the routines, their motor turns and
 encoder counts, and how well the contour closes when the pulses are whole cycles.
 """
 
@@ -12,25 +12,24 @@ from collections.abc import Sequence
 import numpy as np
 
 from servogen.errors import Caution, InputError, nearest
-from servogen.job.model import DriveTable
+from servogen.job.job import Job
+from servogen.job.schema import DriveTable
 from servogen.motion import JointTrajectory, Planned
 from servogen.motion.omni import Drive, contour, drive, positions
 from servogen.motion.trajectory import Floats
-from servogen.robot.model import OmniBase, Robot
+from servogen.robot.model import OmniBase
 from servogen.robot.servo import Servo
 from servogen.toml.file import Document, exact
-from servogen.units import Clock, Cycles
+from servogen.units import Clock
 
 
 def drive_of(
-    document: Document,
+    job: Job,
     table: DriveTable,
-    robot: Robot | None,
-    servos: Sequence[Servo],
-    period: Cycles,
-    clock: Clock,
 ) -> Planned:
-    """The drive along the contour. Raises InputError."""
+    """Returns the drive along the contour. Raises InputError."""
+    document, robot, servos = job.document, job.robot, job.servos
+    period, clock = job.frame.period.cycles, job.clock
     if not isinstance(robot, OmniBase):
         raise document.error(("drive",), "a drive needs an omni base", 'add [robot] name = "omni"')
     wheels = _wheels(document, table, servos)

@@ -1,4 +1,4 @@
-"""`Job`: what a job file says, checked and in the units of the inside."""
+"""`Job`: what a job file says, checked and in the units of the inside; `PlannedJob`: what its servos do."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from fractions import Fraction
 from servogen.engines.player.buttons import Buttons
 from servogen.engines.stream.settings import Stream
 from servogen.errors import Caution
+from servogen.job.schema import Section
 from servogen.job.tip import Tip
 from servogen.motion import JointTrajectory
 from servogen.pic.device import Device
@@ -15,6 +16,7 @@ from servogen.pulse.slots import Frame
 from servogen.robot.binding import Binding
 from servogen.robot.model import Robot
 from servogen.robot.servo import Servo
+from servogen.toml.file import Document
 from servogen.units import Clock
 
 
@@ -39,16 +41,15 @@ class NamedPose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Job:
-    """One job. `trajectory` has one joint a servo, in the order of `servos`: the servos' own angles.
+    """One job, not planned yet.
 
-    `poses` are those of [motion], none where something else moves the servos. `bindings` are the joints that
-    servos turn, `tip` the end of the leg or arm that they move, `robot` what was named, `wheels` the servos
-    of a drive's wheels 1, 2 and 3. `warnings`: what the user should change or accept; `notes`: what is good
-    to know of the motion.
+    `bindings` are the joints that servos turn, `tip` the end of the leg or arm that they move, `robot` what
+    was named, `wheels` the servos of a drive's wheels 1, 2 and 3.
     """
 
     name: str
-    file: str
+    document: Document
+    """The file, with the place of each key."""
     device: Device
     clock: Clock
     servos: tuple[Servo, ...]
@@ -60,6 +61,24 @@ class Job:
     firmware: Firmware
     stream: Stream | None
     """The serial line of the stream engine, which then is the job's."""
+    section: Section | None
+    """The one that says what the servos do; None: a stream job without a motion of its own."""
+
+    @property
+    def file(self) -> str:
+        """The job file's name."""
+        return self.document.file
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlannedJob(Job):
+    """A job and what its servos do.
+
+    `trajectory` has one joint for each servo, in the order of `servos`: the servos' own angles. `poses` are
+    those of [motion], none where something else moves the servos. `warnings`: what the user should change or
+    accept; `notes`: what is good to know of the motion.
+    """
+
     trajectory: JointTrajectory
     poses: tuple[NamedPose, ...]
     warnings: tuple[Caution, ...]

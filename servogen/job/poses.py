@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from servogen.errors import InputError, Place, nearest
-from servogen.job.model import MotionTable, PoseTable
+from servogen.job.schema import MotionTable, PoseTable
 from servogen.job.tip import LegTip, Tip
 from servogen.motion import Pose
 from servogen.motion.follow import SMALL, Branch, ChangesBranch, Followed, LeavesReach, trace

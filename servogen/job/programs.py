@@ -1,6 +1,6 @@
 """[program] of a job -> the servos' trajectory: an arm, its hand, and a file of the arm command language.
 
-In: the checked table, the arm and its bindings, what each servo can do. Out: `Planned`. The arm's joints stay
+In: the job, its checked table, what each servo can do. Out: `Planned`. The arm's joints stay
 where their servos can turn them, so that a position out of a servo's reach is refused at its program line.
 """
 
@@ -14,31 +14,30 @@ from pathlib import Path
 import numpy as np
 
 from servogen.errors import Caution, InputError, nearest
-from servogen.job.model import ProgramTable
+from servogen.job.job import Job
+from servogen.job.schema import ProgramTable
 from servogen.motion import JointTrajectory, Planned, bound
 from servogen.motion.limits import Limits
 from servogen.movemaster import Budget, Hand, Manipulator, Run, input_of, manipulator, read, run
 from servogen.robot.binding import Binding
-from servogen.robot.model import Arm, Robot
+from servogen.robot.model import Arm
 from servogen.robot.servo import Servo
 from servogen.toml.file import Document, exact
-from servogen.units import Clock, Cycles
 
 HAND = "the hand"
 """The hand's column of a run; no joint has this name, which is none."""
 
 
 def program_of(
-    document: Document,
+    job: Job,
     table: ProgramTable,
-    robot: Robot | None,
-    bindings: Sequence[Binding],
-    servos: Sequence[Servo],
     limits: Sequence[Limits],
-    period: Cycles,
-    clock: Clock,
 ) -> Planned:
-    """The program run; `limits` are the servos', one each. Raises InputError, also at the program's lines."""
+    """Runs the program and returns its motion; `limits` are the servos', one each.
+
+    Raises InputError, also at the program's lines.
+    """
+    document, robot, bindings, servos = job.document, job.robot, job.bindings, job.servos
     if not isinstance(robot, Arm):
         raise document.error(("program",), "a program moves an arm", 'add [robot] name = "rv-m1"')
     hand = _hand(document, table, servos, bindings)
@@ -47,8 +46,8 @@ def program_of(
     done = run(
         source,
         _manipulator(document, arm, bindings, servos, limits),
-        period,
-        clock,
+        job.frame.period.cycles,
+        job.clock,
         hand=hand,
         inputs=tuple(
             input_of(text, document.place("program", "inputs", index))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from servogen.errors import InputError, nearest
-from servogen.job.model import JobTable, LegTable
+from servogen.job.schema import JobTable, LegTable
 from servogen.job.servos import bindings_of
 from servogen.job.tip import ArmTip, LegTip, Tip
 from servogen.kinematics.leg import Leg

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from servogen.edges import PINS
 from servogen.errors import Place, nearest
-from servogen.job.model import ServoTable
+from servogen.job.schema import ServoTable
 from servogen.pic.device import OPEN_DRAIN_PIN
 from servogen.robot.binding import Binding
 from servogen.robot.calibration import read_calibration

@@ -13,7 +13,7 @@ from servogen.edges import PINS
 from servogen.engines.stream.protocol import MOST_SERVOS
 from servogen.engines.stream.settings import Stream, bit_units
 from servogen.errors import nearest
-from servogen.job.model import JobTable, StreamTable
+from servogen.job.schema import JobTable, StreamTable
 from servogen.motion import JointTrajectory
 from servogen.pic.device import OPEN_DRAIN_PIN
 from servogen.robot.servo import Servo

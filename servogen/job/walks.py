@@ -1,6 +1,6 @@
 """[walk] of a job -> the servos' trajectory.
 
-In: the checked table, the robot and its bindings. Out: `Planned`, with what is good to know as notes.
+In: the job and its checked table. Out: `Planned`, with what is good to know as notes.
 """
 
 from __future__ import annotations
@@ -10,7 +10,8 @@ import math
 import numpy as np
 
 from servogen.errors import Caution, InputError, nearest
-from servogen.job.model import WalkTable
+from servogen.job.job import Job
+from servogen.job.schema import WalkTable
 from servogen.job.torques import walk_torques
 from servogen.motion import JointTrajectory, Planned, bound
 from servogen.motion.gait.footwork import Posture
@@ -19,23 +20,18 @@ from servogen.motion.gait.steps import Segment
 from servogen.motion.gait.walk import Walk, one_leg, walk
 from servogen.motion.limits import Limits
 from servogen.robot.binding import Binding
-from servogen.robot.model import Hexapod, Robot
-from servogen.robot.servo import Servo
+from servogen.robot.model import Hexapod
 from servogen.toml.file import Document, exact
 from servogen.units import Clock, Cycles
 
 
 def walk_of(
-    document: Document,
+    job: Job,
     table: WalkTable,
-    robot: Robot | None,
-    bindings: tuple[Binding, ...],
     limits: tuple[Limits, ...],
-    servos: tuple[Servo, ...],
-    period: Cycles,
-    clock: Clock,
 ) -> Planned:
-    """The walk; `limits` are the joints', one a binding. Raises InputError."""
+    """Returns the walk; `limits` are the joints', one for each binding. Raises InputError."""
+    document, robot, period, clock = job.document, job.robot, job.frame.period.cycles, job.clock
     if not isinstance(robot, Hexapod):
         raise document.error(("walk",), "a walk needs a walking robot", 'add [robot] name = "hexapod"')
     whole = robot
@@ -68,8 +64,8 @@ def walk_of(
         )
     except InputError as error:
         raise document.error(("walk",), error.message, error.hint) from error
-    trajectory = _ended(_bound(document, made.trajectory, bindings), table)
-    heavy = tuple(walk_torques(robot, made, bindings, servos))
+    trajectory = _ended(_bound(document, made.trajectory, job.bindings), table)
+    heavy = tuple(walk_torques(robot, made, job.bindings, job.servos))
     return Planned(trajectory, warnings=heavy, notes=tuple(_notes(document, made, table)))
 
 

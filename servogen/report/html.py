@@ -17,7 +17,7 @@ from jinja2 import Environment, StrictUndefined, TemplateError
 from servogen.edges import EdgeTrace
 from servogen.engines.c_text import RenderError, template_folder
 from servogen.errors import Caution, Place
-from servogen.job import Job
+from servogen.job import PlannedJob
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, oscillator_for
 from servogen.pic.listing import Listing, listing_text
 from servogen.plan_error import plan_words
@@ -44,7 +44,7 @@ FIRST_FRAMES = 4
 class PageFacts:
     """All that a page tells of. A job that was planned but not built has no programs, and says why."""
 
-    job: Job
+    job: PlannedJob
     plan: PulsePlan
     warnings: tuple[Caution, ...]
     programs: tuple[ProgramFacts, ...] = ()
@@ -142,7 +142,7 @@ def _ohm(text: str) -> str:
     return text.replace("kOhm", "kΩ")
 
 
-def _wiring(job: Job) -> Iterator[tuple[str, ...]]:
+def _wiring(job: PlannedJob) -> Iterator[tuple[str, ...]]:
     for wire in wires(job):
         use, servo = _ohm(wire.use), wire.servo
         if servo is None:

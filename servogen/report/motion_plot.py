@@ -1,6 +1,6 @@
 """A picture of a planned motion: angles, pulses, paths of feet, tool or base, and what whole cycles change.
 
-In: a `Job`, its schedule and tracks. Out: a PNG, SVG or PDF file.
+In: a `PlannedJob`, its schedule and tracks. Out: a PNG, SVG or PDF file.
 
     ┌ angles ───────────────┬ from above ┐
     ├ pulse widths ─────────┤            │   the right column and the error only where
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from servogen.job import Job
+from servogen.job import PlannedJob
 from servogen.motion.trajectory import Floats
 from servogen.pulse import PulseSchedule
 from servogen.report.motion_table import widths_us
@@ -34,7 +34,7 @@ COLOURS = 10
 """Colours of matplotlib's cycle; servos beyond them are dashed."""
 
 
-def motion_plot(job: Job, schedule: PulseSchedule, tracks: Sequence[Track], path: Path) -> None:
+def motion_plot(job: PlannedJob, schedule: PulseSchedule, tracks: Sequence[Track], path: Path) -> None:
     """Draws to `path`. Raises InputError for an unknown ending, ToolError without matplotlib."""
     check_suffix(path)
     shown = [track for track in tracks if not np.isnan(track.planned).all()]
@@ -65,7 +65,7 @@ def motion_plot(job: Job, schedule: PulseSchedule, tracks: Sequence[Track], path
     save(figure, path)
 
 
-def _draw_servos(axes: Axes, job: Job, times: Floats, values: Floats) -> None:
+def _draw_servos(axes: Axes, job: PlannedJob, times: Floats, values: Floats) -> None:
     """A line a servo; those of one leg have one colour."""
     ends = ends_of(job)
     groups = len(ends) if len(ends) > 1 else len(job.servos)

@@ -1,6 +1,6 @@
 """Every frame of a plan as CSV: time, servo angles, pulse widths, the points of feet, tool or base.
 
-In: a `Job`, its schedule and tracks. Out: lines of text, one a frame; without a pulse a cell is empty.
+In: a `PlannedJob`, its schedule and tracks. Out: lines of text, one a frame; without a pulse a cell is empty.
 """
 
 from __future__ import annotations
@@ -9,13 +9,13 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from servogen.job import Job
+from servogen.job import PlannedJob
 from servogen.motion.trajectory import Floats
 from servogen.pulse import PulseSchedule
 from servogen.report.tracks import Track
 
 
-def frame_lines(job: Job, schedule: PulseSchedule, tracks: Sequence[Track]) -> Iterator[str]:
+def frame_lines(job: PlannedJob, schedule: PulseSchedule, tracks: Sequence[Track]) -> Iterator[str]:
     """The header, then a line a frame: seconds, degrees (°/s of a wheel), µs, mm.
 
     Angles and points are as planned; widths are as made, whole cycles. One foot or tool has the columns

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from servogen.job import Job
+from servogen.job import PlannedJob
 from servogen.motion.trajectory import Floats
 from servogen.pulse import PulsePlan, PulseSchedule
 from servogen.report.drawing import Chart, path_chart, time_chart
@@ -28,7 +28,7 @@ def _mark(schedule: PulseSchedule) -> float | None:
     return float(schedule.clock.seconds(schedule.lead_in_frames * schedule.period)) or None
 
 
-def angle_chart(job: Job, schedule: PulseSchedule) -> Chart:
+def angle_chart(job: PlannedJob, schedule: PulseSchedule) -> Chart:
     servos = job.servos
     names = [servo.name for servo in servos]
     label = "wheel speed, °/s" if all(servo.model.continuous for servo in servos) else "servo angle, °"

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from servogen.errors import InputError, Place
-from servogen.job import Job
+from servogen.job import PlannedJob
 from servogen.kinematics.hexapod import mount_matrix
 from servogen.motion.gait.stability import support_polygon
 from servogen.motion.gait.walk import Walk
@@ -66,7 +66,7 @@ def walk_scene(robot: Hexapod, made: Walk) -> Scene:
     return Scene(f"{robot.name}, x forward", tuple(parts), step * frame_s)
 
 
-def job_scene(job: Job) -> Scene:
+def job_scene(job: PlannedJob) -> Scene:
     """The loop of a job's robot, or all of a motion that ends. Raises InputError where there is no robot."""
     made = job.trajectory
     start = made.loop_start if len(made.angles) - made.loop_start > 1 else 0

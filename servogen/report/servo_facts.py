@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from servogen.job import Job
+from servogen.job import PlannedJob
 from servogen.motion.trajectory import Floats
 from servogen.robot.servo import Servo
 
@@ -47,7 +47,7 @@ class ServoFacts:
         return self.step / self.servo.model.speed
 
 
-def facts_of(job: Job) -> tuple[ServoFacts, ...]:
+def facts_of(job: PlannedJob) -> tuple[ServoFacts, ...]:
     """One a servo, in their order; a servo that never has a pulse has no range and is left out."""
     made = job.trajectory
     frame_s = float(made.clock.seconds(made.period))

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.edges import HIGH, PINS, EdgeTrace, join
-from servogen.job import Job
+from servogen.job import PlannedJob
 from servogen.pulse import PulseSchedule, Run
 from servogen.report.drawing import PALETTE, pulses_path, px
 from servogen.verify import CaptureVerdict
@@ -205,7 +205,7 @@ def scopes(schedule: PulseSchedule, poses: Sequence[int] = ()) -> tuple[Scope, .
     return tuple(_scope(schedule, start, us) for start in sorted({*chosen, *others}))
 
 
-def pose_frames(job: Job) -> tuple[int, ...]:
+def pose_frames(job: PlannedJob) -> tuple[int, ...]:
     """Return for each pose of a job the first frame of its motion that is nearest to it.
 
     A pose without pulses, and a motion whose servos never have pulses together, have none.

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from servogen.engines.timing_budget import TimingBudget
 from servogen.errors import Caution
-from servogen.job import Job
+from servogen.job import PlannedJob
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, oscillator_for
 from servogen.pulse.plan import PulsePlan
 from servogen.report.tool_error import ERROR_COLUMNS, error_rows, errors_of, worst_of
@@ -67,7 +67,7 @@ class ProgramFacts:
 class BuildFacts:
     """All that a report tells of."""
 
-    job: Job
+    job: PlannedJob
     plan: PulsePlan
     programs: tuple[ProgramFacts, ...]
     warnings: tuple[Caution, ...]

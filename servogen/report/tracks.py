@@ -1,7 +1,7 @@
 """From pulses back: where a job's feet, tool or base are, as planned and with pulses of whole cycles.
 
-In: a `Job` and its `PulseSchedule`. Out: one `Track` for each end: its points frame by frame as planned, as
-made (direct calculation), and the difference to first order (the Jacobian).
+In: a planned job and its `PulseSchedule`. Out: one `Track` for each end: its points frame by frame as
+planned, as made (direct calculation), and the difference to first order (the Jacobian).
 
     angle asked ──▶ forward kinematics ──────────────────────────▶ planned
       │ whole cycles
@@ -17,7 +17,7 @@ from typing import Literal
 
 import numpy as np
 
-from servogen.job import Job
+from servogen.job import PlannedJob
 from servogen.job.tip import ArmTip, LegTip
 from servogen.kinematics.forward import fk_position
 from servogen.kinematics.hexapod import mount_matrix
@@ -91,7 +91,7 @@ class Track:
         return np.asarray(np.linalg.norm(self.shift, axis=1))
 
 
-def ends_of(job: Job) -> tuple[End, ...]:
+def ends_of(job: PlannedJob) -> tuple[End, ...]:
     """The feet or the tool whose joints all have a servo; none for servos that move no robot."""
     column = {servo.name: index for index, servo in enumerate(job.servos)}
     by_joint = {binding.joint: binding for binding in job.bindings}
@@ -116,7 +116,7 @@ def ends_of(job: Job) -> tuple[End, ...]:
     return tuple(found)
 
 
-def tracks_of(job: Job, schedule: PulseSchedule) -> tuple[Track, ...]:
+def tracks_of(job: PlannedJob, schedule: PulseSchedule) -> tuple[Track, ...]:
     """The tracks of all ends of the job; those of a drive are its base's."""
     asked = job.trajectory.angles
     ends = ends_of(job)
@@ -130,7 +130,7 @@ def tracks_of(job: Job, schedule: PulseSchedule) -> tuple[Track, ...]:
     return tuple(_track(end, asked, made) for end in ends)
 
 
-def wheel_columns(job: Job) -> list[int]:
+def wheel_columns(job: PlannedJob) -> list[int]:
     """The columns of the wheels 1, 2 and 3 of a drive."""
     names = [servo.name for servo in job.servos]
     return [names.index(wheel) for wheel in job.wheels]

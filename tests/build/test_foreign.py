@@ -16,7 +16,7 @@ from servogen.compiler import Options, Source, compile_sources
 from servogen.engines.c_text import DIALECTS
 from servogen.engines.firmware import Firmware
 from servogen.errors import InputError
-from servogen.job import Job, load
+from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.device import device
 from servogen.pic.image import Image, to_hex
 from tests.build.other_compilers import other_compiler, sdcc, sdcc_compiled
@@ -25,8 +25,8 @@ ROOT = Path(__file__).parent.parent.parent
 
 
 @cache
-def job(name: str) -> Job:
-    return load(ROOT / "jobs" / f"{name}.toml")
+def job(name: str) -> PlannedJob:
+    return plan_job(load(ROOT / "jobs" / f"{name}.toml"))
 
 
 @cache
@@ -166,7 +166,7 @@ def sweeping(servos: int) -> str:
 def player(folder: Path, servos: int) -> Planned:
     file = folder / f"player{servos}.toml"
     file.write_text(sweeping(servos))
-    return planned(load(file))
+    return planned(plan_job(load(file)))
 
 
 def player_made_by_another(text: str, seed: int, more: str = "") -> Image:

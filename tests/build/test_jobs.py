@@ -15,7 +15,7 @@ import pytest
 
 from servogen.build import Build, build, checked_cycles, prove, running, write
 from servogen.edges import join
-from servogen.job import load
+from servogen.job import load, plan_job
 from servogen.pic.image import Image, from_hex
 from servogen.pic.isa import WORD_MASK
 from servogen.pulse import from_json
@@ -27,7 +27,7 @@ MUTATIONS = 200
 
 @cache
 def built(name: str) -> Build:
-    return build(load(ROOT / "jobs" / f"{name}.toml"))
+    return build(plan_job(load(ROOT / "jobs" / f"{name}.toml")))
 
 
 @pytest.fixture(scope="module", params=JOBS)
@@ -57,7 +57,7 @@ def test_all_dialects_make_the_same_edges_from_reset_on(job: Build) -> None:
 
 def test_a_job_is_built_to_the_same_bytes_twice(tmp_path: Path) -> None:
     for folder in ("one", "two"):
-        write(build(load(ROOT / "jobs" / "lab9-program.toml")), tmp_path / folder)
+        write(build(plan_job(load(ROOT / "jobs" / "lab9-program.toml"))), tmp_path / folder)
     one, two = ({file.name: file.read_bytes() for file in (tmp_path / f).iterdir()} for f in ("one", "two"))
     assert one == two
     assert sorted(one) == [
@@ -205,7 +205,7 @@ def test_a_dialect_whose_program_does_not_fit_is_left_out_and_told(tmp_path: Pat
     text = (ROOT / "jobs" / "lab8-exercise.toml").read_text()
     text = re.sub(r"poses = \[.*?\n\]", f"poses = [{poses}]", text, flags=re.DOTALL)
     (tmp_path / "many.toml").write_text(text + '[firmware]\nengine = "sequence"\n')
-    done = build(load(tmp_path / "many.toml"))
+    done = build(plan_job(load(tmp_path / "many.toml")))
     assert [program.firmware.dialect for program in done.programs] == ["c2c", "xc8"]
     assert done.proven
     assert [each.code for each in done.left_out] == ["dialect"]
@@ -214,7 +214,7 @@ def test_a_dialect_whose_program_does_not_fit_is_left_out_and_told(tmp_path: Pat
 
 def test_the_vcd_of_a_build_has_the_level_of_its_inputs(tmp_path: Path) -> None:
     """The serial line of a stream job idles high; it never changes, so that edges.csv has no row of it."""
-    write(build(load(ROOT / "jobs" / "stream-fast.toml")), tmp_path)
+    write(build(plan_job(load(ROOT / "jobs" / "stream-fast.toml"))), tmp_path)
     vcd = (tmp_path / "main.vcd").read_text()
     (code,) = re.findall(r"\$var wire 1 (\S+) inRA4 \$end", vcd)
     assert f"\n1{code}\n" in vcd.split("$dumpvars")[1].split("$end")[0]

@@ -18,7 +18,7 @@ import pytest
 from servogen.build import Planned, checked_cycles, planned
 from servogen.build.build import proven
 from servogen.engines.firmware import Firmware
-from servogen.job import load
+from servogen.job import load, plan_job
 from servogen.pic.image import Image, to_hex
 from servogen.pic.isa import decode, encode
 from tests.cli.conftest import Ran, run  # noqa: F401 - a fixture
@@ -63,7 +63,7 @@ def unknown_start(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 def test_the_proof_that_build_demo_and_report_share_finds_it() -> None:
-    found = planned(load(JOB))
+    found = planned(plan_job(load(JOB)))
     schedule, firmware = found.plan.schedule, found.make("c2c")
     span = checked_cycles(schedule)
     assert proven(schedule, firmware, span).proven
@@ -111,7 +111,7 @@ def test_report_says_so(run: Run, tmp_path: Path, unknown_start: None) -> None: 
 @pytest.mark.parametrize("json_too", [(), ("--json",)])
 def test_tune_says_so(run: Run, tmp_path: Path, json_too: tuple[str, ...]) -> None:  # noqa: F811
     """Its delays are exact, so that there is no next C, and yet other chips may do otherwise."""
-    firmware = planned(load(JOB)).make("c2c")
+    firmware = planned(plan_job(load(JOB))).make("c2c")
     theirs = tmp_path / "theirs.hex"
     theirs.write_text(to_hex(of_unknown_start(firmware.compilation.image)))
     ran = run("tune", JOB, "--hex", theirs, "--dialect", "c2c", *json_too)

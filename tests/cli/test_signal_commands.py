@@ -43,10 +43,10 @@ def square(run: Run, tmp_path: Path) -> Path:
 @pytest.fixture(scope="module")
 def lab8(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from servogen.build import build, write
-    from servogen.job import load
+    from servogen.job import load, plan_job
 
     folder = tmp_path_factory.mktemp("lab8")
-    write(build(load(ROOT / "jobs" / "lab8-exercise.toml")), folder)
+    write(build(plan_job(load(ROOT / "jobs" / "lab8-exercise.toml"))), folder)
     return folder
 
 

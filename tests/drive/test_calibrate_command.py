@@ -13,7 +13,7 @@ from servogen.drive.controller import Channel, controller_of
 from servogen.drive.serial_link import Line
 from servogen.drive.sweep import Sweep, positions
 from servogen.errors import InputError
-from servogen.job import load, loads
+from servogen.job import load, loads, plan_job
 from tests.drive.conftest import ROOT, Run, Serial
 from tests.drive.mini_ssc import Robot
 
@@ -52,7 +52,7 @@ def test_a_job_with_the_file_sends_the_widths_of_the_servo_that_was_read(run: Ru
     done = run("calibrate", job, "--readings", job.with_name("seen.csv"))
     assert done.code == 0, done.err
     assert 'calibration = "arm.calibration.toml"' in done.out
-    servo = load(named_in(job, "arm.calibration.toml")).servos[0]
+    servo = plan_job(load(named_in(job, "arm.calibration.toml"))).servos[0]
     for degrees in (30, 90, 120):
         assert servo.width_us(math.radians(degrees)) == pytest.approx(1012.5 + 5.4 * degrees, abs=0.01)
 
@@ -86,9 +86,9 @@ def test_a_servo_is_moved_and_its_angles_are_asked_for(start: Start, serial: Ser
     assert all(least <= number <= most for _, number in serial.decoder.moves), "its limits are never passed"
     assert "3 of 3, 1996.1 µs: what do you see" in out
     assert (job.with_name("a.png")).read_bytes().startswith(b"\x89PNG")
-    assert load(named_in(job, "arm.calibration.toml")).servos[0].width_us(math.pi / 2) == pytest.approx(
-        1500, abs=1
-    )
+    assert plan_job(load(named_in(job, "arm.calibration.toml"))).servos[0].width_us(
+        math.pi / 2
+    ) == pytest.approx(1500, abs=1)
 
 
 def position(width_us: float) -> int:
@@ -194,7 +194,7 @@ def test_a_wheels_speeds_are_calibrated(run: Run, tmp_path: Path) -> None:
 
 
 def test_a_sweep_goes_by_small_steps() -> None:
-    job = loads(LAB8.read_text(), "job.toml")
+    job = plan_job(loads(LAB8.read_text(), "job.toml"))
     robot = Robot(9600)
     _, controller = controller_of(job, 9600, "500,2500", 0)
     channel = controller.channels[0]
@@ -208,7 +208,7 @@ def test_a_sweep_goes_by_small_steps() -> None:
 
 
 def test_points_are_spread_evenly_over_the_range_and_inside_of_it() -> None:
-    job = loads(LAB8.read_text().replace("trim_us = 0", "min_deg = 20\nmax_deg = 160"), "job.toml")
+    job = plan_job(loads(LAB8.read_text().replace("trim_us = 0", "min_deg = 20\nmax_deg = 160"), "job.toml"))
     servo = job.servos[0]
     channel = Channel(servo, 0, tuple(np.linspace(500, 2500, 255).tolist()))
     widths = [channel.widths_us[each] for each in positions(channel, None, None, 9)]

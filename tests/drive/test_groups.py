@@ -10,7 +10,7 @@ from servogen.drive.motions import Limited, Motion, Still
 from servogen.drive.serial_link import Line
 from servogen.drive.session import Session
 from servogen.errors import InputError
-from servogen.job import Job, loads
+from servogen.job import PlannedJob, loads, plan_job
 from servogen.motion.trajectory import Floats
 from tests.drive.mini_ssc import Robot
 
@@ -26,15 +26,15 @@ class Sine:
         return np.full(self.count, math.pi / 2 + math.sin(3 * seconds))
 
 
-def stream(count: int, silence_s: float = 1.0) -> Job:
+def stream(count: int, silence_s: float = 1.0) -> PlannedJob:
     text = '[chip]\ndevice = "PIC16F84A"\nclock_hz = 4_000_000\n'
     for index in range(count):
         text += f'[[servo]]\nname = "s{index}"\npin = "RB{index}"\nmodel = "futaba-s3001"\n'
-    return loads(text + f"[stream]\nsilence_s = {silence_s}\n", "job.toml")
+    return plan_job(loads(text + f"[stream]\nsilence_s = {silence_s}\n", "job.toml"))
 
 
 def driven(
-    job: Job, motion: Motion, robot: Robot, stop: Floats | None = None, arrive_s: float = 1.0
+    job: PlannedJob, motion: Motion, robot: Robot, stop: Floats | None = None, arrive_s: float = 1.0
 ) -> Session:
     baud, controller = controller_of(job, None, None, 0)
     with Line(robot.open, baud, robot.time(), 10.0) as line:

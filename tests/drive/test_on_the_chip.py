@@ -26,7 +26,7 @@ from servogen.drive.sweep import Sweep, positions
 from servogen.edges import PINS
 from servogen.engines.stream.engine import compiled, stream
 from servogen.engines.stream.protocol import travel
-from servogen.job import Job, load, loads
+from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.motion.trajectory import Floats
 from servogen.pic.image import Image
 from servogen.simulator import Options
@@ -57,7 +57,7 @@ def moving(count: int) -> str:
 
 @cache
 def image_of(text: str) -> Image:
-    job = loads(text, "job.toml")
+    job = plan_job(loads(text, "job.toml"))
     return compiled(job, stream(job)[1], "c2c").compilation.image
 
 
@@ -65,7 +65,7 @@ def image_of(text: str) -> Image:
 class OnChip:
     """The chip as a robot: its time goes on while the drive waits, and its pins are noted."""
 
-    job: Job
+    job: PlannedJob
     image: Image
     faults: list[tuple[float, float]] = field(default_factory=list)
     pulses: dict[int, list[tuple[float, int]]] = field(default_factory=dict)
@@ -129,7 +129,7 @@ def driven(
 @pytest.mark.parametrize("count", [3, 8])
 def test_every_position_is_a_pulse_width_in_the_first_frame_after_it(count: int) -> None:
     text = job_of(count)
-    robot = OnChip(loads(text + moving(count), "job.toml"), image_of(text))
+    robot = OnChip(plan_job(loads(text + moving(count), "job.toml")), image_of(text))
     log = driven(robot, Limited(Played(robot.job.trajectory), 2.0), arrive_s=0.0)
     frame_s = float(robot.job.clock.seconds(stream(robot.job)[1].plan.schedule.period))
     checked = 0
@@ -148,7 +148,7 @@ def test_every_position_is_a_pulse_width_in_the_first_frame_after_it(count: int)
 def test_a_widths_history_is_the_motion_a_command_and_a_frame_later() -> None:
     """Seen from the outside: the angle that a pulse means was the motion's a little earlier."""
     text = job_of(3)
-    robot = OnChip(loads(text + moving(3), "job.toml"), image_of(text))
+    robot = OnChip(plan_job(loads(text + moving(3), "job.toml")), image_of(text))
     log = driven(robot, Limited(Played(robot.job.trajectory), 2.0), arrive_s=0.0)
     began = float(str(log[0]["s"])) - 3 * BYTE_S
     made = robot.job.trajectory
@@ -167,7 +167,7 @@ def test_a_widths_history_is_the_motion_a_command_and_a_frame_later() -> None:
 
 def test_the_first_pose_is_gone_to_together_and_the_stop_pose_comes_at_once() -> None:
     text = job_of(3)
-    robot = OnChip(loads(text, "job.toml"), image_of(text))
+    robot = OnChip(plan_job(loads(text, "job.toml")), image_of(text))
     stop = np.array([servo.neutral for servo in robot.job.servos])
     log = driven(robot, Limited(Still(np.radians([30.0, 150.0, 60.0])), 0.3), stop)
     assert log[-1]["event"] == "stopped"
@@ -185,7 +185,7 @@ def test_the_first_pose_is_gone_to_together_and_the_stop_pose_comes_at_once() ->
 def test_a_calibrations_widths_stand_on_the_pin_however_long_the_answer_takes() -> None:
     """The chip's fail-safe would take the servo to neutral while somebody reads the angle."""
     text = job_of(1, "neutral").replace("[stream]", "[stream]\nsilence_s = 1.0")
-    robot = OnChip(loads(text, "job.toml"), image_of(text))
+    robot = OnChip(plan_job(loads(text, "job.toml")), image_of(text))
     baud, controller = controller_of(robot.job, None, None, 0)
     channel, time = controller.channels[0], robot.time()
     asked: list[tuple[float, float, float]] = []
@@ -221,7 +221,7 @@ def test_from_the_command_line_to_the_pins_of_a_rig(run: Run, rig: dict[str, str
     assert run("capture", "--port", rig["analyser"], "-o", seen, "--seconds", 0.3).code == 0
     measured = json.loads(run("measure", seen, "--json").out)
     widths = {pin["pin"]: [each["cycles"] for each in pin["widths"]] for pin in measured["pins"]}
-    job = loads(job_of(2), "job.toml")
+    job = plan_job(loads(job_of(2), "job.toml"))
     for servo, degrees in zip(job.servos, (45, 120), strict=True):
         made = travel(servo, job.clock)
         wanted = made.width(made.nearest(servo.width_us(math.radians(degrees))))
@@ -254,7 +254,7 @@ def four_legs(folder: Path) -> Path:
 
 
 def test_a_gait_under_orders_is_walked_by_the_chip(tmp_path: Path) -> None:
-    job = load(four_legs(tmp_path))
+    job = plan_job(load(four_legs(tmp_path)))
     robot = OnChip(job, compiled(job, stream(job)[1], "c2c").compilation.image)
     steering, told = steering_of(job, Rates(30, 6)), steering_of(job, Rates(30, 6))
     words = script("forward\nwait 4\nleft\nwait 9\nstop\nwait 6\n")

@@ -13,7 +13,7 @@ from servogen.drive.motions import Limited, Motion, Played, Still, pose_of
 from servogen.drive.serial_link import Line
 from servogen.drive.session import Session, Summary
 from servogen.errors import InputError, ToolError
-from servogen.job import Job, load, loads
+from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.motion.trajectory import Floats
 from tests.drive.mini_ssc import Robot
 
@@ -23,14 +23,14 @@ RANGE = "500,2500"
 WIDTHS = tuple(LOW + position * (HIGH - LOW) / 254 for position in range(255))
 
 
-def servos(count: int) -> Job:
+def servos(count: int) -> PlannedJob:
     """A job of so many equal servos, that all go from 30° to 150° and back in two seconds, for ever."""
     text = '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n'
     for index in range(count):
         text += f'[[servo]]\nname = "s{index}"\npin = "RB{index}"\nmodel = "futaba-s3001"\n'
     first, second = (", ".join(f"s{i}_deg = {angle}" for i in range(count)) for angle in (30, 150))
     poses = f'{{ name = "low", {first}, move_s = 1 }}, {{ {second}, move_s = 1 }}'
-    return loads(text + f"[motion]\nposes = [{poses}]\n[frame]\nper_slot = 2\n", "job.toml")
+    return plan_job(loads(text + f"[motion]\nposes = [{poses}]\n[frame]\nper_slot = 2\n", "job.toml"))
 
 
 class Sine:
@@ -43,7 +43,9 @@ class Sine:
         return np.full(self.count, math.pi / 2 + math.sin(3 * seconds))
 
 
-def driven(job: Job, motion: Motion, robot: Robot, **more: object) -> tuple[Summary, list[dict[str, object]]]:
+def driven(
+    job: PlannedJob, motion: Motion, robot: Robot, **more: object
+) -> tuple[Summary, list[dict[str, object]]]:
     log: list[dict[str, object]] = []
     baud, controller = controller_of(job, robot.baud, RANGE, 0)
     patience: float = more.pop("patience", 10.0)  # type: ignore[assignment]
@@ -105,9 +107,9 @@ def test_frames_of_a_trajectory_are_played_in_their_own_time() -> None:
 
 
 def test_a_motion_that_ends_is_over_at_its_last_frame() -> None:
-    job = load(JOBS / "lab8-exercise.toml")
+    job = plan_job(load(JOBS / "lab8-exercise.toml"))
     text = (JOBS / "lab8-exercise.toml").read_text().replace("repeat = true", "repeat = false")
-    ended = loads(text.replace("hold_s = 5", "hold_s = 1"), job.file)
+    ended = plan_job(loads(text.replace("hold_s = 5", "hold_s = 1"), job.file))
     robot = Robot(9600)
     summary, _ = driven(ended, Played(ended.trajectory), robot)
     assert summary.seconds == pytest.approx(6.02, abs=0.05)
@@ -211,11 +213,13 @@ def test_an_order_that_is_none_stops_the_robot() -> None:
 
 
 def test_positions_never_pass_a_servos_limits() -> None:
-    job = loads(
-        (JOBS / "lab8-exercise.toml")
-        .read_text()
-        .replace("trim_us = 0", "min_deg = 1.3\nmax_deg = 178.1\ntrim_us = 7"),
-        "job.toml",
+    job = plan_job(
+        loads(
+            (JOBS / "lab8-exercise.toml")
+            .read_text()
+            .replace("trim_us = 0", "min_deg = 1.3\nmax_deg = 178.1\ntrim_us = 7"),
+            "job.toml",
+        )
     )
     servo = job.servos[0]
     channel = Channel(servo, 0, WIDTHS)

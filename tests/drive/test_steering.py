@@ -13,7 +13,7 @@ from servogen.drive.commands import QUIT, Lines, Rates, Steering, keys, lines_of
 from servogen.drive.steering import steering_of
 from servogen.drive.walker import Walker, walker
 from servogen.errors import InputError
-from servogen.job import load, loads
+from servogen.job import load, loads, plan_job
 from servogen.kinematics.omni import body_speed
 from servogen.motion.trajectory import Floats
 from servogen.robot.model import OmniBase
@@ -33,11 +33,22 @@ def steered(steering: Steering, orders: dict[int, str], frames: int) -> Floats:
 
 
 def walking() -> Walker:
-    return walker(load(JOBS / "hexapod-tripod.toml"), Rates())
+    return walker(plan_job(load(JOBS / "hexapod-tripod.toml")), Rates())
+
+
+def test_a_walk_is_steered_without_its_job_file(tmp_path: Path) -> None:
+    """The ways are planned from the job that was loaded: the file may have changed, or gone, since."""
+    file = tmp_path / "hexapod.toml"
+    file.write_text((JOBS / "hexapod-tripod.toml").read_text())
+    job = plan_job(load(file))
+    file.unlink()
+    robot = walker(job, Rates())
+    assert robot.words == walking().words
+    assert (robot.gaits["left"].cycle == walking().gaits["left"].cycle).all()
 
 
 def test_whatever_is_ordered_no_joint_of_the_walk_jumps() -> None:
-    job = load(JOBS / "hexapod-tripod.toml")
+    job = plan_job(load(JOBS / "hexapod-tripod.toml"))
     most = np.abs(np.diff(np.degrees(job.trajectory.angles), axis=0)).max()
     random = np.random.default_rng(7)
     robot = walking()
@@ -61,14 +72,16 @@ def test_the_steered_walk_is_the_walk_that_a_job_plans() -> None:
     text = (JOBS / "hexapod-tripod.toml").read_text()
     robot = walking()
     gait = robot.gaits["forward"]
-    planned = loads(text, "job.toml").trajectory.angles  # four cycles of 40 mm, from standing to standing
+    planned = plan_job(
+        loads(text, "job.toml")
+    ).trajectory.angles  # four cycles of 40 mm, from standing to standing
     mine = np.concatenate((gait.start, *[gait.cycle] * 3, gait.stop))
     assert np.allclose(mine[: len(planned)], planned[: len(mine)], atol=1e-6)
 
 
 def test_a_stride_that_the_legs_cannot_do_is_refused() -> None:
     with pytest.raises(InputError, match="limits"):
-        walker(load(JOBS / "hexapod-tripod.toml"), Rates(400, 200))
+        walker(plan_job(load(JOBS / "hexapod-tripod.toml")), Rates(400, 200))
 
 
 @pytest.mark.parametrize(
@@ -76,7 +89,7 @@ def test_a_stride_that_the_legs_cannot_do_is_refused() -> None:
     [("forward", (1, 0, 0)), ("sideways-left", (0, 1, 0)), ("right", (0, 0, -1)), ("stop", (0, 0, 0))],
 )
 def test_a_base_gets_the_body_speed_that_was_ordered(word: str, way: tuple[int, int, int]) -> None:
-    job = load(JOBS / "omni-square.toml")
+    job = plan_job(load(JOBS / "omni-square.toml"))
     steering = steering_of(job, Rates(80, 30))
     wheels = np.radians(steered(steering, {0: word}, 30)[-1])
     assert isinstance(job.robot, OmniBase)
@@ -85,21 +98,21 @@ def test_a_base_gets_the_body_speed_that_was_ordered(word: str, way: tuple[int, 
 
 
 def test_a_base_changes_its_speed_in_a_ramp() -> None:
-    steering = steering_of(load(JOBS / "omni-square.toml"), Rates())
+    steering = steering_of(plan_job(load(JOBS / "omni-square.toml")), Rates())
     rows = steered(steering, {5: "forward", 40: "back", 43: "stop"}, 100)
     assert np.abs(np.diff(rows, axis=0)).max() <= 2 * np.abs(rows).max() * FRAME_S / 0.2 + 1e-9
     assert not rows[-1].any()
 
 
 def test_a_speed_that_the_wheels_do_not_have_is_refused() -> None:
-    job = load(JOBS / "omni-square.toml")
+    job = plan_job(load(JOBS / "omni-square.toml"))
     assert "forward" not in steering_of(job, Rates(5000, 30)).words
     with pytest.raises(InputError, match="cannot turn at"):
         steering_of(job, Rates(5000, 3000))
 
 
 def test_poses_are_gone_to_as_fast_as_the_servo_can_and_can_be_stopped_half_way() -> None:
-    job = load(JOBS / "lab8-exercise.toml")
+    job = plan_job(load(JOBS / "lab8-exercise.toml"))
     steering = steering_of(job, Rates())
     rows = steered(steering, {0: "1", 100: "3", 110: "stop"}, 200)
     assert rows[60, 0] == pytest.approx(30)
@@ -113,12 +126,12 @@ def test_poses_are_gone_to_as_fast_as_the_servo_can_and_can_be_stopped_half_way(
 
 
 def test_angles_are_orders_too() -> None:
-    steering = steering_of(load(JOBS / "lab8-exercise.toml"), Rates())
+    steering = steering_of(plan_job(load(JOBS / "lab8-exercise.toml")), Rates())
     assert steered(steering, {0: "arm=77.5"}, 100)[-1, 0] == pytest.approx(77.5)
 
 
 def test_a_stream_job_without_poses_takes_angles() -> None:
-    steering = steering_of(load(JOBS / "stream-arm.toml"), Rates())
+    steering = steering_of(plan_job(load(JOBS / "stream-arm.toml")), Rates())
     assert steered(steering, {0: "base=120,grip=60"}, 100)[-1] == pytest.approx([120, 90, 60])
 
 
@@ -127,12 +140,12 @@ def test_a_stream_job_without_poses_takes_angles() -> None:
 )
 def test_an_unknown_order_is_refused(job: str, word: str) -> None:
     with pytest.raises(InputError, match="is no order"):
-        steering_of(load(JOBS / f"{job}.toml"), Rates()).order(word)
+        steering_of(plan_job(load(JOBS / f"{job}.toml")), Rates()).order(word)
 
 
 def test_an_arm_program_has_nothing_to_steer() -> None:
     with pytest.raises(InputError, match="nothing to steer"):
-        steering_of(load(JOBS / "rvm1-program.toml"), Rates())
+        steering_of(plan_job(load(JOBS / "rvm1-program.toml")), Rates())
 
 
 def test_keys_and_arrows_are_words_and_other_keys_none() -> None:

@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 
 from servogen.errors import InputError
-from servogen.job import Job, load, loads
+from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.pulse.plan import plan
 
 JOBS = Path(__file__).parents[2] / "jobs"
 TEXT = (JOBS / "omni-square.toml").read_text("utf-8")
 
 
-def made(*replacements: tuple[str, str]) -> Job:
+def made(*replacements: tuple[str, str]) -> PlannedJob:
     text = TEXT
     for old, new in replacements:
         assert old in text
         text = text.replace(old, new, 1)
-    return loads(text, "job.toml")
+    return plan_job(loads(text, "job.toml"))
 
 
 def error_of(*replacements: tuple[str, str]) -> str:
@@ -29,7 +29,7 @@ def error_of(*replacements: tuple[str, str]) -> str:
 
 
 def test_the_square_s_widths_are_those_of_the_inverse_kinematics() -> None:
-    job = load(JOBS / "omni-square.toml")
+    job = plan_job(load(JOBS / "omni-square.toml"))
     planned = plan(job.trajectory, job.servos, job.frame)
     assert (job.warnings, planned.warnings) == ((), ())
     runs = [
@@ -52,7 +52,7 @@ def test_the_square_s_widths_are_those_of_the_inverse_kinematics() -> None:
 
 
 def test_notes_say_the_routines_and_the_closing_error() -> None:
-    notes = [(note.code, str(note)) for note in load(JOBS / "omni-square.toml").notes]
+    notes = [(note.code, str(note)) for note in plan_job(load(JOBS / "omni-square.toml")).notes]
     assert [code for code, _ in notes] == ["stretch"] * 4 + ["closing"]
     turns = 16 * 300 * sin(pi / 3) / (pi * 80)
     assert f"{turns:.3f} motor turns, {2048 * turns:.0f} counts" in notes[0][1]
@@ -65,7 +65,7 @@ def test_notes_say_the_routines_and_the_closing_error() -> None:
 
 
 def test_a_finer_clock_closes_the_contour_better() -> None:
-    def closing(job: Job) -> float:
+    def closing(job: PlannedJob) -> float:
         return float(str(job.notes[-1]).split(" ends ")[1].split(" mm")[0])
 
     fine = made(('"PIC16F84"', '"PIC16F84A"'), ("4_000_000", "20_000_000"))
@@ -131,8 +131,8 @@ def test_poses_give_a_wheel_its_speed() -> None:
         TEXT.split("[drive]")[0]
         + "[motion]\nposes = [{ wheel1_deg_s = 150, wheel2_deg_s = 0, wheel3_deg_s = -75, hold_s = 1 }]\n"
     )
-    job = loads(text, "job.toml")
+    job = plan_job(loads(text, "job.toml"))
     (run,) = plan(job.trajectory, job.servos, job.frame).schedule.loop
     assert [pulse.width for pulse in run.pulses if pulse] == [1600, 1500, 1450]
     with pytest.raises(InputError, match="'wheel1_deg' is not taken in deg: write wheel1_deg_s"):
-        loads(text.replace("wheel1_deg_s", "wheel1_deg"), "job.toml")
+        plan_job(loads(text.replace("wheel1_deg_s", "wheel1_deg"), "job.toml"))

@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.job import Job, load
+from servogen.job import PlannedJob, load, plan_job
 from servogen.kinematics.leg import Leg
 from servogen.pulse import PulsePlan, Run, plan
 
 JOBS = Path(__file__).parents[2] / "jobs"
 
 
-def planned(name: str) -> tuple[Job, PulsePlan]:
-    job = load(JOBS / f"{name}.toml")
+def planned(name: str) -> tuple[PlannedJob, PulsePlan]:
+    job = plan_job(load(JOBS / f"{name}.toml"))
     return job, plan(job.trajectory, job.servos, job.frame)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from servogen.errors import InputError
-from servogen.job import Job, load, load_walking, loads, template
+from servogen.job import PlannedJob, load, loads, plan_job, template
 from servogen.pulse import plan
 
 JOB = """\
@@ -59,18 +59,18 @@ def foot(*xyz: float) -> str:
 
 def error_of(text: str) -> str:
     with pytest.raises(InputError) as caught:
-        loads(text, "job.toml")
+        plan_job(loads(text, "job.toml"))
     assert caught.value.exit_code == 2
     return str(caught.value)
 
 
-def degrees(job: Job, index: int) -> list[float]:
+def degrees(job: PlannedJob, index: int) -> list[float]:
     """The servos' angles in the first (0) or the last (1) of the two poses."""
     return [math.degrees(angle) for angle in job.trajectory.angles[-index].tolist()]
 
 
 def test_a_job_is_what_its_file_says() -> None:
-    job = loads(JOB, "folder/walk.toml")
+    job = plan_job(loads(JOB, "folder/walk.toml"))
     assert (job.name, job.device.name, job.clock.hz) == ("walk", "PIC16F84", 4_000_000)
     assert [(servo.name, servo.pin, servo.model.name) for servo in job.servos] == [
         ("arm", "RB0", "futaba-s3001"),
@@ -83,13 +83,13 @@ def test_a_job_is_what_its_file_says() -> None:
 
 
 def test_a_servo_that_a_pose_does_not_name_stays() -> None:
-    assert degrees(loads(JOB, "job.toml"), 1) == pytest.approx([90, 0])
+    assert degrees(plan_job(loads(JOB, "job.toml")), 1) == pytest.approx([90, 0])
 
 
 def test_facts_of_a_servo_can_be_given_in_the_job() -> None:
     more = 'model = "futaba-s3001"\ntrim_us = -10\nreverse = true\nmax_deg = 170\nspeed_deg_s = 90\n'
     points = "points = [{ angle_deg = 0, width_us = 985 }, { angle_deg = 180, width_us = 2010 }]\n"
-    arm = loads(changed(('model = "futaba-s3001"\n', more + points)), "job.toml").servos[0]
+    arm = plan_job(loads(changed(('model = "futaba-s3001"\n', more + points)), "job.toml")).servos[0]
     assert arm.width_us(math.radians(170)) == pytest.approx(985 + 1025 * 10 / 180 - 10)
     assert arm.model.speed == pytest.approx(math.pi / 2)
 
@@ -194,7 +194,7 @@ def test_a_foot_position_needs_a_leg() -> None:
 
 def test_a_foot_position_is_the_servos_angles() -> None:
     # r = 65 mm: the foot at (25, 60) with the leg down is alpha = -asin(25/65), beta = 0; both zeros are 90°.
-    job = loads(foot(25, 60, -100), "job.toml")
+    job = plan_job(loads(foot(25, 60, -100), "job.toml"))
     assert degrees(job, 0) == pytest.approx([90 - math.degrees(math.asin(25 / 65)), 90])
 
 
@@ -218,7 +218,7 @@ def test_of_two_solutions_the_one_nearest_to_the_pose_before_is_taken() -> None:
     # sin beta = ±0.6: s = ±24, Z = -92; the foot at alpha = 0 and beta > 0 is at (-24, 65, -92).
     down, up = "foot_mm = [0, 65, -100]", "foot_mm = [-24, 65, -92]"
     text = changed(("arm_deg = 30, hand_deg = 0", down), ("arm_deg = 90", up))
-    assert degrees(loads(text, "job.toml"), 1) == pytest.approx(
+    assert degrees(plan_job(loads(text, "job.toml")), 1) == pytest.approx(
         [90, 90 + math.degrees(math.asin(0.6))], abs=1e-6
     )
 
@@ -226,24 +226,24 @@ def test_of_two_solutions_the_one_nearest_to_the_pose_before_is_taken() -> None:
 def test_the_sign_of_beta_can_be_fixed() -> None:
     down, up = "foot_mm = [0, 65, -100]", "foot_mm = [-24, 65, -92]"
     text = changed(("arm_deg = 30, hand_deg = 0", down), ("arm_deg = 90", up))
-    job = loads(text + 'beta_sign = "negative"\n', "job.toml")
+    job = plan_job(loads(text + 'beta_sign = "negative"\n', "job.toml"))
     assert degrees(job, 1)[1] == pytest.approx(90 - math.degrees(math.asin(0.6)), abs=1e-6)
 
 
 def test_ra4_is_taken_when_its_pull_up_is_stated() -> None:
     text = changed(('pin = "RB1"', 'pin = "RA4"\nopen_drain = true'))
-    assert loads(text, "job.toml").servos[1].pin == "RA4"
+    assert plan_job(loads(text, "job.toml")).servos[1].pin == "RA4"
 
 
 def test_a_hold_that_is_not_whole_frames_warns_at_its_pose() -> None:
-    (caution,) = loads(changed(("hold_s = 5", "hold_s = 5.005")), "job.toml").warnings
+    (caution,) = plan_job(loads(changed(("hold_s = 5", "hold_s = 5.005")), "job.toml")).warnings
     assert caution.code == "frames-rounded"
     assert str(caution).startswith("job.toml:18:5: motion.poses[2]: hold_s = 5.005 is not a whole number")
 
 
 def test_a_motion_may_end() -> None:
     text = changed(("[motion]", '[motion]\nrepeat = false\nend = "release"'))
-    job = loads(text, "job.toml")
+    job = plan_job(loads(text, "job.toml"))
     assert job.trajectory.loop_start == 350
     assert plan(job.trajectory, job.servos, job.frame).schedule.loop[0].pulses == (None, None)
 
@@ -251,7 +251,7 @@ def test_a_motion_may_end() -> None:
 def test_the_template_loads_without_a_warning(tmp_path: Path) -> None:
     file = tmp_path / "new.toml"
     file.write_text(template(), encoding="utf-8")
-    job = load(file)
+    job = plan_job(load(file))
     assert job.warnings == ()
     assert plan(job.trajectory, job.servos, job.frame).warnings == ()
 
@@ -261,7 +261,9 @@ def test_what_the_template_comments_out_is_right_too() -> None:
     for comment in ("min_deg", "max_deg", "points", "gap_us"):
         assert f"# {comment} = " in text
         text = text.replace(f"# {comment} = ", f"{comment} = ")
-    assert loads(text, "new.toml").servos[0].limits == pytest.approx((math.radians(10), math.radians(170)))
+    assert plan_job(loads(text, "new.toml")).servos[0].limits == pytest.approx(
+        (math.radians(10), math.radians(170))
+    )
 
 
 def test_a_foot_on_a_straight_line_strays_by_what_its_spring_gives() -> None:
@@ -271,7 +273,7 @@ def test_a_foot_on_a_straight_line_strays_by_what_its_spring_gives() -> None:
         ("arm_deg = 90, hold_s = 5", 'foot_mm = [-25, 60, -100], path = "line", move_s = 0.4'),
     )
     assert "the path leaves what can be reached at" in error_of(text)
-    job = loads(text + "tolerance_mm = 5.01\n", "job.toml")
+    job = plan_job(loads(text + "tolerance_mm = 5.01\n", "job.toml"))
     (note,) = job.notes
     assert note.code == "chord-error"
     assert 4.9 < float(note.text.split()[-2]) < 5.01
@@ -284,7 +286,7 @@ def test_a_foot_on_a_straight_line_strays_by_what_its_spring_gives() -> None:
 
 def test_poses_are_kept_with_their_names_and_no_two_have_the_same() -> None:
     low = ("{ arm_deg = 30,", '{ name = "low", arm_deg = 30,')
-    poses = loads(changed(low), "job.toml").poses
+    poses = plan_job(loads(changed(low), "job.toml")).poses
     assert [pose.name for pose in poses] == ["low", None]
     assert [round(math.degrees(angle)) for angle in poses[1].angles] == [90, 0]
     both = changed(low, ("{ arm_deg = 90,", '{ name = "low", arm_deg = 90,'))
@@ -293,10 +295,25 @@ def test_poses_are_kept_with_their_names_and_no_two_have_the_same() -> None:
 
 def test_a_walk_can_go_another_way_and_only_so_far() -> None:
     path = Path(__file__).parents[2] / "jobs" / "hexapod-tripod.toml"
-    endless = load_walking(path, {"turn_deg": 8.0}).trajectory
-    far = load_walking(path, {"turn_deg": 8.0, "cycles": 5.0}).trajectory
+    job = load(path)
+    endless = plan_job(job, {"turn_deg": 8.0}).trajectory
+    far = plan_job(job, {"turn_deg": 8.0, "cycles": 5.0}).trajectory
     assert endless.loop_start < len(endless.angles)
     assert (endless.angles == far.angles[: len(endless.angles)]).all()
     assert far.loop_start == len(far.angles) - 1, "it stands at its end"
-    with pytest.raises(InputError, match="a job has one of"):
-        load_walking(path.with_name("lab8-exercise.toml"), {"turn_deg": 8.0})
+    with pytest.raises(InputError, match=r"the job does not walk: .motion. moves its servos"):
+        plan_job(load(path.with_name("lab8-exercise.toml")), {"turn_deg": 8.0})
+    with pytest.raises(InputError, match=r"hexapod-tripod.toml:\d+:\d+: walk.way.1..turn_deg: "):
+        plan_job(job, {"turn_deg": 361.0})
+
+
+def test_a_job_is_loaded_without_planning_and_the_planner_names_the_line() -> None:
+    """No angles of the leg reach the point, which only planning finds out."""
+    text = foot(25, 60, -1000)
+    job = loads(text, "job.toml")
+    with pytest.raises(InputError) as caught:
+        plan_job(job)
+    place = caught.value.place
+    assert place is not None
+    assert (place.file, place.key) == ("job.toml", "motion.poses[1].foot_mm")
+    assert "foot_mm" in text.splitlines()[(place.line or 0) - 1]

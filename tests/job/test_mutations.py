@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from servogen.errors import InputError
-from servogen.job import loads, template
+from servogen.job import loads, plan_job, template
 from servogen.pulse import from_json, plan
 
 SOURCES = [
@@ -40,7 +40,7 @@ def test_a_mutated_job_is_planned_or_refused(seed: int) -> None:
     random_ = random.Random(seed)
     for _ in range(100):
         try:
-            job = loads(mutated(random_), "job.toml")
+            job = plan_job(loads(mutated(random_), "job.toml"))
             schedule = plan(job.trajectory, job.servos, job.frame).schedule
         except InputError as error:
             assert error.place is not None

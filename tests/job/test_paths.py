@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from servogen.errors import InputError
-from servogen.job import Job, load, loads
+from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.kinematics.forward import fk
 from servogen.motion import follow, moves
 from servogen.robot.robots import arm
@@ -15,8 +15,8 @@ from servogen.robot.robots import arm
 FILES = Path(__file__).with_name("paths")
 
 
-def made(text: str) -> Job:
-    return loads(text, str(FILES / "job.toml"))
+def made(text: str) -> PlannedJob:
+    return plan_job(loads(text, str(FILES / "job.toml")))
 
 
 def error_of(text: str) -> str:
@@ -65,12 +65,12 @@ def angles_between(rotations: np.ndarray) -> np.ndarray:
     return np.degrees(2 * np.arcsin(np.minimum(away, 1.0)))
 
 
-def poses_of(job: Job) -> np.ndarray:
+def poses_of(job: PlannedJob) -> np.ndarray:
     return fk(arm("irb6400c"), job.trajectory.angles[:200] - math.pi)
 
 
 def test_the_orientation_goes_the_short_way_along_a_line() -> None:
-    job = load(FILES / "ir.toml")
+    job = plan_job(load(FILES / "ir.toml"))
     poses = poses_of(job)
     first, last = quaternion([0, 40, 170]), quaternion([0, 40, -170])
     # From η = 170° to -170° by 20° about the tool's own x axis; the other way round it would be 340°.
@@ -88,7 +88,7 @@ def test_the_orientation_goes_the_short_way_along_a_line() -> None:
 
 def test_a_first_pose_takes_the_nearest_solution_from_which_its_lines_can_be_followed() -> None:
     # In the solution nearest to the servos' middles q6 comes to its end on the way.
-    job = load(FILES / "ir.toml")
+    job = plan_job(load(FILES / "ir.toml"))
     servos = np.degrees(job.trajectory.angles[:200])
     assert np.abs(np.diff(servos, axis=0)).max() < 0.2
     (note,) = (each for each in job.notes if each.code == "chord-error")
@@ -206,12 +206,12 @@ def test_a_joint_with_more_turns_takes_the_one_nearest_to_the_pose_before(
         ('"irb6400c"', '"turns.toml"'),
         ("{ tip_mm = [1000, 500, 800], ", near + ", { tip_mm = [1000, 500, 800], move_s = 1, "),
     )
-    angles = np.degrees(loads(text, str(tmp_path / "job.toml")).trajectory.angles)
+    angles = np.degrees(plan_job(loads(text, str(tmp_path / "job.toml"))).trajectory.angles)
     assert np.abs(np.diff(angles[:, 5])).max() < 1
     assert low < angles[-1, 5] < high
 
 
 def test_lines_are_traced_with_few_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(follow, "MAX_SAMPLES", 3000)
-    load(FILES / "ir.toml")
+    plan_job(load(FILES / "ir.toml"))
     assert "would change the branch" in error_of(read("sc-job.toml"))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from servogen.errors import InputError
-from servogen.job import Job, load
+from servogen.job import PlannedJob, load, plan_job
 from servogen.kinematics.forward import fk_position
 from servogen.pulse.plan import plan
 from servogen.robot.robots import arm
@@ -16,14 +16,14 @@ JOBS = Path(__file__).parents[2] / "jobs"
 TEXT = (JOBS / "rvm1-program.toml").read_text("utf-8")
 
 
-def made(folder: Path, program: str, *replacements: tuple[str, str]) -> Job:
+def made(folder: Path, program: str, *replacements: tuple[str, str]) -> PlannedJob:
     text = TEXT
     for old, new in replacements:
         assert old in text
         text = text.replace(old, new, 1)
     (folder / "rvm1-program.rvm").write_text(program, "utf-8")
     (folder / "job.toml").write_text(text, "utf-8")
-    return load(folder / "job.toml")
+    return plan_job(load(folder / "job.toml"))
 
 
 def error_of(folder: Path, program: str, *replacements: tuple[str, str]) -> str:
@@ -32,13 +32,13 @@ def error_of(folder: Path, program: str, *replacements: tuple[str, str]) -> str:
     return str(caught.value).replace(f"{folder}/", "")
 
 
-def joints(job: Job) -> np.ndarray:
+def joints(job: PlannedJob) -> np.ndarray:
     """The arm's joints (frames, 5): the servos' angles less zero_deg, as the job's file says."""
     return job.trajectory.angles[:, :5] - np.radians([0, 45, 150, 60, 0])
 
 
 def test_the_job_fills_its_pallet_and_begins_anew() -> None:
-    job = load(JOBS / "rvm1-program.toml")
+    job = plan_job(load(JOBS / "rvm1-program.toml"))
     planned = plan(job.trajectory, job.servos, job.frame)
     assert (job.warnings, planned.warnings, planned.schedule.lead_in) == ((), (), ())
     assert job.trajectory.joints == ("waist", "shoulder", "elbow", "pitch", "roll", "hand")
@@ -50,7 +50,7 @@ def test_the_job_fills_its_pallet_and_begins_anew() -> None:
 
 
 def test_the_hand_is_closed_on_the_way_to_each_place_and_open_on_the_way_back() -> None:
-    job = load(JOBS / "rvm1-program.toml")
+    job = plan_job(load(JOBS / "rvm1-program.toml"))
     hand = np.degrees(job.trajectory.angles[:, 5])
     assert (hand.min(), hand.max()) == pytest.approx((40, 110))
     closed = np.isclose(hand, 110).astype(int)
@@ -58,7 +58,7 @@ def test_the_hand_is_closed_on_the_way_to_each_place_and_open_on_the_way_back() 
 
 
 def test_no_servo_is_asked_for_more_than_it_can_do() -> None:
-    job = load(JOBS / "rvm1-program.toml")
+    job = plan_job(load(JOBS / "rvm1-program.toml"))
     steps = np.abs(np.diff(np.vstack([job.trajectory.angles, job.trajectory.angles[:1]]), axis=0)) / 0.02
     tops = [servo.model.speed or math.inf for servo in job.servos]
     assert (steps.max(axis=0) <= np.array(tops) * (1 + 1e-9)).all()

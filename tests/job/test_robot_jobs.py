@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from servogen.errors import InputError
-from servogen.job import Job, load, loads
+from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.pulse import plan
 
 FILES = Path(__file__).parents[2] / "jobs"
@@ -24,11 +24,11 @@ def changed(text: str, *replacements: tuple[str, str]) -> str:
 
 def error_of(text: str) -> str:
     with pytest.raises(InputError) as caught:
-        loads(text, "job.toml")
+        plan_job(loads(text, "job.toml"))
     return str(caught.value)
 
 
-def tool(job: Job) -> np.ndarray:
+def tool(job: PlannedJob) -> np.ndarray:
     """The SCARA's tool from the servos' angles: the specification's closed form, millimetres and radians."""
     shoulder, elbow, lift, wrist = job.trajectory.angles.T
     q1, q2 = (shoulder - math.pi / 2) / 0.75, (elbow - math.pi / 2) / 0.67
@@ -39,13 +39,13 @@ def tool(job: Job) -> np.ndarray:
 
 
 def test_the_tool_goes_where_the_poses_say() -> None:
-    found = tool(load(FILES / "scara-pick.toml"))
+    found = tool(plan_job(load(FILES / "scara-pick.toml")))
     for x, y, z, turn in ((500, 200, 300, 0), (500, 200, 450, 0), (50, 606, 450, 60), (50, 606, 300, 60)):
         assert np.abs(found - [x, y, z, math.radians(turn)]).max(axis=1).min() < 1e-6
 
 
 def test_the_tool_goes_straight_and_turns_evenly_on_the_way() -> None:
-    found = tool(load(FILES / "scara-pick.toml"))
+    found = tool(plan_job(load(FILES / "scara-pick.toml")))
     start, end = np.array([500.0, 200, 450]), np.array([50.0, 606, 450])
     arrived = int(np.argmin(np.linalg.norm(found[:, :3] - end, axis=1)))
     crossing = (found[:, 2] > 449.999) & (found[:, 0] > 51) & (found[:, 0] < 499)
@@ -57,7 +57,7 @@ def test_the_tool_goes_straight_and_turns_evenly_on_the_way() -> None:
 
 
 def test_no_servo_and_no_joint_is_faster_than_it_can_be() -> None:
-    job = load(FILES / "scara-pick.toml")
+    job = plan_job(load(FILES / "scara-pick.toml"))
     speeds = (
         np.abs(np.diff(job.trajectory.angles, axis=0, append=job.trajectory.angles[:1])).max(axis=0) / 0.02
     )
@@ -73,7 +73,7 @@ def test_no_servo_and_no_joint_is_faster_than_it_can_be() -> None:
 
 
 def test_the_chord_error_of_each_path_is_noted() -> None:
-    notes = load(FILES / "scara-pick.toml").notes
+    notes = plan_job(load(FILES / "scara-pick.toml")).notes
     assert [note.code for note in notes] == ["chord-error"] * 5
     assert [note.text.split()[:5] for note in notes] == [f"the path to pose {n}".split() for n in range(2, 7)]
 
@@ -84,7 +84,7 @@ UP = '{ tip_mm = [500, 200, 450], path = "line" }'
 
 def test_an_arc_goes_through_its_point() -> None:
     bow = '{ tip_mm = [300, 400, 450], path = "arc", through_mm = [450, 350, 450] }'
-    found = tool(loads(changed(SCARA, (DOWN, bow), (f"{UP},\n", "")), "job.toml"))[:, :3]
+    found = tool(plan_job(loads(changed(SCARA, (DOWN, bow), (f"{UP},\n", "")), "job.toml")))[:, :3]
     assert np.linalg.norm(found - [300, 400, 450], axis=1).min() < 1e-6
     near = np.argsort(np.linalg.norm(found - [450, 350, 450], axis=1))[:2]
     one, other = found[near]
@@ -96,7 +96,7 @@ def test_via_points_are_passed() -> None:
     text = changed(
         SCARA, (DOWN, "{ tip_mm = [500, 200, 400], via = true }"), (UP, "{ tip_mm = [450, 250, 450] }")
     )
-    found = tool(loads(text, "job.toml"))[:, :3]
+    found = tool(plan_job(loads(text, "job.toml")))[:, :3]
     passing = int(np.argmin(np.linalg.norm(found - [500, 200, 400], axis=1)))
     assert np.linalg.norm(found[passing] - [500, 200, 400]) < 3
     assert np.linalg.norm(found[passing + 1] - found[passing]) > 0.5
@@ -166,7 +166,7 @@ def test_a_line_out_of_reach_between_its_ends_is_refused() -> None:
 
 
 def test_the_hexapod_walks_in_one_frame_of_twelve_pulses() -> None:
-    job = load(Path(__file__).with_name("hexapod.toml"))
+    job = plan_job(load(Path(__file__).with_name("hexapod.toml")))
     made = plan(job.trajectory, job.servos, job.frame)
     assert (job.warnings, made.warnings) == ((), ())
     assert len(made.schedule.channels) == 12
@@ -178,7 +178,7 @@ def test_the_hexapod_walks_in_one_frame_of_twelve_pulses() -> None:
 
 
 def test_opposite_legs_do_the_same_half_a_cycle_later_with_mirrored_servos() -> None:
-    job = load(Path(__file__).with_name("hexapod.toml"))
+    job = plan_job(load(Path(__file__).with_name("hexapod.toml")))
     schedule = plan(job.trajectory, job.servos, job.frame).schedule
     widths = np.array(
         [[pulse.width for pulse in run.pulses if pulse] for run in schedule.loop for _ in range(run.frames)]
@@ -196,7 +196,7 @@ def test_a_walk_may_turn_go_back_and_end() -> None:
     text = changed(
         HEXAPOD, ("[{ forward_mm = 40 }]", way), ("[walk]", '[walk]\nrepeat = false\nend = "release"')
     )
-    job = loads(text, "job.toml")
+    job = plan_job(loads(text, "job.toml"))
     assert job.trajectory.loop_start == len(job.trajectory.angles) - 1
     assert np.isnan(job.trajectory.angles[-1]).all()
     assert job.trajectory.angles[-2] == pytest.approx(job.trajectory.angles[0], abs=1e-9)
@@ -205,8 +205,8 @@ def test_a_walk_may_turn_go_back_and_end() -> None:
 def test_one_leg_walks_on_two_servos() -> None:
     head, walk = HEXAPOD.split("[[servo]]", 1)[0], "[walk]" + HEXAPOD.split("[walk]", 1)[1]
     servos = "".join("[[servo]]" + part for part in HEXAPOD.split("[walk]")[0].split("[[servo]]")[1:3])
-    job = loads(head + servos + walk.replace("[walk]", '[walk]\nleg = "L1"'), "job.toml")
-    whole = load(Path(__file__).with_name("hexapod.toml"))
+    job = plan_job(loads(head + servos + walk.replace("[walk]", '[walk]\nleg = "L1"'), "job.toml"))
+    whole = plan_job(load(Path(__file__).with_name("hexapod.toml")))
     loop = job.trajectory.angles[job.trajectory.loop_start :]
     wanted = whole.trajectory.angles[whole.trajectory.loop_start :, :2]
     assert min(np.abs(np.roll(loop, shift, axis=0) - wanted).max() for shift in range(len(loop))) < 1e-6

@@ -7,7 +7,7 @@ import pytest
 
 from servogen.engines.stream.settings import Stream, bit_units
 from servogen.errors import InputError
-from servogen.job import loads
+from servogen.job import loads, plan_job
 from servogen.units import Clock
 
 CHIP = '[chip]\ndevice = "PIC16F84A"\nclock_hz = 4_000_000\n'
@@ -22,13 +22,13 @@ def servos(count: int) -> str:
 
 def error_of(text: str) -> str:
     with pytest.raises(InputError) as found:
-        loads(text, "job.toml")
+        plan_job(loads(text, "job.toml"))
     return str(found.value)
 
 
 def test_a_stream_needs_no_motion_and_has_defaults() -> None:
     for text in ("[stream]\n", '[firmware]\nengine = "stream"\n'):
-        job = loads(CHIP + servos(2) + text, "job.toml")
+        job = plan_job(loads(CHIP + servos(2) + text, "job.toml"))
         assert job.stream
         assert (job.stream.baud, job.stream.receive_pin, job.stream.transmit_pin) == (2400, "RA4", None)
         assert (job.stream.silence_s, job.stream.fail_safe) == (Fraction(1), "neutral")
@@ -37,7 +37,7 @@ def test_a_stream_needs_no_motion_and_has_defaults() -> None:
 
 def test_a_motion_in_a_stream_job_is_read() -> None:
     motion = "[motion]\nposes = [{ s0_deg = 30, hold_s = 1 }, { s0_deg = 90, hold_s = 1 }]\n"
-    assert len(loads(CHIP + servos(1) + "[stream]\n" + motion, "job.toml").trajectory.angles) > 1
+    assert len(plan_job(loads(CHIP + servos(1) + "[stream]\n" + motion, "job.toml")).trajectory.angles) > 1
 
 
 @pytest.mark.parametrize(

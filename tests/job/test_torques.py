@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from servogen.errors import InputError
-from servogen.job import Job, load
+from servogen.job import PlannedJob, load, plan_job
 
 HEXAPOD = Path(__file__).with_name("hexapod.toml").read_text()
 
@@ -18,15 +18,15 @@ mass_g = {mass_g}
 """
 
 
-def walker(folder: Path, mass_g: float, height_mm: float = 120) -> Job:
+def walker(folder: Path, mass_g: float, height_mm: float = 120) -> PlannedJob:
     (folder / "heavy.toml").write_text(WALKER.format(mass_g=mass_g))
     text = HEXAPOD.replace('name = "hexapod"', 'name = "heavy.toml"', 1)
     text = text.replace("[walk]", f"[walk]\nbody_height_mm = {height_mm}", 1)
     (folder / "job.toml").write_text(text)
-    return load(folder / "job.toml")
+    return plan_job(load(folder / "job.toml"))
 
 
-def heavy(job: Job) -> list[str]:
+def heavy(job: PlannedJob) -> list[str]:
     return [each.text for each in job.warnings if each.code == "too-heavy"]
 
 
@@ -60,7 +60,7 @@ def test_a_leg_that_stands_straight_down_carries_anything(tmp_path: Path) -> Non
 
 def test_a_robot_without_a_mass_is_not_judged(tmp_path: Path) -> None:
     (tmp_path / "job.toml").write_text(HEXAPOD.replace("[walk]", "[walk]\nbody_height_mm = 120", 1))
-    assert heavy(load(tmp_path / "job.toml")) == []
+    assert heavy(plan_job(load(tmp_path / "job.toml"))) == []
 
 
 ARM = """\
@@ -125,10 +125,10 @@ poses = [
 """
 
 
-def arm(folder: Path, payload_g: float, ratio: float = 1) -> Job:
+def arm(folder: Path, payload_g: float, ratio: float = 1) -> PlannedJob:
     (folder / "arm.toml").write_text(ARM.format(payload_g=payload_g))
     (folder / "job.toml").write_text(ARM_JOB.format(ratio=ratio))
-    return load(folder / "job.toml")
+    return plan_job(load(folder / "job.toml"))
 
 
 def test_an_arm_is_asked_for_most_when_it_is_stretched_out(tmp_path: Path) -> None:
@@ -161,4 +161,4 @@ def test_a_mass_that_cannot_be_is_refused(tmp_path: Path, robot: str, says: str)
     (tmp_path / "arm.toml").write_text(robot)
     (tmp_path / "job.toml").write_text(ARM_JOB.format(ratio=1))
     with pytest.raises(InputError, match=says):
-        load(tmp_path / "job.toml")
+        plan_job(load(tmp_path / "job.toml"))

@@ -10,7 +10,7 @@ import pytest
 
 from servogen.build import planned
 from servogen.errors import InputError
-from servogen.job import load, loads
+from servogen.job import load, loads, plan_job
 from servogen.plan_error import NO_PLAN, PlanError, plan_words
 from servogen.pulse import PulseSchedule, from_json
 from servogen.pulse.plan_errors import channel_error, largest
@@ -21,7 +21,7 @@ JOBS = Path(__file__).parents[2] / "jobs"
 
 
 def schedule_of(job: str) -> PulseSchedule:
-    return planned(load(JOBS / f"{job}.toml")).plan.schedule
+    return planned(plan_job(load(JOBS / f"{job}.toml"))).plan.schedule
 
 
 def test_the_lab_exercise_is_a_third_of_a_microsecond_off() -> None:
@@ -48,7 +48,7 @@ def test_a_wheel_has_an_error_of_its_speed() -> None:
 
 def test_the_foot_is_as_far_off_as_the_legs_formula_says() -> None:
     """X = -r sin α - l_BC cos α sin β, Y = r cos α - l_BC sin α sin β, Z = -l_BC cos β - l_DF, by hand."""
-    job = load(JOBS / "lab9-exercise.toml")
+    job = plan_job(load(JOBS / "lab9-exercise.toml"))
     schedule = planned(job).plan.schedule
 
     def foot(vertical_us: Any, horizontal_us: Any) -> Any:
@@ -134,10 +134,12 @@ def test_a_device_that_is_not_a_text_is_refused() -> None:
 
 
 def test_a_motion_of_whole_cycles_has_no_error() -> None:
-    job = loads(
-        '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n'
-        '[[servo]]\nname = "arm"\npin = "RB0"\nmodel = "futaba-s3001"\n'
-        "[motion]\nposes = [{ arm_deg = 90, hold_s = 1 }]\n",
-        "job.toml",
+    job = plan_job(
+        loads(
+            '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n'
+            '[[servo]]\nname = "arm"\npin = "RB0"\nmodel = "futaba-s3001"\n'
+            "[motion]\nposes = [{ arm_deg = 90, hold_s = 1 }]\n",
+            "job.toml",
+        )
     )
     assert planned(job).plan.schedule.plan_error == PlanError(0.0, 0.0)

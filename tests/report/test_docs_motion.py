@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from servogen.errors import InputError
-from servogen.job import load
+from servogen.job import load, plan_job
 from servogen.motion.gait.footwork import Posture
 from servogen.motion.gait.phases import NAMES, gait
 from servogen.motion.gait.steps import Segment
@@ -39,7 +39,7 @@ def hexapod() -> Hexapod:
 @pytest.mark.parametrize("row", rows("job"), ids=lambda row: row[0])
 def test_the_error_of_each_job_is_the_one_told(row: list[str]) -> None:
     name, end, worst, rms = row
-    job = load(ROOT / "jobs" / f"{name}.toml")
+    job = plan_job(load(ROOT / "jobs" / f"{name}.toml"))
     found = worst_of(errors_of(tracks_of(job, plan(job.trajectory, job.servos, job.frame).schedule)))
     assert found.name == end
     assert worst == f"{1000 * found.worst_m:.3f} mm, frame {found.frame}"

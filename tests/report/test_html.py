@@ -12,7 +12,7 @@ import pytest
 from servogen.build import planned
 from servogen.build.reporting import Page, page_of
 from servogen.edges import edge_chunk
-from servogen.job import load
+from servogen.job import load, plan_job
 from servogen.pic.listing import ListedFunction, Listing
 from servogen.pulse import plan
 from servogen.report.drawing import Axis, dots_path, nice, points_path, pulses_path, steps_path
@@ -65,7 +65,7 @@ class Tags(HTMLParser):
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
-    return page_of(load(job_file(tmp_path_factory.mktemp("job"))))
+    return page_of(plan_job(load(job_file(tmp_path_factory.mktemp("job")))))
 
 
 def job_file(folder: Path, text: str = JOB, name: str = "two-poses") -> Path:
@@ -91,7 +91,7 @@ def test_a_page_is_whole_and_fetches_nothing(page: Page) -> None:
 
 
 def test_the_same_job_gives_the_same_page(page: Page, tmp_path: Path) -> None:
-    assert page_of(load(job_file(tmp_path))).html == page.html
+    assert page_of(plan_job(load(job_file(tmp_path)))).html == page.html
     assert str(tmp_path) not in page.html
 
 
@@ -138,19 +138,21 @@ def test_each_function_has_its_cost(page: Page) -> None:
 def test_buttons_and_the_serial_line_are_wired(tmp_path: Path) -> None:
     job = tmp_path / "job.toml"
     job.write_text(JOB + '[stream]\nreceive_pin = "RB6"\ntransmit_pin = "RA2"\n')
-    assert [(wire.number, wire.pin, wire.use) for wire in wires(load(job))][1:3] == [
+    assert [(wire.number, wire.pin, wire.use) for wire in wires(plan_job(load(job)))][1:3] == [
         (12, "RB6", "serial line in, 2400 baud, 5 V, idle high"),
         (1, "RA2", "serial line out, 5 V, idle high"),
     ]
     job.write_text(JOB + '[firmware]\nengine = "player"\nstart_pin = "RB1"\n')
-    assert any(wire.pin == "RB1" and wire.use.startswith("start button") for wire in wires(load(job)))
-    assert any(line.startswith("RB1: start, pressed for 3 frames") for line in remarks(load(job)))
+    assert any(
+        wire.pin == "RB1" and wire.use.startswith("start button") for wire in wires(plan_job(load(job)))
+    )
+    assert any(line.startswith("RB1: start, pressed for 3 frames") for line in remarks(plan_job(load(job))))
 
 
 def test_what_the_wiring_needs_beside_wires_is_said(tmp_path: Path) -> None:
     job = tmp_path / "job.toml"
     job.write_text(JOB.replace('pin = "RB0"', 'pin = "RA4"\nopen_drain = true'))
-    page = page_of(load(job)).html
+    page = page_of(plan_job(load(job))).html
     assert "RA4 is open drain: it needs a pull-up resistor, 1 to 10 kΩ to VDD." in page
     assert "Peak current of the servos: 720 mA (1 at once)." in page
 
@@ -182,7 +184,7 @@ def test_a_tables_place_in_the_c_is_told_and_not_its_label() -> None:
 def test_a_stream_job_has_a_page_of_its_neutral_pose(tmp_path: Path, fail_safe: str) -> None:
     job = tmp_path / "job.toml"
     job.write_text(JOB.split("[motion]")[0] + f'[stream]\nfail_safe = "{fail_safe}"\n')
-    made = page_of(load(job))
+    made = page_of(plan_job(load(job)))
     assert made.proven
     assert "serial line in, 2400 baud" in made.html
     rows = data_of(made.html)["rows"]
@@ -190,7 +192,7 @@ def test_a_stream_job_has_a_page_of_its_neutral_pose(tmp_path: Path, fail_safe: 
 
 
 def test_names_cannot_break_the_page(tmp_path: Path) -> None:
-    html = page_of(load(job_file(tmp_path, name="a<script>b"))).html
+    html = page_of(plan_job(load(job_file(tmp_path, name="a<script>b")))).html
     assert "a<script>b" not in html
     assert "a&lt;script&gt;b" in html
 
@@ -206,7 +208,7 @@ def test_a_capture_stands_beside_the_plan_where_it_belongs(tmp_path: Path, width
     with capture_writer(path, 1_000_000) as writer:
         writer.add(chunk)
         writer.finish(Cycles(150_000))
-    page = page_of(load(job_file(tmp_path)), path)
+    page = page_of(plan_job(load(job_file(tmp_path))), path)
     assert page.proven is proven
     assert ("proven within tolerances" in page.html) is proven
     assert (">every edge proven<" in page.html) is proven, "the head does not say more than the capture shows"
@@ -251,7 +253,7 @@ def test_the_frames_hold_every_pose(tmp_path: Path) -> None:
     poses = ", ".join(f"{{ arm_deg = {angle}, move_s = 1, hold_s = 0.2 }}" for angle in angles)
     text = re.sub(r"poses = .*", f"poses = [{poses}]", JOB)
     assert str(angles[-1]) in text
-    job = load(job_file(tmp_path, text + '\n[firmware]\nengine = "sequence"\n', "nine-poses"))
+    job = plan_job(load(job_file(tmp_path, text + '\n[firmware]\nengine = "sequence"\n', "nine-poses")))
     schedule = plan(job.trajectory, job.servos, job.frame).schedule
     shown = {line.label for scope in scopes(schedule, pose_frames(job)) for line in scope.lines}
     wanted = {f"{round(job.servos[0].width_us(math.radians(angle)))} µs" for angle in angles}
@@ -261,6 +263,6 @@ def test_the_frames_hold_every_pose(tmp_path: Path) -> None:
 
 
 def test_a_walk_has_no_poses_and_shows_six_frames() -> None:
-    job = load(Path(__file__).parents[2] / "jobs" / "hexapod-tripod.toml")
+    job = plan_job(load(Path(__file__).parents[2] / "jobs" / "hexapod-tripod.toml"))
     assert pose_frames(job) == ()
     assert len(scopes(planned(job).plan.schedule)) == 6

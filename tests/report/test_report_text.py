@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from servogen.job import load
+from servogen.job import load, plan_job
 from servogen.pulse.plan import plan
 from servogen.report import BuildFacts, report_text
 
@@ -12,7 +12,7 @@ JOBS = Path(__file__).parents[2] / "jobs"
 
 
 def report(name: str) -> str:
-    job = load(JOBS / f"{name}.toml")
+    job = plan_job(load(JOBS / f"{name}.toml"))
     return report_text(BuildFacts(job, plan(job.trajectory, job.servos, job.frame), (), ()))
 
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from servogen.job import loads
+from servogen.job import loads, plan_job
 from servogen.report.servo_facts import ServoFacts, facts_of
 
 HEAD = """
@@ -20,7 +20,7 @@ model = "mpx-tiny-s"
 
 
 def facts(motion: str) -> ServoFacts:
-    (found,) = facts_of(loads(HEAD + motion, "job.toml"))
+    (found,) = facts_of(plan_job(loads(HEAD + motion, "job.toml")))
     return found
 
 

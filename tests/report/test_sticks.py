@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from servogen.errors import InputError
-from servogen.job import load
+from servogen.job import load, plan_job
 from servogen.kinematics.forward import fk_position
 from servogen.kinematics.leg import Leg
 from servogen.report.film import film
@@ -63,7 +63,7 @@ def test_the_wheels_of_the_base_are_at_60_300_and_180_degrees() -> None:
     "name", ("lab9-exercise", "scara-pick", "rvm1-program", "hexapod-tripod", "omni-square")
 )
 def test_a_film_of_a_job_lasts_as_long_as_its_loop(name: str) -> None:
-    job = load(JOBS / f"{name}.toml")
+    job = plan_job(load(JOBS / f"{name}.toml"))
     scene = job_scene(job)
     frame_s = float(job.clock.seconds(job.trajectory.period))
     loop_s = frame_s * (len(job.trajectory.angles) - job.trajectory.loop_start)
@@ -74,11 +74,11 @@ def test_a_film_of_a_job_lasts_as_long_as_its_loop(name: str) -> None:
 
 def test_servos_that_move_no_robot_cannot_be_filmed() -> None:
     with pytest.raises(InputError, match="nothing to film"):
-        job_scene(load(JOBS / "lab8-exercise.toml"))
+        job_scene(plan_job(load(JOBS / "lab8-exercise.toml")))
 
 
 def test_the_same_film_is_the_same_file(tmp_path: Path) -> None:
-    whole = job_scene(load(JOBS / "lab9-exercise.toml"))
+    whole = job_scene(plan_job(load(JOBS / "lab9-exercise.toml")))
     scene = replace(whole, parts=tuple(replace(part, frames=part.frames[::10]) for part in whole.parts))
     for name in ("a.gif", "b.gif"):
         film(scene, tmp_path / name)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.job import Job, load, loads
+from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.pulse import PulseSchedule
 from servogen.pulse.plan import plan
 from servogen.report.scenes import job_scene
@@ -18,13 +18,13 @@ JOBS = Path(__file__).parents[2] / "jobs"
 ARMED = ("lab9-exercise", "scara-pick", "rvm1-program", "hexapod-tripod")
 
 
-def planned(name: str) -> tuple[Job, PulseSchedule, tuple[Track, ...]]:
-    job = load(JOBS / f"{name}.toml")
+def planned(name: str) -> tuple[PlannedJob, PulseSchedule, tuple[Track, ...]]:
+    job = plan_job(load(JOBS / f"{name}.toml"))
     schedule = plan(job.trajectory, job.servos, job.frame).schedule
     return job, schedule, tracks_of(job, schedule)
 
 
-def scaled(job: Job, share: float) -> tuple[Track, ...]:
+def scaled(job: PlannedJob, share: float) -> tuple[Track, ...]:
     """The tracks of a job whose angles are off by a share of what whole cycles make them."""
     schedule = plan(job.trajectory, job.servos, job.frame).schedule
     off = share * (made_angles(schedule, job.servos) - job.trajectory.angles)
@@ -88,14 +88,14 @@ def test_angles_that_are_whole_cycles_have_no_error() -> None:
     text = (JOBS / "lab9-exercise.toml").read_text()
     head, _ = text.split("[motion]")
     poses = "[motion]\nposes = [{ vertical_deg = 90, horizontal_deg = 45, hold_s = 1 }]\n"
-    job = loads(head + poses, "job.toml")
+    job = plan_job(loads(head + poses, "job.toml"))
     (error,) = errors_of(tracks_of(job, plan(job.trajectory, job.servos, job.frame).schedule))
     assert (error.worst_m, error.rms_m) == pytest.approx((0, 0), abs=1e-15)
 
 
 def test_reversed_and_trimmed_servos_are_read_back_as_they_are_mounted() -> None:
     text = (JOBS / "lab8-exercise.toml").read_text().replace("trim_us = 0", "trim_us = 7\nreverse = true")
-    job = loads(text, "job.toml")
+    job = plan_job(loads(text, "job.toml"))
     schedule = plan(job.trajectory, job.servos, job.frame).schedule
     assert made_angles(schedule, job.servos) == pytest.approx(job.trajectory.angles, abs=math.radians(0.09))
 
@@ -103,7 +103,7 @@ def test_reversed_and_trimmed_servos_are_read_back_as_they_are_mounted() -> None
 def test_frames_without_pulses_have_no_point_and_no_error() -> None:
     text = (JOBS / "lab9-exercise.toml").read_text()
     text = text.replace("hold_s = 0.1 }, ", "hold_s = 0.1, pause_s = 0.1, release = true }, ", 1)
-    job = loads(text, "job.toml")
+    job = plan_job(loads(text, "job.toml"))
     schedule = plan(job.trajectory, job.servos, job.frame).schedule
     (track,) = tracks_of(job, schedule)
     silent = np.isnan(job.trajectory.angles).any(axis=1)
@@ -142,7 +142,7 @@ def test_the_wheels_may_be_listed_in_any_order() -> None:
     head, *servos = text.split("[[servo]]")
     last, rest = servos[2].split("[drive]")
     other = "[[servo]]".join([head, last, servos[1], servos[0]]) + "[drive]" + rest
-    job = loads(other, "job.toml")
+    job = plan_job(loads(other, "job.toml"))
     assert [servo.name for servo in job.servos] == ["wheel3", "wheel2", "wheel1"]
     (track,) = tracks_of(job, plan(job.trajectory, job.servos, job.frame).schedule)
     (usual,) = planned("omni-square")[2]
@@ -154,5 +154,5 @@ def test_the_wheels_may_be_listed_in_any_order() -> None:
 def test_speeds_given_wheel_by_wheel_have_no_known_base() -> None:
     text = (JOBS / "omni-square.toml").read_text().split("[drive]")[0]
     poses = "[motion]\nposes = [{ wheel1_deg_s = 90, wheel2_deg_s = 0, wheel3_deg_s = 0, hold_s = 1 }]\n"
-    job = loads(text + poses, "job.toml")
+    job = plan_job(loads(text + poses, "job.toml"))
     assert tracks_of(job, plan(job.trajectory, job.servos, job.frame).schedule) == ()

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from servogen.errors import InputError
-from servogen.job import load
+from servogen.job import load, plan_job
 from servogen.robot.calibration import Fit, Reading, calibration_text, fit, write_calibration
 
 JOB = """
@@ -104,7 +104,7 @@ def made_of(tmp_path: Path, pairs: list[tuple[float, float]], facts: str = "") -
     job = tmp_path / "job.toml"
     job.write_text(JOB.format(facts=facts))
     made = fit(readings_of(pairs))
-    write_calibration(tmp_path / "arm.toml", calibration_text(made, load(job).servos[0]))
+    write_calibration(tmp_path / "arm.toml", calibration_text(made, plan_job(load(job)).servos[0]))
     job.write_text(JOB.format(facts=facts + '\ncalibration = "arm.toml"'))
     return made, job
 
@@ -114,14 +114,14 @@ def test_a_job_that_names_the_file_sends_the_widths_that_were_read(tmp_path: Pat
     slope = -6.0 if "reverse" in facts else 6.0
     zero = 2040.0 if "reverse" in facts else 960.0
     _, job = made_of(tmp_path, straight(zero, slope), facts)
-    servo = load(job).servos[0]
+    servo = plan_job(load(job)).servos[0]
     for angle in (20, 90, 160):
         assert servo.width_us(math.radians(angle)) == pytest.approx(zero + slope * angle, abs=1e-3)
 
 
 def test_nothing_beyond_what_was_read_is_allowed(tmp_path: Path) -> None:
     _, job = made_of(tmp_path, [(1200, 36), (1500, 90), (1800, 144)])
-    servo = load(job).servos[0]
+    servo = plan_job(load(job)).servos[0]
     assert [math.degrees(limit) for limit in servo.limits] == pytest.approx([36, 144], abs=1e-4)
     with pytest.raises(InputError, match="cannot go to 150°"):
         servo.width_us(math.radians(150))
@@ -129,7 +129,7 @@ def test_nothing_beyond_what_was_read_is_allowed(tmp_path: Path) -> None:
 
 def test_the_line_ends_at_the_mechanical_stops(tmp_path: Path) -> None:
     _, job = made_of(tmp_path, [(900, -9), (1500, 90), (2100, 189)])
-    servo = load(job).servos[0]
+    servo = plan_job(load(job)).servos[0]
     assert [math.degrees(limit) for limit in servo.limits] == pytest.approx([0, 180], abs=1e-6)
 
 
@@ -147,18 +147,18 @@ def test_a_wrong_file_is_refused_with_its_place(tmp_path: Path, change: tuple[st
     file = tmp_path / "arm.toml"
     file.write_text(file.read_text().replace(*change))
     with pytest.raises(InputError, match=said):
-        load(job)
+        plan_job(load(job))
 
 
 def test_a_file_that_is_missing_or_one_fact_too_many_is_refused(tmp_path: Path) -> None:
     job = tmp_path / "job.toml"
     job.write_text(JOB.format(facts='calibration = "gone.toml"'))
     with pytest.raises(InputError, match="there is no calibration file"):
-        load(job)
+        plan_job(load(job))
     points = "points = [{ angle_deg = 0, width_us = 1000 }, { angle_deg = 90, width_us = 1500 }]"
     job.write_text(JOB.format(facts='calibration = "gone.toml"\n' + points))
     with pytest.raises(InputError, match="has points of its own already"):
-        load(job)
+        plan_job(load(job))
 
 
 def test_old_files_are_kept_each_under_a_name_of_its_own(tmp_path: Path) -> None:

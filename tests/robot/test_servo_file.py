@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from servogen.errors import InputError, Place
-from servogen.job import load
+from servogen.job import load, plan_job
 from servogen.robot.servo_models import servo_model
 
 SERVO = """\
@@ -38,19 +38,19 @@ def written(folder: Path, servo: str = SERVO, job: str = JOB) -> Path:
 
 def error_of(path: Path) -> tuple[str, Place]:
     with pytest.raises(InputError) as caught:
-        load(path)
+        plan_job(load(path))
     assert caught.value.place is not None
     return caught.value.message, caught.value.place
 
 
 def test_a_job_takes_the_file_beside_it(tmp_path: Path) -> None:
-    servo = load(written(tmp_path)).servos[0]
+    servo = plan_job(load(written(tmp_path))).servos[0]
     assert (servo.model.name, servo.model.title) == ("micro", "Micro servo")
     assert servo.width_us(math.radians(85)) == pytest.approx((550 + 2400) / 2)
 
 
 def test_without_stops_its_travel_is_what_its_points_hold(tmp_path: Path) -> None:
-    assert load(written(tmp_path)).servos[0].limits == pytest.approx((0, math.radians(170)))
+    assert plan_job(load(written(tmp_path))).servos[0].limits == pytest.approx((0, math.radians(170)))
 
 
 def test_without_a_supply_speed_and_torque_hold_at_any(tmp_path: Path) -> None:
@@ -61,7 +61,7 @@ def test_without_a_supply_speed_and_torque_hold_at_any(tmp_path: Path) -> None:
 
 
 def test_its_own_pulses_are_no_pulses_beyond_the_model(tmp_path: Path) -> None:
-    assert not [each for each in load(written(tmp_path)).warnings if each.code == "width-range"]
+    assert not [each for each in plan_job(load(written(tmp_path))).warnings if each.code == "width-range"]
 
 
 def test_a_file_that_is_not_there_is_told_in_the_job(tmp_path: Path) -> None:
@@ -91,4 +91,4 @@ def test_a_mistake_in_the_file_is_told_with_its_line_there(
 def test_an_unknown_model_says_that_a_file_can_be_given(tmp_path: Path) -> None:
     path = written(tmp_path, job=JOB.replace("servos/micro.toml", "sg90"))
     with pytest.raises(InputError, match=r'model = "my-servo\.toml"'):
-        load(path)
+        plan_job(load(path))

@@ -15,7 +15,7 @@ import numpy as np
 from servogen.engines.player.engine import play
 from servogen.engines.player.fitting import NO_WRAP
 from servogen.engines.player.playing import ideal_widths
-from servogen.job import load
+from servogen.job import load, plan_job
 from servogen.motion.trajectory import Floats
 from servogen.pulse import PulseSchedule
 from tests.engines.player.player_jobs import ROOT
@@ -51,7 +51,7 @@ class Compactness:
 
 def compactness(name: str) -> Compactness:
     """A kept job's keyframes, counted."""
-    job = load(ROOT / "jobs" / f"{name}.toml")
+    job = plan_job(load(ROOT / "jobs" / f"{name}.toml"))
     motion, played = play(job)
     planned = ideal_widths(motion, job.servos, job.clock)
     errors = np.abs(_made(played.plan.schedule) - planned)

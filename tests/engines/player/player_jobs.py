@@ -17,7 +17,7 @@ import numpy as np
 from servogen.build import Build, build, prove, running
 from servogen.edges import HIGH, LOW, PINS, EdgeChunk
 from servogen.engines.player.engine import play
-from servogen.job import load, loads
+from servogen.job import load, loads, plan_job
 from servogen.pulse import PulseSchedule, Run
 from servogen.units import Cycles
 
@@ -73,12 +73,12 @@ THIRTEEN = job_text(13, sweep(13, 10.24), firmware="soft_start_s = 0.32")
 @cache
 def built(name: str) -> Build:
     """A job of the repository, built."""
-    return build(load(ROOT / "jobs" / f"{name}.toml"))
+    return build(plan_job(load(ROOT / "jobs" / f"{name}.toml")))
 
 
 @cache
 def built_text(text: str) -> Build:
-    return build(loads(text, "job.toml"))
+    return build(plan_job(loads(text, "job.toml")))
 
 
 def trimmed(schedule: PulseSchedule, trims: dict[int, int]) -> PulseSchedule:

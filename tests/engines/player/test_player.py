@@ -9,7 +9,7 @@ from servogen.edges import PINS, join
 from servogen.engines.player.engine import play
 from servogen.engines.player.fitting import NO_WRAP
 from servogen.errors import InputError
-from servogen.job import loads
+from servogen.job import loads, plan_job
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
 from servogen.simulator import Machine
 from servogen.units import Cycles
@@ -124,4 +124,4 @@ def test_a_motion_with_too_many_keyframes_is_refused_with_its_bytes() -> None:
     with pytest.raises(
         InputError, match=r"the motion has \d+ bytes of keyframes: the player's table holds 256"
     ):
-        build(loads(long, "long.toml"))
+        build(plan_job(loads(long, "long.toml")))

@@ -11,7 +11,7 @@ from servogen.edges import HIGH, LOW, EdgeTrace
 from servogen.engines.board import board_of
 from servogen.engines.player.buttons import waited
 from servogen.errors import InputError
-from servogen.job import loads
+from servogen.job import loads, plan_job
 from servogen.pulse import PulseSchedule, Run, from_json
 from servogen.pulse.expected import expected
 from servogen.pulse.schedule import Input
@@ -213,12 +213,12 @@ def test_an_input_that_flutters_moves_no_edge() -> None:
 )
 def test_a_pin_that_cannot_be_a_button_is_refused(firmware: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        loads(text(firmware), "job.toml")
+        plan_job(loads(text(firmware), "job.toml"))
 
 
 def test_the_sequence_engine_has_no_buttons_and_auto_takes_the_player() -> None:
     with pytest.raises(InputError, match="the sequence engine reads no buttons"):
-        loads(text(START).replace('"player"', '"sequence"'), "job.toml")
+        plan_job(loads(text(START).replace('"player"', '"sequence"'), "job.toml"))
     lab = text(START).replace('"player"', '"auto"')
     assert built_text(lab).engine == "player"
 

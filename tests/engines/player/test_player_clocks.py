@@ -7,7 +7,7 @@ import pytest
 
 from servogen.engines.player.engine import play
 from servogen.errors import InputError
-from servogen.job import loads
+from servogen.job import loads, plan_job
 from servogen.units import Clock
 from tests.engines.player.player_jobs import built_text, job_text, sweep
 
@@ -47,7 +47,7 @@ def test_every_edge_is_exact(mhz: int, servos: int, tick: int) -> None:
 @pytest.mark.parametrize(("mhz", "servos"), [(1, 7), (1, 13), (2, 11)])
 def test_more_than_fits_is_refused_with_the_arithmetic(mhz: int, servos: int) -> None:
     with pytest.raises(InputError) as refused:
-        loads(text(mhz, servos), "job.toml")
+        plan_job(loads(text(mhz, servos), "job.toml"))
     found = re.search(
         r"those of (\d+) servos.*take (\d+) cycles.*a frame is (\d+) cycles", str(refused.value)
     )
@@ -61,17 +61,17 @@ def test_more_than_fits_is_refused_with_the_arithmetic(mhz: int, servos: int) ->
 
 @pytest.mark.parametrize(("mhz", "servos"), [(1, 6), (2, 9), (4, 12), (8, 13), (20, 13)])
 def test_how_many_servos_with_pulses_of_2_ms_fit(mhz: int, servos: int) -> None:
-    _, played = play(loads(text(mhz, servos, limits=(10, 180)), "job.toml"))
+    _, played = play(plan_job(loads(text(mhz, servos, limits=(10, 180)), "job.toml")))
     assert len(played.layout.order) == servos
     if servos < 13:
         with pytest.raises(InputError, match="do not fit a frame"):
-            play(loads(text(mhz, servos + 1, limits=(10, 180)), "job.toml"))
+            play(plan_job(loads(text(mhz, servos + 1, limits=(10, 180)), "job.toml")))
 
 
 def test_the_refusal_counts_whole_ticks() -> None:
     # In cycles the pulses and the C would be 4 less than a frame; slots begin at ticks.
     with pytest.raises(InputError) as refused:
-        loads(text(4, 13, limits=(10, 162), frame="most_together = 1"), "job.toml")
+        plan_job(loads(text(4, 13, limits=(10, 162), frame="most_together = 1"), "job.toml"))
     found = re.search(r"take (\d+) cycles.*a frame is 20000 cycles", str(refused.value))
     assert found and int(found[1]) > 20_000 and int(found[1]) % 32 == 0
 
@@ -105,4 +105,4 @@ def test_with_most_together_1_no_two_pins_rise_within_32_cycles(mhz: int) -> Non
 def test_the_sequence_engine_keeps_the_rule_by_its_slots() -> None:
     lab = text(4, 2, frame="most_together = 1\nper_slot = 2").replace('"player"', '"sequence"')
     with pytest.raises(InputError, match="per_slot = 2 servos start together, most_together allows 1"):
-        loads(lab, "job.toml")
+        plan_job(loads(lab, "job.toml"))

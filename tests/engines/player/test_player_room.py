@@ -10,7 +10,7 @@ from servogen.build.proof import checked_cycles
 from servogen.engines.board import machine_of
 from servogen.engines.c_text import DIALECTS
 from servogen.engines.player.engine import CHECK, DONE, WIDTHS, firmware, label, play
-from servogen.job import loads
+from servogen.job import loads, plan_job
 from servogen.pic.isa import decode
 from tests.engines.player.player_jobs import built, built_text, job_text, sweep
 from tests.engines.player.test_player_kernel import VARIABLES, assembled, ram
@@ -95,7 +95,9 @@ def test_every_kept_job_has_time_left_in_every_dialect() -> None:
 def test_the_tightest_frames_have_time_for_buttons_and_pauses_too(mhz: int, servos: int) -> None:
     motion = sweep(servos, 1.28).replace("move_s = 1.28 },\n]", "move_s = 1.28, pause_s = 0.2 },\n]")
     firmware = 'soft_start_s = 0.16\nstart_pin = "RA4"\nstop_pin = "RA3"'
-    made = planned(loads(job_text(servos, motion, clock_hz=mhz * 1_000_000, firmware=firmware), "job.toml"))
+    made = planned(
+        plan_job(loads(job_text(servos, motion, clock_hz=mhz * 1_000_000, firmware=firmware), "job.toml"))
+    )
     for dialect in DIALECTS:
         assert all((room.left or 0) > 0 for room in made.make(dialect).rooms)
 

@@ -15,7 +15,7 @@ from servogen.engines.board import board_of
 from servogen.engines.stream.chip import Chip, schedule, widths
 from servogen.engines.stream.engine import compiled, stream
 from servogen.engines.stream.streaming import Streaming
-from servogen.job import Job, load
+from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.image import Image
 from servogen.pulse.expected import expected
 from servogen.simulator import Machine, Stimuli
@@ -30,7 +30,7 @@ JOBS = Path(__file__).parents[3] / "jobs"
 class Firmware:
     """A stream job, its numbers, its program in one dialect, and when its first pulse begins."""
 
-    job: Job
+    job: PlannedJob
     streamed: Streaming
     image: Image
     words: int
@@ -38,11 +38,11 @@ class Firmware:
 
 
 def firmware(name: str, dialect: str = "c2c") -> Firmware:
-    job = load(JOBS / f"{name}.toml")
+    job = plan_job(load(JOBS / f"{name}.toml"))
     return firmware_of(job, dialect)
 
 
-def firmware_of(job: Job, dialect: str = "c2c") -> Firmware:
+def firmware_of(job: PlannedJob, dialect: str = "c2c") -> Firmware:
     _, streamed = stream(job)
     made = compiled(job, streamed, dialect).compilation
     return Firmware(job, streamed, made.image, made.words, first_rise(streamed, made.image))

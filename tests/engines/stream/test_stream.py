@@ -33,7 +33,7 @@ from servogen.engines.stream.protocol import (
 )
 from servogen.engines.stream.rendering import render_stream
 from servogen.errors import InputError
-from servogen.job import load, loads
+from servogen.job import load, loads, plan_job
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, RAM_FIRST
 from servogen.pulse.expected import expected
 from servogen.simulator import Levels, Machine, Reset, Stimuli
@@ -71,7 +71,7 @@ def pulses(chunk: EdgeChunk, pin: str) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_stream_job_is_proven_in_all_dialects_and_fits_the_chip(name: str) -> None:
-    done = build(load(JOBS / f"{name}.toml"))
+    done = build(plan_job(load(JOBS / f"{name}.toml")))
     assert done.engine == "stream" and done.proven
     assert report(done).count("overrun: never") == len(done.programs)
     for program in done.programs:
@@ -355,7 +355,7 @@ TWO_PORTS = (
 
 @pytest.mark.parametrize("dialect", ["c2c", "xc8", "sdcc"])
 def test_servos_on_both_ports_are_exact(dialect: str) -> None:
-    made = firmware_of(loads(TWO_PORTS, "two-ports.toml"), dialect)
+    made = firmware_of(plan_job(loads(TWO_PORTS, "two-ports.toml")), dialect)
     line = line_of(made, 16)
     talk(line, 5)
     verdict = check(made, line)
@@ -370,7 +370,7 @@ def test_one_servo_at_other_clocks_is_exact(clock_hz: int) -> None:
         '[[servo]]\nname = "one"\npin = "RA1"\nmodel = "futaba-s3001"\n'
         f'[stream]\nbaud = {baud}\nreceive_pin = "RB7"\nfail_safe = "hold"\n'
     )
-    made = firmware_of(loads(text, "one.toml"))
+    made = firmware_of(plan_job(loads(text, "one.toml")))
     line = line_of(made, 17)
     talk(line, 6)
     verdict = check(made, line)
@@ -380,7 +380,7 @@ def test_one_servo_at_other_clocks_is_exact(clock_hz: int) -> None:
 def test_pulses_that_do_not_fit_a_frame_are_refused_with_a_period_that_does() -> None:
     text = (JOBS / "stream-eight.toml").read_text() + "\n[frame]\nperiod_us = 18_000\n"
     with pytest.raises(InputError, match=r"take 9 rounds") as found:
-        build(loads(text, "eight.toml"))
+        build(plan_job(loads(text, "eight.toml")))
     assert found.value.hint and "18432" in found.value.hint
 
 
@@ -398,7 +398,7 @@ def test_the_model_without_a_command_does_what_the_schedule_of_the_build_says() 
 def test_a_pulse_is_prepared_before_its_slot() -> None:
     # The worst of the worst: eight servos at 4 MHz, groups, commands while the fail-safe comes.
     text = (JOBS / "stream-eight.toml").read_text().replace('"off"', '"neutral"\nsilence_s = 0.12')
-    job = loads(text, "eight.toml")
+    job = plan_job(loads(text, "eight.toml"))
     made = firmware_of(job)
     listing = compiled(job, made.streamed, "c2c").compilation.listing
     due = next(address for address, name, _ in listing.variables if name == "due")
@@ -460,7 +460,7 @@ def before_each_pulse(text: str, *code: str) -> str:
 def test_a_pulse_could_take_the_c_longer_and_be_in_time(name: str, turns: int) -> None:
     # Long ways in few frames, all servos at once, on a line that is never silent for long; then far too slow.
     text = (JOBS / f"{name}.toml").read_text().replace('"off"', '"neutral"\nsilence_s = 0.12')
-    job = loads(text, "job.toml")
+    job = plan_job(loads(text, "job.toml"))
     made = firmware_of(job)
     plan, line = made.streamed.plan.schedule, line_of(made, 19)
     while line.now < 5 * job.clock.cycles_per_second:
@@ -482,7 +482,7 @@ def test_a_pulse_could_take_the_c_longer_and_be_in_time(name: str, turns: int) -
 
 def slower(turns: int) -> Build:
     """The arm's build with so many turns of 5 cycles more before each pulse, in one frame only: the 20th."""
-    done = build(load(JOBS / "stream-arm.toml"))
+    done = build(plan_job(load(JOBS / "stream-arm.toml")))
     only = ("movlw 20", "subwf _silence, W", "btfss STATUS, 2", "goto not_now")
     text = before_each_pulse(done.programs[0].firmware.text, *only, *waste(turns), "not_now:")
     schedule = done.plan.schedule
@@ -512,7 +512,7 @@ def test_what_sdcc_makes_of_it_is_exact_too(tmp_path: Path) -> None:
     text = (
         (JOBS / "stream-arm.toml").read_text().replace("neutral", "hold").replace('transmit_pin = "RA3"', "")
     )
-    made = firmware_of(loads(text, "arm.toml"))
+    made = firmware_of(plan_job(loads(text, "arm.toml")))
     image = sdcc_compiled(
         render_stream(made.streamed, "sdcc", made.job.device, "arm"), made.job.device.name, tmp_path, compiler
     )

@@ -9,7 +9,7 @@ from servogen.engines.stream.layout import LATEST, RISE
 from servogen.engines.stream.rendering import LAST, SECOND, THIRD, tick
 from servogen.engines.stream.settings import SAMPLE_GAP
 from servogen.engines.stream.streaming import Streaming, streaming
-from servogen.job import loads
+from servogen.job import loads, plan_job
 from servogen.pic.assembler import Assembly, assemble
 from servogen.pic.isa import Decoded, decode
 
@@ -43,7 +43,7 @@ def chosen(request: pytest.FixtureRequest) -> None:
 
 @cache
 def _numbers(kind: str) -> Streaming:
-    job = loads(JOBS[kind], "job.toml")
+    job = plan_job(loads(JOBS[kind], "job.toml"))
     assert job.stream
     return streaming(job.servos, job.frame, job.clock, job.stream, job.firmware.soft_start_s)
 

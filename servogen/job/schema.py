@@ -1,10 +1,12 @@
 """The shape of a job file: one `Table` a TOML table, one field a key, its unit in the name.
 
-In: nothing. Out: models that `toml` checks a file against. What several keys mean together is `load`'s.
+In: nothing. Out: models that `toml` checks a file against. What several keys mean together, `reader` checks.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
@@ -166,6 +168,13 @@ class DriveTable(Table):
     ramp_s: Seconds = 0.0
     repeat: bool = True
     end: Literal["hold", "release"] | None = None
+
+
+Section = MotionTable | WalkTable | ProgramTable | DriveTable
+SECTIONS: Mapping[str, type[Section]] = MappingProxyType(
+    {"motion": MotionTable, "walk": WalkTable, "program": ProgramTable, "drive": DriveTable}
+)
+"""The sections that say what the servos do."""
 
 
 class FrameTable(Table):

@@ -1,0 +1,156 @@
+"""A `Job` -> `PlannedJob`: the poses, walk, program or drive that its servos make, frame by frame.
+
+In: what a job file says, as checked values; for a walk also another way to go. Out: the servos' trajectory.
+The job file is not read again. Every error names the line and the key that asked for what cannot be done.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import fields, replace
+
+import numpy as np
+
+from servogen.errors import Caution
+from servogen.job.drives import drive_of
+from servogen.job.job import Job, NamedPose, PlannedJob
+from servogen.job.poses import poses_of
+from servogen.job.programs import program_of
+from servogen.job.schema import SECTIONS, DriveTable, MotionTable, ProgramTable, Section, WalkTable
+from servogen.job.streams import still
+from servogen.job.tip import ArmTip
+from servogen.job.torques import arm_torques
+from servogen.job.walks import walk_of
+from servogen.motion import Motion, Planned, trajectory
+from servogen.motion.limits import Limits
+from servogen.motion.trajectory import MAX_FRAMES
+from servogen.robot.model import Arm, Hexapod
+from servogen.toml import file as toml_file
+
+
+def plan_job(job: Job, way: Mapping[str, float] | None = None) -> PlannedJob:
+    """Returns the job with the trajectory of its servos. Raises InputError.
+
+    With `way`, which has the keys of one of [walk] way, the robot walks that way instead of the job's own;
+    without cycles the walk never ends.
+    """
+    section = job.section if way is None else _walking(job, way)
+    planned, poses = _motion(job, section)
+    _check_travel(job, section, planned)
+    _check_soft_start(job, planned)
+    values = {field.name: getattr(job, field.name) for field in fields(Job)}
+    return PlannedJob(
+        **{**values, "section": section},
+        trajectory=planned.trajectory,
+        poses=poses,
+        warnings=(*planned.warnings, *_heavy(job, planned)),
+        notes=planned.notes,
+    )
+
+
+def _walking(job: Job, way: Mapping[str, float]) -> WalkTable:
+    """Returns the job's [walk] with that one way. Raises InputError where something else moves the servos."""
+    if job.section is not None and not isinstance(job.section, WalkTable):
+        moving = _key(job.section)
+        raise job.document.error((moving,), f"the job does not walk: [{moving}] moves its servos")
+    written = job.document.data.get("walk", {})
+    walk = {key: value for key, value in written.items() if key != "end"}
+    walk |= {"way": (dict(way),), "repeat": "cycles" not in way}
+    return toml_file.validate(
+        replace(job.document, data={**job.document.data, "walk": walk}), WalkTable, ("walk",)
+    )
+
+
+def _key(section: Section) -> str:
+    return next(key for key, kind in SECTIONS.items() if isinstance(section, kind))
+
+
+def _motion(job: Job, section: Section | None) -> tuple[Planned, tuple[NamedPose, ...]]:
+    """Returns the motion of the section, and its poses if it has any."""
+    period = job.frame.period.cycles
+    limits = _limits(job)
+    match section:
+        case None:
+            return Planned(still(job.servos, period, job.clock)), ()
+        case MotionTable():
+            poses = poses_of(job.document, section, job.servos, job.tip)
+            names = tuple(servo.name for servo in job.servos)
+            motion = Motion(names, poses, section.repeat, section.end == "release", limits)
+            rows = zip(section.poses, poses, strict=True)
+            named = tuple(NamedPose(row.name, pose.angles) for row, pose in rows)
+            return trajectory(motion, period, job.clock), named
+        case WalkTable():
+            return walk_of(job, section, _joint_limits(job, limits)), ()
+        case ProgramTable():
+            return program_of(job, section, limits), ()
+        case DriveTable():
+            return drive_of(job, section), ()
+
+
+def _joint_limits(job: Job, limits: tuple[Limits, ...]) -> tuple[Limits, ...]:
+    """Returns what each bound joint can do. Raises InputError for a servo that turns no joint."""
+    by_name = dict(zip([servo.name for servo in job.servos], limits, strict=True))
+    joints = tuple(
+        Limits(limit.speed / abs(each.ratio), limit.acceleration / abs(each.ratio))
+        for each in job.bindings
+        for limit in (by_name[each.servo],)
+    )
+    order = [each.servo for each in job.bindings]
+    for index, servo in enumerate(job.servos):
+        if servo.name not in order:
+            raise job.document.error(
+                ("servo", index), f"{servo.name} turns no joint of the robot", "say which: joint = …"
+            )
+    return joints
+
+
+def _limits(job: Job) -> tuple[Limits, ...]:
+    """Returns what each servo can do within what the joint that it turns allows."""
+    joints = {}
+    if isinstance(job.robot, Arm):
+        joints = {joint.name: joint.speed for joint in job.robot.joints}
+    elif isinstance(job.robot, Hexapod):
+        joints = {
+            f"{mount.name}_{joint.name}": joint.speed
+            for mount in job.robot.mounts
+            for joint in job.robot.leg.joints
+        }
+    bound = {each.servo: each for each in job.bindings}
+    found = []
+    for servo in job.servos:
+        speed = math.inf if servo.model.speed is None else servo.model.speed
+        binding = bound.get(servo.name)
+        top = joints.get(binding.joint) if binding else None
+        if binding and top is not None:
+            speed = min(speed, top * abs(binding.ratio))
+        found.append(Limits(speed, servo.model.acceleration or math.inf))
+    return tuple(found)
+
+
+def _heavy(job: Job, planned: Planned) -> tuple[Caution, ...]:
+    """Returns warnings of servos of an arm that cannot carry its weight."""
+    if not isinstance(job.tip, ArmTip):
+        return ()
+    return tuple(arm_torques(job.tip, planned.trajectory.angles, job.servos))
+
+
+def _check_travel(job: Job, section: Section | None, planned: Planned) -> None:
+    """Refuse a spline or a walk that leads a servo beyond its limits though no pose does."""
+    place = job.document.place(_key(section) if section else "motion")
+    for servo, column in zip(job.servos, planned.trajectory.angles.T, strict=True):
+        if not np.isnan(column).all():
+            for angle in (float(np.nanmin(column)), float(np.nanmax(column))):
+                servo.width_us(angle, place)
+
+
+def _check_soft_start(job: Job, planned: Planned) -> None:
+    """Refuse a soft start that makes the motion too long: the neutral pose, and the way to the first one."""
+    motion, asked_s = planned.trajectory, job.firmware.soft_start_s
+    frames = 2 * round(asked_s / motion.clock.seconds(motion.period)) + len(motion.angles)
+    if frames > MAX_FRAMES:
+        raise job.document.error(
+            ("firmware", "soft_start_s"),
+            f"the motion and a soft start of {float(asked_s):g} s are {frames} frames long",
+            f"at most {MAX_FRAMES} frames, {float(MAX_FRAMES * motion.clock.seconds(motion.period)):g} s",
+        )

@@ -1,0 +1,168 @@
+"""A job file -> `Job`. Every error names the line, the key, the value and what is allowed.
+
+In: the path (or the text) of a job file. Out: the frozen `Job`; what its servos do is planned by `plan`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from servogen.engines.player.layout import layout
+from servogen.errors import InputError, Place
+from servogen.job.buttons import buttons_of
+from servogen.job.job import Firmware, Job
+from servogen.job.robots import rig_of
+from servogen.job.schema import SECTIONS, JobTable, Section
+from servogen.job.servos import servos_of
+from servogen.job.streams import stream_of
+from servogen.pic.device import Device, device
+from servogen.pulse.slots import Frame, rises
+from servogen.robot.servo import Servo
+from servogen.toml import file as toml_file
+from servogen.toml.file import Document, exact
+from servogen.units import Clock
+
+LEAST_CLOCK_HZ = 32_000
+"""A watch's crystal has 32768 Hz (DS35007, table of crystal capacitors, mode LP)."""
+
+LEAST_PERIOD_US = 1000.0
+"""As long as a servo's pulse is."""
+
+
+def load(path: str | Path) -> Job:
+    """Returns the job in the file at `path`. Raises InputError."""
+    return _job(toml_file.read(path))
+
+
+def loads(text: str, file: str) -> Job:
+    """Returns the job that `text` is; `file` is its name in errors. Raises InputError."""
+    return _job(toml_file.parse(text, file))
+
+
+def calibrated(job: Job, servo: str, file: str) -> Job:
+    """Returns the job, that servo having the calibration in `file`, beside the job. Raises InputError."""
+    document = job.document
+    rows = [
+        {**{key: value for key, value in row.items() if key != "points"}, "calibration": file}
+        if row.get("name") == servo
+        else row
+        for row in document.data["servo"]
+    ]
+    return _job(replace(document, data={**document.data, "servo": tuple(rows)}))
+
+
+def _job(document: Document) -> Job:
+    table = toml_file.validate(document, JobTable)
+    chip, clock = _chip(document, table)
+    servos = servos_of(document, table.servo)
+    rig = rig_of(document, table, servos)
+    frame = _frame(document, table, clock)
+    stream = stream_of(document, table, servos, clock)
+    if stream is None:
+        _check_frame(table.firmware.engine, servos, frame, clock)
+    return Job(
+        name=_name(document),
+        document=document,
+        device=chip,
+        clock=clock,
+        servos=servos,
+        bindings=rig.bindings,
+        robot=rig.robot,
+        tip=rig.tip,
+        wheels=table.drive.wheels if table.drive else (),
+        frame=frame,
+        firmware=Firmware(
+            table.firmware.dialect,
+            table.firmware.engine,
+            exact(table.firmware.soft_start_s),
+            buttons_of(document, table.firmware, servos),
+        ),
+        stream=stream,
+        section=_section(document, table, needed=stream is None),
+    )
+
+
+def _section(document: Document, table: JobTable, needed: bool) -> Section | None:
+    """Returns the one section that says what the servos do; None where there is none and none is needed."""
+    given = [part for part in SECTIONS if getattr(table, part) is not None]
+    if not given and not needed:
+        return None
+    if len(given) != 1:
+        raise document.error(
+            (given[1],) if given else (),
+            "a job has one of " + ", ".join(f"[{part}]" for part in SECTIONS),
+            None if given else "add [motion] poses = [ … ]",
+        )
+    part = given[0]
+    if document.data[part].get("repeat", True) and "end" in document.data[part]:
+        raise document.error(
+            (part, "end"), "a motion that repeats has no end", "write repeat = false, or leave end away"
+        )
+    section: Section = getattr(table, part)
+    return section
+
+
+def _name(document: Document) -> str:
+    """Returns the name of the job: of a folder in `build/`, and in comments of the C."""
+    name = Path(document.file).stem
+    if name in (".", "..") or any(ord(sign) < ord(" ") for sign in name):
+        raise InputError(
+            f"the file's name makes the job's name {name!r}, which cannot be a folder",
+            Place(document.file),
+            "name the file after the job, as arm.toml",
+        )
+    return name
+
+
+def _chip(document: Document, table: JobTable) -> tuple[Device, Clock]:
+    try:
+        chip = device(table.chip.device)
+    except InputError as error:
+        raise document.error(("chip", "device"), error.message, error.hint) from error
+    if table.chip.clock_hz > chip.max_clock_hz:
+        raise document.error(
+            ("chip", "clock_hz"),
+            f"{table.chip.clock_hz} Hz is above the {chip.name}'s limit of {chip.max_clock_hz} Hz",
+            "the PIC16F84 runs at up to 10 MHz, the PIC16F84A at up to 20 MHz",
+        )
+    if table.chip.clock_hz < LEAST_CLOCK_HZ:
+        raise document.error(
+            ("chip", "clock_hz"),
+            f"{table.chip.clock_hz} Hz is slower than any crystal: at least {LEAST_CLOCK_HZ} Hz",
+            "4 MHz are 4_000_000",
+        )
+    return chip, Clock(table.chip.clock_hz)
+
+
+def _frame(document: Document, table: JobTable, clock: Clock) -> Frame:
+    if table.frame.period_us < LEAST_PERIOD_US:
+        raise document.error(
+            ("frame", "period_us"),
+            f"{table.frame.period_us:g} µs is no longer than a pulse",
+            "20 ms are 20_000 µs",
+        )
+    return Frame(
+        clock.round_us(exact(table.frame.period_us)),
+        exact(table.frame.gap_us),
+        None if table.frame.slot_us is None else exact(table.frame.slot_us),
+        table.frame.per_slot,
+        table.frame.most_together,
+        document.place("frame", "period_us"),
+    )
+
+
+def _check_frame(engine: str, servos: tuple[Servo, ...], frame: Frame, clock: Clock) -> None:
+    """The pulses fit a frame in the slots of the job's engine; of `auto`, in those of one of them."""
+    if engine == "player":
+        layout(servos, frame, clock)
+        return
+    try:
+        rises(servos, frame, clock)
+    except InputError as refused:
+        if engine == "sequence":
+            raise
+        try:
+            layout(servos, frame, clock)
+        except InputError:
+            raise refused from None
