@@ -35,7 +35,7 @@ class Register:
     bits: str = ""
 
     def bit_names(self) -> tuple[str | None, ...]:
-        """The names of bits 0 to 7; None where there is none."""
+        """Return the names of bits 0 to 7; None for a bit without a name."""
         names = [None if name == "-" else name for name in self.bits.split()]
         return tuple(reversed(names)) if names else (None,) * 8
 
@@ -68,13 +68,13 @@ BOTH_BANKS = ("INDF", "PCL", "STATUS", "FSR", "PCLATH", "INTCON")
 
 @cache
 def registers() -> Mapping[str, Register]:
-    """The special function registers by name."""
+    """Return the special function registers by name."""
     return MappingProxyType({register.name: register for register in REGISTERS})
 
 
 @cache
 def register_bits() -> Mapping[str, tuple[Register, int]]:
-    """Each named bit of a register: the register and the bit's number."""
+    """Return each named bit of a register: the register and the bit's number."""
     return MappingProxyType(
         {
             name: (register, bit)
@@ -130,7 +130,7 @@ OPEN_DRAIN_PIN = "RA4"  # DS35007 section 4.1
 
 @dataclass(frozen=True, slots=True)
 class Device:
-    """One member of the family: what differs between the chips."""
+    """One member of the family: the facts in which the chips differ."""
 
     name: str
     max_clock_hz: int
@@ -145,7 +145,7 @@ class Device:
 
     @property
     def short_name(self) -> str:
-        """As assembly sources call it: "16F84"."""
+        """Return the name used in assembly sources: "16F84"."""
         return self.name.removeprefix("PIC")
 
 
@@ -181,7 +181,7 @@ XT_MAX_HZ = 4_000_000  # the same; above, HS
 def config_word(
     oscillator: str, *, watchdog: bool = False, power_up_timer: bool = True, code_protect: bool = False
 ) -> int:
-    """The configuration word of these choices.
+    """Return the configuration word for these choices.
 
     Both chips carry code protection in bits 4 to 13 (0 protects).
     """
@@ -192,7 +192,7 @@ def config_word(
 
 
 def oscillator_for(clock_hz: int) -> str:
-    """The crystal setting of a clock: XT up to 4 MHz, HS above, LP to 200 kHz."""
+    """Return the crystal setting for a clock: XT up to 4 MHz, HS above, LP up to 200 kHz."""
     if clock_hz <= LP_MAX_HZ:
         return "LP"
     return "XT" if clock_hz <= XT_MAX_HZ else "HS"

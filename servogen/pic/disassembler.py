@@ -1,8 +1,8 @@
-"""The disassembler: an `Image` as assembly that assembles to the same image.
+"""The disassembler: translates an `Image` to assembly that assembles to the same image.
 
-In: the contents of a chip. Out: MPASM source with labels for the targets of jumps, the names of registers and
-bits, the configuration word, ID words and data EEPROM. A word that the data sheet does not define, or whose
-ignored bits are not as assemblers write them, is a `dw` with a comment, so that nothing is lost.
+In: the contents of a chip. Out: MPASM source with labels for jump targets, the names of registers and bits,
+the configuration word, ID words and data EEPROM. A word that the data sheet does not define, or whose ignored
+bits differ from what assemblers write, becomes a `dw` with a comment, so that nothing is lost.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ COMMENT_COLUMN = 40
 
 
 def disassemble(image: Image, device: Device) -> str:
-    """The source of an image. The same text for the same image."""
+    """Return the source of an image. The same image always gives the same text."""
     labels = _labels(image)
     sections = [
         _heading(image, device),
@@ -46,7 +46,9 @@ def disassemble(image: Image, device: Device) -> str:
 
 
 def code_protected(config: int | None, device: Device) -> bool:
-    """Whether the configuration word protects the code: any of its bits is low (DS35007 section 6.1)."""
+    """Return whether the configuration word protects the code: any of its protection bits is 0 (DS35007
+    section 6.1).
+    """
     return config is not None and config & device.code_protect_mask != device.code_protect_mask
 
 
@@ -76,7 +78,7 @@ def _configuration(image: Image) -> list[str]:
 
 
 def _labels(image: Image) -> dict[int, str]:
-    """Names for what CALL and GOTO go to, where there is a word."""
+    """Return names for the targets of CALL and GOTO where there is a word."""
     targets: dict[int, str] = {}
     for word in image.program.values():
         decoded = decode(word)
@@ -120,7 +122,9 @@ FILL_FROM = 8
 
 
 def _repeated(words: Sequence[int], address: int, labels: Mapping[int, str]) -> int:
-    """How many words from here on are the same, none of them an instruction or labelled; at least 1."""
+    """Return how many consecutive words from here are equal and neither instructions nor labelled; at least
+    1.
+    """
     if is_exact(words[0]):
         return 1
     count = 1
@@ -139,7 +143,7 @@ def _instruction(word: int, target: Callable[[int], str]) -> str:
 
 
 def _reason(word: int) -> str:
-    """Why a word is not written as an instruction."""
+    """Return the reason why a word is not written as an instruction."""
     if word == ERASED_WORD:
         return f"erased, executes as {assembly_text(word)}"
     if decode(word) is None:
@@ -168,7 +172,7 @@ def _eeprom(eeprom: Mapping[int, int]) -> Iterator[str]:
 
 
 def _runs(words: Mapping[int, int]) -> Iterator[tuple[int, list[int]]]:
-    """The stretches without a gap: the first address and the values."""
+    """Yield the first address and the values of each stretch without a gap."""
     stretch: list[int] = []
     for address in sorted(words):
         if stretch and address != stretch[-1] + 1:

@@ -1,7 +1,8 @@
-"""`Image`: what is on the chip (program, configuration word, data EEPROM, ID words), from and to Intel HEX.
+"""`Image`: the contents of a chip (program, configuration word, data EEPROM, ID words), from and to Intel
+HEX.
 
-In: a HEX file as programmers use it, INHX8M: each word is two bytes, low byte first, at twice its address
-(DS30262, section 3; EEPROM bytes stand in words from 0x2100). Out: an `Image`, or one clear error.
+In: a HEX file in the format of programmers, INHX8M: each word is two bytes, low byte first, at twice its
+address (DS30262, section 3; EEPROM bytes are words from 0x2100 on). Out: an `Image`, or one clear error.
 """
 
 from __future__ import annotations
@@ -37,7 +38,9 @@ def _frozen(words: Words) -> Words:
 
 @dataclass(frozen=True, slots=True)
 class Image:
-    """The contents of one chip. `program` and `eeprom` go by address from 0, `ids` by number 0 to 3."""
+    """The contents of one chip. `program` and `eeprom` are indexed by address from 0, `ids` by number 0
+    to 3.
+    """
 
     program: Words
     config: int | None = None
@@ -49,16 +52,16 @@ class Image:
             object.__setattr__(self, name, _frozen(getattr(self, name)))
 
     def __reduce__(self) -> tuple[type[Image], tuple[object, ...]]:
-        """Returns how to make it again: it crosses from one process to another, its mappings cannot."""
+        """Return how to reconstruct the image in another process, because its mappings cannot be pickled."""
         return Image, (dict(self.program), self.config, dict(self.eeprom), dict(self.ids))
 
     @property
     def words(self) -> int:
-        """How many program words are used."""
+        """Return the number of program words used."""
         return len(self.program)
 
     def flash(self) -> list[int]:
-        """All program words of the chip, erased ones as the chip reads them."""
+        """Return all program words of the chip, with erased ones as the chip reads them."""
         return [self.program.get(address, ERASED_WORD) for address in range(PROGRAM_WORDS)]
 
 
@@ -89,24 +92,26 @@ REGIONS = (
 
 @dataclass(frozen=True, slots=True)
 class HexFile:
-    """What a HEX file holds, and what in it was harmless but unusual, as sentences with their lines."""
+    """The contents of a HEX file, and harmless but unusual findings as sentences with their lines."""
 
     image: Image
     remarks: tuple[str, ...]
 
 
 def from_hex(text: str, file: str | None = None) -> Image:
-    """The image in the text of an Intel HEX file. Raises InputError that names file, line and address."""
+    """Return the image in the text of an Intel HEX file. Raises InputError that names file, line and
+    address.
+    """
     return read_hex(text, file).image
 
 
 def read_hex(text: str, file: str | None = None) -> HexFile:
-    """The image and the remarks of a HEX file, as compilers, assemblers and programmers write them.
+    """Return the image and the findings in a HEX file written by a compiler, assembler or programmer.
 
-    Harmless, and remarked: an erased word as 0xFFFF, the upper two bits of the configuration word as 1, words
+    Harmless, but reported: an erased word as 0xFFFF, the upper two bits of the configuration word as 1, words
     in the reserved places 0x2004-0x2006 (a read-out has the device ID there). The upper byte of an EEPROM
-    word means nothing (DS30262 section 3). Lines that begin with `;` are comments, even after the end.
-    Raises InputError.
+    word is ignored (DS30262 section 3). Lines that begin with `;` are comments, even after the end. Raises
+    InputError.
     """
     remarks: list[str] = []
     found: dict[str, dict[int, int]] = {region.name: {} for region in REGIONS}
@@ -134,7 +139,7 @@ def read_hex(text: str, file: str | None = None) -> HexFile:
 
 
 def to_hex(image: Image) -> str:
-    """The Intel HEX file of an image, the same text for the same image."""
+    """Return the Intel HEX file of an image. The same image always gives the same text."""
     memory = IntelHex()
     config = {} if image.config is None else {0: image.config}
     for region, words in zip(REGIONS, (image.program, image.ids, config, image.eeprom), strict=True):
@@ -148,7 +153,7 @@ def to_hex(image: Image) -> str:
 
 @dataclass(slots=True)
 class _Halves:
-    """The two bytes of a word as they are found, and the line of the last."""
+    """The two bytes of a word as they are read, and the line of the last."""
 
     low: int | None = None
     high: int | None = None
@@ -170,7 +175,7 @@ _BASES = ("02", "04")
 
 
 def _records(text: str, file: str | None) -> list[_Record]:
-    """Returns each data record, read by intelhex by itself so that a defect has its line."""
+    """Return each data record, parsed by intelhex one at a time, so that an error can name its line."""
     records: list[_Record] = []
     base = ""
     count = 0
@@ -213,7 +218,7 @@ HEX_HINT = "an Intel HEX file has lines that begin with ':' and ends with :00000
 
 
 def _not_hex(line: str, begun: bool) -> str:
-    """What to say of a line without a colon."""
+    """Return the message for a line without a colon."""
     if any(not char.isprintable() for char in line):
         return "this is a binary file, not an Intel HEX file"
     shown = line if len(line) <= 20 else line[:20] + "…"
@@ -223,7 +228,7 @@ def _not_hex(line: str, begun: bool) -> str:
 
 
 def _defect(line: str) -> str | None:
-    """One sentence that says what is wrong with a record; None when nothing is."""
+    """Return one sentence that says what is wrong with a record; None if nothing is."""
     for column, char in enumerate(line[1:], 2):
         if char not in string.hexdigits:
             return f"'{char}' in column {column} is no hexadecimal digit"

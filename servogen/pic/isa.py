@@ -1,8 +1,8 @@
-"""The instructions of the PIC16F84 as data: one row each; encoder, decoder and cycle cost derive from it.
+"""The instructions of the PIC16F84 as data, one row each; encoder, decoder and cycle counts derive from it.
 
-In: a 14-bit word, or a mnemonic and its operands. Out: the other one.
-Source: DS35007B section 7 "Instruction Set Summary", table 7-2, and DS33023 section 29; OPTION and TRIS,
-which the chip still executes, from DS33023 section 29 and DS30430 section 9.
+In: a 14-bit word, or a mnemonic and its operands. Out: the other form. Source: DS35007B section 7
+"Instruction Set Summary", table 7-2, and DS33023 section 29; OPTION and TRIS, which the chip still executes,
+from DS33023 section 29 and DS30430 section 9.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Instruction:
 
     @property
     def skips(self) -> bool:
-        """Whether it may skip the next instruction."""
+        """Return whether it may skip the next instruction."""
         return self.flow == "skip"
 
     @property
@@ -53,7 +53,7 @@ class Instruction:
 
     @property
     def operands(self) -> str:
-        """The fields in the order in which assembly writes them: "fd", "fb", "f", "k" or ""."""
+        """Return the fields in the order of assembly: "fd", "fb", "f", "k" or ""."""
         return "".join(field for field in "fdbk" if field in self.bits)
 
     def width(self, field: str) -> int:
@@ -115,7 +115,7 @@ TRIS_PORTS = (5, 6)
 
 @dataclass(frozen=True, slots=True)
 class Decoded:
-    """A word taken apart: the row and the values of its fields (0 where it has none)."""
+    """A decoded word: the row and the values of its fields (0 for fields that it does not have)."""
 
     instruction: Instruction
     f: int = 0
@@ -126,20 +126,20 @@ class Decoded:
 
 @cache
 def by_mnemonic() -> Mapping[str, Instruction]:
-    """All 37 rows by mnemonic, upper case."""
+    """Return all 37 rows by mnemonic, in upper case."""
     return {row.mnemonic: row for row in (*INSTRUCTIONS, *LEGACY)}
 
 
 def decode(word: int) -> Decoded | None:
-    """What the chip makes of a 14-bit word; None when the data sheets do not define it."""
+    """Return the meaning of a 14-bit word to the chip; None if the data sheets do not define it."""
     return decoder()[word]
 
 
 @cache
 def decoder() -> tuple[Decoded | None, ...]:
-    """`decode` of each of the 16384 words."""
+    """Return `decode` of each of the 16384 words."""
     words: list[Decoded | None] = [None] * (WORD_MASK + 1)
-    for row in reversed((*INSTRUCTIONS, *LEGACY)):  # where two rows match, the earlier one holds
+    for row in reversed((*INSTRUCTIONS, *LEGACY)):  # if two rows match, the earlier one takes precedence
         fields = [(field, row.shift(field), (1 << row.width(field)) - 1) for field in row.operands]
         for word in _words_of(row):
             values = {field: word >> shift & mask for field, shift, mask in fields}
@@ -149,7 +149,7 @@ def decoder() -> tuple[Decoded | None, ...]:
 
 
 def _words_of(row: Instruction) -> Iterator[int]:
-    """Every word that the row's pattern matches."""
+    """Yield every word that the row's pattern matches."""
     free, match = ~row.mask & WORD_MASK, row.match
     rest = free
     while True:
@@ -160,7 +160,7 @@ def _words_of(row: Instruction) -> Iterator[int]:
 
 
 def encode(mnemonic: str, *, f: int = 0, d: int = 0, b: int = 0, k: int = 0) -> int:
-    """The word of an instruction; bits that the chip ignores are as assemblers write them.
+    """Return the word of an instruction, with ignored bits as assemblers write them.
 
     Raises KeyError for an unknown mnemonic and ValueError for a field that does not fit, so that callers
     (assembler, compiler) can say where.

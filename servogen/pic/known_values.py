@@ -1,7 +1,7 @@
-"""What an instruction makes of values of which some are known (DS35007 section 7).
+"""Constant propagation: the results of instructions on values of which some are known (DS35007 section 7).
 
-In: a program word, and the bytes and flags that are known before it. Out: those known after it. Values are
-kept by place: a RAM address, `FSR`, or one of `W`, `CARRY` and `ZERO`; what is missing is not known.
+In: a program word, and the bytes and flags known before it. Out: those known after it. Values are kept by
+place: a RAM address, `FSR`, or one of `W`, `CARRY` and `ZERO`; a missing place is not known.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ Known = dict[int, int]
 
 
 class Undefined(Exception):
-    """A word that no data sheet defines."""
+    """Raised for a word that no data sheet defines."""
 
 
 @dataclass(frozen=True, slots=True)
 class Word:
-    """A decoded instruction, with what is asked of it again and again."""
+    """A decoded instruction with derived facts that are needed often."""
 
     name: str
     f: int
@@ -50,7 +50,7 @@ class Word:
 
 @cache
 def word_of(number: int) -> Word:
-    """Decode a word. Raises Undefined."""
+    """Return a decoded word. Raises Undefined."""
     found = decode(number)
     if found is None:
         raise Undefined
@@ -93,7 +93,9 @@ _OF_TWO: Mapping[str, Callable[[int, int], tuple[int, int | None]]] = {
 def known_result(
     mnemonic: str, w: int | None, f: int | None, k: int | None, b: int, carry: int | None
 ) -> tuple[int | None, int | None]:
-    """The (result, carry) of an instruction from W, its byte, literal, bit and the carry; None: not known."""
+    """Return the (result, carry) of an instruction from W, its byte, literal, bit and the carry; None: not
+    known.
+    """
     if mnemonic == "MOVLW":
         return k, None
     if mnemonic == "MOVWF":
@@ -114,7 +116,7 @@ def known_result(
 
 
 def place_of(f: int, known: Known) -> int | None:
-    """The place that an operand f addresses; None for what is not followed."""
+    """Return the place that an operand f addresses; None for places that are not tracked."""
     if f == INDF:
         if FSR not in known:
             return None
@@ -123,7 +125,7 @@ def place_of(f: int, known: Known) -> int | None:
 
 
 def skipped(word: Word, known: Known, changing: Collection[int] = ()) -> bool | None:
-    """Whether the next instruction is skipped; None where that is not known. Changes what is known."""
+    """Return whether the next instruction is skipped; None if that is not known. Updates `known`."""
     if word.name in ("BTFSC", "BTFSS"):
         if word.f == STATUS:
             bit = known.get(_FLAGS.get(word.b, PCL))
@@ -139,7 +141,7 @@ def skipped(word: Word, known: Known, changing: Collection[int] = ()) -> bool | 
 
 
 def execute(word: Word, known: Known, changing: Collection[int] = ()) -> None:
-    """Change what is known as the instruction does; places that are `changing` are never known."""
+    """Update what is known by executing an instruction; places that are `changing` are never known."""
     name = word.name
     place = place_of(word.f, known) if word.has_f else None
     if word.f == STATUS and word.writes_f:

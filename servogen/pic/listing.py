@@ -1,7 +1,7 @@
-"""`Listing`: which source line made which word, and what it costs.
+"""`Listing`: maps each word to its source line and its cost.
 
-In: rows and functions, from the compiler or the assembler. Out: the text of a .lst file, the same for the
-same values; the simulator's trace and profile read the values themselves.
+In: rows and functions, from the compiler or the assembler. Out: the text of a .lst file, always the same for
+the same values; the simulator's trace and profile read the values themselves.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class ListingRow:
 
 @dataclass(frozen=True, slots=True)
 class ListedFunction:
-    """A function or routine: its words are `start` up to but not including `end`."""
+    """A function or routine: its words run from `start` up to, but not including, `end`."""
 
     name: str
     start: int
@@ -57,7 +57,7 @@ class Listing:
 
 
 def listing_text(listing: Listing) -> str:
-    """The .lst file: each source line with its words, then the functions, then the map of RAM."""
+    """Return the .lst file: each source line with its words, then the functions, then the map of RAM."""
     parts = [_code(listing), _functions(listing), _ram(listing)]
     return "\n".join(line for part in parts for line in part) + "\n"
 
@@ -110,7 +110,7 @@ def _range(function: ListedFunction) -> str:
 
 
 def _ram(listing: Listing) -> Iterator[str]:
-    """The variables, and which of the chip's bytes are free."""
+    """Yield the variables, and which of the chip's bytes are free."""
     if not listing.variables:
         return
     yield "addr  bytes  variable"

@@ -1,8 +1,8 @@
-"""How one word is written in assembly, and what it costs.
+"""The text of one word in assembly, and its cycles.
 
 In: a 14-bit word. Out: text such as `BTFSC PORTB, RB3`, and the cycles as the data sheet writes them. An
-instruction knows no bank: an address below 0x0C has the name of its bank 0 register, and `other_bank` gives
-the name that it has when RP0 is 1.
+instruction does not contain the bank: an address below 0x0C is given the name of its bank 0 register, and
+`other_bank` returns its name when RP0 is 1.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ def _bank(number: int) -> dict[int, Register]:
 
 
 def register_name(address: int) -> str:
-    """The name of a bank 0 register, or the address."""
+    """Return the name of a bank 0 register, or the address."""
     register = _bank(0).get(address)
     return register.name if register else f"0x{address:02X}"
 
 
 def other_bank(address: int) -> str | None:
-    """The name of the register at this address in bank 1, where it differs."""
+    """Return the name of the register at this address in bank 1, if it differs."""
     register = _bank(1).get(address)
     return register.name if register else None
 
 
 def bit_spelling(name: str) -> str:
-    """The data sheet's name of a bit as assembly writes it: a bar above it becomes NOT_."""
+    """Return the data sheet's name of a bit as written in assembly: a bar above it becomes NOT_."""
     return f"NOT_{name}" if name in LOW_ACTIVE_BITS else name
 
 
 def bit_name(address: int, bit: int) -> str:
-    """The name of a bit of a bank 0 register, or its number."""
+    """Return the name of a bit of a bank 0 register, or its number."""
     register = _bank(0).get(address)
     name = register.bit_names()[bit] if register else None
     return bit_spelling(name) if name else str(bit)
@@ -51,7 +51,9 @@ def hexadecimal(address: int) -> str:
 
 
 def assembly_text(word: int, target: Callable[[int], str] = hexadecimal) -> str:
-    """The instruction as text, a `dw` when the data sheet defines none. `target` names what jumps go to."""
+    """Return the instruction as text, a `dw` if the data sheet does not define it. `target` names jump
+    targets.
+    """
     decoded = decode(word)
     if decoded is None:
         return f"dw 0x{word:04X}"
@@ -71,7 +73,7 @@ def _operand(decoded: Decoded, field: str, target: Callable[[int], str]) -> str:
 
 
 def is_exact(word: int) -> bool:
-    """Whether the instruction's text gives back this very word, its ignored bits too."""
+    """Return whether assembling the instruction's text gives this very word, including its ignored bits."""
     decoded = decode(word)
     if decoded is None:
         return False
@@ -80,7 +82,7 @@ def is_exact(word: int) -> bool:
 
 
 def cycles_text(word: int) -> str:
-    """Instruction cycles: "1", "2", or "1(2)" for what may skip. Empty for an undefined word.
+    """Return the instruction cycles: "1", "2", or "1(2)" for a possible skip. Empty for an undefined word.
 
     An instruction that writes PCL takes 2 (DS33023 section 29, note of the instruction set's table).
     """

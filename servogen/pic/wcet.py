@@ -1,19 +1,22 @@
 """Best-case and worst-case execution times, from the words of a program.
 
-In: program words and where its functions are. Out: `Times` of a function, from its first instruction to the
-end of its return; or the most cycles from one address to others. Costs are those of DS35007 table 7-2.
+In: program words and the starts of its functions. Out: `Times` of a function, from its first instruction to
+the end of its return; or the maximum number of cycles from one address to others. Costs are those of DS35007
+table 7-2.
 
-Instructions are followed with the values that are known, so that a loop whose counter begins at a constant is
-gone through as often as it will be; where a value is not known, both edges of a skip are. That gives a graph
-of states, an address with what is known there. A cycle in it is a loop without a known bound; without cycles
-the times are its shortest and its longest path. Three things keep it small:
+Instructions are executed abstractly, with the values that are known, so that a loop whose counter starts at a
+constant is repeated exactly as often as on the chip; if a value is not known, both edges of a skip are
+followed. The result is a graph of states, a state being an address with the values known there. A cycle in
+the graph is a loop without a known bound; without cycles, the times are its shortest and its longest path.
+Three techniques keep the graph small:
 
-- what no instruction will read any more is forgotten, so that paths meet again;
-- a loop that does nothing but count is one step (`_counted_loop`), so are the turns of a loop that are alike
-  but for its counter (`_Walk.turns`), and a piece of code that always takes the same time (`pieces`);
-- a function is explored once, with nothing known; again for the values of one call only if that has no bound.
+- values that no instruction will read any more are dropped, so that paths merge;
+- a loop that only counts is one step (`_counted_loop`), as are the iterations of a loop that differ only in
+  the counter (`_Walk.turns`), and a piece of code that always takes the same time (`pieces`);
+- a function is explored once, with nothing known, and again for the values of one call only if the first
+  exploration finds no bound.
 
-Interrupts are not counted. The bytes that an interrupt changes have to be given as `changing`.
+Interrupts are not counted. The bytes that an interrupt changes must be given as `changing`.
 """
 
 from __future__ import annotations
@@ -59,7 +62,9 @@ _BITS = {W: RAM_LAST + 1, CARRY: RAM_LAST + 2, ZERO: RAM_LAST + 3}
 
 @dataclass(frozen=True, slots=True)
 class Unbounded:
-    """Why a time has no upper bound: a "loop", a "call", a "computed jump", "sleep", or "too many states"."""
+    """The reason why a time has no upper bound: a "loop", a "call", a "computed jump", "sleep", or "too many
+    states".
+    """
 
     kind: str
     addresses: tuple[int, ...]
@@ -68,7 +73,7 @@ class Unbounded:
 
 @dataclass(frozen=True, slots=True)
 class Times:
-    """Times of a function; `shortest` is None where it never returns, `longest` where there is no bound."""
+    """Times of a function; `shortest` is None if it never returns, `longest` if there is no bound."""
 
     shortest: Cycles | None
     longest: Cycles | None
@@ -83,7 +88,7 @@ _Edge = tuple[int, int | None, _State | None]
 
 @dataclass(frozen=True, slots=True)
 class _Piece:
-    """Code that always takes the same time from its beginning to `end`."""
+    """Code that always takes the same time from its start to `end`."""
 
     cycles: int
     end: int
@@ -91,7 +96,7 @@ class _Piece:
 
 
 class _NoBound(Exception):
-    """Something whose time is not known."""
+    """Raised for something whose time is not known."""
 
     def __init__(self, kind: str, at: int) -> None:
         super().__init__(kind)
@@ -99,10 +104,10 @@ class _NoBound(Exception):
 
 
 class Program:
-    """The words of a program, and what its functions take.
+    """The words of a program, and the times of its functions.
 
-    `bounds` gives, for addresses inside loops, how often one call can pass them. `pieces` are (start, end)
-    of code that is worth exploring once by itself, as delays are.
+    `bounds` gives, for addresses inside loops, how often one call can pass them. `pieces` are (start, end) of
+    code that is worth exploring once on its own, such as delays.
     """
 
     def __init__(
@@ -132,17 +137,17 @@ class Program:
 
     @cached_property
     def home(self) -> Mapping[int, int]:
-        """The first address of the function that each address is in."""
+        """Return the first address of the function that each address belongs to."""
         return {at: each.start for each in self.functions.values() for at in range(each.start, each.end)}
 
     # what is asked
 
     def times(self, start: int) -> Times:
-        """The times of the function at `start`, whatever it is called with."""
+        """Return the times of the function at `start`, for any arguments."""
         return self._times_from(start, ())
 
     def times_with_arguments(self, start: int) -> Times:
-        """The times over all its calls, where they are bounded only by the values that these bring along."""
+        """Return the times over all its calls, if they are bounded only with the values that these pass."""
         alone = self.times(start)
         calls = [times for (at, known), times in self._times.items() if at == start and known]
         if alone.longest is not None or not calls or any(each.longest is None for each in calls):
@@ -152,10 +157,11 @@ class Program:
         return Times(min(shortest, default=None), max(longest))
 
     def longest(self, start: int, ends: Collection[int], without: Collection[int] = ()) -> Cycles | None:
-        """The most cycles from `start` to the first of `ends`; paths through `without` do not count.
+        """Return the maximum number of cycles from `start` to the first of `ends`; paths through `without`
+        are excluded.
 
-        None where a loop has no known bound, no path leads to an end, or a computed jump leads anywhere but
-        into a table of RETLW. A return from the function that `start` is in goes to each of its callers.
+        None if a loop has no known bound, no path leads to an end, or a computed jump leads anywhere but into
+        a table of RETLW. A return from the function that `start` is in goes to each of its callers.
         """
         try:
             walk = _Walk(self, frozenset(ends), frozenset(without), MAX_STATES, returns_to_callers=True)
@@ -193,7 +199,7 @@ class Program:
         return walk.times()
 
     def call(self, target: int, known: Known) -> Times:
-        """The times of a function as it is called with these values."""
+        """Return the times of a function called with these values."""
         times = self.times(target)
         if times.longest is None:
             read = self.live.get(target, -1) & self._reads(target)
@@ -203,11 +209,11 @@ class Program:
         return times
 
     def piece(self, at: int) -> _Piece | None:
-        """The piece of code that begins at an address, where its time is always the same."""
+        """Return the piece of code that begins at an address, if it always takes the same time."""
         if at not in self._pieces:
             return None
         if at not in self._piece_times:
-            self._piece_times[at] = None  # while it is explored it is not one step
+            self._piece_times[at] = None  # while it is being explored it is not one step
             self._piece_times[at] = self._explored_piece(at, self._pieces[at])
         return self._piece_times[at]
 
@@ -223,7 +229,7 @@ class Program:
         return None if INDF in fs else _Piece(times.longest, end, frozenset(changed | fs))
 
     def reached(self, start: int) -> frozenset[int]:
-        """The addresses that a call of `start` may execute, without the RETLW of tables."""
+        """Return the addresses that a call of `start` may execute, without the RETLWs of tables."""
         if start not in self._reached:
             found: set[int] = set()
             waiting = [start]
@@ -239,7 +245,7 @@ class Program:
         return self._reached[start]
 
     def _followers(self, at: int) -> list[int]:
-        """Where execution continues inside a function."""
+        """Return the addresses inside the function where execution may continue."""
         word = self.word(at)
         if word.flow == "jump":
             return [word.k]
@@ -248,7 +254,7 @@ class Program:
         return [at + 1, at + 2] if word.flow == "skip" else [at + 1]
 
     def changes(self, start: int) -> frozenset[int]:
-        """The places that a call of `start` may change; through INDF it may be any."""
+        """Return the places that a call of `start` may change; through INDF this may be any place."""
         if start not in self._changes:
             fs = {word.f for word in map(self.word, self.reached(start)) if word.writes_f}
             every = range(RAM_FIRST, RAM_LAST + 1) if INDF in fs else fs
@@ -256,7 +262,7 @@ class Program:
         return self._changes[start]
 
     def _reads(self, start: int) -> int:
-        """The places that a call of `start` may read, as a bit set."""
+        """Return the places that a call of `start` may read, as a bit set."""
         if start not in self._read:
             found = 0
             for at in self.reached(start):
@@ -265,14 +271,16 @@ class Program:
         return self._read[start]
 
     def _counters(self, start: int) -> frozenset[int]:
-        """The bytes that the function at `start` counts in, W, FSR and the flags."""
+        """Return the bytes that the function at `start` counts in, W, FSR and the flags."""
         words = [self.word(at) for at in self.reached(start)]
         counts = {each.f for each in words if each.name in ("DECFSZ", "INCFSZ", "DECF", "INCF")}
         return frozenset({W, CARRY, ZERO, FSR, *counts})
 
     @property
     def heads(self) -> set[int]:
-        """Addresses that are reached other than from the instruction before them: states are kept there."""
+        """Return the addresses that are reached other than from the preceding instruction; states are kept
+        there.
+        """
         if self._heads is None:
             self._heads = set(self.functions) | set(self.bounds)
             for at in self._words:
@@ -285,7 +293,9 @@ class Program:
         return self._heads
 
     def callers(self, home: int, seen: set[int]) -> Iterator[int]:
-        """Where a return from the function at `home` may lead; a function that jumps to it returns for it."""
+        """Yield the addresses to which a return from the function at `home` may lead; a function that jumps
+        to it returns through it.
+        """
         if home in seen:
             return
         seen.add(home)
@@ -297,7 +307,9 @@ class Program:
                 yield from self.callers(self._home_of(at), seen)
 
     def check_table(self, at: int) -> None:
-        """A computed jump at `at` goes to a RETLW: nothing else may follow it, up to the function's end."""
+        """Check that a computed jump at `at` leads to a RETLW: only RETLWs may follow it, up to the end of
+        the function.
+        """
         start = self._home_of(at)
         end = self.functions[start].end
         if any(self.word(after).name != "RETLW" for after in range(at + 1, end)):
@@ -305,10 +317,10 @@ class Program:
 
     @cached_property
     def live(self) -> Mapping[int, int]:
-        """For each address, the places that some instruction may still read, as a bit set.
+        """Return, for each address, the places that some instruction may still read, as a bit set.
 
-        It only decides what is worth remembering, so that paths meet: forgetting too much costs precision,
-        never soundness. A return leads back to every caller of any function.
+        It only decides which values are kept, so that paths merge: forgetting too much costs precision, never
+        soundness. A return leads back to every caller of any function.
         """
         at_return = 0
         live: dict[int, int] = dict.fromkeys(self._words, 0)
@@ -349,7 +361,7 @@ def _is_live(place: int, live: int) -> bool:
 
 
 def _uses_and_kills(word: Word) -> tuple[int, int]:
-    """What an instruction reads, and what it overwrites entirely, as bit sets."""
+    """Return what an instruction reads, and what it overwrites entirely, as bit sets."""
     uses = kills = 0
     if "W" in word.reads:
         uses |= _bit(W)
@@ -375,7 +387,7 @@ def _uses_and_kills(word: Word) -> tuple[int, int]:
 
 @dataclass(slots=True)
 class _Walk:
-    """The graph of states from one start."""
+    """The graph of states reached from one start."""
 
     program: Program
     ends: frozenset[int]
@@ -421,7 +433,9 @@ class _Walk:
 
     @property
     def unbounded(self) -> tuple[Unbounded, ...]:
-        """Everything that has no bound: calls and jumps as they were met, then loops, outer ones first."""
+        """Return everything without a bound: calls and jumps as they were met, then loops, outer ones
+        first.
+        """
         graph = {
             state: [after for _, _, after in ways if after is not None] for state, ways in self.edges.items()
         }
@@ -430,9 +444,10 @@ class _Walk:
         return tuple({**self.reasons, **loops})
 
     def _loops(self, graph: Mapping[_State, list[_State]], *, returns: bool) -> Iterator[tuple[int, ...]]:
-        """The addresses of each loop, then of those that are left inside it without its first address.
+        """Yield the addresses of each loop, then of the loops that remain inside it without its first
+        address.
 
-        Where the function never returns, a jump to itself is its end.
+        If the function never returns, a jump to itself is its end.
         """
         for part in components(graph):
             if not returns and len(part) == 1 and self._stands_still(part[0][0]):
@@ -455,7 +470,7 @@ class _Walk:
         return None if found is None else Cycles(found)
 
     def _shortest(self) -> Cycles | None:
-        """Dijkstra's algorithm."""
+        """Return the length of the shortest path by Dijkstra's algorithm; None if there is none."""
         assert self.start is not None
         best = {self.start: 0}
         heap: list[tuple[int, int, _State]] = [(0, 0, self.start)]
@@ -466,7 +481,9 @@ class _Walk:
             if cost > best[state] or (end is not None and cost >= end):
                 continue
             for least, _, after in self.edges.get(state, ()):
-                if after is None or after not in self.edges:  # the search was given up: at least so long
+                if (
+                    after is None or after not in self.edges
+                ):  # the search was abandoned: this is a lower bound
                     end = cost + least if end is None else min(end, cost + least)
                 elif cost + least < best.get(after, cost + least + 1):
                     best[after] = cost + least
@@ -477,12 +494,12 @@ class _Walk:
     # states
 
     def turns(self, state: _State) -> list[_Edge]:
-        """All turns of a loop but the last in one step, where they differ in nothing but the counter.
+        """Return all iterations of a loop except the last as one step, if they differ only in the counter.
 
-        One turn is gone through. It has to be the only path; nothing else that is known may have changed;
-        and on it the counter is only touched by one DECFSZ or DECF, which tell nothing of the result but
-        whether it is 0. Then each turn down to the counter's last is the same path with the same cycles.
-        Empty where that is not so.
+        One iteration is executed. It must be the only path and leave everything else that is known unchanged,
+        and the counter may only be accessed by one DECFSZ or DECF, which reveal nothing of the result but
+        whether it is 0. Then every iteration down to the last value of the counter is the same path with the
+        same cycles. Empty if these conditions do not hold.
         """
         at = state[0]
         if at in self.uneven or at not in self.program.heads:
@@ -525,7 +542,7 @@ class _Walk:
         return [(turns * cycles, turns * cycles, (at, state[1], state[2], last))]
 
     def _run(self, state: _State) -> Iterator[_Edge]:
-        """From a state along the only path, up to where paths part or meet."""
+        """Follow the only path from a state up to where paths part or meet."""
         least, most = 0, 0
         unknown = False
         while True:
@@ -546,7 +563,9 @@ class _Walk:
             return
 
     def _within(self, before: _State, way: _Edge) -> _Edge:
-        """Code that runs on into another function ends there: the start-up in front of main."""
+        """Return the edge, ended at the boundary of the function if its code runs on into another: the
+        start-up code before main.
+        """
         least, most, after = way
         if after is None or self.returns_to_callers or after[0] not in self.program.functions:
             return way
@@ -554,7 +573,7 @@ class _Walk:
         return (least, most, None) if runs_on else way
 
     def _kept(self, state: _State | None) -> _State | None:
-        """A state without what need not be remembered."""
+        """Return a state without the values that need not be remembered."""
         if state is None:
             return None
         at, home, stack, known = state
@@ -568,7 +587,7 @@ class _Walk:
         return at, home, stack, kept
 
     def _steps(self, state: _State) -> Iterator[_Edge]:
-        """What one instruction, or one loop that only counts, leads to."""
+        """Yield the successors of one instruction, or of one loop that only counts."""
         at, home, stack, before = state
         if at in self.ends and state != self.start:
             yield 0, 0, None
@@ -612,7 +631,9 @@ class _Walk:
             yield 1, 1, (at + 1, home, stack, _frozen(known))
 
     def _jump(self, at: int, word: Word, state: _State, known: Known) -> Iterator[_Edge]:
-        """Inside the function, or to another one, which returns for it."""
+        """Yield the edges of a jump inside the function, or to another function, which returns in its
+        place.
+        """
         _, home, stack, _ = state
         elsewhere = word.k in self.program.functions and word.k != home
         if self.returns_to_callers:
@@ -629,7 +650,7 @@ class _Walk:
         return self.program.home.get(at, home)
 
     def _passed(self, at: int, known: Known) -> bool:
-        """Whether an address may be passed once more."""
+        """Count a pass of an address, and return whether another is allowed."""
         bound = self.program.bounds.get(at)
         if bound is None:
             return True
@@ -656,7 +677,7 @@ class _Walk:
         yield 2 + times.shortest, most, (at + 1, home, stack, _frozen(kept))
 
     def _call_times(self, at: int, word: Word, known: Known) -> Times:
-        """The times of the function that is entered at `at`."""
+        """Return the times of the function that is entered at `at`."""
         times = self.program.call(word.k, known)
         if times.longest is None:
             if self.returns_to_callers:
@@ -665,7 +686,9 @@ class _Walk:
         return times
 
     def _computed_jump(self, at: int, state: _State, known: Known) -> Iterator[_Edge]:
-        """Into a table: the jump takes two cycles, the RETLW behind it two."""
+        """Yield the edges of a jump into a table: the jump takes two cycles, the RETLW it reaches two
+        more.
+        """
         try:
             self.program.check_table(at)
         except _NoBound:
@@ -689,7 +712,8 @@ class _Walk:
 
 
 def _counted_loop(program: Program, at: int, word: Word, known: Known) -> tuple[int, int] | None:
-    """The cycles of a loop that only counts, and the address behind it. Changes what is known.
+    """Return the cycles of a loop that only counts, and the address after it; None for other code. Updates
+    `known`.
 
     loop DECFSZ f,F     loop DECF f,F           loop ADDLW 0xFF
          GOTO loop           BTFSS STATUS,Z          BTFSS STATUS,Z

@@ -1,6 +1,6 @@
-"""`assemble`: a source of MPASM's language into an `Image` and its `Listing`.
+"""`assemble`: translates a source in MPASM's language into an `Image` and its `Listing`.
 
-Two passes over the same lines: the first finds where the labels are, the second places the words.
+Two passes over the same lines: the first determines the addresses of the labels, the second places the words.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from servogen.pic.spelling import assembly_text, cycles_text
 
 @dataclass(frozen=True, slots=True)
 class Assembly:
-    """What a source makes. `warnings` are MPASM's warnings and messages, in the order of the source."""
+    """The result of assembling a source. `warnings` are MPASM's warnings and messages, in source order."""
 
     image: Image
     listing: Listing
@@ -42,10 +42,10 @@ class Assembly:
 def assemble(
     text: str, file: str = "source.asm", device: Device | None = None, include: Include | None = None
 ) -> Assembly:
-    """Assembles a source. Raises AssemblyError with every error found.
+    """Assemble a source. Raises AssemblyError with every error found.
 
-    `device` None takes the one that the source names, the PIC16F84 when it names none. `include` gives the
-    text of an include file, see `beside`; the chips' own headers are built in.
+    If `device` is None, the source selects it, with the PIC16F84 as default. `include` returns the text of an
+    include file, see `beside`; the chips' own headers are built in.
     """
     symbols = Symbols()
     directives = {**DEFINITIONS, **LAYOUT, **CONTROL, **SETTINGS}
@@ -81,7 +81,7 @@ def assemble(
 
 
 def beside(directory: Path) -> Include:
-    """Include files from a directory, their names in any case, as sources for DOS write them."""
+    """Return a reader of include files in a directory; names match in any case, as DOS sources expect."""
 
     def read(name: str) -> str | None:
         wanted = directory / name.replace("\\", "/")
@@ -102,7 +102,7 @@ def _listing(state: Pass, labels: Sequence[tuple[str, int]], sources: tuple[tupl
 
 
 def _rows(state: Pass) -> tuple[ListingRow, ...]:
-    """The program words; what is outside the program is in no row."""
+    """Return the program words as listing rows; words outside the program are omitted."""
     return tuple(
         ListingRow(
             each.address,
@@ -118,5 +118,5 @@ def _rows(state: Pass) -> tuple[ListingRow, ...]:
 
 
 def _variables(state: Pass) -> tuple[tuple[int, str, int], ...]:
-    """The entries of CBLOCK that lie in RAM: what a source calls its variables."""
+    """Return the entries of CBLOCK that lie in RAM: the variables of an assembly source."""
     return tuple(sorted(each for each in state.blocks if RAM_FIRST <= each[0] <= RAM_LAST))

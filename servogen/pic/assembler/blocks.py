@@ -1,4 +1,4 @@
-"""What spans several lines: a macro's definition, an open IF, and the lines that are still to do.
+"""Constructs that span several lines: a macro's definition, an open IF, and the lines still to be processed.
 
 In: the lines of a source or of a macro. Out: one line after the other, or the whole block up to its end.
 """
@@ -23,7 +23,7 @@ class Macro:
 
 @dataclass(slots=True)
 class Condition:
-    """An open IF: whether its lines count, whether a branch was taken, and where it began."""
+    """An open IF: whether its lines are assembled, whether a branch was taken, and where it began."""
 
     active: bool
     taken: bool
@@ -33,7 +33,7 @@ class Condition:
 
 @dataclass(frozen=True, slots=True)
 class Placed:
-    """A word that a line made; `is_code` tells an instruction from data."""
+    """A word placed by a line; `is_code` distinguishes an instruction from data."""
 
     address: int
     word: int
@@ -42,23 +42,23 @@ class Placed:
 
 
 class EndOfSource(Exception):
-    """END was met."""
+    """Raised when END is reached."""
 
 
 class ExitMacro(Exception):
-    """EXITM was met."""
+    """Raised when EXITM is reached."""
 
 
 class OutOfBudget(Exception):
-    """The source takes more work than any program of the chip; the log has the error."""
+    """Raised when the source takes more work than any program of the chip; the log has the error."""
 
 
 class TooManyErrors(Exception):
-    """The rest of the source would say nothing new."""
+    """Raised when so many errors have been found that more would be of no use."""
 
 
 class Reader:
-    """The lines that are still to do at one level of nesting."""
+    """The lines still to be processed at one level of nesting."""
 
     def __init__(self, lines: Sequence[SourceLine]) -> None:
         self._lines = lines
@@ -71,7 +71,7 @@ class Reader:
         return self._lines[self._index - 1]
 
     def block(self, begin: str, end: str, opened: Statement) -> list[SourceLine]:
-        """The lines up to the matching `end`, which is consumed; blocks of the same kind nest."""
+        """Return the lines up to the matching `end`, which is consumed; blocks of the same kind nest."""
         taken: list[SourceLine] = []
         depth = 1
         pattern = re.compile(rf"(?:[^\s;\"']+\s+|\s+)?({begin}|{end})\b(?!\s*[:=])", re.IGNORECASE)

@@ -1,4 +1,4 @@
-"""Directives that choose which lines are assembled: IF, WHILE, MACRO, INCLUDE, END and their kin."""
+"""Directives that select which lines are assembled: IF, WHILE, MACRO, INCLUDE, END and related ones."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def _open(state: Pass, found: Statement, holds: bool) -> None:
 
 
 def _open_closed(state: Pass, found: Statement) -> bool:
-    """An IF within lines that do not count: it does not either, whatever it asks."""
+    """Open an IF inside lines that are not assembled: it is not assembled either, whatever its condition."""
     if state.active:
         return False
     state.conditions.append(Condition(False, True, found.place))
@@ -43,10 +43,10 @@ def _ifndef(state: Pass, found: Statement) -> None:
 
 
 def _asks_defined(state: Pass, found: Statement) -> bool:
-    """Whether the name has a value or a replacement.
+    """Return whether the name has a value or a replacement.
 
-    As MPASM and gpasm have it, the second pass knows every name of the first; where that changes the answer,
-    the lines of the two passes differ, and the source is told so.
+    As in MPASM and gpasm, the second pass knows every name of the first; if that changes the answer, the
+    lines of the two passes differ, which is reported.
     """
     match = IDENTIFIER.match(found.rest.chars)
     if match is None:

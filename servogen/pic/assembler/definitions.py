@@ -1,4 +1,4 @@
-"""Directives that give names their values: EQU, SET, =, VARIABLE, CONSTANT, CBLOCK, LOCAL, #DEFINE."""
+"""Directives that assign values to names: EQU, SET, =, VARIABLE, CONSTANT, CBLOCK, LOCAL, #DEFINE."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _set(state: Pass, found: Statement) -> None:
 
 
 def _assign(state: Pass, found: Statement) -> None:
-    """`name op= expression`, `name++` and `name--`."""
+    """Process `name op= expression`, `name++` and `name--`."""
     name = _label(found)
     old = state.value(name)
     if old is None:
@@ -46,7 +46,7 @@ def _assign(state: Pass, found: Statement) -> None:
 
 
 def _named_values(state: Pass, found: Statement, kind: Kind, default: int | None) -> None:
-    """`name = expression, name, …`."""
+    """Process `name = expression, name, …`."""
     for part in found.rest.split(","):
         name, value = _name_and_value(state, part)
         if value is None:
@@ -88,7 +88,7 @@ def _local(state: Pass, found: Statement) -> None:
 
 
 def _cblock(state: Pass, found: Statement) -> None:
-    """Names that follow each other: `name`, or `name:size`, up to ENDC."""
+    """Define consecutive names, `name` or `name:size`, up to ENDC."""
     if found.rest:
         state.cblock = state.one(found)
     for raw in state.readers[-1].block("cblock", "endc", found):

@@ -35,7 +35,7 @@ class Name:
 
 @dataclass(frozen=True, slots=True)
 class Here:
-    """`$`: the address of the instruction in hand."""
+    """`$`: the address of the current instruction."""
 
     column: int = 1
 
@@ -69,14 +69,14 @@ Expression = Number | Name | Here | String | Unary | Binary
 
 
 class Scope(Protocol):
-    """Where an expression finds its names."""
+    """The names that an expression can refer to."""
 
     def value(self, name: str) -> int | None:
-        """The value of a name, None when it has none."""
+        """Return the value of a name; None if it has none."""
         ...
 
     def hint(self, name: str) -> str | None:
-        """What to tell of a name that has no value."""
+        """Return a hint for a name without a value."""
         ...
 
     @property
@@ -95,13 +95,15 @@ UNARY: Mapping[str, Callable[[int], int]] = {
 
 
 def _quotient(left: int, right: int) -> int:
-    """Division as in C: towards zero."""
+    """Return the quotient as in C, rounded towards zero."""
     size = abs(left) // abs(right)
     return size if (left < 0) == (right < 0) else -size
 
 
 def _sign(value: int) -> int:
-    """What a shift by 32 and more, or by less than 0, leaves: gpasm's rule, MPASM leaves it open."""
+    """Return the result of a shift by 32 or more, or by less than 0, as gpasm defines it; MPASM leaves it
+    undefined.
+    """
     return -1 if value < 0 else 0
 
 
@@ -136,7 +138,7 @@ MAX_OPERATORS = 200
 
 
 class Parser:
-    """Reads expressions from tokens; the fields between commas are separate expressions."""
+    """Parses expressions from tokens; the fields between commas are separate expressions."""
 
     def __init__(self, found: tuple[Token, ...], end_column: int) -> None:
         self._tokens = found
@@ -153,7 +155,7 @@ class Parser:
         return self._index >= len(self._tokens)
 
     def take(self, sign: str) -> bool:
-        """Whether the next token is this operator, which is then consumed."""
+        """Consume the next token if it is this operator, and return whether it was."""
         token = self._peek()
         if token is not None and token.kind == "operator" and token.text == sign:
             self._index += 1
@@ -161,7 +163,7 @@ class Parser:
         return False
 
     def fields(self) -> tuple[Expression | None, ...]:
-        """The expressions between commas up to the end of the line; None for an empty field."""
+        """Return the expressions between commas up to the end of the line; None for an empty field."""
         if self.at_end():
             return ()
         found: list[Expression | None] = []
@@ -234,7 +236,7 @@ class Parser:
 
 
 def parse_expression(text: Text, radix: int) -> Expression:
-    """The one expression that a text holds. Raises SourceError."""
+    """Return the single expression in a text. Raises SourceError."""
     parser = Parser.of(text, radix)
     found = parser.expression()
     if not parser.at_end():
@@ -243,13 +245,13 @@ def parse_expression(text: Text, radix: int) -> Expression:
 
 
 def suggestion(word: str, known: Iterable[str]) -> str | None:
-    """The nearest known word as a hint; None where there is none near."""
+    """Return the most similar known word as a hint; None if none is similar."""
     hint = nearest(word, known)
     return hint if hint.startswith("did") else None
 
 
 def evaluate(expression: Expression, scope: Scope) -> int:
-    """The value, a signed 32-bit integer as MPASM computes. Raises SourceError with the column."""
+    """Return the value as a signed 32-bit integer, as MPASM computes. Raises SourceError with the column."""
     match expression:
         case Number(value):
             return _wrap(value)

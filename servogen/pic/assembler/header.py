@@ -1,7 +1,7 @@
-"""The include files of the chips, built in: the names of registers, bits and fuses, and the map of RAM.
+"""The built-in include files of the chips: the names of registers, bits and fuses, and the map of RAM.
 
-In: a file name. Out: its chip, and its text, made of the facts in `pic.device`; the spellings are those that
-sources use.
+In: a file name. Out: its chip, and its text, generated from the facts in `pic.device`; the spellings are
+those used in sources.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def header_device(name: str) -> Device | None:
 
 @cache
 def header_text(device: Device) -> str:
-    """The include file of a chip."""
+    """Return the include file of a chip."""
     values = {"W": 0, "F": 1}
     for register in REGISTERS:
         values[register.name] = register.address
@@ -62,7 +62,7 @@ def header_text(device: Device) -> str:
 
 
 def _fuses(device: Device) -> dict[str, int]:
-    """Words to be joined with &: each has only its own bits at choice, all others 1."""
+    """Return words to be combined with &: each has only its own bits variable, all others are 1."""
     fuses = {"_CONFIG1" if device == PIC16C84 else "_CONFIG": CONFIG_ADDRESS}
     for name, bits in OSCILLATORS.items():
         fuses |= dict.fromkeys(OSCILLATOR_NAMES[name], WORD_MASK & ~0b11 | bits)

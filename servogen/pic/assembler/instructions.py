@@ -1,9 +1,10 @@
-"""One instruction of assembly: parsed into its operands' expressions, and those encoded into a word.
+"""One instruction of assembly: parsed into the expressions of its operands, and these encoded into a word.
 
 In: a line such as `loop: btfss PORTB, 3`. Out: `ParsedLine` with `ParsedInstruction`s, whose operands are
-still expressions, so that the compiler can place inline assembly itself; then `encode_instruction` gives the
-14-bit word and the remarks that MPASM would make. MPASM's special mnemonics (DS33014, appendix "Instruction
-sets", table of the special mnemonics for 12 and 14 bits) become the instructions they stand for.
+still expressions, so that the compiler can place inline assembly itself; then `encode_instruction` returns
+the 14-bit word and the diagnostics that MPASM would issue. MPASM's special mnemonics (DS33014, appendix
+"Instruction sets", table of the special mnemonics for 12 and 14 bits) are replaced by the instructions that
+they stand for.
 """
 
 from __future__ import annotations
@@ -26,9 +27,9 @@ DEFAULT_RADIX = 16
 
 @dataclass(frozen=True, slots=True)
 class ParsedInstruction:
-    """An instruction whose operands are expressions; an operand that the row has not is None.
+    """An instruction whose operands are expressions; an operand that its row does not have is None.
 
-    `d` is None too where the source left the destination out: then it is the file register.
+    `d` is also None if the source omits the destination, which is then the file register.
     """
 
     mnemonic: str
@@ -58,7 +59,7 @@ Step = tuple[str, tuple[int, ...]]
 """A mnemonic and its fixed operands; the operands of the source go in front of them."""
 
 SPECIAL: dict[str, tuple[int, int, tuple[Step, ...], tuple[Step, ...]]] = {
-    # name: least and most operands; steps that take none of them; steps that take them
+    # name: minimum and maximum number of operands; steps that take none of them; steps that take them
     **{f"SKP{flag}": (0, 0, (("BTFSS", bit),), ()) for flag, bit in (("C", _C), ("DC", _DC), ("Z", _Z))},
     **{f"SKPN{flag}": (0, 0, (("BTFSC", bit),), ()) for flag, bit in (("C", _C), ("DC", _DC), ("Z", _Z))},
     **{f"CLR{flag}": (0, 0, (("BCF", bit),), ()) for flag, bit in (("C", _C), ("DC", _DC), ("Z", _Z))},
@@ -87,15 +88,15 @@ SPECIAL: dict[str, tuple[int, int, tuple[Step, ...], tuple[Step, ...]]] = {
 
 @cache
 def mnemonics() -> frozenset[str]:
-    """Every mnemonic that assembly may write, upper case."""
+    """Return every mnemonic that assembly may use, in upper case."""
     return frozenset((*by_mnemonic(), *SPECIAL))
 
 
 def parse_line(line: str, place: Place, radix: int = DEFAULT_RADIX) -> ParsedLine:
-    """A line of assembly without directives, as inline assembly writes it: `label: MNEMONIC operands`.
+    """Parse a line of assembly without directives, as used in inline assembly: `label: MNEMONIC operands`.
 
-    A label ends with a colon; a comment begins with `;`. `place` is that of the line's first character.
-    Raises InputError.
+    A label ends with a colon; a comment begins with `;`. `place` is the location of the line's first
+    character. Raises InputError.
     """
     text = Text.of(line, place.column or 1).without_comment().strip()
     try:
@@ -122,7 +123,7 @@ def parse_line(line: str, place: Place, radix: int = DEFAULT_RADIX) -> ParsedLin
 def instructions(
     mnemonic: str, fields: Sequence[Expression | None], place: Place
 ) -> Iterator[ParsedInstruction]:
-    """The instructions of a mnemonic, special or not, with these operand fields. Raises SourceError."""
+    """Yield the instructions of a mnemonic, special or not, with these operand fields. Raises SourceError."""
     name = mnemonic.upper()
     if name not in SPECIAL:
         yield _instruction(name, fields, place)
@@ -137,7 +138,7 @@ def instructions(
 
 
 def _instruction(name: str, fields: Sequence[Expression | None], place: Place) -> ParsedInstruction:
-    """One row with its operands in the order of assembly: f,d or f,b or f or k; d may be left out."""
+    """Parse the operands of one row in assembly order: f,d or f,b or f or k; d may be omitted."""
     row = by_mnemonic()[name]
     wanted = row.operands
     _count(name, fields, len(wanted.replace("d", "")), len(wanted))
@@ -160,16 +161,16 @@ def _count(name: str, fields: Sequence[Expression | None], least: int, most: int
 
 
 def _destination(expression: Expression | None) -> Expression | None:
-    """W and F name the destination in either case, defined or not."""
+    """Return the expression of a destination, with the names W and F, in either case, replaced by 0 and 1."""
     if isinstance(expression, Name) and expression.name.upper() in "WF":
         return Number("WF".index(expression.name.upper()), expression.column)
     return expression
 
 
 def encode_instruction(instruction: ParsedInstruction, scope: Scope) -> tuple[int, tuple[Diagnostic, ...]]:
-    """The word of an instruction, and what MPASM remarks on it. Raises SourceError.
+    """Return the word of an instruction, and MPASM's diagnostics for it. Raises SourceError.
 
-    A value that is too large is masked, as MPASM does, with the remark.
+    A value that is too large is masked, as MPASM does, with a diagnostic.
     """
     remarks: list[Diagnostic] = []
 
@@ -205,7 +206,7 @@ class _Remark(Protocol):
 
 
 def _register(address: int, remark: _Remark) -> int:
-    """A file register's address in its bank: bit 7 is RP0's, not the instruction's."""
+    """Return a file register's address within its bank; bit 7 is selected by RP0, not by the instruction."""
     if address & 0x80:
         remark("message", 302, f"register 0x{address & 0xFFFF:02X} is not in bank 0: bank bits must be right")
     return address & 0x7F

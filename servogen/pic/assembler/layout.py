@@ -21,7 +21,7 @@ def _org(state: Pass, found: Statement) -> None:
 
 
 def _res(state: Pass, found: Statement) -> None:
-    """Reserved words are erased words."""
+    """Reserve words, which stay erased."""
     for _ in range(_counted(state.one(found), found)):
         state.emit(WORD_MASK, found)
 
@@ -31,7 +31,7 @@ MAX_COUNT = 0x2200
 
 
 def _counted(count: int, found: Statement) -> int:
-    """Returns a number of words that a line places. Raises SourceError for one that no chip has."""
+    """Return the number of words that a line places. Raises SourceError for a number that no chip has."""
     if not 0 <= count <= MAX_COUNT:
         raise SourceError(
             f"{found.operation.upper()} of {count} words", found.column, f"0 to {MAX_COUNT} words", 126
@@ -40,7 +40,7 @@ def _counted(count: int, found: Statement) -> int:
 
 
 def _fill(state: Pass, found: Statement) -> None:
-    """`fill value, count`, or `fill (instruction), count`; the value is computed anew at each address."""
+    """Process `fill value, count`, or `fill (instruction), count`; the value is evaluated at each address."""
     bracketed = _BRACKETED.match(found.rest.chars)
     if bracketed is None or bracketed[1].upper() not in instructions.mnemonics():
         value, count = state.fields(found, 2, 2)
@@ -58,7 +58,7 @@ _BRACKETED = re.compile(r"\(\s*(\w+)(.*)\)\s*,")
 
 
 def _bytes(state: Pass, fields: list[Expression]) -> Iterator[int]:
-    """Each value, and each character of each string."""
+    """Yield each value, and each character of each string."""
     for field in fields:
         if isinstance(field, String):
             yield from field.codes
@@ -67,7 +67,9 @@ def _bytes(state: Pass, fields: list[Expression]) -> Iterator[int]:
 
 
 def _data(state: Pass, found: Statement) -> None:
-    """Words; the characters of a string two in a word, the first above, the last alone above zero."""
+    """Place words; strings are packed two characters per word, the first in the high byte; a last single one
+    goes in the low byte.
+    """
     for field in state.fields(found, 1):
         if not isinstance(field, String):
             state.emit(state.evaluate(field), found)
@@ -78,7 +80,7 @@ def _data(state: Pass, found: Statement) -> None:
 
 
 def _db(state: Pass, found: Statement) -> None:
-    """Bytes two in a word, the first above; in the data EEPROM each in its own place."""
+    """Place bytes packed two per word, the first in the high byte; in the data EEPROM, one per address."""
     values = [_byte(state, value, found) for value in _bytes(state, state.fields(found, 1))]
     if EEPROM_ADDRESS <= state.location < EEPROM_ADDRESS + EEPROM_BYTES:
         for value in values:
@@ -104,13 +106,13 @@ def _de(state: Pass, found: Statement) -> None:
 
 
 def _dt(state: Pass, found: Statement) -> None:
-    """A table: a RETLW for each byte."""
+    """Place a table: one RETLW per byte."""
     for value in _bytes(state, state.fields(found, 1)):
         state.emit(encode("RETLW", k=value & 0xFF), found, is_code=True)
 
 
 def _da(state: Pass, found: Statement) -> None:
-    """Characters of 7 bits, two in a word."""
+    """Place 7-bit characters, two per word."""
     for field in state.fields(found, 1):
         if not isinstance(field, String):
             state.emit(state.evaluate(field), found)
@@ -128,17 +130,19 @@ def _select(state: Pass, found: Statement, bit_name: str, is_set: bool) -> None:
 
 
 def _banksel(state: Pass, found: Statement) -> None:
-    """The chip has two banks of registers: RP0 selects (DS35007 section 2.2)."""
+    """Select a register bank with RP0; the chip has two (DS35007 section 2.2)."""
     _select(state, found, "RP0", bool(state.one(found) & 0x80))
 
 
 def _bankisel(state: Pass, found: Statement) -> None:
-    """IRP is for indirect addresses above 0xFF (DS35007 section 2.5); the chip keeps the bit all the same."""
+    """Set IRP, which selects indirect addresses above 0xFF (DS35007 section 2.5); the chip implements the bit
+    but has no such addresses.
+    """
     _select(state, found, "IRP", state.one(found) > 0xFF)
 
 
 def _pagesel(state: Pass, found: Statement) -> None:
-    """The chip has one page of program: nothing to select."""
+    """Do nothing: the chip has one page of program memory."""
     state.one(found)
     state.report(
         "message", 312, "the chip has one page: no page selection is needed", found.line, found.column

@@ -1,4 +1,4 @@
-"""The words of an operand: numbers in every MPASM notation, names, strings, operators.
+"""The tokens of an operand: numbers in every MPASM notation, names, strings, operators.
 
 In: a `Text` and the default radix. Out: a tuple of `Token`. Number notations: MPASM User's Guide DS33014,
 section "Radix and numerical constants".
@@ -41,7 +41,7 @@ ESCAPES = {"0": 0, "a": 7, "b": 8, "t": 9, "n": 10, "v": 11, "f": 12, "r": 13}
 
 
 def tokens(text: Text, radix: int) -> tuple[Token, ...]:
-    """The tokens of an operand field. Raises SourceError at the character that fits nothing."""
+    """Return the tokens of an operand field. Raises SourceError at a character that starts no token."""
     found: list[Token] = []
     index = 0
     while index < len(text.chars):
@@ -54,7 +54,9 @@ def tokens(text: Text, radix: int) -> tuple[Token, ...]:
 
 
 def characters(body: str) -> tuple[int, ...]:
-    """The character codes of a string's body, its escapes (\\n, \\x41, \\101) resolved, 8 bits each."""
+    """Return the character codes of a string's body, 8 bits each, with its escapes (\\n, \\x41, \\101)
+    resolved.
+    """
     codes: list[int] = []
     index = 0
     while index < len(body):
@@ -100,7 +102,7 @@ def _token(text: Text, index: int, radix: int) -> tuple[Token, int]:
 
 
 def _plain(word: str, radix: int, column: int) -> int:
-    """A number with a suffix or in the default radix: in hexadecimal, a last B or D is a digit."""
+    """Return a number with a suffix or in the default radix; in hexadecimal, a last B or D is a digit."""
     suffix = word[-1].upper()
     if suffix in SUFFIX_RADIX and len(word) > 1 and not (radix == 16 and suffix in "BD"):
         return _digits(word[:-1], SUFFIX_RADIX[suffix], column)

@@ -11,7 +11,7 @@ from servogen.pic.image import REGIONS, Image, Region
 
 
 def region(address: int) -> Region | None:
-    """The part of the chip that a word address lies in."""
+    """Return the memory region of the chip that contains a word address; None if there is none."""
     for each in REGIONS:
         if each.start <= address < each.start + each.length:
             return each
@@ -23,7 +23,7 @@ class Memory:
         self._words: dict[int, int] = {}
 
     def put(self, address: int, word: int) -> None:
-        """Places a word. Raises SourceError where the chip has none, or where one stands already."""
+        """Place a word. Raises SourceError if the chip has no such address, or it is already used."""
         part = region(address)
         if part is None:
             raise SourceError(
@@ -38,7 +38,7 @@ class Memory:
         self._words[address] = word & part.largest
 
     def change(self, address: int, mask: int, bits: int) -> None:
-        """Sets some bits of a word that is erased at first."""
+        """Set some bits of a word that is initially erased."""
         self._words[address] = self._words.get(address, ERASED_WORD) & ~mask | bits
 
     def image(self) -> Image:

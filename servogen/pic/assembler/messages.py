@@ -1,4 +1,4 @@
-"""What the assembler says: errors, warnings and messages with the numbers that MPASM gives them.
+"""The assembler's diagnostics: errors, warnings and messages, with MPASM's numbers.
 
 Numbers: MPASM User's Guide DS33014, appendix "Errors, warnings, messages": errors are 1xx, warnings 2xx,
 messages 3xx.
@@ -15,7 +15,7 @@ Level = Literal["error", "warning", "message"]
 
 
 class SourceError(Exception):
-    """A defect at a column of the line in hand; the assembler adds file and line."""
+    """An error at a column of the current line; the assembler adds file and line."""
 
     def __init__(
         self, text: str, column: int | None = None, hint: str | None = None, number: int = 101
@@ -29,7 +29,7 @@ class SourceError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One remark on the source. `number` is MPASM's."""
+    """One diagnostic for the source. `number` is MPASM's."""
 
     level: Level
     number: int
@@ -43,7 +43,7 @@ class Diagnostic:
 
 
 class AssemblyError(InputError):
-    """The source cannot be assembled: every error that was found, the first as this error's own."""
+    """Raised when the source cannot be assembled: carries every error found, with the first as its own."""
 
     def __init__(self, diagnostics: tuple[Diagnostic, ...]) -> None:
         first = diagnostics[0]
@@ -60,7 +60,7 @@ MOST_ERRORS = 100
 
 @dataclass(slots=True)
 class Log:
-    """The remarks of one pass; `errorlevel` chooses which warnings and messages are kept."""
+    """The diagnostics of one pass; `errorlevel` selects which warnings and messages are kept."""
 
     entries: dict[Diagnostic, None] = field(default_factory=dict)
     """Each once, in order."""

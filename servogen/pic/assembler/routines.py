@@ -1,7 +1,7 @@
-"""The routines of an assembled program: what is called, what the vectors lead to, and where each ends.
+"""The routines of an assembled program: the targets of calls and vectors, and where each ends.
 
 In: the listing's rows and the labels. Out: `ListedFunction`s, for the listing's summary and for a profile.
-Assembly has no functions: a routine is taken to go from its label to the next routine or to a gap.
+Assembly has no functions: a routine is assumed to extend from its label to the next routine or to a gap.
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ VECTORS = {RESET_VECTOR: "reset", INTERRUPT_VECTOR: "interrupt"}
 
 
 def routines(rows: Sequence[ListingRow], labels: Mapping[int, str]) -> tuple[ListedFunction, ...]:
-    """`labels` are names by address; a row without cycles is data, and in no routine."""
+    """Return the routines. `labels` are names by address; a row without cycles is data, which belongs to no
+    routine.
+    """
     words = {row.address: row.word for row in rows if row.cycles}
     starts = {address: name for address, name in _starts(words, labels).items() if address in words}
     found = []
@@ -29,7 +31,7 @@ def routines(rows: Sequence[ListingRow], labels: Mapping[int, str]) -> tuple[Lis
 
 
 def _starts(words: Mapping[int, int], labels: Mapping[int, str]) -> dict[int, str]:
-    """Each routine's first address and its name."""
+    """Return each routine's first address and its name."""
     starts = {address: labels.get(address, name) for address, name in VECTORS.items() if address in words}
     if INTERRUPT_VECTOR in starts and INTERRUPT_VECTOR not in labels and INTERRUPT_VECTOR - 1 in words:
         del starts[INTERRUPT_VECTOR]  # the program runs through the vector: it has no interrupt routine

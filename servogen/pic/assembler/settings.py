@@ -1,4 +1,6 @@
-"""Directives that set how to assemble: processor, radix, remarks, configuration, ID words, the map of RAM."""
+"""Directives for assembler settings: processor, radix, diagnostics, configuration, ID words, the map of
+RAM.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ def _set_radix(state: Pass, name: Text) -> None:
 
 
 def _list(state: Pass, found: Statement) -> None:
-    """`list p=16f84, r=dec, …`: the processor and the radix count, the rest is about paper."""
+    """Process `list p=16f84, r=dec, …`: processor and radix are used; the rest concerns the printed
+    listing.
+    """
     for part in found.rest.split(","):
         key = part.chars.partition("=")[0]
         field = part[len(key) + 1 :].strip()
@@ -68,7 +72,7 @@ def _set_processor(state: Pass, name: Text, found: Statement) -> None:
 
 
 def _errorlevel(state: Pass, found: Statement) -> None:
-    """`errorlevel 0|1|2, -302, +302`: which remarks are kept."""
+    """Process `errorlevel 0|1|2, -302, +302`, which selects the diagnostics that are kept."""
     for part in found.rest.split(","):
         match = re.fullmatch(r"([-+]?)\s*(\d+)", part.chars)
         if match is None:
@@ -103,7 +107,7 @@ def _say(state: Pass, found: Statement, level: Level, number: int) -> None:
 
 
 def _config(state: Pass, found: Statement) -> None:
-    """`__config word`, or `__config 0x2007, word`."""
+    """Process `__config word`, or `__config 0x2007, word`."""
     fields = state.fields(found, 1, 2)
     if len(fields) == 2 and state.evaluate(fields[0]) != CONFIG_ADDRESS:
         raise SourceError(
@@ -122,7 +126,7 @@ CONFIG_SETTINGS = {
 
 
 def _config_settings(state: Pass, found: Statement) -> None:
-    """`config FOSC=XT, WDTE=OFF, …`: what is not said stays erased, that is 1."""
+    """Process `config FOSC=XT, WDTE=OFF, …`; unspecified bits stay erased, that is, 1."""
     if state.device == PIC16C84:  # as in gpasm, which has no names for its settings
         hint = "__config, with the names of p16c84.inc, works"
         raise SourceError("CONFIG does not know the PIC16C84", found.column, hint, 181)
@@ -145,7 +149,7 @@ def _config_settings(state: Pass, found: Statement) -> None:
 
 
 def _idlocs(state: Pass, found: Statement) -> None:
-    """The four hexadecimal digits of one value, one in each ID word."""
+    """Place the four hexadecimal digits of one value, one in each ID word."""
     value = state.one(found)
     if value & ~0xFFFF:
         text = f"0x{value & 0xFFFFFFFF:X} has more than four digits: the last four are used"
@@ -160,7 +164,7 @@ def _maxram(state: Pass, found: Statement) -> None:
 
 
 def _badram(state: Pass, found: Statement) -> None:
-    """Addresses and ranges `first-last` that are no RAM."""
+    """Process addresses and ranges `first-last` that are not RAM."""
     for field in state.fields(found, 1):
         if isinstance(field, Binary) and field.operator == "-":
             first, last = state.evaluate(field.left), state.evaluate(field.right)
@@ -170,7 +174,7 @@ def _badram(state: Pass, found: Statement) -> None:
 
 
 def _nothing(state: Pass, found: Statement) -> None:
-    """About the printed listing, or about memory that the chip has anyway."""
+    """Ignore a directive about the printed listing, or about memory that the chip has anyway."""
 
 
 SETTINGS: dict[str, Directive] = {

@@ -1,6 +1,6 @@
-"""Lines of source with where they come from, and the statement that a line holds.
+"""Lines of source with their locations, and the statement in a line.
 
-In: the text of a file, or the body of a macro. Out: `SourceLine`s; `statement` takes one apart into label,
+In: the text of a file, or the body of a macro. Out: `SourceLine`s; `statement` splits one into label,
 operation and operand field.
 """
 
@@ -35,7 +35,7 @@ class SourceLine:
 
 
 def lines_of(text: str, file: str) -> list[SourceLine]:
-    """The lines of a file, numbered from 1. A Ctrl-Z of old editors ends the file."""
+    """Return the lines of a file, numbered from 1. A Ctrl-Z, as old editors write it, ends the file."""
     whole = text.split("\x1a", 1)[0]
     rows = re.split(r"\r\n|\n|\r", whole)
     return [SourceLine(Text.of(row.rstrip("\f")), file, number) for number, row in enumerate(rows, 1)]
@@ -43,7 +43,7 @@ def lines_of(text: str, file: str) -> list[SourceLine]:
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """A line taken apart. `word` is the operation as written, empty when there is none."""
+    """A parsed line. `word` is the operation as written, empty if there is none."""
 
     line: SourceLine
     label: str | None
@@ -62,19 +62,19 @@ class Statement:
 
 
 class Vocabulary(Protocol):
-    """What tells an operation from a label."""
+    """Distinguishes operations from labels."""
 
     def is_operation(self, word: str) -> bool:
-        """Whether the word is a mnemonic, a directive or a macro."""
+        """Return whether the word is a mnemonic, a directive or a macro."""
         ...
 
     def is_almost_operation(self, word: str) -> bool:
-        """Whether the word is so near to one that it is a slip of the pen."""
+        """Return whether the word is so similar to an operation that it is probably a typing error."""
         ...
 
 
 def statement(line: SourceLine, vocabulary: Vocabulary) -> Statement:
-    """The parts of a line."""
+    """Return the parts of a line."""
     text = line.text.without_comment()
     label, label_column = None, 1
     rest = text.strip()
@@ -96,9 +96,9 @@ _DEFINING = re.compile(r"\s+(?:equ|set|macro)\b|\s*=(?!=)", re.IGNORECASE)
 
 
 def _is_label(text: Text, rest: Text, match: re.Match[str], vocabulary: Vocabulary) -> bool:
-    """Whether the first word is a label: in column 1, with a colon, or in front of EQU, SET, MACRO or =.
+    """Return whether the first word is a label: in column 1, with a colon, or before EQU, SET, MACRO or =.
 
-    As in MPASM, an indented word that is no operation is a label too, alone or in front of an operation.
+    As in MPASM, an indented word that is not an operation is a label too, alone or before an operation.
     """
     after = rest.chars[match.end() :]
     if after.startswith(":") or _DEFINING.match(after):

@@ -1,8 +1,8 @@
-"""One pass over a source: what is known at a line, and what a line does.
+"""One pass over a source: the state at a line, and the effect of a line.
 
-In: the lines of the source, and the `Symbols` of the pass before. Out: the words in `Memory`, the remarks in
-`Log` and the listing's rows. The directives themselves are tables in the modules `definitions`, `layout`,
-`control` and `settings`; each is a function of the pass and the statement.
+In: the lines of the source, and the `Symbols` of the previous pass. Out: the words in `Memory`, the
+diagnostics in `Log` and the listing's rows. The directives themselves are tables in the modules
+`definitions`, `layout`, `control` and `settings`; each is a function of the pass and the statement.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ DEEPEST_NESTING = 100
 
 @dataclass(slots=True)
 class Pass:
-    """What one pass knows. It is the `Scope` of its expressions and the `Vocabulary` of its lines."""
+    """The state of one pass. It is the `Scope` of its expressions and the `Vocabulary` of its lines."""
 
     symbols: Symbols
     include: Include
@@ -81,7 +81,7 @@ class Pass:
     line: SourceLine | None = None
     """The line in hand."""
 
-    # -- where expressions find their names -----------------------------------------------------------
+    # -- names for expressions -----------------------------------------------------------------------
 
     @property
     def here(self) -> int:
@@ -105,7 +105,7 @@ class Pass:
     # -- the lines ------------------------------------------------------------------------------------
 
     def run(self, lines: Sequence[SourceLine]) -> None:
-        """Does what the lines say, one by one; a block (macro, while, cblock) takes its lines itself."""
+        """Process the lines one by one; a block (macro, while, cblock) consumes its own lines."""
         if len(self.readers) > DEEPEST_NESTING:
             raise SourceError("macro calls or include files are nested without end", number=132)
         reader = Reader(lines)
@@ -121,7 +121,7 @@ class Pass:
             self.readers.pop()
 
     def spend(self, steps: int = 1) -> None:
-        """Counts work. Raises OutOfBudget, with an error at the line in hand, after MAX_STEPS."""
+        """Count work. Raises OutOfBudget, with an error at the current line, after MAX_STEPS."""
         self.steps += steps
         if self.steps > MAX_STEPS and self.line is not None:
             text = f"the source takes more than {MAX_STEPS} steps to assemble"
@@ -152,7 +152,7 @@ class Pass:
             self.report("warning", 122, text, line, found.column, ELSE_IF_HINT)
 
     def substituted(self, line: SourceLine) -> SourceLine:
-        """The line after `#define` and `#v`."""
+        """Return the line after expansion of `#define` and `#v`."""
         text = substitute(line.text, self.definitions, self.spend)
         return replace(line, text=paste(text, lambda part: self.evaluate(self.expression(part))))
 
@@ -196,12 +196,12 @@ class Pass:
         return not self.conditions or self.conditions[-1].active
 
     def is_operation(self, word: str) -> bool:
-        """Whether a word in column 1 is no label."""
+        """Return whether a word in column 1 is an operation rather than a label."""
         known = word.lower() in self.directives or word.upper() in instructions.mnemonics()
         return known or word in self.macros
 
     def is_almost_operation(self, word: str) -> bool:
-        """Whether a word is so near to an operation that it is a slip of the pen."""
+        """Return whether a word is so similar to an operation that it is probably a typing error."""
         self.spend(_STEPS_OF_A_GUESS)
         known = (*self.directives, *(name.lower() for name in instructions.mnemonics()), *self.macros)
         return bool(get_close_matches(word.lower(), known, n=1, cutoff=0.8))
@@ -213,7 +213,9 @@ class Pass:
             self.encode(each, found)
 
     def encode(self, instruction: instructions.ParsedInstruction, found: Statement) -> None:
-        """Places an instruction; in the first pass only its room, for its operands may be unknown yet."""
+        """Place an instruction; the first pass only reserves its words, because operands may still be
+        unknown.
+        """
         if self.first:
             self.spend()
             self.location += 1
@@ -256,7 +258,7 @@ class Pass:
     # -- what directives use --------------------------------------------------------------------------
 
     def choose(self, device: Device) -> None:
-        """The chip from here on; sources ask for it as `ifdef __16F84`."""
+        """Select the chip from here on; sources test for it with `ifdef __16F84`."""
         self.device = device
         self.symbols.define(f"__{device.short_name}", 1, "variable", 1)
 
@@ -270,7 +272,7 @@ class Pass:
         return evaluate(expression, self)
 
     def fields(self, found: Statement, least: int = 0, most: int | None = None) -> list[Expression]:
-        """The operands of a directive, as many as it takes, none left empty."""
+        """Return the operands of a directive, checked for number; none may be empty."""
         fields = self.parser(found.rest).fields()
         name = found.operation.upper()
         if len(fields) < least or None in fields:
@@ -284,18 +286,18 @@ class Pass:
         return [each for each in fields if each is not None]
 
     def one(self, found: Statement) -> int:
-        """The value of a directive's only operand."""
+        """Return the value of a directive's only operand."""
         return self.evaluate(self.fields(found, 1, 1)[0])
 
     def emit(self, word: int, found: Statement, *, is_code: bool = False) -> None:
-        """Places a word at the location, which goes on by one."""
+        """Place a word at the current location and advance it."""
         self.spend()
         address = self.location
         self.location += 1
         self.put(address, word, found, is_code=is_code)
 
     def put(self, address: int, word: int, found: Statement, *, is_code: bool = False) -> None:
-        """Places a word at any address of the chip, in the second pass."""
+        """Place a word at any address of the chip, in the second pass."""
         if self.first:
             return
         if word & ~WORD_MASK:

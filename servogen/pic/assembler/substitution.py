@@ -1,4 +1,4 @@
-"""Text put in the place of a name: `#define`, the parameters of a macro, and `#v(expression)`.
+"""Textual substitution of names: `#define`, the parameters of a macro, and `#v(expression)`.
 
 In: a line's `Text`. Out: the line with every name outside strings and comments replaced.
 """
@@ -16,7 +16,7 @@ from servogen.pic.assembler.text import IDENTIFIER, Text
 
 @dataclass(frozen=True, slots=True)
 class Definition:
-    """What `#define name(parameters) body` says."""
+    """The contents of `#define name(parameters) body`."""
 
     body: str
     parameters: tuple[str, ...] = ()
@@ -37,10 +37,10 @@ def substitute(
     spend: Callable[[], None],
     within: frozenset[str] = frozenset(),
 ) -> Text:
-    """Returns the line with its `#define`d names replaced, and those in what replaces them.
+    """Return the line with its `#define`d names replaced, and those in their replacements.
 
-    A name is not replaced within its own replacement, so that a circle ends; `within` has the names that are
-    being replaced. Calls `spend` for each replacement, because replacements can double at each step.
+    A name is not replaced within its own replacement, so that circular definitions end; `within` holds the
+    names being replaced. Calls `spend` for each replacement, because replacements can double at each step.
     """
     if not definitions or _KEPT.match(text.chars):
         return text
@@ -69,7 +69,7 @@ def substitute(
 def _next_name(
     text: Text, index: int, names: Mapping[str, object], but: frozenset[str] = frozenset()
 ) -> tuple[int, int] | None:
-    """Returns where the next known name outside strings and comment begins and ends, one of `but` omitted."""
+    """Return the start and end of the next known name outside strings and comments, except `but`."""
     limit = len(text.without_comment().chars)
     spans = [span for span in text.quoted() if text.chars[span[0]] == '"' or span[1] - span[0] > 1]
     for match in _WORD.finditer(text.chars, index, limit):
@@ -80,7 +80,7 @@ def _next_name(
 
 
 def parameters(text: Text, values: Mapping[str, str]) -> Text:
-    """The text with the names of parameters replaced by their arguments."""
+    """Return the text with the names of parameters replaced by their arguments."""
     index = 0
     while found := _next_name(text, index, values):
         start, end = found
@@ -91,7 +91,9 @@ def parameters(text: Text, values: Mapping[str, str]) -> Text:
 
 
 def _arguments(text: Text, index: int, count: int) -> tuple[list[str] | None, int]:
-    """The arguments after a name, in brackets or up to the line's end; None when not as many as wanted."""
+    """Return the arguments after a name, in parentheses or up to the end of the line; None if their number is
+    wrong.
+    """
     opened = _OPENED.match(text.chars, index)
     if opened is None:
         end = len(text.without_comment().chars)
@@ -120,9 +122,9 @@ _PASTE = re.compile(r"#[vV]\(")
 
 
 def paste(text: Text, evaluate: Callable[[Text], int]) -> Text:
-    """The line with each `#v(expression)` replaced by its value in decimal, which may end a name.
+    """Return the line with each `#v(expression)` replaced by its value in decimal, which may end a name.
 
-    A `#define` keeps it for the lines that use the definition.
+    In a `#define` it is kept for the lines that use the definition.
     """
     if _DEFINES.match(text.chars):
         return text

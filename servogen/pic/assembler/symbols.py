@@ -42,7 +42,7 @@ class Symbols:
         self._open = []
 
     def enter(self) -> None:
-        """Begins the local names of a macro call."""
+        """Begin the local names of a macro call."""
         if self._entered == len(self._calls):
             self._calls.append({})
         self._open.append(self._calls[self._entered])
@@ -60,14 +60,14 @@ class Symbols:
         return self._table(name).get(name)
 
     def is_local(self, name: str) -> bool:
-        """Whether `local` declared the name in a macro that is being expanded."""
+        """Return whether `local` declared the name in a macro that is being expanded."""
         return any(name in table for table in self._open)
 
     def defined(self, name: str) -> bool:
         return self.find(name) is not None
 
     def define(self, name: str, value: int, kind: Kind, column: int) -> None:
-        """Gives a name its value. A constant or label can have one value only, the same in both passes."""
+        """Assign a value to a name. A constant or label can have only one value, the same in both passes."""
         table = self._table(name)
         old = table.get(name)
         if old is not None and "variable" not in (kind, old.kind) and old.value != value:
@@ -88,7 +88,7 @@ class Symbols:
             yield from (name for name, symbol in table.items() if symbol is not None)
 
     def addresses(self) -> dict[str, int]:
-        """The global labels and their addresses."""
+        """Return the global labels and their addresses."""
         return {
             name: symbol.value
             for name, symbol in self._globals.items()

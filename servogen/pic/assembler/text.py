@@ -1,7 +1,7 @@
-"""A line of source whose characters remember their columns, so that a substitution keeps its place.
+"""A source line whose characters remember their columns, so that locations survive substitution.
 
-In: a source line. Out: slices and replacements of it; `columns[i]` is the column, counted from 1, that
-character `i` had in the file. Text put in by a macro or a `#define` has the column of what it replaces.
+In: a source line. Out: slices and replacements of it; `columns[i]` is the column, counted from 1, of
+character `i` in the file. Text inserted by a macro or a `#define` has the column of the text it replaces.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Text:
 
     @classmethod
     def of(cls, line: str, first: int = 1) -> Text:
-        """A line of a file; `first` is the column of its first character."""
+        """Return a line of a file; `first` is the column of its first character."""
         return cls(line, tuple(range(first, first + len(line))))
 
     def __getitem__(self, part: slice) -> Text:
@@ -44,7 +44,7 @@ class Text:
         return bool(self.chars)
 
     def column(self, index: int) -> int:
-        """The column of a character; of the end of the text, one after its last."""
+        """Return the column of a character; for the end of the text, one after its last."""
         if index < len(self.columns):
             return self.columns[index]
         return self.columns[-1] + 1 if self.columns else 1
@@ -54,7 +54,7 @@ class Text:
         return self[start : max(start, len(self.chars.rstrip()))]
 
     def replace(self, start: int, end: int, chars: str) -> Text:
-        """Returns this text with `chars` in the place of `start` to `end`. Raises SourceError."""
+        """Return this text with `chars` in place of `start` to `end`. Raises SourceError."""
         if len(self.chars) - (end - start) + len(chars) > MAX_LINE:
             raise line_too_long(self.column(start))
         columns = (self.column(start),) * len(chars)
@@ -64,11 +64,11 @@ class Text:
         )
 
     def quoted(self) -> list[tuple[int, int]]:
-        """Where the strings and quoted numbers are: (start, end) of each."""
+        """Return (start, end) of each string and quoted number."""
         return [match.span() for match in _QUOTED.finditer(self.chars)]
 
     def unclosed(self) -> int | None:
-        """The column of a double quote that has no second one."""
+        """Return the column of a double quote without a closing one; None if there is none."""
         for start, end in self.quoted():
             body = self.chars[start:end]
             if body.startswith('"') and (len(body) < 2 or not body.endswith('"')):
@@ -81,7 +81,7 @@ class Text:
         return self
 
     def split(self, separator: str) -> list[Text]:
-        """The parts between the separators that are in no string, stripped."""
+        """Return the stripped parts between the separators outside strings."""
         parts, start = [], 0
         for index in self._outside(separator):
             parts.append(self[start:index].strip())
