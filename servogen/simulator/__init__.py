@@ -1,7 +1,6 @@
 """A cycle-accurate PIC16F84 and PIC16F84A: `Image` (and stimulus) in, `EdgeTrace` and `State` out.
 
-The names are loaded when they are first used: the instruction loop needs numba, which takes its time to
-import.
+The names are loaded on first use, because the instruction loop needs numba, which is slow to import.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""The instruction loop as machine code that is kept across processes.
+"""The instruction loop as machine code that is cached across processes.
 
-numba compiles the loop once for this processor (about ten seconds); what it made is kept as an object file,
-so that a later process loads that through llvmlite in milliseconds, without numba and its start-up time.
-The file's name is a digest of the sources, the versions and the processor: any change makes a new one.
-A file is loaded only where nobody but the user and root can have written it: it is run as machine code.
+numba compiles the loop once for this processor (about ten seconds); the result is kept as an object file, so
+that a later process loads it through llvmlite in milliseconds, without numba and its start-up time. The
+file's name is a digest of the sources, the versions and the processor, so that any change selects a new file.
+Because the file is executed, it is loaded only if nobody but the user and root can have written it.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ Loop = Callable[..., int]
 
 @cache
 def loop(observed: bool = False, tracked: bool = False) -> Loop:
-    """Return the compiled loop: it takes addresses of vectors and returns why it came back."""
+    """Return the compiled loop; it takes the addresses of vectors and returns the reason why it stopped."""
     kind = "observed" if observed else "tracked" if tracked else "plain"
     name = f"simulator-{kind}-{_digest()}.o"
     for folder in _folders():
@@ -68,7 +68,7 @@ def _features() -> str:
 
 
 def _folders() -> Iterator[Path]:
-    """Where object files are kept: beside the sources, or in the user's cache."""
+    """Yield the folders for object files: beside the sources, or in the user's cache."""
     yield Path(__file__).parent / "__pycache__"
     base = Path(os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or "~/.cache")
     with suppress(RuntimeError):  # a user without a home
@@ -78,7 +78,9 @@ def _folders() -> Iterator[Path]:
 
 
 def _kept(path: Path) -> bytes | None:
-    """The machine code in a file, if it is there whole, as the digest before it says, and nobody else's."""
+    """Return the machine code in a file, if the file exists, matches the digest at its start and can only be
+    the user's; else None.
+    """
     try:
         if not _only_ours(path):
             return None
@@ -91,10 +93,10 @@ def _kept(path: Path) -> bytes | None:
 
 
 def _only_ours(path: Path) -> bool:
-    """Whether only the user and root can change what is at `path`: the file, and each folder above it.
+    """Return whether only the user and root can change what is at `path`: the file, and each folder above it.
 
-    A folder that all may write in, but in which they may not touch each other's files (/tmp), is not a danger
-    to what is the user's in it. Raises OSError where there is nothing.
+    A folder in which everybody may create files but not touch those of others (/tmp) is safe for the user's
+    own files. Raises OSError if the path does not exist.
     """
     if os.name != "posix":  # the folders are the user's own
         return True
@@ -112,14 +114,14 @@ def _only_ours(path: Path) -> bool:
 
 
 def _make_own(folder: Path) -> None:
-    """Makes a folder, and those above it that are missing, for the user alone."""
+    """Create a folder, and missing folders above it, with access for the user only."""
     if not folder.exists():
         _make_own(folder.parent)
         folder.mkdir(mode=0o700, exist_ok=True)
 
 
 def _keep(name: str, code: bytes) -> None:
-    """Writes the object file to the first folder from which it may be loaded, if there is one."""
+    """Write the object file to the first folder from which it may be loaded, if there is one."""
     content = hashlib.sha256(code).digest() + code
     for folder in _folders():
         try:
@@ -139,7 +141,9 @@ def _keep(name: str, code: bytes) -> None:
 
 
 def compile_loop(observed: bool = False, tracked: bool = False) -> bytes:
-    """Return an object file with the loop as ENTRY, in numba's way to call: (result, error, arguments)."""
+    """Return an object file with the loop as ENTRY, in numba's calling convention: (result, error,
+    arguments).
+    """
     from numba import cfunc, types
 
     from servogen.simulator.core import instruction_loop
@@ -153,7 +157,9 @@ def compile_loop(observed: bool = False, tracked: bool = False) -> bytes:
 
 
 def _alone(text: str, name: str) -> str:
-    """The module without numba's wrappers, which need numba to run, and with the loop under our name."""
+    """Return the module without numba's wrappers, which need numba to run, and with the loop under our
+    name.
+    """
     text = re.sub(
         r"^define [^\n]*@\"?(?:cfunc|cpython|_ZN7cpython)[^\n]*\{\n.*?^\}\n", "", text, flags=re.M | re.S
     )
@@ -165,7 +171,9 @@ def _alone(text: str, name: str) -> str:
 
 
 def _target() -> Any:
-    """This process's machine, with the code model and relocations that numba uses at run time."""
+    """Return the target machine of this process, with the code model and relocations that numba uses at run
+    time.
+    """
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     target = llvm.Target.from_triple(llvm.get_process_triple())

@@ -1,10 +1,10 @@
-"""Finding what the instruction loop can take in one step: regions that only count, and waits that only look.
+"""Finds what the instruction loop can execute in one step: regions that only count, and waits that only poll.
 
-In: decoded program. Out: code with the places marked. A region is a strongly connected set of instructions
-that touch nothing but W, STATUS's flags and a few bytes of RAM: what it does, and how long it takes,
-depends on these alone, so the loop remembers it (`memo.py`). A region inside another one, past the other's
-heads, is one of its own. A wait
-is a GOTO back over NOPs, CLRWDTs and at most one bit test: it sees the same until something happens.
+In: decoded program. Out: code with these places marked. A region is a strongly connected set of instructions
+that access only W, STATUS's flags and a few bytes of RAM. Its effect and its duration depend on these alone,
+so the loop memoizes it (`memo.py`). A region nested in another one, without the outer one's heads, is a
+region of its own. A wait is a GOTO back over NOPs, CLRWDTs and at most one bit test: it reads the same until
+an event happens.
 
     outer  MOVLW 200        head of region 0: outer .. GOTO outer
            MOVWF a
@@ -62,9 +62,10 @@ Graph = Mapping[int, tuple[int, ...]]
 
 @dataclass(frozen=True, slots=True)
 class FastCode:
-    """Row 0 of `code` is the program with its places marked; row n + 1 is region n, all else being EXIT.
+    """Row 0 of `code` is the program with its places marked; row n + 1 is region n, with EXIT everywhere
+    else.
 
-    `regions` has for each region the number of its RAM bytes and their addresses.
+    `regions` holds, for each region, the number of its RAM bytes and their addresses.
     """
 
     code: Code
@@ -79,7 +80,7 @@ class _Region:
 
 
 def fast_code(plain: Code) -> FastCode:
-    """The program with every region and wait marked."""
+    """Return the program with every region and wait marked."""
     words = [int(word) for word in plain]
     waits = _waits(words)
     pure = {address for address in range(_N) if _is_pure(words[address])} - set(waits)
@@ -99,7 +100,7 @@ def fast_code(plain: Code) -> FastCode:
 
 
 def marked_code(code: Code, plain: Code, breakpoints: Set[int]) -> Code:
-    """`code` with `breakpoints`; what one of them stands in is then not taken in one step."""
+    """Return `code` with `breakpoints`; a region or wait that contains one is not executed in one step."""
     if not breakpoints:
         return code
     code = code.copy()
@@ -130,7 +131,7 @@ def _target(word: int) -> int:
 
 
 def _is_pure(word: int) -> bool:
-    """Whether an instruction depends on, and changes, W, flags and directly addressed RAM only."""
+    """Return whether an instruction depends on, and changes, only W, flags and directly addressed RAM."""
     name = _name(word)
     if name in _LITERAL:
         return True
@@ -144,7 +145,7 @@ def _is_pure(word: int) -> bool:
 
 
 def _successors(words: list[int], address: int) -> tuple[int, ...]:
-    """Where control can go next, as far as the word itself says."""
+    """Return the addresses where execution can continue, as far as the word itself determines them."""
     word = words[address]
     name = _name(word)
     following = (address + 1) % _N
@@ -158,7 +159,7 @@ def _successors(words: list[int], address: int) -> tuple[int, ...]:
 
 
 def _waits(words: list[int]) -> dict[int, int]:
-    """The marked word of each place that a wait turns on: its test, or its GOTO."""
+    """Return the marked word of each place where a wait turns: its test, or its GOTO."""
     marked: dict[int, int] = {}
     for address in range(_N):
         if _name(words[address]) != "GOTO":
@@ -185,7 +186,7 @@ def _is_polled(word: int) -> bool:
 
 
 def _entries(graph: Graph, pure: set[int]) -> dict[int, set[int]]:
-    """The predecessors of each pure instruction."""
+    """Return the predecessors of each pure instruction."""
     before: dict[int, set[int]] = {address: set() for address in pure}
     for address, following in graph.items():
         for successor in following:
@@ -197,7 +198,7 @@ def _entries(graph: Graph, pure: set[int]) -> dict[int, set[int]]:
 def _regions(
     words: list[int], graph: Graph, nodes: set[int], before: dict[int, set[int]], level: int = 0
 ) -> Iterable[_Region]:
-    """The regions among `nodes`, outer ones before those inside them."""
+    """Yield the regions among `nodes`, outer ones before those nested in them."""
     if level == DEEPEST_RECORDING:
         return
     for members in _components(graph, nodes):
@@ -215,7 +216,9 @@ def _uses_file(word: int) -> bool:
 
 
 def _components(graph: Graph, nodes: set[int]) -> list[frozenset[int]]:
-    """The strongly connected sets of `nodes` with a way round in them, by Tarjan's method, not recursive."""
+    """Return the strongly connected sets of `nodes` that contain a cycle, by an iterative form of Tarjan's
+    algorithm.
+    """
     index: dict[int, int] = {}
     low: dict[int, int] = {}
     open_nodes: list[int] = []

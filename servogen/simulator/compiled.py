@@ -1,4 +1,5 @@
-"""What marks a function of the instruction loop: it is compiled, and works on vectors of integers by pointer.
+"""The decorator for functions of the instruction loop, which are compiled and work on pointers to vectors of
+integers.
 
 Such functions are typed as what they are in Python; numba makes machine code of them (`native.py`).
 """
@@ -17,5 +18,5 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def compiled(function: Function) -> Function:
-    """Compile `function` when it is first called from compiled code. No division here is ever by 0."""
+    """Mark `function` to be compiled when compiled code first calls it. No division here is ever by 0."""
     return cast(Function, njit(error_model="numpy")(function))

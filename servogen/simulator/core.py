@@ -1,9 +1,10 @@
 # ruff: noqa: SIM109 - in compiled code two comparisons are what they are; a tuple is an object
-"""The instruction loop. Compiled once plain, once with observation, once to track what is unknown.
+"""The instruction loop. It is compiled three times: plain, with observation, and with tracking of unknown
+values.
 
-In: the state vector, the program, what is coming from outside. Out: the state vector later, edges in a
-buffer, and why it came back. Instructions and cycles: DS35007 section 7, table 7-2; STATUS as a
-destination: section 2.3.1; PCL as a destination: section 2.4; INDF and FSR: section 2.5.
+In: the state vector, the program, events from outside. Out: the state vector later, edges in a buffer, and
+the reason why it stopped. Instructions and cycles: DS35007 section 7, table 7-2; STATUS as a destination:
+section 2.3.1; PCL as a destination: section 2.4; INDF and FSR: section 2.5.
 """
 
 from __future__ import annotations
@@ -95,15 +96,14 @@ PAGE_BITS = 0x18  # of PCLATH, for CALL and GOTO: section 2.4
 
 @compiled
 def stays(s: Vector, plain: Vector, pc: int) -> bool:
-    """Whether the GOTO at `pc` goes to the page and the mirror image that it stands in."""
+    """Return whether the GOTO at `pc` stays in its own page and mirror image."""
     return s[PCLATH] & PAGE_BITS == 0 and (plain[pc & ROW_MASK] >> 8 & 0x7FF) >> 10 == pc >> 10
 
 
 def instruction_loop(observed: bool, tracked: bool) -> Callable[..., int]:
     """Return the loop as a Python function to be compiled.
 
-    `observed` counts and traces every instruction, `tracked` follows through each what is unknown
-    (unknown.py).
+    `observed` counts and traces every instruction, `tracked` tracks unknown values through each (unknown.py).
     """
 
     def run(
@@ -272,7 +272,7 @@ def instruction_loop(observed: bool, tracked: bool) -> Callable[..., int]:
                             r = 1
                             skip = (v & word >> 16 & 0xFF != 0) == (op == BTFSS)
                             if not skip and word & WAITS and stays(s, plain, pc):
-                                # the GOTO after it comes back here, and finds the same until then:
+                                # the GOTO after it leads back here, and nothing changes until then:
                                 limit = min(horizon, t0_news_at(s)) if address & 127 == 0x0B else horizon
                                 period = word >> PERIOD_SHIFT & PERIOD_MASK
                                 turns = max(0, limit - 1 - start) // period
@@ -323,7 +323,7 @@ def instruction_loop(observed: bool, tracked: bool) -> Callable[..., int]:
                             else:
                                 r = (v + 1) & 0xFF
                             status = status & ~Z | (Z if r == 0 else 0)
-                        # 3: what is unknown of it
+                        # 3: which of its bits are unknown
                         if tracked and vu | wu | su:
                             if op == BTFSC or op == BTFSS:
                                 if vu & word >> 16 & 0xFF:
@@ -371,7 +371,7 @@ def instruction_loop(observed: bool, tracked: bool) -> Callable[..., int]:
                             use(s, USE_JUMP, 0, ru >> 8)
                         pc = s[PCLATH] << 8 | r
                         cycle += 1
-                        skip = False  # the word that a skip would annul is annulled already
+                        skip = False  # the word that a skip would discard is already discarded
                     else:
                         s[CYCLE] = start
                         s[HERE] = pc - 1

@@ -1,7 +1,7 @@
-"""The data EEPROM: EECON1, EECON2's two keys, and a write that takes its time. Compiled.
+"""The data EEPROM: EECON1, EECON2's two keys, and a write with its duration. Compiled.
 
-DS35007 section 3. A write starts only by the sequence of section 3.2, to the cycle: 55h to EECON2, AAh two
-cycles later, WR in the cycle after that, with WREN already set.
+DS35007 section 3. A write starts only with the sequence of section 3.2, exact to the cycle: 55h to EECON2,
+AAh two cycles later, WR in the cycle after that, with WREN already set.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def eecon2_write(s: Vector, at: int, value: int) -> None:
 
 @compiled
 def eecon1_write(s: Vector, at: int, value: int, unknown: int) -> None:
-    """WR and RD can be set, not cleared, by software (section 3, register EECON1)."""
+    """Write EECON1: WR and RD can be set, but not cleared, by software (section 3, register EECON1)."""
     if unknown & (EEIF | WREN | WR | RD):
         use(s, USE_REGISTER, 0x88, unknown >> 8)
     s[EECON1_UNKNOWN] = unknown & WRERR
@@ -84,7 +84,7 @@ def cell_read(s: Vector) -> int:
 
 @compiled
 def write_done(s: Vector) -> None:
-    """The write that was under way is complete, in the cycle `EE_DONE_AT`."""
+    """Complete the write in progress, in the cycle `EE_DONE_AT`."""
     at = s[EE_DONE_AT]
     s[EE_DONE_AT] = NEVER
     if s[EE_CELL] < CELLS:
@@ -97,7 +97,7 @@ def write_done(s: Vector) -> None:
 
 @compiled
 def reset_eecon1(s: Vector) -> None:
-    """A reset ends a write under way and says so in WRERR; the cell keeps its old value here."""
+    """Abort a write in progress at a reset and set WRERR; in this model the cell keeps its old value."""
     if s[EE_DONE_AT] != NEVER:
         s[EECON1_UNKNOWN] = 0
     broken = WRERR if s[EE_DONE_AT] != NEVER else s[EECON1] & WRERR

@@ -1,8 +1,8 @@
-"""What comes from outside the instructions: stimuli, time-outs, interrupts, resets, sleep; and when.
+"""Events that instructions do not cause: stimuli, time-outs, interrupts, resets and sleep, and their times.
 Compiled.
 
-Between two calls of `attend` the instruction loop runs freely, up to the cycle in `HORIZON`: the first
-cycle at whose start anything here could be due. An instruction that changes what could be due ends the free
+Between two calls of `attend` the instruction loop runs freely, up to the cycle in `HORIZON`: the first cycle
+at whose start one of these events could be due. An instruction that changes what could be due ends the free
 run itself.
 """
 
@@ -60,7 +60,7 @@ INTERRUPT_VECTOR = 0x004
 
 @compiled
 def next_event(s: Vector, stim: Vector) -> int:
-    """The first cycle at which something not caused by an instruction happens, interrupts aside."""
+    """Return the first cycle at which something not caused by an instruction happens, except interrupts."""
     when = s[STIM_KNOWN]
     if s[STIM_NEXT] < s[STIM_COUNT]:
         when = stim[s[STIM_NEXT]] >> PACK_CYCLE
@@ -72,7 +72,7 @@ def next_event(s: Vector, stim: Vector) -> int:
 
 @compiled
 def stimulus(s: Vector, edges: Vector, packed: int) -> None:
-    """One change from outside: of a pin, or of MCLR, which holds the chip in reset while low."""
+    """Apply one change from outside: of a pin, or of MCLR, which holds the chip in reset while low."""
     at = packed >> PACK_CYCLE
     pin = packed >> PACK_PIN & 0xF
     level = packed & PACK_LEVELS
@@ -89,9 +89,9 @@ def stimulus(s: Vector, edges: Vector, packed: int) -> None:
 
 @compiled
 def wake(s: Vector, at: int) -> None:
-    """The instruction after SLEEP executes when the oscillator runs again; what woke us is sampled then.
+    """Continue after SLEEP once the oscillator runs again; the flag that woke the chip is sampled then.
 
-    Whatever woke the chip, the watchdog starts anew: DS35007 section 6.11.2.
+    Whatever woke the chip, the watchdog restarts: DS35007 section 6.11.2.
     """
     s[SLEEPING] = 0
     wdt_clear(s, at)
@@ -104,7 +104,9 @@ def wake(s: Vector, at: int) -> None:
 
 @compiled
 def watchdog(s: Vector, edges: Vector) -> None:
-    """A time-out wakes a sleeping chip (STATUS uuu0 0uuu) and resets a running one: DS35007 table 6-3."""
+    """Handle a time-out, which wakes a sleeping chip (STATUS uuu0 0uuu) and resets a running one (DS35007
+    table 6-3).
+    """
     at = wdt_deadline(s)
     wdt_sync(s, at)
     if s[SLEEPING]:
@@ -118,7 +120,7 @@ def watchdog(s: Vector, edges: Vector) -> None:
 
 @compiled
 def watchdog_in_doubt(s: Vector) -> None:
-    """The watchdog of some chips would time out now: noted once."""
+    """Note, once, that the watchdog of some chips would time out now."""
     s[HERE] = s[PC]
     warn(s, WARN_WATCHDOG, 0)
     s[WDT_SHORTEST] = 0
@@ -127,7 +129,9 @@ def watchdog_in_doubt(s: Vector) -> None:
 
 @compiled
 def happen(s: Vector, edges: Vector, stim: Vector) -> None:
-    """All that was due by now, in order of cycles, a stimulus before what has its cycle; then waking."""
+    """Process everything that is due by now in order of cycles, a stimulus before other events of its cycle,
+    and then waking.
+    """
     while True:
         now = s[CYCLE]
         when = next_event(s, stim)
@@ -138,7 +142,7 @@ def happen(s: Vector, edges: Vector, stim: Vector) -> None:
             wake(s, now)
             continue
         if s[STIM_NEXT] == s[STIM_COUNT] and when >= s[STIM_KNOWN]:
-            return  # the host must say what comes from then on
+            return  # the host must supply the events from then on
         if s[STIM_NEXT] < s[STIM_COUNT] and stim[s[STIM_NEXT]] >> PACK_CYCLE == when:
             stimulus(s, edges, stim[s[STIM_NEXT]])
             s[STIM_NEXT] += 1
@@ -155,7 +159,9 @@ def happen(s: Vector, edges: Vector, stim: Vector) -> None:
 
 @compiled
 def attend(s: Vector, edges: Vector, stim: Vector) -> None:
-    """Between instructions, what is due having happened: enter an interrupt, set `HORIZON`."""
+    """Enter an interrupt if one is due and set `HORIZON`, after the events that are due have been
+    processed.
+    """
     now = s[CYCLE]
     if s[SLEEPING] or s[IN_RESET]:
         s[HORIZON] = next_event(s, stim)

@@ -1,8 +1,8 @@
 """The fingerprint: everything that a machine's future depends on, as bytes.
 
-In: the state vector. Out: bytes that are equal for two states exactly when the machine will behave alike
-from both, given the same program, clock and options, and no stimulus. The proof for all time (`forever.py`)
-stands on it.
+In: the state vector. Out: bytes that are equal for two states exactly if the machine will behave identically
+from both, given the same program, clock and options, and no stimulus. The proof for unlimited time
+(`recurrence.py`) relies on it.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ from servogen.simulator import layout as at
 
 
 def fingerprint(s: npt.NDArray[np.int64]) -> bytes:
-    """Everything that the machine's future depends on, the time of day left out: equal means alike for ever.
+    """Return everything that the machine's future depends on except absolute time; equal bytes mean equal
+    behaviour from then on.
 
-    Times are counted from now; the stack's ring is turned so that its top is first; what only reports are
-    made of is left out. RAM that was never written counts by the value that it happens to have.
+    Times are relative to now; the stack's ring is rotated so that its top comes first; data that only serves
+    reports is omitted. RAM that was never written counts with the value that it happens to have.
     """
     now = int(s[at.CYCLE])
     ram = s[RAM_FIRST : RAM_LAST + 1] & 0xFF
@@ -36,7 +37,9 @@ def fingerprint(s: npt.NDArray[np.int64]) -> bytes:
 
 
 def unknown_bits(s: npt.NDArray[np.int64]) -> bytes:
-    """Return which bits are unknown, and how far the shortest watchdog is: what later uses depend on."""
+    """Return which bits are unknown, and the state of the shortest watchdog: later uses of unknown values
+    depend on these.
+    """
     ram = s[RAM_FIRST : RAM_LAST + 1] >> at.UNKNOWN_SHIFT & 0xFF
     masks = [int(s[slot]) & 0xFF for slot in _UNKNOWN_BYTES]
     masks += [int(s[slot]) for slot in _UNKNOWN_BITS]

@@ -18,7 +18,7 @@ LATENCY = 3
 
 @compiled
 def requested(s: Vector) -> bool:
-    """Whether an enabled flag is set, GIE aside: what wakes the chip."""
+    """Return whether an enabled flag is set, regardless of GIE; this wakes the chip."""
     intcon = s[INTCON]
     if (intcon >> 3) & intcon & 7:
         return True
@@ -27,10 +27,12 @@ def requested(s: Vector) -> bool:
 
 @compiled
 def note_flags(s: Vector, at: int) -> None:
-    """Flags or enables are as they are from cycle `at`; what was sampled before stands."""
+    """Update the sampling after flags or enables have changed in cycle `at`; what was sampled before remains
+    valid.
+    """
     if s[INTCON_UNKNOWN]:
         doubt(s, False)
-    at = max(at, s[AWAKE_AT])  # a chip that starts up samples nothing
+    at = max(at, s[AWAKE_AT])  # a chip that is starting up samples nothing
     if s[INTCON] & GIE and requested(s):
         if s[IRQ_AT] > at:
             s[IRQ_AT] = at

@@ -1,9 +1,9 @@
-"""The machine's complete state as one vector of integers: which slot holds what.
+"""The layout of the machine's complete state in one vector of integers.
 
-One int64 vector is what the compiled instruction loop works on, and what a snapshot copies. Slots 0 to 127
-are the file registers by address in bank 0 (bank 1 mirrors the RAM: DS35007 section 2.2), of which only the
-RAM is used; the special function registers have slots of their own, because few of them are plain bytes.
-Ports are 13 bits wide here, bit n being pin n of `edges.PINS`: port A in bits 0 to 4, port B in 5 to 12.
+The compiled instruction loop works on one int64 vector, which a snapshot copies. Slots 0 to 127 are the file
+registers by address in bank 0 (bank 1 mirrors the RAM: DS35007 section 2.2), of which only the RAM is used;
+the special function registers have slots of their own, because few of them are plain bytes. Ports are 13 bits
+wide here, bit n being pin n of `edges.PINS`: port A in bits 0 to 4, port B in 5 to 12.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ RAM_SLOTS = 128
     EE_CELL,
     EE_BYTE,
     EE_TIME,
-    # the stack and what it went through
+    # the stack and its statistics
     SP,
     DEPTH,
     DEEPEST,
@@ -89,7 +89,7 @@ RAM_SLOTS = 128
     TRACE_COUNT,
     TRACE_ROOM,
     WARN_COUNT,
-    # what has no value that every chip agrees on: see unknown.py
+    # bits whose value differs between chips: see unknown.py
     TRACKED,
     HERE,
     W_UNKNOWN,
@@ -137,7 +137,7 @@ PACK_CYCLE, PACK_PIN, PACK_LEVELS = 8, 2, 3
 MCLR_PIN = 13
 """The number of the reset pin in a stimulus, after the thirteen of `edges.PINS`."""
 
-# The memory of regions (memo.py), one vector of rows; and the regions being recorded, one inside the other.
+# The memo of regions (memo.py), one vector of rows; and the nested regions being recorded.
 MEMO_ROWS, MEMO_COLUMNS = 1 << 12, 5
 UNKNOWN = -1
 DEEPEST_RECORDING, RECORD = 8, 4
@@ -145,7 +145,7 @@ REGION_BYTES = 7
 """RAM bytes of a region at most: they are a memory's key, in 63 bits."""
 REGION = 1 + REGION_BYTES
 
-# Why the instruction loop came back to the host.
+# Reasons why the instruction loop returns to the host.
 GOES_ON, AT_END, EDGES_FULL, AT_BREAKPOINT, NEEDS_STIMULUS, TRACE_FULL = range(6)
 
 # What a warning is about.

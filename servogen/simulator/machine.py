@@ -1,7 +1,7 @@
-"""`Machine`: a PIC16F84 that runs.
+"""`Machine`: a running PIC16F84.
 
-In: an `Image`, a `Clock`, `Options`, perhaps a stimulus. Out: edges as it makes them, and its `State` at
-any time.
+In: an `Image`, a `Clock`, `Options`, optionally a stimulus. Out: edges as they occur, and the `State` at any
+time.
 """
 
 from __future__ import annotations
@@ -45,7 +45,9 @@ _RESTING = (at.AT_END, at.AT_BREAKPOINT)
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """What the observed instruction loop writes: executions and cycles by address, and the trace's rows."""
+    """The output of the observed instruction loop: executions and cycles by address, and the rows of the
+    trace.
+    """
 
     counts: Packed = field(default_factory=lambda: np.zeros((PROGRAM_WORDS, 2), dtype=np.int64))
     trace: Packed = field(default_factory=lambda: np.zeros((0, 4), dtype=np.int64))
@@ -56,13 +58,13 @@ _UNOBSERVED = Observation(np.zeros((0, 2), dtype=np.int64))
 
 
 class Stimulus(Protocol):
-    """What happens to the pins from outside."""
+    """The changes that the outside world applies to the pins."""
 
     def changes(self, clock: Clock) -> Iterator[tuple[int, Packed]]:
-        """Pieces of the changes, in order: (the cycle before which they are all, cycle << 8 | pin << 2 |
-        level).
+        """Yield the changes piece by piece, in order: (the cycle before which they all lie, cycle << 8 | pin
+        << 2 | level).
 
-        Pin 13 is MCLR. Level 2 lets a pin go. After the last piece nothing comes any more.
+        Pin 13 is MCLR. Level 2 releases a pin. After the last piece there are no further changes.
         """
 
 
@@ -78,9 +80,10 @@ class Machine:
         *,
         tracked: bool = False,
     ) -> None:
-        """Power the chip up. `tracked`: follow what has no value at power-up, and warn of its first use.
+        """Power up the chip. With `tracked`, track values that are undefined at power-up, and warn at their
+        first use.
 
-        That is slower. Observation does not track.
+        Tracking is slower, and does not apply to observation.
         """
         self.image = image
         self.clock = clock
@@ -102,7 +105,7 @@ class Machine:
 
     @property
     def cycles(self) -> Cycles:
-        """The cycle in which the next instruction executes."""
+        """Return the cycle in which the next instruction executes."""
         return Cycles(int(self._s[at.CYCLE]))
 
     @property
@@ -110,15 +113,17 @@ class Machine:
         return int(self._s[at.PC])
 
     def run(self, cycles: int) -> EdgeChunk:
-        """Run for `cycles` (the last instruction may end one later) or to a breakpoint; the edges made."""
+        """Run for `cycles` (the last instruction may end one later) or to a breakpoint, and return the
+        edges.
+        """
         return join(self.stream(cycles))
 
     def stream(self, cycles: int) -> Iterator[EdgeChunk]:
-        """The same, giving the edges while it runs, in chunks of bounded size."""
+        """Do the same, yielding the edges while it runs, in chunks of bounded size."""
         yield from self._advance(self.cycles + cycles, fast=True)
 
     def step(self) -> EdgeChunk:
-        """Execute one instruction, or let one cycle pass in SLEEP or reset; the edges made."""
+        """Execute one instruction, or let one cycle pass in SLEEP or reset, and return the edges."""
         return join(self._advance(self.cycles + 1, fast=False))
 
     def run_until(
@@ -130,11 +135,10 @@ class Machine:
         limit: int | None = None,
     ) -> bool:
         """Run until the next instruction is at `pc`, or `cycle` is reached, or `predicate` holds between
-        instructions.
+        instructions; return whether that happened.
 
-        At least one instruction executes. `limit` is the number of cycles after which to give up; the
-        answer is whether what was waited for has come. A predicate is asked after every instruction, which
-        is slow.
+        At least one instruction executes. The machine stops after `limit` cycles at the latest. A predicate
+        is evaluated after every instruction, which is slow.
         """
         if (pc is None) + (cycle is None) + (predicate is None) != 2:
             raise InputError("run_until needs exactly one of pc, cycle and predicate")
@@ -156,7 +160,7 @@ class Machine:
 
     @property
     def read_unwritten(self) -> tuple[int, ...]:
-        """Addresses of the RAM bytes that were read before they were ever written."""
+        """Return the addresses of RAM bytes that were read before they were first written."""
         return read_unwritten(self._s)
 
     @property
@@ -169,21 +173,26 @@ class Machine:
         return state_of(self._s, warnings_of(self._s, self.image, self.clock))
 
     def contents(self) -> Image:
-        """What is on the chip now: the image, with the EEPROM as the program has left it."""
+        """Return the current contents of the chip: the image, with the EEPROM as the program has left it."""
         return replace(self.image, eeprom=dict(enumerate(self.state().eeprom)))
 
     def fingerprint(self) -> bytes:
-        """Equal bytes for two states of one image, clock and options that will behave alike, unstimulated."""
+        """Return bytes that are equal for two states of one image, clock and options if both behave
+        identically without stimulus.
+        """
         return fingerprint(self._s)
 
     def unknown(self) -> bytes:
-        """Return what no chip agrees on, as bytes: equal beside equal fingerprints, the same uses follow."""
+        """Return the state of unknown values as bytes; if these and the fingerprints are equal, the same uses
+        follow.
+        """
         return unknown_bits(self._s)
 
     def run_to_edge(self, pin: int, level: int, limit: int) -> Cycles | None:
-        """Run until just after the instruction that makes `pin` (its index in `PINS`) go to `level`.
+        """Run until just after the instruction that drives `pin` (its index in `PINS`) to `level`, and return
+        the cycle of the edge.
 
-        The edge's cycle, or None when there is none within `limit` cycles. Breakpoints do not count here.
+        Returns None if there is no such edge within `limit` cycles. Breakpoints are ignored.
         """
         self._s[at.EDGE_LIMIT] = 1  # comes back after every instruction that makes an edge
         try:
@@ -196,9 +205,9 @@ class Machine:
         return None
 
     def observe(self, cycles: int, observation: Observation) -> Iterator[tuple[EdgeChunk, Packed]]:
-        """Like `stream`, instruction by instruction, counting in `observation`.
+        """Run like `stream`, instruction by instruction, counting in `observation`.
 
-        Gives edges and, if it traces, rows of (cycle, PC, W after, STATUS after), one an instruction.
+        Yields edges and, if it traces, rows of (cycle, PC, W after, STATUS after), one per instruction.
         """
         end = self.cycles + cycles
         code = marked_code(self._plain, self._plain, self.breakpoints)
@@ -217,7 +226,7 @@ class Machine:
                 yield self._drain()
 
     def _runs(self, end: int, code: Code, run: Loop, observation: Observation) -> Iterator[int]:
-        """Call the instruction loop until the end or a breakpoint, giving why it came back each time."""
+        """Call the instruction loop until the end or a breakpoint, yielding the reason of each return."""
         resume = self.cycles
         while True:
             why = run(
@@ -257,6 +266,6 @@ class Machine:
 
 
 def unpack_edges(packed: Packed) -> EdgeChunk:
-    """Edges as the instruction loop writes them, as columns."""
+    """Return edges as columns from the packed form that the instruction loop writes."""
     pins = (packed >> at.PACK_PIN) & 0x3F
     return edge_chunk(packed >> at.PACK_CYCLE, pins, packed & at.PACK_LEVELS)

@@ -1,9 +1,9 @@
-"""What regions that only count did before, by everything that they depend on. Compiled.
+"""The memo of regions that only count: their effect for every state that they depend on. Compiled.
 
-A row of the memory: key (PC, W, STATUS, and what is unknown of the latter two), registers before, cycles
-taken, the same of after, registers after. Regions with unknown bytes of RAM are not remembered. A region is
-taken in one step only when it ends before anything else can happen, so that the step is what the single
-instructions would have done.
+A row of the memo holds the key (PC, W, STATUS, and the unknown bits of the latter two), the registers before,
+the cycles taken, the key after and the registers after. Regions with unknown bytes of RAM are not memoized. A
+region is executed in one step only if it ends before any event can happen, so that the step has the same
+effect as the single instructions.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from servogen.simulator.layout import MEMO_COLUMNS, MEMO_ROWS, RECORD, REGION, U
 
 @compiled
 def pack_processor(pc: int, w: int, status: int, wu: int, su: int) -> int:
-    """PC (13 bits), W, STATUS, and what is unknown of W and STATUS (16 bits each), as one integer."""
+    """Return PC (13 bits), W, STATUS, and the unknown bits of W and STATUS (16 bits each) as one integer."""
     return su << 45 | wu << 29 | pc << 16 | w << 8 | status
 
 
 @compiled
 def pack_registers(s: Vector, regions: Vector, region: int) -> int:
-    """The region's bytes of RAM as one integer, or UNKNOWN when a bit of one is unknown."""
+    """Return the region's bytes of RAM as one integer, or UNKNOWN if a bit of one is unknown."""
     packed = 0
     for i in range(regions[REGION * region]):
         value = s[regions[REGION * region + 1 + i]]
@@ -46,7 +46,7 @@ def lookup(memo: Vector, key: int, registers: int) -> int:
 
 @compiled
 def recall(s: Vector, memo: Vector, row: int, regions: Vector, region: int) -> None:
-    """Put the registers as the region left them."""
+    """Set the registers to the values that the region left."""
     packed = memo[row + 4]
     for i in range(regions[REGION * region] - 1, -1, -1):
         s[regions[REGION * region + 1 + i]] = packed & 0xFF
@@ -63,7 +63,7 @@ def remember(
     cycle: int,
     processor: int,
 ) -> None:
-    """The region recorded at `depth` is left now, with the processor as `pack_processor` packs it."""
+    """Record that the region at `depth` is left now, with the processor as `pack_processor` packs it."""
     record = RECORD * depth
     registers = pack_registers(s, regions, recording[record + 3])
     if registers == UNKNOWN:

@@ -1,6 +1,6 @@
-"""The trace: every instruction as it was executed, with its source line.
+"""The trace: every executed instruction, with its source line.
 
-In: a machine, a number of cycles, perhaps the program's `Listing`. Out: rows, made as they are asked for.
+In: a machine, a number of cycles, optionally the program's `Listing`. Out: rows, produced on demand.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ FLAGS = "CDZPT"
 
 @dataclass(frozen=True, slots=True)
 class TraceRow:
-    """One executed instruction: W and STATUS are as it left them."""
+    """One executed instruction, with W and STATUS as it left them."""
 
     cycle: Cycles
     pc: int
@@ -44,7 +44,7 @@ class TraceRow:
 
 
 def trace(machine: Machine, cycles: int, listing: Listing | None = None) -> Iterator[TraceRow]:
-    """Run `machine` for `cycles`, giving every instruction that it executes."""
+    """Run `machine` for `cycles`, yielding every instruction that it executes."""
     listed = {row.address: row for row in listing.rows} if listing else {}
     sources = {name: text.splitlines() for name, text in listing.sources} if listing else {}
     observation = Observation(trace=np.zeros((ROWS, 4), dtype=np.int64))
@@ -72,7 +72,7 @@ def _row(
 
 
 def plain_assembly(image: Image, address: int) -> str:
-    """The instruction at an address without names: "ADDWF 0x20, F"."""
+    """Return the instruction at an address without names: "ADDWF 0x20, F"."""
     if address not in image.program:
         return "(erased)"
     decoded = decode(image.program[address])
@@ -89,7 +89,7 @@ def _assembly(decoded: Decoded) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Spent:
-    """What one word, line or function cost: how often its instructions were executed, and their cycles."""
+    """The cost of one word, line or function: how often its instructions were executed, and their cycles."""
 
     executions: int
     cycles: Cycles
@@ -97,7 +97,7 @@ class Spent:
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """Cycles by address, by source line and by function; what is in no function is under ""."""
+    """Cycles by address, by source line and by function; words outside any function are listed under ""."""
 
     cycles: Cycles
     """The cycles profiled; those of no instruction (interrupt latency, sleep, reset) are `idle` of them."""
@@ -116,13 +116,13 @@ class Profile:
 
     @property
     def coverage(self) -> float:
-        """The executed part of the program's words, 0 to 1."""
+        """Return the executed part of the program's words, 0 to 1."""
         total = len(self.words) + len(self.unexecuted)
         return len(self.words) / total if total else 1.0
 
 
 def profile(machine: Machine, cycles: int, listing: Listing | None = None) -> Profile:
-    """Run `machine` for `cycles`, counting; stack and RAM figures are since power-up."""
+    """Run `machine` for `cycles` and return the counts; stack and RAM figures are those since power-up."""
     observation = Observation()
     start = machine.cycles
     for _ in machine.observe(cycles, observation):

@@ -1,4 +1,4 @@
-"""The parts of the chip that vary from one to the next, and the board around it."""
+"""Properties that vary between chips, and the board around the chip."""
 
 from __future__ import annotations
 
@@ -54,6 +54,6 @@ class Options:
 
     @property
     def eeprom_us(self) -> int:
-        """How long an EEPROM write takes. Raises InputError where the device is unknown."""
+        """Return the duration of an EEPROM write in µs. Raises InputError if the device is unknown."""
         typical = device(self.device).eeprom_write_us
         return typical if self.eeprom_write_us is None else self.eeprom_write_us

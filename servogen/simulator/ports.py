@@ -1,4 +1,4 @@
-"""Ports A and B: output latches, direction, what the pins carry, and the edges that come of it. Compiled.
+"""Ports A and B: output latches, direction, the levels of the pins, and the resulting edges. Compiled.
 
 DS35007 section 4. A latch and a pin are two things: an instruction reads the pin, and writes the latch. RA4
 is an open drain (section 4.1): with its latch at 1 nothing drives it. Levels of pins that nobody drives:
@@ -66,7 +66,7 @@ T0CKI_DELAY = 1
 
 @compiled
 def settle(s: Vector, at: int) -> None:
-    """The pins are as latches, directions and the world outside make them, from cycle `at`."""
+    """Compute the levels of the pins from latches, directions and the outside world, from cycle `at`."""
     driven = ~s[TRIS] & (A | B)
     if s[LATCH] & RA4:
         driven &= ~RA4
@@ -100,7 +100,7 @@ def settle(s: Vector, at: int) -> None:
 
 @compiled
 def react(s: Vector, at: int, changed: int) -> None:
-    """What T0CKI, INT and the change interrupt make of changed pins: DS35007 sections 5, 6.8.1, 6.8.3."""
+    """Apply changed pins to T0CKI, INT and the change interrupt (DS35007 sections 5, 6.8.1, 6.8.3)."""
     rising = changed & s[PINS]
     if (
         changed & RA4
@@ -118,7 +118,7 @@ def react(s: Vector, at: int, changed: int) -> None:
 
 @compiled
 def compare(s: Vector) -> None:
-    """RBIF is set as long as an input of RB4 to RB7 differs from what was last read: DS35007 section 4.2."""
+    """Set RBIF while an input of RB4 to RB7 differs from the value last read (DS35007 section 4.2)."""
     differs = (s[PINS] ^ s[RB_OLD]) & s[TRIS] & RB4_TO_7
     unknown = (s[PINS_UNKNOWN] | s[RB_OLD_UNKNOWN]) & s[TRIS] & RB4_TO_7
     if differs & ~unknown:
@@ -138,7 +138,7 @@ def contention(s: Vector, bits: int) -> None:
 
 @compiled
 def emit(s: Vector, edges: Vector, at: int) -> None:
-    """Note every change of what the chip drives, in order of pins: the instruction of cycle `at` made it."""
+    """Record every change of a driven pin, in pin order, as made by the instruction of cycle `at`."""
     driven = ~s[TRIS] & (A | B)
     if s[LATCH] & RA4 and not s[RA4_PULLED_UP]:
         driven &= ~RA4
@@ -163,7 +163,7 @@ def emit(s: Vector, edges: Vector, at: int) -> None:
 
 @compiled
 def port_write(s: Vector, edges: Vector, at: int, port: int, value: int, unknown: int) -> None:
-    """An instruction in cycle `at` writes a latch; `port` is A or B. A write of port B reads it too."""
+    """Write a latch by an instruction in cycle `at`; `port` is A or B. A write to port B reads it too."""
     bits = unknown & 0xFF
     if port == A:
         s[LATCH] = (s[LATCH] & B) | (value & A)
@@ -182,7 +182,7 @@ def port_write(s: Vector, edges: Vector, at: int, port: int, value: int, unknown
 
 @compiled
 def look(s: Vector) -> None:
-    """Port B is read: its change interrupt compares with this from now on."""
+    """Read port B, so that its change interrupt compares with this value from now on."""
     s[RB_OLD] = s[PINS]
     s[RB_OLD_UNKNOWN] = s[PINS_UNKNOWN] & RB4_TO_7
 
@@ -199,7 +199,9 @@ def outputs_in_doubt(s: Vector, driven: int, source: int) -> None:
 
 @compiled
 def drive_unknown(s: Vector, pins: int) -> None:
-    """Note that these pins become outputs while their latches are unknown; `settle_unknown` judges it."""
+    """Note that these pins become outputs while their latches are unknown; `settle_unknown` evaluates
+    this.
+    """
     for pin in range(PIN_COUNT):
         if pins >> pin & 1:
             s[DRIVEN_FROM + 2 * pin] = s[CYCLE]
@@ -209,10 +211,11 @@ def drive_unknown(s: Vector, pins: int) -> None:
 
 @compiled
 def settle_unknown(s: Vector, at: int, pins: int) -> None:
-    """An instruction in cycle `at` wrote latch or direction of these pins, of which some are driven unknown.
+    """Evaluate a write, in cycle `at`, to the latch or direction of these pins, of which some are driven with
+    an unknown level.
 
-    Written low after at most GLITCH cycles, a pin is forgiven: no chip made more than a glitch before the
-    first pulse.
+    A pin that is written low after at most GLITCH cycles is accepted: no chip made more than a glitch before
+    the first pulse.
     """
     waiting = s[DRIVEN_UNKNOWN] & pins
     for pin in range(PIN_COUNT):
@@ -232,7 +235,7 @@ def settle_unknown(s: Vector, at: int, pins: int) -> None:
 
 @compiled
 def unknown_of_port(s: Vector, port: int, bits: int) -> int:
-    """What is unknown of a port that is read, with the source of one of `bits`."""
+    """Return the unknown bits of a port that is read, with the source of one of `bits`."""
     mask = (s[PINS_UNKNOWN] & A) if port == A else s[PINS_UNKNOWN] >> B_SHIFT
     if mask == 0:
         return 0
@@ -246,7 +249,7 @@ def unknown_of_port(s: Vector, port: int, bits: int) -> int:
 
 @compiled
 def tris_write(s: Vector, edges: Vector, at: int, port: int, value: int, unknown: int) -> None:
-    """An instruction in cycle `at` writes a port's direction: 0 makes a pin an output."""
+    """Write a port's direction by an instruction in cycle `at`: 0 makes a pin an output."""
     if unknown:
         use(s, USE_DIRECTION, 0 if port == A else 1, unknown >> 8)
     before = s[TRIS]
@@ -267,7 +270,7 @@ def tris_write(s: Vector, edges: Vector, at: int, port: int, value: int, unknown
 
 @compiled
 def outside(s: Vector, at: int, pin: int, level: int) -> None:
-    """The world drives a pin from cycle `at`: level 0 or 1, or 2 to let it go."""
+    """Apply an external level to a pin from cycle `at`: 0 or 1, or 2 to release it."""
     bit = 1 << pin
     s[EXT_MASK] &= ~bit
     s[EXT_LEVEL] &= ~bit

@@ -1,12 +1,13 @@
-"""The program memory as the instruction loop reads it: each word decoded once into fields of an integer.
+"""The program memory in the form of the instruction loop: each word decoded once into the fields of an
+integer.
 
 In: an `Image`. Out: an int64 array of 1024, numbered from the table of `pic.isa`.
 
     bit   0-5  6  7      8-14  15      16-23      24     25-32   33-
           op   d  flags  f     direct  mask of b  waits  period  clears
 
-A literal k stands in bits 8 to 18 instead of f and the rest; so do, from bit 8 on, a region's number, or a
-wait's period and clears, in the words that `loops.py` puts in an instruction's stead.
+A literal k is in bits 8 to 18 instead of f and the rest; so are, from bit 8 on, a region's number, or a
+wait's\nperiod and clears, in the words that `block_cache.py` substitutes for instructions.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ Code = npt.NDArray[np.int64]
 
 
 def program_code(image: Image) -> Code:
-    """The image's program, decoded."""
+    """Return the image's program, decoded."""
     return np.array([_place(image, address) for address in range(PROGRAM_WORDS)], dtype=np.int64)
 
 
@@ -49,7 +50,9 @@ def _place(image: Image, address: int) -> int:
 
 
 def pack(decoded: Decoded) -> int:
-    """The fields of one instruction. What has no d but writes a register has d = 1."""
+    """Return the fields of one instruction as an integer. An instruction without d that writes a register has
+    d = 1.
+    """
     row = decoded.instruction
     word = OPS[row.mnemonic] | (row.flags != "") << FLAGS_BIT
     if "k" in row.operands:

@@ -1,9 +1,9 @@
-"""Proof for all time: a machine that comes back to a state that it was in before does the same again, for
-ever.
+"""Proof for unlimited time: a machine that returns to an earlier state repeats the same behaviour from there
+on.
 
-In: an image, a clock, and how to tell where a frame starts. Out: a `Repeat` (lead-in and loop), or a
-`NoRepeat` that says why not and how much time was covered. Of each frame start a digest is kept, 16 bytes for
-all that the machine's future depends on; two that are the same are then compared byte for byte.
+In: an image, a clock, and a definition of where a frame starts. Out: a `Repeat` (lead-in and loop), or a
+`NoRepeat` with the reason and the time covered. For each frame start, a digest of 16 bytes of everything that
+the machine's future depends on is kept; two equal digests are then verified byte by byte.
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ from servogen.units import Clock, Cycles
 
 @dataclass(frozen=True, slots=True)
 class Repeat:
-    """From `lead_in` on (counted from reset) the machine does the same every `loop` cycles, for ever."""
+    """From `lead_in` on (counted from reset) the machine repeats the same behaviour every `loop` cycles
+    without end.
+    """
 
     lead_in: Cycles
     loop: Cycles
@@ -30,7 +32,7 @@ class Repeat:
 
 @dataclass(frozen=True, slots=True)
 class NoRepeat:
-    """No proof: the reason, and the time from reset that was looked at."""
+    """No proof: the reason, and the time from reset that was examined."""
 
     reason: str
     covered: Cycles
@@ -46,11 +48,12 @@ def find_repeat(
     options: Options = Options(),  # noqa: B008 - frozen
     stimulus: Stimulus | None = None,
 ) -> Repeat | NoRepeat:
-    """The first repeat of the machine's complete state at a frame start, within `limit` cycles from reset.
+    """Return the first repetition of the machine's complete state at a frame start, within `limit` cycles
+    from reset.
 
     The first frame starts with the first rising edge of `pin` (its index in `PINS`); the others every
-    `period` cycles after it, or without a period at every rising edge of that pin. A stimulus must have made
-    its last change before the first frame: what changes later would have to repeat too.
+    `period` cycles after it or, without a period, at every rising edge of that pin. A stimulus must make its
+    last change before the first frame, because later changes would have to repeat too.
     """
 
     walk = _Walk(Machine(image, clock, options, stimulus, tracked=True), pin, limit, period)
@@ -75,7 +78,7 @@ def find_repeat(
 
 
 class _Walk:
-    """A machine that goes from frame start to frame start."""
+    """A machine that is advanced from frame start to frame start."""
 
     def __init__(self, machine: Machine, pin: int, limit: int, period: int | None) -> None:
         self.machine = machine
@@ -86,7 +89,7 @@ class _Walk:
         self._pin, self._limit, self._period = pin, limit, period
 
     def step(self) -> bool:
-        """On to the next frame start; False when it is not within the limit."""
+        """Advance to the next frame start; return False if it is not within the limit."""
         if self._period is None or self.frames == 0:
             left = self._limit - self.machine.cycles
             edge = self.machine.run_to_edge(self._pin, HIGH, max(left, 0))
@@ -102,6 +105,6 @@ class _Walk:
         return True
 
     def state(self) -> bytes:
-        """Return the machine's state, what is unknown of it, and how far past the frame start it is."""
+        """Return the machine's state, its unknown bits, and its distance from the frame start."""
         past = self.machine.cycles - self.at
         return past.to_bytes(8, "little") + self.machine.fingerprint() + self.machine.unknown()

@@ -1,7 +1,8 @@
 """Reads and writes of the special function registers that are more than a byte. Compiled.
 
-DS35007 section 2.3, table 2-1. Addresses have the bank in bit 7. PCL, STATUS and INDF are the instruction
-loop's own; unimplemented addresses and EECON2 read as 0. A read happens in Q2 of its cycle, a write in Q4.
+DS35007 section 2.3, table 2-1. Addresses have the bank in bit 7. PCL, STATUS and INDF are handled by the
+instruction loop itself; unimplemented addresses and EECON2 read as 0. A read happens in Q2 of its cycle, a
+write in Q4.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ BANK_1 = 0x80
 
 @compiled
 def read_register(s: Vector, address: int, at: int, bits: int) -> int:
-    """A register's value, and above bit 7 what is unknown of it, with the source of one of `bits`."""
+    """Return a register's value and, above bit 7, its unknown bits with the source of one of `bits`."""
     low = address & 0x7F
     if low == 0x06:
         if address & BANK_1:
@@ -80,9 +81,10 @@ def read_register(s: Vector, address: int, at: int, bits: int) -> int:
 
 @compiled
 def write_register(s: Vector, edges: Vector, address: int, at: int, value: int, unknown: int) -> bool:
-    """Returns whether events or interrupts may have moved, so that the loop must look at them anew.
+    """Write a register; return whether events or interrupts may have moved, so that the loop must check them
+    again.
 
-    `unknown` is what is unknown of `value`.
+    `unknown` holds the unknown bits of `value`.
     """
     low = address & 0x7F
     if low == 0x04:
@@ -136,7 +138,7 @@ def write_register(s: Vector, edges: Vector, address: int, at: int, value: int, 
 
 @compiled
 def write_option(s: Vector, at: int, value: int, unknown: int) -> None:
-    """OPTION_REG, by either instruction: prescaler, timer and pull-ups change in the next cycle."""
+    """Write OPTION_REG, by either instruction: prescaler, timer and pull-ups change in the next cycle."""
     if unknown:
         use(s, USE_REGISTER, BANK_1 | 0x01, unknown >> 8)
     option_write(s, at + 1, value)

@@ -1,6 +1,6 @@
 """The machine's state at power-up: DS35007 section 6.4, tables 6-3 and 6-4.
 
-In: an image, a clock, options. Out: the state vector in the cycle before which nothing has happened.
+In: an image, a clock, options. Out: the state vector before the first cycle.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ State = npt.NDArray[np.int64]
 
 
 def power_up(image: Image, clock: Clock, options: Options, tracked: bool) -> State:
-    """Return the state vector after a power-on reset; `tracked`: what is unknown is to be followed."""
+    """Return the state vector after a power-on reset; with `tracked`, unknown values are to be tracked."""
     config = UNPROGRAMMED_CONFIG if image.config is None else image.config
     start_up = 0 if config & CONFIG_OSCILLATOR_MASK == OSCILLATORS["RC"] else OST_PERIODS // PERIODS_PER_CYCLE
     s = np.zeros(at.SLOTS, dtype=np.int64)
@@ -83,7 +83,7 @@ def power_up(image: Image, clock: Clock, options: Options, tracked: bool) -> Sta
 
 
 def _undefined(s: State, options: Options) -> None:
-    """Give a value to what has none, "x" in table 6-4, and note that it is unknown."""
+    """Give a value to each location that table 6-4 marks "x", and note that it is unknown."""
     draw = None if options.start_seed is None else Random(options.start_seed)
 
     def any_byte(default: int = 0) -> int:
@@ -105,7 +105,9 @@ def _undefined(s: State, options: Options) -> None:
 
 
 def _note_unknown(s: State, options: Options) -> None:
-    """Note what is unknown: all that table 6-4 marks "x", and what hangs on pins that nobody drives."""
+    """Note what is unknown: everything that table 6-4 marks "x", and what depends on pins that nothing
+    drives.
+    """
 
     def unknown(slot: int, source: int) -> None:
         s[slot] = 0xFF | source << 8

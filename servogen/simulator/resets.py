@@ -1,7 +1,7 @@
-"""What a reset puts into the registers, and what it leaves. Compiled.
+"""The effect of a reset on the registers. Compiled.
 
-DS35007 section 6.4, tables 6-3 and 6-4. "x" (unknown at power-up) is 0 here, but for the RAM, whose reads
-are noted until it is written.
+DS35007 section 6.4, tables 6-3 and 6-4. "x" (unknown at power-up) is 0 here, except in RAM, whose reads are
+recorded until it is written.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ FETCH = 1
 
 @compiled
 def enter_reset(s: Vector, edges: Vector, at: int) -> None:
-    """What every reset but power-up does, in cycle `at`."""
+    """Apply a reset other than power-up, in cycle `at`."""
     t0_advance(s, at)
     s[PC] = 0
     s[HERE] = 0

@@ -1,4 +1,4 @@
-"""`simulate`: a program, for a time, at once."""
+"""`simulate`: runs a program for a given time in one call."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from servogen.units import Clock, Cycles
 
 @dataclass(frozen=True, slots=True)
 class Simulation:
-    """What a program did: its edges (in memory), the machine's state at the end, the warnings."""
+    """The result of a run: the edges (in memory), the machine's state at the end, the warnings."""
 
     edges: EdgeTrace
     state: State

@@ -1,10 +1,10 @@
-"""A servo at a pin: pulses in, the shaft's angle out, so that a job's real motion can be seen.
+"""A model of a servo at a pin, from pulses to the angle of the shaft, which shows the real motion of a job.
 
     width ──▶ commanded angle (straight lines between the calibration's points, the travel's ends beyond them)
                     │
     angle ──────────┴── moves towards it at no more than the servo's speed
 
-No current, no torque, no overshoot. A servo without pulses stays where it is.
+Current, torque and overshoot are not modelled. A servo without pulses stays where it is.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from servogen.units import Clock, Cycles
 
 
 class Position(NamedTuple):
-    """At the end of a pulse: what it commands, and where the shaft is. Radians."""
+    """The commanded angle and the shaft's angle at the end of a pulse, in radians."""
 
     cycle: Cycles
     width: Cycles
@@ -31,7 +31,7 @@ class Position(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ServoLoad:
-    """A servo by its calibration and its speed limit."""
+    """A servo with its calibration and its speed limit."""
 
     widths_us: tuple[float, ...]
     """At least two pulse widths, rising."""
@@ -50,9 +50,9 @@ class ServoLoad:
             raise InputError(f"a servo's speed is {self.speed} rad/s; it must be more than 0")
 
     def positions(self, chunks: Iterable[EdgeChunk], clock: Clock, pin: int) -> Iterator[Position]:
-        """The shaft at the end of every pulse on `pin` (its index in `PINS`).
+        """Yield the shaft's position at the end of every pulse on `pin` (its index in `PINS`).
 
-        The command of a pulse holds from its end to the end of the next one.
+        The command of a pulse is valid from its end to the end of the next one.
         """
         per_cycle = self.speed * float(clock.cycle_us) * 1e-6
         angle = commanded = self.start

@@ -1,8 +1,8 @@
-"""What can drive the pins from outside: levels at times, periodic signals, buttons, serial bytes, a pressed
-reset.
+"""Sources that drive the pins from outside: levels at times, periodic signals, buttons, serial bytes, a
+pressed reset.
 
-In: cycles, pins, levels. Out: each source's changes, in order, made as they are asked for, so that an
-endless one needs no memory. `stimulus.py` puts them together.
+In: cycles, pins, levels. Out: each source's changes in order, generated on demand, so that an endless one
+needs no memory. `stimulus.py` merges them.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ STIMULUS_PINS = (*PINS, "MCLR")
 
 
 class Change(NamedTuple):
-    """From `cycle` on the world drives `pin` (its number in `STIMULUS_PINS`) to `level`."""
+    """From `cycle` on, the outside world drives `pin` (its number in `STIMULUS_PINS`) to `level`."""
 
     cycle: int
     pin: int
@@ -34,14 +34,14 @@ class Change(NamedTuple):
 
 
 class Source(Protocol):
-    """Something outside the chip."""
+    """A signal source outside the chip."""
 
     def changes(self, clock: Clock) -> Iterator[Change]:
-        """Its changes in order of cycles; it may never end."""
+        """Yield its changes in order of cycles, possibly without end."""
 
 
 def pin_number(name: str) -> int:
-    """The number of a pin in a stimulus. Raises InputError."""
+    """Return the number of a pin in a stimulus. Raises InputError."""
     if name.upper() in STIMULUS_PINS:
         return STIMULUS_PINS.index(name.upper())
     raise InputError(f"there is no pin '{name}'", hint=nearest(name, STIMULUS_PINS))
@@ -62,10 +62,10 @@ class Levels:
 
 @dataclass(frozen=True, slots=True)
 class Periodic:
-    """High for `high` of every `period` cycles from `start` on, `times` times or for ever; low before and
+    """High for `high` of every `period` cycles from `start` on, `times` times or without end; low before and
     between.
 
-    Periods may be fractions of a cycle: each edge is rounded for itself, so that no error adds up.
+    Periods may be fractions of a cycle: each edge is rounded separately, so that errors do not add up.
     """
 
     pin: int
@@ -159,5 +159,5 @@ class Reset:
 
 
 def whole(cycles: Fraction) -> int:
-    """The nearest whole cycle; a half goes up."""
+    """Return the nearest whole cycle; a half rounds up."""
     return (2 * cycles.numerator + cycles.denominator) // (2 * cycles.denominator)

@@ -1,4 +1,4 @@
-"""The hardware stack: eight levels in a ring, which wraps without a sign. Compiled. DS35007 section 2.4.1."""
+"""The hardware stack: eight levels in a ring, which wraps without notice. Compiled. DS35007 section 2.4.1."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a machine is like between two instructions, as a frozen value."""
+"""The state of a machine between two instructions, as a frozen value."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from servogen.units import Cycles
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """The machine's registers and memories, and the counts of what happened to it since power-up."""
+    """The machine's registers and memories, and counts of what has happened since power-up."""
 
     cycles: Cycles
     pc: int
@@ -51,12 +51,12 @@ class State:
 
     @property
     def ram_high_water(self) -> int:
-        """The number of RAM bytes ever written."""
+        """Return the number of RAM bytes ever written."""
         return len(self.ram_written)
 
 
 def state_of(s: npt.NDArray[np.int64], warnings: tuple[Warning, ...]) -> State:
-    """The state in a vector."""
+    """Return the state in a vector."""
     ram = s[RAM_FIRST : RAM_LAST + 1]
     top = int(s[at.SP])
     levels = [int(s[at.STACK + (top - 1 - i) % STACK_LEVELS]) for i in range(STACK_LEVELS)]
@@ -92,7 +92,7 @@ def state_of(s: npt.NDArray[np.int64], warnings: tuple[Warning, ...]) -> State:
 
 
 def read_unwritten(s: npt.NDArray[np.int64]) -> tuple[int, ...]:
-    """Addresses of the RAM bytes that were read before they were ever written."""
+    """Return the addresses of RAM bytes that were read before they were first written."""
     return tuple(int(i) for i in np.flatnonzero(s[at.READ_UNWRITTEN : at.READ_UNWRITTEN + at.RAM_SLOTS]))
 
 

@@ -1,4 +1,4 @@
-"""`Stimuli`: sources of changes, merged in order of cycles and packed for the instruction loop; record and
+"""`Stimuli`: sources of changes, merged in order of cycles and packed for the instruction loop; recording and
 replay.
 
 In: sources, or an edge trace to replay. Out: pieces of changes as `Machine` takes them.
@@ -27,12 +27,12 @@ PIECE = 4096
 
 @dataclass(frozen=True, slots=True)
 class Stimuli:
-    """All that happens to the pins from outside. What sources do in one cycle is in the sources' order."""
+    """All changes applied to the pins from outside. Changes in one cycle are in the order of the sources."""
 
     sources: Sequence[Source]
 
     def changes(self, clock: Clock) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
-        """Pieces: (the cycle before which they are all, the packed changes)."""
+        """Yield pieces: (the cycle before which they all lie, the packed changes)."""
         merged = merge(*(source.changes(clock) for source in self.sources), key=lambda change: change.cycle)
         ordered = takewhile(lambda change: change.cycle < _END, merged)
         ahead = next(ordered, None)
@@ -50,7 +50,7 @@ class Stimuli:
 
 @dataclass(frozen=True, slots=True)
 class _Chunks:
-    """The changes of stimuli as chunks, anew for each reader."""
+    """The changes of stimuli as chunks, restarted for each reader."""
 
     stimuli: Stimuli
     clock: Clock
@@ -62,7 +62,7 @@ class _Chunks:
 
 
 def file_inputs(stimuli: Stimuli | None, clock: Clock) -> Inputs:
-    """Return what the stimuli do, for files of edges."""
+    """Return the changes of the stimuli in the form for edge files."""
     if stimuli is None:
         return NO_INPUTS
     pins = {pin for source in stimuli.sources for pin in _pins_of(source)}
@@ -70,7 +70,7 @@ def file_inputs(stimuli: Stimuli | None, clock: Clock) -> Inputs:
 
 
 def _pins_of(source: Source) -> Sequence[int]:
-    """Return the pins that a source may drive: all where it does not say which."""
+    """Return the pins that a source may drive; all pins if it does not tell."""
     match source:
         case Levels() | Periodic() | Button() | Serial():
             return (source.pin,)
@@ -81,14 +81,14 @@ def _pins_of(source: Source) -> Sequence[int]:
 
 
 def record(stimuli: Stimuli, clock: Clock, end: int) -> tuple[Change, ...]:
-    """Every change before cycle `end`, to be kept and replayed by `Recorded`."""
+    """Return every change before cycle `end`, for replay by `Recorded`."""
     ordered = merge(*(source.changes(clock) for source in stimuli.sources), key=lambda change: change.cycle)
     return tuple(takewhile(lambda change: change.cycle < end, ordered))
 
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """Changes played again as they were."""
+    """Recorded changes, replayed."""
 
     recording: Sequence[Change]
 
@@ -98,7 +98,9 @@ class Recorded:
 
 @dataclass(frozen=True, slots=True)
 class Wired:
-    """Pins driven as another chip, or a capture, drove its own: `wires` maps that one's pin to this one's."""
+    """Pins driven as another chip, or a capture, drove its own: `wires` maps that chip's pins to this
+    one's.
+    """
 
     trace: EdgeTrace
     wires: dict[int, int]

@@ -3,8 +3,9 @@
 [[level]]       pin = "RB0"   at_us = [0, 500, 900]   level = [1, 0, 1]        # or "free": nobody drives it
 [[periodic]]    pin = "RA4"   period_us = 100   high_us = 50   from_us = 0   times = 10
 [[button]]      pin = "RB1"   pressed_us = 10_000   released_us = 90_000   bounces = 5   bounce_us = 5000
-[[serial]]      pin = "RB2"   baud = 9600   text = "go"   from_us = 0   baud_error_percent = 1.5   inverted
-= false [[reset]]       pressed_us = 1000   released_us = 2000
+[[serial]]      pin = "RB2"   baud = 9600   text = "go"   from_us = 0   baud_error_percent = 1.5
+                inverted = false
+[[reset]]       pressed_us = 1000   released_us = 2000
 """
 
 from __future__ import annotations
@@ -83,12 +84,14 @@ class _File(Table):
 
 
 def load_stimuli(path: str | Path, clock: Clock) -> Stimuli:
-    """The stimuli in a file, for a chip with that clock. Raises InputError with the place in the file."""
+    """Return the stimuli in a file, for a chip with that clock. Raises InputError with the location in the
+    file.
+    """
     return _stimuli(read(path), clock)
 
 
 def parse_stimuli(text: str, file: str, clock: Clock) -> Stimuli:
-    """The same from the file's text."""
+    """Return the stimuli in a file's text."""
     return _stimuli(parse(text, file), clock)
 
 

@@ -50,20 +50,20 @@ FLAG_AHEAD = 1
 
 @compiled
 def t0_shift(s: Vector) -> int:
-    """log2 of the prescaler's division of the timer's clock: DS35007 section 5.2."""
+    """Return log2 of the prescaler's division of the timer's clock (DS35007 section 5.2)."""
     option = s[OPTION]
     return 0 if option & PSA else (option & PS) + 1
 
 
 @compiled
 def t0_runs(s: Vector) -> bool:
-    """Whether the instruction clock counts; in SLEEP there is none."""
+    """Return whether the instruction clock increments the timer; there is no such clock in SLEEP."""
     return (s[OPTION] & T0CS) == 0 and s[SLEEPING] == 0
 
 
 @compiled
 def t0_read(s: Vector, at: int) -> int:
-    """What an instruction in cycle `at` reads from TMR0."""
+    """Return what an instruction in cycle `at` reads from TMR0."""
     if not t0_runs(s) or at <= s[T0_AT]:
         return s[T0_VALUE]
     shift = t0_shift(s)
@@ -73,7 +73,7 @@ def t0_read(s: Vector, at: int) -> int:
 
 @compiled
 def t0_flag_at(s: Vector) -> int:
-    """The cycle in which T0IF is next seen set by the internal clock, or NEVER."""
+    """Return the cycle in which T0IF is next seen set by the internal clock, or NEVER."""
     if not t0_runs(s):
         return NEVER
     shift = t0_shift(s)
@@ -86,9 +86,10 @@ def t0_flag_at(s: Vector) -> int:
 
 @compiled
 def t0_news_at(s: Vector) -> int:
-    """The cycle in which T0IF next becomes set or, where TMR0's value is unknown, could be set; or NEVER.
+    """Return the cycle in which T0IF next becomes set or, if TMR0's value is unknown, could become set; or
+    NEVER.
 
-    Once a use of something unknown is noted, what could be does not matter any more.
+    Once a use of an unknown value has been noted, possible settings no longer matter.
     """
     if s[T0_UNKNOWN] and s[USE_KIND] == 0 and t0_runs(s):
         shift = t0_shift(s)
@@ -98,7 +99,7 @@ def t0_news_at(s: Vector) -> int:
 
 @compiled
 def t0_sync(s: Vector, at: int) -> None:
-    """Move the anchor up to `at`, and set T0IF if it was due by then."""
+    """Move the anchor to `at`, and set T0IF if it was due by then."""
     if s[T0_UNKNOWN] and s[USE_KIND] == 0 and t0_news_at(s) <= at:
         timer_flag_in_doubt(s)
     due = t0_flag_at(s)
@@ -111,7 +112,7 @@ def t0_sync(s: Vector, at: int) -> None:
 
 @compiled
 def t0_advance(s: Vector, at: int) -> None:
-    """Move the anchor up to `at`; T0IF is not looked at."""
+    """Move the anchor to `at`, without regard to T0IF."""
     if not t0_runs(s) or at <= s[T0_AT]:
         return
     value = t0_read(s, at)
@@ -123,7 +124,7 @@ def t0_advance(s: Vector, at: int) -> None:
 
 @compiled
 def t0_write(s: Vector, at: int, value: int, unknown: int) -> None:
-    """An instruction in cycle `at` writes TMR0: DS35007 section 5, "increment is inhibited"."""
+    """Write TMR0 by an instruction in cycle `at`; "increment is inhibited" (DS35007 section 5)."""
     t0_sync(s, at)
     s[T0_VALUE] = value
     s[T0_UNKNOWN] = unknown
@@ -136,7 +137,7 @@ def t0_write(s: Vector, at: int, value: int, unknown: int) -> None:
 
 @compiled
 def t0_external(s: Vector, at: int) -> None:
-    """An edge of T0CKI, counted in cycle `at`; one that comes while the timer stands still is lost."""
+    """Count an edge of T0CKI in cycle `at`; an edge while the timer stands still is lost."""
     if at <= s[T0_HELD]:
         return
     shift = t0_shift(s)
@@ -154,7 +155,7 @@ def t0_external(s: Vector, at: int) -> None:
 
 @compiled
 def wdt_deadline(s: Vector) -> int:
-    """The cycle of the next watchdog time-out, or NEVER: DS35007 section 6.10."""
+    """Return the cycle of the next watchdog time-out, or NEVER (DS35007 section 6.10)."""
     if s[WDT_PERIOD] == 0:
         return NEVER
     periods = 1
@@ -166,7 +167,9 @@ def wdt_deadline(s: Vector) -> int:
 
 @compiled
 def wdt_sync(s: Vector, at: int) -> None:
-    """Account for the watchdog's periods up to `at`, which the prescaler counts when it is assigned."""
+    """Account for the watchdog's periods up to `at`, which the prescaler counts if it is assigned to the
+    watchdog.
+    """
     if s[WDT_PERIOD] == 0:
         return
     periods = (at - s[WDT_AT]) // s[WDT_PERIOD]
@@ -177,7 +180,7 @@ def wdt_sync(s: Vector, at: int) -> None:
 
 @compiled
 def settle_counters(s: Vector, at: int) -> None:
-    """Make the slots say what the counters hold in cycle `at`, for the host to read."""
+    """Update the slots to what the counters hold in cycle `at`, so that the host can read them."""
     t0_sync(s, at)
     if at < wdt_deadline(s):
         wdt_sync(s, at)
@@ -185,7 +188,7 @@ def settle_counters(s: Vector, at: int) -> None:
 
 @compiled
 def wdt_clear(s: Vector, at: int) -> None:
-    """CLRWDT or SLEEP: the watchdog starts anew at `at`, its prescaler at 0 when assigned to it."""
+    """Restart the watchdog at `at`, for CLRWDT or SLEEP; its prescaler becomes 0 if assigned to it."""
     if s[OPTION] & PSA:
         s[PRESCALER] = 0
         s[PRESCALER_UNKNOWN] = 0
@@ -194,7 +197,7 @@ def wdt_clear(s: Vector, at: int) -> None:
 
 @compiled
 def wdt_start(s: Vector, at: int) -> None:
-    """The watchdog's period begins at `at`; the prescaler is as it is."""
+    """Begin the watchdog's period at `at`; the prescaler is unchanged."""
     s[WDT_AT] = at
     s[WDT_CLEARED] = at
     foresee(s)
@@ -214,9 +217,9 @@ def foresee(s: Vector) -> None:
 
 @compiled
 def option_write(s: Vector, at: int, value: int) -> None:
-    """OPTION_REG holds `value` from cycle `at`; the prescaler keeps its count when it changes hands.
+    """Apply a new `value` of OPTION_REG from cycle `at`; the prescaler keeps its count when it is reassigned.
 
-    How far a prescaler that is the watchdog's has counted is unknown once the shortest period is over.
+    The count of a prescaler assigned to the watchdog is unknown once the shortest period is over.
     """
     t0_sync(s, at - 1)
     t0_advance(s, at)

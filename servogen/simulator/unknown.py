@@ -66,7 +66,7 @@ _RLF, _RRF, _BCF, _BSF = OPS["RLF"], OPS["RRF"], OPS["BCF"], OPS["BSF"]
 
 @compiled
 def use(s: Vector, kind: int, subject: int, source: int) -> None:
-    """Keep what was used, where and when, unless there was a use before."""
+    """Record what was used, where and when, unless there was an earlier use."""
     if s[USE_KIND] == 0:
         s[USE_KIND] = kind
         s[USE_SUBJECT] = subject
@@ -77,21 +77,21 @@ def use(s: Vector, kind: int, subject: int, source: int) -> None:
 
 @compiled
 def upward(mask: int) -> int:
-    """The bits that a carry out of any bit of `mask` can reach, and these."""
+    """Return the bits that a carry out of any bit of `mask` can reach, including these bits."""
     return -(mask & -mask) & 0xFF
 
 
 @compiled
 def without(unknown: int, bits: int) -> int:
-    """An unknown byte of which `bits` have become known."""
+    """Return an unknown byte of which `bits` have become known."""
     return unknown & ~bits if unknown & 0xFF & ~bits else 0
 
 
 @compiled
 def propagate(op: int, bits: int, v: int, vu: int, w: int, wu: int, su: int, r: int) -> int:
-    """What is unknown of an instruction's result, and above bit 15 of STATUS after it.
+    """Return the unknown bits of an instruction's result and, above bit 15, those of STATUS after it.
 
-    `v`, `w` and `r` are operand, W and result, `vu`, `wu` and `su` what is unknown of operand, W and STATUS;
+    `v`, `w` and `r` are operand, W and result; `vu`, `wu` and `su` the unknown bits of operand, W and STATUS;
     `bits` is the mask of a bit instruction.
     """
     m, n = vu & 0xFF, wu & 0xFF
@@ -141,7 +141,9 @@ def propagate(op: int, bits: int, v: int, vu: int, w: int, wu: int, su: int, r: 
 
 @compiled
 def flags_in_doubt(s: Vector, pins: int) -> None:
-    """Inputs among `pins` (a port word) are at no known level: noise may set INTF, or clock TMR0."""
+    """Note that inputs among `pins` (a port word) have no known level, so that noise may set INTF or clock
+    TMR0.
+    """
     if pins & 1 << 5 and not s[INTCON] & INTF & ~s[INTCON_UNKNOWN]:
         s[INTCON_UNKNOWN] |= INTF
     if pins & 1 << 4 and s[OPTION] & T0CS and not s[SLEEPING]:
@@ -153,14 +155,14 @@ def flags_in_doubt(s: Vector, pins: int) -> None:
 
 @compiled
 def timer_flag_in_doubt(s: Vector) -> None:
-    """TMR0 counted from a value that is not known."""
+    """Note that TMR0 counted from an unknown value, so that T0IF may be set."""
     if not s[INTCON] & T0IF & ~s[INTCON_UNKNOWN]:
         s[INTCON_UNKNOWN] |= T0IF
 
 
 @compiled
 def source_of_flag(s: Vector, flags: int) -> int:
-    """Why one of these bits of INTCON is unknown."""
+    """Return why one of these bits of INTCON is unknown."""
     if flags & T0IF:
         return s[T0_UNKNOWN] >> 8 if s[T0_UNKNOWN] else SOURCE_TMR0
     return FLOATING_PIN + 5 if flags & INTF else SOURCE_RB_CHANGE
@@ -168,7 +170,7 @@ def source_of_flag(s: Vector, flags: int) -> int:
 
 @compiled
 def doubt_sleep(s: Vector) -> None:
-    """Note a use if the beginning or the end of SLEEP hangs on a flag that is unknown."""
+    """Note a use if the beginning or the end of SLEEP depends on an unknown flag."""
     enabled = s[INTCON] >> 3 & 7
     flags = enabled & s[INTCON_UNKNOWN]
     if flags and not enabled & s[INTCON] & ~s[INTCON_UNKNOWN]:
@@ -177,9 +179,9 @@ def doubt_sleep(s: Vector) -> None:
 
 @compiled
 def doubt(s: Vector, counts: bool) -> None:
-    """Note a use if an interrupt, or of a sleeping chip its waking, hangs on a flag that is unknown.
+    """Note a use if an interrupt, or the waking of a sleeping chip, depends on an unknown flag.
 
-    `counts`: whether the internal clock runs TMR0.
+    `counts` tells whether the internal clock increments TMR0.
     """
     if s[SLEEPING]:
         doubt_sleep(s)
@@ -197,5 +199,5 @@ def doubt(s: Vector, counts: bool) -> None:
 
 @compiled
 def wrerr_source(s: Vector) -> int:
-    """What is unknown of EECON1."""
+    """Return the unknown bits of EECON1."""
     return s[EECON1_UNKNOWN] | SOURCE_WRERR << 8 if s[EECON1_UNKNOWN] else 0

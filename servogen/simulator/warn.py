@@ -1,4 +1,4 @@
-"""Things worth saying that the program did, noted in the state vector; each is kept once, with its cycle.
+"""Records noteworthy actions of the program in the state vector, each once, with its cycle.
 
 Compiled: called from the instruction loop, but rarely.
 """
@@ -11,13 +11,15 @@ from servogen.simulator.layout import CYCLE, HERE, WARN_COUNT, WARNING_FIELDS, W
 
 @compiled
 def warn(s: Vector, code: int, subject: int) -> None:
-    """Note `code` about `subject` (a pin, an address), unless it is noted already or the table is full."""
+    """Record `code` about `subject` (a pin, an address), unless it is already recorded or the table is
+    full.
+    """
     warn_of(s, code, subject, s[CYCLE], s[HERE])
 
 
 @compiled
 def warn_of(s: Vector, code: int, subject: int, cycle: int, place: int) -> None:
-    """Do the same for an instruction at `place`, in an earlier cycle."""
+    """Record the same for an instruction at `place`, in an earlier cycle."""
     key = code << 16 | subject
     count = s[WARN_COUNT]
     for i in range(count):

@@ -1,7 +1,7 @@
-"""Warnings: what the program did that is worth a look, in words.
+"""Warnings: noteworthy actions of the program, in words.
 
-In: what the instruction loop noted in the state vector (`warn.py`, `unknown.py`), the configuration word and
-the clock. Out: frozen values, in order of cycles.
+In: what the instruction loop recorded in the state vector (`warn.py`, `unknown.py`), the configuration word
+and the clock. Out: frozen values, in order of cycles.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from servogen.units import Clock, Cycles
 
 @dataclass(frozen=True, slots=True)
 class Warning:
-    """Something that the program did first in `cycle`, by the instruction at `address`."""
+    """An action that the program first performed in `cycle`, by the instruction at `address`."""
 
     cycle: Cycles
     kind: str
@@ -108,7 +108,7 @@ _SOURCES = {
 
 
 def warnings_of(s: npt.NDArray[np.int64], image: Image, clock: Clock) -> tuple[Warning, ...]:
-    """Return the warnings in a state vector; pins that one instruction brought in trouble are one warning."""
+    """Return the warnings in a state vector; pins affected by the same instruction share one warning."""
     told: dict[tuple[int, int, int, int], list[str]] = {}
     for code, subject, cycle, place in noted(s):
         if code in _OF_PINS:
@@ -124,7 +124,7 @@ def warnings_of(s: npt.NDArray[np.int64], image: Image, clock: Clock) -> tuple[W
 
 
 def noted(s: npt.NDArray[np.int64]) -> list[tuple[int, int, int, int]]:
-    """Return what a vector has noted: (code, subject, cycle, address)."""
+    """Return what a vector has recorded: (code, subject, cycle, address)."""
     end = at.WARNINGS + at.WARNING_FIELDS * int(s[at.WARN_COUNT])
     rows = s[at.WARNINGS : end].reshape(-1, at.WARNING_FIELDS)
     found = [(int(key) >> 16, int(key) & 0xFFFF, int(cycle), int(place)) for key, cycle, place in rows]
@@ -140,7 +140,7 @@ def noted(s: npt.NDArray[np.int64]) -> list[tuple[int, int, int, int]]:
 
 
 def subjects(s: npt.NDArray[np.int64], code: int) -> tuple[int, ...]:
-    """Return the pins or addresses that one kind of warning is about."""
+    """Return the pins or addresses that one kind of warning refers to."""
     return tuple(sorted(subject for noted_code, subject, _, _ in noted(s) if noted_code == code))
 
 
@@ -165,7 +165,7 @@ def _register(address: int) -> str:
 
 
 def _source(source: int) -> str:
-    """Say what is unknown, and why."""
+    """Return a text that says what is unknown, and why."""
     if RAM_FIRST <= source <= RAM_LAST:
         return f"RAM 0x{source:02X} was not written since power-up"
     if unknown.FLOATING_PIN <= source < unknown.FLOATING_PIN + len(PINS):
@@ -182,7 +182,7 @@ def _source(source: int) -> str:
 
 
 def _oscillator(image: Image, clock: Clock) -> list[Warning]:
-    """Return a warning if the configuration's oscillator does not give this clock: DS35007 section 6.2."""
+    """Return a warning if the configuration's oscillator does not suit this clock (DS35007 section 6.2)."""
     if image.config is None:
         text = (
             "the image has no configuration word: as on an erased chip the oscillator is RC and the "
