@@ -1,25 +1,19 @@
 """The engines that a job can choose: from a job to its schedule and the firmware of each dialect.
 
-In: a planned job. Out: `Planned`. "auto" is the smallest engine that can do the job: `sequence`, else
-`player`; `stream` where the job has a serial line.
+In: a `PlannedJob`. Out: `Planned`. "auto" is the first engine of the registry that can do the job.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
-from types import MappingProxyType
 
 from servogen.engines.firmware import Firmware, ResourceError
-from servogen.engines.player.engine import compiled, play
-from servogen.engines.sequence.tuning import tune
-from servogen.engines.stream.engine import compiled as compiled_stream
-from servogen.engines.stream.engine import stream
+from servogen.engines.registry import ENGINES, engine_named
 from servogen.errors import InputError
 from servogen.job import PlannedJob
 from servogen.plan_error import DECIMALS
-from servogen.pulse.plan import PulsePlan, plan
+from servogen.pulse.plan import PulsePlan
 from servogen.report.tool_error import errors_of, worst_of
 from servogen.report.tracks import tracks_of
 
@@ -57,16 +51,13 @@ def with_end_error(job: PlannedJob, plan: PulsePlan) -> PulsePlan:
 
 
 def _planned(job: PlannedJob) -> Planned:
-    if job.stream is not None:
-        return _stream(job)
-    if job.firmware.engine != "auto":
-        return ENGINES[job.firmware.engine](job)
-    if job.firmware.buttons.any:
-        return _player(job)
+    names = _suitable(job)
+    if len(names) == 1:
+        return _played_by(names[0], job)
     refused: list[InputError] = []
-    for engine in ENGINES.values():
+    for name in names:
         try:
-            found = engine(job)
+            found = _played_by(name, job)
             found.make(job.firmware.dialect)
         except InputError as error:
             refused.append(error)
@@ -75,29 +66,22 @@ def _planned(job: PlannedJob) -> Planned:
     smallest, largest = refused[0], refused[-1]
     if not isinstance(smallest, ResourceError):
         raise smallest
-    raise ResourceError(f"{smallest.message}; nor can the player: {largest.message}", hint=largest.hint)
+    title = engine_named(names[-1]).title
+    raise ResourceError(f"{smallest.message}; nor can {title}: {largest.message}", hint=largest.hint)
 
 
-def _sequence(job: PlannedJob) -> Planned:
-    made = plan(job.trajectory, job.servos, job.frame)
-    return Planned(
-        job, "sequence", made, cache(lambda dialect: tune(made.schedule, dialect, job.device, job.name))
-    )
+def _suitable(job: PlannedJob) -> Sequence[str]:
+    """Return the engine that the job names, or those that read the serial line or the buttons that it has."""
+    if job.firmware.engine != "auto":
+        return (job.firmware.engine,)
+    serial, buttons = job.stream is not None, job.firmware.buttons.any
+    return [
+        name
+        for name, entry in ENGINES.items()
+        if entry.serial == serial and (serial or entry.buttons or not buttons)
+    ]
 
 
-def _player(job: PlannedJob) -> Planned:
-    motion, played = play(job)
-    made = cache(lambda dialect: compiled(job, played, dialect))
-    return Planned(replace(job, trajectory=motion), "player", played.plan, made)
-
-
-def _stream(job: PlannedJob) -> Planned:
-    idle, streamed = stream(job)
-    made = cache(lambda dialect: compiled_stream(job, streamed, dialect))
-    return Planned(replace(job, trajectory=idle), "stream", streamed.plan, made)
-
-
-ENGINES: Mapping[str, Callable[[PlannedJob], Planned]] = MappingProxyType(
-    {"sequence": _sequence, "player": _player}
-)
-"""Those that play a motion of their own, smallest first."""
+def _played_by(name: str, job: PlannedJob) -> Planned:
+    found = engine_named(name).plan(job)
+    return Planned(replace(job, trajectory=found.trajectory), name, found.plan, found.make)

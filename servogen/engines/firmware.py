@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
 from servogen.engines.sequence.overheads import Overheads
@@ -36,9 +36,10 @@ class Firmware:
     file: str
     text: str
     compilation: Compilation
-    overheads: Overheads
     rooms: tuple[TimingBudget, ...] = ()
     """What the C between the pulses takes at most, of what it has."""
     overrun: int | None = None
     """The address of the byte whose bit 0 says that it took longer, once; None: this engine has none."""
     warnings: tuple[Caution, ...] = ()
+    overheads: Overheads = field(default_factory=Overheads)
+    """What the sequence engine took off its delays."""

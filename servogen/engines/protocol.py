@@ -1,4 +1,4 @@
-"""`EngineJob`: what an engine reads of a job.
+"""`Engine`: what every engine is; `EngineJob`: what it reads of a job; `EnginePlan`: what it returns.
 
 A job imports the settings of the engines (a player's buttons, a stream's serial line), so an engine cannot
 import `PlannedJob`, which has the attributes listed here.
@@ -6,13 +6,17 @@ import `PlannedJob`, which has the attributes listed here.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Protocol
 
+from servogen.engines.firmware import Firmware
 from servogen.engines.player.buttons import Buttons
 from servogen.engines.stream.settings import Stream
 from servogen.motion import JointTrajectory
 from servogen.pic.device import Device
+from servogen.pulse.plan import PulsePlan
 from servogen.pulse.slots import Frame
 from servogen.robot.servo import Servo
 from servogen.units import Clock
@@ -54,3 +58,27 @@ class EngineJob(Protocol):
 
     @property
     def trajectory(self) -> JointTrajectory: ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EnginePlan:
+    """A job as an engine plays it.
+
+    `trajectory` has the engine's lead-in. `make` compiles the firmware of a dialect; it raises ResourceError
+    where the chip is too small.
+    """
+
+    trajectory: JointTrajectory
+    plan: PulsePlan
+    make: Callable[[str], Firmware]
+
+
+class Engine(Protocol):
+    """A way to play a motion: a package, its folder of `templates/` and its line in `registry`."""
+
+    @property
+    def title(self) -> str:
+        """Its name in a sentence: "the player"."""
+
+    def plan(self, job: EngineJob) -> EnginePlan:
+        """Plans the job's pulses. Raises InputError where this engine cannot play it."""

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 from servogen.edges import PINS
 from servogen.engines.player.buttons import Button, Buttons
+from servogen.engines.registry import ENGINES
 from servogen.errors import nearest
 from servogen.job.schema import FirmwareTable
 from servogen.robot.servo import Servo
@@ -26,7 +27,7 @@ def buttons_of(document: Document, table: FirmwareTable, servos: Sequence[Servo]
                     raise document.error(("firmware", beside), f"there is no {name}_pin", "add it")
             continue
         key = ("firmware", f"{name}_pin")
-        if table.engine not in ("player", "auto"):
+        if table.engine != "auto" and not ENGINES[table.engine].buttons:
             raise document.error(
                 key, f"the {table.engine} engine reads no buttons", 'write engine = "player"'
             )

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
+from servogen.engines.registry import ENGINES
 from servogen.robot.servo_models import FactTable
 from servogen.toml.file import Table
 
@@ -25,6 +26,10 @@ Length = Annotated[float, Field(ge=0, le=MOST_MM)]
 Seconds = Annotated[float, Field(ge=0, le=MOST_S)]
 LawName = Literal["linear", "cubic", "quintic", "trapezoid", "s-curve"]
 Sign = Literal["positive", "negative"]
+if TYPE_CHECKING:
+    EngineName = str
+else:
+    EngineName = Literal["auto", *ENGINES]
 
 
 class ChipTable(Table):
@@ -192,7 +197,7 @@ class FirmwareTable(Table):
     """[firmware]"""
 
     dialect: Literal["c2c", "xc8", "sdcc"] = "c2c"
-    engine: Literal["auto", "sequence", "player", "stream"] = "auto"
+    engine: EngineName = "auto"
     soft_start_s: Seconds = 1.0
     """How long the player's first pulses hold the neutral pose."""
     start_pin: str | None = None

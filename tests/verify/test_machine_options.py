@@ -72,7 +72,7 @@ def test_a_build_a_proof_for_all_time_and_a_test_of_firmware_do_too() -> None:
         chip = Simulator()
         chip.load(program.image)
         assert check(chip.capture(schedule, None), schedule).proven == right
-        made = Firmware("c2c", "main.c2c.c", "", program, None)  # type: ignore[arg-type]
+        made = Firmware("c2c", "main.c2c.c", "", program)
         assert proven(schedule, made, Cycles(100_000)).proven == right
 
 

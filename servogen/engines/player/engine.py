@@ -8,15 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 
 from servogen.compiler import Options
 from servogen.engines.firmware import Firmware, compiled_to_fit
 from servogen.engines.player import Layout, Playing, playing, soft_start
 from servogen.engines.player.buttons import waited, waited_motion
 from servogen.engines.player.rendering import render_player
-from servogen.engines.protocol import EngineJob
-from servogen.engines.sequence.overheads import Overheads
+from servogen.engines.protocol import Engine, EngineJob, EnginePlan
 from servogen.engines.timing_budget import TimingBudget
 from servogen.errors import Caution
 from servogen.motion import JointTrajectory
@@ -26,6 +25,7 @@ from servogen.pic.wcet import Program
 CHECK, DONE, WIDTHS = "pl_check", "pl_done", "pl_between"
 """Labels of the assembly: the kernel's look at the timer, its end; what is only run between two frames."""
 
+TITLE = "the player"
 HINT = "fewer parts: let more of the motion repeat"
 """What helps where the chip is too small."""
 
@@ -52,10 +52,10 @@ def firmware(text: str, job: EngineJob, layout: Layout, dialect: str) -> Firmwar
     """What the compiler makes of a player's C, and how long that takes at most. Raises ResourceError."""
     file = f"main.{dialect}.c"
     options = Options(dialect=dialect, device=job.device)
-    made = compiled_to_fit(text, file, options, job.name, "the player", HINT)
+    made = compiled_to_fit(text, file, options, job.name, TITLE, HINT)
     found = rooms(made.listing, layout)
     overrun = next(address for address, name, _ in made.listing.variables if name == "overrun")
-    return Firmware(dialect, file, text, made, Overheads(), found, overrun, tuple(cautions(found)))
+    return Firmware(dialect, file, text, made, found, overrun, tuple(cautions(found)))
 
 
 def rooms(listing: Listing, layout: Layout) -> tuple[TimingBudget, ...]:
@@ -91,3 +91,18 @@ def label(listing: Listing, name: str) -> int:
     ((file, first),) = lines
     after = [(row.line, row.address) for row in listing.rows if row.file == file and (row.line or 0) >= first]
     return min(after)[1]
+
+
+class PlayerEngine:
+    """Plays keyframes from flash and interpolates on the chip."""
+
+    title = TITLE
+
+    def plan(self, job: EngineJob) -> EnginePlan:
+        """Plans the job's frames; a dialect's C is compiled when its firmware is made."""
+        motion, played = play(job)
+        make = cache(lambda dialect: compiled(job, played, dialect))
+        return EnginePlan(motion, played.plan, make)
+
+
+ENGINE: Engine = PlayerEngine()

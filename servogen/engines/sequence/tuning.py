@@ -54,7 +54,7 @@ def tune(schedule: PulseSchedule, dialect: str, device: Device, title: str) -> F
         compilation = compiled_to_fit(text, file, options, title, "the sequence engine", SHORTER)
         measured = measure(program, compilation)
         if measured == overheads:
-            return Firmware(dialect, file, text, compilation, overheads)
+            return Firmware(dialect, file, text, compilation, overheads=overheads)
         overheads = measured
     raise TuningError(f"{file}: the cycles between the delays did not settle in {ROUNDS} rounds")
 

@@ -7,19 +7,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
 from servogen.compiler import Options
 from servogen.engines.firmware import Firmware, compiled_to_fit
-from servogen.engines.protocol import EngineJob
-from servogen.engines.sequence.overheads import Overheads
+from servogen.engines.protocol import Engine, EngineJob, EnginePlan
 from servogen.engines.stream.rendering import render_stream
 from servogen.engines.stream.streaming import Streaming, streaming
 from servogen.errors import InputError
 from servogen.motion import JointTrajectory
 from servogen.pulse.schedule import Input, PulseSchedule
 
+TITLE = "the stream engine"
 HINT = "fewer servos, or none on the other port"
 """What helps where the chip is too small."""
 
@@ -55,6 +56,21 @@ def firmware(text: str, job: EngineJob, dialect: str) -> Firmware:
     """What the compiler makes of a stream's C. Raises ResourceError where the chip is too small."""
     file = f"main.{dialect}.c"
     options = Options(dialect=dialect, device=job.device)
-    made = compiled_to_fit(text, file, options, job.name, "the stream engine", HINT)
+    made = compiled_to_fit(text, file, options, job.name, TITLE, HINT)
     overrun = next(address for address, name, _ in made.listing.variables if name == "due")
-    return Firmware(dialect, file, text, made, Overheads(), overrun=overrun)
+    return Firmware(dialect, file, text, made, overrun=overrun)
+
+
+class StreamEngine:
+    """Receives positions over a serial line."""
+
+    title = TITLE
+
+    def plan(self, job: EngineJob) -> EnginePlan:
+        """Plans the job's frames; a dialect's C is compiled when its firmware is made."""
+        idle, streamed = stream(job)
+        make = cache(lambda dialect: compiled(job, streamed, dialect))
+        return EnginePlan(idle, streamed.plan, make)
+
+
+ENGINE: Engine = StreamEngine()

@@ -1,0 +1,24 @@
+"""The sequence engine of a job: every pulse as near as whole cycles are, delays tuned on the simulator."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from servogen.engines.protocol import Engine, EngineJob, EnginePlan
+from servogen.engines.sequence.tuning import tune
+from servogen.pulse.plan import plan
+
+
+class SequenceEngine:
+    """Plays a motion as port writes with delays between them."""
+
+    title = "the sequence engine"
+
+    def plan(self, job: EngineJob) -> EnginePlan:
+        """Plans the pulses and tunes a dialect's delays when its firmware is made."""
+        made = plan(job.trajectory, job.servos, job.frame)
+        make = cache(lambda dialect: tune(made.schedule, dialect, job.device, job.name))
+        return EnginePlan(job.trajectory, made, make)
+
+
+ENGINE: Engine = SequenceEngine()

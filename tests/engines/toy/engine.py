@@ -1,0 +1,65 @@
+"""A fourth engine, to show what one takes: it holds one servo in one position and can do nothing else."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from servogen.compiler import Options
+from servogen.engines.c_text import filled, ports_of
+from servogen.engines.firmware import Firmware, compiled_to_fit
+from servogen.engines.protocol import Engine, EngineJob, EnginePlan
+from servogen.engines.sequence.waits import CALLS
+from servogen.errors import InputError
+from servogen.pic.device import oscillator_for
+from servogen.pulse.plan import plan
+from servogen.units import Cycles
+
+FALL = 1
+"""CLRF takes the pin low in one cycle (DS30430 table 9-2)."""
+
+BACK = 4
+"""GOTO, MOVLW, MOVWF: from the end of the frame to the next rise."""
+
+
+class ToyEngine:
+    """Plays a motion that is one position of one servo."""
+
+    title = "the toy engine"
+
+    def plan(self, job: EngineJob) -> EnginePlan:
+        """Plans the one pulse. Raises InputError for any other motion."""
+        made = plan(job.trajectory, job.servos, job.frame)
+        schedule = made.schedule
+        runs = {run.pulses for run in (*schedule.lead_in, *schedule.loop)}
+        (pulses, *others) = runs
+        if others or len(pulses) != 1 or pulses[0] is None:
+            raise InputError(f"{job.name}: {self.title} holds one servo in one position")
+        width = pulses[0].width
+
+        def make(dialect: str) -> Firmware:
+            pin = job.servos[0].pin
+            file = f"main.{dialect}.c"
+            text = filled(
+                "toy/main.c.j2",
+                dialect=dialect,
+                device=job.device.name,
+                clock_hz=job.clock.hz,
+                oscillator=oscillator_for(job.clock.hz),
+                ports=list(ports_of(schedule)),
+                port=pin[1],
+                mask=f"0x{1 << int(pin[2]):02X}",
+                high=_wait(width - FALL, dialect, job),
+                low=_wait(schedule.period - width - BACK, dialect, job),
+            )
+            options = Options(dialect=dialect, device=job.device)
+            compilation = compiled_to_fit(text, file, options, job.name, self.title, "there is no less")
+            return Firmware(dialect, file, text, compilation)
+
+        return EnginePlan(job.trajectory, made, cache(make))
+
+
+def _wait(cycles: int, dialect: str, job: EngineJob) -> str:
+    return " ".join(str(call) for call in CALLS[dialect](Cycles(cycles), job.clock))
+
+
+ENGINE: Engine = ToyEngine()
