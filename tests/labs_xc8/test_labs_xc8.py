@@ -92,7 +92,9 @@ def test_the_meter_does_not_forget() -> None:
     line = Levels(
         pressed("RB0"), [(0, 0), *((c, v) for rise in rises for c, v in ((rise, 1), (rise + 15 * MS, 0)))]
     )
-    pins = lab("eeprom_counter.c", 250 * MS, line, Reset(130 * MS, 132 * MS))
+    pins = lab(
+        "eeprom_counter.c", 250 * MS, line, Reset(134 * MS, 136 * MS)
+    )  # the two writes of the fourth pulse take until 130 ms
     assert [pins.number(PORT_A, rise + 14 * MS) for rise in rises] == [1, 2, 3, 4, 5, 6]
     assert pins.state.eeprom[:8] == bytes([6, 6, 0xFF, 0xFF, *b"v1", 0, 0])
 
