@@ -177,3 +177,38 @@ def test_a_long_delay_is_interrupted_in_the_right_cycle() -> None:
     changes = [(0, "RB0", LOW), *((1000 + 777 * n, "RB0", 1 - n % 2) for n in range(40))]
     served = entered(machine(program(body), changes=changes), 40_000)
     assert served == [1000 + 777 * n + 3 for n in range(0, 40, 2)]
+
+
+EEPROM_WRITE = """
+        bsf     STATUS, RP0
+        bsf     EECON1, WREN
+        movlw   0x55
+        movwf   EECON2
+        movlw   0xAA
+        movwf   EECON2
+        bsf     EECON1, WR
+        bcf     STATUS, RP0
+loop    goto    loop
+"""
+
+
+@pytest.mark.parametrize(("intcon", "served"), [(EE_ON, True), (0x80, False), (0x40, False)])
+def test_the_end_of_an_eeprom_write_interrupts_with_eeie_and_gie_section_6_8(
+    intcon: int, served: bool
+) -> None:
+    """EEIF is set either way: it is the enables that decide."""
+    chip = machine(program(EEPROM_WRITE, intcon))
+    assert bool(entered(chip, 15_000)) == served
+    assert chip.state().registers["EECON1"] & 0x10
+
+
+def test_eeie_without_a_finished_write_interrupts_nothing_section_6_8() -> None:
+    assert entered(machine(program("loop goto loop\n", EE_ON)), 15_000) == []
+
+
+@pytest.mark.parametrize("enable", [0x08, 0x10, 0x20])
+def test_a_flag_is_served_by_its_own_enable_only_register_2_3(enable: int) -> None:
+    """T0IF is bit 2, INTF 1, RBIF 0; T0IE is bit 5, INTE 4, RBIE 3."""
+    for flag in (0x01, 0x02, 0x04):
+        set_flag = f" movlw {0x80 | enable | flag}\n movwf INTCON\nloop goto loop\n"
+        assert bool(entered(machine(program(set_flag, 0)), 30)) == (enable >> 3 == flag)

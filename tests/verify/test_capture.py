@@ -297,3 +297,37 @@ def test_a_capture_of_days_is_refused_before_its_schedule_fills_the_memory() -> 
     days = EdgeTrace(Clock(4_000_000), (edges,), Cycles(PERIOD * 10**8))
     with pytest.raises(InputError, match=r"frames of the schedule long: at most 1000000 are compared"):
         verify_capture(schedule(), days)
+
+
+def at_clock(mhz: int) -> Expected:
+    """The schedule for a chip with another crystal: the same microseconds, in its cycles of 4 / MHz µs."""
+    slow = schedule()
+    chunks = (chunk._replace(cycle=chunk.cycle * (mhz // 4)) for chunk in slow.chunks)
+    return Expected(
+        Clock(mhz * 1_000_000), Cycles(PERIOD * (mhz // 4)), slow.channels, slow.lead_in, slow.loop, chunks
+    )
+
+
+@pytest.mark.parametrize("mhz", [4, 8, 20])
+def test_errors_are_microseconds_whatever_the_chips_clock(mhz: int) -> None:
+    """A pulse 30 µs too wide, by a 1 MHz analyser: 1167 µs + 5 · 3 µs are scheduled in frame 5."""
+    right = verify_capture(at_clock(mhz), capture(edges_of(pulses())))
+    assert right.proven, right.reasons
+    for channel in right.channels:
+        assert abs(channel.width.worst_us) < 1.01
+        assert channel.jitter_us < 1
+    assert right.channels[0].mean_period_us == pytest.approx(20_000, abs=0.1)
+    one_wider = [
+        (rise, width + 30 * ((rise, pin) == (5 * PERIOD, RB0)), pin) for rise, width, pin in pulses()
+    ]
+    wrong = verify_capture(at_clock(mhz), capture(edges_of(one_wider)))
+    arm, leg = wrong.channels
+    assert (arm.width.wrong, leg.width.wrong, arm.period.wrong) == (1, 0, 0)
+    assert arm.width.worst_us == pytest.approx(30, abs=1.01)
+    assert wrong.problem is not None
+    assert wrong.problem.frame == 5
+    assert wrong.problem.time_us == pytest.approx(5 * PERIOD + 12_345.6, abs=2)
+    found = re.search(r"a pulse of ([\d.]+) µs where ([\d.]+) µs are scheduled", wrong.problem.text)
+    assert found is not None
+    assert float(found[1]) == pytest.approx(1212, abs=1.5)
+    assert float(found[2]) == 1182

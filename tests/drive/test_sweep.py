@@ -1,0 +1,71 @@
+"""The widths of a calibration: at even distances, both ends of the range included, never beyond a limit."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from servogen.drive.controller import Channel
+from servogen.drive.sweep import positions
+from servogen.errors import InputError
+from servogen.job import load
+from tests.bench.conftest import ROOT
+
+
+@pytest.fixture
+def channel() -> Channel:
+    """201 positions, of which 50 and 150 are the limits, the others at even distances."""
+    servo = load(ROOT / "jobs" / "lab8-exercise.toml").servos[0]
+    servo = replace(servo, trim_us=0.0, reverse=False)
+    low, high = servo.widths_us
+    assert low < high
+    step = (high - low) / 100
+    return Channel(servo, 0, tuple(low - 50 * step + each * step for each in range(201)))
+
+
+def test_the_whole_range_ends_at_the_servos_limits(channel: Channel) -> None:
+    """Positions 50 and 150 are exactly the limits."""
+    assert positions(channel, None, None, 5) == (50, 75, 100, 125, 150)
+
+
+def test_a_range_of_widths_includes_both_ends(channel: Channel) -> None:
+    low, high = channel.widths_us[60], channel.widths_us[70]
+    assert positions(channel, low, high, 11) == tuple(range(60, 71))
+    assert positions(channel, low, high, 3) == (60, 65, 70)
+
+
+def test_a_range_between_positions_takes_those_inside(channel: Channel) -> None:
+    step = channel.widths_us[1] - channel.widths_us[0]
+    low, high = channel.widths_us[60] + 0.25 * step, channel.widths_us[70] - 0.25 * step
+    assert positions(channel, low, high, 9) == tuple(range(61, 70))
+
+
+@pytest.mark.parametrize(("below", "above"), [(0.01, 0.0), (0.0, 0.01)])
+def test_a_hundredth_of_a_microsecond_beyond_a_limit_is_refused(
+    channel: Channel, below: float, above: float
+) -> None:
+    low, high = channel.servo.widths_us
+    with pytest.raises(InputError, match="is allowed pulses of"):
+        positions(channel, low - below, high + above, 5)
+
+
+def test_rounding_beyond_a_limit_is_not_refused(channel: Channel) -> None:
+    low, high = channel.servo.widths_us
+    most = positions(channel, low - 0.5 * channel.slack_us, high + 0.5 * channel.slack_us, 101)
+    assert most == tuple(range(50, 151))
+
+
+def test_as_many_points_as_there_are_positions_and_no_more(channel: Channel) -> None:
+    low, high = channel.widths_us[60], channel.widths_us[64]
+    assert positions(channel, low, high, 5) == (60, 61, 62, 63, 64)
+    with pytest.raises(InputError, match="makes 5 widths there"):
+        positions(channel, low, high, 6)
+
+
+def test_three_points_are_the_fewest(channel: Channel) -> None:
+    assert len(positions(channel, None, None, 3)) == 3
+    with pytest.raises(InputError, match="3 points or more"):
+        positions(channel, None, None, 2)
+    assert math.isclose(channel.widths_us[50], channel.servo.widths_us[0])
