@@ -1,0 +1,184 @@
+"""What commands print without --json: every number and mark of it."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import platform
+import re
+import shutil
+from collections.abc import Callable
+from math import cos, radians, sin
+from pathlib import Path
+from typing import Any
+
+import pytest
+from serial.tools import list_ports
+from serial.tools.list_ports_common import ListPortInfo
+
+from servogen import __version__
+
+Run = Callable[..., Any]
+
+
+def numbers(text: str) -> list[float]:
+    return [float(each) for each in re.findall(r"-?\d+(?:\.\d+)?", text)]
+
+
+def row(out: str, name: str) -> list[str]:
+    """The cells of the table's row that begins with `name`."""
+    return next(re.split(r" {2,}", line.strip()) for line in out.splitlines() if line.split()[:1] == [name])
+
+
+@pytest.fixture
+def machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine with gtkwave, without the other tools, and with two serial ports."""
+    monkeypatch.setattr(importlib.metadata, "requires", lambda name: ["numpy<3,>=1.26"])
+    paths = {"gtkwave": "/usr/bin/gtkwave"}
+    monkeypatch.setattr(shutil, "which", lambda name, *_, **__: paths.get(str(name)))
+    ports = [ListPortInfo("/dev/ttyUSB0"), ListPortInfo("/dev/ttyACM0")]
+    ports[0].description, ports[1].description = "K150", "analyser"
+    monkeypatch.setattr(list_ports, "comports", lambda: ports)
+
+
+def test_doctor_prints_versions_tools_and_ports(run: Run, machine: None) -> None:
+    ran = run("doctor")
+    assert ran.code == 0
+    head = ran.out.splitlines()[0]
+    assert head == f"servogen {__version__}, Python {platform.python_version()}, {platform.platform()}"
+    assert row(ran.out, "numpy") == ["numpy", importlib.metadata.version("numpy")]
+    assert row(ran.out, "gtkwave") == ["gtkwave", "shows main.vcd", "/usr/bin/gtkwave"]
+    assert row(ran.out, "sigrok-cli") == ["sigrok-cli", "captures with a logic analyser", "missing"]
+    assert row(ran.out, "pk2cmd")[1:] == ["programs the chip: PICkit 2 (servogen flash)", "missing"]
+    assert row(ran.out, "/dev/ttyUSB0") == ["/dev/ttyUSB0", "K150"]
+    assert ran.out.index("/dev/ttyACM0") < ran.out.index("/dev/ttyUSB0")
+
+
+def test_doctor_says_that_there_are_no_ports(
+    run: Run, machine: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(list_ports, "comports", list)
+    assert row(run("doctor").out, "none") == ["none"]
+
+
+def test_fk_prints_millimetres_and_the_matrix(run: Run) -> None:
+    """SCARA, l0 = 600, l1 = 400, l2 = 300, l4 = 150: the tool hangs down, turned by q1 + q2 − q4."""
+    ran = run("fk", "scara", 30, 20, 10, 0)
+    position, *matrix = ran.out.splitlines()
+    a, b = radians(30), radians(50)
+    assert position.startswith("position x ")
+    assert position.endswith(" mm")
+    expected = [400 * cos(a) + 300 * cos(b), 400 * sin(a) + 300 * sin(b), 600 - 10 - 150]
+    assert numbers(position) == pytest.approx(expected, abs=1e-4)
+    rotation = [[cos(b), sin(b), 0], [sin(b), -cos(b), 0], [0, 0, -1]]
+    assert [numbers(line) for line in matrix] == [pytest.approx(each, abs=1e-5) for each in rotation]
+
+
+def test_fk_names_the_joints_beyond_their_limits(run: Run) -> None:
+    """q1 turns to 120°, q3 slides to 200 mm."""
+    assert run("fk", "scara", 121, 0, 201, 0).out.splitlines()[-1] == "beyond their limits: q1, q3"
+    assert "beyond" not in run("fk", "scara", 120, 0, 200, 0).out
+
+
+def test_fk_of_a_hexapod_prints_each_foot(run: Run) -> None:
+    """All joints at 0: a leg hangs straight down, 60 + 80 mm."""
+    ran = run("fk", "hexapod", *[0] * 12)
+    lines = ran.out.splitlines()
+    assert {line.split(":")[0] for line in lines} == {"R1", "R2", "R3", "L1", "L2", "L3"}
+    feet = json.loads(run("fk", "hexapod", *[0] * 12, "--json").out)["feet_m"]
+    for line in lines:
+        name, text = line.split(":")
+        assert numbers(text) == pytest.approx([1000 * each for each in feet[name]], abs=1e-4)
+
+
+def test_ik_prints_joints_in_degrees_and_how_many_more_there_are(run: Run) -> None:
+    """The point that fk gives for 30°, 20°, 10 mm; the other solution has the elbow on the other side."""
+    a, b = radians(30), radians(50)
+    target = (400 * cos(a) + 300 * cos(b), 400 * sin(a) + 300 * sin(b), 440, 0)
+    one = run("ik", "scara", *target).out.splitlines()
+    both = run("ik", "scara", *target, "--all").out.splitlines()
+    assert one[-1] == "and 1 more: --all"
+    assert len(both) == 2
+    assert one[0] == both[0]
+    angles = {tuple(numbers(re.sub(r"q\d", "", line))[:2]) for line in both}
+    assert any(each == pytest.approx((30, 20), abs=0.01) for each in angles)
+    assert any(each[1] == pytest.approx(-20, abs=0.01) for each in angles)
+
+
+def test_transform_prints_the_matrix_and_the_moved_point(run: Run) -> None:
+    """Rz(90) turns x to y; Tx(50) moves by 50 before."""
+    lines = run("transform", "Tx(50) Rz(90)", 1, 2, 3).out.splitlines()
+    matrix = [[0, -1, 0, 50], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+    assert [numbers(line) for line in lines[:4]] == [pytest.approx(each, abs=1e-5) for each in matrix]
+    assert lines[4].startswith("point")
+    assert numbers(lines[4]) == pytest.approx([48, 1, 3])
+
+
+def test_a_robots_table_is_in_degrees_and_millimetres(run: Run) -> None:
+    out = run("robots", "scara").out
+    assert row(out, "q1") == ["q1", "turning", "-120°", "120°", "0°"]
+    assert row(out, "q3") == ["q3", "sliding", "0 mm", "200 mm", "0 mm"]
+    assert row(out, "l1") == ["l1", "400 mm"]
+    assert "q2      0°      0 mm   l2     180°" in out
+
+
+def test_the_tables_of_a_gait_are_its_phases_and_its_joints(run: Run) -> None:
+    """A wave of 60 frames of 20 ms: swings of a sixth, one after the other; numbers as in the JSON."""
+    out = run("gait", "hexapod", "--gait", "wave").out
+    found = json.loads(run("gait", "hexapod", "--gait", "wave", "--json").out)
+    assert row(out, "L1")[:3] == ["L1", "1/3", "1/2"]
+    assert row(out, "R1")[:3] == ["R1", "5/6", "0"]
+    assert len(found["joints"]) == 12
+    for joint in found["joints"]:
+        name, least, most, limits, peak = row(out, joint["name"])
+        assert float(least) == pytest.approx(joint["least"] / radians(1), abs=0.006), name
+        assert float(most) == pytest.approx(joint["greatest"] / radians(1), abs=0.006)
+        assert float(peak) == pytest.approx(joint["peak_speed"] / radians(1), abs=0.06)
+        assert limits == "-90 to 90"
+    frames = found["frames_per_cycle"]
+    assert f"a cycle: {frames} frames, {frames * 0.02:g} s\n" in out
+    assert f"the walk: {found['frames']} frames, the last {frames} of them" in out
+    margin = re.search(r"stability margin: at least ([\d.]+) mm \(frame (\d+), on ([\w, ]+)\)", out)
+    assert margin is not None
+    assert float(margin[1]) == pytest.approx(1000 * found["stability"]["least_m"], abs=0.006)
+    assert int(margin[2]) == found["stability"]["frame"]
+    assert margin[3].split(", ") == found["stability"]["feet"]
+    spring = re.search(r"springs: they give up to ([\d.]+) mm", out)
+    assert spring is not None
+    assert float(spring[1]) == pytest.approx(1000 * found["spring"]["largest_m"], abs=0.006)
+    assert "feet rise 20.0 mm, body 140.0 mm above the ground, 80.0 mm free" in out  # legs of 60 + 80 mm
+
+
+def test_a_walk_of_some_cycles_is_not_said_to_go_on(run: Run) -> None:
+    out = run("gait", "hexapod", "--cycles", 2).out
+    assert "start and stop included, and again" in out
+
+
+def test_a_gait_in_the_air_says_that_no_foot_is_on_the_ground(run: Run) -> None:
+    out = run("gait", "hexapod", "--duty", 0.4, "--lifts", "0,0,0,0,0,0", "--allow-falling").out
+    assert re.search(r"stability margin: none, no foot is on the ground in frame \d+", out)
+
+
+SECONDS = """
+[chip]
+device = "PIC16F84"
+clock_hz = 4_000_000
+[[servo]]
+name = "arm"
+pin = "RB0"
+model = "futaba-s3001"
+[motion]
+poses = [{ arm_deg = 0, hold_s = 0.1 }, { arm_deg = 90, hold_s = 0.3 }]
+"""
+
+
+def test_the_page_says_its_times_in_seconds(run: Run, tmp_path: Path) -> None:
+    """Frames of 20 ms: 5 + 15 of them, 0.4 s."""
+    job, page = tmp_path / "seconds.toml", tmp_path / "page.html"
+    job.write_text(SECONDS)
+    ran = run("report", job, "--output", page)
+    assert ran.code == 0, ran.err
+    html = page.read_text()
+    assert "<b>20 ms</b><span>period</span>" in html
+    assert "<b>0.4 s</b><span>loop, 20 frames</span>" in html
+    assert "The motion once, 0.4 s:" in html

@@ -1,0 +1,183 @@
+"""The curves of the pictures: what is drawn is what the plan says, in the units of the axes."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from servogen.job import load
+from servogen.pulse.plan import plan
+from servogen.report import calibration_plot, motion_plot, pulse_plot
+from servogen.report.drawing import Axis, path_chart, time_chart
+from servogen.report.pulse_plot import Frame, Pulses
+from servogen.report.tracks import tracks_of
+from servogen.robot.calibration import Reading, fit
+from tests.report.test_html import job_file
+
+JOBS = Path(__file__).parents[2] / "jobs"
+Caught = Callable[[Any], list[Any]]
+
+
+@pytest.fixture
+def caught(monkeypatch: pytest.MonkeyPatch) -> Caught:
+    """`caught(module)`: the list to which the module's figures go instead of to a file."""
+
+    def catch(module: Any) -> list[Any]:
+        figures: list[Any] = []
+        monkeypatch.setattr(module, "save", lambda figure, path: figures.append(figure))
+        return figures
+
+    return catch
+
+
+def curve(line: Any) -> tuple[list[float], list[float]]:
+    return line.get_xdata().tolist(), line.get_ydata().tolist()
+
+
+def test_angles_and_widths_are_drawn_over_seconds(caught: Caught, tmp_path: Path) -> None:
+    """Five frames of 20 ms at 0° (1 ms) and five at 90° (1.5 ms); the last is held to its end."""
+    figures = caught(motion_plot)
+    job = load(job_file(tmp_path))
+    schedule = plan(job.trajectory, job.servos, job.frame).schedule
+    motion_plot.motion_plot(job, schedule, tracks_of(job, schedule), Path("a.png"))
+    angles, widths = figures[0].axes
+    times = pytest.approx([0.02 * frame for frame in range(11)])
+    x, y = curve(angles.lines[0])
+    assert (x, y) == (times, pytest.approx([0] * 5 + [90] * 6))
+    x, y = curve(widths.lines[0])
+    assert (x, y) == (times, pytest.approx([1000] * 5 + [1500] * 6))
+    assert {line.get_drawstyle() for line in (angles.lines[0], widths.lines[0])} == {"steps-post"}
+    assert angles.get_xlim() == pytest.approx((-0.002, 0.202))
+    assert (angles.get_ylabel(), widths.get_ylabel()) == ("servo angle, °", "pulse width, µs")
+
+
+@pytest.mark.parametrize("name", ["hexapod-tripod", "scara-pick", "omni-square"])
+def test_paths_are_drawn_in_millimetres_and_lead_back_to_the_loops_beginning(
+    caught: Caught, name: str
+) -> None:
+    figures = caught(motion_plot)
+    job = load(JOBS / f"{name}.toml")
+    schedule = plan(job.trajectory, job.servos, job.frame).schedule
+    tracks = tracks_of(job, schedule)
+    motion_plot.motion_plot(job, schedule, tracks, Path("a.png"))
+    frames, start = len(job.trajectory.angles), job.trajectory.loop_start
+    _, _, error, above, *side = figures[0].axes
+    assert len(side) == (0 if tracks[0].kind == "base" else 1)
+    for each, line in zip(tracks, error.lines, strict=False):
+        x, y = curve(line)
+        assert x == pytest.approx([0.02 * frame for frame in range(frames + 1)])
+        off = 1000 * np.sqrt(((each.made - each.planned) ** 2).sum(axis=1))
+        assert y == pytest.approx([*off, off[-1]], nan_ok=True)
+    for panel, column in ((above, 1), *((axes, 2) for axes in side)):
+        for index, track in enumerate(tracks):
+            x, y = curve(panel.lines[2 * index])
+            assert len(x) == frames + 1
+            assert x == pytest.approx([*1000 * track.planned[:, 0], 1000 * track.planned[start, 0]])
+            assert y == pytest.approx([*1000 * track.planned[:, column], 1000 * track.planned[start, column]])
+            x, y = curve(panel.lines[2 * index + 1])
+            assert x == pytest.approx((1000 * track.made[:, 0]).tolist())
+    verticals = [line for axes in figures[0].axes[:3] for line in axes.lines if line.get_ls() == "--"]
+    marks = {line.get_xdata()[0] for line in verticals if line.get_xdata()[0] == line.get_xdata()[1]}
+    assert marks == ({pytest.approx(0.02 * start)} if start else set())
+
+
+def test_lines_drawn_first_are_wider_and_the_last_is_thinnest() -> None:
+    widths = [motion_plot._width(index, 4) for index in range(4)]
+    assert widths == pytest.approx([3.0, 2.4, 1.8, 1.2])
+    assert motion_plot._width(0, 1) == pytest.approx(1.2)
+
+
+@pytest.fixture
+def axes() -> Any:
+    from matplotlib.figure import Figure
+
+    return Figure().add_subplot()
+
+
+def pulses(*rows: tuple[float, float]) -> Pulses:
+    rise, width = np.array(rows, dtype=float).T
+    return Pulses("arm", "C0", rise, width)
+
+
+def test_widths_are_drawn_over_seconds_with_a_gap_where_pulses_are_missing(axes: Any) -> None:
+    """Rises at 0, 20, 40 ms and, after a pause, at 100 ms; one and a half periods are no gap yet."""
+    pulse_plot._draw_widths(
+        axes, [pulses((0, 1000), (20_000, 1500), (50_000, 1600), (100_000, 1700))], 20_000
+    )
+    x, y = curve(axes.lines[0])
+    assert x == pytest.approx([0, 0.02, 0.05, math.nan, 0.1], nan_ok=True)
+    assert y == pytest.approx([1000, 1500, 1600, math.nan, 1700], nan_ok=True)
+
+
+def test_a_frame_is_drawn_in_milliseconds_from_its_start(axes: Any) -> None:
+    """A pulse of 1500 µs that rises 3 ms after a frame's start; 5 % of 10 ms on either side."""
+    channel = pulses((23_000, 1500))
+    pulse_plot._draw_frame(axes, [channel, channel], [0, 1], Frame(20_000, 40_000), 10_000)
+    first, second = axes.lines[-2:]
+    assert curve(first) == (pytest.approx([3, 3, 4.5, 4.5]), pytest.approx([0, 1, 1, 0]))
+    lane = pulse_plot.LANE
+    assert curve(second)[1] == pytest.approx([-lane, 1 - lane, 1 - lane, -lane])
+    margin = pulse_plot.MARGIN * 10
+    assert axes.get_xlim() == pytest.approx((-margin, 10 + margin))
+    assert [text.get_text() for text in axes.texts] == ["1500 µs"] * 2
+    assert axes.texts[0].get_position() == pytest.approx((3.75, 0.45))
+    assert axes.get_ylabel() == "0.02 s"
+
+
+def test_a_chart_of_the_page_has_steps_at_the_pixels_of_its_axes() -> None:
+    """960 pixels wide: time 0 at the left end of the axis, the end of the last frame at the right."""
+    chart = time_chart(np.array([0.0, 1.0, 2.0]), np.array([[0.0], [10.0]]), ["arm"], "angle", 1.0)
+    left, top, width, height = map(float, chart.frame)
+    (line,) = chart.lines
+    numbers = [float(each) for each in re.findall(r"-?[\d.]+", line.path)]
+    start, low, middle, high, end = numbers
+    assert (start, middle, end) == pytest.approx((left, left + width / 2, left + width), abs=0.11)
+    assert top <= high < low <= top + height  # SVG's y points down
+    assert chart.mark is not None
+    assert float(chart.mark) == pytest.approx(left + width / 2, abs=0.11)
+    assert [tick.label for tick in chart.x_ticks][-1] == "2"
+
+
+def test_a_path_has_one_scale_both_ways() -> None:
+    """A rectangle of 200 by 100 mm."""
+    corners = np.array([[0.0, 0], [200, 0], [200, 100], [0, 100]])
+    chart = path_chart([("foot", corners, corners)], "x", "y")
+    line = chart.lines[0]
+    x0, y0, x1, y1, x2, y2, *_ = (float(each) for each in re.findall(r"-?[\d.]+", line.path))
+    assert y0 == y1
+    assert x1 == x2
+    assert (x1 - x0) / (y1 - y2) == pytest.approx(2, rel=0.01)
+    assert y2 < y1
+
+
+def test_an_axis_is_linear_between_its_ends() -> None:
+    axis = Axis(10.0, 20.0, 100.0, 300.0)
+    assert axis.at([10, 12.5, 20]).tolist() == [100, 150, 300]
+
+
+def test_a_calibration_is_drawn_in_degrees_and_microseconds(caught: Caught, tmp_path: Path) -> None:
+    """Readings on 1000 + 5 µs/° but for the middle one, which is 0.6° high: the line is moved by 0.2°."""
+    figures = caught(calibration_plot)
+    servo = load(job_file(tmp_path)).servos[0]
+    readings = [
+        Reading(1000.0 + 5 * degrees, math.radians(degrees + off))
+        for degrees, off in ((0, 0.0), (90, 0.6), (180, 0.0))
+    ]
+    calibration_plot.calibration_plot(fit(readings), servo, Path("a.png"))
+    above, below = figures[0].axes
+    line, before, read = above.lines
+    assert curve(read) == (pytest.approx([0, 90.6, 180]), pytest.approx([1000, 1450, 1900]))
+    x, y = curve(line)
+    assert x == pytest.approx([0, 180])
+    assert y == pytest.approx([1000 - 0.2 * 5, 1900 - 0.2 * 5])
+    x, y = curve(before)  # the catalogue's servo: 1 ms at 0°, 0.5 ms more at 90°
+    assert y == pytest.approx([1000, 1900])
+    assert x == pytest.approx([0, 162])
+    assert curve(below.lines[-1])[1] == pytest.approx([-0.2, 0.4, -0.2])
+    assert below.get_ylim() == pytest.approx((-0.6, 0.6))
