@@ -16,10 +16,20 @@ from servogen.cli import main
 from servogen.pic.image import Image, from_hex
 from servogen.pulse import from_json
 from servogen.units import Cycles
+from tests.time_limit import time_limit
 
 ROOT = Path(__file__).parent.parent.parent
 START = "from servogen.cli import main; main()"
 LAB8 = ROOT / "firmware" / "lab8-exercise"
+MOST_S = 120.0
+"""What a test with a chip, a programmer or an analyser may take: a broken one may not answer at all."""
+
+
+@pytest.fixture(autouse=True)
+def _ends() -> Iterator[None]:
+    """A test and the fixtures after this one fail after MOST_S instead of waiting."""
+    with time_limit(MOST_S):
+        yield
 
 
 @dataclass(frozen=True)
@@ -87,7 +97,8 @@ def _served(devices: Mapping[str, Device]) -> Iterator[Terminals]:
 def served(opened: Terminals) -> Iterator[None]:
     """Open terminals that are served until the block ends."""
     ended = threading.Event()
-    thread = threading.Thread(target=opened.serve, args=(ended.is_set,))
+    # A daemon, so that pytest ends also where a broken device does not come back.
+    thread = threading.Thread(target=opened.serve, args=(ended.is_set,), daemon=True)
     thread.start()
     try:
         yield
