@@ -57,7 +57,7 @@ for observed, tracked in ((False, False), (True, False), (False, True)):
 """
 PREPARE_S = COLLECT_S = 600
 POLL_S = 0.5
-PYTEST = (sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider")
+PYTEST: tuple[str, ...] = (sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider")
 PYTEST += ("-o", "addopts=--import-mode=importlib")
 
 COMPARISONS: dict[type[ast.cmpop], type[ast.cmpop]] = {
