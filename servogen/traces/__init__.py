@@ -1,4 +1,4 @@
-"""Edges in files: CSV, JSON lines and VCD, chosen by the file's ending.
+"""Edges in files: CSV, JSON lines and VCD, selected by the file's suffix.
 
 `write_edges` writes one trace to several files in one pass; `recorded` writes while another reads;
 `read_edges` gives an EdgeTrace that reads the file, chunk by chunk, each time it is iterated.

@@ -34,9 +34,10 @@ _VERSION = re.compile(rb"\$version\s(.*?)\$end", re.DOTALL)
 
 @dataclass(frozen=True, slots=True)
 class Capture:
-    """`trace` counts time steps as cycles of a clock that is as fast; `sample` is the steps of one sample.
+    """`trace` counts time steps as the cycles of an equally fast clock; `sample` is the number of steps per
+    sample.
 
-    It is None where the file does not say how often it was sampled. Edges in cycles of a chip, which are not
+    It is None if the file does not contain the sampling rate. Edges in cycles of a chip, which are not
     samples, are exact to a step.
     """
 
@@ -50,7 +51,9 @@ class Capture:
 
 
 def read_capture(path: str | Path, wires: Mapping[str, str] | None = None) -> Capture:
-    """The capture at `path`; `wires` gives pins to channels that are not named by them, {"D0": "RB0"}."""
+    """Return the capture at `path`; `wires` maps channels that are not named after pins to pins, {"D0":
+    "RB0"}.
+    """
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".vcd":
@@ -64,7 +67,7 @@ def read_capture(path: str | Path, wires: Mapping[str, str] | None = None) -> Ca
 
 
 def is_capture(path: str | Path) -> bool:
-    """Whether the file at `path` holds an analyser's samples rather than edges in cycles of a chip."""
+    """Return whether the file at `path` holds an analyser's samples rather than edges in cycles of a chip."""
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".csv":
@@ -77,7 +80,9 @@ def is_capture(path: str | Path) -> bool:
 
 
 def sampled_at(capture: Capture, samples_per_second: int) -> Capture:
-    """Return the capture with the sampling rate that its file does not tell. Raises InputError if it does."""
+    """Return the capture with a sampling rate, which its file must not contain. Raises InputError if it
+    does.
+    """
     if capture.file is not None and not is_capture(capture.file):
         raise InputError("only a capture has a sampling rate", Place(capture.file, key="--rate"))
     if capture.sample is not None:
@@ -98,10 +103,11 @@ def capture_writer(
     missing: str | None = None,
     pieces: Sequence[tuple[int, int]] = (),
 ) -> Iterator[EdgeWriter]:
-    """A writer of a capture, whose cycles are samples, to a VCD file that `read_capture` knows as one.
+    """Yield a writer of a capture, whose cycles are samples, to a VCD file that `read_capture` recognises as
+    one.
 
-    `missing` says why the capture is not whole, `pieces` from which sample to which each of several is: both
-    stand in the file.
+    `missing` is the reason why the capture is incomplete, `pieces` are the first and last sample of each of
+    several; both are written to the file.
     """
     with atomic_write(path, "wb") as file:
         clock = step_clock(Fraction(samples_per_second), Place(str(path)))
@@ -123,7 +129,7 @@ def _read_vcd(path: Path, wires: Mapping[str, str] | None) -> Capture:
 
 
 def _pieces(comments: Iterable[str], steps: Fraction) -> tuple[tuple[int, int], ...]:
-    """Begin and end of each piece, in time steps of which `steps` are a sample."""
+    """Return the beginning and end of each piece, in time steps, of which `steps` make a sample."""
     found = next((match for text in comments if (match := _PIECES.search(text))), None)
     if found is None:
         return ()

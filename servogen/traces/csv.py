@@ -1,9 +1,10 @@
-"""Edges ↔ CSV: header `cycle,pin,level`, one row a change of a pin, in order; undriven is 0.
+"""Edges ↔ CSV: header `cycle,pin,level`, one row per change of a pin, in order; undriven is 0.
 
-`cycle` counts instruction cycles since reset, `pin` is RA0 … RB7, `level` 0 or 1. What is applied to a pin
-from outside has a level of its own: L, H, or Z where it is let go; its pin may be MCLR, too.
+`cycle` counts instruction cycles since reset, `pin` is RA0 … RB7, `level` 0 or 1. Levels applied to a pin
+from outside have letters of their own: L, H, or Z when the pin is released; such a\npin may also be MCLR.
 
-As cycles never fall, lines of one length stand together: a block of them is a matrix, read column by column.
+Because cycles never decrease, lines of equal length are adjacent: a block of them is a matrix, which is
+read\ncolumn by column.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ for _number, _name in enumerate(PINS):
 
 
 class CsvWriter:
-    """Writes chunks as they come to a binary file, and the changes of inputs among them."""
+    """Writes chunks in order to a binary file, with the changes of inputs merged in."""
 
     def __init__(self, file: IO[bytes], inputs: Inputs = NO_INPUTS) -> None:
         self._file = file
@@ -50,7 +51,7 @@ class CsvWriter:
         texts = [f",{INPUT_PINS[pin]},{letter}\n" for pin in inputs.pins for letter in APPLIED]
         self._tails = rows.joined(_TAILS, rows.table(texts)) if texts else _TAILS
         file.write(f"{HEADER}\n".encode())
-        self._inputs.until(1)  # a level that is there at power-up is no change
+        self._inputs.until(1)  # a level that is present at power-up is not a change
 
     def add(self, chunk: EdgeChunk) -> None:
         if not len(chunk.cycle):
@@ -62,7 +63,7 @@ class CsvWriter:
         )
 
     def finish(self, end: Cycles) -> None:
-        """Write what inputs still do; the format does not hold the trace's end."""
+        """Write the remaining changes of inputs; the format does not store the end of the trace."""
         nothing = np.zeros(0, dtype=np.int64)
         self._write(self._inputs.until(end), (nothing, nothing))
 
@@ -74,7 +75,9 @@ class CsvWriter:
 
 
 def read_csv(path: str | Path, clock: Clock, end: int | None = None) -> EdgeTrace:
-    """The edges of a CSV file, up to `end`; by default to the last edge, all that it tells."""
+    """Return the edges of a CSV file, up to `end`; by default to the last edge, since the file does not tell
+    more.
+    """
     source = _CsvChunks(Path(path))
     last = last_line(source.path).split(b",")[0]
     known = Cycles(int(last) + 1 if last.isdigit() and len(last) <= MOST_DIGITS else 0)
@@ -113,14 +116,14 @@ class _CsvChunks:
 
 
 def _without_inputs(block: bytes) -> bytes:
-    """Return the rows of what the chip does; what is applied to it says nothing about the program."""
+    """Return the rows of the chip's own edges; levels applied to it say nothing about the program."""
     if any(f"{letter}\n".encode() in block for letter in APPLIED):
         return _INPUT.sub(b"", block)
     return block
 
 
 def _parse(block: bytes, last: int) -> EdgeChunk | None:
-    """The edges of whole lines, or None when any line is not as it must be or its cycle is before `last`."""
+    """Return the edges of whole lines, or None if any line is malformed or its cycle is before `last`."""
     data = np.frombuffer(block, dtype=np.uint8)
     ends = np.flatnonzero(data == ord("\n"))
     lengths = np.diff(ends, prepend=-1) - 1
@@ -144,7 +147,7 @@ def _parse(block: bytes, last: int) -> EdgeChunk | None:
 
 
 def _parse_equal(lines: rows.Bytes) -> EdgeChunk | None:
-    """The edges of lines of one length: shape (lines, length with the line feed)."""
+    """Return the edges of lines of equal length: shape (lines, length with the line feed)."""
     digits = lines.shape[1] - _TAIL_LENGTH - 1
     if not 1 <= digits <= MOST_DIGITS:
         return None
@@ -165,7 +168,7 @@ def _parse_equal(lines: rows.Bytes) -> EdgeChunk | None:
 
 
 def _complain(block: bytes, last: int, path: Path, line: int) -> NoReturn:
-    """Names the first line of `block` that `_parse` refused."""
+    """Raise InputError for the first line of `block` that `_parse` rejected."""
     for number, text in enumerate(block.decode("utf-8", "replace").split("\n"), line):
         place = Place(str(path), number)
         if _INPUT.fullmatch(f"{text}\n".encode()):

@@ -1,6 +1,6 @@
-"""Where a trace that was read from a file ends: the same rule for every format.
+"""The end of a trace that was read from a file: the same rule for every format.
 
-In: the edges, the end that the file itself tells, the end that is asked for. Out: an `EdgeTrace`.
+In: the edges, the end given in the file, the requested end. Out: an `EdgeTrace`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,9 @@ from servogen.units import Clock, Cycles
 
 
 def ended(clock: Clock, chunks: Iterable[EdgeChunk], known: Cycles, end: int | None) -> EdgeTrace:
-    """The edges up to `end`, cut or beyond what the file tells; by default all that it tells, to `known`."""
+    """Return the edges up to `end`, which may cut the trace or extend it; by default up to `known`, the end
+    given in the file.
+    """
     if end is None:
         return EdgeTrace(clock, chunks, known)
     return EdgeTrace(clock, chunks, Cycles(max(known, end))).until(end)

@@ -1,4 +1,4 @@
-"""Which format a file has: by its ending. The heavy readers and writers are imported when one is chosen."""
+"""Selects the format of a file by its suffix. Heavy readers and writers are imported only when needed."""
 
 from __future__ import annotations
 
@@ -28,9 +28,10 @@ class EdgeWriter(Protocol):
 def edge_writer(
     path: str | Path, clock: Clock, servos: Mapping[str, str] | None = None, inputs: Inputs = NO_INPUTS
 ) -> Iterator[EdgeWriter]:
-    """Give a writer to `path`; the file is there when the block ends. `servos` names pins, as {"RB0": "arm"}.
+    """Yield a writer to `path`; the file exists when the block ends. `servos` names pins, as in {"RB0":
+    "arm"}.
 
-    CSV and VCD also hold what `inputs` do.
+    CSV and VCD also contain the changes of `inputs`.
     """
     suffix = _suffix(Path(path))
     with atomic_write(path, "wb") as file:
@@ -51,7 +52,7 @@ def write_edges(
 
 
 def recorded(trace: EdgeTrace, writers: Iterable[EdgeWriter]) -> EdgeTrace:
-    """The same trace, which each of `writers` is given while it is read; read it once, and whole."""
+    """Return the same trace, passed to each of `writers` while it is read; read it once and completely."""
     return EdgeTrace(trace.clock, _passed(trace, tuple(writers)), trace.end)
 
 
@@ -67,10 +68,10 @@ def _passed(trace: EdgeTrace, writers: tuple[EdgeWriter, ...]) -> Iterator[EdgeC
 def read_edges(
     path: str | Path, clock: Clock, end: int | None = None, wires: Mapping[str, str] | None = None
 ) -> EdgeTrace:
-    """The edges of the file at `path` in cycles of `clock`.
+    """Return the edges of the file at `path` in cycles of `clock`.
 
-    `end` is the cycle at which the trace ends where the file does not say it (CSV, JSONL), or at which it
-    is cut. `wires` gives pins to the wires of a VCD file that are not named by them, {"D0": "RB0"}.
+    `end` is the cycle at which the trace ends if the file does not contain it (CSV, JSONL), or at which it is
+    cut. `wires` maps the wires of a VCD file that are not named after pins to pins, {"D0": "RB0"}.
     """
     path = Path(path)
     suffix = _suffix(path)

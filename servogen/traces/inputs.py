@@ -1,4 +1,4 @@
-"""What is applied to a chip's pins from outside, to be written beside the edges that the chip makes.
+"""Levels applied to a chip's pins from outside, to be written beside the edges of the chip.
 
 In: the pins and their changes. Out: the rows of a file, merged with those of the edges in order of cycles.
 """
@@ -23,9 +23,10 @@ Rows = tuple[Ints, Ints]
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
-    """`pins`: those that are ever driven, by number. `chunks`: changes in order, anew for each reader.
+    """`pins` are the numbers of all pins that are ever driven, `chunks` their changes in order, restarted for
+    each reader.
 
-    A level is LOW, HIGH or, where a pin is let go, UNDRIVEN.
+    A level is LOW, HIGH or, when a pin is released, UNDRIVEN.
     """
 
     pins: tuple[int, ...]
@@ -36,9 +37,9 @@ NO_INPUTS = Inputs((), ())
 
 
 class InputRows:
-    """Gives the changes of inputs as rows, as far as a writer has come; what changes nothing is left out.
+    """Returns the changes of inputs as rows up to where a writer has come; rows without a change are omitted.
 
-    A row's text has the number 3 n + level for the n-th of the pins.
+    The text of a row has index 3 n + level for the n-th of the pins.
     """
 
     def __init__(self, inputs: Inputs) -> None:
@@ -49,7 +50,7 @@ class InputRows:
         self._level = dict.fromkeys(inputs.pins, UNDRIVEN)
 
     def until(self, cycle: int) -> Rows:
-        """Return the rows of all changes before `cycle` that were not given yet."""
+        """Return the rows of all changes before `cycle` that have not been returned yet."""
         parts = [self._ahead]
         while not self._ended and (not len(parts[-1].cycle) or parts[-1].cycle[-1] < cycle):
             more = next(self._rest, None)
@@ -68,7 +69,7 @@ class InputRows:
 
 
 def merged(inputs: Rows, edges: Rows) -> Rows:
-    """Return both in order of cycles; in one cycle what comes from outside is first."""
+    """Return both in order of cycles; within one cycle, changes from outside come first."""
     cycles, numbers = (np.concatenate(pair) for pair in zip(inputs, edges, strict=True))
     order = np.argsort(cycles, kind="stable")
     return cycles[order], numbers[order]

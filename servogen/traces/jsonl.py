@@ -1,6 +1,7 @@
-"""Edges ↔ JSON lines: {"cycle":1000,"pin":"RB0","level":0}, one object a change, in order; level 0, 1 or "z".
+"""Edges ↔ JSON lines: {"cycle":1000,"pin":"RB0","level":0}, one object per change, in order; level 0, 1 or
+"z".
 
-Unlike CSV it keeps what is undriven. Objects of other programs may have further keys and any spacing.
+Unlike CSV, it preserves undriven levels. Objects of other programs may have further keys and any spacing.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ _PIN_NUMBER = {pin: number for number, pin in enumerate(PINS)}
 
 
 class JsonlWriter:
-    """Writes chunks as they come to a binary file."""
+    """Writes chunks in order to a binary file."""
 
     def __init__(self, file: IO[bytes]) -> None:
         self._file = file
@@ -47,11 +48,13 @@ class JsonlWriter:
             self._file.write(rows.text(head, rows.decimals(block.cycle), tails))
 
     def finish(self, end: Cycles) -> None:
-        """The format does not hold the trace's end."""
+        """Do nothing, because the format does not store the end of the trace."""
 
 
 def read_jsonl(path: str | Path, clock: Clock, end: int | None = None) -> EdgeTrace:
-    """The edges of a JSONL file, up to `end`; by default to the last edge, all that it tells."""
+    """Return the edges of a JSONL file, up to `end`; by default to the last edge, since the file does not
+    tell more.
+    """
     source = _JsonlChunks(Path(path))
     try:
         cycle = json.loads(last_line(source.path))["cycle"]
@@ -77,10 +80,10 @@ class _JsonlChunks:
 
 
 def _parse(block: bytes, last: int) -> EdgeChunk | None:
-    """The edges of whole lines, or None when any line is not as it must be or its cycle is before `last`."""
+    """Return the edges of whole lines, or None if any line is malformed or its cycle is before `last`."""
     lines = [line for line in block.split(b"\n") if line.strip()]
     try:
-        # One call of the C parser for all lines is several times faster than a call each.
+        # One call of the C parser for all lines is several times faster than one call per line.
         objects: list[dict[str, Any]] = json.loads(b"[" + b",".join(lines) + b"]")
         cycle = [edge["cycle"] for edge in objects]
         pin = [_PIN_NUMBER[edge["pin"]] for edge in objects]
@@ -95,7 +98,7 @@ def _parse(block: bytes, last: int) -> EdgeChunk | None:
 
 
 def _complain(block: bytes, last: int, path: Path, line: int) -> NoReturn:
-    """Names the first line of `block` that `_parse` refused."""
+    """Raise InputError for the first line of `block` that `_parse` rejected."""
     for number, text in enumerate(block.decode("utf-8", "replace").split("\n"), line):
         if text.strip():
             last = _check(text, last, Place(str(path), number))
@@ -103,7 +106,7 @@ def _complain(block: bytes, last: int, path: Path, line: int) -> NoReturn:
 
 
 def _check(text: str, last: int, place: Place) -> int:
-    """The cycle of one line; an InputError that says what is wrong with it."""
+    """Return the cycle of one line. Raises InputError that says what is wrong with it."""
     try:
         edge = json.loads(text)
     except (ValueError, RecursionError) as error:

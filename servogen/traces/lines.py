@@ -1,6 +1,6 @@
-"""A file of lines in blocks: whole lines of a few megabytes, with the number of the first.
+"""A text file in blocks: whole lines of a few megabytes, with the number of the first line.
 
-In: a path. Out: bytes, line ends made \\n; the last line, from the end of the file, without reading the rest.
+In: a path. Out: bytes with line ends \\n; the last line, read from the end of the file without the rest.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ MAX_LINE_BYTES = 1 << 20
 
 
 def line_blocks(path: Path, start: int = 0, line: int = 1) -> Iterator[tuple[int, bytes]]:
-    """Yields (number of the first line, whole lines) from byte `start`, the start of line `line`.
+    """Yield (number of the first line, whole lines) from byte `start`, the start of line `line`.
 
     Raises InputError for a line that is longer than MAX_LINE_BYTES.
     """
@@ -41,7 +41,7 @@ def line_blocks(path: Path, start: int = 0, line: int = 1) -> Iterator[tuple[int
 
 
 def last_line(path: Path) -> bytes:
-    """Returns the last line that is not blank, stripped; empty when there is none. Raises InputError."""
+    """Return the last line that is not blank, stripped; empty if there is none. Raises InputError."""
     with open_input(path) as file:
         size = file.seek(0, 2)
         wanted = TAIL_BYTES
@@ -56,7 +56,7 @@ def last_line(path: Path) -> bytes:
 
 
 def first_lines(path: Path, count: int) -> list[bytes]:
-    """Returns the first `count` lines, with their ends; empty ones behind the end. Raises InputError."""
+    """Return the first `count` lines with their line ends; empty ones after the end. Raises InputError."""
     with open_input(path) as file:
         lines = [file.readline(MAX_LINE_BYTES + 1) for _ in range(count)]
     for number, line in enumerate(lines, 1):

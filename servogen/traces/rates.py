@@ -1,4 +1,4 @@
-"""Sampling rates: as sigrok's files write them, and as the clock of a trace whose cycles are time steps."""
+"""Sampling rates: as written in sigrok's files, and as the clock of a trace whose cycles are time steps."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ _FACTOR = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9}
 
 
 def rate_in(text: str) -> Fraction | None:
-    """The sampling rate in hertz that `text` names: `200 kHz`, `1.5 MHz`."""
+    """Return the sampling rate in hertz given in `text`: `200 kHz`, `1.5 MHz`."""
     found = _RATE.search(text)
     return Fraction(found.group(1)) * _FACTOR[found.group(2)] if found else None
 
 
 def step_clock(steps_per_second: Fraction, place: Place) -> Clock:
-    """The clock whose instruction cycle is one time step."""
+    """Return the clock whose instruction cycle is one time step."""
     hz = steps_per_second * OSCILLATOR_PERIODS_PER_CYCLE
     if hz <= 0 or hz.denominator != 1:
         raise InputError(f"{float(steps_per_second):g} time steps a second are no whole number", place)

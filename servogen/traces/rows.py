@@ -1,4 +1,4 @@
-"""The text of many rows at once: a matrix of bytes, one row a line, NUL where a shorter line has nothing.
+"""Formats many rows at once: a matrix of bytes, one row per line, padded with NUL.
 
 In: arrays of integers and tables of byte strings. Out: bytes, in one pass of NumPy, without a loop over rows.
 """
@@ -21,13 +21,15 @@ BLOCK = 1 << 17
 
 
 def blocks(chunk: EdgeChunk) -> Iterator[EdgeChunk]:
-    """`chunk` in pieces of at most `BLOCK` edges."""
+    """Yield `chunk` in pieces of at most `BLOCK` edges."""
     for start in range(0, len(chunk.cycle), BLOCK):
         yield part(chunk, slice(start, start + BLOCK))
 
 
 def decimals(values: Integers) -> Bytes:
-    """The decimal digits of non-negative `values`, right-aligned: shape (rows, digits of the largest)."""
+    """Return the decimal digits of non-negative `values`, right-aligned: shape (rows, digits of the
+    largest).
+    """
     width = len(str(int(values.max(initial=0))))
     digits = np.empty((width, len(values)), dtype=np.uint8)
     rest = values
@@ -41,7 +43,7 @@ def decimals(values: Integers) -> Bytes:
 
 
 def table(texts: Sequence[str]) -> Bytes:
-    """`texts` (ASCII) as rows of equal length, NUL behind the shorter ones: shape (texts, longest)."""
+    """Return `texts` (ASCII) as rows of equal length, padded with NUL: shape (texts, longest)."""
     encoded = [text.encode("ascii") for text in texts]
     width = max(map(len, encoded))
     return np.frombuffer(b"".join(text.ljust(width, b"\0") for text in encoded), dtype=np.uint8).reshape(
@@ -56,13 +58,13 @@ def joined(*tables: Bytes) -> Bytes:
 
 
 def text(*columns: Bytes) -> bytes:
-    """The bytes of the rows made of `columns` side by side, NULs left out."""
+    """Return the bytes of the rows formed by `columns` side by side, without NULs."""
     flat = np.concatenate(columns, axis=1).ravel()
     return bytes(flat[flat != 0].tobytes())
 
 
 def rescale(values: Integers, ratio: Fraction) -> Integers:
-    """Never-falling `values` × `ratio` to the nearest integer, a half up; exact."""
+    """Return non-decreasing `values` × `ratio`, rounded exactly to the nearest integer, halves up."""
     if not len(values):
         return values
     base = int(values[0])

@@ -1,8 +1,8 @@
 """Saleae's digital CSV → edges in nanoseconds from the file's first row.
 
 Header `Time [s],Channel 0,…` (the first versions: `Time[s], Channel 0, …`), one row for each time at which a
-channel changes: seconds, and the level of every channel: 0, 1 or X (not known). The first row is what was
-found at the beginning. Source: Saleae's support pages, "Binary and CSV Export Formats".
+channel changes: seconds, and the level of every channel: 0, 1 or X (not known). The first row holds the
+initial levels. Source: Saleae's support pages, "Binary and CSV Export Formats".
 """
 
 from __future__ import annotations
@@ -68,7 +68,9 @@ class _Rows:
 
 
 def read_saleae(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrace:
-    """The edges of the channels; the file does not tell the capture's end, so it ends with the last row."""
+    """Return the edges of the channels; the file does not contain the capture's end, so the trace ends with
+    the last row.
+    """
     place = Place(str(path), 1)
     head, first = first_lines(path, 2)
     header = head.decode("utf-8-sig", "replace").strip().split(",")
@@ -90,7 +92,7 @@ def _nanoseconds(line: bytes, path: Path, number: int | None) -> int:
 
 
 def _complain(lines: list[bytes], number: int, path: Path, columns: int) -> NoReturn:
-    """Names the first line that is not as it must be."""
+    """Raise InputError for the first malformed line."""
     for offset, line in enumerate(lines):
         place = Place(str(path), number + offset)
         time, *levels = (field.strip() for field in line.split(b","))

@@ -1,4 +1,4 @@
-"""sigrok's session files (.sr) → edges, one sample one time step.
+"""sigrok's session files (.sr) → edges, one time step per sample.
 
 A session is a ZIP archive: `metadata` (INI: samplerate, unitsize, probe1 … by name) and the samples of all
 probes in `logic-1`, or in `logic-1-1`, `logic-1-2` … one after the other; probe n is bit n - 1 of a sample of
@@ -54,7 +54,7 @@ _DAMAGED = (
 
 @dataclass(frozen=True, slots=True)
 class _Session:
-    """Where the samples are, how many bytes each has, and which bit is which pin."""
+    """The location of the samples, the bytes per sample, and the pin of each bit."""
 
     path: Path
     pieces: tuple[str, ...]
@@ -93,7 +93,7 @@ class _Session:
         return edge_chunk(cycle[order], pins[order], level[order])
 
     def _blocks(self) -> Iterator[npt.NDArray[np.uint64]]:
-        """The samples as integers."""
+        """Yield the samples as integers."""
         try:
             yield from self._unpacked()
         except _DAMAGED as error:
@@ -118,7 +118,7 @@ class _Session:
 
 
 def read_session(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrace:
-    """The edges of a session's logic probes; the trace ends behind the last sample."""
+    """Return the edges of a session's logic probes; the trace ends after the last sample."""
     place = Place(str(path))
     try:
         _check_directory(path)
@@ -169,14 +169,14 @@ def _device(metadata: str, place: Place) -> Mapping[str, str]:
 
 
 def _probes(device: Mapping[str, str], size: int) -> list[tuple[str, int]]:
-    """(name, bit) of each probe that a sample of `size` bytes has."""
+    """Return (name, bit) of each probe in a sample of `size` bytes."""
     numbered = ((name, re.fullmatch(r"probe([1-9]\d?)", key)) for key, name in device.items())
     probes = [(name, int(found.group(1)) - 1) for name, found in numbered if found]
     return [(name, bit) for name, bit in probes if bit < 8 * size]
 
 
 def _pieces(name: str, members: Collection[str]) -> tuple[str, ...]:
-    """Returns the names of the archive's files of samples, in order."""
+    """Return the names of the archive's sample files, in order."""
     pieces = [file for file in members if re.fullmatch(re.escape(name) + r"-[0-9]{1,9}", file)]
     pieces.sort(key=lambda file: int(file.rpartition("-")[2]))
     return tuple(pieces) or ((name,) if name in members else ())
@@ -194,7 +194,7 @@ _MAX_DIRECTORY_BYTES = 1 << 22
 
 
 def _check_directory(path: Path) -> None:
-    """Refuses an archive whose directory would fill the memory: zipfile reads it whole.
+    """Reject an archive whose directory would fill the memory, because zipfile reads it completely.
 
     Raises InputError, and ValueError for a file that is not an archive.
     """

@@ -1,8 +1,8 @@
-"""VCD → edges: of this program's files and of those that GTKWave, sigrok or another tool has written.
+"""VCD → edges: of this program's files and of those written by GTKWave, sigrok and other tools.
 
-In: a file, the clock whose cycles are to count, and, where wires are not named by their pins, which wire is
-which pin. pyvcd reads the declarations; the changes, which can be millions, are read block by block.
-High impedance and unknown are undriven; weak high and low (H, L) are high and low.
+In: a file, the clock of the resulting cycles and, if wires are not named after their pins, the pin of each
+wire. pyvcd reads the declarations; the changes, of which there can be millions, are read block by block. High
+impedance and unknown are undriven; weak high and low (H, L) are high and low.
 """
 
 from __future__ import annotations
@@ -51,7 +51,9 @@ _KEYWORDS = frozenset((b"$dumpvars", b"$dumpall", b"$dumpon", b"$dumpoff", b"$en
 
 @dataclass(frozen=True, slots=True)
 class VcdHeader:
-    """What a file declares: seconds of a time step, each identifier's pin; and where the changes begin."""
+    """The declarations of a file: the seconds per time step and the pin of each identifier; and where the
+    changes begin.
+    """
 
     step_s: Fraction
     pins: Mapping[str, int]
@@ -63,9 +65,10 @@ class VcdHeader:
 def read_vcd(
     path: str | Path, clock: Clock, end: int | None = None, wires: Mapping[str, str] | None = None
 ) -> EdgeTrace:
-    """The edges of a VCD file in cycles of `clock`, each at the nearest; it ends at the last time stamp.
+    """Return the edges of a VCD file in cycles of `clock`, each rounded to the nearest; the trace ends at the
+    last time stamp.
 
-    `wires` gives pins to wires of other names, as {"D0": "RB0"}; only these are read then.
+    `wires` maps wires with other names to pins, as in {"D0": "RB0"}; then only these are read.
     """
     path = Path(path)
     header = read_header(path, wires)
@@ -75,7 +78,7 @@ def read_vcd(
 
 
 def read_header(path: Path, wires: Mapping[str, str] | None = None) -> VcdHeader:
-    """The declarations of the file at `path`."""
+    """Return the declarations of the file at `path`."""
     place = Place(str(path))
     with open_input(path) as file:
         text = file.read(1 << 16)
@@ -120,7 +123,9 @@ def read_header(path: Path, wires: Mapping[str, str] | None = None) -> VcdHeader
 
 
 def _end(path: Path, start: int, cycles_per_step: Fraction) -> Cycles:
-    """The cycle of the last time stamp, or the one after it where changes follow; after every change."""
+    """Return the cycle of the last time stamp, or the one after it if changes follow it; the end is after
+    every change.
+    """
     last = np.array(_last_times(path, start), dtype=np.int64)
     if int(last[-1]) * cycles_per_step > MOST_CYCLES:
         raise InputError(
@@ -135,7 +140,7 @@ def _end(path: Path, start: int, cycles_per_step: Fraction) -> Cycles:
 
 
 def _last_times(path: Path, start: int) -> list[int]:
-    """The last two time stamps, or the only one, found from the file's end."""
+    """Return the last two time stamps, or the only one, found from the end of the file."""
     place = Place(str(path))
     with open_input(path) as file:
         size = file.seek(0, 2)
@@ -177,7 +182,7 @@ class _VcdChunks:
 
 @dataclass(slots=True)
 class _Parser:
-    """Reads changes token by token; what is unfinished at the end of a block goes on in the next."""
+    """Reads changes token by token; an incomplete one at the end of a block continues in the next."""
 
     pins: Mapping[str, int]
     time: int = 0
@@ -193,7 +198,7 @@ class _Parser:
         }
 
     def parse(self, block: bytes, path: Path, line: int) -> tuple[list[int], list[int], list[int]]:
-        """(time steps, pins, levels) of the changes in `block`."""
+        """Return (time steps, pins, levels) of the changes in `block`."""
         times: list[int] = []
         pins: list[int] = []
         levels: list[int] = []
@@ -216,7 +221,9 @@ class _Parser:
         return times, pins, levels
 
     def _other(self, token: bytes, time: int, times: list[int], pins: list[int], levels: list[int]) -> bool:
-        """Takes a token that is neither a wanted change nor a time; False when VCD has no such token."""
+        """Handle a token that is neither a wanted change nor a time; return False if VCD has no such
+        token.
+        """
         if self.skipping:
             self.skipping = token != b"$end"
         elif self.vector is not None:

@@ -1,7 +1,7 @@
-"""Edges → VCD: one 1-bit wire a pin, named by pin and servo (`RB0_arm`), undriven z.
+"""Edges → VCD: one 1-bit wire per pin, named after pin and servo (`RB0_arm`), undriven z.
 
-pyvcd writes the declarations and the initial values ($dumpvars); the changes, which can be millions, are
-written block by block in the same form. There is no date: the same edges give the same bytes.
+pyvcd writes the declarations and the initial values ($dumpvars); the changes, of which there can be millions,
+are written block by block in the same format. There is no date, so that the same edges give the same bytes.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ _UNITS = tuple(
 
 @dataclass(frozen=True, slots=True)
 class VcdTimes:
-    """The times of a VCD file: what one step is, how many of them a cycle is, and the error that makes.
+    """The times of a VCD file: the length of a step, the steps per cycle, and the resulting error.
 
-    `steps_per_cycle` is a whole number where the clock divides; where it does not, each edge is at the
+    `steps_per_cycle` is a whole number if a timescale divides the cycle; otherwise each edge is at the
     nearest picosecond, at most `worst_error_s` seconds off, and errors do not add up.
     """
 
@@ -61,7 +61,7 @@ class VcdTimes:
         return self.worst_error_s == 0
 
     def sentence(self) -> str:
-        """What the file's comment says (ASCII)."""
+        """Return the sentence for the file's comment (ASCII)."""
         magnitude, unit = self.timescale
         if self.exact:
             return f"one instruction cycle is exactly {self.steps_per_cycle * magnitude} {unit}"
@@ -74,7 +74,7 @@ class VcdTimes:
 
 
 def vcd_times(clock: Clock) -> VcdTimes:
-    """The longest timescale that divides an instruction cycle; picoseconds where none does."""
+    """Return the longest timescale that divides an instruction cycle; picoseconds if none does."""
     cycle = 1 / clock.cycles_per_second
     for magnitude, unit, seconds in _UNITS:
         steps = cycle / seconds
@@ -87,16 +87,18 @@ def vcd_times(clock: Clock) -> VcdTimes:
 
 
 def wire_name(pin: str, servo: str | None) -> str:
-    """The wire of `pin`: `RB0`, or `RB0_arm` with what a VCD name cannot hold made an underscore."""
+    """Return the name of the wire of `pin`: `RB0`, or `RB0_arm`, with characters that VCD does not allow
+    replaced by underscores.
+    """
     return f"{pin}_{re.sub(r'[^A-Za-z0-9_]', '_', servo)}" if servo else pin
 
 
 class VcdWriter:
-    """Writes chunks as they come to a binary file; `servos` names the pins' servos.
+    """Writes chunks in order to a binary file; `servos` names the pins' servos.
 
-    `captured` says that the cycles are an analyser's samples, and the file says it to its readers; `missing`
-    says why such a capture is not whole, `pieces` where each of several begins and ends. What `inputs` do has
-    wires of its own (`inRA4`), which no reader takes for a pin's.
+    `captured` marks the cycles as an analyser's samples, which the file states; `missing` is the reason why
+    such a capture is incomplete, `pieces` are the beginning and end of each of several. The changes of
+    `inputs` have wires of their own (`inRA4`), which no reader mistakes for a pin's.
     """
 
     def __init__(
@@ -160,7 +162,7 @@ class VcdWriter:
             self._add_block(cycles[block], numbers[block])
 
     def finish(self, end: Cycles) -> None:
-        """Write what inputs still do, and the last time stamp, which is the trace's end."""
+        """Write the remaining changes of inputs, and the last time stamp, which is the end of the trace."""
         nothing = np.zeros(0, dtype=np.int64)
         self._add(self._inputs.until(end), (nothing, nothing))
         self._declare()

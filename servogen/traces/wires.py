@@ -1,6 +1,6 @@
-"""Which wire, channel or column of a file is which pin: by its name, or as the caller says.
+"""Maps the wires, channels or columns of a file to pins: by name, or as the caller specifies.
 
-A wire belongs to the first pin that its name contains: `RB0`, `RB0_arm`, `PORTB[0]`.
+A wire belongs to the first pin whose name it contains: `RB0`, `RB0_arm`, `PORTB[0]`.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ _HINT = "say which wire is which pin"
 def pins_of(
     wires: Sequence[tuple[str, Key]], chosen: Mapping[str, str] | None, place: Place
 ) -> dict[Key, int]:
-    """The pin number of each of `wires` (name, key) that belongs to one, by key.
+    """Return, by key, the pin number of each of `wires` (name, key) that belongs to a pin.
 
-    `chosen` gives pins to names, as {"D0": "RB0"}; only these are taken then.
+    `chosen` maps names to pins, as in {"D0": "RB0"}; then only these are used.
     """
     known = [name for name, _ in wires]
     named = _by_name(wires) if chosen is None else _as_chosen(wires, chosen, place)
@@ -59,6 +59,8 @@ def _as_chosen(
 
 
 def _pin_in(name: str) -> int | None:
-    """The first pin in a wire's name; behind it may stand a servo that is called like another."""
+    """Return the first pin in a wire's name; after it may come the name of a servo that resembles another
+    pin.
+    """
     pins = (f"R{port.upper()}{bit}" for port, bit in _PIN.findall(name))
     return next((PINS.index(pin) for pin in pins if pin in PINS), None)
