@@ -66,7 +66,7 @@ class Reporter:
         self._found: dict[Diagnostic, None] = {}
         self._errors = 0
         self.lost: set[str] = set()
-        """Names whose declarations have errors: that they are missing is no error of its own."""
+        """Names whose declarations have errors: that they are missing is not reported again."""
 
     def add_source(self, file: str, text: str) -> None:
         self.texts[file] = text

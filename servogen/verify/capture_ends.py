@@ -1,4 +1,4 @@
-"""The pulses that a capture's beginning and end cut: of each only one edge was seen, or none.
+"""The pulses that a capture's beginning and end cut: only one edge of each was seen, or none.
 
         begin                                    end
     ┌─────┊───┐          ┌───────┐          ┌─────┊───┐
@@ -6,8 +6,8 @@
     ┘     ┊   └──────────┘       └──────────┘     ┊   └──
               first fall                    last rise
 
-In: a channel's pulses, and where the capture lies in the schedule. Out: by how much those edges, or the level
-at the capture's ends, are not the schedule's.
+In: a channel's pulses, and the position of the capture in the schedule. Out: the deviation of those edges, or
+of\nthe level at the capture's ends, from the schedule.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def end_errors(
 
 
 def _inside(wanted: Pulses, time: Floats) -> Floats:
-    """Return how far each time lies inside of a pulse; 0 where it lies in none."""
+    """Return how far inside a pulse each time lies; 0 outside pulses."""
     row = np.searchsorted(wanted.rise, time, side="right") - 1
     known = row.clip(min=0)
     inside = np.minimum(time - wanted.rise[known], wanted.fall[known] - time)

@@ -1,8 +1,8 @@
-"""`verify`: are the observed edges the scheduled ones?
+"""`verify`: checks whether the observed edges are the scheduled ones.
 
-In: the schedule's edges and a trace, both as streams. Out: a `Verdict`. The two are compared window by
-window as arrays, in memory that does not grow with the time; at the first difference a bounded stretch is
-kept and handed to the diagnosis.
+In: the schedule's edges and a trace, both as streams. Out: a `Verdict`. The two are compared window by window
+as arrays, in memory that does not grow with time; at the first difference a bounded stretch is kept and
+passed to the diagnosis.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ GLITCH = Cycles(10)
 
 
 def whole_motion(expected: Expected, repeats: int = 2) -> Cycles:
-    """The cycles of the lead-in and of `repeats` of the loop."""
+    """Return the cycles of the lead-in and of `repeats` of the loop."""
     return Cycles((expected.lead_in + repeats * expected.loop) * expected.period)
 
 
@@ -40,7 +40,7 @@ def verify(
     The first rising edge of a scheduled pin is the schedule's time zero. `checked` counts from there; by
     default it is the whole motion with two repeats of its loop. A trace that ends earlier is not proven.
     The verdict is on the span asked for: whether it covers the schedule is in its `coverage`.
-    Reads no further than it must, so that `observed` may be a machine that never stops.
+    Reads no further than necessary, so that `observed` may be a machine that never stops.
     Raises InputError when the two count cycles of different clocks.
     """
     if observed.clock != expected.clock:
@@ -66,7 +66,9 @@ def verify(
 
 
 def _compare(schedule: Windows, trace: Windows, reach: int, start: int, seen: Seen) -> Stretch | None:
-    """None when all edges before `reach` are the same; `seen` follows the windows that are."""
+    """Return None if all edges before `reach` are equal, else the stretch of the first difference; `seen`
+    tracks the equal windows.
+    """
     now = 0
     while now < reach:
         limit = min(now + WINDOW, reach)
@@ -96,7 +98,7 @@ def _verdict(
     short: list[str],
     covered: Coverage,
 ) -> Verdict:
-    """Return the verdict on a trace in which a scheduled pin rises; `short` says what it does not hold."""
+    """Return the verdict on a trace in which a scheduled pin rises; `short` says what the trace lacks."""
     stray = _merged(start.stray, found.stray if found else ())
     early = _first(start.stray)
     difference = early or (found.difference if found else None)
@@ -135,7 +137,9 @@ def _exact(expected: Expected, seen: Seen) -> tuple[ChannelVerdict, ...]:
 
 
 def _silent(expected: Expected, observed: EdgeTrace, start: Start, asked: Cycles) -> Verdict:
-    """The verdict on a trace in which no scheduled pin rises: right only for a schedule without pulses."""
+    """Return the verdict on a trace in which no scheduled pin rises, which is right only for a schedule
+    without pulses.
+    """
     first = Windows(expected_edges(chunk) for chunk in expected.chunks).until(1)
     why = [reasons.silent_reason(int(first.pin[0]))] if len(first.cycle) else []
     why += [reasons.stray_reason(pin) for pin in start.stray]
@@ -167,7 +171,7 @@ def _span(expected: Expected, asked: Cycles, compared: int) -> Span:
 
 
 def _first(stray: tuple[StrayPin, ...]) -> Difference | None:
-    """The first change of a pin that is not scheduled; as it starts low, it rises."""
+    """Return the first change of a pin that is not scheduled; since the pin starts low, this is a rise."""
     if not stray:
         return None
     first = min(stray, key=lambda pin: (pin.first, pin.pin))

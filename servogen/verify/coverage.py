@@ -1,12 +1,13 @@
-"""Which of a schedule's different frames were seen whole.
+"""Determines which of a schedule's different frames were seen completely.
 
     frame      0    1    2    3    4    5    6    7   …        two frames are the same when their edges are
     edges      A    A    A    B    B    A    A    C            at the same times of the frame: A, B, C
     seen            └────────────────┘                         2 of the 3 different frames, 4 of the 8 frames
 
 A different frame is named by the number of the first frame that looks like it. The loop's different frames
-count. A loop of one and the same frame is the rest after a motion that runs once: there the different frames
-of the lead-in count as well. Frames before the first edge count nowhere, since time zero is that edge.
+count. A loop that consists of a single frame is the rest after a motion that runs\nonce; there, the different
+frames of the lead-in count as well. Frames before the first edge never count, because\ntime zero is that
+edge.
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ from servogen.verify.windows import Edges, Ints
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
-    """What a schedule consists of (`different`, `lead_in`, `loop_frames`) and what of it was seen whole."""
+    """The frames of a schedule (`different`, `lead_in`, `loop_frames`) and which of them were seen
+    completely.
+    """
 
     different: frozenset[int] = frozenset()
     seen: frozenset[int] = frozenset()
@@ -37,7 +40,7 @@ class Coverage:
 
     @property
     def complete(self) -> bool:
-        """Whether every different frame that counts was seen."""
+        """Return whether every different frame that counts was seen."""
         return self.different <= self.seen
 
     def words(self) -> str:
@@ -57,7 +60,9 @@ class Coverage:
 
 
 def coverage(scheduled: Edges, expected: Expected, frames: range) -> Coverage:
-    """Return what the whole `frames` show of the schedule; `scheduled` holds the whole motion's edges."""
+    """Return what the complete `frames` show of the schedule; `scheduled` holds the edges of the whole
+    motion.
+    """
     same = same_frames(scheduled, expected)
     loop = frozenset(same[expected.lead_in :].tolist()) - {-1}
     before = frozenset(same[: expected.lead_in].tolist()) - loop - {-1}
@@ -107,9 +112,10 @@ def joined(parts: Iterable[Coverage]) -> Coverage:
 
 
 def same_frames(scheduled: Edges, expected: Expected) -> Ints:
-    """Return for each frame of lead-in and loop the first one with the same edges, the loop's before others.
+    """Return, for each frame of lead-in and loop, the first one with the same edges, preferring those of the
+    loop.
 
-    It is -1 for the frames before the first edge.
+    The value is -1 for the frames before the first edge.
     """
     total = expected.lead_in + expected.loop
     inside = scheduled.take(scheduled.frame < total)

@@ -1,4 +1,4 @@
-"""What is wrong with a stretch of edges that is not as scheduled.
+"""Diagnoses a stretch of edges that differs from the schedule.
 
 In: the scheduled and the observed edges of the stretch, in cycles of the schedule, and what was seen before
 it, which was as scheduled. Out: the first difference, each channel's pulses compared, overlaps, stray pins.
@@ -24,7 +24,7 @@ ALL_PINS = np.arange(len(PINS), dtype=np.uint8)
 
 @dataclass(slots=True)
 class Seen:
-    """What the windows that were as scheduled leave behind, by pin: rises, the last one, and the level."""
+    """The state after the windows that were as scheduled, by pin: rises, the last rise, and the level."""
 
     rises: Ints
     last_rise: Ints
@@ -40,7 +40,7 @@ class Seen:
         return cls(rises, last_rise, last_frame, np.zeros(len(PINS), dtype=np.uint8), set())
 
     def add(self, edges: Edges) -> None:
-        """Goes on behind `edges`; where a pin has several, NumPy's assignment keeps the last."""
+        """Update the state with `edges`; if a pin has several, NumPy's assignment keeps the last."""
         if not len(edges.cycle):
             return
         self.together |= together(edges, self.level, ALL_PINS)
@@ -55,7 +55,7 @@ class Seen:
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """Edges from `begin` to `end`, times of the schedule, whose time zero is cycle `start` of the trace."""
+    """Edges from `begin` to `end` in times of the schedule, whose time zero is cycle `start` of the trace."""
 
     scheduled: Edges
     observed: Edges
@@ -77,7 +77,7 @@ class Found:
 
 
 def diagnose(stretch: Stretch, expected: Expected, glitch: int) -> Found:
-    """All that is wrong in `stretch`; pulses of fewer than `glitch` cycles are glitches."""
+    """Return everything that is wrong in `stretch`; pulses of fewer than `glitch` cycles are glitches."""
     pins = np.array([channel.pin for channel in expected.channels], dtype=np.uint8)
     other = ~np.isin(stretch.observed.pin, pins)
     stray = StrayCount()
@@ -94,7 +94,9 @@ def diagnose(stretch: Stretch, expected: Expected, glitch: int) -> Found:
 
 
 def first_difference(stretch: Stretch, expected: Expected) -> Difference:
-    """The first edge that is in one only, with its counterpart: the other's next edge of the same pin."""
+    """Return the first edge present on one side only, with its counterpart: the next edge of the same pin on
+    the other side.
+    """
     ours, theirs = stretch.scheduled, stretch.observed
     size = min(len(ours.cycle), len(theirs.cycle))
     unlike = (
@@ -129,12 +131,12 @@ def _next_of(side: Edges, pin: int, index: int) -> int | None:
 
 
 def _frame_at(stretch: Stretch, index: int) -> int:
-    """The frame of the last scheduled edge before row `index`."""
+    """Return the frame of the last scheduled edge before row `index`."""
     return int(stretch.scheduled.frame[index - 1]) if index else stretch.seen.frame
 
 
 def _channel(stretch: Stretch, channel: ExpectedChannel, period: int, glitch: int) -> ChannelVerdict:
-    """Pairs the channel's pulses by their rises and compares the pairs."""
+    """Return the verdict on a channel, whose pulses are paired by their rises and compared."""
     seen, pin = stretch.seen, channel.pin
     opened = int(seen.last_rise[pin]) if seen.level[pin] else None
     frame = int(seen.last_frame[pin])
@@ -159,7 +161,9 @@ def _channel(stretch: Stretch, channel: ExpectedChannel, period: int, glitch: in
 
 
 def _worst_period(stretch: Stretch, ours: Pulses, theirs: Pulses, rows: Ints, pin: int, known: bool) -> Worst:
-    """Errors of rise to next rise; the pulse before the stretch, if `known`, is as scheduled."""
+    """Return the worst error from rise to next rise; the pulse before the stretch, if `known`, is as
+    scheduled.
+    """
     our_rise, their_rise, frame, row = ours.rise, theirs.rise, ours.frame, rows
     if known:
         last = stretch.seen.last_rise[pin : pin + 1]

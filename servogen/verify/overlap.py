@@ -1,4 +1,4 @@
-"""Pulses of two pins at the same time, where the schedule never has these two together."""
+"""Finds pulses of two pins at the same time that never overlap in the schedule."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ _ALL: Levels = np.arange(len(PINS), dtype=np.uint8)
 
 
 def masks(edges: Edges, initial: Levels, pins: Levels) -> tuple[Ints, Ints]:
-    """(cycle, pins that are high from it on, as bits) at each cycle in which one of `pins` changes."""
+    """Return (cycle, pins that are high from it on, as bits) for each cycle in which one of `pins`
+    changes.
+    """
     own = edges.take(np.isin(edges.pin, pins))
     before = sum(1 << int(pin) for pin in pins if initial[pin])
     bit = np.int64(1) << own.pin.astype(np.int64)
@@ -26,13 +28,13 @@ def masks(edges: Edges, initial: Levels, pins: Levels) -> tuple[Ints, Ints]:
 
 
 def pairs(mask: int) -> set[tuple[int, int]]:
-    """The pairs of pins that are high together in `mask`."""
+    """Return the pairs of pins that are high together in `mask`."""
     high = [pin for pin in range(len(PINS)) if mask >> pin & 1]
     return {(one, other) for one in high for other in high if one < other}
 
 
 def together(edges: Edges, initial: Levels, pins: Levels) -> set[tuple[int, int]]:
-    """The pairs of `pins` that are high together anywhere in `edges`."""
+    """Return the pairs of `pins` that are high together anywhere in `edges`."""
     _, high = masks(edges, initial, pins)
     return set().union(*(pairs(mask) for mask in np.unique(high).tolist()))
 
@@ -40,7 +42,7 @@ def together(edges: Edges, initial: Levels, pins: Levels) -> set[tuple[int, int]
 def overlap(
     seen: Edges, allowed: set[tuple[int, int]], initial: Levels, pins: Levels, end: int
 ) -> Overlap | None:
-    """What overlaps in `seen`, up to `end`, of the pins that are no `allowed` pair."""
+    """Return the overlap in `seen`, up to `end`, of pins that are not an `allowed` pair."""
     cycle, high = masks(seen, initial, pins)
     wrong = [mask for mask in np.unique(high).tolist() if pairs(mask) - allowed]
     if not wrong:
@@ -55,7 +57,7 @@ def overlap(
 
 
 class OverlapCount:
-    """Counts, window after window, the times at which two pins or more are high."""
+    """Counts, window by window, the times at which two or more pins are high."""
 
     def __init__(self) -> None:
         self._level: Levels = np.zeros(len(PINS), dtype=np.uint8)
@@ -86,7 +88,7 @@ class OverlapCount:
         self._since = int(opened[-1]) if many[-1] else None
 
     def finish(self, end: int) -> Overlap | None:
-        """What there was up to cycle `end`; None when no two pins were ever high together."""
+        """Return the overlap up to cycle `end`; None if no two pins were ever high together."""
         if self._since is not None:
             self._longest = max(self._longest, end - self._since)
         if not self._count:

@@ -1,4 +1,4 @@
-"""Pulses out of edges, and which observed pulse is which scheduled one.
+"""Extracts pulses from edges, and pairs observed with scheduled pulses.
 
      rise      fall            rise      fall
       ┌─────────┐               ┌─────────┐
@@ -20,7 +20,7 @@ Rows = npt.NDArray[np.intp]
 
 
 class Pulses(NamedTuple):
-    """Pulses of one pin in order, int64. A pulse that the stretch cuts off falls at its end."""
+    """Pulses of one pin in order, int64. A pulse that the end of the stretch cuts off falls there."""
 
     rise: Ints
     fall: Ints
@@ -35,7 +35,9 @@ class Pulses(NamedTuple):
 
 
 class CutPulses(NamedTuple):
-    """Steps of the fall of a pulse that began before the capture, and of the rise of one that goes on."""
+    """The steps of the fall of a pulse that began before the capture, and of the rise of one that continues
+    after it.
+    """
 
     high: bool
     """Whether the pin was high at the beginning."""
@@ -44,14 +46,16 @@ class CutPulses(NamedTuple):
 
 
 def cut_pulses(rise: Ints, fall: Ints, high: bool) -> CutPulses:
-    """Return the edges of cut pulses among all of a pin's, which is `high` at the beginning or not."""
+    """Return the edges of cut pulses among all edges of a pin; `high` is the pin's level at the beginning."""
     first_fall = int(fall[0]) if high and len(fall) else None
     unfinished = len(rise) > 0 and len(rise) > len(fall) - high
     return CutPulses(high, first_fall, int(rise[-1]) if unfinished else None)
 
 
 def pulses_of(edges: Edges, pin: int, end: int, open_rise: int | None = None, open_frame: int = -1) -> Pulses:
-    """The pulses of `pin` in `edges`, up to time `end`; `open_rise` is the rise of one that began before."""
+    """Return the pulses of `pin` in `edges`, up to time `end`; `open_rise` is the rise of one that began
+    before.
+    """
     own = edges.take(edges.pin == pin)
     rising = own.level == HIGH
     rise, fall, frame = own.cycle[rising], own.cycle[~rising], own.frame[rising]
@@ -64,9 +68,9 @@ def pulses_of(edges: Edges, pin: int, end: int, open_rise: int | None = None, op
 
 
 def without_glitches(seen: Pulses, scheduled: Pulses, shortest: int) -> tuple[Pulses, int]:
-    """`seen` without pulses, and without gaps, of fewer than `shortest` cycles; and how many there were.
+    """Return `seen` without pulses and gaps of fewer than `shortest` cycles, and the number of these.
 
-    Where the schedule itself has pulses or gaps as short as that, they are no glitches.
+    If the schedule itself has pulses or gaps that short, they are not glitches.
     """
     count = 0
     gaps = scheduled.rise[1:] - scheduled.fall[:-1]
@@ -84,9 +88,10 @@ def without_glitches(seen: Pulses, scheduled: Pulses, shortest: int) -> tuple[Pu
 
 
 def pair(scheduled: Ints, seen: Ints, farthest: int) -> tuple[Rows, Rows]:
-    """Rows of the rises that belong together: each the other's nearest, no farther than `farthest`.
+    """Return the rows of the rises that belong together: each is nearest to the other, no farther than
+    `farthest`.
 
-    So one missing pulse is one scheduled rise without a partner, however many follow.
+    A missing pulse is therefore a single scheduled rise without a partner, however many pulses follow.
     """
     nothing: Rows = np.zeros(0, dtype=np.intp)
     if not len(scheduled) or not len(seen):
@@ -100,7 +105,7 @@ def pair(scheduled: Ints, seen: Ints, farthest: int) -> tuple[Rows, Rows]:
 
 
 def nearest(of: npt.NDArray[np.int64 | np.float64], among: Ints) -> Rows:
-    """For each of `of` the row of the nearest of `among`, the earlier of two as near."""
+    """Return, for each of `of`, the row of the nearest of `among`; of two equally near ones, the earlier."""
     right = np.searchsorted(among, of).clip(max=len(among) - 1)
     left = (right - 1).clip(min=0)
     earlier = np.abs(of - among[left]) <= np.abs(among[right] - of)

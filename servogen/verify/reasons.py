@@ -1,6 +1,6 @@
-"""Why a trace is not proven, in sentences.
+"""The reasons why a trace is not proven, as sentences.
 
-In: what the comparison found. Out: one sentence a fact, the first difference first.
+In: the findings of the comparison. Out: one sentence per fact, the first difference first.
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ _MOTION = {True: "rise", False: "fall"}
 
 
 def frame_words(frame: int, lead_in: int, loop: int) -> str:
-    """`frame 7 (of the lead-in)`, `frame 512 (frame 12 of repeat 1 of the loop)`; all counted from 0."""
+    """Return `frame 7 (of the lead-in)`, `frame 512 (frame 12 of repeat 1 of the loop)`; all counted
+    from 0.
+    """
     if frame < lead_in:
         return f"frame {frame} (of the lead-in)"
     repeat, inside = divmod(frame - lead_in, loop) if loop else (0, frame)
@@ -28,7 +30,7 @@ def frame_words(frame: int, lead_in: int, loop: int) -> str:
 
 
 def difference_reason(difference: Difference, expected: Expected) -> str:
-    """Cycle, pin, channel, frame, what was expected and what was observed."""
+    """Return cycle, pin, channel, frame, and what was expected and observed."""
     pin = PINS[difference.pin]
     motion = _MOTION[difference.level == HIGH]
     first = f"first difference at cycle {difference.cycle}"
@@ -51,7 +53,7 @@ def difference_reason(difference: Difference, expected: Expected) -> str:
 
 
 def channel_reasons(channels: Iterable[ChannelVerdict], expected: Expected) -> list[str]:
-    """What is wrong with each channel's pulses."""
+    """Return what is wrong with each channel's pulses."""
     reasons = []
     for channel in channels:
         facts = []
@@ -86,21 +88,21 @@ def stray_reason(stray: StrayPin) -> str:
 
 
 def short_reason(missing: int, end: int, clock: Clock) -> str:
-    """For a trace whose `end` lies `missing` cycles before that of the asked span."""
+    """Return the reason for a trace whose `end` is `missing` cycles before that of the requested span."""
     seconds = float(clock.seconds(missing))
     short = f"{counted(missing, 'cycle')} ({seconds:.6g} s)"
     return f"the trace ends at cycle {end}, {short} before the end of the check"
 
 
 def unseen_reason(coverage: Coverage) -> str:
-    """Return what is missing where not every different frame was seen."""
+    """Return what is missing if not every different frame was seen."""
     missing = len(coverage.different) - len(coverage.seen)
     were = "was" if missing == 1 else "were"
     return f"{counted(missing, 'different frame')} of the schedule {were} not seen whole"
 
 
 def unseen_motion_reason(frames: int, whole: int) -> str:
-    """Return what is missing where less than the `whole` motion was compared."""
+    """Return what is missing if less than the `whole` motion was compared."""
     missing = whole - frames
     are = "is" if missing == 1 else "are"
     return f"of the motion's {counted(whole, 'frame')} the last {missing} {are} missing in what was compared"
@@ -111,7 +113,7 @@ def silent_reason(pin: int) -> str:
 
 
 def counted(number: int, noun: str) -> str:
-    """`1 cycle`, `2 cycles`, `3 glitches`."""
+    """Return a count with its noun: `1 cycle`, `2 cycles`, `3 glitches`."""
     plural = "es" if noun.endswith("ch") else "s"
     return f"{number} {noun}{'' if number == 1 else plural}"
 

@@ -1,4 +1,4 @@
-"""How often a capture was sampled, and whether that is often enough to prove anything.
+"""The sampling rate of a capture, and whether it suffices to prove anything.
 
     pin        ┌──────────┐           ┌──┐
     samples  ·    ·    ·    ·    ·    ·    ·    what is shorter than a sample may be seen, or not;
@@ -35,17 +35,17 @@ FIRST_LOOK = 50
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """A sample every `sample_us`; where the file does not say it (not `stated`), the longest it can be."""
+    """One sample every `sample_us`; if the file does not contain it (not `stated`), the maximum it can be."""
 
     sample_us: float
     stated: bool
 
     def too_slow(self, longest_us: float) -> bool:
-        """Return whether a sample is longer than `longest_us`; a rounding error of a time does not count."""
+        """Return whether a sample is longer than `longest_us`; rounding errors of times are allowed for."""
         return self.sample_us > longest_us * (1 + 1e-9)
 
     def check(self, longest_us: float, place: Place | None = None) -> None:
-        """Raise InputError where a sample is longer than `longest_us`."""
+        """Raise InputError if a sample is longer than `longest_us`."""
         if not self.too_slow(longest_us):
             return
         hint = f"a sample may be no longer than {longest_us:g} µs, the shortest pulse or gap that counts"
@@ -54,7 +54,7 @@ class Sampling:
         raise InputError(self.words(longest_us), place, hint)
 
     def words(self, longest_us: float) -> str:
-        """Return why it is too slow, and the rate that is needed."""
+        """Return why the sampling is too slow, and the rate that is needed."""
         needed = f"at least {rate_words(longest_us)} is needed"
         every = f"every {self.sample_us:g} µs ({rate_words(self.sample_us)})"
         if self.stated:
@@ -63,9 +63,9 @@ class Sampling:
 
 
 def sampling(captured: EdgeTrace, sample: float | None) -> Sampling:
-    """Return how often a capture was sampled, whose cycles are time steps; times are no finer than steps.
+    """Return the sampling of a capture whose cycles are time steps; times are no finer than steps.
 
-    `sample` is the number of steps from sample to sample where the file says it.
+    `sample` is the number of steps from sample to sample if the file contains it.
     """
     step_us = float(captured.clock.cycle_us)
     if sample is not None:
@@ -77,7 +77,9 @@ def sampling(captured: EdgeTrace, sample: float | None) -> Sampling:
 
 
 def _grid_us(edges: Ints, step_us: float) -> float:
-    """Return the slowest usual rate's sample on whose grid all edges lie, rounded to steps; 0 for none."""
+    """Return the sample of the slowest usual rate on whose grid all edges lie, rounded to steps; 0 if there
+    is none.
+    """
     for hz in USUAL_HZ:
         sample = 1e6 / hz / step_us
         if sample > 1 and all(_on_grid(part, sample) for part in (edges[:FIRST_LOOK], edges)):

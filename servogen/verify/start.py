@@ -1,4 +1,4 @@
-"""Where the schedule's time zero is in a trace: the first rising edge of a scheduled pin.
+"""Finds the schedule's time zero in a trace: the first rising edge of a scheduled pin.
 
 In: a trace and the scheduled pins. Out: that cycle, the edges from it on, and the pins that changed before.
 """
@@ -19,7 +19,7 @@ from servogen.verify.windows import Edges, Ints, observed_edges
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """`cycle` is None when no scheduled pin rises; `edges` then is empty. Its cycles count from `cycle`."""
+    """`cycle` is None if no scheduled pin rises, and `edges` is then empty. Its cycles count from `cycle`."""
 
     cycle: int | None
     edges: Iterator[Edges]
@@ -42,7 +42,7 @@ class StrayCount:
             self._counts[number] += len(at)
 
     def pins(self) -> tuple[StrayPin, ...]:
-        """Those that changed, in the order of their numbers."""
+        """Return the pins that changed, in the order of their numbers."""
         return tuple(
             StrayPin(pin, int(self._counts[pin]), Cycles(int(self._firsts[pin])))
             for pin in np.flatnonzero(self._counts).tolist()
@@ -55,7 +55,7 @@ def channel_pins(expected: Expected) -> npt.NDArray[np.uint8]:
 
 
 def find_start(observed: EdgeTrace, pins: npt.NDArray[np.uint8]) -> Start:
-    """Reads `observed` up to the first rising edge of one of `pins`."""
+    """Return the start, having read `observed` up to the first rising edge of one of `pins`."""
     driven = observed.driven()
     stray = StrayCount()
     for chunk in driven:

@@ -1,4 +1,4 @@
-"""A verdict as plain lines: what was compared, each channel's numbers, and why it is not proven."""
+"""A verdict as plain lines: what was compared, each channel's statistics, and why it is not proven."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from servogen.verify.verdict import ChannelVerdict, Span, Verdict, Worst
 
 
 def verdict_lines(verdict: Verdict) -> list[str]:
-    """Return lines without colour; the first says whether the trace is proven, and how near to the plan."""
+    """Return lines without colour; the first says whether the trace is proven, and how close to the plan it
+    is.
+    """
     lines = [
         f"{_headline(verdict)}{_span_words(verdict)}; "
         f"{'0 cycles from the schedule; ' if verdict.agrees else ''}{plan_words(verdict.plan_error)}"
@@ -23,7 +25,7 @@ def verdict_lines(verdict: Verdict) -> list[str]:
 
 
 def _headline(verdict: Verdict) -> str:
-    """Return what the first line begins with."""
+    """Return the beginning of the first line."""
     if verdict.proven:
         return f"{verdict.word}: "
     return f"{verdict.word}: {verdict.coverage.words()}; " if verdict.agrees else "NOT proven: "

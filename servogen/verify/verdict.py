@@ -1,6 +1,7 @@
-"""`Verdict`: whether observed edges are the scheduled ones, over what span, and if not, where and how not.
+"""`Verdict`: whether observed edges are the scheduled ones, over what span, and if not, where and how they
+differ.
 
-All cycles are instruction cycles. `cycle` counts from reset, as the trace does; an error is observed less
+All cycles are instruction cycles. `cycle` counts from reset, as the trace does; an error is observed minus
 expected, so that late and long are positive.
 """
 
@@ -19,7 +20,7 @@ AGREES = "agrees as far as it was seen"
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """What was compared, from the first scheduled edge on, and what was to be."""
+    """What was compared, from the first scheduled edge on, and what was requested."""
 
     asked: Cycles
     compared: Cycles
@@ -44,7 +45,7 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class Worst:
-    """The largest of some errors in cycles, how many there are, and the frame and cycle of the largest."""
+    """The largest of a set of errors in cycles, their number, and the frame and cycle of the largest."""
 
     error: int = 0
     count: int = 0
@@ -88,7 +89,9 @@ class ChannelVerdict:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The first edge that is not as scheduled. A cycle is None where that side never changes the pin so."""
+    """The first edge that is not as scheduled. A cycle is None if that side never changes the pin in this
+    way.
+    """
 
     pin: int
     channel: str | None
@@ -99,7 +102,7 @@ class Difference:
 
     @property
     def cycle(self) -> Cycles:
-        """The cycle since reset at which the two first differ."""
+        """Return the cycle since reset at which the two first differ."""
         return min(cycle for cycle in (self.expected, self.observed) if cycle is not None)
 
     def to_json(self) -> dict[str, object]:
@@ -116,7 +119,7 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class Overlap:
-    """Two pins high together that the schedule never has so: how often, the longest, and the first time."""
+    """Two pins high together that never are in the schedule: how often, the longest, and the first time."""
 
     count: int
     longest: Cycles
@@ -134,7 +137,7 @@ class Overlap:
 
 @dataclass(frozen=True, slots=True)
 class StrayPin:
-    """A pin that the schedule does not drive and that changes: how often, and first when."""
+    """A pin that changes although the schedule does not drive it: how often, and when first."""
 
     pin: int
     edges: int
@@ -146,7 +149,7 @@ class StrayPin:
 
 @dataclass(frozen=True, slots=True)
 class ChipWarning:
-    """What a program did, or asks of its chip, that deserves attention, and the place in it."""
+    """A noteworthy action or requirement of a program, and its place in the program."""
 
     kind: str
     message: str
@@ -179,10 +182,11 @@ class ChipWarning:
 class Verdict:
     """`proven`: from reset to the end of the asked span the driven edges are the schedule's, on all pins.
 
-    Of a program it also says that no chip warning is `chip_dependent`.
+    For a program, it also means that no chip warning is `chip_dependent`.
 
     `start` is the cycle of the first scheduled edge: reported, not judged; None when no scheduled pin rises.
-    After a difference the channels' errors go as far as `span.compared`, which is then cut short at need.
+    After a difference, the channels' errors cover the trace up to `span.compared`, which is then shortened if
+    necessary.
     """
 
     proven: bool
@@ -204,7 +208,7 @@ class Verdict:
 
     @property
     def agrees(self) -> bool:
-        """Whether nothing that was seen is wrong."""
+        """Return whether nothing that was seen is wrong."""
         return self.reasons == self.unseen
 
     @property
@@ -215,7 +219,7 @@ class Verdict:
         return AGREES if self.agrees else "not proven"
 
     def not_all(self, reason: str) -> Verdict:
-        """Return the same verdict, which is not proven either because of something that was not seen."""
+        """Return the same verdict, not proven also because of something that was not seen."""
         unseen = (*self.unseen, reason) if self.agrees else self.unseen
         return replace(self, proven=False, reasons=(*self.reasons, reason), unseen=unseen)
 
@@ -224,12 +228,12 @@ class Verdict:
 
     @property
     def edges_agree(self) -> bool:
-        """Whether the observed edges are the schedule's, whatever the warnings say."""
+        """Return whether the observed edges are the schedule's, regardless of warnings."""
         others = sum(warning.chip_dependent for warning in self.warnings) + len(self.unseen)
         return len(self.reasons) == others
 
     def with_warnings(self, warnings: tuple[ChipWarning, ...]) -> Verdict:
-        """Return this verdict on a program that ran with `warnings`: a chip-dependent one refutes it."""
+        """Return this verdict for a program that ran with `warnings`; a chip-dependent one refutes it."""
         reasons = tuple(
             f"other chips may make other edges: {warning}" for warning in warnings if warning.chip_dependent
         )
@@ -239,11 +243,11 @@ class Verdict:
 
     @property
     def worst_edge_error(self) -> int:
-        """The largest edge error of any channel, in cycles, without its sign."""
+        """Return the absolute value of the largest edge error of any channel, in cycles."""
         return max((abs(channel.edge.error) for channel in self.channels), default=0)
 
     def to_json(self) -> dict[str, object]:
-        """Plain values for a JSON file."""
+        """Return plain values for a JSON file."""
         return {
             "proven": self.proven,
             "verdict": self.word,

@@ -1,7 +1,7 @@
-"""Edges by time window, so that two streams of any chunks can be compared as arrays.
+"""Edges by time window, so that two streams with any chunk sizes can be compared as arrays.
 
-In: chunks in order, of any size. Out: all edges before a cycle, those of one cycle in the order of their
-pins (what a port changes in one cycle has no order of its own).
+In: chunks in order, of any size. Out: all edges before a cycle, those of one cycle in the order of their pins
+(changes of a port in one cycle have no order of their own).
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ Ints = npt.NDArray[np.int64]
 
 
 class Edges(NamedTuple):
-    """Consecutive edges; `frame` is -1 where an edge has none. All int64, but `pin` and `level` uint8."""
+    """Consecutive edges; `frame` is -1 for an edge without one. All are int64, except `pin` and `level`,
+    which are uint8.
+    """
 
     cycle: Ints
     pin: npt.NDArray[np.uint8]
@@ -29,7 +31,7 @@ class Edges(NamedTuple):
         return Edges(self.cycle[rows], self.pin[rows], self.level[rows], self.frame[rows])
 
     def same_as(self, other: Edges) -> bool:
-        """The same changes at the same cycles; frames aside."""
+        """Return whether these are the same changes at the same cycles, regardless of frames."""
         return (
             np.array_equal(self.cycle, other.cycle)
             and np.array_equal(self.pin, other.pin)
@@ -46,7 +48,7 @@ NO_EDGES = Edges(
 
 
 def observed_edges(chunk: EdgeChunk, start: int) -> Edges:
-    """A chunk with its cycles counted from `start`."""
+    """Return a chunk with its cycles counted from `start`."""
     return Edges(chunk.cycle - start, chunk.pin, chunk.level, np.full(len(chunk.cycle), -1, dtype=np.int64))
 
 
@@ -64,7 +66,7 @@ def concatenate(parts: list[Edges]) -> Edges:
 
 
 class Windows:
-    """Takes edges off a stream, window after window."""
+    """Takes edges off a stream, window by window."""
 
     def __init__(self, chunks: Iterable[Edges]) -> None:
         self._chunks: Iterator[Edges] = iter(chunks)
@@ -72,7 +74,7 @@ class Windows:
         self._ended = False
 
     def until(self, limit: int) -> Edges:
-        """All edges before cycle `limit` that were not taken yet."""
+        """Return all edges before cycle `limit` that have not been taken yet."""
         while not self._ended and not (self._pending and self._pending[-1].cycle[-1] >= limit):
             self._read()
         edges = concatenate(self._pending)
@@ -81,14 +83,14 @@ class Windows:
         return _in_order(edges.take(slice(size)))
 
     def ahead(self, limit: int) -> Edges:
-        """Return all edges before cycle `limit` that were not taken yet, and leave them there."""
+        """Return all edges before cycle `limit` that have not been taken yet, without taking them."""
         edges = self.until(limit)
         if len(edges.cycle):
             self._pending.insert(0, edges)
         return edges
 
     def first(self) -> int | None:
-        """The cycle of the next edge that was not taken yet; None where there is none."""
+        """Return the cycle of the next edge that has not been taken yet; None if there is none."""
         while not self._ended and not self._pending:
             self._read()
         return int(self._pending[0].cycle[0]) if self._pending else None

@@ -1,1 +1,1 @@
-"""The check of what a logic analyser saw against a schedule."""
+"""The check of a logic analyser's capture against a schedule."""

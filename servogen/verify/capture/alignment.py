@@ -1,10 +1,11 @@
-"""Where in its schedule a capture begins, and how fast the chip's clock is: phase and ppm.
+"""Aligns a capture with its schedule: where it begins, and the speed of the chip's clock (phase and ppm).
 
     captured:   t  =  a + b · s        t: time steps of the capture;  s: the schedule's time in cycles
                                        b: steps a cycle, nominal / (1 + ppm / 10⁶)
 
 In: whole pulses of each channel, captured (in steps) and scheduled (in cycles). Out: a and b. The phase is
-the one at which most pulses have a scheduled one of their width; then a line through all edges gives both.
+the one at which the largest number of pulses matches a scheduled one in width; then a line\nthrough all edges
+gives both.
 """
 
 from __future__ import annotations
@@ -41,7 +42,9 @@ MOST_CELLS = 1 << 22
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """t = a + b·s, and the standard error of b; None where too few edges tell the slope."""
+    """The line t = a + b·s, and the standard error of b; None if there are too few edges to determine the
+    slope.
+    """
 
     a: float
     b: float
@@ -56,7 +59,9 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Signals:
-    """The same channels, captured and scheduled; `nominal` steps a cycle, `quantum` steps a sample."""
+    """The same channels, captured and scheduled; `nominal` is in steps per cycle, `quantum` in steps per
+    sample.
+    """
 
     captured: tuple[Pulses, ...]
     scheduled: tuple[Pulses, ...]
@@ -74,7 +79,7 @@ class Signals:
 
 
 def align(signals: Signals) -> Line | None:
-    """The line, or None when no captured pulse belongs to the schedule."""
+    """Return the line, or None if no captured pulse belongs to the schedule."""
     main = max(range(len(signals.captured)), key=lambda channel: len(signals.captured[channel].rise))
     anchors = signals.captured[main].rise[:ANCHORS]
     slope = _slope(signals)
@@ -90,13 +95,15 @@ def align(signals: Signals) -> Line | None:
 
 
 def partners(signals: Signals, line: Line, channel: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Rows of a channel's scheduled and captured pulses that belong together."""
+    """Return the rows of a channel's scheduled and captured pulses that belong together."""
     times = np.rint(line.cycles(signals.captured[channel].rise)).astype(np.int64)
     return pair(signals.scheduled[channel].rise, times, signals.period // 2)
 
 
 def _slope(signals: Signals) -> float:
-    """Steps a cycle from the frames between each channel's first and last pulse, weighted by their number."""
+    """Return the steps per cycle from the frames between each channel's first and last pulse, weighted by
+    their number.
+    """
     frames = steps = 0.0
     for pulses in signals.captured:
         gaps = np.diff(pulses.rise) / (signals.nominal * signals.period)
@@ -112,7 +119,8 @@ def _phase(
 ) -> tuple[float, float, float, float] | None:
     """Return (cost, error of the cut pulses, the anchor's scheduled time, a) of the phase that fits best.
 
-    Where pulses fit as well at several phases, as in a pause of the motion, those that are cut decide.
+    If pulses fit equally well at several phases, as in a pause of the motion, those cut off by the ends
+    decide.
     """
     rises = signals.scheduled[main].rise
     phases = rises[rises < signals.candidates].astype(np.float64)
@@ -135,7 +143,7 @@ def _phase(
 
 
 def _end_errors(signals: Signals, anchor: int, slope: float, phases: Floats) -> Floats:
-    """Return for each phase how badly the pulses that the capture's ends cut fit, in cycles."""
+    """Return, for each phase, the error in cycles of the pulses that the capture's ends cut."""
     begin = phases - anchor / slope
     total = np.zeros(len(phases))
     for cut, wanted in zip(signals.cut, signals.scheduled, strict=True):
@@ -145,7 +153,7 @@ def _end_errors(signals: Signals, anchor: int, slope: float, phases: Floats) -> 
 
 
 def _cost(signals: Signals, anchor: int, slope: float, phases: Floats, look: int) -> Floats:
-    """For each phase, how badly the first `look` captured pulses of each channel fit, in cycles."""
+    """Return, for each phase, the error in cycles of the first `look` captured pulses of each channel."""
     size = max(1, MOST_CELLS // look)
     parts = [
         sum(
@@ -157,7 +165,7 @@ def _cost(signals: Signals, anchor: int, slope: float, phases: Floats, look: int
         )
         for start in range(0, len(phases), size)
     ]
-    # Rounded, so that phases that fit as well are equal and the earliest of them is taken.
+    # Rounded, so that phases that fit equally well compare equal and the earliest is taken.
     return np.concatenate(parts).round(6)
 
 
@@ -177,7 +185,7 @@ def _channel_cost(
     moved = np.maximum(late - sample - 1e-3 * np.abs(away), 0)
     fits = late < signals.period / 4
     cost = np.where(fits, np.minimum(wrong + moved, signals.cap), signals.cap).sum(axis=1)
-    # What should have been captured before the last of these pulses, and was not, counts as wrong, too.
+    # A pulse that should have been captured before the last of these, but was not, is an error too.
     begin = phases - anchor / slope + signals.period / 4
     end = time[:, -1] + signals.period / 4 if len(rise) else begin
     due = np.searchsorted(wanted.rise, end) - np.searchsorted(wanted.rise, begin)
@@ -185,7 +193,7 @@ def _channel_cost(
 
 
 def _fit(signals: Signals, line: Line) -> Line | None:
-    """The line through all edges that belong together, those aside that lie far from it."""
+    """Return the line through all edges that belong together, without outliers."""
     times: list[Floats] = []
     steps: list[Ints] = []
     for channel, (wanted, got) in enumerate(zip(signals.scheduled, signals.captured, strict=True)):
@@ -207,7 +215,7 @@ def _regression(s: Floats, t: Floats, signals: Signals) -> Line:
     if len(s) > 2 and spread > 0:
         b = float(((s - middle) * (t - height)).sum()) / spread
         squares = float(((t - height - b * (s - middle)) ** 2).sum())
-        # No error is smaller than what rounding to samples alone makes.
+        # Rounding to samples alone sets a lower bound on the error.
         error = float(np.sqrt(max(squares / (len(s) - 2), signals.quantum**2 / 12) / spread))
         if error < MOST_SLOPE_ERROR * b:
             return Line(height - b * middle, b, error)

@@ -1,8 +1,9 @@
-"""`verify_capture`: are the pulses that an analyser saw the scheduled ones, within stated tolerances?
+"""`verify_capture`: checks whether captured pulses are the scheduled ones within given tolerances.
 
 In: the schedule's edges and a capture: a trace whose cycles are the time steps of the analyser or of its
-file, which may begin and end anywhere. Out: a `CaptureVerdict`. Three things stand between the two, and the
-capture itself tells them: where in the schedule it begins, the crystal's error, and the grid of the samples.
+file, which may begin and end anywhere. Out: a `CaptureVerdict`. The capture differs from the schedule in
+three ways that it reveals itself: where in the schedule it begins, the error of the crystal, and the sampling
+grid.
 
     true edge       │      ╭──────
     samples     ·   ·   ·  │   ·   ·      an edge is seen at the first sample behind it,
@@ -49,7 +50,7 @@ MOST_CYCLES = 1.03
 
 @dataclass(frozen=True, slots=True)
 class _Setup:
-    """Both sides, brought into one form."""
+    """Both sides, converted to one form."""
 
     expected: Expected
     allowed: Tolerances
@@ -76,12 +77,12 @@ def verify_capture(
 
     `captured.clock` is such that one of its cycles is one time step of the capture; `sample` is the number of
     steps from one sample to the next. By default it is the largest that divides the time of every edge, but
-    no more than a microsecond. Levels at time 0 are what the analyser found, not edges; a pin without any
-    was not connected. `pieces` are the begin and end (in steps) of each of several captures in one trace,
-    whose distance in time is not known: each is judged by itself, and `expected.chunks` is read for each.
+    no more than a microsecond. Levels at time 0 are initial levels, not edges; a pin without any was not
+    connected. `pieces` are the beginning and end (in steps) of each of several captures in one trace, whose
+    distance in time is not known: each is judged separately, and `expected.chunks` is read for each.
 
-    Raises InputError where a sample is longer than the tolerances allow. Where `sample` is not given and the
-    edges do not show that it is shorter, the capture is not proven.
+    Raises InputError if a sample is longer than the tolerances allow. If `sample` is not given and the edges
+    do not show that it is short enough, the capture is not proven.
     """
     allowed = tolerances or Tolerances()
     captured = captured.stored()
@@ -100,7 +101,7 @@ def verify_capture(
 
 
 def _found(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sampled: Sampling) -> CaptureVerdict:
-    """Return what one continuous capture holds."""
+    """Return the verdict on one continuous capture."""
     setup = _set_up(expected, captured, allowed, sampled)
     line = align(setup.signals)
     if line is None:
@@ -171,7 +172,7 @@ def _rounded(values: npt.ArrayLike) -> Ints:
 
 
 def _changes(captured: EdgeTrace) -> tuple[Levels, Edges, frozenset[int]]:
-    """The levels at time 0, the changes after it, and the pins that were connected."""
+    """Return the levels at time 0, the changes after it, and the pins that were connected."""
     stored = captured.stored()
     connected = frozenset(np.unique(join(stored.chunks).pin).tolist())
     driven = observed_edges(join(stored.driven()), 0)
@@ -182,7 +183,7 @@ def _changes(captured: EdgeTrace) -> tuple[Levels, Edges, frozenset[int]]:
 
 
 def _pulses(changes: Edges, pin: int, high: bool) -> tuple[Pulses, CutPulses]:
-    """Return the pulses of `pin` that the capture holds from rise to fall, and those that its ends cut."""
+    """Return the complete pulses of `pin` in the capture, and those that its ends cut."""
     own = changes.take(changes.pin == pin)
     rise, fall = own.cycle[own.level == HIGH], own.cycle[own.level != HIGH]
     cut = cut_pulses(rise, fall, high)
@@ -191,7 +192,7 @@ def _pulses(changes: Edges, pin: int, high: bool) -> tuple[Pulses, CutPulses]:
 
 
 def _facts(setup: _Setup, line: Line | None, judged: Mapping[int, Judged]) -> CaptureVerdict:
-    """All that was found; what speaks against it is said by `with_reasons`."""
+    """Return all findings; `with_reasons` adds what speaks against the capture."""
     problems = [problem for found in judged.values() for problem in found.problems]
     ppm, ppm_error = _clock(setup, line)
     frames = [frame for found in judged.values() for frame in found.frames]
@@ -225,7 +226,7 @@ def _facts(setup: _Setup, line: Line | None, judged: Mapping[int, Judged]) -> Ca
 
 
 def _channel(setup: _Setup, number: int, judged: Judged | None) -> CapturedChannel:
-    """The judged channel, or what can be said of it without a phase; with its glitches."""
+    """Return the judged channel, or what is known of it without a phase, with its glitches."""
     channel = setup.expected.channels[number]
     glitches = setup.glitches[number]
     if judged is not None:
@@ -236,14 +237,16 @@ def _channel(setup: _Setup, number: int, judged: Judged | None) -> CapturedChann
 
 
 def _clock(setup: _Setup, line: Line | None) -> tuple[float | None, float | None]:
-    """The crystal's error in ppm and its standard error; a faster chip needs fewer steps a cycle."""
+    """Return the crystal's error in ppm and its standard error; a faster chip needs fewer steps per cycle."""
     if line is None or line.b_error is None:
         return None, None
     return (setup.signals.nominal / line.b - 1) * 1e6, line.b_error / line.b * 1e6
 
 
 def _overlap_us(setup: _Setup, line: Line | None) -> float:
-    """How long pins are high together that the schedule never has so; 0 where a sample may be all of it."""
+    """Return how long pins are high together that never are in the schedule; 0 if a sample may account for
+    it.
+    """
     pins = np.array([channel.pin for channel in setup.expected.channels], dtype=np.uint8)
     allowed = together(setup.scheduled, np.zeros(16, dtype=np.uint8), pins)
     found = overlap(setup.captured, allowed, setup.level, pins, setup.end)

@@ -1,4 +1,4 @@
-"""Which frames of the schedule a capture holds whole.
+"""Determines which frames of the schedule a capture contains completely.
 
      frame 6              frame 7                       frame 8
     ──┌─┐──┌┐───────┊────┌─┐──┌┐───────────────┊───────┌─┐
@@ -23,7 +23,7 @@ MARGIN = 2
 
 @dataclass(frozen=True, slots=True)
 class WholeFrames:
-    """`count` frames from `first` on, and the steps of the capture at which they may be cut out."""
+    """`count` frames from `first` on, and the steps of the capture between which they can be cut out."""
 
     first: int
     count: int
@@ -36,9 +36,9 @@ class WholeFrames:
 
 
 def whole_frames(scheduled: Edges, line: Line, quantum: float, end: int, period: int) -> WholeFrames | None:
-    """Return the frames whose every edge is in a capture of `end` steps; None where there is none.
+    """Return the frames all of whose edges are in a capture of `end` steps; None if there are none.
 
-    Frames without edges at either end are among them where the capture holds their whole `period`.
+    Frames without edges at either end are included if the capture contains their whole `period`.
     """
     frames, first, last = _extents(scheduled)
     rise, fall = line.steps(first), line.steps(last)
@@ -46,7 +46,7 @@ def whole_frames(scheduled: Edges, line: Line, quantum: float, end: int, period:
     if not len(rows):
         return None
     one, other = int(rows[0]), int(rows[-1])
-    # A frame without edges begins where, in the others, the earliest edge can be.
+    # A frame without edges begins at the time of the earliest edge of the other frames.
     zero = int((first - frames * period).min())
     inside = (line.cycles(np.array([0.0, float(end)])) - zero) / period
     begin_frame = max(ceil(float(inside[0])), int(frames[one - 1]) + 1 if one else 0)

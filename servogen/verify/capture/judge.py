@@ -1,7 +1,7 @@
-"""One channel of a capture against its schedule, once phase and clock are known.
+"""Judges one channel of a capture against its schedule, once phase and clock are known.
 
-In: the channel's pulses, captured and scheduled, and the line that joins their times. Out: the channel's
-numbers and each thing that is wrong, with its time.
+In: the channel's pulses, captured and scheduled, and the line that relates their times. Out: the channel's
+statistics and each problem with its time.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from servogen.verify.windows import Ints
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """The line, and what a step of the capture, a sample (`quantum` steps) and a cycle are."""
+    """The line, and the lengths of a capture step, a sample (`quantum` steps) and a cycle."""
 
     line: Line
     quantum: float
@@ -46,7 +46,7 @@ class Judged:
 
 @dataclass(frozen=True, slots=True)
 class _Errors:
-    """Errors in µs with the time (steps) and frame of each, and what is allowed."""
+    """Errors in µs with the time (steps) and frame of each, and the tolerance."""
 
     noun: str
     error: Floats
@@ -71,7 +71,7 @@ def judge(
     allowed: Tolerances,
     expected: Expected,
 ) -> Judged:
-    """The channel's verdict; its glitches are counted elsewhere."""
+    """Return the channel's verdict; its glitches are counted elsewhere."""
     wanted, got = signals.scheduled[number], signals.captured[number]
     rows, others = partners(signals, scale.line, number)
     ours, theirs = wanted.take(rows), got.take(others)
@@ -88,7 +88,7 @@ def judge(
         *_missing(wanted.take(missing), channel, scale, expected),
         *_extra(got.take(extra), channel, scale),
     ]
-    # One wrong width turns the line, and with it every edge: edges alone are a problem only without another.
+    # One wrong width tilts the line and shifts every edge, so edge errors count only without other problems.
     problems = problems or list(_wrong(kinds[2], channel, scale, expected))
     problems = problems or list(_cut(signals, number, scale, channel, allowed))
     late = kinds[2].error[: len(rows)]
@@ -116,9 +116,9 @@ def judge(
 
 
 def _due(wanted: Pulses, scale: Scale, edges: _Errors) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Which scheduled pulses lie wholly in the capture: two samples from its ends.
+    """Return which scheduled pulses lie completely in the capture, at least two samples from its ends.
 
-    Where edges come too late or too early, by so much more: a pulse there is wrong, not missing.
+    If edges come too late or too early, the margin grows by that amount: a pulse there is wrong, not missing.
     """
     begin, end = scale.line.steps(wanted.rise), scale.line.steps(wanted.fall)
     wrong = float(np.abs(edges.error).max(initial=0.0)) / scale.cycle_us * scale.line.b
@@ -127,7 +127,7 @@ def _due(wanted: Pulses, scale: Scale, edges: _Errors) -> np.ndarray[tuple[int],
 
 
 def _us(steps: Ints, scale: Scale) -> Floats:
-    """Captured times as µs of the chip's nominal clock."""
+    """Return captured times in µs of the chip's nominal clock."""
     return steps / scale.line.b * scale.cycle_us
 
 
@@ -157,7 +157,7 @@ def _edges(ours: Pulses, theirs: Pulses, scale: Scale, allowed: Tolerances) -> _
 
 
 def _wrong(errors: _Errors, channel: ExpectedChannel, scale: Scale, expected: Expected) -> Iterator[Problem]:
-    """The first that is not allowed; the others are counted."""
+    """Yield the first error that exceeds the tolerance; the others are counted."""
     rows = np.flatnonzero(np.abs(errors.error) > errors.limit)
     if not len(rows):
         return
@@ -189,7 +189,7 @@ def _extra(pulses: Pulses, channel: ExpectedChannel, scale: Scale) -> Iterator[P
 def _cut(
     signals: Signals, number: int, scale: Scale, channel: ExpectedChannel, allowed: Tolerances
 ) -> Iterator[Problem]:
-    """Yield what is wrong with the edges of the pulses that the capture's ends cut."""
+    """Yield the problems of the pulses that the capture's ends cut."""
     line = scale.line
     ppm = allowed.crystal_ppm if line.b_error is None else 4e6 * line.b_error / line.b
     drift_us = scale.end * scale.step_us * ppm / 1e6

@@ -1,10 +1,10 @@
-"""Several captures in one file: each is a record of its own, and the time between two is not known.
+"""Several captures in one file: each is a separate recording, and the time between two is not known.
 
     piece 1              piece 2
     __┌┐____┌┐____┊  ?  ┊__┌┐____┌┐____┊     what is seen is seen inside a piece; across a seam there is
                                              no period, and each has its own phase
 
-In: a trace and where its pieces are; or the verdict on each. Out: a trace of each; or one verdict on all.
+In: a trace and the limits of its pieces; or the verdict on each. Out: a trace of each; or one verdict on all.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from servogen.verify.verdict import StrayPin
 
 
 def split(captured: EdgeTrace, pieces: Sequence[tuple[int, int]]) -> Iterator[EdgeTrace]:
-    """A trace of each piece, its time 0 being the piece's begin."""
+    """Yield a trace of each piece, whose time 0 is the beginning of the piece."""
     edges = join(captured.chunks)
     for begin, end in pieces:
         at_begin = int(np.searchsorted(edges.cycle, begin, side="right"))
@@ -43,7 +43,7 @@ def split(captured: EdgeTrace, pieces: Sequence[tuple[int, int]]) -> Iterator[Ed
 
 
 def merged(found: Sequence[CaptureVerdict], begins_us: Sequence[float]) -> CaptureVerdict:
-    """The verdict on all, of what was found in each and where each begins."""
+    """Return the verdict on all pieces, from the verdict on each and its beginning."""
     ppm, ppm_error = _clock(found)
     problems = [
         replace(each.problem, time_us=each.problem.time_us + begin)
@@ -78,7 +78,7 @@ def merged(found: Sequence[CaptureVerdict], begins_us: Sequence[float]) -> Captu
 
 
 def _clock(found: Iterable[CaptureVerdict]) -> tuple[float | None, float | None]:
-    """The mean of the clock errors, each with the weight that its standard error gives it."""
+    """Return the mean of the clock errors, weighted by their standard errors."""
     known = [(each.ppm, each.ppm_error) for each in found if each.ppm is not None and each.ppm_error]
     if not known:
         return None, None
@@ -87,7 +87,7 @@ def _clock(found: Iterable[CaptureVerdict]) -> tuple[float | None, float | None]
 
 
 def _channel(parts: Sequence[CapturedChannel]) -> CapturedChannel:
-    """One channel in all pieces: counts are sums, means have the weight of their pulses."""
+    """Return one channel over all pieces: counts are sums, means are weighted by the number of pulses."""
     pulses = [part.captured for part in parts]
     periods = [(part.mean_period_us, part.captured) for part in parts if part.mean_period_us is not None]
     return replace(

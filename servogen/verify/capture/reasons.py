@@ -1,6 +1,6 @@
-"""What speaks against a capture, in sentences: of one, and of several that are in one file.
+"""The reasons against a capture, as sentences: of one, and of several in one file.
 
-In: a `CaptureVerdict` with all that was found. Out: the same with its reasons; without any it is proven.
+In: a `CaptureVerdict` with all findings. Out: the same with its reasons; without any it is proven.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ CLOCK_PPM = 5.0
 
 
 def with_reasons(found: CaptureVerdict) -> CaptureVerdict:
-    """Return the verdict: proven where nothing speaks against it and every different frame was seen."""
+    """Return the verdict: proven if nothing speaks against it and every different frame was seen."""
     why = tuple(_reasons(found))
     unseen = () if why or found.coverage.complete else (unseen_reason(found.coverage),)
     return replace(found, proven=not why and not unseen, reasons=why or unseen, unseen=unseen)
@@ -56,7 +56,7 @@ def _reasons(found: CaptureVerdict) -> Iterator[str]:
 
 
 def _of_piece(found: CaptureVerdict) -> str:
-    """In which piece the first problem is."""
+    """Return which piece the first problem is in."""
     if not found.pieces or found.problem is None:
         return ""
     time = found.problem.time_us
@@ -70,7 +70,7 @@ def _differs(piece: CapturePiece, ppm: float) -> bool:
 
 
 def _channel_reasons(channel: CapturedChannel) -> list[str]:
-    """What is wrong with the channel as a whole."""
+    """Return the problems of the channel as a whole."""
     who = f"{PINS[channel.pin]} ({channel.name})"
     if not channel.connected:
         return [f"{who} was not captured: no wire of the capture is {PINS[channel.pin]}"]

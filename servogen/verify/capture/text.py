@@ -1,4 +1,4 @@
-"""A capture's verdict as plain lines: the clock, each channel's numbers, and why it is not proven."""
+"""A capture's verdict as plain lines: the clock, each channel's statistics, and why it is not proven."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from servogen.verify.reasons import counted
 
 
 def capture_lines(verdict: CaptureVerdict) -> list[str]:
-    """Lines without colour; the first says whether the capture is proven."""
+    """Return lines without colour; the first says whether the capture is proven."""
     seconds = verdict.duration_us / 1e6
     first = "" if verdict.first_frame is None else f" from frame {verdict.first_frame} on"
     lines = [
@@ -27,14 +27,14 @@ def capture_lines(verdict: CaptureVerdict) -> list[str]:
 
 
 def _headline(verdict: CaptureVerdict) -> str:
-    """Return what the first line begins with."""
+    """Return the beginning of the first line."""
     if verdict.proven:
         return f"{verdict.word}: "
     return f"{verdict.word}: {verdict.coverage.words()}; " if verdict.agrees else "NOT proven: "
 
 
 def _seen_words(coverage: Coverage) -> str:
-    """Return how much of the schedule was seen whole."""
+    """Return how much of the schedule was seen completely."""
     whose, seen = "schedule" if coverage.once else "loop", len(coverage.seen)
     different = counted(len(coverage.different), "different frame")
     words = f"of the {whose}'s {different} {seen} {'was' if seen == 1 else 'were'} seen whole"

@@ -1,7 +1,8 @@
-"""`CaptureVerdict`: whether captured pulses are the scheduled ones within stated tolerances.
+"""`CaptureVerdict`: whether captured pulses are the scheduled ones within given tolerances.
 
-Times are microseconds by the chip's nominal clock: the crystal's error, which the capture itself gives, is
-taken out of them. An error is measured less scheduled. `scheduled`, `captured` count whole pulses.
+Times are in microseconds of the chip's nominal clock: they are corrected for the crystal's error, which is
+determined from the capture itself. An error is measured minus scheduled. `scheduled` and `captured` count
+complete pulses.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from servogen.verify.verdict import AGREES, StrayPin
 
 @dataclass(frozen=True, slots=True)
 class Tolerances:
-    """What is allowed beyond one sample of the analyser, which no measurement can see through."""
+    """The tolerances beyond one sample of the analyser, which limits every measurement."""
 
     width_us: float = 0.1
     period_us: float = 0.1
@@ -34,7 +35,7 @@ class Tolerances:
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """Some errors: the worst with its sign, their mean, and how many are not allowed."""
+    """A set of errors: the worst with its sign, their mean, and the number outside the tolerance."""
 
     worst_us: float = 0.0
     mean_us: float = 0.0
@@ -46,7 +47,7 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class CapturedChannel:
-    """One channel of the capture; `jitter_us` is the root mean square of its rises' errors."""
+    """One channel of the capture; `jitter_us` is the root mean square error of its rises."""
 
     name: str
     pin: int
@@ -82,7 +83,7 @@ class CapturedChannel:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing that is wrong, `time_us` after the capture's beginning by the analyser's clock."""
+    """One problem, `time_us` after the beginning of the capture by the analyser's clock."""
 
     time_us: float
     pin: int
@@ -102,7 +103,9 @@ class Problem:
 
 @dataclass(frozen=True, slots=True)
 class CapturePiece:
-    """One of several captures in one file, judged by itself; times are the file's, in µs of the analyser."""
+    """One of several captures in one file, judged separately; times are those of the file, in µs of the
+    analyser.
+    """
 
     begin_us: float
     duration_us: float
@@ -125,10 +128,11 @@ class CapturePiece:
 
 @dataclass(frozen=True, slots=True)
 class CaptureVerdict:
-    """`proven`: every different frame was captured, and all that was is the schedule within `tolerances`.
+    """`proven`: every different frame was captured, and everything captured matches the schedule within
+    `tolerances`.
 
-    Of several captures in one file, whose distance in time is not known, `pieces` has each, and the numbers
-    are those of all together.
+    For several captures in one file, whose distance in time is not known, `pieces` holds each, and the
+    figures are those of all together.
     """
 
     proven: bool
@@ -165,7 +169,7 @@ class CaptureVerdict:
 
     @property
     def agrees(self) -> bool:
-        """Whether nothing that was seen is wrong."""
+        """Return whether nothing that was seen is wrong."""
         return self.reasons == self.unseen
 
     @property
@@ -180,7 +184,7 @@ class CaptureVerdict:
         return replace(self, proven=False, reasons=(reason, *self.reasons))
 
     def to_json(self) -> dict[str, object]:
-        """Plain values for a JSON file."""
+        """Return plain values for a JSON file."""
         allowed = self.tolerances
         return {
             "proven": self.proven,

@@ -1,1 +1,1 @@
-"""What a program does on its pins, from its edges alone."""
+"""Measures what a program does on its pins, from its edges alone."""

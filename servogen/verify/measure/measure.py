@@ -1,4 +1,4 @@
-"""`measure`: a table of what a HEX does on each pin, from its edges alone.
+"""`measure`: a table of what a HEX file does on each pin, from its edges alone.
 
 In: a trace, as a stream. Out: a `Measurement`: widths, periods, kinds of frame, pauses, runs, overlaps. The
 pulses are run-length encoded while they are read, so that a day of them needs little memory.
@@ -29,7 +29,9 @@ PAUSE_PERIODS = 3
 
 
 def measure(observed: EdgeTrace) -> Measurement:
-    """Reads `observed` to its end, or to where its pulses have made more rows than are kept."""
+    """Return the measurement of `observed`, read to its end or until its pulses exceed the number of rows
+    kept.
+    """
     windows = Windows(observed_edges(chunk, 0) for chunk in observed.driven())
     builders = [TrainBuilder(pin) for pin in range(len(PINS))]
     overlaps = OverlapCount()
@@ -47,7 +49,7 @@ def measure(observed: EdgeTrace) -> Measurement:
 
 
 def measure_pin(pin: int, train: Train) -> PinMeasurement:
-    """What one pin's pulses are."""
+    """Return the measurement of one pin's pulses."""
     followed = train.period != LAST
     period = _median(train.period[followed], train.count[followed])
     paused = followed & (train.period > (PAUSE_PERIODS * period if period else 0))
@@ -67,7 +69,7 @@ def measure_pin(pin: int, train: Train) -> PinMeasurement:
 
 
 def _median(values: Ints, counts: Ints) -> int:
-    """The middle of all values, the lower of two; 0 when there are none."""
+    """Return the median of all values, the lower one of two; 0 if there are none."""
     if not len(values):
         return 0
     order = np.argsort(values, kind="stable")
@@ -76,7 +78,7 @@ def _median(values: Ints, counts: Ints) -> int:
 
 
 def _counted(values: Ints, counts: Ints) -> dict[Cycles, int]:
-    """How often each value is there, by value."""
+    """Return how often each value occurs, by value."""
     distinct, at = np.unique(values, return_inverse=True)
     totals = np.zeros(len(distinct), dtype=np.int64)
     np.add.at(totals, at, counts)
@@ -99,7 +101,9 @@ def _pauses(train: Train, paused: Flags) -> Iterator[Pause]:
 
 
 def _runs(train: Train, paused: Flags) -> Iterator[Run]:
-    """Neighbouring rows of one width that no pause parts; single pulses with equal pauses are a run, too."""
+    """Yield adjacent rows of one width without a pause between them; single pulses with equal pauses form a
+    run too.
+    """
     alone = paused & (train.count > 1)
     parted = paused[:-1] | alone[1:] | (np.diff(train.width) != 0)
     bounds = [0, *(np.flatnonzero(parted) + 1).tolist(), len(train.first)]
@@ -109,7 +113,7 @@ def _runs(train: Train, paused: Flags) -> Iterator[Run]:
 
 def _run(train: Train, begin: int, last: int) -> Run:
     periods = train.period[begin : last + 1]
-    # The period behind a run's last pulse leads out of it.
+    # The period after a run's last pulse leads out of the run.
     inside = periods[:-1] if train.count[last] == 1 else periods
     inside = inside[inside != LAST]
     return Run(

@@ -1,4 +1,6 @@
-"""`Measurement`: what a HEX does on its pins, without a schedule to compare it with. All in cycles."""
+"""`Measurement`: what a HEX file does on its pins, without a schedule for comparison. All times are in
+cycles.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ from servogen.verify.verdict import Overlap
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Consecutive pulses of one width, without a pause between them; the periods are those inside the run."""
+    """Consecutive pulses of one width, without a pause between them; the periods are those within the run."""
 
     first: Cycles
     pulses: int
@@ -33,7 +35,7 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class FrameKind:
-    """The frames of one pulse width: their number and the period that most of them have."""
+    """The frames of one pulse width: their number and the most frequent period."""
 
     width: Cycles
     frames: int
@@ -45,7 +47,7 @@ class FrameKind:
 
 @dataclass(frozen=True, slots=True)
 class Pause:
-    """A time without pulses that is longer than three periods: from a fall to the next rise."""
+    """A time without pulses longer than three periods: from a fall to the next rise."""
 
     begin: Cycles
     length: Cycles
@@ -58,7 +60,9 @@ class Pause:
 
 @dataclass(frozen=True, slots=True)
 class PinMeasurement:
-    """One pin's pulses. A pulse that the trace cuts off is not counted; it rises at `open_rise`."""
+    """The pulses of one pin. A pulse that the end of the trace cuts off is not counted; it rises at
+    `open_rise`.
+    """
 
     pin: int
     pulses: int
@@ -77,12 +81,12 @@ class PinMeasurement:
 
     @property
     def frame_difference(self) -> Cycles:
-        """By how much the kinds of frame differ in length."""
+        """Return by how much the kinds of frame differ in length."""
         periods = [kind.period for kind in self.kinds]
         return Cycles(max(periods) - min(periods)) if periods else Cycles(0)
 
     def widths_in_order(self) -> list[Cycles]:
-        """One width a pulse, as a check of the motion needs it."""
+        """Return one width per pulse, as needed for a check of the motion."""
         return [run.width for run in self.runs for _ in range(run.pulses)]
 
     def to_json(self) -> dict[str, object]:
@@ -103,9 +107,10 @@ class PinMeasurement:
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """What the pins do from reset to cycle `end`; pins that never pulse are not in it.
+    """What the pins do from reset to cycle `end`; pins that never pulse are omitted.
 
-    `complete` is False when the pulses repeat so little that the measurement stopped before the trace's end.
+    `complete` is False if the pulses repeat so rarely that the measurement stopped before the end of the
+    trace.
     """
 
     clock: Clock
@@ -119,7 +124,7 @@ class Measurement:
         return self.clock.us(cycles)
 
     def to_json(self) -> dict[str, object]:
-        """Plain values for a JSON file."""
+        """Return plain values for a JSON file."""
         return {
             "clock_hz": self.clock.hz,
             "end_cycle": self.end,

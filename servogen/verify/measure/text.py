@@ -14,7 +14,7 @@ MOST_LISTED = 12
 
 
 def measurement_lines(measurement: Measurement) -> list[str]:
-    """Lines without colour."""
+    """Return lines without colour."""
     clock = measurement.clock
     lines = [
         f"measured {counted(measurement.end, 'cycle')} ({time_words(measurement.end, clock)}) from reset"
@@ -36,7 +36,7 @@ def measurement_lines(measurement: Measurement) -> list[str]:
 
 
 def time_words(cycles: int, clock: Clock) -> str:
-    """The exact time in µs below 10 ms, in ms below 1 s, in s from there on."""
+    """Return the exact time in µs below 10 ms, in ms below 1 s, else in s."""
     us = clock.us(cycles)
     for below, unit, size in ((10_000, "µs", 1), (1_000_000, "ms", 1000)):
         if abs(us) < below:
@@ -45,7 +45,7 @@ def time_words(cycles: int, clock: Clock) -> str:
 
 
 def both(cycles: int, clock: Clock) -> str:
-    """Cycles and time; only the time where a cycle is a microsecond."""
+    """Return cycles and time; only the time if a cycle is a microsecond."""
     time = time_words(cycles, clock)
     return time if clock.cycle_us == 1 else f"{counted(cycles, 'cycle')} ({time})"
 
@@ -75,7 +75,7 @@ def _pin_lines(pin: PinMeasurement, clock: Clock) -> Iterator[str]:
 
 
 def _counts(values: Mapping[Cycles, int], clock: Clock) -> str:
-    """The commonest values and how often each is there; and between which bounds the others are."""
+    """Return the most frequent values with their counts, and the bounds of the others."""
     common = sorted(values, key=lambda value: (-values[value], value))[:MOST_LISTED]
     words = ", ".join(f"{both(value, clock)} × {values[value]}" for value in sorted(common))
     if len(values) <= MOST_LISTED:

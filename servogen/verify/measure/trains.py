@@ -1,7 +1,7 @@
-"""The pulses of one pin, run-length encoded while they stream: equal neighbours are one row.
+"""The pulses of one pin, run-length encoded while they stream: equal neighbours share one row.
 
 In: windows of edges. Out: rows (first rise, pulses, width, time from rise to next rise), all int64 cycles.
-An hour of a servo program is a few rows; `MOST_ROWS` bounds what never repeats.
+An hour of a servo program takes a few rows; `MOST_ROWS` limits traces that never repeat.
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ LAST = -1
 
 @dataclass(frozen=True, slots=True)
 class Train:
-    """Rows of equal pulses in order; a pulse that the trace cuts off is in none, but rises at `open_rise`."""
+    """Rows of equal pulses in order; a pulse that the end of the trace cuts off is in none, but rises at
+    `open_rise`.
+    """
 
     first: Ints
     count: Ints
@@ -30,7 +32,7 @@ class Train:
 
 
 class TrainBuilder:
-    """Takes the windows of a trace in order, for one pin."""
+    """Encodes the windows of a trace, taken in order, for one pin."""
 
     def __init__(self, pin: int) -> None:
         self._pin = pin
@@ -40,7 +42,9 @@ class TrainBuilder:
         self.rows = 0
 
     def add(self, edges: Edges) -> None:
-        """The next window. A pulse is counted when the next one rises: then its period is known."""
+        """Add the next window. A pulse is counted when the next one rises, because only then is its period
+        known.
+        """
         own = edges.take(edges.pin == self._pin)
         rising = own.level == HIGH
         rise = np.concatenate((self._rise, own.cycle[rising]))
@@ -61,7 +65,7 @@ class TrainBuilder:
         self.rows += len(at)
 
     def finish(self) -> Train:
-        """What was counted; the last pulse has the period `LAST`."""
+        """Return what was counted; the last pulse has the period `LAST`."""
         if len(self._width):
             self._append(self._rise, self._width, np.full(1, LAST, dtype=np.int64))
         still_open = int(self._rise[0]) if len(self._rise) > len(self._width) else None
@@ -73,6 +77,6 @@ class TrainBuilder:
 
 
 def _merged(first: Ints, count: Ints, width: Ints, period: Ints, still_open: int | None) -> Train:
-    """Joins equal rows that only a window's border parts."""
+    """Return the train with equal rows joined that were divided only by the border of a window."""
     starts = np.concatenate(([0], np.flatnonzero((np.diff(width) != 0) | (np.diff(period) != 0)) + 1))
     return Train(first[starts], np.add.reduceat(count, starts), width[starts], period[starts], still_open)
