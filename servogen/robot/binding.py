@@ -1,4 +1,4 @@
-"""A joint on a servo: the servo's angle as a straight line over the joint's position.
+"""The binding of a joint to a servo: the servo's angle as a linear function of the joint's position.
 
 In: joint positions, radians or metres. Out: servo angles in radians, and back.
 
@@ -15,7 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 
 @dataclass(frozen=True, slots=True)
 class Binding:
-    """`zero`: the servo's angle where the joint is 0; `ratio`: its radians for each unit of the joint's."""
+    """`zero` is the servo's angle at joint position 0, `ratio` the servo's radians per unit of the joint's
+    position.
+    """
 
     joint: str
     servo: str

@@ -1,4 +1,4 @@
-"""Readings of a calibration as text: angles in a row, or a CSV file of widths and angles.
+"""The readings of a calibration as text: angles in a row, or a CSV file of widths and angles.
 
 In: text. Out: `Reading`s; InputError with the place of what is no number.
 """
@@ -28,7 +28,7 @@ WIDTH, ANGLE, SPEED = "width_us", "angle_deg", "speed_deg_s"
 
 
 def angle_of(text: str, what: str = "") -> float:
-    """Radians of a number of degrees; `what` is named in the error. Raises InputError."""
+    """Return a number of degrees in radians; `what` names it in the error. Raises InputError."""
     try:
         degrees = float(text)
     except ValueError:
@@ -39,12 +39,12 @@ def angle_of(text: str, what: str = "") -> float:
 
 
 def angles_of(text: str) -> list[float]:
-    """Radians of `0,45,90`. Raises InputError."""
+    """Return the angles of `0,45,90` in radians. Raises InputError."""
     return [angle_of(part, f"reading {index + 1}: ") for index, part in enumerate(text.split(","))]
 
 
 def read_csv(path: Path, speed: bool) -> Sequence[Reading]:
-    """The readings in a file with the columns width_us and angle_deg (or, of a speed, speed_deg_s).
+    """Return the readings in a file with the columns width_us and angle_deg (or, for a speed, speed_deg_s).
 
     Raises InputError.
     """
@@ -94,7 +94,9 @@ OUTLIER = 4.0
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """`width_us` of the pulse that was sent; `angle` of the servo as it is mounted, radians (a second)."""
+    """`width_us` of the pulse that was sent; `angle` of the servo as mounted, in radians (per second for a
+    speed).
+    """
 
     width_us: float
     angle: float
@@ -102,7 +104,7 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """The line, and how far each reading's angle is from it: `residuals` in radians, read less fitted."""
+    """The fitted line, and each reading's distance from it: `residuals` in radians, measured minus fitted."""
 
     readings: tuple[Reading, ...]
     zero_us: float
@@ -111,12 +113,14 @@ class Fit:
 
     @property
     def rms(self) -> float:
-        """Root of the mean square of the residuals, for the two degrees of freedom that the line takes."""
+        """Return the root mean square of the residuals, allowing for the two degrees of freedom of the
+        line.
+        """
         return math.sqrt(sum(each**2 for each in self.residuals) / max(1, len(self.residuals) - 2))
 
     @property
     def worst(self) -> int:
-        """The index of the reading that is farthest from the line."""
+        """Return the index of the reading farthest from the line."""
         return max(range(len(self.residuals)), key=lambda index: abs(self.residuals[index]))
 
     def width_us(self, angle: float) -> float:
@@ -128,9 +132,10 @@ class Fit:
     def ends(
         self, limits: tuple[float, float] = (-math.inf, math.inf)
     ) -> tuple[tuple[float, float], tuple[float, float]]:
-        """(angle, width) of the line's ends: the shortest and longest width read, cut at `limits` (radians).
+        """Return (angle, width) of the line's ends: at the shortest and longest width measured, cut at
+        `limits` (radians).
 
-        Raises InputError where nothing is left of it.
+        Raises InputError if nothing of the line remains.
         """
         widths = [reading.width_us for reading in self.readings]
         first, last = sorted((self.angle(min(widths)), self.angle(max(widths))))
@@ -141,11 +146,11 @@ class Fit:
 
 
 def fit(readings: Sequence[Reading], tolerance: float = TOLERANCE_RAD, speed: bool = False) -> Fit:
-    """The line of `readings`; `speed`: their angles are speeds.
+    """Return the line fitted to `readings`; with `speed`, their angles are speeds.
 
-    Raises InputError for too few readings and a servo that did not move; and where a reading is farther than
-    `tolerance` (radians) from the line: for the one that is off the line of the others, for angles that do
-    not rise or fall with the widths, for readings that are no straight line.
+    Raises InputError for too few readings, for a servo that did not move, and if a reading is farther than
+    `tolerance` (radians) from the line: for a single outlier, for angles that do not rise or fall
+    monotonically with the widths, and for readings that do not form a straight line.
     """
     unit = "°/s" if speed else "°"
     _check_each(readings, unit)
@@ -181,7 +186,7 @@ def _check_each(readings: Sequence[Reading], unit: str) -> None:
 
 
 def _check_order(readings: Sequence[Reading], rising: bool, unit: str) -> None:
-    """All angles rise with the widths, or all fall."""
+    """Raise InputError unless the angles rise, or fall, monotonically with the widths."""
     order = sorted(range(len(readings)), key=lambda index: readings[index].width_us)
     steps = [
         (before, after, readings[after].angle - readings[before].angle)
@@ -198,7 +203,7 @@ def _check_order(readings: Sequence[Reading], rising: bool, unit: str) -> None:
 
 
 def _check_outlier(readings: Sequence[Reading], tolerance: float, unit: str) -> None:
-    """One reading that is off the line of all others, which agree."""
+    """Raise InputError if one reading is off the line on which all others agree."""
     if len(readings) <= FEWEST:
         return
     found: list[tuple[float, float, int]] = []
@@ -228,7 +233,7 @@ def _named(readings: Sequence[Reading], index: int, unit: str) -> str:
 
 
 def _line(readings: Sequence[Reading]) -> Fit:
-    """Least squares of angle over width, written as width over angle."""
+    """Return the least-squares fit of angle over width, written as width over angle."""
     widths = np.array([reading.width_us for reading in readings])
     angles = np.array([reading.angle for reading in readings])
     middle, mean = float(widths.mean()), float(angles.mean())
@@ -241,7 +246,7 @@ def _line(readings: Sequence[Reading]) -> Fit:
 
 
 class LineTable(Table):
-    """[fit]: what the points were made from, for people."""
+    """[fit]: what the points were computed from, for human readers."""
 
     readings: int
     us_per_deg: float
@@ -251,7 +256,9 @@ class LineTable(Table):
 
 
 class ReadingTable(PointTable):
-    """[[reading]]: what was sent and read, of the servo as it sits, and how far it is from the line."""
+    """[[reading]]: the width sent and the angle measured, for the servo as mounted, and its distance from the
+    line.
+    """
 
     residual_deg: float
 
@@ -267,9 +274,9 @@ class CalibrationTable(Table):
 
 
 def read_calibration(path: Path, servo: str, model: str, continuous: bool, place: Place) -> Calibration:
-    """The calibration of that servo; `place` is where the job names the file.
+    """Return the calibration of that servo; `place` is where the job names the file.
 
-    Raises InputError for a file that is not there or wrong, and for one of another servo or model.
+    Raises InputError for a file that is missing or invalid, and for one of another servo or model.
     """
     if not path.is_file():
         raise InputError(
@@ -286,7 +293,7 @@ def read_calibration(path: Path, servo: str, model: str, continuous: bool, place
 
 
 def calibration_text(fit: Fit, servo: Servo) -> str:
-    """The file's text; the line is cut at the servo's mechanical stops."""
+    """Return the file's text; the line is cut at the servo's mechanical stops."""
     key = "speed_deg_s" if servo.model.continuous else "angle_deg"
     points = [
         f"    {{ {key} = {math.degrees(servo.mounted(angle)):z.6f}, "
@@ -320,9 +327,9 @@ def calibration_text(fit: Fit, servo: Servo) -> str:
 
 
 def write_calibration(path: Path, text: str) -> Path | None:
-    """Writes the file, whole or not at all; a file that was there is kept, under the name that is returned.
+    """Write the file atomically; an existing file is kept under the name that is returned.
 
-    Raises InputError where the path cannot be written.
+    Raises InputError if the path cannot be written.
     """
     kept = _kept(path) if path.is_file() else None
     try:
@@ -335,7 +342,7 @@ def write_calibration(path: Path, text: str) -> Path | None:
 
 
 def _kept(path: Path) -> Path:
-    """A copy of the file under the first of NAME.1.bak, NAME.2.bak, … that is free."""
+    """Return a copy of the file under the first free name among NAME.1.bak, NAME.2.bak, …."""
     old = path.read_bytes()
     number = 0
     while True:

@@ -1,4 +1,4 @@
-"""What a robot is, as frozen data: `Arm` (Denavit–Hartenberg rows), `Hexapod`, `OmniBase`.
+"""Robot models as frozen data: `Arm` (Denavit–Hartenberg rows), `Hexapod`, `OmniBase`.
 
 Lengths are metres and angles radians. Nothing is calculated here: `servogen.kinematics` does that.
 """
@@ -24,7 +24,7 @@ class Length:
     constant: float = 0.0
 
     def value(self, lengths: Mapping[str, float]) -> float:
-        """The length in metres, given the named ones."""
+        """Return the length in metres, given the named lengths."""
         return self.constant + sum(factor * lengths[name] for name, factor in self.terms)
 
     @property
@@ -34,7 +34,9 @@ class Length:
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """A driven joint: turning (radians) or sliding (metres), its hard limits, its home, its top speed."""
+    """A driven joint: revolute (radians) or prismatic (metres), with its hard limits, home position and
+    maximum speed.
+    """
 
     name: str
     kind: JointKind
@@ -54,11 +56,11 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class DHRow:
-    """One Denavit–Hartenberg row; θ varies with a turning joint, d with a sliding one.
+    """One Denavit–Hartenberg row; θ varies with a revolute joint, d with a prismatic one.
 
     The variable part is `ratio` times the position of joint number `joint`, so a row may also follow a
     joint that it does not own (the leg's slider mechanism turns back what β turns). `joint` None: fixed.
-    In the modified convention `a` and `alpha` are those of the link before, a_{i-1} and α_{i-1}.
+    In the modified convention, `a` and `alpha` are those of the previous link, a_{i-1} and α_{i-1}.
     """
 
     theta: float
@@ -89,8 +91,8 @@ class Frame:
 class Arm:
     """A serial arm, or the leg: base, rows, tool.
 
-    `closed_form` names the inverse kinematics in closed form, None when there is none. `orientation` names
-    what a target may give beside x, y, z: `rpy` (φ, θ, η about z, y, x), `roll`, or `pitch` and `roll`.
+    `closed_form` names the closed-form inverse kinematics; None if there is none. `orientation` names what a
+    target may specify in addition to x, y, z: `rpy` (φ, θ, η about z, y, x), `roll`, or `pitch` and `roll`.
     """
 
     name: str
@@ -110,7 +112,7 @@ class Arm:
 
     @property
     def length(self) -> dict[str, float]:
-        """The named lengths in metres."""
+        """Return the named lengths in metres."""
         return dict(self.lengths)
 
     @property
@@ -119,11 +121,11 @@ class Arm:
 
     @property
     def reference(self) -> tuple[float, ...]:
-        """The reference configuration: turning joints 0, sliding joints at their least."""
+        """Return the reference configuration: revolute joints at 0, prismatic joints at their minimum."""
         return tuple(0.0 if joint.turning else joint.lower for joint in self.joints)
 
     def with_lengths(self, **lengths: float) -> Arm:
-        """The same arm with other lengths, in metres."""
+        """Return the same arm with other lengths, in metres."""
         for name in lengths:
             if name not in self.length:
                 raise InputError(f"{self.name} has no length '{name}'", hint=nearest(name, self.length))
@@ -135,7 +137,7 @@ class Arm:
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """Where a leg's body joint is in the body frame (x forward, y left, z up), and how it looks.
+    """The position of a leg's body joint in the body frame (x forward, y left, z up), and its direction.
 
     A left leg's frame is the body's, turned by `heading` about z. A mirrored (right) leg's is the mirror
     image of a left one's in the plane y = 0: equal angles move both feet alike, forward and backward.
@@ -153,7 +155,7 @@ class Mount:
 
 @dataclass(frozen=True, slots=True)
 class Hexapod:
-    """A body with mounted legs, all alike; `centre_of_mass` is (x, y, z) in the body frame, metres."""
+    """A body with identical legs; `centre_of_mass` is (x, y, z) in the body frame, in metres."""
 
     name: str
     title: str

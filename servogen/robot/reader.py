@@ -115,7 +115,7 @@ class RobotTable(Table):
 Find = Callable[[str], Robot]
 """Gives the catalogue's robot of a name, or raises InputError."""
 
-# Which keys a kind of robot takes beside the common ones.
+# The keys of each kind of robot in addition to the common ones.
 _COMMON = {"name", "title", "aliases", "kind", "dimensions", "source"}
 _ARM = {
     "like",
@@ -137,12 +137,12 @@ _KEYS = {
 
 
 def load(path: str | Path, find: Find) -> Robot:
-    """The robot of the file at `path`; `find` gives the catalogue's robots for `like` and `leg`."""
+    """Return the robot of the file at `path`; `find` returns the catalogue's robots for `like` and `leg`."""
     return robot_of(toml_file.read(path), find)
 
 
 def robot_of(document: Document, find: Find) -> Robot:
-    """The robot that `document` describes. Raises InputError with its place."""
+    """Return the robot that `document` describes. Raises InputError with its location."""
     table = toml_file.validate(document, RobotTable)
     for key in document.data:
         if key not in _KEYS[table.kind]:
@@ -248,7 +248,7 @@ def _found(document: Document, key: str, name: str, find: Find) -> Robot:
 
 
 def _leg_changed(document: Document, table: RobotTable, leg: Arm) -> Arm:
-    """The leg with the lengths of the file; without a reach or a thigh it is none."""
+    """Return the leg with the lengths of the file, which must leave it a reach and a thigh."""
     changed = _lengths_changed(document, table, leg)
     if not changed.length["bc"]:
         raise document.error(("lengths_mm", "bc"), "bc is 0: β would lift nothing")
@@ -313,7 +313,7 @@ def _all_different(document: Document, array: str, names: list[str]) -> None:
             raise document.error((array, index, "name"), f"the name '{name}' is taken twice")
 
 
-# kind of joint -> unit of its keys, factor to the inner unit, limits of a joint that gives none
+# kind of joint -> unit of its keys, factor to the internal unit, default limits
 _JOINT_UNITS: Mapping[str, tuple[str, float, float]] = {
     "turning": ("deg", radians(1), 180.0),
     "sliding": ("mm", 0.001, inf),
@@ -321,7 +321,7 @@ _JOINT_UNITS: Mapping[str, tuple[str, float, float]] = {
 
 
 def _joint(document: Document, index: int, table: JointTable, model: Joint | None) -> Joint:
-    """The joint of a table; what it leaves out is the model's, or a full turn and the least position."""
+    """Return the joint of a table; omitted keys are the model's, or a full turn and the minimum position."""
     kind = table.kind or (model.kind if model else "turning")
     if model and kind != model.kind:
         raise document.error(("joint", index, "kind"), f"the joint '{model.name}' is {model.kind}")

@@ -22,19 +22,21 @@ def _files() -> dict[str, Traversable]:
 
 
 def names() -> tuple[str, ...]:
-    """The short names of the catalogue's robots, in alphabetical order."""
+    """Return the short names of the catalogue's robots, in alphabetical order."""
     return tuple(sorted(_files()))
 
 
 @cache
 def _aliases() -> dict[str, str]:
-    """Other names of the catalogue's robots, such as `robotino` for `omni`."""
+    """Return other names of the catalogue's robots, such as `robotino` for `omni`."""
     documents = {name: toml_file.parse(each.read_text("utf-8"), each.name) for name, each in _files().items()}
     return {alias: name for name, document in documents.items() for alias in document.data.get("aliases", ())}
 
 
 def catalogue(name: str) -> Robot:
-    """The catalogue's robot of a short name or an alias. Raises InputError with the nearest known name."""
+    """Return the catalogue's robot with a short name or an alias. Raises InputError that suggests a similar
+    name.
+    """
     files = _files()
     short = name.lower().replace("_", "-")
     short = short if short in files else _aliases().get(short, short)
@@ -50,14 +52,14 @@ def _read(short: str) -> Robot:
 
 
 def robot(name: str) -> Robot:
-    """The robot of a short name, or of the TOML file at a path that ends in .toml."""
+    """Return the robot with a short name, or of the TOML file at a path that ends in .toml."""
     if name.lower().endswith(".toml"):
         return reader.load(Path(name), catalogue)
     return catalogue(name)
 
 
 def arm(name: str) -> Arm:
-    """As `robot`, for what only an arm or the leg has. Raises InputError for the others."""
+    """Return the same as `robot` for an arm or the leg. Raises InputError for other kinds."""
     found = robot(name)
     if isinstance(found, Hexapod):
         raise InputError(f"'{name}' has six legs, each a robot of its own", hint=f"use '{found.leg.name}'")

@@ -1,6 +1,6 @@
 """A servo: pulse width as a function of shaft angle, and the facts of its model.
 
-In: a model's facts and what is true of one servo only (pin, calibration, trim, mounting, limits).
+In: a model's facts and the properties of one servo (pin, calibration, trim, mounting, limits).
 Out: `Servo`, which turns angles (radians) into widths (microseconds) and back. Of a continuous-rotation servo
 the width is the speed: wherever an angle stands here, its is a speed (radians a second, 0 is stop).
 
@@ -42,23 +42,23 @@ class Calibration:
 
     @property
     def angles(self) -> tuple[float, float]:
-        """The least and the greatest angle that is calibrated."""
+        """Return the minimum and maximum calibrated angle."""
         return self.points[0].angle, self.points[-1].angle
 
     @property
     def widths_us(self) -> tuple[float, float]:
-        """The least and the greatest width."""
+        """Return the minimum and maximum width in µs."""
         ends = sorted((self.points[0].width_us, self.points[-1].width_us))
         return ends[0], ends[1]
 
     def width_us(self, angle: float) -> float:
-        """The width at `angle`, which must be between the end points; the nearest end line beyond them."""
+        """Return the width at `angle` in µs; beyond the end points, the nearest segment is extrapolated."""
         before, after = self._around([point.angle for point in self.points], angle)
         share = (angle - before.angle) / (after.angle - before.angle)
         return before.width_us + share * (after.width_us - before.width_us)
 
     def angle(self, width_us: float) -> float:
-        """The angle at `width_us`; the nearest end line goes on beyond the end points."""
+        """Return the angle at `width_us`; beyond the end points, the nearest segment is extrapolated."""
         sign = 1 if self.points[-1].width_us > self.points[0].width_us else -1
         before, after = self._around([sign * point.width_us for point in self.points], sign * width_us)
         share = (width_us - before.width_us) / (after.width_us - before.width_us)
@@ -72,7 +72,7 @@ class Calibration:
 
 
 def calibration(points: tuple[tuple[float, float], ...], place: Place | None = None) -> Calibration:
-    """A calibration of (angle in radians, width in µs) pairs in any order. Raises InputError."""
+    """Return a calibration from (angle in radians, width in µs) pairs in any order. Raises InputError."""
     ordered = tuple(CalibrationPoint(*point) for point in sorted(points))
     if len(ordered) < 2:
         raise InputError("a calibration needs at least two points", place, "give the width at two angles")
@@ -89,7 +89,7 @@ def calibration(points: tuple[tuple[float, float], ...], place: Place | None = N
 
 @dataclass(frozen=True, slots=True)
 class ServoModel:
-    """Facts of a model. None: its data sheet does not say."""
+    """Facts about a model; None means that its data sheet does not specify the value."""
 
     name: str
     title: str
@@ -112,11 +112,11 @@ class ServoModel:
 
     @property
     def unit(self) -> str:
-        """What its angles are shown in."""
+        """Return the unit in which its angles are displayed."""
         return "°/s" if self.continuous else "°"
 
     def mirrored(self, angle: float) -> float:
-        """The angle of a servo that sits the other way round."""
+        """Return the angle of a servo that is mounted the other way round."""
         low, high = self.travel
         return -angle if self.continuous else low + high - angle
 
@@ -126,7 +126,7 @@ class ServoModel:
 
 @dataclass(frozen=True, slots=True)
 class Servo:
-    """One servo on one pin; `limits` (radians) are what its user allows, inside the travel."""
+    """One servo on one pin; `limits` (radians) are set by the user, within the travel."""
 
     name: str
     pin: str
@@ -139,13 +139,15 @@ class Servo:
 
     @property
     def widths_us(self) -> tuple[float, float]:
-        """The least and the greatest width of this servo, its trim included."""
+        """Return the minimum and maximum width of this servo in µs, including its trim."""
         ends = sorted((self._width_us(self.limits[0]), self._width_us(self.limits[1])))
         return ends[0], ends[1]
 
     @property
     def neutral(self) -> float:
-        """The middle of the travel, or the nearest angle that the limits allow; of a wheel, rest."""
+        """Return the middle of the travel, or the nearest angle within the limits; for a wheel,
+        standstill.
+        """
         low, high = self.limits
         middle = 0.0 if self.model.continuous else sum(self.model.travel) / 2
         return min(max(middle, low), high)
@@ -155,12 +157,12 @@ class Servo:
         return low - TOLERANCE_RAD <= angle <= high + TOLERANCE_RAD
 
     def allows_each(self, angles: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """`allows` of each of many angles; NaN is not allowed."""
+        """Return `allows` for each of many angles; NaN is not allowed."""
         low, high = self.limits
         return np.asarray((angles >= low - TOLERANCE_RAD) & (angles <= high + TOLERANCE_RAD))
 
     def width_us(self, angle: float, place: Place | None = None) -> float:
-        """The pulse width at a shaft angle in radians. Raises InputError outside the limits."""
+        """Return the pulse width in µs at a shaft angle in radians. Raises InputError outside the limits."""
         if not self.allows(angle):
             low, high = (self.model.shown(limit) for limit in self.limits)
             what = ("turn at", "speeds are") if self.model.continuous else ("go to", "travel is")
@@ -174,11 +176,13 @@ class Servo:
         return self._width_us(angle)
 
     def angle(self, width_us: float) -> float:
-        """The shaft angle in radians that a width asks for, also beyond the limits (for measured pulses)."""
+        """Return the shaft angle in radians that a width commands, even beyond the limits (for measured
+        pulses).
+        """
         return self.mounted(self.calibration.angle(width_us - self.trim_us))
 
     def mounted(self, angle: float) -> float:
-        """The shaft's angle at an angle of the servo as it sits, and the other way round."""
+        """Return the shaft's angle at an angle of the mounted servo, and vice versa."""
         return self.model.mirrored(angle) if self.reverse else angle
 
     def _width_us(self, angle: float) -> float:
@@ -198,9 +202,9 @@ def servo(
     limits_place: Place | None = None,
     trim_place: Place | None = None,
 ) -> Servo:
-    """A servo of `model`; its limits are the user's, else all that travel and calibration both hold.
+    """Return a servo of `model`; its limits are the user's, else the range common to travel and calibration.
 
-    Raises InputError for limits outside of that: nothing beyond the calibration points is guessed.
+    Raises InputError for limits outside that range, because the calibration is not extrapolated.
     """
     curve = points or model.calibration
     low, high = model.travel

@@ -1,4 +1,4 @@
-"""Servo models: `catalogue/servos/*.toml`, or a file of your own in the same form -> `ServoModel`.
+"""Servo models: `catalogue/servos/*.toml`, or a user's file in the same format -> `ServoModel`.
 
 In: a model's name or the path of its file, its supply voltage, fields that replace the file's. Out: its facts
 at that voltage.
@@ -36,7 +36,7 @@ class PointTable(Table):
 
 
 class FactTable(Table):
-    """What a job may say of its servo in place of the catalogue."""
+    """The facts of a servo that a job may specify in place of the catalogue."""
 
     travel_deg: tuple[float, float] | None = None
     points: tuple[PointTable, ...] | None = Field(default=None, min_length=2)
@@ -59,12 +59,12 @@ class SupplyTable(Table):
 
     @property
     def speed(self) -> float | None:
-        """Radians a second."""
+        """Return the speed in radians per second; None if it is not given."""
         return self.speed_rad_s if self.speed_deg_s is None else math.radians(self.speed_deg_s)
 
 
 class ModelTable(FactTable):
-    """A servo model's file. Without [[supply]] its speed and torque hold at any voltage."""
+    """A servo model's file. Without [[supply]], its speed and torque are valid at any voltage."""
 
     title: str
     source: str = ""
@@ -74,16 +74,17 @@ class ModelTable(FactTable):
 
 
 def names() -> tuple[str, ...]:
-    """The models that the catalogue knows."""
+    """Return the models in the catalogue."""
     return tuple(sorted(entry.name[: -len(".toml")] for entry in _folder().iterdir() if entry.is_file()))
 
 
 def servo_model(
     name: str, supply_v: float | None = None, own: FactTable | None = None, place: Place | None = None
 ) -> ServoModel:
-    """The model at `supply_v` (its lowest when None), `own` facts first; `name` may be a file's path.
+    """Return the model at `supply_v` (its lowest if None), with `own` facts taking precedence; `name` may be
+    the path of a file.
 
-    Raises InputError: of what is asked for at `place`, of a file of the user's in that file.
+    Raises InputError located at `place` for the request, and in the file for errors in a user's file.
     """
     document, table = _model(name, place)
     own = own or FactTable()
@@ -111,7 +112,7 @@ def servo_model(
 
 
 def points_of(points: tuple[PointTable, ...], place: Place | None, continuous: bool = False) -> Calibration:
-    """The calibration that a file's points are: angles, or speeds. Raises InputError."""
+    """Return the calibration given by a file's points: angles, or speeds. Raises InputError."""
     wanted, other = ("speed_deg_s", "angle_deg") if continuous else ("angle_deg", "speed_deg_s")
     pairs = []
     for point in points:
@@ -129,7 +130,9 @@ def points_of(points: tuple[PointTable, ...], place: Place | None, continuous: b
 def _travel(
     travel_deg: tuple[float, float] | None, table: ModelTable, curve: Calibration, place: Place | None
 ) -> tuple[float, float]:
-    """Radians between the stops, where none are stated between the points; of a continuous servo infinite."""
+    """Return the radians between the stops, by default those of the end points; infinite for a continuous
+    servo.
+    """
     if table.kind == "continuous":
         if travel_deg is not None:
             raise InputError(f"{table.title}: it turns for ever and has no travel", place)
@@ -143,7 +146,7 @@ def _travel(
 
 
 def _at(table: ModelTable, supply_v: float | None, place: Place | None) -> tuple[float | None, float | None]:
-    """Speed and torque; between two stated voltages on the straight line between them."""
+    """Return speed and torque, interpolated linearly between two specified voltages."""
     rows = sorted(table.supply, key=lambda row: row.supply_v)
     if not rows:
         return None, None
@@ -175,7 +178,7 @@ def _metres(size_mm: tuple[float, float, float]) -> tuple[float, float, float]:
 
 
 def _model(name: str, place: Place | None) -> tuple[Document, ModelTable]:
-    """The model's file, checked."""
+    """Return the model's file, checked."""
     if name.endswith(FILE_ENDING):
         if not Path(name).is_file():
             raise InputError(f"there is no servo file '{name}'", place)
