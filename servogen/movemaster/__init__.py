@@ -1,4 +1,4 @@
-"""The arm command language: text of a program -> the trajectory of the arm that it moves."""
+"""The arm command language: from the text of a program to the trajectory of the arm that it moves."""
 
 from servogen.movemaster.arm import Manipulator, manipulator
 from servogen.movemaster.mover import Hand

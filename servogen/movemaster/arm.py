@@ -1,14 +1,14 @@
-"""A robot arm as the language sees it: tool point, pitch and roll in place of joint positions.
+"""A robot arm as the language sees it: tool point, pitch and roll instead of joint positions.
 
-In: an `Arm`, a tool length, poses in mm and degrees. Out: joint positions near the present ones, or
-`Unreachable`; and back.
+In: an `Arm`, a tool length, poses in mm and degrees. Out: joint positions near the current ones, or
+`Unreachable`;\nand poses from joint positions.
 
 Pitch p and roll r are those of the RV-M1 in the vertical plane through the first axis and the tool point:
 
     R = Rot(z, φ) Rot(x, 90°) Rot(z, p + 90°) Rot(x, 90°) Rot(z, r),   φ = atan2(y, x)
 
 so that p = q2 + q3 + q4 - 90° is the approach above the horizontal and r = q5 (the language's specification).
-The same words hold for any arm whose inverse kinematics takes an orientation.
+The same commands work for any arm whose inverse kinematics accepts an orientation.
 """
 
 from __future__ import annotations
@@ -32,7 +32,9 @@ _ON_AXIS = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Manipulator:
-    """An arm whose tool's length TL sets; `speeds`: its joints' greatest, radians (metres) a second."""
+    """An arm whose tool length is set by TL; `speeds` are its joints' maximum speeds, in radians (metres) per
+    second.
+    """
 
     arm: Arm
     speeds: tuple[float, ...]
@@ -49,7 +51,7 @@ class Manipulator:
         return replace(self, arm=self.arm.with_tool(replace(self.arm.tool, z=length / 1000)))
 
     def pose(self, q: Floats) -> Pose:
-        """The tool's pose at the joint positions `q`."""
+        """Return the tool's pose at the joint positions `q`."""
         matrix = fk(self.arm, q)
         x, y, z = (float(value) for value in matrix[:3, 3])
         n, o, a = matrix[:3, 0], matrix[:3, 1], matrix[:3, 2]
@@ -66,7 +68,9 @@ class Manipulator:
         return Pose(1000 * x, 1000 * y, 1000 * z, pitch, _degrees(math.atan2(side_n, side_o)))
 
     def solve(self, pose: Pose, near: Floats) -> Floats:
-        """The joint positions for `pose` that are nearest to `near`. Raises `Unreachable` or InputError."""
+        """Return the joint positions for `pose` that are nearest to `near`. Raises `Unreachable` or
+        InputError.
+        """
         point = np.array([pose.x, pose.y, pose.z]) / 1000
         if not self.arm.orientation:
             if pose.p or pose.r:
@@ -77,7 +81,7 @@ class Manipulator:
         return ik(self.arm, point, self._rotation(pose), near)
 
     def solutions(self, poses: Floats, near: Floats) -> Floats:
-        """Return the joint positions (n, solutions, joints) for poses (n, 5), NaN where there is none.
+        """Return the joint positions (n, solutions, joints) for poses (n, 5), NaN where there is no solution.
 
         Each is in the turn nearest to `near` (n, joints).
         """
@@ -85,7 +89,7 @@ class Manipulator:
         return solutions_near(self.arm, poses[:, :3] / 1000, turns, near)
 
     def approach(self, pose: Pose) -> Floats:
-        """The unit vector along the tool."""
+        """Return the unit vector along the tool."""
         if not self.arm.orientation:
             raise InputError(f"{self.arm.name} has no direction of its tool of its own")
         return np.asarray(self._rotation(pose)[:, 2])
@@ -94,7 +98,7 @@ class Manipulator:
         return np.asarray(self._rotations(np.array([pose.values]))[0])
 
     def _rotations(self, poses: Floats) -> Floats:
-        """The rotations (n, 3, 3) of poses (n, 5)."""
+        """Return the rotations (n, 3, 3) of poses (n, 5)."""
         x, y, _, pitch, roll = poses.T
         turns = (
             rot("z", self._azimuth(x / 1000, y / 1000)),
@@ -110,12 +114,14 @@ class Manipulator:
 
 
 def _degrees(angle: float) -> float:
-    """In (-180°, 180°]."""
+    """Return an angle in degrees, in (-180°, 180°]."""
     return 180 - (180 - math.degrees(angle)) % 360
 
 
 def manipulator(arm: Arm, speeds: tuple[float | None, ...] | None = None) -> Manipulator:
-    """`arm` with its joints' top speeds, or the `speeds` given. Raises InputError where there is none."""
+    """Return `arm` with its joints' maximum speeds, or the given `speeds`. Raises InputError if there are
+    none.
+    """
     chosen = speeds or tuple(joint.speed for joint in arm.joints)
     known = []
     for joint, speed in zip(arm.joints, chosen, strict=True):

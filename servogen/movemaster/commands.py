@@ -1,4 +1,4 @@
-"""What the commands of positions and movement do: one function a mnemonic.
+"""The commands for positions and movement, one function per mnemonic.
 
 In: the `Controller` (arm, memory) and the statement. Out: the controller, changed.
 """
@@ -23,7 +23,7 @@ def _pose(statement: Statement, first: int) -> Pose:
 
 
 def _grip(controller: Controller, statement: Statement, index: int, stored: str) -> None:
-    """The hand takes its state before the arm moves: the one that is written, else the stored one."""
+    """Set the hand before the arm moves: to the state in the statement, else to the stored one."""
     state = statement.arguments[index] if statement.has(index) else stored
     controller.mover.grip(CLOSED if state == CLOSED else OPEN)
 
@@ -225,7 +225,7 @@ def _nx(controller: Controller, _: Statement) -> None:
 
 
 def _jump_if(holds: Callable[[int, int], bool]) -> Action:
-    """A jump if the comparison value and the argument stand in this relation."""
+    """Return an action that jumps if the comparison value and the argument have this relation."""
 
     def action(controller: Controller, statement: Statement) -> None:
         if holds(controller.memory.comparison, statement.whole(0)):
@@ -250,7 +250,7 @@ def _nw(controller: Controller, _: Statement) -> None:
 
 
 def _rs(_controller: Controller, _: Statement) -> None:
-    """An error ends the run: none is left that could be cleared."""
+    """Do nothing: an error ends the run, so that there is never one to clear."""
 
 
 def _gc(controller: Controller, _: Statement) -> None:

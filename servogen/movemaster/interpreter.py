@@ -1,7 +1,7 @@
-"""The controller: carries out statements in order, direct ones at once, programs line by line.
+"""The controller: executes statements in order, direct ones at once, programs line by line.
 
-In: statements, one after another. Out: what `Mover`, `Memory` and the output record hold then. A program that
-does not end is stopped after a number of commands or of frames.
+In: statements, one after another. Out: the resulting contents of `Mover`, `Memory` and the output record. A
+program that does not end is stopped after a number of commands or of frames.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from servogen.movemaster.ports import InputPort, Output
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A command that took frames: `frames` of them from `frame` on; where it left the tool and the hand."""
+    """A command that took time: `frames` frames from `frame` on, and the resulting state of tool and hand."""
 
     statement: Statement
     frame: int
@@ -33,7 +33,7 @@ Action = Callable[["Controller", Statement], None]
 
 
 class Controller:
-    """One controller with its arm, from switching it on; `actions` by mnemonic."""
+    """One controller with its arm, from power-on; `actions` by mnemonic."""
 
     def __init__(
         self, mover: Mover, inputs: InputPort, most_commands: int, actions: Mapping[str, Action]
@@ -61,7 +61,7 @@ class Controller:
         return self._flow
 
     def take(self, statement: Statement) -> None:
-        """Carries out a direct statement, or stores a numbered one as a program line."""
+        """Execute a direct statement, or store a numbered one as a program line."""
         if statement.number is None:
             self._carry_out(statement)
             return
@@ -73,7 +73,7 @@ class Controller:
         self.program[statement.number] = statement
 
     def run_program(self, first: int, last: int | None) -> None:
-        """From line `first` until it ends, or comes to line `last`."""
+        """Run from line `first` until the program ends or reaches line `last`."""
         self._flow = Flow(self.program, first, last)
         while (statement := self._flow.take()) is not None:
             if statement.command is not None:
@@ -86,12 +86,12 @@ class Controller:
         self.outputs.append(Output(self.mover.frame, value, strobe))
 
     def caution(self, caution: Caution) -> None:
-        """Said once a kind and place."""
+        """Report a caution, once per kind and place."""
         if caution not in self.cautions:
             self.cautions.append(caution)
 
     def kept(self) -> tuple[object, ...]:
-        """Everything that decides what happens next, to be compared."""
+        """Return everything that determines what happens next, for comparison."""
         reference = self.reference.values if self.reference else None
         here = (self.stored_hand, reference, self.current, self.output)
         return (*self.memory.kept(), *self.mover.kept(), *here)
@@ -132,7 +132,7 @@ _OPENS: Mapping[str, int] = {"RC": 1, "NX": -1}
 
 @dataclass(slots=True)
 class _Loop:
-    """An open loop: its RC, the line after it, and how often it still runs after this time."""
+    """An open loop: its RC, the line after it, and the number of further repetitions."""
 
     start: Statement
     body: int
@@ -141,14 +141,16 @@ class _Loop:
 
 @dataclass(slots=True)
 class _Level:
-    """The program itself or a subroutine: where its GS goes on, and its open loops."""
+    """The program itself or a subroutine: where its GS continues, and its open loops."""
 
     back: int = 0
     loops: list[_Loop] = field(default_factory=list)
 
 
 class Flow:
-    """One run of a program. Raises InputError at once for a jump to a missing line, and for RC without NX."""
+    """One run of a program. Raises InputError immediately for a jump to a missing line, and for RC without
+    NX.
+    """
 
     def __init__(self, program: Mapping[int, Statement], first: int, last: int | None) -> None:
         self._lines = [program[number] for number in sorted(program)]
@@ -165,7 +167,7 @@ class Flow:
         self._levels = [_Level()]
 
     def take(self) -> Statement | None:
-        """The statement to run now; None: the program has ended."""
+        """Return the statement to run now; None if the program has ended."""
         if self._next == self._end or self._next >= len(self._lines):
             return None
         self._next += 1
@@ -194,7 +196,7 @@ class Flow:
     def open_loop(self, statement: Statement, times: int) -> None:
         loops = self._levels[-1].loops
         for index, loop in enumerate(loops):
-            if loop.start is statement:  # jumped back to: it begins anew
+            if loop.start is statement:  # reached by a jump back: the loop begins again
                 del loops[index:]
                 break
         if sum(len(level.loops) for level in self._levels) == DEEPEST:
@@ -216,10 +218,10 @@ class Flow:
             raise line.error(f"there is no program line {target} to go to", self._known(target))
 
     def _check_loops(self) -> None:
-        """Raises InputError for an RC that is run and from which no way leads to the NX that closes its loop.
+        """Raise InputError for a reachable RC from which no path leads to the NX that closes its loop.
 
-        The search goes from the states (line, loops open) in which NX closes the last loop back along all
-        ways through the program, whatever its conditions say. What nests too deep is refused when it runs.
+        The search goes backwards from the states (line, open loops) in which NX closes the last loop, along
+        all paths through the program regardless of its conditions. Excessive nesting is rejected at run time.
         """
         before: dict[tuple[int, int], list[tuple[int, int]]] = {}
         found: list[tuple[int, int]] = []
@@ -244,18 +246,20 @@ class Flow:
                 )
 
     def _after(self, index: int) -> list[int]:
-        """The lines to which a line leads in its subroutine; none where the program or subroutine ends."""
+        """Return the lines that a line leads to in its subroutine; none at the end of the program or
+        subroutine.
+        """
         line, mnemonic = self._lines[index], _mnemonic(self._lines[index])
         if mnemonic in ("ED", "RT"):
             return []
-        # GS comes back to the next line with the loops that it found
+        # GS returns to the next line with the loops that were open before it
         targets = [] if mnemonic == "GT" else [index + 1]
         if mnemonic in JUMPS and mnemonic != "GS":
             targets.append(self._index[line.whole(JUMPS[mnemonic])])
         return [target for target in targets if target not in (self._end, len(self._lines))]
 
     def _run(self) -> set[int]:
-        """The lines that may be run from where the program begins."""
+        """Return the lines that can be reached from the beginning of the program."""
         found = [self._next] if self._next not in (self._end, len(self._lines)) else []
         seen = set(found)
         while found:

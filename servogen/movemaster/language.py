@@ -1,4 +1,5 @@
-"""The arm command language as one table: mnemonic, parameters with their ranges, where it may stand, meaning.
+"""The arm command language as one table: mnemonic, parameters with their ranges, where it is allowed,
+meaning.
 
 In: nothing. Out: `COMMANDS`. Parser, interpreter and documentation take everything from these rows.
 
@@ -27,7 +28,7 @@ MOST_MM = 9999.9
 
 
 class Kind(Enum):
-    """What an argument is written as."""
+    """The notation of an argument."""
 
     WHOLE = "a whole number"
     DECIMAL = "a number"
@@ -36,7 +37,7 @@ class Kind(Enum):
 
 
 class Where(Enum):
-    """Where a command may stand: on a numbered line, on an unnumbered (direct) one, or on both."""
+    """Where a command is allowed: on a numbered line, on an unnumbered (direct) one, or on both."""
 
     BOTH = "everywhere"
     PROGRAM = "in a program only"
@@ -45,9 +46,10 @@ class Where(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One argument: `low` to `high`; `hexadecimal`: &-numbers too; `optional`: may be left out at the end.
+    """One argument: `low` to `high`; `hexadecimal` also allows &-numbers; `optional` may be omitted at the
+    end.
 
-    `blank` is what an empty place between two commas stands for; None: it must be written.
+    `blank` is the value of an empty place between two commas; None if it must be given.
     """
 
     name: str
@@ -60,7 +62,7 @@ class Parameter:
 
     @property
     def allowed(self) -> str:
-        """The range, as an error says it."""
+        """Return the range in the wording of an error message."""
         if self.kind is Kind.HAND:
             return "O (hand open) or C (hand closed)"
         if self.kind is Kind.BIT:
@@ -73,7 +75,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A row of the language. `number` is the row of the source's table, None: the manufacturer's manual."""
+    """A row of the language. `number` is the row in the source's table; None: the manufacturer's manual."""
 
     mnemonic: str
     parameters: tuple[Parameter, ...]
@@ -83,7 +85,7 @@ class Command:
 
     @property
     def form(self) -> str:
-        """As the command is written: "MO a [, O/C]"."""
+        """Return the notation of the command: "MO a [, O/C]"."""
         text = ""
         for index, each in enumerate(self.parameters):
             name = "O/C" if each.kind is Kind.HAND else each.name

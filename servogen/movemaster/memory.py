@@ -1,4 +1,4 @@
-"""What a program keeps: positions with their hand states, counters, the comparison value, pallets.
+"""The memory of a program: positions with their hand states, counters, the comparison value, pallets.
 
 In: numbers of positions, counters and pallets. Out: their values; undefined ones raise InputError without a
 place, which the interpreter adds.
@@ -22,7 +22,7 @@ OPEN, CLOSED = "O", "C"
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Tool point in mm; pitch above the horizontal and roll in degrees, as programs write them."""
+    """Tool point in mm; pitch above the horizontal and roll in degrees, as written in programs."""
 
     x: float
     y: float
@@ -35,7 +35,7 @@ class Pose:
         return self.x, self.y, self.z, self.p, self.r
 
     def plus(self, other: Pose, times: float = 1.0) -> Pose:
-        """This pose and `times` the other's values."""
+        """Return this pose plus `times` the other's values."""
         return Pose(*(a + times * b for a, b in zip(self.values, other.values, strict=True)))
 
     def times(self, factor: float) -> Pose:
@@ -55,7 +55,7 @@ class Position:
 
 
 class Memory:
-    """The controller's memory. Every number is in the range of the language's table already."""
+    """The controller's memory. All numbers are already within the ranges of the language's table."""
 
     def __init__(self) -> None:
         self.positions: dict[int, Position] = {}
@@ -71,7 +71,9 @@ class Memory:
         return self.positions[number]
 
     def between(self, first: int, last: int) -> list[int]:
-        """The defined positions from `first` to `last`, both defined, upwards or downwards."""
+        """Return the defined positions from `first` to `last`, both of which are defined, in either
+        direction.
+        """
         for number in (first, last):
             self.position(number)
         low, high = sorted((first, last))
@@ -87,7 +89,7 @@ class Memory:
             del self.positions[number]
 
     def neighbour(self, number: int, step: int) -> int:
-        """The next defined position above (`step` 1) or below (-1) `number`."""
+        """Return the next defined position above (`step` 1) or below (-1) `number`."""
         if step > 0:
             beyond = [each for each in self.positions if each > number]
         else:
@@ -104,7 +106,9 @@ class Memory:
         self.counters[number] = value
 
     def grid_point(self, pallet: int) -> Position:
-        """The point of the pallet's grid that its two counters name; the hand state of its first corner."""
+        """Return the point of the pallet's grid selected by its two counters, with the hand state of its
+        first corner.
+        """
         if pallet not in self.pallets:
             raise InputError(f"pallet {pallet} has no grid", hint=f"PA {pallet}, columns, rows defines it")
         shares = []
@@ -126,7 +130,7 @@ class Memory:
         return Position(pose, corners[0].hand)
 
     def kept(self) -> tuple[object, ...]:
-        """Everything that decides what a program will do, to be compared."""
+        """Return everything that determines what a program will do, for comparison."""
         return (
             tuple((number, self.positions[number]) for number in sorted(self.positions)),
             tuple(sorted((number, value) for number, value in self.counters.items() if value)),

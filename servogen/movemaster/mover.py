@@ -1,8 +1,8 @@
-"""A path through joint space -> samples frame by frame, no joint faster than its top speed.
+"""A path through joint space -> samples per frame, with no joint faster than its maximum speed.
 
-In: points (m + 1, joints) from where the joints are to where they go, passed without stopping. Out: their
-samples, the start exclusive and the end inclusive. One trapezoidal law runs over the whole path: it speeds up
-once, slows down once, and each leg between two points takes its share of the time.
+In: points (m + 1, joints) from the current position to the target, passed without stopping. Out: their
+samples, the start exclusive and the end inclusive. One trapezoidal law applies to the whole path: it
+accelerates once, decelerates once, and each leg between two points takes its share of the time.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ STILL = 1e-9
 
 @cache
 def _law() -> tuple[Law, float]:
-    """The law and the peak of its speed."""
+    """Return the law and its maximum speed."""
     shape = law("trapezoid")
     return shape, shape.peak(1)
 
 
 def sampled(points: Floats, speeds: Floats, period_s: Fraction, even: bool = False) -> Floats:
-    """The samples (frames, joints) of the path; no frames when nothing moves.
+    """Return the samples (frames, joints) of the path; no frames if nothing moves.
 
-    `speeds` are the joints' greatest, each leg takes as long as its slowest joint; with `even` all legs take
-    as long as the longest, so that points at equal distances are passed at a constant speed of the tool.
+    `speeds` are the joints' maximum speeds; each leg takes as long as its slowest joint. With `even`, all
+    legs take as long as the longest, so that equidistant points are passed at a constant tool speed.
     """
     legs = np.abs(np.diff(points, axis=0))
     times = (legs / speeds).max(axis=1, initial=0.0)
@@ -75,7 +75,7 @@ MOST_POINTS = 99
 
 @dataclass(frozen=True, slots=True)
 class Hand:
-    """The hand's servo: its angles open and closed, and its top speed, in radians; None: not limited."""
+    """The hand's servo: its angles open and closed, and its maximum speed, in radians; None: not limited."""
 
     name: str
     open: float
@@ -87,7 +87,9 @@ class Hand:
 
 
 class Mover:
-    """Where arm and hand are, and every frame since the beginning, when they stood at home, open."""
+    """The positions of arm and hand, and every frame since the beginning, at the home position with the hand
+    open.
+    """
 
     def __init__(
         self, manipulator: Manipulator, hand: Hand | None, period_s: Fraction, most_s: Fraction
@@ -116,14 +118,14 @@ class Mover:
         return np.concatenate(self._blocks)
 
     def go(self, pose: Pose, what: str) -> None:
-        """To `pose`, all joints together."""
+        """Move to `pose`, all joints together."""
         self.go_joints(self._solved(pose, self.q, what))
 
     def go_joints(self, q: Floats) -> None:
         self._path(np.stack([self.q, q]), even=False)
 
     def turn_joints(self, by: Floats) -> None:
-        """Each joint by radians (metres), within its limits."""
+        """Move each joint by radians (metres), within its limits."""
         target = self.q + by
         for joint, value in zip(self.manipulator.arm.joints, target.tolist(), strict=True):
             if not joint.lower - 1e-9 <= value <= joint.upper + 1e-9:
@@ -135,14 +137,14 @@ class Mover:
         self.go_joints(target)
 
     def through(self, poses: list[tuple[Pose, str]]) -> None:
-        """Through all poses without stopping."""
+        """Move through all poses without stopping."""
         points = [self.q]
         for pose, what in poses:
             points.append(self._solved(pose, points[-1], what))
         self._path(np.stack(points), even=False)
 
     def line(self, pose: Pose, intermediate: int, what: str) -> None:
-        """To `pose` through `intermediate` points at equal distances on the straight line."""
+        """Move to `pose` through `intermediate` equidistant points on the straight line."""
         self._solved(pose, self.q, what)
         branch = self._branch(pose, what)
         points = _points_on(branch, self.q, intermediate)
@@ -150,7 +152,7 @@ class Mover:
         self._check_line(samples, branch, what, intermediate)
 
     def grip(self, state: str) -> None:
-        """Opens or closes the hand; it takes GP's time, and longer if its servo needs that."""
+        """Open or close the hand; this takes GP's time, or longer if its servo needs that."""
         if state == self.hand_state:
             return
         frames = math.ceil(Fraction(self.grip_tenths, 10) / self.period_s)
@@ -169,7 +171,7 @@ class Mover:
         self._add(np.column_stack([np.tile(self.q, (len(angles), 1)), angles]))
 
     def wait_s(self, seconds: Fraction) -> None:
-        """At least one frame, else the nearest whole number of them."""
+        """Wait for the nearest whole number of frames, at least one."""
         if seconds:
             self.stand(max(1, math.floor(seconds / self.period_s + Fraction(1, 2))))
 
@@ -181,7 +183,7 @@ class Mover:
         self.manipulator = self.manipulator.with_tool_mm(length)
 
     def kept(self) -> tuple[object, ...]:
-        """Everything that decides how it will move, to be compared."""
+        """Return everything that determines how it will move, for comparison."""
         joints = tuple(float(value) for value in np.round(self.q, 9) + 0.0)
         return joints, self.hand_state, self.speed, self.grip_tenths, self.manipulator.tool_mm
 
@@ -205,7 +207,9 @@ class Mover:
         return samples
 
     def _branch(self, pose: Pose, what: str) -> Branch:
-        """The branch on which the arm goes straight to `pose`, its pitch and roll the short way."""
+        """Return the branch on which the arm moves straight to `pose`, with pitch and roll the short way
+        round.
+        """
         start = np.array(self.pose.values)
         way = np.array(pose.values) - start
         way[3:] = np.degrees(short_way(np.radians(way[3:])))
@@ -236,7 +240,7 @@ class Mover:
             ) from error
 
     def _reason(self, pose: Pose) -> str:
-        """Why there is no solution for a pose."""
+        """Return why a pose has no solution."""
         try:
             self.manipulator.solve(pose, self.q)
         except Unreachable as error:
@@ -244,7 +248,9 @@ class Mover:
         return "the arm is at the end of its reach"
 
     def _check_line(self, samples: Floats, branch: Branch, what: str, intermediate: int) -> None:
-        """Warns where the tool leaves the line between its points, where only the joints are straight."""
+        """Warn where the tool leaves the line between its points, because only the joints move linearly
+        there.
+        """
         tools = fk_position(self.manipulator.arm, samples)
         worst = 1000 * float(branch.path.distance(tools).max(initial=0.0))
         if worst <= OFF_THE_LINE_MM:
@@ -262,7 +268,9 @@ class Mover:
         )
 
     def _enough(self, branch: Branch, intermediate: int) -> int | None:
-        """How many intermediate points, more than these, keep the tool near the line."""
+        """Return the larger number of intermediate points that keeps the tool near the line; None if there is
+        none.
+        """
 
         def keeps(count: int) -> bool:
             points = _points_on(branch, branch.angles[0], count)
@@ -297,7 +305,7 @@ class Mover:
 
 
 def _points_on(branch: Branch, start: Floats, intermediate: int) -> Floats:
-    """The joint positions at the start of a branch, at points at equal distances on it, and at its end."""
+    """Return the joint positions at the start of a branch, at equidistant points on it, and at its end."""
     shares = np.arange(1, intermediate + 2) / (intermediate + 1)
     return np.vstack([start, branch.at(shares)])
 

@@ -42,7 +42,8 @@ Value = int | float | str | Bit
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """One line: its number (None: direct), its command (None: a comment that can be jumped to), arguments.
+    """One line: its number (None: direct), its command (None: a comment that can be a jump target), its
+    arguments.
 
     Lengths and angles are as written, in mm and degrees.
     """
@@ -54,7 +55,7 @@ class Statement:
     text: str
 
     def whole(self, index: int) -> int:
-        """A whole argument, which the table says is there."""
+        """Return an argument that the table declares as an integer."""
         value = self.arguments[index]
         if not isinstance(value, int):
             raise TypeError(f"argument {index + 1} of {self.text} is no whole number")
@@ -85,14 +86,14 @@ MAX_LINE = 1000
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A file's statements, in its order."""
+    """The statements of a file, in order."""
 
     file: str
     statements: tuple[Statement, ...]
 
 
 def read(path: str | Path) -> Source:
-    """The file at `path`. Raises InputError."""
+    """Return the file at `path`. Raises InputError."""
     try:
         text = read_input(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -102,7 +103,7 @@ def read(path: str | Path) -> Source:
 
 
 def parse(text: str, file: str) -> Source:
-    """The statements of `text`. Raises InputError for the first thing that is wrong."""
+    """Return the statements of `text`. Raises InputError for the first error."""
     long = next((index for index, line in enumerate(text.split("\n"), 1) if len(line) > MAX_LINE), None)
     if long is not None:
         raise InputError(f"the line has more than {MAX_LINE} characters", Place(file, long))
@@ -188,7 +189,7 @@ def _nearest_command(word: str) -> str:
 
 
 def _pieces(code: str, start: int) -> Iterator[tuple[str, int]]:
-    """The arguments between commas, and the column (from 1) of each."""
+    """Yield the arguments between commas, with the column (from 1) of each."""
     if not code[start:].strip():
         return
     at = start

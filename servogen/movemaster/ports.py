@@ -1,7 +1,7 @@
 """The ports beside the arm: inputs from a stimulus, outputs as a record.
 
-In: what stands at the input port from which time on. Out: its value at a frame, the next strobe; and for each
-write of the output port the frame and the value.
+In: the values at the input port and their times. Out: its value at a frame, the next strobe; for each write
+to the output port, the frame and the value.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ PORT_BITS = 8
 
 @dataclass(frozen=True, slots=True)
 class Input:
-    """From `at_s` seconds on the port reads `value`; a strobe says so to IN."""
+    """From `at_s` seconds on, the port reads `value`; a strobe signals it to IN."""
 
     at_s: Fraction
     value: int
@@ -25,7 +25,7 @@ class Input:
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """At the beginning of `frame` the output port becomes `value`; with `strobe` OT says so."""
+    """At the beginning of `frame` the output port becomes `value`; with `strobe`, OT signals it."""
 
     frame: int
     value: int
@@ -36,7 +36,7 @@ _INPUT = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*=\s*(?:&([0-9A-Fa-f]{1,2})|(\d{
 
 
 def input_of(text: str, place: Place | None = None) -> Input:
-    """An input written as seconds=value, such as 1.5=3 or 0=&1F. Raises InputError."""
+    """Return an input written as seconds=value, such as 1.5=3 or 0=&1F. Raises InputError."""
     found = _INPUT.match(text)
     value = -1 if found is None else int(found[2], 16) if found[2] else int(found[3])
     if found is None or not 0 <= value < 1 << PORT_BITS:
@@ -57,7 +57,7 @@ class InputPort:
         self._taken = 0
 
     def value(self, frame: int) -> int:
-        """What stands at the port in `frame`."""
+        """Return the value at the port in `frame`."""
         value = 0
         for first, given in self._rows:
             if first <= frame:
@@ -65,7 +65,7 @@ class InputPort:
         return value
 
     def strobe(self) -> tuple[int, int] | None:
-        """Frame and value of the first input that no strobe has given yet; None: there is none left."""
+        """Return frame and value of the first input that no strobe has returned yet; None if none is left."""
         if self._taken == len(self._rows):
             return None
         self._taken += 1

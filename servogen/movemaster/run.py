@@ -1,7 +1,9 @@
-"""An arm program -> `Run`: its `JointTrajectory`, what it wrote to the output port, what took how long.
+"""An arm program -> `Run`: its `JointTrajectory`, its writes to the output port, and the durations of its
+steps.
 
-In: the parsed file, the arm with its speeds, the hand, the frame, inputs, budgets. Out: one row a frame. The
-first frame stands at home; the last pose is held when the program has ended, or the program is repeated.
+In: the parsed file, the arm with its speeds, the hand, the frame, inputs, budgets. Out: one row per frame.
+The first frame is at the home position; the last pose is held when the program has ended, or the program is
+repeated.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ SAME = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """Where a program that does not end is stopped."""
+    """The limits at which a program that does not end is stopped."""
 
     commands: int = 100_000
     seconds: Fraction = Fraction(3600)
@@ -36,7 +38,7 @@ class Budget:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """What a program did. `positions` and `counters` are the memory at its end."""
+    """The result of a program. `positions` and `counters` are the memory at its end."""
 
     trajectory: JointTrajectory
     steps: tuple[Step, ...]
@@ -57,11 +59,11 @@ def run(
     repeat: bool = False,
     budget: Budget = Budget(),
 ) -> Run:
-    """Runs the file: direct lines at once, the program at RN, or at the end of a file without RN.
+    """Run the file: direct lines at once, the program at RN, or at the end of a file without RN.
 
-    With `repeat` the program is the loop and what moves before it the lead-in, its first pass too where the
-    second moves otherwise; the second must end as the first did. Raises InputError with the place of the line
-    that cannot be carried out.
+    With `repeat`, the program is the loop and any motion before it the lead-in, including its first pass if
+    the second moves differently; the second must end as the first did. Raises InputError with the location of
+    the line that cannot be executed.
     """
     period_s = clock.seconds(period)
     mover = Mover(arm, hand, period_s, budget.seconds)
@@ -86,7 +88,9 @@ def run(
 
 @dataclass(frozen=True, slots=True)
 class _Start:
-    """The state before the program, the frame at which it began, and the RN that began it (None: the end)."""
+    """The state before the program, the frame at which it began, and the RN that started it (None: the end of
+    the file).
+    """
 
     kept: tuple[object, ...]
     frame: int
@@ -94,7 +98,7 @@ class _Start:
 
 
 def _once(controller: Controller, source: Source) -> _Start | None:
-    """All statements in order, then the program if no RN began it."""
+    """Run all statements in order, then the program if no RN started it."""
     start: _Start | None = None
     waiting: Statement | None = None
     for statement in source.statements:
@@ -117,10 +121,10 @@ def _once(controller: Controller, source: Source) -> _Start | None:
 def _repeated(
     controller: Controller, source: Source, start: _Start | None, inputs: tuple[Input, ...]
 ) -> tuple[int, int, int]:
-    """Runs the program twice: the first frame that is needed, that of the loop, and the end.
+    """Run the program twice, and return the first frame that is needed, the first of the loop, and the end.
 
-    When the second pass moves as the first did, the first is the loop already; what stands still before it,
-    where the loop ends, is not needed.
+    If the second pass moves as the first did, the first is already the loop; frames at rest before it, at the
+    position where the loop ends, are not needed.
     """
     place = Place(source.file)
     if start is None:
@@ -138,7 +142,7 @@ def _repeated(
         )
     after, second = controller.kept(), controller.mover.frame
     steps, outputs = len(controller.steps), len(controller.outputs)
-    controller.commands = 0  # each pass has the whole budget
+    controller.commands = 0  # each pass has the full budget
     controller.mover.uncounted += second + 1
     if start.statement is None:
         controller.run_program(min(controller.program), None)
