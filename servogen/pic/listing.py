@@ -54,6 +54,15 @@ class Listing:
     """(address, name, bytes) of each variable; the compiler gives its temporaries last."""
     sources: tuple[tuple[str, str], ...] = ()
     """(file name, text) of each source file."""
+    labels: tuple[tuple[str, int], ...] = ()
+    """(name, address) of each label of the assembly in the sources, by address."""
+
+    def label(self, name: str) -> int:
+        """Return the address of a label. Raises LookupError unless exactly one label has that name."""
+        found = {address for label, address in self.labels if label == name}
+        if len(found) != 1:
+            raise LookupError(f"{len(found)} labels are called {name}")
+        return found.pop()
 
 
 def listing_text(listing: Listing) -> str:

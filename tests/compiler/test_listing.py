@@ -209,3 +209,21 @@ def test_the_programs_own_variables_come_before_what_the_compiler_needs() -> Non
     own = [name for name in names if "temporary" not in name]
     assert names[: len(own)] == own == sorted(own, key=names.index)
     assert {"a", "f.x", "f.y"} <= set(own) and not any(name.startswith("__") for name in own)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_the_labels_of_assembly_are_listed_with_their_addresses(level: str) -> None:
+    text = """void main(void) {
+      PORTB = 3;
+      asm("spin: incf PORTB, F");
+      asm("nop");
+      asm("turn: goto spin");
+      while (1) PORTB = 1;
+    }"""
+    made = compile_sources([Source(text, "main.c")], Options(dialect="xc8", optimise=level))
+    words = {row.address: row.assembly for row in made.listing.rows}
+    spin, turn = made.listing.label("spin"), made.listing.label("turn")
+    assert [name for name, _ in made.listing.labels] == ["spin", "turn"]
+    assert (words[spin], words[spin + 1]) == ("INCF PORTB, F", "NOP")
+    assert turn == spin + 2
+    assert words[turn] == f"GOTO 0x{spin:03X}"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from servogen.pic.assembler import assemble
 from servogen.pic.listing import ListedFunction, Listing, ListingRow, listing_text
 
@@ -107,3 +109,17 @@ def test_a_line_is_shown_again_when_code_comes_back_to_it() -> None:
 def test_the_same_values_make_the_same_text() -> None:
     listing = assemble(" nop\n end\n").listing
     assert listing_text(listing) == listing_text(listing)
+
+
+def test_an_assembly_knows_the_addresses_of_its_labels() -> None:
+    listing = assemble(" list p=16f84\nfirst nop\n nop\nlast goto first\n end\n", "a.asm").listing
+    assert listing.labels == (("first", 0), ("last", 2))
+    assert listing.label("last") == 2
+
+
+@pytest.mark.parametrize(("labels", "count"), [((), 0), ((("on", 1), ("on", 5)), 2)])
+def test_a_label_that_is_missing_or_ambiguous_has_no_address(
+    labels: tuple[tuple[str, int], ...], count: int
+) -> None:
+    with pytest.raises(LookupError, match=f"{count} labels are called on"):
+        Listing((), labels=labels).label("on")

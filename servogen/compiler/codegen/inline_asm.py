@@ -32,6 +32,10 @@ _MACROS = {
 }
 
 
+MARK = ".asm."
+"""Between the name of a function and that of a label in its assembly."""
+
+
 class AsmError(Exception):
     """An error in a line of assembly, with a hint."""
 
@@ -39,6 +43,17 @@ class AsmError(Exception):
         super().__init__(message)
         self.message = message
         self.hint = hint
+
+
+def program_label(function: str, name: str) -> str:
+    """Return the name, unique in the program, of a label in a function's assembly."""
+    return f"{function}{MARK}{name}"
+
+
+def source_label(label: str) -> str | None:
+    """Return a label's name in the source, or None for a label that the compiler made."""
+    function, mark, name = label.partition(MARK)
+    return name if mark and function.isidentifier() else None
 
 
 def assemble_line(text: str, place: Place, names: Names, label: Callable[[str], str]) -> list[Line]:

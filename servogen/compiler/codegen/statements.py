@@ -34,7 +34,7 @@ from servogen.compiler.codegen.conditions import differ, jump
 from servogen.compiler.codegen.effects import width_of
 from servogen.compiler.codegen.expressions import effect, into
 from servogen.compiler.codegen.generator import FunctionGenerator
-from servogen.compiler.codegen.inline_asm import AsmError, assemble_line
+from servogen.compiler.codegen.inline_asm import AsmError, assemble_line, program_label
 from servogen.compiler.codegen.operands import kept, operands_of
 from servogen.compiler.codegen.operators import to_w
 from servogen.compiler.ir.function import Function, LoopLines
@@ -260,7 +260,7 @@ def _asm_label(gen: FunctionGenerator, node: Asm, labels: dict[str, str]) -> Cal
     def find(name: str) -> str:
         if any(call.function == name.removeprefix("_") for call in node.calls):
             return gen.signature(name.removeprefix("_")).name
-        return labels.setdefault(name, f"{gen.function.name}.asm.{name}")
+        return labels.setdefault(name, program_label(gen.function.name, name))
 
     return find
 

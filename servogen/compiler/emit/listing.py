@@ -6,7 +6,9 @@ In: the layout. Out: `pic.listing.Listing`.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from operator import itemgetter
 
+from servogen.compiler.codegen.inline_asm import source_label
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.emit.layout import Layout, Memory, Word, file_address
 from servogen.compiler.emit.timing import FunctionTimes
@@ -39,7 +41,13 @@ def make_listing(
         for name, (start, end) in layout.starts.items()
         if end > start
     )
-    return Listing(rows, listed, _variables(memory), tuple(reporter.texts.items()))
+    return Listing(rows, listed, _variables(memory), tuple(reporter.texts.items()), _labels(layout))
+
+
+def _labels(layout: Layout) -> tuple[tuple[str, int], ...]:
+    """Return the labels of inline assembly by address, under the names that they have in the source."""
+    found = [(source_label(name), address) for name, address in layout.labels.items()]
+    return tuple(sorted(((name, at) for name, at in found if name is not None), key=itemgetter(1, 0)))
 
 
 def _variables(memory: Memory) -> tuple[tuple[int, str, int], ...]:

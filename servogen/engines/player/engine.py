@@ -61,9 +61,9 @@ def firmware(text: str, job: EngineJob, layout: Layout, dialect: str) -> Firmwar
 def rooms(listing: Listing, layout: Layout) -> tuple[TimingBudget, ...]:
     """The time that the C takes between two slots and between two frames, beside what it has."""
     program = Program({row.address: row.word for row in listing.rows}, listing.functions)
-    most = partial(program.longest, label(listing, DONE), {label(listing, CHECK)})
+    most = partial(program.longest, listing.label(DONE), {listing.label(CHECK)})
     return (
-        TimingBudget("two slots", most(without={label(listing, WIDTHS)}), layout.between_slots),
+        TimingBudget("two slots", most(without={listing.label(WIDTHS)}), layout.between_slots),
         TimingBudget("two frames", most(), layout.between_frames),
     )
 
@@ -78,19 +78,6 @@ def cautions(found: tuple[TimingBudget, ...]) -> Iterator[Caution]:
                 "player-room",
                 f"the C between {room.between} may take {room.worst} cycles, {-room.left} more than it has",
             )
-
-
-def label(listing: Listing, name: str) -> int:
-    """The address of a label of the C's assembly: of the first word, on the next line that has one."""
-    lines = {
-        (file, number)
-        for file, text in listing.sources
-        for number, line in enumerate(text.splitlines(), 1)
-        if f"{name}:" in line
-    }
-    ((file, first),) = lines
-    after = [(row.line, row.address) for row in listing.rows if row.file == file and (row.line or 0) >= first]
-    return min(after)[1]
 
 
 class PlayerEngine:

@@ -98,7 +98,7 @@ def beside(directory: Path) -> Include:
 def _listing(state: Pass, labels: Sequence[tuple[str, int]], sources: tuple[tuple[str, str], ...]) -> Listing:
     rows = _rows(state)
     names = {address: name for name, address in reversed(labels)}
-    return Listing(rows, routines(rows, names), _variables(state), sources)
+    return Listing(rows, routines(rows, names), _variables(state), sources, tuple(labels))
 
 
 def _rows(state: Pass) -> tuple[ListingRow, ...]:

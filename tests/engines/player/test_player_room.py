@@ -9,7 +9,7 @@ from servogen.build.build import Build, proven, report
 from servogen.build.proof import checked_cycles
 from servogen.engines.board import machine_of
 from servogen.engines.c_text import DIALECTS
-from servogen.engines.player.engine import CHECK, DONE, WIDTHS, firmware, label, play
+from servogen.engines.player.engine import CHECK, DONE, WIDTHS, firmware, play
 from servogen.job import loads, plan_job
 from servogen.pic.isa import decode
 from tests.engines.player.player_jobs import built, built_text, job_text, sweep
@@ -40,8 +40,8 @@ def test_no_slot_and_no_frame_takes_longer_than_the_bound(name: str) -> None:
     _, played = play(done.job)
     for program in done.programs:
         listing = program.firmware.compilation.listing
-        check, end = label(listing, CHECK), label(listing, DONE)
-        begin = label(listing, WIDTHS)
+        check, end = listing.label(CHECK), listing.label(DONE)
+        begin = listing.label(WIDTHS)
         machine = machine_of(schedule, program.image)
         machine.run_until(pc=end, limit=100_000)
         worst = {False: 0, True: 0}
@@ -69,7 +69,7 @@ def test_the_kernel_in_every_program_is_the_one_whose_cycles_are_counted(name: s
     ]  # its last is a NOP
     for program in built(name).programs:
         listing = program.firmware.compilation.listing
-        begin = label(listing, DONE) - label_of_assembled("pl_done")
+        begin = listing.label(DONE) - label_of_assembled("pl_done")
         made = [decode(row.word) for row in listing.rows if begin <= row.address < begin + len(counted)]
         addresses = {name: address for address, name, _ in listing.variables}
         for at, (one, other) in enumerate(zip(counted, made, strict=True)):
