@@ -88,18 +88,18 @@ TERMINAL = re.compile(r"/dev/pts/\d+")
 
 
 def is_terminal(text: str) -> bool:
-    """Whether `text`, a sigrok driver with its connection, names a pseudo-terminal."""
+    """Return whether `text`, a sigrok driver with its connection, names a pseudo-terminal."""
     return TERMINAL.search(text) is not None
 
 
 def compiler() -> str | None:
-    """The C compiler that makes the library; None where there is none, or another system than Linux."""
+    """Return the C compiler that builds the library; None if there is none, or the system is not Linux."""
     return (shutil.which("cc") or shutil.which("gcc")) if sys.platform == "linux" else None
 
 
 @contextmanager
 def library() -> Iterator[Path]:
-    """The library, until the block ends. Raises ToolError where it cannot be made."""
+    """Yield the library, which exists until the block ends. Raises ToolError if it cannot be built."""
     found = compiler()
     if found is None:
         raise ToolError(
@@ -131,11 +131,11 @@ POLL_S = 0.05
 
 
 class PortError(ToolError):
-    """A port that cannot be opened or used."""
+    """Raised when a port cannot be opened or used."""
 
 
 class Unplugged(PortError):
-    """The port went away while it was used."""
+    """Raised when a port disappears while in use."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +146,7 @@ class Port:
     line: serial.Serial
 
     def write(self, data: bytes) -> None:
-        """Sends all of `data`. Raises Unplugged."""
+        """Send all of `data`. Raises Unplugged."""
         try:
             self.line.write(data)
             self.line.flush()
@@ -154,7 +154,7 @@ class Port:
             raise self.unplugged() from error
 
     def read(self, most: int, seconds: float) -> bytes:
-        """What comes within `seconds`, at most `most` bytes; it comes back with the first bytes there are.
+        """Return what arrives within `seconds`, at most `most` bytes, as soon as there are any.
 
         Raises Unplugged.
         """
@@ -169,7 +169,7 @@ class Port:
                 return data
 
     def read_whole(self, count: int, seconds: float) -> bytes:
-        """`count` bytes, or fewer where `seconds` pass without the rest."""
+        """Return `count` bytes, or fewer if the rest does not arrive within `seconds`."""
         data = b""
         end = time.monotonic() + seconds
         while len(data) < count:
@@ -180,7 +180,7 @@ class Port:
         return data
 
     def clear(self) -> None:
-        """Forgets what came and was not read."""
+        """Discard received bytes that have not been read."""
         try:
             self.line.reset_input_buffer()
         except Exception as error:  # termios.error is no OSError
@@ -192,7 +192,7 @@ class Port:
 
 @contextmanager
 def open_port(path: str, baud: int) -> Iterator[Port]:
-    """The port at `path` for this process alone. Raises PortError."""
+    """Yield the port at `path`, opened for this process alone. Raises PortError."""
     import serial
 
     try:
@@ -207,7 +207,9 @@ def open_port(path: str, baud: int) -> Iterator[Port]:
 
 @contextmanager
 def held(path: str) -> Iterator[None]:
-    """The port is this process's, and a program's that it starts; no other servogen opens it meanwhile."""
+    """Reserve the port for this process and the programs that it starts; no other servogen opens it
+    meanwhile.
+    """
     if os.name != "posix":  # elsewhere only one program at a time can open a port
         yield
         return
@@ -230,7 +232,7 @@ def held(path: str) -> Iterator[None]:
 
 
 def close(line: serial.Serial) -> None:
-    """Closes a port that may be gone already."""
+    """Close a port that may already have disappeared."""
     try:
         line.close()
     except OSError:
@@ -238,7 +240,7 @@ def close(line: serial.Serial) -> None:
 
 
 def refuse(path: str, error: Exception) -> NoReturn:
-    """Raises the PortError for what opening `path` failed with."""
+    """Raise the PortError for an error on opening `path`."""
     code = error.errno if isinstance(error, OSError) else None
     place = Place(path)
     if code in (errno.ENOENT, errno.ENODEV, errno.ENXIO):

@@ -1,4 +1,5 @@
-"""How long an analyser can look, by its memory, its rate and RLE; too short is refused with the arithmetic.
+"""The longest capture that an analyser's memory, rate and RLE allow; one that is too short is rejected with
+the arithmetic.
 
 In: the device's memory and what is to be seen. Out: a `Plan`, or an `InputError` that shows the numbers.
 
@@ -26,7 +27,7 @@ SLACK = 4
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What is to be seen: frames of `period_s`, with `edges` moments of change in a frame on average.
+    """The requested capture: frames of `period_s`, with `edges` changes per frame on average.
 
     Where they can be fewer, `fewest` says how many on average: then a look of as many words takes longer.
     """
@@ -41,7 +42,7 @@ class Wanted:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A look of `words` words: `frames` whole frames, and the one in which it begins."""
+    """A capture of `words` words: `frames` whole frames, and the one in which it begins."""
 
     rate: Fraction
     rle: bool
@@ -56,7 +57,7 @@ class Plan:
     period_s: Fraction
 
     def shorter(self, by: int) -> Plan:
-        """The same with so many whole frames less, but with one at least."""
+        """Return the same plan with `by` fewer whole frames, but at least one."""
         by = min(by, self.frames - 1)
         words = self.words - floor(by * self.each / 4) * 4
         return replace(
@@ -65,7 +66,7 @@ class Plan:
 
 
 def plan(memory: int, rate: int, rle: bool, wanted: Wanted, several: bool = False) -> Plan:
-    """The look that shows what is wanted, or, where `several` are made, as much of it as one can show.
+    """Return the capture that shows what is wanted or, if `several` are made, as much of it as one can show.
 
     Raises InputError where the memory is too small for it.
     """

@@ -26,7 +26,9 @@ SEAMS_A_SECOND = 1000
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """What is written: the changes in samples, up to sample `end`; `pieces` where it is several captures."""
+    """The contents of the file: the changes in samples, up to sample `end`; `pieces` if it consists of
+    several captures.
+    """
 
     chunk: EdgeChunk
     end: int
@@ -34,7 +36,7 @@ class Record:
 
 
 def edges(runs: Runs, wires: Mapping[int, int]) -> EdgeChunk:
-    """The changes of the wired pins in samples; at sample 0 the level of each."""
+    """Return the changes of the wired pins in samples, with the level of each at sample 0."""
     times, pins, levels = [], [], []
     for channel, pin in sorted(wires.items(), key=lambda wire: wire[1]):
         level = (runs.value >> np.uint32(channel) & np.uint32(1)).astype(np.uint8)
@@ -49,7 +51,7 @@ def edges(runs: Runs, wires: Mapping[int, int]) -> EdgeChunk:
 
 
 def check_name(path: Path) -> None:
-    """Raises InputError where a capture could not be written to `path`, before anything is looked at."""
+    """Raise InputError if a capture cannot be written to `path`, before anything is captured."""
     if path.suffix.lower() != SUFFIX:
         raise InputError(
             f"'{path.suffix}' is not the ending of a capture that is written", Place(str(path)), SUFFIX
@@ -59,12 +61,12 @@ def check_name(path: Path) -> None:
 
 
 def partial_name(path: Path) -> Path:
-    """Where a capture that is not whole is kept: run.partial.vcd."""
+    """Return the path for an incomplete capture: run.partial.vcd."""
     return path.with_name(f"{path.stem}{PARTIAL}{path.suffix}")
 
 
 def cut(record: Record, begin: int, end: int) -> Record:
-    """The samples from `begin` up to `end` of one capture."""
+    """Return the samples from `begin` up to `end` of one capture."""
     chunk = record.chunk
     before = int(np.searchsorted(chunk.cycle, begin, side="right"))
     level = dict(zip(chunk.pin[:before].tolist(), chunk.level[:before].tolist(), strict=True))
@@ -74,7 +76,7 @@ def cut(record: Record, begin: int, end: int) -> Record:
 
 
 def stitched(records: Sequence[Record], rate: int) -> Record:
-    """One record of several captures, one behind the other, with no levels between them."""
+    """Return one record of several captures, one after the other, without levels between them."""
     if len(records) == 1:
         return records[0]
     gap = -(-rate // SEAMS_A_SECOND)
@@ -92,7 +94,7 @@ def stitched(records: Sequence[Record], rate: int) -> Record:
 def write_capture(
     path: Path, rate: int, record: Record, servos: Mapping[str, str], missing: str | None = None
 ) -> Path:
-    """Writes edges in samples; the path of the file, which is another where something is `missing`."""
+    """Write edges in samples, and return the path of the file, which differs if something is `missing`."""
     target = path if missing is None else partial_name(path)
     with capture_writer(target, rate, servos, missing, record.pieces) as writer:
         writer.add(record.chunk)

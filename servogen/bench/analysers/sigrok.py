@@ -24,7 +24,7 @@ SLACK_S = 30.0
 
 @dataclass(frozen=True, slots=True)
 class SigrokLook:
-    """`driver` as sigrok-cli's -d takes it; `wires` as ("D0", "RB0")."""
+    """`driver` as for sigrok-cli's -d; `wires` as in ("D0", "RB0")."""
 
     driver: str
     rate: int
@@ -34,7 +34,7 @@ class SigrokLook:
 
 
 def sigrok_wires(said: Iterable[str]) -> tuple[tuple[str, str], ...]:
-    """Channels and pins from texts as `D0=RB0`. Raises InputError."""
+    """Return channels and pins from texts such as `D0=RB0`. Raises InputError."""
     found = []
     for text in said:
         channel, _, pin = (part.strip() for part in text.partition("="))
@@ -48,7 +48,7 @@ def sigrok_wires(said: Iterable[str]) -> tuple[tuple[str, str], ...]:
 
 
 def command_of(look: SigrokLook, output: Path) -> tuple[str, ...]:
-    """What is run."""
+    """Return the command to run."""
     config = f"samplerate={look.rate}" + (":rle=on" if look.rle else "")
     channels = ",".join(f"{channel}={pin}" for channel, pin in look.wires)
     return (
@@ -58,7 +58,7 @@ def command_of(look: SigrokLook, output: Path) -> tuple[str, ...]:
 
 
 def capture(look: SigrokLook, output: Path) -> None:
-    """Writes the session. Raises ToolError."""
+    """Write the session. Raises ToolError."""
     if output.suffix.lower() != SUFFIX:
         raise InputError(
             f"'{output.suffix}' is not the ending of a sigrok session", Place(str(output)), SUFFIX

@@ -26,7 +26,9 @@ STAGGER = 3
 
 @dataclass(frozen=True, slots=True)
 class Stitched:
-    """`missing` says why the last capture is not whole; `unseen` counts the loop's frames without a look."""
+    """`missing` is the reason why the last capture is incomplete; `unseen` counts the frames of the loop that
+    were not captured.
+    """
 
     records: tuple[Record, ...]
     missing: str | None
@@ -41,7 +43,8 @@ def stitch(
     expected: Expected,
     wired: Mapping[int, int],
 ) -> Stitched:
-    """Looks until `frames` whole frames are there and, for the `whole_loop`, each different one is seen.
+    """Capture until there are `frames` whole frames and, for the `whole_loop`, each different one has been
+    seen.
 
     `look` takes a plan and the number of the look, from 1 on. `expected.chunks` is read anew for each.
     Where a look fails, those before it are kept.

@@ -63,7 +63,7 @@ TRIGGER_LEVEL = 16
 
 
 class Flag(IntFlag):
-    """Of the flags command; a group's bit switches it off."""
+    """The bits of the flags command; the bit of a group disables it."""
 
     DEMUX = 1 << 0
     FILTER = 1 << 1
@@ -92,7 +92,7 @@ class Key(IntEnum):
 
 
 class Runs(NamedTuple):
-    """Runs of equal samples: `value` uint32 from sample `start` (int64) on; `end` is behind the last."""
+    """Runs of equal samples: `value` uint32 from sample `start` (int64) on; `end` is after the last."""
 
     value: Words
     start: Ints
@@ -104,22 +104,22 @@ def short(command: Command) -> bytes:
 
 
 def long(command: int, data: int) -> bytes:
-    """A command and its four bytes of data."""
+    """Return a command and its four bytes of data."""
     return bytes([command]) + data.to_bytes(4, "little")
 
 
 def divider(rate: Fraction) -> int:
-    """What DIVIDER takes for `rate` samples a second, which must divide 100 MHz."""
+    """Return the argument of DIVIDER for `rate` samples per second, which must divide 100 MHz."""
     return int(BASE_HZ / rate) - 1
 
 
 def longest_count(bits: int = WORD_BITS) -> int:
-    """The largest count; above it is the bit that makes a word a count."""
+    """Return the largest count; the bit above it marks a word as a count."""
     return (1 << (bits - 1)) - 1
 
 
 def encode(runs: Runs, bits: int = WORD_BITS) -> Words:
-    """The words that RLE makes of `runs`: each value, then how often more it was there; none where it is 0.
+    """Return the RLE words of `runs`: each value, then the number of its repetitions, omitted if 0.
 
     A run that is longer than a count can say is begun again: value and count once more.
     """
@@ -136,7 +136,7 @@ def encode(runs: Runs, bits: int = WORD_BITS) -> Words:
 
 
 def decode(words: Words, rle: bool, bits: int = WORD_BITS) -> Runs:
-    """The samples in `words`, oldest first; a count without its value before it says nothing."""
+    """Return the samples in `words`, oldest first; a count without a value before it is ignored."""
     if not rle:
         return merged(words, np.arange(len(words), dtype=np.int64), len(words))
     longest = longest_count(bits)
@@ -150,20 +150,20 @@ def decode(words: Words, rle: bool, bits: int = WORD_BITS) -> Runs:
 
 
 def merged(value: Words, start: Ints, end: int) -> Runs:
-    """Runs whose neighbours differ."""
+    """Return runs in which neighbours differ."""
     keep = np.ones(len(value), dtype=bool)
     keep[1:] = value[1:] != value[:-1]
     return Runs(value[keep], start[keep], end)
 
 
 def to_bytes(words: Words, bits: int = WORD_BITS) -> bytes:
-    """Words as they are sent: the newest first, the lowest byte of each first."""
+    """Return words in transmission order: the newest first, the lowest byte of each first."""
     columns = words[::-1].astype("<u4").view(np.uint8).reshape(-1, 4)
     return columns[:, : bits // 8].tobytes()
 
 
 def from_bytes(data: bytes, bits: int = WORD_BITS) -> Words:
-    """Words of what was sent, the oldest first; a torn word at the end is left out."""
+    """Return the received words, the oldest first; an incomplete word at the end is dropped."""
     size = bits // 8
     columns = np.zeros((len(data) // size, 4), dtype=np.uint8)
     columns[:, :size] = np.frombuffer(data[: len(columns) * size], dtype=np.uint8).reshape(-1, size)

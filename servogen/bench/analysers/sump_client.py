@@ -27,7 +27,7 @@ DEFAULT_MEMORY = 24 * 1024
 
 @dataclass(frozen=True, slots=True)
 class Analyser:
-    """What a device says of itself."""
+    """The description that a device gives of itself."""
 
     name: str
     memory: int
@@ -40,7 +40,7 @@ class Analyser:
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """One capture: `words` of memory at `rate`, begun when `channel` rises; None begins at once."""
+    """One capture: `words` of memory at `rate`, started when `channel` rises; None starts immediately."""
 
     rate: Fraction
     words: int
@@ -60,7 +60,7 @@ class Seen:
 
 
 def identify(port: Port) -> Analyser:
-    """Wakes the device and asks what it is. Raises ToolError."""
+    """Wake the device and return its description. Raises ToolError."""
     answer = b""
     for _ in range(ATTEMPTS):
         port.write(sump.short(Command.RESET) * sump.RESETS)
@@ -93,7 +93,7 @@ def _described(port: Port) -> Analyser:
 
 
 def metadata(data: bytes) -> dict[int, int | str]:
-    """What a device's metadata say, by key; what is torn or unknown is left out."""
+    """Return a device's metadata by key; incomplete or unknown items are dropped."""
     found: dict[int, int | str] = {}
     at = 0
     while at < len(data) and data[at] != Key.END:
@@ -118,7 +118,7 @@ def metadata(data: bytes) -> dict[int, int | str]:
 
 
 def capture(port: Port, look: Look, progress: Callable[[int], None] = lambda words: None) -> Seen:
-    """Arms the analyser and takes what it sends. Raises ToolError where it sends nothing."""
+    """Arm the analyser and return the samples it sends. Raises ToolError if it sends nothing."""
     port.write(_settings(look))
     port.write(sump.short(Command.RUN))
     wanted = 2 * look.words
@@ -159,7 +159,7 @@ def _never(port: Port, look: Look) -> ToolError:
 
 
 def _settings(look: Look) -> bytes:
-    """The commands that describe a look: trigger, divider, counts, flags."""
+    """Return the commands that configure a capture: trigger, divider, counts, flags."""
     fours = look.words // 4 - 1
     flags = Flag.FILTER | Flag.NO_GROUP_3 | Flag.NO_GROUP_4
     if look.rle:
@@ -175,7 +175,7 @@ def _settings(look: Look) -> bytes:
 
 
 def _trigger(channel: int | None) -> bytes:
-    """Two stages make an edge of two levels: low arms the second, high starts."""
+    """Return the two trigger stages that form an edge from two levels: low arms the second, high starts."""
     if channel is None:
         return _stage(0, 0, 0, sump.TRIGGER_START)
     mask = 1 << channel

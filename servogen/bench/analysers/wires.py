@@ -13,7 +13,9 @@ CHANNEL_PINS = (*range(5, 13), *range(5))
 
 
 def wires(said: Iterable[str]) -> Mapping[int, int]:
-    """Pin by channel, from texts as `0=RB0`; without any, as `CHANNEL_PINS`. Raises InputError."""
+    """Return the pin of each channel from texts such as `0=RB0`; by default `CHANNEL_PINS`. Raises
+    InputError.
+    """
     found: dict[int, int] = {}
     for text in said:
         channel, _, pin = text.partition("=")
@@ -29,7 +31,7 @@ def wires(said: Iterable[str]) -> Mapping[int, int]:
 
 
 def channel_of(pin: str, wired: Mapping[int, int]) -> int:
-    """The channel that is on `pin`. Raises InputError."""
+    """Return the channel connected to `pin`. Raises InputError."""
     names = {PINS[number]: channel for channel, number in wired.items()}
     if pin.upper() not in names:
         raise InputError(f"no channel of the analyser is on {pin}", hint=nearest(pin, names))

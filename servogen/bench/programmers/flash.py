@@ -1,4 +1,4 @@
-"""What speaks against programming an image, and what its owner should know before it is done."""
+"""Objections to programming an image, and remarks for its owner beforehand."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CLEARS_WATCHDOG = ("CLRWDT", "SLEEP")
 
 
 def objections(image: Image) -> tuple[str, ...]:
-    """Reasons not to program `image`."""
+    """Return reasons not to program `image`."""
     found = []
     if not image.words:
         found.append("the image has no program")
@@ -36,7 +36,7 @@ def objections(image: Image) -> tuple[str, ...]:
 
 
 def remarks(image: Image, device: Device) -> tuple[str, ...]:
-    """What programming it means."""
+    """Return the consequences of programming it."""
     found = []
     if device.name == "PIC16F84":
         found.append(
@@ -64,21 +64,23 @@ LINE = 120
 
 
 class Differs(ServogenError):
-    """The chip does not hold what the file holds."""
+    """Raised when the chip's contents differ from the file's."""
 
     exit_code = 1
 
 
 @dataclass(frozen=True, slots=True)
 class Flashed:
-    """`output` is what the programmer's program said; `compared` names the memories that were read back."""
+    """`output` is the output of the programmer's program; `compared` names the memories that were read
+    back.
+    """
 
     output: str
     compared: tuple[str, ...]
 
 
 def command_of(found: Found, order: Order) -> tuple[str, ...]:
-    """The command that programs. Raises InputError where it needs a port and none is given."""
+    """Return the command that programs. Raises InputError if it needs a port and none is given."""
     if found.programmer.needs_port and order.port is None:
         raise InputError(
             f"{found.programmer.name} needs the programmer's port", hint="--port /dev/ttyUSB0, or the like"
@@ -87,7 +89,7 @@ def command_of(found: Found, order: Order) -> tuple[str, ...]:
 
 
 def flash(found: Found, order: Order, image: Image, timeout_s: float = TIMEOUT_S) -> Flashed:
-    """Programs the chip. Raises ToolError or Differs."""
+    """Program the chip. Raises ToolError or Differs."""
     command = command_of(found, order)
     port = order.port if found.programmer.needs_port else None
     with nullcontext() if port is None else held(port):
@@ -108,7 +110,7 @@ def flash(found: Found, order: Order, image: Image, timeout_s: float = TIMEOUT_S
 
 
 def _judge(programmer: Programmer, code: int, output: str, port: str | None) -> None:
-    """Raises what the exit code and the output say."""
+    """Raise the error that the exit code and the output indicate."""
     for failure in programmer.failures:
         if isinstance(failure.sign, int):
             hit = code == failure.sign
@@ -129,7 +131,7 @@ def _judge(programmer: Programmer, code: int, output: str, port: str | None) -> 
 
 
 def _with_place(error: Differs, found: Found, order: Order, image: Image, timeout_s: float) -> Differs:
-    """The same, with the first address that differs, where the programmer can read it."""
+    """Return the same error with the first differing address, if the programmer can read it."""
     try:
         at = difference(_read(found, order, image, timeout_s), image)
     except ToolError:
@@ -138,7 +140,7 @@ def _with_place(error: Differs, found: Found, order: Order, image: Image, timeou
 
 
 def _read(found: Found, order: Order, image: Image, timeout_s: float) -> Contents:
-    """All that can be read back; of a chip whose code is protected, what such a chip still tells."""
+    """Return everything that can be read back; for a code-protected chip, what it still reveals."""
     contents: dict[str, Sequence[int]] = {}
     closed = protected(image, order.device)
     with tempfile.TemporaryDirectory() as folder:
@@ -160,7 +162,7 @@ def _read(found: Found, order: Order, image: Image, timeout_s: float) -> Content
 def _run(
     command: tuple[str, ...], programmer: Programmer, port: str | None, timeout_s: float
 ) -> tuple[int, str]:
-    """Exit code and output; the program is ended where it takes too long."""
+    """Return exit code and output; the program is terminated if it takes too long."""
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
     with subprocess.Popen(
         command,
@@ -193,6 +195,6 @@ def _place(port: str | None) -> Place | None:
 
 
 def _last(output: str) -> str | None:
-    """The last lines that a program said, without the ends of very long ones."""
+    """Return the last lines of a program's output, without the ends of very long ones."""
     lines = [line for line in output.splitlines() if line.strip()][-LAST_LINES:]
     return "\n  ".join(line if len(line) <= LINE else f"{line[:LINE]} …" for line in lines) or None

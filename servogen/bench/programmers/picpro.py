@@ -17,7 +17,7 @@ NO_SUCH_LINE = (errno.ENOTTY, errno.EINVAL)
 
 
 def tolerant(update: Callable[[Any], None]) -> Callable[[Any], None]:
-    """`update` of a modem line, where there may be none."""
+    """Return `update` of a modem line in a form that tolerates ports without one."""
 
     def updated(line: Any) -> None:
         try:
@@ -30,7 +30,7 @@ def tolerant(update: Callable[[Any], None]) -> Callable[[Any], None]:
 
 
 def as_answered(read_config: Callable[[Any], dict[str, Any]]) -> Callable[[Any], bytes]:
-    """`read_config` of picpro, put together again as the programmer sent it: 26 bytes."""
+    """Return picpro's `read_config`, reassembled into the 26 bytes that the programmer sent."""
 
     def answered(interface: Any) -> bytes:
         found = read_config(interface)
@@ -40,7 +40,7 @@ def as_answered(read_config: Callable[[Any], dict[str, Any]]) -> Callable[[Any],
 
 
 def main() -> None:
-    """picpro with the arguments of this process."""
+    """Run picpro with the arguments of this process."""
     import serial
     from picpro.bin import picpro
     from picpro.ProtocolInterface import ProtocolInterface

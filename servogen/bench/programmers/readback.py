@@ -23,7 +23,9 @@ Contents = Mapping[str, Sequence[int]]
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """One way to read: `arguments` for the programmer's program, and what is in the file that it writes."""
+    """One way to read: `arguments` for the programmer's program, and the contents of the file that it
+    writes.
+    """
 
     arguments: tuple[str, ...]
     contents: Callable[[Path, Image], Contents]
@@ -32,7 +34,7 @@ class Look:
 
 
 def wanted(image: Image) -> Contents:
-    """What a chip holds with `image` on it."""
+    """Return the contents of a chip programmed with `image`."""
     contents: dict[str, Sequence[int]] = {
         PROGRAM: image.flash(),
         EEPROM: [image.eeprom.get(address, ERASED_BYTE) for address in range(EEPROM_BYTES)],
@@ -43,7 +45,7 @@ def wanted(image: Image) -> Contents:
 
 
 def difference(read: Contents, image: Image) -> str | None:
-    """Where `read` first differs from `image`, in words; None where all of it is the same."""
+    """Return where `read` first differs from `image`, in words; None if it does not."""
     for memory, right in wanted(image).items():
         for address, (word, got) in enumerate(zip(right, read.get(memory, right), strict=True)):
             if word != got:
@@ -54,20 +56,20 @@ def difference(read: Contents, image: Image) -> str | None:
 
 
 def program_of(file: Path, image: Image) -> Contents:
-    """A HEX file of the program memory alone."""
+    """Return the contents of a HEX file of the program memory alone."""
     return {PROGRAM: _image(file).flash()}
 
 
 def whole_of(file: Path, image: Image) -> Contents:
-    """A HEX file of all memories; what is not in it was not read."""
+    """Return the contents of a HEX file of all memories; missing parts were not read."""
     read = _image(file)
     contents = wanted(read)
     return contents if read.eeprom else {name: words for name, words in contents.items() if name != EEPROM}
 
 
 def picpro_eeprom(file: Path, image: Image) -> Contents:
-    """picpro's bytes from address 0. Version 0.3.0 writes each two of them the wrong way round: the order
-    in which fewer bytes differ is taken.
+    """Return picpro's bytes from address 0. Version 0.3.0 swaps the bytes of each pair, so the order in which
+    fewer bytes differ is used.
     """
     data = _bytes(file)
     right = wanted(image)[EEPROM]
@@ -76,7 +78,9 @@ def picpro_eeprom(file: Path, image: Image) -> Contents:
 
 
 def picpro_config(file: Path, image: Image) -> Contents:
-    """A K150's answer, as `picpro_here` has it written: device ID, eight ID bytes, words, low byte first."""
+    """Return a K150's answer, as `picpro_here` has it written: device ID, eight ID bytes, words, low byte
+    first.
+    """
     data = _bytes(file)
     return {CONFIG: [int.from_bytes(data[10:12], "little") & WORD_MASK]}
 

@@ -21,7 +21,7 @@ from servogen.pic.device import Device
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """What is to be programmed, where; `file` is read from or written to."""
+    """What is to be programmed, and where; `file` is read from or written to."""
 
     file: Path
     device: Device
@@ -60,7 +60,7 @@ _AWAY = "the programmer went away while it worked: what is on the chip is not kn
 
 
 def _dump(memory: str, order: Order) -> tuple[str, ...]:
-    """picpro's arguments that read a memory."""
+    """Return picpro's arguments for reading a memory."""
     return (
         *("dump", memory, "-p", str(order.port), "-o", str(order.file)),
         *("-t", order.device.short_name),
@@ -194,7 +194,7 @@ class Found:
 
 
 def find(named: str | None) -> Found:
-    """The programmer by name or by the path of its program; by default the first that is installed.
+    """Return the programmer with a name or the path of its program; by default the first that is installed.
 
     A picpro of its own Python cannot read the configuration word back: its `dump config` fails (0.3.0).
     Raises InputError for one that is not in the table, ToolError where it is not installed.

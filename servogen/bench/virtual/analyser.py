@@ -21,7 +21,7 @@ LONGEST_S = 1800
 
 @dataclass(frozen=True, slots=True)
 class AnalyserOptions:
-    """What device it is, and what is wrong with it."""
+    """The kind of device, and its faults."""
 
     memory: int = 24 * 1024
     fastest: int = sump.BASE_HZ
@@ -55,7 +55,7 @@ class VirtualAnalyser:
 
     @property
     def working(self) -> bool:
-        """Whether `work` has something to do."""
+        """Return whether `work` has something to do."""
         return self._armed is not None
 
     def received(self, data: bytes) -> None:
@@ -68,7 +68,7 @@ class VirtualAnalyser:
                     self._obey(command, value)
 
     def work(self) -> None:
-        """A slice of the chip's time while a capture is armed."""
+        """Run the chip for a slice of time while a capture is armed."""
         if self._armed is None:
             return
         self._armed.watch(self.chip, self.options.glitches_per_s, self._dice)

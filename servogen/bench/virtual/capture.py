@@ -27,7 +27,7 @@ MOST_SAMPLES = 1 << 20
 
 
 def armed(settings: Mapping[int, int]) -> Capture:
-    """The capture that the settings ask for, with the protocol's defaults for what was not set."""
+    """Return the capture requested by the settings, with the protocol's defaults for missing ones."""
     counts = settings.get(Command.COUNTS, 0)
     flags = Flag(settings.get(Command.FLAGS, 0))
     stages = []
@@ -75,7 +75,7 @@ class Capture:
     """Once triggered: the words before the trigger; `_runs` begin at the trigger then."""
 
     def watch(self, chip: VirtualChip, glitches_per_s: float, dice: random.Random) -> None:
-        """Lets the chip run for a slice and samples it."""
+        """Run the chip for a slice of time and sample it."""
         seconds = min(SLICE_S, MOST_SAMPLES / self.rate)
         cycles = chip.due(int(seconds * chip.cycles_per_second) + 1)
         if not cycles:
@@ -105,7 +105,7 @@ class Capture:
         return 8 * len(self._groups)
 
     def _add(self, new: Runs) -> None:
-        """Puts samples behind those that are there; levels between two samples are never seen."""
+        """Append samples; levels between two samples are never seen."""
         seen = np.append(new.start[1:] > new.start[:-1], new.start[-1] < new.end)
         value = np.concatenate((self._runs.value, new.value[seen]))
         self._runs = sump.merged(value, np.concatenate((self._runs.start, new.start[seen])), new.end)
@@ -139,7 +139,7 @@ def _from(runs: Runs, index: int) -> Runs:
 
 
 def _channels(levels: sump.Words) -> sump.Words:
-    """The pins' levels as the analyser's channels have them."""
+    """Return the pins' levels as the analyser's channels have them."""
     word = np.zeros(len(levels), dtype=np.uint32)
     for channel, pin in enumerate(CHANNEL_PINS):
         word |= (levels >> np.uint32(pin) & np.uint32(1)) << np.uint32(channel)
@@ -147,7 +147,7 @@ def _channels(levels: sump.Words) -> sump.Words:
 
 
 def _grouped(value: sump.Words, groups: tuple[int, ...]) -> sump.Words:
-    """The bytes of the groups that are on, without gaps between them."""
+    """Return the bytes of the groups that are on, without gaps between them."""
     word = np.zeros(len(value), dtype=np.uint32)
     for place, group in enumerate(groups):
         word |= (value >> np.uint32(8 * group) & np.uint32(0xFF)) << np.uint32(8 * place)
@@ -155,7 +155,7 @@ def _grouped(value: sump.Words, groups: tuple[int, ...]) -> sump.Words:
 
 
 def _noisy(runs: Runs, begin: int, per_sample: float, dice: random.Random) -> Runs:
-    """The same samples with single ones wrong, at random."""
+    """Return the same samples with random single errors."""
     if not per_sample:
         return runs
     expected = per_sample * (runs.end - begin)

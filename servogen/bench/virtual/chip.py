@@ -55,7 +55,7 @@ class VirtualChip:
         self.load(self.image)
 
     def load(self, image: Image) -> None:
-        """Another image on the chip, and a reset; its pins are low until it drives them."""
+        """Load another image and reset the chip; its pins are low until it drives them."""
         self._before += self.machine.cycles if self._reset_at else 0
         self.image = image
         self.machine = Machine(image, self.clock, self.options, self.stimulus)
@@ -66,11 +66,11 @@ class VirtualChip:
 
     @property
     def now(self) -> int:
-        """Cycles since it was made; a reset does not turn them back."""
+        """Return the cycles since creation, which a reset does not set back."""
         return self._before + self.machine.cycles
 
     def due(self, most: int) -> int:
-        """How many of `most` cycles it may run now; where it must wait for the clock, it waits a moment."""
+        """Return how many of `most` cycles may run now, after a short wait if the clock requires it."""
         if not self.in_real_time:
             return most
         reached = int(Fraction(time.monotonic() - self._reset_at) * self.cycles_per_second)
@@ -80,21 +80,23 @@ class VirtualChip:
 
     @property
     def cycles_per_second(self) -> Fraction:
-        """By a true clock."""
+        """Return the cycles per second of a true clock."""
         return self.clock.cycles_per_second * (1 + self.ppm / MILLION)
 
     def run(self, cycles: int) -> None:
-        """Lets it run."""
+        """Run the chip for `cycles`."""
         levels = self._levels(cycles)
         if self.watched:
             self._seen.append(levels)
 
     def forget(self) -> None:
-        """Drops what was kept for a look."""
+        """Drop what was kept for a look."""
         self._seen.clear()
 
     def look(self, cycles: int) -> Levels:
-        """Lets it run: what the pins did since the last look; the first entry is the level at its begin."""
+        """Run the chip and return the levels since the last look; the first entry is the level at its
+        beginning.
+        """
         pieces = [*self._seen, self._levels(cycles)]
         self._seen.clear()
         cycle, level = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
@@ -102,7 +104,8 @@ class VirtualChip:
         return cycle[last_of_cycle], level[last_of_cycle]
 
     def _levels(self, cycles: int) -> Levels:
-        """Runs on: the present cycle and those at which levels change, and the levels from each of them on.
+        """Run the chip and return the current cycle, those at which levels change, and the levels from each
+        on.
 
         A pin that nothing drives is low, as an analyser's input with a pull-down sees it.
         """

@@ -49,7 +49,7 @@ ROM_BLANK, EEPROM_BLANK, CHIP_IN, CHIP_OUT, VERSION, GET_PROTOCOL = 15, 16, 18, 
 
 @dataclass(frozen=True, slots=True)
 class ProgrammerOptions:
-    """What is wrong with it."""
+    """The faults of the programmer."""
 
     silent: bool = False
     garbage: bool = False
@@ -94,7 +94,7 @@ class VirtualProgrammer:
         return False
 
     def work(self) -> None:
-        """It does nothing unasked."""
+        """Do nothing, because the programmer acts only on commands."""
 
     def received(self, data: bytes) -> None:
         self.taken += len(data)
@@ -120,7 +120,7 @@ class VirtualProgrammer:
             del self.outgoing[:-MAX_UNREAD]
 
     def _begin_anew(self) -> None:
-        """Forgets the command in hand and what nobody has read; the programming voltage goes off."""
+        """Discard the current command and unread output, and switch off the programming voltage."""
         self._talk = None
         self._waiting.clear()
         self.outgoing.clear()
@@ -168,7 +168,7 @@ class VirtualProgrammer:
         self.outgoing += yield 1
 
     def _variables(self) -> Talk:
-        """Sizes, core type, flags, delays: 11 bytes."""
+        """Read sizes, core type, flags and delays: 11 bytes."""
         yield 11
         self.outgoing += b"I"
 
@@ -204,7 +204,9 @@ class VirtualProgrammer:
         self.outgoing += b"P"
 
     def _program_fuses(self) -> Talk:
-        """'00', four ID bytes, 'FFFF', and seven fuse words, low byte first, of which the first is used."""
+        """Program the fuses from '00', four ID bytes, 'FFFF', and seven fuse words, low byte first, of which
+        the first is used.
+        """
         data = yield 24
         self._ids = [byte & ID_BITS for byte in data[2:6]]
         self._config = int.from_bytes(data[10:12], "little") & WORD_MASK ^ self.options.wrong_config
@@ -215,7 +217,7 @@ class VirtualProgrammer:
         self.outgoing += b"Y" if set(self._rom) == {ERASED_WORD} else b"N"
 
     def _read_config(self) -> bytes:
-        """The device's ID, the ID bytes, seven fuse words and a calibration word."""
+        """Return the device ID, the ID bytes, seven fuse words and a calibration word."""
         ids = bytes(self._ids) + bytes(8 - ID_WORDS)
         words = (self._config, *[WORD_MASK] * 7)
         return (
@@ -241,7 +243,7 @@ class VirtualProgrammer:
         return b"V"
 
     def _power_off(self) -> bytes:
-        """The chip starts anew with what is on it."""
+        """Restart the chip with its current contents."""
         if not self._powered:
             return b"v"
         self._powered = False

@@ -45,7 +45,7 @@ NUMBERS = {
 
 @dataclass(frozen=True, slots=True)
 class RigOptions:
-    """What the bench is like."""
+    """The properties of the bench."""
 
     ppm: Fraction = Fraction(0)
     real_time: bool = False
@@ -59,7 +59,7 @@ class RigOptions:
 
 
 def with_fault(options: RigOptions, text: str) -> RigOptions:
-    """The same bench with a fault, as `analyser:silent` or `programmer:wrong-bit-at=0x12`."""
+    """Return the same bench with a fault, such as `analyser:silent` or `programmer:wrong-bit-at=0x12`."""
     name, given, number = text.partition("=")
     known = NUMBERS if given else FLAGS
     if name not in known:
@@ -83,7 +83,7 @@ def rig(
     options: RigOptions,
     held: Mapping[int, int] = MappingProxyType({}),
 ) -> Iterator[Terminals]:
-    """The bench with `image` on its chip; `paths` has "programmer", "analyser" and "serial".
+    """Yield the bench with `image` on its chip; `paths` has "programmer", "analyser" and "serial".
 
     `held` are levels at which the board holds pins that the program reads, by the pins' numbers.
     """

@@ -71,7 +71,7 @@ class LineStimulus:
 
 
 def _packed(changes: Iterable[tuple[int, int, int]]) -> npt.NDArray[np.int64]:
-    """(cycle, pin, level) of each, as the instruction loop takes them."""
+    """Return (cycle, pin, level) of each change, packed for the instruction loop."""
     return np.array(
         [cycle << PACK_CYCLE | pin << PACK_PIN | level for cycle, pin, level in changes], dtype=np.int64
     )
@@ -93,7 +93,7 @@ class LineReceiver:
     """The edges since then."""
 
     def add(self, levels: Levels, until: int) -> bytes:
-        """Takes what the pins did up to cycle `until`; the bytes that ended in it."""
+        """Process the pins' changes up to cycle `until`, and return the bytes that ended in it."""
         received = bytearray()
         cycle, word = levels
         line = (word >> np.uint32(self.pin) & np.uint32(1)).astype(bool) != self.inverted
@@ -108,7 +108,7 @@ class LineReceiver:
         return bytes(received + self._ended(until))
 
     def _ended(self, now: int) -> bytes:
-        """The byte under way, once its stop bit was looked at."""
+        """Return the current byte once its stop bit has been sampled."""
         if self._start is None or now < self._start + (BITS - Fraction(1, 2)) * self.bit:
             return b""
         middles = [self._start + (n + Fraction(1, 2)) * self.bit for n in range(BITS)]
@@ -145,7 +145,7 @@ class SerialLine:
         self._until = self.chip.now + int((line + ANSWER_S) * self.chip.clock.cycles_per_second)
 
     def work(self) -> None:
-        """Lets a byte's time pass, or as much as has passed."""
+        """Let the time of one byte pass, or as much as has passed."""
         byte = int(BITS * self.chip.clock.cycles_per_second / self.stimulus.baud) + 1
         self.chip.run(self.chip.due(byte))
 

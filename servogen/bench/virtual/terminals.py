@@ -63,7 +63,7 @@ class Terminals:
             self.paths[name] = os.ttyname(slave)
 
     def serve(self, ended: Callable[[], bool]) -> None:
-        """Carries bytes until `ended`."""
+        """Transfer bytes until `ended`."""
         while not ended():
             self._turn()
 
@@ -94,7 +94,7 @@ class Terminals:
 
 @contextmanager
 def terminals(devices: Mapping[str, Device]) -> Iterator[Terminals]:
-    """Terminals that are closed when the block ends."""
+    """Yield terminals that are closed when the block ends."""
     opened = Terminals(devices)
     try:
         yield opened
@@ -116,7 +116,7 @@ def _receive(terminal: _Terminal) -> None:
 
 
 def _unread(terminal: _Terminal) -> bool:
-    """Whether bytes wait for the client: they would be lost with the terminal.
+    """Return whether bytes wait for the client, which would be lost if the terminal were closed.
 
     The system takes a moment to pass on what was just sent, and does not count it meanwhile.
     """
