@@ -182,3 +182,12 @@ def test_the_page_says_its_times_in_seconds(run: Run, tmp_path: Path) -> None:
     assert "<b>20 ms</b><span>period</span>" in html
     assert "<b>0.4 s</b><span>loop, 20 frames</span>" in html
     assert "The motion once, 0.4 s:" in html
+    assert "0 cycles from the schedule; " in html
+
+
+def test_fk_in_symbols_prints_each_link_the_product_and_the_position(run: Run) -> None:
+    """θ–r: a turn by q1 about z, then a way of q2."""
+    out = run("fk", "theta-r", "--symbolic").out
+    headings = [line for line in out.splitlines() if line.endswith(":")]
+    assert headings == ["link 1:", "link 2:", "product:", "position:"]
+    assert "q2*sin(q1)" in out.split("position:")[1]

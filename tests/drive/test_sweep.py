@@ -69,3 +69,15 @@ def test_three_points_are_the_fewest(channel: Channel) -> None:
     with pytest.raises(InputError, match="3 points or more"):
         positions(channel, None, None, 2)
     assert math.isclose(channel.widths_us[50], channel.servo.widths_us[0])
+
+
+def test_a_width_exactly_the_slack_beyond_an_end_still_counts(channel: Channel) -> None:
+    widths, slack = channel.widths_us, channel.slack_us
+    low, high = widths[60], widths[70]
+    near = replace(channel, widths_us=(*widths[:59], low - slack, *widths[60:71], high + slack, *widths[72:]))
+    assert positions(near, low, high, 13) == tuple(range(59, 72))
+
+
+def test_a_range_exactly_the_slack_beyond_the_limits_is_allowed(channel: Channel) -> None:
+    low, high = channel.servo.widths_us
+    assert len(positions(channel, low - channel.slack_us, high + channel.slack_us, 3)) == 3

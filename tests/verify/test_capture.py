@@ -324,6 +324,7 @@ def test_errors_are_microseconds_whatever_the_chips_clock(mhz: int) -> None:
     arm, leg = wrong.channels
     assert (arm.width.wrong, leg.width.wrong, arm.period.wrong) == (1, 0, 0)
     assert arm.width.worst_us == pytest.approx(30, abs=1.01)
+    assert arm.edge.worst_us == pytest.approx(30, abs=2)
     assert wrong.problem is not None
     assert wrong.problem.frame == 5
     assert wrong.problem.time_us == pytest.approx(5 * PERIOD + 12_345.6, abs=2)

@@ -8,7 +8,7 @@ from servogen.compiler.ast.nodes import Symbol
 from servogen.compiler.ast.types import U8
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import STATUS, Byte, Instruction, Label, Z
-from servogen.compiler.passes.tail_merging import merge_tails
+from servogen.compiler.passes.tail_merging import merge_tails, tail_calls
 
 A = Byte(Symbol("a", U8, "temp"), 0)
 
@@ -49,3 +49,18 @@ def test_an_end_with_a_fixed_instruction_stays(fixed: tuple[bool, bool]) -> None
     made = two_ends(*fixed)
     assert not merge_tails(made)
     assert clears(made) == 2
+
+
+@pytest.mark.parametrize("fixed", [(False, False), (True, False), (False, True)])
+def test_a_call_before_a_return_is_a_jump_unless_one_of_them_is_fixed(fixed: tuple[bool, bool]) -> None:
+    made = Function("f")
+    made.extend([Instruction("CALL", target="g", fixed=fixed[0]), Instruction("RETURN", fixed=fixed[1])])
+    assert tail_calls(made) == (not any(fixed))
+    found = [each.op for each in made.lines() if isinstance(each, Instruction)]
+    assert found[0] == ("CALL" if any(fixed) else "GOTO")
+
+
+def test_a_label_between_call_and_return_keeps_the_call() -> None:
+    made = Function("f")
+    made.extend([Instruction("CALL", target="g"), Label("f.end"), Instruction("RETURN")])
+    assert not tail_calls(made)
