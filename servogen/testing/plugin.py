@@ -298,13 +298,10 @@ class Bench:
         self.on_chip = image
 
     def capture(self, schedule: PulseSchedule, seconds: float | None) -> Seen:
-        """As `servogen capture` looks: by default at the whole loop. Raises ToolError."""
-        from servogen.cli.capture_command import capture
-        from servogen.outputs import write_text
+        """Looks at the pins, by default for the whole loop, and returns what was seen. Raises ToolError."""
+        from servogen.build.capture import capture
         from servogen.testing.targets import captured
 
-        against, path = self.folder / "schedule.json", self.folder / "capture.vcd"
-        write_text(against, schedule.to_json())
-        capture(output=path, port=self.port, against=against, seconds=seconds)
+        path = capture(self.folder / "capture.vcd", self.port, schedule, seconds).path
         which = "which this run programmed" if self.on_chip else "which this run did not program"
         return captured(path, f"the bench's chip, {which}, by the analyser on {self.port}")

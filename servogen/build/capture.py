@@ -1,0 +1,176 @@
+"""A capture of the chip's pins by a logic analyser: as long as the schedule needs, stitched where it must be.
+
+In: the analyser's port, the schedule that is to be seen, if any, and how to look. Out: a capture file, and
+what is known of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+from math import ceil
+from pathlib import Path
+
+from servogen.bench.analysers.memory import FEWEST_EDGES, USUAL_EDGES, USUAL_PERIOD_S, Plan, Wanted, plan
+from servogen.bench.analysers.request import Record, check_name, edges, stitched, write_capture
+from servogen.bench.analysers.stitching import Stitched, stitch
+from servogen.bench.analysers.sump_client import BAUD, Analyser, Look, Seen, identify
+from servogen.bench.analysers.sump_client import capture as sump_capture
+from servogen.bench.analysers.wires import channel_of, wires
+from servogen.bench.ports import Port, open_port
+from servogen.errors import Place, ToolError
+from servogen.pulse import PulseSchedule, Run
+from servogen.pulse.expected import expected
+from servogen.verify import Sampling, Tolerances
+
+RATE = 1_000_000
+SECONDS = 1.0
+SLACK = 1.25
+PATIENCE_S = 5.0
+"""Beyond the time that the capture itself takes."""
+
+Progress = Callable[[str, int], AbstractContextManager[Callable[[int], None]]]
+"""(what is done, how much there is to do) -> a block in which a function takes how much is done."""
+
+
+@contextmanager
+def silent(label: str, total: int) -> Iterator[Callable[[int], None]]:
+    """Shows no progress."""
+    yield lambda done: None
+
+
+@dataclass(frozen=True, slots=True)
+class Looking:
+    """How to look."""
+
+    rate: int = RATE
+    """Samples a second."""
+    rle: bool = True
+    """Whether the analyser may count equal samples."""
+    memory: int | None = None
+    """The analyser's bytes; None: as many as it says."""
+    trigger: str | None = None
+    """The pin whose rising edge begins the capture; None: the first servo's."""
+    wire: Sequence[str] = ()
+    """CHANNEL=PIN where the wiring is not the usual one."""
+    stitch: bool = True
+    """Whether several captures may be joined where one is too short."""
+
+
+@dataclass(frozen=True, slots=True)
+class Captured:
+    """A capture that was written, whole."""
+
+    path: Path
+    analyser: Analyser
+    plan: Plan
+    seen: Stitched
+
+
+def capture(
+    output: Path,
+    port: str,
+    schedule: PulseSchedule | None = None,
+    seconds: float | None = None,
+    looking: Looking = Looking(),
+    progress: Progress = silent,
+) -> Captured:
+    """Looks at the pins for `seconds`, by default at the schedule's whole loop, and writes the capture.
+
+    Raises InputError for a request that shows nothing, ToolError where the analyser fails; what came until
+    then is kept beside `output`.
+    """
+    wanted = wanted_of(schedule, seconds)
+    if schedule is not None:
+        check_rate(looking.rate)
+    check_name(output)
+    wired = wires(looking.wire)
+    pin = looking.trigger or (schedule.channels[0].pin if schedule else "RB0")
+    channel = channel_of(pin, wired)
+    with open_port(port, BAUD) as line:
+        device = identify(line)
+        several = looking.stitch and schedule is not None
+        fastest = min(looking.rate, device.fastest or looking.rate)
+        if schedule is not None:
+            check_rate(fastest)
+        planned = plan(looking.memory or device.memory, fastest, looking.rle, wanted, several)
+        seen = _looks(line, planned, wanted.frames, channel, wired, schedule, seconds is None, progress)
+    servos = {each.pin: each.name for each in schedule.channels} if schedule else {}
+    path = write_capture(
+        output, int(planned.rate), stitched(seen.records, int(planned.rate)), servos, seen.missing
+    )
+    if seen.missing is not None:
+        raise ToolError(seen.missing, Place(port), f"what came is kept, marked as not whole, in {path}")
+    return Captured(path, device, planned, seen)
+
+
+def check_rate(rate: int) -> None:
+    """Raise InputError where a capture of so many samples a second would prove nothing."""
+    Sampling(1e6 / rate, True).check(Tolerances().glitch_us, Place(key="--rate"))
+
+
+def _looks(
+    line: Port,
+    planned: Plan,
+    frames: int,
+    channel: int,
+    wired: Mapping[int, int],
+    schedule: PulseSchedule | None,
+    whole_loop: bool,
+    progress: Progress,
+) -> Stitched:
+    """Returns one look; or, where it is shorter than what is wanted, as many as that needs."""
+    if schedule is None or planned.frames >= frames:
+        seen = _look(line, planned, channel, "capture", progress)
+        return Stitched((Record(edges(seen.runs, wired), seen.runs.end),), seen.missing, 0)
+    about = -(-frames // planned.frames)
+    return stitch(
+        lambda plan, number: _look(line, plan, channel, f"capture {number} of about {about}", progress),
+        planned,
+        frames,
+        whole_loop,
+        expected(schedule),
+        wired,
+    )
+
+
+def _look(line: Port, planned: Plan, channel: int, label: str, progress: Progress) -> Seen:
+    patience = SLACK * float(planned.seconds) + PATIENCE_S
+    look = Look(planned.rate, planned.words, planned.rle, channel, patience)
+    with progress(label, planned.words) as done:
+        return sump_capture(line, look, done)
+
+
+def wanted_of(schedule: PulseSchedule | None, seconds: float | None) -> Wanted:
+    """What is to be seen: by default the whole loop of the schedule, and a lead-in before it."""
+    if schedule is None:
+        frames = ceil(_exact(seconds or SECONDS) / USUAL_PERIOD_S)
+        return Wanted(USUAL_PERIOD_S, Fraction(USUAL_EDGES), frames, Fraction(FEWEST_EDGES), USUAL_EDGES)
+    period = schedule.clock.seconds(schedule.period)
+    loop, most = _moments(schedule.loop)
+    begin, more = _moments(schedule.lead_in)
+    if seconds is None:
+        frames = schedule.lead_in_frames + schedule.loop_frames
+        return Wanted(period, max(loop, begin), frames, min(loop, begin or loop), max(most, more))
+    frames = ceil(_exact(seconds) / period)
+    return Wanted(period, Fraction(max(most, more)), frames, min(loop, begin or loop), max(most, more))
+
+
+def _moments(runs: Sequence[Run]) -> tuple[Fraction, int]:
+    """Returns the moments of change in a frame, on average (not below a tenth), at most; 0 without frames."""
+    moments = [
+        (each.frames, len({time for p in each.pulses if p for time in (p.rise, p.rise + p.width)}))
+        for each in runs
+    ]
+    if not moments:
+        return Fraction(0), 0
+    total = sum(frames * edges for frames, edges in moments)
+    mean = max(Fraction(1, 10), Fraction(total, sum(frames for frames, _ in moments)))
+    return mean, max(1, *(edges for _, edges in moments))
+
+
+def _exact(seconds: float) -> Fraction:
+    """Returns the decimal number that was typed."""
+    return Fraction(str(seconds))
