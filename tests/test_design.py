@@ -27,6 +27,14 @@ def test_every_package_has_a_row_in_the_design() -> None:
     assert rooms <= set(design_table()), rooms - set(design_table())
 
 
+def test_the_library_is_under_the_command_line() -> None:
+    """Only `python -m servogen` calls a command; the pytest plugin and the build stand on the library."""
+    importers = {
+        room_of(file) for file in PACKAGE.rglob("*.py") for _, room in imports_of(file) if room == "cli"
+    }
+    assert importers == {"cli", "__main__"}
+
+
 def test_the_check_is_independent_of_what_it_checks() -> None:
     allowed = design_table()
     assert "engines" not in allowed["compiler"]

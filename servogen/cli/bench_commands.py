@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from servogen.cli.capture_command import capture
-from servogen.cli.files import read_image, read_schedule
+from servogen.cli.files import read_image
 from servogen.cli.options import Json
 from servogen.cli.show import as_json, status, warn
+from servogen.programs import read_schedule
 
 if TYPE_CHECKING:
     from contextlib import ExitStack

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from servogen.cli.files import read_schedule
 from servogen.cli.options import Json
 from servogen.cli.show import as_json, progress, status, warn
 from servogen.errors import InputError
+from servogen.programs import read_schedule
 
 if TYPE_CHECKING:
     from servogen.bench.analysers.memory import Wanted

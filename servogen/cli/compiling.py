@@ -12,9 +12,9 @@ from typing import Annotated, TypeVar
 
 import typer
 
+from servogen import programs
 from servogen.cli.show import warn
-from servogen.errors import InputError, Place, ToolError
-from servogen.isolation import COMPILING, LimitExceeded, Limits, ProcessDied, missing_limits, run
+from servogen.isolation import COMPILING, Limits, missing_limits
 
 T = TypeVar("T")
 
@@ -30,21 +30,15 @@ def within_limits(
     work: Callable[[], T],
     file: Path,
     limits: Limits = COMPILING,
-    hint: str = "servogen compile and servogen assemble take --timeout and --memory-mb",
+    hint: str = programs.LIMITS_HINT,
 ) -> T:
     """Returns what `work`, which compiles `file`, returns. Raises InputError where it exceeds the limits."""
-    _warn_of_missing_limits()
-    try:
-        return run(work, limits)
-    except LimitExceeded as error:
-        raise InputError(f"compiling it {error}", Place(str(file)), hint) from error
-    except ProcessDied as error:
-        raise ToolError(
-            f"servogen failed while compiling it: {error}", Place(str(file)), "please report this file"
-        ) from error
+    warn_of_missing_limits()
+    return programs.within_limits(work, file, limits, hint)
 
 
 @cache
-def _warn_of_missing_limits() -> None:
+def warn_of_missing_limits() -> None:
+    """Warn once where this system has no limits."""
     if sentence := missing_limits():
         warn(sentence)

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from servogen.cli.compiling import MemoryLimit
-from servogen.cli.files import HEX_SUFFIXES, PROGRAM_SUFFIXES, read_submission
 from servogen.cli.options import Json
 from servogen.cli.show import as_json, progress, table, warn
 from servogen.errors import ServogenError
 from servogen.isolation import COMPILING, missing_limits
+from servogen.programs import HEX_SUFFIXES, PROGRAM_SUFFIXES, read_submission
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

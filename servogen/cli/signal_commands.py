@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from servogen.cli.files import PROGRAM_SUFFIXES, clock_of, keep_apart, read_program, read_schedule
+from servogen.cli.files import clock_of, keep_apart, read_program
 from servogen.cli.options import (
     DEFAULT_POWER_UP_US,
     DEFAULT_WATCHDOG_US,
@@ -30,11 +30,12 @@ from servogen.cli.options import (
 )
 from servogen.cli.show import as_json, status, warn_of_all
 from servogen.errors import InputError, Place
+from servogen.programs import PROGRAM_SUFFIXES, read_schedule
 
 if TYPE_CHECKING:
-    from servogen.cli.files import Program
     from servogen.edges import EdgeTrace
     from servogen.pic.image import Image
+    from servogen.programs import Program
     from servogen.pulse import PulseSchedule
     from servogen.simulator import Options
     from servogen.units import Clock, Cycles

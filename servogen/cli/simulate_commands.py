@@ -35,8 +35,8 @@ from servogen.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from servogen.cli.files import Program
     from servogen.edges import EdgeChunk
+    from servogen.programs import Program
     from servogen.simulator import Options, Profile, State, Stimuli
     from servogen.units import Clock, Cycles
 

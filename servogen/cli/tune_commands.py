@@ -7,9 +7,10 @@ from typing import Annotated
 
 import typer
 
-from servogen.cli.files import dialect_of, keep_apart, read_image, read_source
+from servogen.cli.files import keep_apart, read_image
 from servogen.cli.options import Dialect, Json
 from servogen.cli.show import as_json, status, table
+from servogen.programs import dialect_of, read_source
 
 
 def register(app: typer.Typer) -> None:

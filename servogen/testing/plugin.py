@@ -144,17 +144,20 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
 @pytest.fixture
 def servogen_image(request: pytest.FixtureRequest) -> Image:
     """The program under test: HEX, or C or assembly, which is compiled or assembled."""
-    from servogen.cli.files import read_program
+    from servogen.programs import read_program
 
     path = _file(request.node, "image", "main.hex")
     _property(request.node, "servogen_program", path)
-    return read_program(path).image
+    program = read_program(path)
+    for remark in program.remarks:
+        request.node.warn(pytest.PytestWarning(remark))
+    return program.image
 
 
 @pytest.fixture
 def servogen_schedule(request: pytest.FixtureRequest) -> PulseSchedule:
     """The pulses that the program should make."""
-    from servogen.cli.files import read_schedule
+    from servogen.programs import read_schedule
 
     path = _file(request.node, "schedule", "schedule.json")
     _property(request.node, "servogen_schedule", path)

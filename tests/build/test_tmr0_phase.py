@@ -10,10 +10,11 @@ import pytest
 
 from servogen.build import checked_cycles, prove
 from servogen.build.proof import START_FRAMES
-from servogen.cli.files import read_image, read_schedule
+from servogen.cli.files import read_image
 from servogen.edges import EdgeTrace, join
 from servogen.engines.board import machine_of
 from servogen.pic.image import Image
+from servogen.programs import read_schedule
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Options
 from servogen.units import Cycles

@@ -139,9 +139,9 @@ def test_a_system_without_limits_is_said_to_be_one(
 ) -> None:
     from servogen.cli import compiling
 
-    compiling._warn_of_missing_limits.cache_clear()
+    compiling.warn_of_missing_limits.cache_clear()
     monkeypatch.setattr(isolation, "_resource", None)
     done = run("compile", source)
-    compiling._warn_of_missing_limits.cache_clear()
+    compiling.warn_of_missing_limits.cache_clear()
     assert done.code == 0
     assert "warning: linux cannot limit the memory and the open files of a process" in done.err

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from servogen.cli.files import read_schedule
+from servogen.programs import read_schedule
 
 Run = Callable[..., Any]
 

@@ -11,10 +11,10 @@ import pytest
 from servogen import isolation
 from servogen.build import grading
 from servogen.build.grading import Graded, Task, grade_in_fresh_process, grade_submissions
-from servogen.cli.files import Program, read_submission
 from servogen.errors import InputError, ToolError
 from servogen.grade import Submission, load_lab
 from servogen.isolation import Limits
+from servogen.programs import Program, read_submission
 from tests.bench.conftest import Run, run  # noqa: F401 - a fixture
 
 PROGRAMS = Path(__file__).parent / "programs"

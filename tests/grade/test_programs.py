@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from servogen.build.grading import Task, grade_submissions
-from servogen.cli.files import read_submission
 from servogen.grade import Grade, Submission, load_lab
+from servogen.programs import read_submission
 
 PROGRAMS = Path(__file__).parent / "programs"
 ROOT = Path(__file__).parents[2]

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from servogen.build.grading import Task, grade_submissions
-from servogen.cli.files import read_submission
 from servogen.cli.grade_commands import IMAGES, SOURCES
 from servogen.errors import InputError
 from servogen.grade import Found, find_submissions, load_lab, submissions
 from servogen.isolation import Limits
+from servogen.programs import read_submission
 
 PROGRAMS = Path(__file__).parent / "programs"
 SOLUTION = (PROGRAMS / "lab8-right" / "delays.c").read_text()

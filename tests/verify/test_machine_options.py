@@ -14,10 +14,10 @@ from servogen.build import prove_image
 from servogen.build.build import proven
 from servogen.build.grading import BOARD
 from servogen.build.recurrence import prove_forever
-from servogen.cli.files import read_program, read_schedule
 from servogen.edges import HIGH
 from servogen.engines.firmware import Firmware
 from servogen.errors import InputError
+from servogen.programs import read_program, read_schedule
 from servogen.simulator import Machine, Options
 from servogen.testing.targets import Simulator, check
 from servogen.units import Clock, Cycles

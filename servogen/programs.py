@@ -1,0 +1,169 @@
+"""Files that hold programs and schedules: HEX, C or assembly -> `Program`, JSON -> `PulseSchedule`.
+
+In: a path. Out: the program, compiled in a process of its own with limits; InputError names the file.
+The compiler and the assembler are imported where they are called: reading a HEX file does not load them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from servogen.errors import InputError, Place, ToolError
+from servogen.inputs import MAX_TEXT_BYTES, read_input
+from servogen.isolation import COMPILING, LimitExceeded, Limits, ProcessDied, run
+
+if TYPE_CHECKING:
+    from servogen.grade import Submission
+    from servogen.pic.image import Image
+    from servogen.pic.listing import Listing
+    from servogen.pulse import PulseSchedule
+    from servogen.units import Clock
+
+T = TypeVar("T")
+
+LIMITS_HINT = "servogen compile and servogen assemble take --timeout and --memory-mb"
+
+C_SUFFIX = ".c"
+ASSEMBLY_SUFFIXES = (".asm", ".s", ".src")
+HEX_SUFFIXES = (".hex", ".ihx", ".h8", ".obj")
+MAX_SCHEDULE_BYTES = 16 << 20
+"""Of a schedule: an hour of frames that all differ, for two servos."""
+
+PROGRAM_SUFFIXES = (C_SUFFIX, *ASSEMBLY_SUFFIXES, *HEX_SUFFIXES)
+
+Included = Callable[[str, str], Path | None]
+"""(name, including file) -> the file that is included; None where there is none. Raises InputError."""
+
+
+@dataclass(frozen=True)
+class Program:
+    """A program to run: a HEX file has no listing, and only C may say its clock."""
+
+    image: Image
+    listing: Listing | None = None
+    clock: Clock | None = None
+    remarks: tuple[str, ...] = ()
+    """What is odd about a HEX file that can be read all the same."""
+
+
+def read_source(path: Path, limit: int = MAX_TEXT_BYTES) -> str:
+    """Returns a text file's contents; what is not UTF-8 is taken as Latin-1. Raises InputError."""
+    raw = read_input(path, limit)
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return raw.decode("latin-1")
+
+
+def read_assembly(path: Path) -> str:
+    """An assembly file: each byte is a character, as in the assemblers of the time. Raises InputError."""
+    return read_input(path).decode("latin-1")
+
+
+def read_program(path: Path, device_name: str = "PIC16F84") -> Program:
+    """Returns the program in a HEX file, or in a C or assembly file, compiled within limits.
+
+    Raises InputError.
+    """
+    if path.suffix.lower() not in (C_SUFFIX, *ASSEMBLY_SUFFIXES):
+        return compile_program(path, device_name)
+    return within_limits(lambda: compile_program(path, device_name), path)
+
+
+def within_limits(
+    work: Callable[[], T],
+    file: Path,
+    limits: Limits = COMPILING,
+    hint: str = LIMITS_HINT,
+) -> T:
+    """Returns what `work`, which compiles `file`, returns. Raises InputError where it exceeds the limits."""
+    try:
+        return run(work, limits)
+    except LimitExceeded as error:
+        raise InputError(f"compiling it {error}", Place(str(file)), hint) from error
+    except ProcessDied as error:
+        raise ToolError(
+            f"servogen failed while compiling it: {error}", Place(str(file)), "please report this file"
+        ) from error
+
+
+def compile_program(path: Path, device_name: str = "PIC16F84", included: Included | None = None) -> Program:
+    """Returns the program in a HEX, C or assembly file. `included` finds its include files.
+
+    It takes what time and memory the program asks for, see `read_program`. Raises InputError.
+    """
+    from servogen.pic.device import device
+
+    chip = device(device_name)
+    if path.suffix.lower() == C_SUFFIX:
+        from servogen.compiler import Options, Source, compile_sources
+
+        text = read_source(path)
+        include = beside_c if included is None else _c_includes(included)
+        options = Options(dialect=dialect_of([text]), device=chip, include=include)
+        made = compile_sources([Source(text, str(path))], options)
+        return Program(made.image, made.listing, made.clock)
+    if path.suffix.lower() in ASSEMBLY_SUFFIXES:
+        from servogen.pic.assembler import assemble, beside
+
+        files = beside(path.parent) if included is None else _assembly_includes(included, path)
+        assembly = assemble(read_assembly(path), str(path), chip, files)
+        return Program(assembly.image, assembly.listing)
+    from servogen.pic.image import read_hex
+
+    file = read_hex(read_source(path), str(path))
+    return Program(file.image, remarks=tuple(str(remark) for remark in file.remarks))
+
+
+def read_submission(submission: Submission) -> Program:
+    """Returns a student's program; it includes only what is the student's own. Raises InputError.
+
+    It takes what time and memory the program asks for: the caller limits them.
+    """
+    in_any_case = submission.file.suffix.lower() in ASSEMBLY_SUFFIXES
+    return compile_program(submission.file, included=partial(submission.included, in_any_case=in_any_case))
+
+
+def _c_includes(included: Included) -> Callable[[str, str], tuple[str, str] | None]:
+    def read(name: str, including: str) -> tuple[str, str] | None:
+        path = included(name, including)
+        return None if path is None else (str(path), read_source(path))
+
+    return read
+
+
+def _assembly_includes(included: Included, source: Path) -> Callable[[str], str | None]:
+    def read(name: str) -> str | None:
+        path = included(name.replace("\\", "/"), str(source))
+        return None if path is None else read_assembly(path)
+
+    return read
+
+
+def beside_c(name: str, including: str) -> tuple[str, str] | None:
+    """(file name, text) of an include file in the folder of the file that includes it; None without one."""
+    path = Path(including).parent / name
+    return (str(path), read_source(path)) if path.is_file() else None
+
+
+HEADERS = {"xc8": ("<xc.h>", "<pic.h>", "<htc.h>"), "sdcc": ("<pic14/", "<pic16f84.h>", "<pic16f84a.h>")}
+"""The headers by which a dialect is known."""
+
+
+def dialect_of(texts: list[str]) -> str:
+    """XC8 or SDCC where a source includes that compiler's header, else C2C."""
+    for dialect, headers in HEADERS.items():
+        if any(header in text for header in headers for text in texts):
+            return dialect
+    return "c2c"
+
+
+def read_schedule(path: Path) -> PulseSchedule:
+    """Returns the schedule in a schedule.json. Raises InputError."""
+    from servogen.pulse import from_json
+
+    return from_json(read_source(path, MAX_SCHEDULE_BYTES), str(path))
