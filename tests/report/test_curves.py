@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from servogen.job import load
+from servogen.job import load, plan_job
 from servogen.pulse.plan import plan
 from servogen.report import calibration_plot, motion_plot, pulse_plot
 from servogen.report.drawing import Axis, path_chart, time_chart
@@ -43,7 +43,7 @@ def curve(line: Any) -> tuple[list[float], list[float]]:
 def test_angles_and_widths_are_drawn_over_seconds(caught: Caught, tmp_path: Path) -> None:
     """Five frames of 20 ms at 0° (1 ms) and five at 90° (1.5 ms); the last is held to its end."""
     figures = caught(motion_plot)
-    job = load(job_file(tmp_path))
+    job = plan_job(load(job_file(tmp_path)))
     schedule = plan(job.trajectory, job.servos, job.frame).schedule
     motion_plot.motion_plot(job, schedule, tracks_of(job, schedule), Path("a.png"))
     angles, widths = figures[0].axes
@@ -62,7 +62,7 @@ def test_paths_are_drawn_in_millimetres_and_lead_back_to_the_loops_beginning(
     caught: Caught, name: str
 ) -> None:
     figures = caught(motion_plot)
-    job = load(JOBS / f"{name}.toml")
+    job = plan_job(load(JOBS / f"{name}.toml"))
     schedule = plan(job.trajectory, job.servos, job.frame).schedule
     tracks = tracks_of(job, schedule)
     motion_plot.motion_plot(job, schedule, tracks, Path("a.png"))
