@@ -154,6 +154,8 @@ def test_a_path_has_one_scale_both_ways() -> None:
     assert x1 == x2
     assert (x1 - x0) / (y1 - y2) == pytest.approx(2, rel=0.01)
     assert y2 < y1
+    points = [re.findall(r"[\d.]+ [\d.]+", each.path) for each in chart.lines]
+    assert points[0] == [each.removesuffix("h0") for each in points[1]]
 
 
 def test_an_axis_is_linear_between_its_ends() -> None:
