@@ -158,11 +158,17 @@ def main() -> None:
     except ToolError as error:
         _say(str(error))
         code = error.exit_code
+        _discard_output(stream)  # Python flushes once more at the end, and would exit with 120
     if output.unread or code == NOBODY_READS:
         code = NOBODY_READS
-        with suppress(OSError, ValueError):  # a stream of a test has no descriptor
-            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())  # what is left is for nobody
+        _discard_output(stream)
     sys.exit(code)
+
+
+def _discard_output(stream: TextIO) -> None:
+    """Lead what is left of standard output to the null device."""
+    with suppress(OSError, ValueError):  # a stream of a test has no descriptor
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _open_closed_streams() -> bool:
