@@ -1,17 +1,25 @@
-"""Errors with a place: where it is wrong, what is wrong, what is allowed or what to do.
+"""Diagnostics: what is wrong, how badly, where, and what to do about it; and the errors that carry them.
 
-The command line prints them as `place: message` and, below, the hint; its exit code is the error's.
+A diagnostic is shown as gcc shows it, so that editors find the place: `file:line:column: error: key: message
+[code]`, and below it the hint. Every code is explained in docs/diagnostics.md.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from copy import copy
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from typing import Literal, Self
+
+Severity = Literal["error", "warning", "note"]
+
+PROGRAM = "servogen"
+"""The name that stands in place of a file where a diagnostic has none."""
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Location:
     """Where: a file (or port), a line and column counted from 1, or a key of a file."""
 
     file: str | None = None
@@ -30,31 +38,142 @@ class Place:
         return ": ".join(part for part in (where, self.key) if part)
 
 
+SourceLines = Mapping[tuple[str, int], str]
+"""The text of source lines by file and line number, for the line and the caret below a diagnostic."""
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnostic:
+    """One error, warning or note. `code` is its stable kebab-case name, as "unknown-pin"."""
+
+    severity: Severity
+    code: str
+    message: str
+    location: Location | None = None
+    hint: str | None = None
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def text(self, lines: SourceLines | None = None) -> str:
+        """Return the diagnostic as it is shown, with its source line and a caret if `lines` has the line."""
+        location = self.location or Location()
+        if location.file:
+            head, rest = str(replace(location, key=None)), location.key
+        else:
+            head, rest = PROGRAM, str(location)
+        about = f"{rest}: " if rest else ""
+        shown = [f"{head}: {self.severity}: {about}{self.message} [{self.code}]"]
+        line = (lines or {}).get((location.file or "", location.line or 0))
+        if line is not None:
+            shown.append(f"    {line}")
+            if location.column is not None:
+                before = line[: location.column - 1]
+                shown.append("    " + "".join("\t" if sign == "\t" else " " for sign in before) + "^")
+        if self.hint:
+            shown.append(f"  {self.hint}")
+        return "\n".join(shown)
+
+    def to_json(self) -> dict[str, object]:
+        location = self.location or Location()
+        return {
+            "severity": self.severity,
+            "code": self.code,
+            "message": self.message,
+            "file": location.file,
+            "line": location.line,
+            "column": location.column,
+            "key": location.key,
+            "hint": self.hint,
+        }
+
+
 class ServogenError(Exception):
-    """The root of every error that a user can be shown without a traceback."""
+    """The root of every error that a user can be shown without a traceback.
+
+    It carries one diagnostic, or all that were collected before giving up, the warnings among them.
+    """
 
     exit_code = 2
 
-    def __init__(self, message: str, place: Place | None = None, hint: str | None = None) -> None:
+    def __init__(
+        self,
+        code: str,
+        message: str | Location | None = None,
+        location: Location | str | None = None,
+        hint: str | None = None,
+        place: Location | None = None,
+    ) -> None:
+        if not isinstance(message, str):  # not converted yet: message, location, hint
+            code, message, location, hint = (
+                "",
+                code,
+                message or place,
+                hint or (location if isinstance(location, str) else None),
+            )
+        location = location if isinstance(location, Location) else place
         super().__init__(message)
-        self.message = message
-        self.place = place
-        self.hint = hint
+        self.diagnostics: tuple[Diagnostic, ...] = (Diagnostic("error", code, message, location, hint),)
+        self.source_lines: SourceLines = {}
+
+    @classmethod
+    def of(cls, diagnostics: Iterable[Diagnostic], source_lines: SourceLines | None = None) -> Self:
+        """Return an error that carries all of `diagnostics`, at least one of them an error."""
+        found = tuple(diagnostics)
+        first = next(each for each in found if each.severity == "error")
+        made = cls.__new__(cls)
+        made.args = (first.message,)
+        made.diagnostics = found
+        made.source_lines = source_lines or {}
+        return made
+
+    @property
+    def first(self) -> Diagnostic:
+        """Return the first error among the diagnostics."""
+        return next(each for each in self.diagnostics if each.severity == "error")
+
+    @property
+    def code(self) -> str:
+        return self.first.code
+
+    @property
+    def message(self) -> str:
+        return self.first.message
+
+    @property
+    def location(self) -> Location | None:
+        return self.first.location
+
+    @property
+    def place(self) -> Location | None:
+        return self.first.location
+
+    @property
+    def hint(self) -> str | None:
+        return self.first.hint
+
+    def at(self, location: Location | None) -> Self:
+        """Return the same error at another location: the caller knows where the wrong value comes from."""
+        moved = copy(self)
+        moved.diagnostics = (replace(self.first, location=location),)
+        return moved
 
     def __str__(self) -> str:
-        where = str(self.place) if self.place else ""
-        first = f"{where}: {self.message}" if where else self.message
-        return f"{first}\n  {self.hint}" if self.hint else first
+        if not any(each.code for each in self.diagnostics):  # not converted yet
+            where = str(self.location) if self.location else ""
+            first = f"{where}: {self.message}" if where else self.message
+            return f"{first}\n  {self.hint}" if self.hint else first
+        return "\n".join(each.text(self.source_lines) for each in self.diagnostics)
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Returns how to make it again in another process, whatever a derived class is constructed from."""
-        return _made_again, (type(self), self.args), self.__dict__
+        """Return how to rebuild the error in another process, whatever a subclass is constructed from."""
+        return _rebuilt, (type(self), self.args), self.__dict__
 
 
-def _made_again(kind: type[ServogenError], args: tuple[object, ...]) -> ServogenError:
-    error = kind.__new__(kind)
-    error.args = args
-    return error
+def _rebuilt(kind: type[ServogenError], args: tuple[object, ...]) -> ServogenError:
+    rebuilt = kind.__new__(kind)
+    rebuilt.args = args
+    return rebuilt
 
 
 class InputError(ServogenError):
@@ -67,27 +186,15 @@ class ToolError(ServogenError):
     exit_code = 3
 
 
-@dataclass(frozen=True, slots=True)
-class Caution:
-    """A warning: nothing is refused, but the user should know. `code` names its kind, as "period-range"."""
-
-    code: str
-    text: str
-    place: Place | None = None
-
-    def __str__(self) -> str:
-        return f"{self.place}: {self.text}" if self.place else self.text
-
-
 MAX_LISTED, MAX_COMPARED = 100, 1000
-"""Known words that are listed, and that are compared with a misspelt one."""
+"""The number of known words that are listed, and that are compared with a misspelt one."""
 
 MAX_WORD = 100
-"""Letters of a word for which a near one is looked for."""
+"""The number of letters of a misspelt word that are compared."""
 
 
-def nearest(word: str, known: Iterable[str]) -> str:
-    """Returns a sentence that names the known word nearest to `word`, or all of them when none is near."""
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return a hint that names the known word most like `word`, or all known words if none is like it."""
     names = sorted(known)
     lower = {name.lower(): name for name in reversed(names[:MAX_COMPARED])}
     close = get_close_matches(word[:MAX_WORD].lower(), lower, n=1, cutoff=0.6)
@@ -95,3 +202,20 @@ def nearest(word: str, known: Iterable[str]) -> str:
         return f"did you mean '{lower[close[0]]}'?"
     more = ", …" if len(names) > MAX_LISTED else ""
     return f"known: {', '.join(names[:MAX_LISTED])}{more}"
+
+
+# Names that the packages not converted yet use.
+
+
+@dataclass(frozen=True, slots=True)
+class Caution:
+    code: str
+    text: str
+    place: Location | None = None
+
+    def __str__(self) -> str:
+        return f"{self.place}: {self.text}" if self.place else self.text
+
+
+Place = Location
+nearest = did_you_mean

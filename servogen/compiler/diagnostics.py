@@ -45,7 +45,7 @@ class CompileError(InputError):
         errors = [each for each in diagnostics if each.severity == "error"]
         first = errors[0]
         super().__init__(first.message, first.place, first.hint)
-        self.diagnostics = diagnostics
+        self.diagnostics = diagnostics  # type: ignore[assignment]
         self.too_large = first.too_large
         """Whether the first error is that the program is too large."""
 

@@ -1,8 +1,10 @@
 """An error says where, what, and what to do; its class says how a command ends."""
 
+import pickle
+
 import pytest
 
-from servogen.errors import InputError, Place, ServogenError, ToolError, nearest
+from servogen.errors import Diagnostic, InputError, Location, Place, ServogenError, ToolError, nearest
 
 
 @pytest.mark.parametrize(
@@ -20,6 +22,51 @@ from servogen.errors import InputError, Place, ServogenError, ToolError, nearest
 )
 def test_a_place_reads_as_editors_and_people_read_it(place: Place, text: str) -> None:
     assert str(place) == text
+
+
+@pytest.mark.parametrize(
+    ("diagnostic", "text"),
+    [
+        (
+            Diagnostic("error", "bad-angle", "out of travel", Location("job.toml", 3, 7), "0 to 180"),
+            "job.toml:3:7: error: out of travel [bad-angle]\n  0 to 180",
+        ),
+        (
+            Diagnostic("warning", "too-fast", "it is fast", Location("job.toml", 3, 7, "servo[1]")),
+            "job.toml:3:7: warning: servo[1]: it is fast [too-fast]",
+        ),
+        (Diagnostic("note", "cycle", "5 frames"), "servogen: note: 5 frames [cycle]"),
+        (
+            Diagnostic("error", "bad-angle", "no number", Location(key="--pose")),
+            "servogen: error: --pose: no number [bad-angle]",
+        ),
+    ],
+)
+def test_a_diagnostic_reads_as_gcc_writes_it(diagnostic: Diagnostic, text: str) -> None:
+    assert str(diagnostic) == text
+
+
+def test_a_source_line_stands_below_with_a_caret_under_the_column() -> None:
+    diagnostic = Diagnostic("error", "x-y", "no", Location("a.c", 2, 3), "try")
+    assert diagnostic.text({("a.c", 2): "\tx = y;"}).splitlines() == [
+        "a.c:2:3: error: no [x-y]",
+        "    \tx = y;",
+        "    \t ^",
+        "  try",
+    ]
+
+
+def test_an_error_carries_all_diagnostics_and_the_first_error_is_its_own() -> None:
+    found = (Diagnostic("warning", "w-w", "odd"), Diagnostic("error", "e-e", "bad", Location("f", 2), "mend"))
+    error = pickle.loads(pickle.dumps(InputError.of(found)))
+    assert error.diagnostics == found
+    assert (error.code, error.message, error.location, error.hint) == ("e-e", "bad", Location("f", 2), "mend")
+
+
+def test_an_error_moved_to_a_location_keeps_its_class_code_and_hint() -> None:
+    moved = ToolError("no-port", "it is gone", hint="plug it in").at(Location("job.toml", 4))
+    assert isinstance(moved, ToolError)
+    assert str(moved) == "job.toml:4: error: it is gone [no-port]\n  plug it in"
 
 
 def test_an_error_reads_place_message_hint() -> None:

@@ -27,10 +27,6 @@ class Unreachable(InputError):
         self.as_asked = as_asked
         super().__init__(f"the point {in_mm(self.target)} cannot be reached: {reason}", place, self._advice())
 
-    def at(self, place: Place) -> Unreachable:
-        """The same error at a place of a file."""
-        return Unreachable(self.target, self.reason, self.nearest, place, self.as_asked)
-
     def _advice(self) -> str:
         if self.as_asked:
             return f"the nearest reachable point is {in_mm(self.nearest)}"

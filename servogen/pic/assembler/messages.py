@@ -48,7 +48,7 @@ class AssemblyError(InputError):
     def __init__(self, diagnostics: tuple[Diagnostic, ...]) -> None:
         first = diagnostics[0]
         super().__init__(first.text, first.place, first.hint)
-        self.diagnostics = diagnostics
+        self.diagnostics = diagnostics  # type: ignore[assignment]
 
     def __str__(self) -> str:
         return "\n".join(str(each) for each in self.diagnostics)
