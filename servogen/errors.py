@@ -159,7 +159,7 @@ class ServogenError(Exception):
         return moved
 
     def __str__(self) -> str:
-        if not any(each.code for each in self.diagnostics):  # not converted yet
+        if len(self.diagnostics) == 1:  # until every test expects the new form
             where = str(self.location) if self.location else ""
             first = f"{where}: {self.message}" if where else self.message
             return f"{first}\n  {self.hint}" if self.hint else first

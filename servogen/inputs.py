@@ -12,7 +12,7 @@ import stat
 from pathlib import Path
 from typing import IO
 
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 
 MAX_TEXT_BYTES = 1 << 20
 """The largest text that is read whole: a job, a program, a HEX file. The largest real ones have a tenth."""
@@ -34,9 +34,11 @@ def open_input(path: str | Path) -> IO[bytes]:
         # Not blocking: what was a file a moment ago may be a named pipe now.
         file = os.fdopen(os.open(name, os.O_RDONLY | _FLAGS), "rb")
     except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", Place(name)) from error
+        raise InputError("unreadable-file", f"cannot be read: {error.strerror}", Location(name)) from error
     except ValueError as error:  # a NUL in the name, or a letter that the file system's encoding lacks
-        raise InputError("cannot be read: the name is not a file name", Place(name)) from error
+        raise InputError(
+            "unreadable-file", "cannot be read: the name is not a file name", Location(name)
+        ) from error
     try:
         _require_regular(name, os.fstat(file.fileno()).st_mode)
     except InputError:
@@ -54,10 +56,15 @@ def read_input(path: str | Path, limit: int = MAX_TEXT_BYTES) -> bytes:
         try:
             data = file.read(limit + 1)
         except OSError as error:
-            raise InputError(f"cannot be read: {error.strerror}", Place(os.fspath(path))) from error
+            raise InputError(
+                "unreadable-file", f"cannot be read: {error.strerror}", Location(os.fspath(path))
+            ) from error
     if len(data) > limit:
         raise InputError(
-            f"is larger than {size_text(limit)}", Place(os.fspath(path)), "files of this kind are smaller"
+            "file-too-large",
+            f"is larger than {size_text(limit)}",
+            Location(os.fspath(path)),
+            "files of this kind are smaller",
         )
     return data
 
@@ -73,4 +80,4 @@ def size_text(size: int) -> str:
 def _require_regular(name: str, mode: int) -> None:
     for is_kind, kind in _KINDS:
         if is_kind(mode):
-            raise InputError(f"is {kind}: only regular files are read", Place(name))
+            raise InputError("not-a-file", f"is {kind}: only regular files are read", Location(name))

@@ -25,7 +25,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any, Literal, TextIO, overload
 
-from servogen.errors import InputError, Place, ToolError
+from servogen.errors import InputError, Location, ToolError
 
 if os.name == "posix":
     import fcntl
@@ -59,9 +59,13 @@ def make_folder(path: str | Path) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
         what = "is a file" if folder.exists() else "is below a file"
-        raise InputError(f"{what}, where a folder is to be made", Place(str(path))) from error
+        raise InputError(
+            "not-a-directory", f"{what}, where a folder is to be made", Location(str(path))
+        ) from error
     except OSError as error:
-        raise InputError(f"the folder cannot be made: {_reason(error)}", Place(str(path))) from error
+        raise InputError(
+            "unwritable-file", f"the folder cannot be made: {_reason(error)}", Location(str(path))
+        ) from error
     return folder
 
 
@@ -109,7 +113,9 @@ def _staging_folder(parent: Path, target: Path, shown: Path) -> Iterator[Path]:
             try:
                 staging.mkdir()
             except OSError as error:
-                raise InputError(f"cannot be written: {_reason(error)}", Place(str(shown))) from error
+                raise InputError(
+                    "unwritable-file", f"cannot be written: {_reason(error)}", Location(str(shown))
+                ) from error
             held.callback(shutil.rmtree, staging, ignore_errors=True)
             if os.name != "posix":
                 break
@@ -157,7 +163,9 @@ def _replace_in_place(staging: Path, target: Path, names: Collection[str]) -> No
             if entry.name in names:
                 entry.replace(target / entry.name)
     except OSError as error:
-        raise ToolError(f"could not be written: {_reason(error)}", Place(str(target))) from error
+        raise ToolError(
+            "write-failed", f"could not be written: {_reason(error)}", Location(str(target))
+        ) from error
 
 
 def _same_files(staging: Path, target: Path, names: Collection[str]) -> bool:
@@ -277,7 +285,9 @@ def _opened(path: Path, mode: str) -> Iterator[IO[Any]]:
     except BrokenPipeError:  # of what was printed before
         raise
     except (OSError, ValueError) as error:  # ValueError: the name is not one that the system can have
-        raise InputError(f"cannot be written: {_reason(error)}", Place(str(path))) from error
+        raise InputError(
+            "unwritable-file", f"cannot be written: {_reason(error)}", Location(str(path))
+        ) from error
     try:
         with file:
             yield file
@@ -286,7 +296,9 @@ def _opened(path: Path, mode: str) -> Iterator[IO[Any]]:
     except OSError as error:
         ours = error.filename in (None, str(name))  # a write names no file; others are the block's own
         if ours and not isinstance(error, BrokenPipeError):
-            raise ToolError(f"could not be written: {_reason(error)}", Place(str(path))) from error
+            raise ToolError(
+                "write-failed", f"could not be written: {_reason(error)}", Location(str(path))
+            ) from error
         raise
     finally:
         if not in_place:
@@ -319,12 +331,15 @@ def _descriptor(path: Path) -> int | None:
 def _target(path: Path) -> Path:
     """The file itself where `path` is a link to it, so that the link stays."""
     if path.is_dir():
-        raise InputError("is a directory, where a file is to be written", Place(str(path)))
+        raise InputError("not-a-file", "is a directory, where a file is to be written", Location(str(path)))
     if path.is_symlink():
         path = path.resolve()
     if not path.parent.is_dir():
         raise InputError(
-            "cannot be written: there is no such directory", Place(str(path)), f"make {path.parent}"
+            "missing-directory",
+            "cannot be written: there is no such directory",
+            Location(str(path)),
+            f"make {path.parent}",
         )
     return path
 

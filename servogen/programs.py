@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from servogen.errors import InputError, Place, ToolError
+from servogen.errors import InputError, Location, ToolError
 from servogen.inputs import MAX_TEXT_BYTES, read_input
 from servogen.isolation import COMPILING, LimitExceeded, Limits, ProcessDied, run
 
@@ -84,10 +84,13 @@ def within_limits(
     try:
         return run(work, limits)
     except LimitExceeded as error:
-        raise InputError(f"compiling it {error}", Place(str(file)), hint) from error
+        raise InputError("compile-failed", f"compiling it {error}", Location(str(file)), hint) from error
     except ProcessDied as error:
         raise ToolError(
-            f"servogen failed while compiling it: {error}", Place(str(file)), "please report this file"
+            "compile-failed",
+            f"servogen failed while compiling it: {error}",
+            Location(str(file)),
+            "please report this file",
         ) from error
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from servogen import isolation
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.isolation import LimitExceeded, Limits, ProcessDied, Resource, run, run_each
 
 SHORT = Limits(seconds=0.5)
@@ -48,7 +48,7 @@ def test_a_result_comes_back() -> None:
 
 def test_an_error_comes_back_with_its_place_and_hint() -> None:
     def work() -> None:
-        raise InputError("is wrong", Place("a.c", 3, 4), "mend it")
+        raise InputError("is wrong", Location("a.c", 3, 4), "mend it")
 
     with pytest.raises(InputError) as caught:
         run(work, Limits())

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from servogen.errors import Place, ToolError
+from servogen.errors import Location, ToolError
 
 SOURCE = """\
 #define _GNU_SOURCE
@@ -103,7 +103,9 @@ def library() -> Iterator[Path]:
     found = compiler()
     if found is None:
         raise ToolError(
-            "a pseudo-terminal has no modem lines, and no C compiler is here to add them", hint="gcc"
+            "tool-missing",
+            "a pseudo-terminal has no modem lines, and no C compiler is here to add them",
+            hint="gcc",
         )
     with tempfile.TemporaryDirectory(prefix="servogen-") as folder:
         source, made = Path(folder) / "modem_lines.c", Path(folder) / "modem_lines.so"
@@ -111,7 +113,9 @@ def library() -> Iterator[Path]:
         command = (found, "-shared", "-fPIC", "-O1", "-o", str(made), str(source), "-ldl")
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode != 0:
-            raise ToolError("the library that adds modem lines cannot be made", hint=done.stderr.strip())
+            raise ToolError(
+                "tool-failed", "the library that adds modem lines cannot be made", hint=done.stderr.strip()
+            )
         yield made
 
 
@@ -187,7 +191,9 @@ class Port:
             raise self.unplugged() from error
 
     def unplugged(self) -> Unplugged:
-        return Unplugged("the device went away while it was used", Place(self.path), "plug it in again")
+        return Unplugged(
+            "port-lost", "the device went away while it was used", Location(self.path), "plug it in again"
+        )
 
 
 @contextmanager
@@ -225,7 +231,7 @@ def held(path: str) -> Iterator[None]:
         except OSError as error:
             refuse(path, error)
         if not os.isatty(handle):
-            raise PortError("is not a serial port", Place(path))
+            raise PortError("not-a-port", "is not a serial port", Location(path))
         yield
     finally:
         os.close(handle)
@@ -242,12 +248,16 @@ def close(line: serial.Serial) -> None:
 def refuse(path: str, error: Exception) -> NoReturn:
     """Raise the PortError for an error on opening `path`."""
     code = error.errno if isinstance(error, OSError) else None
-    place = Place(path)
+    place = Location(path)
     if code in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
-        raise PortError("there is no such port", place, "`servogen doctor` lists the ports") from error
+        raise PortError(
+            "no-such-port", "there is no such port", place, "`servogen doctor` lists the ports"
+        ) from error
     if code in (errno.EBUSY, errno.EAGAIN):
-        raise PortError("is in use by another program", place, "close the other program") from error
+        raise PortError(
+            "port-busy", "is in use by another program", place, "close the other program"
+        ) from error
     if code in (errno.EACCES, errno.EPERM):
         hint = "join the group that owns it, as: sudo usermod -aG dialout $USER, and log in again"
-        raise PortError("may not be opened: permission denied", place, hint) from error
-    raise PortError(f"cannot be opened as a serial port: {error}", place) from error
+        raise PortError("port-denied", "may not be opened: permission denied", place, hint) from error
+    raise PortError("not-a-port", f"cannot be opened as a serial port: {error}", place) from error

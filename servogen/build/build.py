@@ -16,7 +16,7 @@ from servogen.edges import EdgeTrace
 from servogen.engines.board import inputs_of, machine_of
 from servogen.engines.c_text import DIALECTS
 from servogen.engines.firmware import Firmware, ResourceError
-from servogen.errors import Caution, Place
+from servogen.errors import Caution, Location
 from servogen.job import PlannedJob
 from servogen.outputs import replaced_files, write_text
 from servogen.pic.device import RAM_FIRST
@@ -80,13 +80,13 @@ class Build:
     @property
     def warnings(self) -> tuple[Caution, ...]:
         compiler = [
-            Caution("compiler", str(diagnostic), Place(program.firmware.file))
+            Caution("compiler", str(diagnostic), Location(program.firmware.file))
             for program in self.programs
             for diagnostic in program.firmware.compilation.diagnostics
             if ROUNDED not in diagnostic.message
         ]
         engine = [
-            Caution(each.code, each.text, Place(program.firmware.file))
+            Caution(each.code, each.text, Location(program.firmware.file))
             for program in self.programs
             for each in program.firmware.warnings
         ]

@@ -20,7 +20,7 @@ from servogen.bench.analysers.sump_client import BAUD, Analyser, Look, Seen, ide
 from servogen.bench.analysers.sump_client import capture as sump_capture
 from servogen.bench.analysers.wires import channel_of, wires
 from servogen.bench.ports import Port, open_port
-from servogen.errors import Place, ToolError
+from servogen.errors import Location, ToolError
 from servogen.pulse import PulseSchedule, Run
 from servogen.pulse.expected import expected
 from servogen.verify import Sampling, Tolerances
@@ -102,13 +102,18 @@ def capture(
         output, int(planned.rate), stitched(seen.records, int(planned.rate)), servos, seen.missing
     )
     if seen.missing is not None:
-        raise ToolError(seen.missing, Place(port), f"what came is kept, marked as not whole, in {path}")
+        raise ToolError(
+            "capture-incomplete",
+            seen.missing,
+            Location(port),
+            f"what came is kept, marked as not whole, in {path}",
+        )
     return Captured(path, device, planned, seen)
 
 
 def check_rate(rate: int) -> None:
     """Raise InputError where a capture of so many samples a second would prove nothing."""
-    Sampling(1e6 / rate, True).check(Tolerances().glitch_us, Place(key="--rate"))
+    Sampling(1e6 / rate, True).check(Tolerances().glitch_us, Location(key="--rate"))
 
 
 def _looks(

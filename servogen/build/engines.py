@@ -67,7 +67,9 @@ def _planned(job: PlannedJob) -> Planned:
     if not isinstance(smallest, ResourceError):
         raise smallest
     title = engine_named(names[-1]).title
-    raise ResourceError(f"{smallest.message}; nor can {title}: {largest.message}", hint=largest.hint)
+    raise ResourceError(
+        "does-not-fit", f"{smallest.message}; nor can {title}: {largest.message}", hint=largest.hint
+    )
 
 
 def _suitable(job: PlannedJob) -> Sequence[str]:

@@ -242,7 +242,7 @@ def grade_in_fresh_process(submissions: Sequence[Submission], task: Task) -> lis
         why = f"its process had not ended after {error.timeout:g} s"
     if len(submissions) > 1:
         return [graded for each in submissions for graded in grade_in_fresh_process([each], task)]
-    return [_failed(submissions[0], task.lab, "", ToolError(why))]
+    return [_failed(submissions[0], task.lab, "", ToolError("grader-failed", why))]
 
 
 def serve() -> None:
@@ -284,15 +284,15 @@ def _on_cluster(
 
 def _results(future: Future[list[Graded]], batch: Sequence[Submission], task: Task) -> list[Graded]:
     if not future.done():
-        error: BaseException | None = ToolError("the cluster has no worker any more")
+        error: BaseException | None = ToolError("cluster-failed", "the cluster has no worker any more")
     else:
         try:
             error = future.exception()
         except CancelledError:
-            error = ToolError("the connection to the cluster was lost")
+            error = ToolError("cluster-failed", "the connection to the cluster was lost")
     if error is None:
         return future.result()
-    lost = ToolError(f"its worker ended: {type(error).__name__}: {error}")
+    lost = ToolError("cluster-failed", f"its worker ended: {type(error).__name__}: {error}")
     return [_failed(each, task.lab, "", lost) for each in batch]
 
 
@@ -303,18 +303,22 @@ def _client(scheduler: str) -> Iterator[Any]:
         distributed = import_module("distributed")
     except ImportError as error:
         raise ToolError(
-            "grading on a cluster needs Dask", hint="pip install 'servogen[dask]', or leave out --scheduler"
+            "tool-missing",
+            "grading on a cluster needs Dask",
+            hint="pip install 'servogen[dask]', or leave out --scheduler",
         ) from error
     try:
         client = distributed.Client(scheduler, timeout=CONNECT_S)
     except (OSError, ValueError) as error:
-        raise ToolError(f"there is no Dask scheduler at {scheduler}: {error}") from error
+        raise ToolError("cluster-failed", f"there is no Dask scheduler at {scheduler}: {error}") from error
     with client:
         try:
             client.wait_for_workers(1, timeout=CONNECT_S)
         except TimeoutError as error:
             raise ToolError(
-                f"the Dask scheduler at {scheduler} has no worker", hint=f"start one: dask worker {scheduler}"
+                "cluster-failed",
+                f"the Dask scheduler at {scheduler} has no worker",
+                hint=f"start one: dask worker {scheduler}",
             ) from error
         yield client
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from servogen.edges import PINS
-from servogen.errors import Caution, InputError, Place, nearest
+from servogen.errors import Caution, InputError, Location, did_you_mean
 from servogen.pulse.lint import check_measured, check_periods, check_unknown
 from servogen.robot.servo import ServoModel, servo
 from servogen.robot.servo_models import servo_model
@@ -21,8 +21,10 @@ def servos_named(texts: Sequence[str]) -> dict[str, ServoModel]:
     for text in texts:
         pin, _, name = text.rpartition("=")
         if pin and pin not in PINS:
-            raise InputError(f"unknown pin '{pin}'", Place(key="--servo"), nearest(pin, PINS))
-        model = servo_model(name, place=Place(key="--servo"))
+            raise InputError(
+                "unknown-pin", f"unknown pin '{pin}'", Location(key="--servo"), did_you_mean(pin, PINS)
+            )
+        model = servo_model(name, place=Location(key="--servo"))
         models |= dict.fromkeys((pin,) if pin else PINS, model)
     return models
 

@@ -5,7 +5,7 @@ In: a `PulseSchedule` and a `Capture`. Out: the `CaptureVerdict`.
 
 from __future__ import annotations
 
-from servogen.errors import Place
+from servogen.errors import Location
 from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
 from servogen.traces.captures import Capture
@@ -21,7 +21,7 @@ def prove_capture(
     """
     trace = capture.trace.stored()
     longest_us = (tolerances or Tolerances()).glitch_us
-    sampling(trace, capture.sample).check(longest_us, Place(capture.file))
+    sampling(trace, capture.sample).check(longest_us, Location(capture.file))
     verdict = verify_capture(expected(schedule), trace, tolerances, capture.sample, capture.pieces)
     if capture.missing is not None:
         return verdict.but(f"the capture is not whole: {capture.missing}")

@@ -25,7 +25,7 @@ from servogen.engines.sequence.programs import Sequence as Program
 from servogen.engines.sequence.rendering import render
 from servogen.engines.sequence.sequencing import MARGIN, sequence
 from servogen.engines.sequence.tuning import edges_to_watch
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.job import PlannedJob
 from servogen.pic.image import Image
 from servogen.pulse import PulseSchedule
@@ -70,6 +70,7 @@ def tune_to(
     found = planned(job)
     if found.engine != "sequence":
         raise InputError(
+            "nothing-to-tune",
             f"{job.name}: its pulses come from the {found.engine}, exact whoever compiles it",
             hint=f"there is nothing to tune: servogen verify {hex_file} --against schedule.json",
         )
@@ -109,15 +110,17 @@ def _overheads(
         cost = taken - delays
         if path != START and not 0 <= cost <= MARGIN:
             raise InputError(
+                "foreign-delays",
                 f"is not {files[1]} compiled: {ways[path]} it takes {taken} cycles up to cycle {at}, "
                 f"where the C's delays are {delays}",
-                Place(files[0]),
+                Location(files[0]),
                 f"a compiler adds 0 to {MARGIN} cycles; say with --c which C the HEX was made of",
             )
         if costs.setdefault(path, cost) != cost:
             raise InputError(
+                "foreign-delays",
                 f"{ways[path]} its statements take {cost} cycles up to cycle {at}, before that {costs[path]}",
-                Place(files[0]),
+                Location(files[0]),
                 "a delay makes up for what is always the same: let the compiler optimise, or use the player",
             )
     return Overheads(costs)
@@ -151,13 +154,16 @@ def _compare(seen: Sequence[_Write], wanted: Sequence[_Write], file: str, what: 
     for number, (here, there) in enumerate(zip(seen, wanted, strict=False), 1):
         if here.changes != there.changes:
             raise InputError(
+                "foreign-program",
                 f"is not {what}: the port write {number}, at cycle {here.cycle}, makes {here.changes}, "
                 f"not {there.changes}",
-                Place(file),
+                Location(file),
             )
     if len(seen) < len(wanted):
         raise InputError(
-            f"is not {what}: it writes {len(seen)} times to its pins, not {len(wanted)} times", Place(file)
+            "foreign-program",
+            f"is not {what}: it writes {len(seen)} times to its pins, not {len(wanted)} times",
+            Location(file),
         )
 
 

@@ -56,7 +56,7 @@ def flash(
     from servogen.bench.programmers.flash import command_of, objections, remarks
     from servogen.bench.programmers.flash import flash as flashed
     from servogen.bench.programmers.table import Order, find
-    from servogen.errors import InputError, Place
+    from servogen.errors import InputError, Location
     from servogen.pic.device import device as device_named
 
     image = read_image(file)
@@ -68,7 +68,9 @@ def flash(
     command = shlex.join(command_of(found, order))
     against_it = (*objections(image), *wrong_chip, *_unproven(image, path, schedule))
     if against_it and not force:
-        raise InputError("; ".join(against_it), Place(str(file)), "--force programs it all the same")
+        raise InputError(
+            "wrong-chip", "; ".join(against_it), Location(str(file)), "--force programs it all the same"
+        )
     for text in (*against_it, *remarks(image, order.device)):
         warn(text)
     if dry_run:
@@ -99,14 +101,15 @@ def _beside(file: Path) -> Path | None:
 
 def _chip(file: Path, asked: str | None, schedule: PulseSchedule | None) -> tuple[str, tuple[str, ...]]:
     """Return the device's name, and what speaks against it. Raises InputError where nothing names one."""
-    from servogen.errors import InputError, Place
+    from servogen.errors import InputError, Location
     from servogen.pic.device import device
 
     built = schedule.device if schedule else None
     if asked is None and built is None:
         raise InputError(
+            "missing-option",
             "nothing says which chip it is for",
-            Place(str(file)),
+            Location(str(file)),
             "add --device PIC16F84 or --device PIC16F84A; a schedule.json that servogen built names it",
         )
     if asked is None or built is None or device(asked) == device(built):

@@ -80,7 +80,7 @@ def calibrate(
     target = output or job.parent / f"{chosen.name}.calibration.toml"
     if readings is not None:
         if angles is not None:
-            raise InputError("--readings has the angles already: take one of the two")
+            raise InputError("conflicting-options", "--readings has the angles already: take one of the two")
         taken = read_csv(readings, chosen.model.continuous)
     else:
         taken = _taken(loaded, index, (from_us, to_us, points), angles, port, (baud, range_us, first))
@@ -98,14 +98,16 @@ def calibrate(
 
 
 def _index(job: Job, name: str | None) -> int:
-    from servogen.errors import InputError, Place, nearest
+    from servogen.errors import InputError, Location, did_you_mean
 
     names = [servo.name for servo in job.servos]
     if name is None and len(names) == 1:
         return 0
     if name not in names:
         said = "which servo is not said" if name is None else f"there is no servo '{name}'"
-        raise InputError(said, Place(job.file), f"--servo: {nearest(name or '', names)}")
+        raise InputError(
+            "ambiguous-servo", said, Location(job.file), f"--servo: {did_you_mean(name or '', names)}"
+        )
     return names.index(name)
 
 
@@ -125,13 +127,19 @@ def _taken(
     from servogen.robot.calibration import Reading, angles_of
 
     if port is None and angles is None:
-        raise InputError("there is no line to move it on", hint="--port /dev/ttyUSB0, or --readings FILE.csv")
+        raise InputError(
+            "missing-option",
+            "there is no line to move it on",
+            hint="--port /dev/ttyUSB0, or --readings FILE.csv",
+        )
     speed, controller = controller_of(job, *settings)
     channel = controller.channels[index]
     stops = positions(channel, *span)
     given = None if angles is None else angles_of(angles)
     if given is not None and len(given) != len(stops):
-        raise InputError(f"{len(given)} angles for {len(stops)} points", hint=f"--points {len(given)}")
+        raise InputError(
+            "reading-count", f"{len(given)} angles for {len(stops)} points", hint=f"--points {len(given)}"
+        )
     ask: Ask = _asking(channel, len(stops)) if given is None else lambda sweep, point: given[point]
     time = VirtualTime().time() if port is None else Time()
     opener = (lambda: nullcontext(Nowhere())) if port is None else port_opener(port, speed)
@@ -169,7 +177,9 @@ def _asking(channel: Channel, count: int) -> Ask:
             print(f"{point + 1} of {count}, {width:z.1f} µs: what do you see, {unit}? ", end="", flush=True)
             text = sweep.answered(next_answer)
             if text == QUIT:
-                raise InputError(f"ended after {point} of {count} readings: nothing is written")
+                raise InputError(
+                    "too-few-readings", f"ended after {point} of {count} readings: nothing is written"
+                )
             try:
                 return angle_of(text)
             except InputError as error:

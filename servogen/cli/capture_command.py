@@ -75,7 +75,11 @@ def capture(
         _look_by_sigrok(sigrok, rate, wanted_of(schedule, seconds), wire or [], rle, output, against, json)
         return
     if port is None:
-        raise InputError("there is no analyser to look with", hint="--port /dev/ttyACM0, or --sigrok fx2lafw")
+        raise InputError(
+            "missing-option",
+            "there is no analyser to look with",
+            hint="--port /dev/ttyACM0, or --sigrok fx2lafw",
+        )
     looking = Looking(rate, rle, memory, trigger, wire or (), stitch)
     done = captured(output, port, schedule, seconds, looking, progress)
     if done.seen.unseen and seconds is None:

@@ -125,7 +125,9 @@ def _pass_to_dump(asked: str | None) -> str | None:
         return None
     form, _, name = asked.partition(":")
     if form != "ir":
-        raise InputError(f"--dump: '{asked}' is not ir or ir:PASS", hint=f"passes: {', '.join(PASSES)}")
+        raise InputError(
+            "bad-option", f"--dump: '{asked}' is not ir or ir:PASS", hint=f"passes: {', '.join(PASSES)}"
+        )
     return name or PASSES[-1]
 
 

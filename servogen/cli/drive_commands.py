@@ -131,7 +131,7 @@ def _driven(
     from servogen.errors import InputError
 
     if pose is not None and steer:
-        raise InputError("--pose is one pose, --keys is many: take one of the two")
+        raise InputError("conflicting-options", "--pose is one pose, --keys is many: take one of the two")
     if pose is not None:
         return Limited(Still(pose_of(job, pose)), _pose_s(job, seconds, dry_run)), lambda word: None
     if not steer:
@@ -160,7 +160,7 @@ def _stop_pose(job: PlannedJob, text: str | None) -> Floats | None:
     import numpy as np
 
     from servogen.drive.motions import pose_of
-    from servogen.errors import InputError, Place
+    from servogen.errors import InputError, Location
 
     neutral = np.array([servo.neutral for servo in job.servos])
     wheels = [servo.model.continuous for servo in job.servos]
@@ -168,8 +168,9 @@ def _stop_pose(job: PlannedJob, text: str | None) -> Floats | None:
         return np.where(wheels, neutral, np.nan)
     if text == OFF and (job.stream is None or job.stream.fail_safe != OFF):
         raise InputError(
+            "drive-unsupported",
             "Mini SSC cannot switch pulses off: only the stream engine's fail-safe does",
-            Place(job.file),
+            Location(job.file),
             'write fail_safe = "off" in [stream]',
         )
     if text is None or text in (HOLD, OFF):
@@ -184,7 +185,9 @@ def _opener(port: str | None, baud: int, dry_run: bool) -> Opener:
     if dry_run:
         return lambda: nullcontext(Nowhere())
     if port is None:
-        raise InputError("there is no line to send on", hint="--port /dev/ttyUSB0, or --dry-run")
+        raise InputError(
+            "missing-option", "there is no line to send on", hint="--port /dev/ttyUSB0, or --dry-run"
+        )
     return port_opener(port, baud)
 
 
@@ -257,4 +260,6 @@ def _show(summary: Summary, wanted: bool, json: bool) -> None:
             f"({summary.poses_per_second:.1f} a second, the slowest {1000 * summary.slowest_s:.1f} ms){away}"
         )
     if wanted and not summary.stopped:
-        raise ToolError("the robot was NOT stopped: the line is gone", hint="switch its servos off")
+        raise ToolError(
+            "not-stopped", "the robot was NOT stopped: the line is gone", hint="switch its servos off"
+        )

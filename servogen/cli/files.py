@@ -10,7 +10,7 @@ from servogen import programs
 from servogen.cli.compiling import warn_of_missing_limits
 from servogen.cli.options import DEFAULT_CLOCK_HZ
 from servogen.cli.show import warn
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 
 if TYPE_CHECKING:
     from servogen.pic.image import Image
@@ -25,7 +25,11 @@ def keep_apart(inputs: Sequence[Path], *outputs: Path | None) -> None:
         if output is None:
             continue
         if output.resolve() in taken:
-            raise InputError(f"{taken[output.resolve()]}: give the output another name", Place(str(output)))
+            raise InputError(
+                "output-conflict",
+                f"{taken[output.resolve()]}: give the output another name",
+                Location(str(output)),
+            )
         if output.exists() and not output.is_file():
             continue  # a device, such as /dev/null, takes any number of outputs
         taken[output.resolve()] = "is written already"

@@ -100,7 +100,7 @@ def gait(
     """Plan a walk: the gait's table, stability, what the springs give, what the joints do."""
     from fractions import Fraction
 
-    from servogen.errors import InputError, Place
+    from servogen.errors import InputError, Location
     from servogen.motion.gait.footwork import Posture
     from servogen.motion.gait.steps import Segment
     from servogen.motion.gait.walk import walk
@@ -113,7 +113,9 @@ def gait(
     chosen, model = _robot(robot), servo_model(servo)
     rhythm, walker = _gait(chosen, name, duty, lifts, leg)
     if beta_sign not in (1, -1):
-        raise InputError(f"the sign of β is 1 or -1, not {beta_sign}", Place(key="--beta-sign"))
+        raise InputError(
+            "bad-option", f"the sign of β is 1 or -1, not {beta_sign}", Location(key="--beta-sign")
+        )
     direction = radians(direction_deg)
     way = Segment(
         stride_mm / 1000 * cos(direction), stride_mm / 1000 * sin(direction), radians(turn_deg), cycles
@@ -137,8 +139,9 @@ def gait(
     facts, loads = facts_of(walker, made), loads_of(walker, made)
     if clearance_mm is not None and 1000 * facts.clearance < clearance_mm:
         raise InputError(
+            "clearance",
             f"{1000 * facts.clearance:z.1f} mm are free under the robot, not {clearance_mm:g} mm",
-            Place(key="--clearance-mm"),
+            Location(key="--clearance-mm"),
             "raise the body, or take legs with a longer foot part",
         )
     _write(walker, rhythm, made, facts, picture, csv, animate)
@@ -174,7 +177,11 @@ def _robot(name: str) -> Hexapod:
 
     found = robot(name)
     if not isinstance(found, Hexapod):
-        raise InputError(f"{found.name} does not walk", hint='hexapod does, and a file with kind = "hexapod"')
+        raise InputError(
+            "not-a-walker",
+            f"{found.name} does not walk",
+            hint='hexapod does, and a file with kind = "hexapod"',
+        )
     return found
 
 
@@ -182,15 +189,16 @@ def _gait(
     robot: Hexapod, name: str, duty: float | None, lifts: str | None, leg: str | None
 ) -> tuple[Gait, Hexapod]:
     """The gait, and the robot with the legs that walk."""
-    from servogen.errors import InputError, Place
+    from servogen.errors import InputError, Location
     from servogen.motion.gait.phases import Gait, custom
     from servogen.motion.gait.phases import gait as named
     from servogen.motion.gait.walk import one_leg
 
     if (duty is None) != (lifts is None):
         raise InputError(
+            "missing-option",
             "your own gait needs a duty factor and the phase of each leg",
-            Place(key="--lifts" if lifts is None else "--duty"),
+            Location(key="--lifts" if lifts is None else "--duty"),
             "give both: --duty 0.5 --lifts L1=0,L2=0.5,…",
         )
     rhythm = (
@@ -204,7 +212,7 @@ def _gait(
 
 def _phases(text: str) -> dict[str, float] | list[float]:
     """`L1=0,L2=0.5` by name, or `0,0.5` in the order of the legs."""
-    from servogen.errors import InputError, Place
+    from servogen.errors import InputError, Location
 
     parts = [part.strip() for part in text.split(",")]
     try:
@@ -214,7 +222,10 @@ def _phases(text: str) -> dict[str, float] | list[float]:
         return {leg.strip(): float(phase) for leg, phase in pairs}
     except ValueError:
         raise InputError(
-            f"'{text}' is no table of phases", Place(key="--lifts"), "write L1=0,L2=0.5,… or 0,0.5,…"
+            "bad-option",
+            f"'{text}' is no table of phases",
+            Location(key="--lifts"),
+            "write L1=0,L2=0.5,… or 0,0.5,…",
         ) from None
 
 

@@ -34,12 +34,14 @@ def new(
     force: Annotated[bool, typer.Option("--force", help="Write over a file that exists.")] = False,
 ) -> None:
     """Write a commented job file to start from."""
-    from servogen.errors import InputError, Place
+    from servogen.errors import InputError, Location
     from servogen.job import template
     from servogen.outputs import write_text
 
     if file.exists() and not force:
-        raise InputError("exists already", Place(str(file)), "give another name, or --force")
+        raise InputError(
+            "output-exists", "exists already", Location(str(file)), "give another name, or --force"
+        )
     write_text(file, template())
     print(f"{file}: change it to your robot, then: servogen build {file}")
 

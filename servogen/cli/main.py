@@ -35,7 +35,7 @@ from servogen.cli import (
     simulate_commands,
     tune_commands,
 )
-from servogen.errors import InputError, Place, ServogenError, ToolError
+from servogen.errors import InputError, Location, ServogenError, ToolError
 
 NOBODY_READS = 141
 """What a shell reports for a program that a closed pipe has ended; also where standard output is closed."""
@@ -113,7 +113,9 @@ class _Output:
             self.unread = True
             raise
         except OSError as error:
-            raise ToolError(f"could not be written: {error.strerror}", Place("standard output")) from error
+            raise ToolError(
+                "write-failed", f"could not be written: {error.strerror}", Location("standard output")
+            ) from error
 
     def __getattr__(self, name: str) -> object:
         return getattr(self._stream, name)

@@ -30,14 +30,16 @@ def report(
 ) -> None:
     """Build and prove a job and write one HTML page of it, which needs no network."""
     from servogen.build.reporting import page_of
-    from servogen.errors import InputError, Place
+    from servogen.errors import InputError, Location
     from servogen.job import load, plan_job
     from servogen.outputs import write_text
     from servogen.plan_error import plan_words
     from servogen.verify import capture_lines
 
     if rate is not None and capture is None:
-        raise InputError("only a capture has a sampling rate", Place(str(job), key="--rate"))
+        raise InputError(
+            "conflicting-options", "only a capture has a sampling rate", Location(str(job), key="--rate")
+        )
     loaded = plan_job(load(job))
     target = output or Path(f"{loaded.name}.html")
     with status(f"{loaded.name}: planning") as tell:

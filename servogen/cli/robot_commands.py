@@ -66,7 +66,9 @@ def _write_urdf(name: str | None, path: Path) -> None:
     from servogen.outputs import write_text
 
     if name is None:
-        raise InputError("which robot is to be written?", hint="servogen robots scara --urdf scara.urdf")
+        raise InputError(
+            "missing-option", "which robot is to be written?", hint="servogen robots scara --urdf scara.urdf"
+        )
     write_text(path, to_urdf(arm(name)))
     print(path)
 

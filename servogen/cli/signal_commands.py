@@ -29,7 +29,7 @@ from servogen.cli.options import (
     machine_options,
 )
 from servogen.cli.show import as_json, status, warn_of_all
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.programs import PROGRAM_SUFFIXES, read_schedule
 
 if TYPE_CHECKING:
@@ -106,19 +106,26 @@ def verify(
         raise typer.Exit(_verify_forever(file, schedule, seconds, board, json))
     if not _is_program(file) and (device is not None or board != Options(device=board.device)):
         raise InputError(
-            "is a recording: --device and the simulator's options are for programs", Place(str(file))
+            "conflicting-options",
+            "is a recording: --device and the simulator's options are for programs",
+            Location(str(file)),
         )
     if not _is_program(file) and is_capture(file):
         if seconds is not None:
-            place = Place(str(file), key="--seconds")
-            raise InputError("a capture is checked to its end", place, "leave --seconds out")
+            place = Location(str(file), key="--seconds")
+            raise InputError(
+                "conflicting-options", "a capture is checked to its end", place, "leave --seconds out"
+            )
         raise typer.Exit(_verify_capture(file, schedule, rate, partial, json))
     if rate is not None:
-        raise InputError("only a capture has a sampling rate", Place(str(file), key="--rate"))
+        raise InputError(
+            "conflicting-options", "only a capture has a sampling rate", Location(str(file), key="--rate")
+        )
     span = None if seconds is None else schedule.clock.round_seconds(seconds)
     if span is not None and span < schedule.period:
         raise InputError(
-            f"--seconds {seconds:g} is less than one frame of {schedule.period} cycles: it proves nothing"
+            "span-too-short",
+            f"--seconds {seconds:g} is less than one frame of {schedule.period} cycles: it proves nothing",
         )
     with status("comparing every edge"):
         if _is_program(file):
@@ -142,10 +149,12 @@ def _device_for(schedule: PulseSchedule, against: Path, asked: str | None) -> st
     try:
         built = None if schedule.device is None else device_named(schedule.device)
     except InputError as error:
-        raise InputError(error.message, Place(str(against), key="device"), error.hint) from error
+        raise error.at(Location(str(against), key="device")) from error
     chip = built or DEVICES[0] if asked is None else device_named(asked)
     if built is not None and chip != built:
-        raise InputError(f"was built for a {built.name}, --device is {chip.name}", Place(str(against)))
+        raise InputError(
+            "wrong-chip", f"was built for a {built.name}, --device is {chip.name}", Location(str(against))
+        )
     return chip.name
 
 
@@ -156,7 +165,9 @@ def _verify_forever(
     from servogen.verify import verdict_lines
 
     if not _is_program(file):
-        raise InputError("only a program can be proven for all time, not edges", Place(str(file)))
+        raise InputError(
+            "conflicting-options", "only a program can be proven for all time, not edges", Location(str(file))
+        )
     limit = schedule.clock.round_seconds(FOREVER_SECONDS if seconds is None else seconds)
     program = _program_for(schedule, file, board.device)
     with status("looking for a repeat of the chip's state"):
@@ -235,7 +246,12 @@ def plot(
     if schedule is None:
         trace, span = _unknown(file, seconds, clock_hz)
     elif clock_hz is not None:
-        raise InputError("the schedule says the clock", Place(key="--clock-hz"), "give one of the two")
+        raise InputError(
+            "conflicting-options",
+            "the schedule says the clock",
+            Location(key="--clock-hz"),
+            "give one of the two",
+        )
     else:
         span = motion_cycles(schedule) if seconds is None else schedule.clock.round_seconds(seconds)
         trace = _trace(file, schedule, span)
@@ -257,7 +273,10 @@ def _is_program(file: Path) -> bool:
     if suffix not in known:
         everything = ", ".join((*PROGRAM_SUFFIXES, *known))
         raise InputError(
-            f"'{file.suffix}' is not the ending of a program or of edges", Place(str(file)), everything
+            "unknown-suffix",
+            f"'{file.suffix}' is not the ending of a program or of edges",
+            Location(str(file)),
+            everything,
         )
     return False
 
@@ -278,7 +297,9 @@ def _program_for(schedule: PulseSchedule, file: Path, device: str) -> Program:
     program = read_program(file, device)
     if program.clock and program.clock != schedule.clock:
         raise InputError(
-            f"says {program.clock.hz} Hz, the schedule is for {schedule.clock.hz} Hz", Place(str(file))
+            "wrong-clock",
+            f"says {program.clock.hz} Hz, the schedule is for {schedule.clock.hz} Hz",
+            Location(str(file)),
         )
     return program
 

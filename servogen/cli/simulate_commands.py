@@ -133,7 +133,7 @@ def _span(clock: Clock, seconds: float | None, cycles: int | None) -> Cycles:
     from servogen.units import Cycles
 
     if seconds is not None and cycles is not None:
-        raise InputError("--seconds and --cycles say the same thing: give one")
+        raise InputError("conflicting-options", "--seconds and --cycles say the same thing: give one")
     if cycles is not None:
         return Cycles(cycles)
     return clock.round_seconds(DEFAULT_SECONDS if seconds is None else seconds)

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from servogen.compiler.limits import ERRORS
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +19,7 @@ class Diagnostic:
     severity: str
     """ "error" or "warning"."""
     message: str
-    place: Place
+    place: Location
     source_line: str | None = None
     hint: str | None = None
     too_large: bool = False
@@ -75,38 +75,38 @@ class Reporter:
     def lines(self, file: str) -> list[str]:
         return self._lines.get(file, [])
 
-    def _line(self, place: Place) -> str | None:
+    def _line(self, place: Location) -> str | None:
         lines = self._lines.get(place.file or "", [])
         return lines[place.line - 1] if place.line and place.line <= len(lines) else None
 
     def _add(
-        self, severity: str, message: str, place: Place, hint: str | None, *, too_large: bool = False
+        self, severity: str, message: str, place: Location, hint: str | None, *, too_large: bool = False
     ) -> None:
         line = self._line(place)
         if line is not None and place.column is None:  # a directive or a line of assembly: its first word
-            place = Place(place.file, place.line, len(line) - len(line.lstrip()) + 1)
+            place = Location(place.file, place.line, len(line) - len(line.lstrip()) + 1)
         self._found[Diagnostic(severity, message, place, line, hint, too_large)] = None
 
-    def error(self, message: str, place: Place, hint: str | None = None) -> None:
+    def error(self, message: str, place: Location, hint: str | None = None) -> None:
         self._add("error", message, place, hint)
         self._errors += 1
         if self._errors >= ERRORS:
             raise CompileError(self.ordered())
 
-    def warn(self, message: str, place: Place, hint: str | None = None) -> None:
+    def warn(self, message: str, place: Location, hint: str | None = None) -> None:
         self._add("warning", message, place, hint)
 
-    def fatal(self, message: str, place: Place, hint: str | None = None) -> Fatal:
+    def fatal(self, message: str, place: Location, hint: str | None = None) -> Fatal:
         """Report an error; the caller raises the exception that is returned."""
         self.error(message, place, hint)
         return Fatal(message)
 
-    def too_large(self, message: str, place: Place, hint: str | None = None) -> Fatal:
+    def too_large(self, message: str, place: Location, hint: str | None = None) -> Fatal:
         """Report that the program is too large; the caller raises the exception that is returned."""
         self._add("error", message, place, hint, too_large=True)
         return Fatal(message)
 
-    def too_deep(self, place: Place) -> Fatal:
+    def too_deep(self, place: Location) -> Fatal:
         """Report nesting deeper than the compiler supports; the caller raises the exception that is
         returned.
         """

@@ -31,7 +31,7 @@ from servogen.compiler.passes.outlining import outline
 from servogen.compiler.sema.call_graph import CallGraph, call_graph, check_calls, globals_of
 from servogen.compiler.sema.checks import check_program
 from servogen.compiler.sema.translation_unit import analyse
-from servogen.errors import InputError, Place, nearest
+from servogen.errors import InputError, Location, did_you_mean
 from servogen.pic.image import Image
 from servogen.pic.listing import Listing
 from servogen.units import Clock
@@ -59,22 +59,28 @@ def compile_sources(sources: Sequence[Source], options: Options | None = None) -
     """Compile the source files of one program. Raises CompileError with all errors and warnings."""
     options = options or Options()
     if options.dialect not in DIALECTS:
-        raise InputError(f"unknown dialect '{options.dialect}'", hint=nearest(options.dialect, DIALECTS))
+        raise InputError(
+            "bad-option", f"unknown dialect '{options.dialect}'", hint=did_you_mean(options.dialect, DIALECTS)
+        )
     if options.optimise not in LEVELS:
         raise InputError(
-            f"unknown level of optimisation '{options.optimise}'", hint=nearest(options.optimise, LEVELS)
+            "bad-option",
+            f"unknown level of optimisation '{options.optimise}'",
+            hint=did_you_mean(options.optimise, LEVELS),
         )
     if options.dump_ir is not None and options.dump_ir not in PASSES:
-        raise InputError(f"unknown pass '{options.dump_ir}'", hint=nearest(options.dump_ir, PASSES))
+        raise InputError(
+            "bad-option", f"unknown pass '{options.dump_ir}'", hint=did_you_mean(options.dump_ir, PASSES)
+        )
     if not sources:
-        raise InputError("there is no source file to compile")
+        raise InputError("missing-option", "there is no source file to compile")
     reporter = Reporter()
     try:
         return _compile(sources, options, reporter)
     except Fatal:
         raise CompileError(reporter.ordered()) from None
     except RecursionError:
-        reporter.too_deep(Place(sources[0].file))
+        reporter.too_deep(Location(sources[0].file))
         raise CompileError(reporter.ordered()) from None
 
 

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from servogen.errors import InputError, ToolError, nearest
+from servogen.errors import InputError, ToolError, did_you_mean
 from servogen.motion.trajectory import Floats
 
 STOP = "stop"
@@ -49,7 +49,7 @@ class Steering(Protocol):
 
 
 def unknown(word: str, words: Iterable[str]) -> InputError:
-    return InputError(f"'{word}' is no order", hint=nearest(word, words))
+    return InputError("unknown-command", f"'{word}' is no order", hint=did_you_mean(word, words))
 
 
 QUIT, WAIT = "quit", "wait"
@@ -132,7 +132,7 @@ def wait_of(line: str) -> float:
     except (IndexError, ValueError):
         seconds = -1.0
     if not 0 <= seconds < float("inf"):
-        raise InputError(f"'{line}' does not say how long", hint="wait 1.5")
+        raise InputError("bad-command", f"'{line}' does not say how long", hint="wait 1.5")
     return seconds
 
 
@@ -172,7 +172,9 @@ def keys(descriptor: int) -> Iterator[Keys]:
         import termios
         import tty
     except ImportError as error:
-        raise ToolError("single keys need a POSIX terminal", hint="pipe orders in, one a line") from error
+        raise ToolError(
+            "tool-missing", "single keys need a POSIX terminal", hint="pipe orders in, one a line"
+        ) from error
     before = termios.tcgetattr(descriptor)
     try:
         tty.setcbreak(descriptor)

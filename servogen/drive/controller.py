@@ -15,7 +15,7 @@ import numpy as np
 
 from servogen.engines.stream.protocol import MOST, Command, Kind, travel
 from servogen.engines.stream.settings import Stream
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.job import Job
 from servogen.motion.trajectory import Floats
 from servogen.robot.servo import Servo
@@ -64,6 +64,7 @@ class Channel:
         found = min(near, key=lambda position: abs(self.widths_us[position] - width), default=None)
         if found is None or abs(self.widths_us[found] - width) > self.step_us:
             raise InputError(
+                "servo-limit",
                 f"{self.servo.name} would need pulses of {width:g} µs: the controller makes "
                 f"{self.widths_us[0]:g} to {self.widths_us[-1]:g} µs",
                 self.servo.place,
@@ -100,15 +101,20 @@ def controller_of(job: Job, baud: int | None, range_us: str | None, first: int) 
     Raises InputError where nothing says them.
     """
     if first + len(job.servos) > MOST + 1:
-        raise InputError(f"{len(job.servos)} servos from number {first} on: the last number is {MOST}")
+        raise InputError(
+            "too-many-servos", f"{len(job.servos)} servos from number {first} on: the last number is {MOST}"
+        )
     if job.stream is not None and range_us is None:
         if first:
-            raise InputError("the stream engine's servos are numbered from 0 on", job.stream.place)
+            raise InputError(
+                "bad-option", "the stream engine's servos are numbered from 0 on", job.stream.place
+            )
         return baud or job.stream.baud, _stream(job, job.stream)
     if range_us is None:
         raise InputError(
+            "missing-option",
             "nothing says which widths positions 0 and 254 are",
-            Place(job.file),
+            Location(job.file),
             "the controller's manual does: --range-us 500,2500",
         )
     widths = tuple(np.linspace(*_range(range_us), MOST + 1).tolist())
@@ -134,5 +140,5 @@ def _range(text: str) -> tuple[float, float]:
     except ValueError:
         low = high = math.nan
     if not 0 < low < high < math.inf:
-        raise InputError(f"'{text}' is no range of widths", hint="--range-us 500,2500")
+        raise InputError("bad-option", f"'{text}' is no range of widths", hint="--range-us 500,2500")
     return low, high

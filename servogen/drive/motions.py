@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from servogen.errors import InputError, Place, nearest
+from servogen.errors import InputError, Location, did_you_mean
 from servogen.job import PlannedJob
 from servogen.motion.trajectory import Floats, JointTrajectory
 from servogen.robot.servo import Servo
@@ -77,16 +77,19 @@ def pose_of(job: PlannedJob, text: str) -> Floats:
     """
     if "=" in text:
         return _angles(job.servos, text)
-    place = Place(job.file)
+    place = Location(job.file)
     if not job.poses:
-        raise InputError("the job has no poses", place, "give angles: --pose arm=90,hand=45")
+        raise InputError("unknown-pose", "the job has no poses", place, "give angles: --pose arm=90,hand=45")
     names = {pose.name: index for index, pose in enumerate(job.poses) if pose.name}
     if text in names:
         return np.array(job.poses[names[text]].angles)
     if text.isdecimal() and 1 <= int(text) <= len(job.poses):
         return np.array(job.poses[int(text) - 1].angles)
     raise InputError(
-        f"the job has no pose '{text}'", place, f"1 to {len(job.poses)}" + (", or a name" if names else "")
+        "unknown-pose",
+        f"the job has no pose '{text}'",
+        place,
+        f"1 to {len(job.poses)}" + (", or a name" if names else ""),
     )
 
 
@@ -96,11 +99,11 @@ def _angles(servos: Sequence[Servo], text: str) -> Floats:
     for part in text.split(","):
         name, _, value = (word.strip() for word in part.partition("="))
         if name not in by_name:
-            raise InputError(f"there is no servo '{name}'", hint=nearest(name, by_name))
+            raise InputError("unknown-servo", f"there is no servo '{name}'", hint=did_you_mean(name, by_name))
         try:
             angle = float(np.radians(float(value)))
         except ValueError:
-            raise InputError(f"'{value}' is no angle in degrees", hint=f"{name}=90") from None
+            raise InputError("bad-angle", f"'{value}' is no angle in degrees", hint=f"{name}=90") from None
         servos[by_name[name]].width_us(angle)
         angles[by_name[name]] = angle
     return angles

@@ -114,6 +114,7 @@ class Line:
                 away = self._time.now() - begin
                 if away + RETRY_S > self._patience_s:
                     raise ToolError(
+                        "port-lost",
                         f"did not come back within {self._patience_s:g} s: {error.message}",
                         error.place,
                         error.hint,

@@ -9,7 +9,7 @@ from servogen.drive.commands import Rates, Steering
 from servogen.drive.poser import Poser
 from servogen.drive.roller import roller
 from servogen.drive.walker import walker
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.job import PlannedJob
 from servogen.robot.model import Hexapod, OmniBase
 
@@ -23,6 +23,7 @@ def steering_of(job: PlannedJob, rates: Rates) -> Steering:
     if job.poses or job.stream is not None:
         return Poser(job)
     raise InputError(
+        "nothing-to-drive",
         "there is nothing to steer: keys walk a walking robot, roll a base, or go to the poses of [motion]",
-        Place(job.file),
+        Location(job.file),
     )

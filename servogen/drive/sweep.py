@@ -31,6 +31,7 @@ def positions(channel: Channel, from_us: float | None, to_us: float | None, coun
     low, high = (least if from_us is None else from_us), (most if to_us is None else to_us)
     if low < least - channel.slack_us or high > most + channel.slack_us:
         raise InputError(
+            "servo-limit",
             f"{channel.servo.name} is allowed pulses of {least:g} to {most:g} µs, not {low:g} to {high:g} µs",
             channel.servo.place,
             "its min_deg, max_deg, travel_deg and points in the job set them",
@@ -42,6 +43,7 @@ def positions(channel: Channel, from_us: float | None, to_us: float | None, coun
     ]
     if count < FEWEST or len(inside) < count:
         raise InputError(
+            "too-few-points",
             f"{count} points from {low:g} to {high:g} µs: the controller makes {len(inside)} widths there",
             hint=f"{FEWEST} points or more, over a longer range",
         )

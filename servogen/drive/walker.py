@@ -15,7 +15,7 @@ import numpy as np
 
 from servogen.drive.commands import STOP, WAYS, Rates, unknown
 from servogen.drive.motions import frame_at
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.job import PlannedJob, plan_job
 from servogen.motion.trajectory import Floats
 
@@ -64,7 +64,9 @@ def _gait(job: PlannedJob, way: Mapping[str, float]) -> Gait:
         whole = plan_job(job, {**way, "cycles": float(cycles)}).trajectory.angles
         if len(whole) > len(angles) and np.allclose(whole[: len(angles)], angles, atol=SAME_RAD):
             return Gait(angles[:loop], angles[loop:], whole[len(angles) :])
-    raise InputError("the walk cannot be stopped: its gait leaves a leg behind", Place(job.file))
+    raise InputError(
+        "endless-walk", "the walk cannot be stopped: its gait leaves a leg behind", Location(job.file)
+    )
 
 
 @dataclass(slots=True, eq=False)

@@ -15,7 +15,7 @@ from traceback import walk_tb
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError, TemplateSyntaxError
 
-from servogen.errors import Place, ServogenError
+from servogen.errors import Location, ServogenError
 from servogen.pulse import PulseSchedule
 
 SUFFIXES = (".j2", ".asm")
@@ -31,20 +31,22 @@ def filled(template: str, **values: object) -> str:
     try:
         return _environment().get_template(template).render(**values)
     except TemplateError as error:
-        raise RenderError(error.message or "the template is wrong", _template_place(error)) from error
+        raise RenderError(
+            "template-error", error.message or "the template is wrong", _template_place(error)
+        ) from error
 
 
-def _template_place(error: TemplateError) -> Place:
+def _template_place(error: TemplateError) -> Location:
     """The template and line of an error: its own, or the last template line that was running."""
     if isinstance(error, TemplateSyntaxError):
-        return Place(error.name, error.lineno)
+        return Location(error.name, error.lineno)
     lines = [
         (frame.f_code.co_filename, line)
         for frame, line in walk_tb(error.__traceback__)
         if frame.f_code.co_filename.endswith(SUFFIXES)
     ]
     file, line = lines[-1] if lines else (None, None)
-    return Place(str(Path(file).relative_to(template_folder())) if file else None, line)
+    return Location(str(Path(file).relative_to(template_folder())) if file else None, line)
 
 
 @dataclass(frozen=True, slots=True)

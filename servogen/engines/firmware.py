@@ -24,7 +24,7 @@ def compiled_to_fit(
         if not error.too_large:  # a fault of the templates
             raise
         raise ResourceError(
-            f"{title}: planned, but more than {engine} can hold: {error.message}", hint=hint
+            "does-not-fit", f"{title}: planned, but more than {engine} can hold: {error.message}", hint=hint
         ) from error
 
 

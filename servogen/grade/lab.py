@@ -14,7 +14,7 @@ from pathlib import Path
 from pydantic import Field
 
 from servogen.edges import PINS
-from servogen.errors import InputError, Place, nearest
+from servogen.errors import InputError, Location, did_you_mean
 from servogen.robot.servo import Servo, servo
 from servogen.robot.servo_models import servo_model
 from servogen.toml import file as toml_file
@@ -128,8 +128,8 @@ def load_lab(name: str) -> Lab:
     if name.endswith(".toml"):
         return _lab(Path(name).stem, *toml_file.load(name, LabTable))
     if name not in names():
-        hint = f"{nearest(name, names())} A lab of your own is a file that ends in .toml"
-        raise InputError(f"unknown lab '{name}'", Place(key="LAB"), hint)
+        hint = f"{did_you_mean(name, names())} A lab of your own is a file that ends in .toml"
+        raise InputError("unknown-lab", f"unknown lab '{name}'", Location(key="LAB"), hint)
     with as_file(_folder() / f"{name}.toml") as path:
         return _lab(name, *toml_file.load(path, LabTable))
 
@@ -141,12 +141,16 @@ def _folder() -> Traversable:
 def _lab(name: str, document: Document, table: LabTable) -> Lab:
     low, high = table.period.range_ms
     if not 0 < low < high:
-        raise document.error(("period", "range_ms"), "does not rise from a time to a longer one")
+        raise document.error(
+            "out-of-range", ("period", "range_ms"), "does not rise from a time to a longer one"
+        )
     servos = tuple(_servo(document, index, each) for index, each in enumerate(table.servo))
     known = [each.servo.name for each in servos]
     for index, word in enumerate(known):
         if word in known[:index]:
-            raise document.error(("servo", index, "name"), f"two servos have the name {word}")
+            raise document.error(
+                "duplicate-name", ("servo", index, "name"), f"two servos have the name {word}"
+            )
     ways = tuple(
         Way(
             way.name,
@@ -178,7 +182,9 @@ def _servo(document: Document, index: int, table: ServoTable) -> LabServo:
     for pin in pins:
         if pin not in PINS:
             key = "pin" if pin == table.pin else "other_pins"
-            raise document.error(("servo", index, key), f"unknown pin '{pin}'", nearest(pin, PINS))
+            raise document.error(
+                "unknown-pin", ("servo", index, key), f"unknown pin '{pin}'", did_you_mean(pin, PINS)
+            )
     model = servo_model(table.model, place=document.place("servo", index, "model"))
     return LabServo(servo(table.name, table.pin, model), pins)
 
@@ -189,16 +195,22 @@ def _position(
     known = [each.servo.name for each in servos]
     for name in table.angles_deg:
         if name not in known:
-            raise document.error((*key, "angles_deg", name), f"unknown servo '{name}'", nearest(name, known))
+            raise document.error(
+                "unknown-servo",
+                (*key, "angles_deg", name),
+                f"unknown servo '{name}'",
+                did_you_mean(name, known),
+            )
     ranges = []
     for each in servos:
         name = each.servo.name
         if name not in table.angles_deg:
-            raise document.error((*key, "angles_deg"), f"'{name}' is missing")
+            raise document.error("missing-key", (*key, "angles_deg"), f"'{name}' is missing")
         low, high = table.angles_deg[name]
         least, greatest = (math.degrees(limit) for limit in each.servo.limits)
         if not least - SLACK_DEG <= low < high <= greatest + SLACK_DEG:
             raise document.error(
+                "servo-limit",
                 (*key, "angles_deg", name),
                 f"{low:g}° to {high:g}° is no range within the servo's {least:g}° to {greatest:g}°",
             )

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 
 MAX_PROGRAMS = 200
 MAX_FOLDERS = 1000
@@ -42,7 +42,9 @@ class Submission:
         if not self.given:
             _require_inside(self.file, self.folder or self.file.parent.resolve())
         if not _is_file(self.file):
-            raise InputError("cannot be read: there is no such file", Place(str(self.file)))
+            raise InputError(
+                "unreadable-file", "cannot be read: there is no such file", Location(str(self.file))
+            )
 
     def included(self, name: str, including: str, in_any_case: bool = False) -> Path | None:
         """Returns the file that the file `including` includes as `name`; None where there is none.
@@ -62,8 +64,9 @@ class Submission:
         if not os.path.lexists(path):
             return None
         raise InputError(
+            "include-refused",
             "is not included: other programs lie beside this one, so the file may be another student's",
-            Place(str(path)),
+            Location(str(path)),
             "give each student a folder of their own; --level 0: a folder given is one student's",
         )
 
@@ -91,7 +94,9 @@ def find_submissions(
             search = _Search(path, frozenset((*sources, *images)), level, found.warnings)
             programs = search.programs()
             if not programs:
-                raise InputError(f"holds no program ({', '.join((*sources, *images))})", Place(str(path)))
+                raise InputError(
+                    "no-program", f"holds no program ({', '.join((*sources, *images))})", Location(str(path))
+                )
             found.submissions += _sources_first(programs, images, found.warnings)
         else:
             own = level == 0 or not _has_others(path, frozenset((*sources, *images)))
@@ -198,7 +203,7 @@ def _has_others(path: Path, suffixes: frozenset[str]) -> bool:
 
 def _require_inside(path: Path, folder: Path) -> None:
     if not Path(os.path.realpath(path)).is_relative_to(folder):
-        raise InputError("is outside the student's own folder", Place(str(path)))
+        raise InputError("include-refused", "is outside the student's own folder", Location(str(path)))
 
 
 def _is_file(path: Path) -> bool:
@@ -208,9 +213,11 @@ def _is_file(path: Path) -> bool:
     except (FileNotFoundError, NotADirectoryError):
         return False
     except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", Place(str(path))) from error
+        raise InputError(
+            "unreadable-file", f"cannot be read: {error.strerror}", Location(str(path))
+        ) from error
     if not stat.S_ISREG(mode):
-        raise InputError("is not a regular file", Place(str(path)))
+        raise InputError("not-a-file", "is not a regular file", Location(str(path)))
     return True
 
 

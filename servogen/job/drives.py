@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from servogen.errors import Caution, InputError, nearest
+from servogen.errors import Caution, InputError, did_you_mean
 from servogen.job.job import Job
 from servogen.job.schema import DriveTable
 from servogen.motion import JointTrajectory, Planned
@@ -31,7 +31,9 @@ def drive_of(
     document, robot, servos = job.document, job.robot, job.servos
     period, clock = job.frame.period.cycles, job.clock
     if not isinstance(robot, OmniBase):
-        raise document.error(("drive",), "a drive needs an omni base", 'add [robot] name = "omni"')
+        raise document.error(
+            "missing-robot", ("drive",), "a drive needs an omni base", 'add [robot] name = "omni"'
+        )
     wheels = _wheels(document, table, servos)
     try:
         made = drive(
@@ -46,7 +48,7 @@ def drive_of(
             repeat=table.repeat,
         )
     except InputError as error:
-        raise document.error(("drive", "corners_mm"), error.message, error.hint) from error
+        raise error.at(document.place("drive", "corners_mm")) from error
     _check_speeds(document, table, made, wheels)
     notes = (*_routines(document, made), _closing(document, robot, made, wheels, clock))
     order = [table.wheels.index(servo.name) for servo in servos]
@@ -63,16 +65,23 @@ def _wheels(document: Document, table: DriveTable, servos: Sequence[Servo]) -> t
     for index, name in enumerate(table.wheels):
         key = ("drive", "wheels", index)
         if name not in by_name:
-            raise document.error(key, f"there is no servo '{name}'", nearest(name, by_name))
+            raise document.error(
+                "unknown-servo", key, f"there is no servo '{name}'", did_you_mean(name, by_name)
+            )
         if name in table.wheels[:index]:
-            raise document.error(key, f"'{name}' is two wheels' servo")
+            raise document.error("servo-bound-twice", key, f"'{name}' is two wheels' servo")
         if not by_name[name].model.continuous:
             raise document.error(
-                key, f"'{name}' does not turn for ever", 'a wheel needs model = "continuous" or the like'
+                "wrong-servo-kind",
+                key,
+                f"'{name}' does not turn for ever",
+                'a wheel needs model = "continuous" or the like',
             )
     for index, servo in enumerate(servos):
         if servo.name not in table.wheels:
-            raise document.error(("servo", index), f"{servo.name} turns no wheel: the base has three")
+            raise document.error(
+                "servo-unbound", ("servo", index), f"{servo.name} turns no wheel: the base has three"
+            )
     return tuple(by_name[name] for name in table.wheels)
 
 
@@ -89,6 +98,7 @@ def _check_speeds(document: Document, table: DriveTable, made: Drive, wheels: Se
     servo, speed, limit = min(asked, key=lambda each: each[2] / each[1])
     low, high = (servo.model.shown(end) for end in servo.limits)
     raise document.error(
+        "servo-limit",
         ("drive", "speed_mm_s"),
         f"{servo.name} would have to turn at {math.degrees(speed):z.0f}°/s: its speeds are {low} to {high}",
         f"at most {math.floor(table.speed_mm_s * limit / speed)} mm/s on this contour",

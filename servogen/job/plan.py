@@ -53,7 +53,9 @@ def _walking(job: Job, way: Mapping[str, float]) -> WalkTable:
     """Returns the job's [walk] with that one way. Raises InputError where something else moves the servos."""
     if job.section is not None and not isinstance(job.section, WalkTable):
         moving = _key(job.section)
-        raise job.document.error((moving,), f"the job does not walk: [{moving}] moves its servos")
+        raise job.document.error(
+            "nothing-to-drive", (moving,), f"the job does not walk: [{moving}] moves its servos"
+        )
     written = job.document.data.get("walk", {})
     walk = {key: value for key, value in written.items() if key != "end"}
     walk |= {"way": (dict(way),), "repeat": "cycles" not in way}
@@ -100,7 +102,10 @@ def _joint_limits(job: Job, limits: tuple[Limits, ...]) -> tuple[Limits, ...]:
     for index, servo in enumerate(job.servos):
         if servo.name not in order:
             raise job.document.error(
-                ("servo", index), f"{servo.name} turns no joint of the robot", "say which: joint = …"
+                "servo-unbound",
+                ("servo", index),
+                f"{servo.name} turns no joint of the robot",
+                "say which: joint = …",
             )
     return joints
 
@@ -150,6 +155,7 @@ def _check_soft_start(job: Job, planned: Planned) -> None:
     frames = 2 * round(asked_s / motion.clock.seconds(motion.period)) + len(motion.angles)
     if frames > MAX_FRAMES:
         raise job.document.error(
+            "too-many-frames",
             ("firmware", "soft_start_s"),
             f"the motion and a soft start of {float(asked_s):g} s are {frames} frames long",
             f"at most {MAX_FRAMES} frames, {float(MAX_FRAMES * motion.clock.seconds(motion.period)):g} s",

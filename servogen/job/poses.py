@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from servogen.errors import InputError, Place, nearest
+from servogen.errors import InputError, Location, did_you_mean
 from servogen.job.schema import MotionTable, PoseTable
 from servogen.job.tip import LegTip, Tip
 from servogen.motion import Pose
@@ -53,7 +53,9 @@ def poses_of(
     reader = _Reader(document, servos, tip, table.poses)
     for index, row in enumerate(table.poses):
         if row.name is not None and row.name in [other.name for other in table.poses[:index]]:
-            raise document.error((*_key(index), "name"), f"two poses have the name '{row.name}'")
+            raise document.error(
+                "duplicate-name", (*_key(index), "name"), f"two poses have the name '{row.name}'"
+            )
     states: list[_State] = []
     ways: list[_Way | None] = []
     while len(states) < len(table.poses):
@@ -110,14 +112,17 @@ class _Reader:
         key, row = _key(index), self.rows[index]
         if row.through_mm is not None and row.path != "arc":
             raise self.document.error(
-                (*key, "through_mm"), "only an arc goes through a point", 'add path = "arc"'
+                "pose-path", (*key, "through_mm"), "only an arc goes through a point", 'add path = "arc"'
             )
         named = self._named(key, row)
         orientation = before.orientation
         if row.orientation_deg is not None:
             if row.tip_mm is None:
                 raise self.document.error(
-                    (*key, "orientation_deg"), "an orientation needs a position", "add tip_mm = [x, y, z]"
+                    "pose-orientation",
+                    (*key, "orientation_deg"),
+                    "an orientation needs a position",
+                    "add tip_mm = [x, y, z]",
                 )
             orientation = tuple(math.radians(angle) for angle in row.orientation_deg)
         choices = [named]
@@ -129,6 +134,7 @@ class _Reader:
             for servo in tip.servos:
                 if servo.name in named:
                     raise self.document.error(
+                        "pose-conflict",
                         (*key, _key_of(servo)),
                         f"{servo.name}'s angle follows from {name} already",
                         "give one of the two",
@@ -145,6 +151,7 @@ class _Reader:
         for servo in self.servos:
             if servo.name not in {**before.angles, **choices[0]}:
                 raise self.document.error(
+                    "pose-incomplete",
                     key,
                     f"the first pose does not say where {servo.name} is",
                     f"add {_key_of(servo)} = … (later poses may leave it away: it stays)",
@@ -156,12 +163,18 @@ class _Reader:
         key, row = _key(index), self.rows[index]
         if row.release and not row.pause_s:
             raise self.document.error(
-                (*key, "release"), "release = true without a pause", "say how long: pause_s = …"
+                "pose-timing",
+                (*key, "release"),
+                "release = true without a pause",
+                "say how long: pause_s = …",
             )
         for name in ("hold_s", "pause_s"):
             if row.via and getattr(row, name):
                 raise self.document.error(
-                    (*key, name), "a pose that is passed has no hold and no pause", "take via = true away"
+                    "pose-timing",
+                    (*key, name),
+                    "a pose that is passed has no hold and no pause",
+                    "take via = true away",
                 )
         law = row.law or table.law
         timeless = law is not None or row.via or row.path != "joint"
@@ -197,7 +210,9 @@ class _Reader:
     def _unknown(self, key: Key, word: str, by_key: Mapping[str, Servo]) -> InputError:
         name, names = word.removesuffix(ANGLE), [servo.name for servo in self.servos]
         if name != word and name not in names:
-            return self.document.error(key, f"there is no servo '{name}'", nearest(name, names))
+            return self.document.error(
+                "unknown-servo", key, f"there is no servo '{name}'", did_you_mean(name, names)
+            )
         return unknown_key(self.document, key, [*PoseTable.model_fields, *by_key])
 
     def _tip(self, key: Key) -> Tip:
@@ -205,10 +220,13 @@ class _Reader:
         if self.tip is None:
             need = "a foot position needs a leg" if key[-1] == "foot_mm" else "a position needs an arm"
             raise self.document.error(
-                key, need, "add the section [leg] with its lengths, or [robot] with a servo for each joint"
+                "missing-robot",
+                key,
+                need,
+                "add the section [leg] with its lengths, or [robot] with a servo for each joint",
             )
         if key[-1] != wanted:
-            raise self.document.error(key, f"this robot's positions are called {wanted}")
+            raise self.document.error("wrong-unit", key, f"this robot's positions are called {wanted}")
         return self.tip
 
     def way(self, index: int, before: _State, state: _State) -> _Way | None:
@@ -218,7 +236,9 @@ class _Reader:
             return None
         here = (*key, "path")
         if row.foot_mm is None and row.tip_mm is None:
-            raise self.document.error(here, f'path = "{row.path}" needs a position', "give foot_mm or tip_mm")
+            raise self.document.error(
+                "pose-path", here, f'path = "{row.path}" needs a position', "give foot_mm or tip_mm"
+            )
         tip = self._tip((*key, "foot_mm" if row.foot_mm is not None else "tip_mm"))
         columns = [[each.name for each in self.servos].index(servo.name) for servo in tip.servos]
         start, end = np.array(self._vector(before)), np.array(self._vector(state))
@@ -228,7 +248,7 @@ class _Reader:
             path = Line(_triple(a), _triple(b))
         elif row.through_mm is None:
             raise self.document.error(
-                here, "an arc needs a point to go through", "add through_mm = [x, y, z]"
+                "pose-path", here, "an arc needs a point to go through", "add through_mm = [x, y, z]"
             )
         else:
             path = arc(a, np.array(row.through_mm) / 1000, b, self.document.place(*key, "through_mm"))
@@ -248,7 +268,7 @@ class _Way:
     start: Floats
     end: Floats
     turn: tuple[Floats, Floats] | None
-    place: Place
+    place: Location
 
     def __call__(self, shares: Floats) -> Followed:
         """The servos' angles at shares of the path. Raises InputError where it has to change its branch."""
@@ -295,7 +315,9 @@ def _angle(document: Document, key: Key, value: object) -> float:
             degrees = math.inf
         if math.isfinite(degrees):
             return math.radians(degrees)
-    raise document.error(key, f"{shown(value)} is not an angle", f"a finite number: {key[-1]} = 90")
+    raise document.error(
+        "bad-angle", key, f"{shown(value)} is not an angle", f"a finite number: {key[-1]} = 90"
+    )
 
 
 def _triple(point: Floats) -> tuple[float, float, float]:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from servogen.errors import Caution, InputError, nearest
+from servogen.errors import Caution, InputError, did_you_mean
 from servogen.job.job import Job
 from servogen.job.schema import ProgramTable
 from servogen.motion import JointTrajectory, Planned, bound
@@ -39,7 +39,9 @@ def program_of(
     """
     document, robot, bindings, servos = job.document, job.robot, job.bindings, job.servos
     if not isinstance(robot, Arm):
-        raise document.error(("program",), "a program moves an arm", 'add [robot] name = "rv-m1"')
+        raise document.error(
+            "missing-robot", ("program",), "a program moves an arm", 'add [robot] name = "rv-m1"'
+        )
     hand = _hand(document, table, servos, bindings)
     arm = _reachable(document, robot, bindings, servos)
     source = read(Path(document.file).parent / table.file)
@@ -67,11 +69,11 @@ def _hand(
     by_name = {servo.name: servo for servo in servos}
     name, key = table.hand.servo, ("program", "hand", "servo")
     if name not in by_name:
-        raise document.error(key, f"there is no servo '{name}'", nearest(name, by_name))
+        raise document.error("unknown-servo", key, f"there is no servo '{name}'", did_you_mean(name, by_name))
     if name in [binding.servo for binding in bindings]:
-        raise document.error(key, f"'{name}' turns a joint of the arm already")
+        raise document.error("servo-bound-twice", key, f"'{name}' turns a joint of the arm already")
     if by_name[name].model.continuous:
-        raise document.error(key, f"'{name}' turns for ever: a hand needs angles")
+        raise document.error("wrong-servo-kind", key, f"'{name}' turns for ever: a hand needs angles")
     opened, closed = math.radians(table.hand.open_deg), math.radians(table.hand.closed_deg)
     for end, angle in (("open_deg", opened), ("closed_deg", closed)):
         by_name[name].width_us(angle, document.place("program", "hand", end))
@@ -86,7 +88,10 @@ def _reachable(document: Document, arm: Arm, bindings: Sequence[Binding], servos
     for joint in arm.joints:
         if joint.name not in by_joint:
             raise document.error(
-                ("program",), f"no servo turns the joint '{joint.name}'", f'give one joint = "{joint.name}"'
+                "joint-unbound",
+                ("program",),
+                f"no servo turns the joint '{joint.name}'",
+                f'give one joint = "{joint.name}"',
             )
         binding = by_joint[joint.name]
         ends = sorted(binding.position(by_name[binding.servo].limits).tolist())
@@ -95,6 +100,7 @@ def _reachable(document: Document, arm: Arm, bindings: Sequence[Binding], servos
         if not lower - slack <= joint.home <= upper + slack:
             factor, unit = (math.degrees(1), "°") if joint.turning else (1000, " mm")
             raise document.error(
+                "home-out-of-reach",
                 ("servo", list(by_name).index(binding.servo), "zero_deg"),
                 f"{binding.servo} cannot bring {joint.name} to its home of {joint.home * factor:zg}{unit}: "
                 f"it reaches {ends[0] * factor:zg}{unit} to {ends[1] * factor:zg}{unit}",
@@ -118,7 +124,7 @@ def _manipulator(
     try:
         return manipulator(arm, speeds)
     except InputError as error:
-        raise document.error(("program",), error.message, error.hint) from error
+        raise error.at(document.place("program")) from error
 
 
 def _on_servos(
@@ -131,6 +137,7 @@ def _on_servos(
     for index, servo in enumerate(servos):
         if servo.name not in by_servo:
             raise document.error(
+                "servo-unbound",
                 ("servo", index),
                 f"{servo.name} turns no joint of the arm",
                 'say which: joint = …, or make it the hand: [program] hand = { servo = "…", … }',

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from servogen.engines.player.layout import layout
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.job.buttons import buttons_of
 from servogen.job.job import Firmware, Job
 from servogen.job.robots import rig_of
@@ -90,6 +90,7 @@ def _section(document: Document, table: JobTable, needed: bool) -> Section | Non
         return None
     if len(given) != 1:
         raise document.error(
+            "job-sections",
             (given[1],) if given else (),
             "a job has one of " + ", ".join(f"[{part}]" for part in SECTIONS),
             None if given else "add [motion] poses = [ … ]",
@@ -97,7 +98,10 @@ def _section(document: Document, table: JobTable, needed: bool) -> Section | Non
     part = given[0]
     if document.data[part].get("repeat", True) and "end" in document.data[part]:
         raise document.error(
-            (part, "end"), "a motion that repeats has no end", "write repeat = false, or leave end away"
+            "endless-motion",
+            (part, "end"),
+            "a motion that repeats has no end",
+            "write repeat = false, or leave end away",
         )
     section: Section = getattr(table, part)
     return section
@@ -108,8 +112,9 @@ def _name(document: Document) -> str:
     name = Path(document.file).stem
     if name in (".", "..") or any(ord(sign) < ord(" ") for sign in name):
         raise InputError(
+            "job-name",
             f"the file's name makes the job's name {name!r}, which cannot be a folder",
-            Place(document.file),
+            Location(document.file),
             "name the file after the job, as arm.toml",
         )
     return name
@@ -119,15 +124,17 @@ def _chip(document: Document, table: JobTable) -> tuple[Device, Clock]:
     try:
         chip = device(table.chip.device)
     except InputError as error:
-        raise document.error(("chip", "device"), error.message, error.hint) from error
+        raise error.at(document.place("chip", "device")) from error
     if table.chip.clock_hz > chip.max_clock_hz:
         raise document.error(
+            "clock-limit",
             ("chip", "clock_hz"),
             f"{table.chip.clock_hz} Hz is above the {chip.name}'s limit of {chip.max_clock_hz} Hz",
             "the PIC16F84 runs at up to 10 MHz, the PIC16F84A at up to 20 MHz",
         )
     if table.chip.clock_hz < LEAST_CLOCK_HZ:
         raise document.error(
+            "clock-limit",
             ("chip", "clock_hz"),
             f"{table.chip.clock_hz} Hz is slower than any crystal: at least {LEAST_CLOCK_HZ} Hz",
             "4 MHz are 4_000_000",
@@ -138,6 +145,7 @@ def _chip(document: Document, table: JobTable) -> tuple[Device, Clock]:
 def _frame(document: Document, table: JobTable, clock: Clock) -> Frame:
     if table.frame.period_us < LEAST_PERIOD_US:
         raise document.error(
+            "out-of-range",
             ("frame", "period_us"),
             f"{table.frame.period_us:g} µs is no longer than a pulse",
             "20 ms are 20_000 µs",

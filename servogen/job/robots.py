@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from servogen.errors import InputError, nearest
+from servogen.errors import InputError, did_you_mean
 from servogen.job.schema import JobTable, LegTable
 from servogen.job.servos import bindings_of
 from servogen.job.tip import ArmTip, LegTip, Tip
@@ -36,7 +36,9 @@ def rig_of(document: Document, table: JobTable, servos: tuple[Servo, ...]) -> Ri
     """Raises InputError."""
     if table.leg is not None:
         if table.robot is not None:
-            raise document.error(("robot",), "[leg] is a robot of its own", "take one of the two away")
+            raise document.error(
+                "conflicting-keys", ("robot",), "[leg] is a robot of its own", "take one of the two away"
+            )
         bindings_of(document, table.servo, {})
         tip = _leg(document, table.leg, servos)
         return Rig(None, tip.bindings, tip)
@@ -51,13 +53,13 @@ def _robot(document: Document, name: str) -> Robot:
     beside = Path(document.file).parent / name
     own = name.lower().endswith(".toml")
     if own and not beside.is_file():
-        raise document.error(("robot", "name"), f"there is no robot file '{beside}'")
+        raise document.error("unknown-robot", ("robot", "name"), f"there is no robot file '{beside}'")
     try:
         return named_robot(str(beside) if own else name)
     except InputError as error:
         if error.place is not None and error.place.file and error.place.file != document.file:
             raise
-        raise document.error(("robot", "name"), error.message, error.hint) from error
+        raise error.at(document.place("robot", "name")) from error
 
 
 def _joints(robot: Robot) -> dict[str, bool]:
@@ -87,11 +89,13 @@ def _leg(document: Document, table: LegTable, servos: tuple[Servo, ...]) -> LegT
     for key in ("alpha", "beta"):
         name = getattr(table, key)
         if name not in by_name:
-            raise document.error(("leg", key), f"there is no servo '{name}'", nearest(name, by_name))
+            raise document.error(
+                "unknown-servo", ("leg", key), f"there is no servo '{name}'", did_you_mean(name, by_name)
+            )
     if table.alpha == table.beta:
-        raise document.error(("leg", "beta"), f"'{table.beta}' is both joints' servo")
+        raise document.error("servo-bound-twice", ("leg", "beta"), f"'{table.beta}' is both joints' servo")
     if table.ab_mm + table.cd_mm <= 0:
-        raise document.error(("leg", "cd_mm"), "ab_mm and cd_mm are both 0: a leg has a reach")
+        raise document.error("bad-length", ("leg", "cd_mm"), "ab_mm and cd_mm are both 0: a leg has a reach")
     lengths = (table.ab_mm, table.bc_mm, table.cd_mm, table.df_mm)
     return LegTip(
         Leg(*(length / 1000 for length in lengths)),

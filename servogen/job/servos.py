@@ -9,7 +9,7 @@ import math
 from pathlib import Path
 
 from servogen.edges import PINS
-from servogen.errors import Place, nearest
+from servogen.errors import Location, did_you_mean
 from servogen.job.schema import ServoTable
 from servogen.pic.device import OPEN_DRAIN_PIN
 from servogen.robot.binding import Binding
@@ -26,34 +26,44 @@ def servos_of(document: Document, rows: tuple[ServoTable, ...]) -> tuple[Servo, 
     for index, row in enumerate(rows):
         if row.name in by_name:
             raise document.error(
+                "duplicate-name",
                 ("servo", index, "name"),
                 f"two servos have the name '{row.name}'",
                 f"the other one is servo[{by_name[row.name] + 1}]",
             )
         if row.pin not in PINS:
-            raise document.error(("servo", index, "pin"), f"unknown pin '{row.pin}'", nearest(row.pin, PINS))
+            raise document.error(
+                "unknown-pin",
+                ("servo", index, "pin"),
+                f"unknown pin '{row.pin}'",
+                did_you_mean(row.pin, PINS),
+            )
         if row.pin in by_pin:
             raise document.error(
+                "pin-in-use",
                 ("servo", index, "pin"),
                 f"two servos are on pin {row.pin}: {by_pin[row.pin]} and {row.name}",
                 "each servo has a pin of its own",
             )
         if row.pin == OPEN_DRAIN_PIN and not row.open_drain:
             raise document.error(
+                "open-drain",
                 ("servo", index, "pin"),
                 f"{OPEN_DRAIN_PIN} is an open drain: without a pull-up resistor it never goes high",
                 "add a pull-up to VDD and write open_drain = true, or take another pin",
             )
         if row.pin != OPEN_DRAIN_PIN and row.open_drain:
             raise document.error(
-                ("servo", index, "open_drain"), f"{row.pin} is no open drain: only {OPEN_DRAIN_PIN} is"
+                "open-drain",
+                ("servo", index, "open_drain"),
+                f"{row.pin} is no open drain: only {OPEN_DRAIN_PIN} is",
             )
         by_name[row.name], by_pin[row.pin] = index, row.name
     return tuple(_servo(document, index, row) for index, row in enumerate(rows))
 
 
 def _servo(document: Document, index: int, row: ServoTable) -> Servo:
-    def place(key: str) -> Place:
+    def place(key: str) -> Location:
         return document.place("servo", index, key)
 
     beside = Path(document.file).parent / row.model
@@ -63,7 +73,9 @@ def _servo(document: Document, index: int, row: ServoTable) -> Servo:
     for name in ("joint", "min_deg", "max_deg"):
         if model.continuous and getattr(row, name) is not None:
             raise document.error(
-                ("servo", index, name), f"{row.name} turns for ever: it has no angle that {name} could mean"
+                "wrong-servo-kind",
+                ("servo", index, name),
+                f"{row.name} turns for ever: it has no angle that {name} could mean",
             )
     return servo(
         row.name,
@@ -89,7 +101,9 @@ def _points(document: Document, index: int, row: ServoTable, model: ServoModel) 
         return points_of(row.points, place, model.continuous) if row.points else None
     key = ("servo", index, "calibration")
     if row.points:
-        raise document.error(key, f"{row.name} has points of its own already", "give one of the two")
+        raise document.error(
+            "conflicting-keys", key, f"{row.name} has points of its own already", "give one of the two"
+        )
     file = Path(document.file).parent / row.calibration
     return read_calibration(file, row.name, model.name, model.continuous, document.place(*key))
 
@@ -104,16 +118,25 @@ def bindings_of(
             continue
         key = ("servo", index, "joint")
         if not sliding:
-            raise document.error(key, "there is no robot whose joint it could be", "add [robot] name = …")
+            raise document.error(
+                "missing-robot", key, "there is no robot whose joint it could be", "add [robot] name = …"
+            )
         if row.joint not in sliding:
-            raise document.error(key, f"the robot has no joint '{row.joint}'", nearest(row.joint, sliding))
+            raise document.error(
+                "unknown-joint",
+                key,
+                f"the robot has no joint '{row.joint}'",
+                did_you_mean(row.joint, sliding),
+            )
         if row.joint in [binding.joint for binding in found]:
-            raise document.error(key, f"two servos turn the joint '{row.joint}'")
+            raise document.error("servo-bound-twice", key, f"two servos turn the joint '{row.joint}'")
         if sliding[row.joint] != (row.deg_per_mm is not None):
             kind, wanted = ("slides", "deg_per_mm") if sliding[row.joint] else ("turns", "ratio")
-            raise document.error(key, f"the joint '{row.joint}' {kind}", f"give the servo's {wanted}")
+            raise document.error(
+                "wrong-unit", key, f"the joint '{row.joint}' {kind}", f"give the servo's {wanted}"
+            )
         ratio = row.ratio if row.deg_per_mm is None else math.radians(row.deg_per_mm) * 1000
         if not ratio:
-            raise document.error(key, "a ratio of 0 moves nothing")
+            raise document.error("out-of-range", key, "a ratio of 0 moves nothing")
         found.append(Binding(row.joint, row.name, math.radians(row.zero_deg), ratio))
     return tuple(found)

@@ -12,7 +12,7 @@ import numpy as np
 from servogen.edges import PINS
 from servogen.engines.stream.protocol import MOST_SERVOS
 from servogen.engines.stream.settings import Stream, bit_units
-from servogen.errors import nearest
+from servogen.errors import did_you_mean
 from servogen.job.schema import JobTable, StreamTable
 from servogen.motion import JointTrajectory
 from servogen.pic.device import OPEN_DRAIN_PIN
@@ -30,12 +30,17 @@ def stream_of(document: Document, table: JobTable, servos: Sequence[Servo], cloc
         return None
     if engine not in (ENGINE, "auto"):
         raise document.error(
-            ("stream",), f"the {engine} engine hears no serial line", 'write engine = "stream", or leave it'
+            "engine-unsupported",
+            ("stream",),
+            f"the {engine} engine hears no serial line",
+            'write engine = "stream", or leave it',
         )
     given = table.stream or StreamTable()
     if len(servos) > MOST_SERVOS:
         raise document.error(
-            ("servo", MOST_SERVOS), f"the stream engine has up to {MOST_SERVOS} servos, not {len(servos)}"
+            "too-many-servos",
+            ("servo", MOST_SERVOS),
+            f"the stream engine has up to {MOST_SERVOS} servos, not {len(servos)}",
         )
     taken = {servo.pin: servo.name for servo in servos}
     for name, pin in (("receive_pin", given.receive_pin), ("transmit_pin", given.transmit_pin)):
@@ -43,9 +48,11 @@ def stream_of(document: Document, table: JobTable, servos: Sequence[Servo], cloc
             continue
         key = ("stream", name)
         if pin not in PINS:
-            raise document.error(key, f"unknown pin '{pin}'", nearest(pin, PINS))
+            raise document.error("unknown-pin", key, f"unknown pin '{pin}'", did_you_mean(pin, PINS))
         if pin in taken:
-            raise document.error(key, f"{pin} is in use: {taken[pin]}", "the line has pins of its own")
+            raise document.error(
+                "pin-in-use", key, f"{pin} is in use: {taken[pin]}", "the line has pins of its own"
+            )
         taken[pin] = name
     _check_transmit_pin(document, given.transmit_pin, servos)
     made = Stream(
@@ -64,11 +71,16 @@ def _check_transmit_pin(document: Document, pin: str | None, servos: Sequence[Se
     """It must be able to go high, and a pulse's edge is a write to all of its port."""
     key = ("stream", "transmit_pin")
     if pin == OPEN_DRAIN_PIN:
-        raise document.error(key, f"{OPEN_DRAIN_PIN} is an open drain: it cannot drive a line high")
+        raise document.error(
+            "open-drain", key, f"{OPEN_DRAIN_PIN} is an open drain: it cannot drive a line high"
+        )
     beside = [servo.name for servo in servos if pin is not None and servo.pin[1] == pin[1]]
     if beside:
         raise document.error(
-            key, f"{pin} is on the port of {beside[0]}", "the answers need a port without servos"
+            "pin-in-use",
+            key,
+            f"{pin} is on the port of {beside[0]}",
+            "the answers need a port without servos",
         )
 
 

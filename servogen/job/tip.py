@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.kinematics.forward import fk_position
 from servogen.kinematics.inverse.solve import ik_all, solutions_near, solve, why_unreachable
 from servogen.kinematics.inverse.unreachable import Unreachable, in_mm
@@ -31,7 +31,7 @@ class Tip(Protocol):
     @property
     def servos(self) -> tuple[Servo, ...]: ...
 
-    def choices(self, point: Floats, orientation: Floats | None, before: Floats, place: Place) -> Floats:
+    def choices(self, point: Floats, orientation: Floats | None, before: Floats, place: Location) -> Floats:
         """The servo angles (s, k) that reach one point, nearest to `before` first. Raises InputError."""
 
     def solutions(
@@ -61,7 +61,7 @@ class LegTip:
     beta_sign: int
     tolerance: float
 
-    def choices(self, point: Floats, orientation: Floats | None, before: Floats, place: Place) -> Floats:
+    def choices(self, point: Floats, orientation: Floats | None, before: Floats, place: Location) -> Floats:
         near = np.array(self.leg.nearest(point))
         if float(np.linalg.norm(near - point)) > self.tolerance:
             try:
@@ -102,7 +102,7 @@ class ArmTip:
     bindings: tuple[Binding, ...]
     servos: tuple[Servo, ...]
 
-    def choices(self, point: Floats, orientation: Floats | None, before: Floats, place: Place) -> Floats:
+    def choices(self, point: Floats, orientation: Floats | None, before: Floats, place: Location) -> Floats:
         turn = None if orientation is None else self._turn(point, orientation, place)
         try:
             joints = ik_all(self._on_servos(), point, turn, self._positions(before[None])[0])
@@ -111,7 +111,7 @@ class ArmTip:
             if np.isnan(joints).any(axis=1).all():
                 raise why_unreachable(self.arm, point, turn).at(place) from None
         except InputError as error:
-            raise InputError(error.message, place, error.hint) from error
+            raise error.at(place) from error
         return _sorted(self._bound(joints), self.servos, before, point, place)
 
     def solutions(
@@ -137,11 +137,11 @@ class ArmTip:
             joints.append(replace(joint, lower=max(joint.lower, low), upper=min(joint.upper, high)))
         return replace(self.arm, joints=tuple(joints))
 
-    def _turn(self, point: Floats, orientation: Floats, place: Place) -> Floats:
+    def _turn(self, point: Floats, orientation: Floats, place: Location) -> Floats:
         try:
             return orientation_matrix(self.arm, point, orientation)
         except InputError as error:
-            raise InputError(error.message, place, error.hint) from error
+            raise error.at(place) from error
 
     def _bound(self, joints: Floats) -> Floats:
         return np.stack(
@@ -157,7 +157,7 @@ def _within(found: Floats, servos: Sequence[Servo]) -> Floats:
     return np.where(allowed[..., None], found, np.nan)
 
 
-def _sorted(found: Floats, servos: Sequence[Servo], before: Floats, point: Floats, place: Place) -> Floats:
+def _sorted(found: Floats, servos: Sequence[Servo], before: Floats, point: Floats, place: Location) -> Floats:
     """The solutions (s, k) that the servos allow, those first whose farthest moving servo moves least."""
     allowed = _within(found, servos)
     allowed = allowed[~np.isnan(allowed).any(axis=1)]
@@ -169,6 +169,7 @@ def _sorted(found: Floats, servos: Sequence[Servo], before: Floats, point: Float
             for row in found[~np.isnan(found).any(axis=1)].tolist()
         )
         raise InputError(
+            "out-of-travel",
             f"the position {in_mm(point.tolist())} needs angles outside of the servos' travel: {shown}",
             place,
             "move it, or change the servos' angles at which the joints are 0 to how they are mounted",

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from servogen.errors import Caution, InputError, nearest
+from servogen.errors import Caution, InputError, did_you_mean
 from servogen.job.job import Job
 from servogen.job.schema import WalkTable
 from servogen.job.torques import walk_torques
@@ -33,19 +33,27 @@ def walk_of(
     """Returns the walk; `limits` are the joints', one for each binding. Raises InputError."""
     document, robot, period, clock = job.document, job.robot, job.frame.period.cycles, job.clock
     if not isinstance(robot, Hexapod):
-        raise document.error(("walk",), "a walk needs a walking robot", 'add [robot] name = "hexapod"')
+        raise document.error(
+            "missing-robot", ("walk",), "a walk needs a walking robot", 'add [robot] name = "hexapod"'
+        )
     whole = robot
     if table.leg is not None:
         names = [mount.name for mount in robot.mounts]
         if table.leg not in names:
             raise document.error(
-                ("walk", "leg"), f"{robot.name} has no leg '{table.leg}'", nearest(table.leg, names)
+                "unknown-leg",
+                ("walk", "leg"),
+                f"{robot.name} has no leg '{table.leg}'",
+                did_you_mean(table.leg, names),
             )
         robot = one_leg(robot, table.leg)
     endless = table.way[-1].cycles is None
     if endless and not table.repeat:
         raise document.error(
-            ("walk", "repeat"), "a way without an end never ends", "give its last part cycles = …"
+            "endless-motion",
+            ("walk", "repeat"),
+            "a way without an end never ends",
+            "give its last part cycles = …",
         )
     rhythm = _gait(document, table, whole, robot)
     frames = _frames(table, period, clock)
@@ -63,7 +71,7 @@ def walk_of(
             allow_falling=table.allow_falling,
         )
     except InputError as error:
-        raise document.error(("walk",), error.message, error.hint) from error
+        raise error.at(document.place("walk")) from error
     trajectory = _ended(_bound(document, made.trajectory, job.bindings), table)
     heavy = tuple(walk_torques(robot, made, job.bindings, job.servos))
     return Planned(trajectory, warnings=heavy, notes=tuple(_notes(document, made, table)))
@@ -74,15 +82,19 @@ def _gait(document: Document, table: WalkTable, whole: Hexapod, robot: Hexapod) 
     try:
         if table.lifts is not None:
             if table.duty is None:
-                raise InputError("a gait of your own has a duty factor, too", hint="add duty = …")
+                raise InputError(
+                    "gait-incomplete", "a gait of your own has a duty factor, too", hint="add duty = …"
+                )
             return custom("own", table.duty, table.lifts, robot)
         if table.duty is not None:
             raise InputError(
-                "a gait of your own says when each leg lifts, too", hint="add lifts = { L1 = 0.0, … }"
+                "gait-incomplete",
+                "a gait of your own says when each leg lifts, too",
+                hint="add lifts = { L1 = 0.0, … }",
             )
         named = gait(table.gait, whole)
     except InputError as error:
-        raise document.error(("walk", key), error.message, error.hint) from error
+        raise error.at(document.place("walk", key)) from error
     mine = {mount.name for mount in robot.mounts}
     return Gait(named.name, named.duty, tuple(each for each in named.lifts if each[0] in mine))
 
@@ -116,12 +128,15 @@ def _bound(document: Document, trajectory: JointTrajectory, bindings: tuple[Bind
     missing = [joint for joint in trajectory.joints if joint not in [each.joint for each in bindings]]
     if missing:
         raise document.error(
-            ("walk",), f"no servo turns the joint '{missing[0]}'", f'give one joint = "{missing[0]}"'
+            "joint-unbound",
+            ("walk",),
+            f"no servo turns the joint '{missing[0]}'",
+            f'give one joint = "{missing[0]}"',
         )
     try:
         return bound(trajectory, bindings)
     except InputError as error:
-        raise document.error(("walk",), error.message, error.hint) from error
+        raise error.at(document.place("walk")) from error
 
 
 def _ended(trajectory: JointTrajectory, table: WalkTable) -> JointTrajectory:

@@ -45,7 +45,7 @@ class JointAxis:
 def arm_of_axes(name: str, joints: Sequence[Joint], axes: Sequence[JointAxis], tool: ArrayLike) -> Arm:
     """The arm whose joints turn about or slide along `axes`, and whose tool is at `tool` (4, 4) at zero."""
     if not axes:
-        raise InputError(f"'{name}' has no joints that move")
+        raise InputError("no-joints", f"'{name}' has no joints that move")
     lines = [(np.asarray(axis.point, float), _unit(axis.direction)) for axis in axes]
     tool = np.asarray(tool, float)
     frame = _next_frame(np.eye(4), *lines[0])
@@ -70,7 +70,7 @@ def _unit(direction: Sequence[float]) -> Floats:
     vector = np.asarray(direction, float)
     length = np.linalg.norm(vector)
     if length == 0.0:
-        raise InputError("the axis of a joint has no direction (0, 0, 0)")
+        raise InputError("bad-axis", "the axis of a joint has no direction (0, 0, 0)")
     return np.asarray(vector / length)
 
 

@@ -34,11 +34,13 @@ def joint_array(arm: Arm, q: ArrayLike) -> Floats:
     try:
         array = np.asarray(q, float)
     except (TypeError, ValueError) as error:
-        raise InputError(f"joint positions must be numbers: {error}") from error
+        raise InputError("not-a-number", f"joint positions must be numbers: {error}") from error
     names = [joint.name for joint in arm.joints]
     if array.ndim == 0 or array.shape[-1] != len(names):
         count = 0 if array.ndim == 0 else array.shape[-1]
-        raise InputError(f"{arm.name} has {len(names)} joints, not {count}", hint=", ".join(names))
+        raise InputError(
+            "wrong-count", f"{arm.name} has {len(names)} joints, not {count}", hint=", ".join(names)
+        )
     return array
 
 

@@ -67,7 +67,9 @@ def jacobian(arm: Arm, q: ArrayLike, frame: FrameName = 0) -> Floats:
         turn = link_frames(arm, q)[..., frame, :3, :3]
     else:
         raise InputError(
-            f"{arm.name} has no frame '{frame}'", hint=f"0 to {len(arm.rows)}, or n for the tool"
+            "unknown-frame",
+            f"{arm.name} has no frame '{frame}'",
+            hint=f"0 to {len(arm.rows)}, or n for the tool",
         )
     back = np.swapaxes(turn, -1, -2)
     return np.concatenate([back @ matrix[..., :3, :], back @ matrix[..., 3:, :]], axis=-2)
@@ -82,6 +84,7 @@ def analytic_jacobian(arm: Arm, q: ArrayLike, order: str = "ZYX") -> Floats:
     rates = rates_matrix(to_angles(pose[..., :3, :3], order), order)
     if np.any(np.abs(np.linalg.det(rates)) < SINGULAR):
         raise InputError(
+            "singular-pose",
             f"the angles {order} are singular at this pose: their rates are not determined",
             hint="take another order, or the geometric Jacobian",
         )
@@ -126,7 +129,7 @@ def singularity(arm: Arm, q: ArrayLike) -> Singularity:
     """
     matrix = jacobian(arm, q)
     if matrix.ndim != 2:
-        raise InputError("one configuration at a time: give n joint positions")
+        raise InputError("wrong-count", "one configuration at a time: give n joint positions")
     left, values, right = np.linalg.svd(matrix)
     rank = _rank(values)
     full = _general_rank(arm)

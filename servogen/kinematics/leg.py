@@ -68,9 +68,11 @@ class Leg:
     def __post_init__(self) -> None:
         for name in ("ab", "bc", "cd", "df"):
             if not getattr(self, name) >= 0:
-                raise InputError(f"the leg's length {name} is {getattr(self, name)} m: it cannot be negative")
+                raise InputError(
+                    "bad-length", f"the leg's length {name} is {getattr(self, name)} m: it cannot be negative"
+                )
         if not (self.bc > 0 and self.r > 0):
-            raise InputError("a leg needs l_BC > 0 and l_AB + l_CD > 0")
+            raise InputError("bad-length", "a leg needs l_BC > 0 and l_AB + l_CD > 0")
 
     @classmethod
     def of(cls, lengths: Mapping[str, float]) -> Leg:
@@ -127,7 +129,7 @@ class Leg:
         low, high = -self.bc - self.df, self.bc - self.df
         distance, mm = float(np.hypot(x, y)), 1000.0
         if not np.isfinite(foot).all():
-            raise InputError(f"a foot needs finite coordinates, not ({x}, {y}, {z})")
+            raise InputError("not-a-number", f"a foot needs finite coordinates, not ({x}, {y}, {z})")
         if not low <= z <= high:
             reason = f"the height must be between {low * mm:z.3f} and {high * mm:z.3f} mm"
         else:
@@ -166,6 +168,7 @@ class Leg:
         if not -1.0 <= cosine <= 1.0:
             low, high = -self.bc - self.df, self.bc - self.df
             raise InputError(
+                "out-of-reach",
                 f"no β gives the height {1000 * height_m:z.3f} mm",
                 hint=f"this leg's foot is between {1000 * low:z.3f} and {1000 * high:z.3f} mm",
             )
@@ -180,7 +183,7 @@ class Leg:
             ends ρ' = √(y² + (stride/2)²) = ρ + e,  middle y = ρ - e   ⇒   e = stride² / (16 ρ)
         """
         if samples < 2 or side not in (1, -1):
-            raise InputError("a stance path needs two samples or more and a side of 1 or -1")
+            raise InputError("out-of-range", "a stance path needs two samples or more and a side of 1 or -1")
         rho = float(np.hypot(self.r, self.bc * np.sin(self.beta_at(height_m))))
         x = np.linspace(stride_m / 2, -stride_m / 2, samples)
         y = np.full(samples, side * (rho - stride_m**2 / (16 * rho)))
@@ -196,7 +199,7 @@ class Leg:
         for height in (wanted[:, 2].min(), wanted[:, 2].max()):
             self.beta_at(float(height))
         if beta_sign not in (1, -1):
-            raise InputError(f"the sign of β is 1 or -1, not {beta_sign}")
+            raise InputError("out-of-range", f"the sign of β is 1 or -1, not {beta_sign}")
         angles = self.at_height(wanted)[:, 0 if beta_sign == 1 else 1, :]
         alpha = np.unwrap(angles[:, 0])
         foot = self.fk(alpha, angles[:, 1])

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from servogen.errors import InputError, nearest
+from servogen.errors import InputError, did_you_mean
 from servogen.robot.model import Arm, Hexapod, Robot
 
 JOINT_MOBILITY: Mapping[str, int] = MappingProxyType(
@@ -53,10 +53,14 @@ def gruebler(elements: int, joints: Sequence[str]) -> int:
 
 def _mobility(freedom: int, elements: int, joints: Sequence[str]) -> int:
     if elements < 1:
-        raise InputError(f"a mechanism has one element at least, not {elements}")
+        raise InputError("out-of-range", f"a mechanism has one element at least, not {elements}")
     for kind in joints:
         if kind not in JOINT_MOBILITY:
-            raise InputError(f"unknown kind of joint '{kind}'", hint=nearest(kind, JOINT_MOBILITY))
+            raise InputError(
+                "unknown-joint-kind",
+                f"unknown kind of joint '{kind}'",
+                hint=did_you_mean(kind, JOINT_MOBILITY),
+            )
     return freedom * (elements - 1 - len(joints)) + sum(JOINT_MOBILITY[kind] for kind in joints)
 
 

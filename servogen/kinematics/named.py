@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.inputs import read_input
 from servogen.kinematics.urdf import from_urdf
 from servogen.robot import robots
@@ -30,5 +30,5 @@ def _read(path: Path) -> Arm:
     try:
         text = read_input(path).decode("utf-8")
     except UnicodeDecodeError as error:
-        raise InputError("is not UTF-8 text", Place(str(path))) from error
+        raise InputError("not-utf8", "is not UTF-8 text", Location(str(path))) from error
     return from_urdf(text, str(path))

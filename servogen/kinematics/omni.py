@@ -71,7 +71,9 @@ _SIZES: dict[int, Literal["small", "medium", "large"]] = {1: "small", 2: "medium
 def motion_of(signs: tuple[int, int, int]) -> OmniMotion:
     """The motion for wheels at equal speed with these signs: 1 clockwise, 0 stop, -1 counter-clockwise."""
     if len(signs) != 3 or any(sign not in SIGN_NAMES for sign in signs):
-        raise InputError(f"{signs} are no wheel signs", hint="three of 1 (clockwise), 0 (stop), -1")
+        raise InputError(
+            "bad-option", f"{signs} are no wheel signs", hint="three of 1 (clockwise), 0 (stop), -1"
+        )
     # with r = 1 and l = 1 the speed of the centre over |Ω| is the radius in wheel distances
     vx, vy, turn = body_speed(OmniBase("", "", 1.0, 1.0, 1.0, 1), signs).tolist()
     speed, total = hypot(vx, vy), sum(signs)

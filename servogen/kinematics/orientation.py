@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from servogen.errors import InputError, nearest
+from servogen.errors import InputError, did_you_mean
 from servogen.kinematics.transforms import AXES, Floats, rot, skew
 
 ORDERS = ("ZXZ", "XYX", "YZY", "ZYZ", "XZX", "YXY", "XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
@@ -25,7 +25,9 @@ _LOST = 1e-12
 def _order(order: str) -> tuple[int, int, int, float]:
     """The three axes and the sign of the first two with the axis that is neither."""
     if order.upper() not in ORDERS:
-        raise InputError(f"'{order}' is no order of three angles", hint=nearest(order, ORDERS))
+        raise InputError(
+            "bad-rotation", f"'{order}' is no order of three angles", hint=did_you_mean(order, ORDERS)
+        )
     first, second, third = (AXES[letter] for letter in order.lower())
     return first, second, third, 1.0 if (second - first) % 3 == 1 else -1.0
 
@@ -81,7 +83,7 @@ def from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> Floats:
     axis, angle = np.asarray(axis, float), np.asarray(angle, float)[..., None, None]
     length = np.linalg.norm(axis, axis=-1, keepdims=True)
     if np.any(length == 0.0):
-        raise InputError("an axis of length 0 has no direction")
+        raise InputError("bad-axis", "an axis of length 0 has no direction")
     cross = skew(axis / length)
     # 2 sin²(θ/2) is 1 - cos θ without its cancellation near 0
     return np.asarray(np.eye(3) + np.sin(angle) * cross + 2 * np.sin(angle / 2) ** 2 * (cross @ cross))
@@ -128,7 +130,7 @@ def from_quaternion(quaternion: ArrayLike) -> Floats:
     quaternion = np.asarray(quaternion, float)
     square = np.sum(quaternion * quaternion, axis=-1)[..., None, None]
     if np.any(square == 0.0):
-        raise InputError("a quaternion of length 0 is no rotation")
+        raise InputError("bad-rotation", "a quaternion of length 0 is no rotation")
     scalar, cross = quaternion[..., 0, None, None], skew(quaternion[..., 1:])
     return np.asarray(np.eye(3) + 2 / square * (scalar * cross + cross @ cross))
 
@@ -168,5 +170,5 @@ def from_configuration_vector(vector: ArrayLike) -> tuple[Floats, Floats, Floats
     vector = np.asarray(vector, float)
     length = np.linalg.norm(vector[..., 3:], axis=-1)
     if np.any(length == 0.0):
-        raise InputError("a configuration vector needs an approach vector that is not zero")
+        raise InputError("bad-rotation", "a configuration vector needs an approach vector that is not zero")
     return vector[..., :3], vector[..., 3:] / length[..., None], np.asarray(np.pi * np.log(length))

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.kinematics import mobility, named, omni
 from servogen.kinematics.forward import fk, joint_array
 from servogen.kinematics.hexapod import feet
@@ -173,7 +173,9 @@ def _feet_answer(robot: Hexapod, values: Sequence[float]) -> Answer:
     count = 2 * len(robot.mounts)
     if len(values) != count:
         raise InputError(
-            f"{robot.name} has {count} joints, not {len(values)}", hint="alpha, beta of each leg"
+            "wrong-count",
+            f"{robot.name} has {count} joints, not {len(values)}",
+            hint="alpha, beta of each leg",
         )
     points = feet(robot, np.radians(_finite(values)).reshape(-1, 2))
     return {"feet_m": {mount.name: _plain(point) for mount, point in zip(robot.mounts, points, strict=True)}}
@@ -182,7 +184,9 @@ def _feet_answer(robot: Hexapod, values: Sequence[float]) -> Answer:
 def _finite(values: Sequence[float]) -> Floats:
     array = np.asarray(values, float)
     if not np.isfinite(array).all():
-        raise InputError(f"{', '.join(f'{value:zg}' for value in values)}: every number must be finite")
+        raise InputError(
+            "not-a-number", f"{', '.join(f'{value:zg}' for value in values)}: every number must be finite"
+        )
     return array
 
 
@@ -210,7 +214,7 @@ def fk_symbolic(name: str, style: str = "text") -> Answer:
 
 def _style(style: str) -> Any:
     if style not in ("text", "latex", "c"):
-        raise InputError(f"'{style}' is no style", hint="text, latex or c")
+        raise InputError("bad-option", f"'{style}' is no style", hint="text, latex or c")
     return style
 
 
@@ -220,7 +224,9 @@ def ik_answer(name: str, values: Sequence[float], everything: bool = False) -> A
     names = ("x", "y", "z", *orientation_names(arm))
     if len(values) not in (3, len(names)):
         wanted = "x y z" + (f" or {' '.join(names)}" if len(names) > 3 else "")
-        raise InputError(f"{arm.name} takes {wanted}, not {len(values)} numbers", Place(key="target"))
+        raise InputError(
+            "wrong-count", f"{arm.name} takes {wanted}, not {len(values)} numbers", Location(key="target")
+        )
     position = np.asarray(values[:3], float) / 1000
     turn = orientation_matrix(arm, position, np.radians(_finite(values[3:]))) if len(values) > 3 else None
     solutions = ik_all(arm, position, turn)
@@ -248,7 +254,9 @@ def mobility_answer(name: str) -> Answer:
 def transform_answer(text: str, point: Sequence[float] = ()) -> Answer:
     """The matrix of a product of transforms and, if a point is given, where it is moved to (same unit)."""
     if len(point) not in (0, 3):
-        raise InputError(f"a point has three coordinates, not {len(point)}", Place(key="point"))
+        raise InputError(
+            "wrong-count", f"a point has three coordinates, not {len(point)}", Location(key="point")
+        )
     matrix = parse(text)
     answer: Answer = {"matrix": _plain(matrix)}
     return answer | {"point": _plain(apply(matrix, _finite(point)))} if len(point) else answer
@@ -274,7 +282,9 @@ def jacobian_symbolic(name: str, frame: FrameName = 0, style: str = "text") -> A
     from servogen.kinematics.symbolic import symbolic_jacobian, text_of
 
     if frame not in (0, "n"):
-        raise InputError(f"in symbols the frame is 0 or n, not {frame}", Place(key="frame"))
+        raise InputError(
+            "unknown-frame", f"in symbols the frame is 0 or n, not {frame}", Location(key="frame")
+        )
     matrix = symbolic_jacobian(named.arm(name), "n" if frame == "n" else "0")
     return {"frame": frame, "jacobian": text_of(matrix, _style(style), "J")}
 

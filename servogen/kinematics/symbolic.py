@@ -40,7 +40,9 @@ def _sympy() -> Any:
     try:
         import sympy
     except ImportError as error:
-        raise ToolError("symbolic kinematics need sympy", hint="pip install 'servogen[symbolic]'") from error
+        raise ToolError(
+            "tool-missing", "symbolic kinematics need sympy", hint="pip install 'servogen[symbolic]'"
+        ) from error
     return sympy
 
 
@@ -121,7 +123,9 @@ def singular_condition(arm: Arm) -> Any:
 
     jacobian = symbolic_jacobian(arm)[:3, :]
     if jacobian.shape != (3, 3):
-        raise InputError(f"{arm.name} has {jacobian.shape[1]} joints: the determinant needs three")
+        raise InputError(
+            "wrong-count", f"{arm.name} has {jacobian.shape[1]} joints: the determinant needs three"
+        )
     return sympy.factor(_tidy(jacobian.det()))
 
 
@@ -136,7 +140,7 @@ def text_of(matrix: Any, style: Style = "text", name: str = "T") -> str:
             return str(matrix)
         return _table([[str(matrix[i, j]) for j in range(matrix.cols)] for i in range(matrix.rows)])
     if style != "c":
-        raise InputError(f"'{style}' is no style", hint="text, latex or c")
+        raise InputError("bad-option", f"'{style}' is no style", hint="text, latex or c")
     if not isinstance(matrix, sympy.MatrixBase):
         return f"{name} = {sympy.ccode(matrix)};"
     vector = matrix.cols == 1

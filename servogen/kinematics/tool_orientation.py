@@ -35,7 +35,9 @@ def orientation_matrix(arm: Arm, position: ArrayLike, values: ArrayLike) -> Floa
     if given.shape[-1:] != (len(names),):
         wanted = ", ".join(names) or "nothing"
         raise InputError(
-            f"{arm.name} takes {wanted} beside x, y, z, not {given.size} values", hint="angles in degrees"
+            "wrong-count",
+            f"{arm.name} takes {wanted} beside x, y, z, not {given.size} values",
+            hint="angles in degrees",
         )
     angles = np.moveaxis(given, -1, 0)
     if arm.orientation == ("rpy",):

@@ -11,7 +11,7 @@ from math import radians
 
 import numpy as np
 
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.kinematics.transforms import Floats, frame_matrix, translation
 from servogen.robot.model import Frame
 
@@ -27,7 +27,7 @@ MAX_TEXT = 10_000
 def parse(text: str) -> Floats:
     """The product of the factors of `text`, from left to right. Raises InputError with the column."""
     if len(text) > MAX_TEXT:
-        raise InputError(f"the product has more than {MAX_TEXT} characters")
+        raise InputError("transform-syntax", f"the product has more than {MAX_TEXT} characters")
     matrix, at = np.eye(4), 0
     while True:
         at = _end_of(_BETWEEN.match(text, at), at)
@@ -39,7 +39,7 @@ def parse(text: str) -> Floats:
         matrix = matrix @ _factor(found["word"], found["inside"].split(","), at)
         at = found.end()
     if not text.strip():
-        raise InputError("there is no transform", hint=_HINT)
+        raise InputError("transform-syntax", "there is no transform", hint=_HINT)
     return np.asarray(matrix)
 
 
@@ -48,7 +48,7 @@ def _end_of(found: re.Match[str] | None, at: int) -> int:
 
 
 def _error(at: int, message: str) -> InputError:
-    return InputError(message, Place(column=at + 1, key=f"column {at + 1}"), _HINT)
+    return InputError("transform-syntax", message, Location(column=at + 1, key=f"column {at + 1}"), _HINT)
 
 
 def _factor(name: str, inside: list[str], at: int) -> Floats:

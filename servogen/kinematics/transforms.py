@@ -48,7 +48,7 @@ def cos_sin(angle: Floats) -> tuple[Floats, Floats]:
 def rot(axis: str, angle: ArrayLike) -> Floats:
     """The rotation (..., 3, 3) by `angle` about "x", "y" or "z"."""
     if axis not in AXES:
-        raise InputError(f"'{axis}' is no axis", hint="x, y or z")
+        raise InputError("bad-axis", f"'{axis}' is no axis", hint="x, y or z")
     angle = np.asarray(angle, float)
     first, second = (AXES[axis] + 1) % 3, (AXES[axis] + 2) % 3
     matrix = np.zeros((*angle.shape, 3, 3))
@@ -126,7 +126,7 @@ def point_of(vector: ArrayLike) -> Floats:
     """The point (X, Y, Z)/W of a homogeneous vector (..., 4). W = 0 is a direction, which is no point."""
     vector = np.asarray(vector, float)
     if np.any(vector[..., 3] == 0.0):
-        raise InputError("a homogeneous vector with W = 0 is a direction, not a point")
+        raise InputError("not-a-point", "a homogeneous vector with W = 0 is a direction, not a point")
     return np.asarray(vector[..., :3] / vector[..., 3:])
 
 

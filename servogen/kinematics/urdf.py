@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from servogen.errors import InputError, Place, ToolError, nearest
+from servogen.errors import InputError, Location, ToolError, did_you_mean
 from servogen.kinematics.axes_to_rows import JointAxis, arm_of_axes, frame_of
 from servogen.kinematics.orientation import from_angles
 from servogen.kinematics.transforms import Floats, frame_matrix, transform
@@ -27,7 +27,7 @@ def _library() -> Any:
         from urdf_parser_py import urdf
     except ImportError as error:
         raise ToolError(
-            "URDF needs the package urdf-parser-py", hint="pip install 'servogen[urdf]'"
+            "tool-missing", "URDF needs the package urdf-parser-py", hint="pip install 'servogen[urdf]'"
         ) from error
     return urdf
 
@@ -76,7 +76,8 @@ def _urdf_joint(
     follows = number in owners
     if not follows and row.ratio != 1.0:
         raise InputError(
-            f"{arm.name}: the first row of '{joint.name}' has the ratio {row.ratio}, URDF needs 1"
+            "urdf-unsupported",
+            f"{arm.name}: the first row of '{joint.name}' has the ratio {row.ratio}, URDF needs 1",
         )
     name = f"{joint.name}_follower_{child}" if follows else owners.setdefault(number, joint.name)
     scale = abs(row.ratio)
@@ -116,7 +117,10 @@ def from_urdf(text: str, file: str, tip: str | None = None) -> Arm:
             axes.append(_axis(joint, frame, numbers, file))
         elif joint.type != "fixed":
             raise InputError(
-                f"the joint '{joint.name}' is {joint.type}", Place(file), f"known: {', '.join(_KINDS)}, fixed"
+                "urdf-unsupported",
+                f"the joint '{joint.name}' is {joint.type}",
+                Location(file),
+                f"known: {', '.join(_KINDS)}, fixed",
             )
     return replace(arm_of_axes(robot.name, joints, axes, frame), source=file)
 
@@ -130,13 +134,20 @@ def _parsed(text: str, file: str) -> Any:
     try:
         robot = urdf.URDF.from_xml_string(text.encode())
     except wrong as error:
-        raise InputError(f"is not a URDF file: {error}", Place(file)) from error
+        raise InputError("urdf-syntax", f"is not a URDF file: {error}", Location(file)) from error
     if len(robot.joints) > MAX_JOINTS:
-        raise InputError(f"has {len(robot.joints)} joints", Place(file), f"at most {MAX_JOINTS}")
+        raise InputError(
+            "urdf-unsupported", f"has {len(robot.joints)} joints", Location(file), f"at most {MAX_JOINTS}"
+        )
     for joint in robot.joints:
         for number in _numbers(joint):
             if not abs(number) <= MAX_NUMBER:  # not a number is refused, too
-                raise InputError(f"the joint '{joint.name}' has the number {number}", Place(file), _NUMBERS)
+                raise InputError(
+                    "urdf-value",
+                    f"the joint '{joint.name}' has the number {number}",
+                    Location(file),
+                    _NUMBERS,
+                )
     return robot
 
 
@@ -165,18 +176,29 @@ def _chain(robot: Any, file: str, tip: str | None) -> list[Any]:
     ends = [link.name for link in robot.links if link.name not in inner]
     if tip is None and len(ends) != 1:
         raise InputError(
+            "urdf-chain",
             f"'{robot.name}' is no serial chain: it ends in {', '.join(ends) or 'nothing'}",
-            Place(file),
+            Location(file),
             "name the tip",
         )
     link = tip or ends[0]
     if link not in {each.name for each in robot.links}:
-        raise InputError(f"no link '{link}'", Place(file), nearest(link, [each.name for each in robot.links]))
+        raise InputError(
+            "urdf-chain",
+            f"no link '{link}'",
+            Location(file),
+            did_you_mean(link, [each.name for each in robot.links]),
+        )
     chain: list[Any] = []
     while link in parents:
         joint = parents[link]
         if joint in chain:
-            raise InputError(f"the joint '{joint.name}' closes a loop", Place(file), "URDF describes trees")
+            raise InputError(
+                "urdf-chain",
+                f"the joint '{joint.name}' closes a loop",
+                Location(file),
+                "URDF describes trees",
+            )
         chain.insert(0, joint)
         link = joint.parent
     return chain
@@ -186,12 +208,19 @@ def _joint(joint: Any, file: str) -> Joint:
     kind = _KINDS[joint.type]
     if joint.type == "continuous" or joint.limit is None:
         if kind == "sliding":
-            raise InputError(f"the sliding joint '{joint.name}' has no limits", Place(file), "add <limit …/>")
+            raise InputError(
+                "urdf-value",
+                f"the sliding joint '{joint.name}' has no limits",
+                Location(file),
+                "add <limit …/>",
+            )
         lower, upper, speed = -np.pi, np.pi, joint.limit.velocity if joint.limit else None
     else:
         lower, upper, speed = joint.limit.lower or 0.0, joint.limit.upper or 0.0, joint.limit.velocity
     if not lower < upper:
-        raise InputError(f"the limits of '{joint.name}' leave no room: {lower} to {upper}", Place(file))
+        raise InputError(
+            "urdf-value", f"the limits of '{joint.name}' leave no room: {lower} to {upper}", Location(file)
+        )
     home = min(max(0.0, lower), upper) if kind == "turning" else lower
     return Joint(joint.name, "turning" if kind == "turning" else "sliding", lower, upper, home, speed or None)
 
@@ -204,7 +233,9 @@ def _axis(joint: Any, frame: Floats, numbers: dict[str, int], file: str) -> Join
         return JointAxis((x, y, z), (a, b, c), numbers[joint.name])
     if joint.mimic.joint not in numbers:
         raise InputError(
-            f"'{joint.name}' mimics '{joint.mimic.joint}', which is not in the chain", Place(file)
+            "urdf-chain",
+            f"'{joint.name}' mimics '{joint.mimic.joint}', which is not in the chain",
+            Location(file),
         )
     ratio = 1.0 if joint.mimic.multiplier is None else joint.mimic.multiplier
     return JointAxis((x, y, z), (a, b, c), numbers[joint.mimic.joint], ratio, joint.mimic.offset or 0.0)

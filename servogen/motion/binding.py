@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from servogen.errors import InputError, nearest
+from servogen.errors import InputError, did_you_mean
 from servogen.motion.trajectory import JointTrajectory
 from servogen.robot.binding import Binding
 
@@ -20,8 +20,9 @@ def bound(trajectory: JointTrajectory, bindings: Sequence[Binding]) -> JointTraj
     for binding in bindings:
         if binding.joint not in trajectory.joints:
             raise InputError(
+                "unknown-joint",
                 f"the motion does not move a joint '{binding.joint}'",
-                hint=nearest(binding.joint, trajectory.joints),
+                hint=did_you_mean(binding.joint, trajectory.joints),
             )
         column = trajectory.angles[:, trajectory.joints.index(binding.joint)]
         columns.append(binding.servo_angle(column))

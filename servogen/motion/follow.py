@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.kinematics.inverse.unreachable import in_mm
 from servogen.motion.paths import Path
 from servogen.motion.trajectory import Floats
@@ -68,9 +68,11 @@ class LeavesReach(InputError):
     """The path has no solution at `share`, at `point` (metres)."""
 
     def __init__(
-        self, share: float, point: tuple[float, float, float], place: Place | None, hint: str | None = None
+        self, share: float, point: tuple[float, float, float], place: Location | None, hint: str | None = None
     ) -> None:
-        super().__init__(f"the path leaves what can be reached at {in_mm(point)}", place, hint)
+        super().__init__(
+            "leaves-reach", f"the path leaves what can be reached at {in_mm(point)}", place, hint
+        )
         self.share = share
         self.point = point
 
@@ -83,11 +85,12 @@ class ChangesBranch(InputError):
         share: float,
         point: tuple[float, float, float],
         branches: tuple[str, str],
-        place: Place | None,
+        place: Location | None,
         hint: str | None = None,
     ) -> None:
         ends = "at its start, " if share < SAME else "at its end, " if share > 1 - SAME else "at "
         super().__init__(
+            "changes-branch",
             f"the path would change the branch of the inverse kinematics {ends}{in_mm(point)}: "
             f"from {branches[0]} to {branches[1]}",
             place,
@@ -120,7 +123,7 @@ class Branch:
     inverse: Inverse
     shares: Floats
     angles: Floats
-    place: Place | None = None
+    place: Location | None = None
 
     @property
     def end(self) -> Floats:
@@ -165,7 +168,7 @@ def trace(
     inverse: Inverse,
     start: ArrayLike,
     shown: Shown,
-    place: Place | None = None,
+    place: Location | None = None,
     hint: str | None = None,
 ) -> Branch:
     """Return the branch on which the joints go along `path` from the joint angles `start`.
@@ -180,7 +183,7 @@ class _Tracer:
     """The branch so far, and the shares still to come, the next one last."""
 
     def __init__(
-        self, path: Path, inverse: Inverse, shown: Shown, place: Place | None, hint: str | None
+        self, path: Path, inverse: Inverse, shown: Shown, place: Location | None, hint: str | None
     ) -> None:
         self.path, self.inverse, self.shown, self.place, self.hint = path, inverse, shown, place, hint
         self.shares = [0.0]
@@ -255,6 +258,7 @@ class _Tracer:
         if self.samples > MAX_SAMPLES:
             share = self.shares[-1]
             raise InputError(
+                "path-too-steep",
                 f"the path cannot be followed beyond {in_mm(_point(self.path, share))}, {100 * share:.3g} % "
                 f"of it: the joints' way there is too steep for {MAX_SAMPLES} samples",
                 self.place,

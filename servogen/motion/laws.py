@@ -18,7 +18,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from servogen.errors import InputError, nearest
+from servogen.errors import InputError, did_you_mean
 from servogen.motion.trajectory import Floats
 
 NAMES = ("linear", "cubic", "quintic", "trapezoid", "s-curve")
@@ -77,7 +77,9 @@ def law(name: str, ramp: float = RAMP, bend: float = BEND) -> Law:
     if name == "quintic":
         return Law(name, (0.0,), ((0.0, 0.0, 0.0, 10.0, -15.0, 6.0),))
     if not (0 < ramp <= 0.5 and 0 < bend <= 0.5):
-        raise InputError(f"a ramp of {ramp:g} and a bend of {bend:g}: both are more than 0 and at most 0.5")
+        raise InputError(
+            "out-of-range", f"a ramp of {ramp:g} and a bend of {bend:g}: both are more than 0 and at most 0.5"
+        )
     if name == "trapezoid":
         return _integrated(name, ((ramp, (1.0,)), (1 - 2 * ramp, (0.0,)), (ramp, (-1.0,))))
     if name == "s-curve":
@@ -86,7 +88,7 @@ def law(name: str, ramp: float = RAMP, bend: float = BEND) -> Law:
         back, home = (0.0, -1 / rise), (-1.0, 1 / rise)
         ramps = ((rise, up), (level, (1.0,)), (rise, down), (1 - 2 * ramp, (0.0,)))
         return _integrated(name, (*ramps, (rise, back), (level, (-1.0,)), (rise, home)))
-    raise InputError(f"unknown law of motion '{name}'", hint=nearest(name, NAMES))
+    raise InputError("unknown-law", f"unknown law of motion '{name}'", hint=did_you_mean(name, NAMES))
 
 
 def _integrated(name: str, pieces: tuple[tuple[float, tuple[float, ...]], ...]) -> Law:

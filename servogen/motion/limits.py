@@ -52,6 +52,7 @@ def fastest(name: str, travel: Sequence[float], limits: Sequence[Limits]) -> Tim
     jerk = min(limit.jerk / way for way, limit in used)
     if math.isinf(speed) and math.isinf(acceleration):
         raise InputError(
+            "no-speed",
             "nothing says how fast this move may be",
             hint="give it a time, or a servo with a stated speed, or an acceleration limit",
         )

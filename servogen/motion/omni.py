@@ -23,7 +23,7 @@ from typing import Literal
 
 import numpy as np
 
-from servogen.errors import InputError, nearest
+from servogen.errors import InputError, did_you_mean
 from servogen.kinematics.omni import Travel, body_speed, directions, travel, wheel_speeds
 from servogen.motion.trajectory import MAX_FRAMES, Floats, JointTrajectory
 from servogen.robot.model import OmniBase
@@ -68,10 +68,14 @@ def routine(base: OmniBase, direction_deg: int, distance: float) -> Stretch:
     if direction_deg not in directions():
         known = [str(each) for each in directions()]
         raise InputError(
-            f"{direction_deg}° is none of the six directions", hint=nearest(str(direction_deg), known)
+            "unknown-direction",
+            f"{direction_deg}° is none of the six directions",
+            hint=did_you_mean(str(direction_deg), known),
         )
     if distance < 0:
-        raise InputError(f"a distance is not negative: {distance:g} m", hint="take the opposite direction")
+        raise InputError(
+            "out-of-range", f"a distance is not negative: {distance:g} m", hint="take the opposite direction"
+        )
     angle = math.radians(direction_deg)
     way = distance * math.cos(angle), distance * math.sin(angle)
     return Stretch(way, direction_deg, directions()[direction_deg], travel(base, distance))
@@ -100,7 +104,7 @@ def contour(
     ways = [(end[0] - start[0], end[1] - start[1]) for start, end in pairwise(closed)]
     moving = [way for way in ways if math.hypot(*way) > 0]
     if not moving:
-        raise InputError("the contour has no length", hint="give at least two different corners")
+        raise InputError("no-motion", "the contour has no length", hint="give at least two different corners")
     if using == "any":
         return tuple(stretch(base, way) for way in moving)
     return tuple(part for way in moving for part in decomposed(base, way))
@@ -136,10 +140,12 @@ def drive(
     period_s = clock.seconds(period)
     pause, ramp = (round(seconds / period_s) for seconds in (pause_s, ramp_s))
     if not speed * float(period_s) > 0:
-        raise InputError(f"a speed is more than 0, not {speed:g} m/s")
+        raise InputError("out-of-range", f"a speed is more than 0, not {speed:g} m/s")
     asked = [each.length / (speed * float(period_s)) for each in stretches]
     if sum(asked) + len(asked) * (2 * ramp + pause + 1) > MAX_FRAMES:
-        raise InputError(f"the drive is more than {MAX_FRAMES} frames long", hint="raise its speed")
+        raise InputError(
+            "too-many-frames", f"the drive is more than {MAX_FRAMES} frames long", hint="raise its speed"
+        )
     blocks, counts = [], []
     for each, frames in zip(stretches, asked, strict=True):
         shape = _shape(frames, ramp)

@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.motion.trajectory import Floats
 
 STRAIGHT_M = 1e-9
@@ -91,7 +91,7 @@ class Arc:
         return np.asarray(np.linalg.norm(points - self.point(share), axis=-1))
 
 
-def arc(start: ArrayLike, through: ArrayLike, end: ArrayLike, place: Place | None = None) -> Arc:
+def arc(start: ArrayLike, through: ArrayLike, end: ArrayLike, place: Location | None = None) -> Arc:
     """The arc from `start` through `through` to `end`. Raises InputError for three points in a line."""
     a, b, c = (np.asarray(point, float) for point in (start, through, end))
     u, v = b - a, c - a
@@ -100,7 +100,10 @@ def arc(start: ArrayLike, through: ArrayLike, end: ArrayLike, place: Place | Non
     longest = max(float(np.linalg.norm(each)) for each in (u, v, c - b))
     if np.sqrt(area2) <= STRAIGHT_M * longest or longest <= STRAIGHT_M:
         raise InputError(
-            "the three points of the arc are on one line", place, "a line needs no point to go through"
+            "pose-path",
+            "the three points of the arc are on one line",
+            place,
+            "a line needs no point to go through",
         )
     # The circumcentre: in the plane, as far from a as from b and from c.
     centre = a + (float(v @ v) * np.cross(normal, u) + float(u @ u) * np.cross(v, normal)) / (2 * area2)

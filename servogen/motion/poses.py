@@ -17,7 +17,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from servogen.errors import Caution, InputError, Place
+from servogen.errors import Caution, InputError, Location
 from servogen.motion import moves
 from servogen.motion.follow import Followed
 from servogen.motion.limits import Limits
@@ -44,7 +44,7 @@ class Pose:
     """Passed without stopping; nothing is held there."""
     way: moves.Way | None = None
     """The path of the move; without, straight through joint space."""
-    place: Place | None = None
+    place: Location | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ def trajectory(motion: Motion, period: Cycles, clock: Clock) -> Planned:
     angles = np.concatenate(sampler.blocks)
     first = motion.poses[0]
     if np.isnan(angles).all():
-        raise InputError("the motion has no pulse", first.place, "give a pose hold_s or move_s")
+        raise InputError("no-pulses", "the motion has no pulse", first.place, "give a pose hold_s or move_s")
     before_loop = 0
     if not motion.repeat:
         before_loop = len(angles)
@@ -140,6 +140,7 @@ class _Sampler:
         for pose in (poses[0], *(() if self.motion.repeat else poses[-1:])):
             if pose.via:
                 raise InputError(
+                    "pose-timing",
                     "a motion cannot begin or end with a pose that it only passes",
                     pose.place,
                     "take via = true away, or give it to all poses of a motion that repeats",
@@ -154,7 +155,9 @@ class _Sampler:
         if pause:
             self._add(_still(target * np.nan if pose.release else target, pause), pose)
         if not hold and not pause and pose.move_s == 0:
-            raise InputError("a pose takes no time", pose.place, "give it hold_s, move_s or pause_s")
+            raise InputError(
+                "pose-timing", "a pose takes no time", pose.place, "give it hold_s, move_s or pause_s"
+            )
 
     def _go(self, chain: Sequence[Pose]) -> None:
         """From the first pose of the chain to its last, through those between."""
@@ -173,7 +176,7 @@ class _Sampler:
                 frames = self._count(pose.move_s, "move_s", pose)
                 self._add(moves.straight(start, end, pose.law, frames), pose)
         except InputError as error:
-            raise error if error.place else InputError(error.message, pose.place, error.hint) from error
+            raise error if error.location else error.at(pose.place) from error
 
     def _along(self, pose: Pose, way: moves.Way) -> None:
         frame_s, limits = float(self.period_s), self.motion.limits
@@ -185,6 +188,7 @@ class _Sampler:
             made = moves.along(way, pose.law, self._count(pose.move_s, "move_s", pose))
         if made is None:
             raise InputError(
+                "path-too-fast",
                 f"the path to pose {number} cannot be followed within the joints' limits: "
                 f"not even in {moves.MAX_PATH_FRAMES} frames, {moves.MAX_PATH_FRAMES * frame_s:g} s",
                 pose.place,
@@ -204,6 +208,7 @@ class _Sampler:
         for pose in chain[1:]:
             if (pose.move_s is None) != (timed[0] is None) or pose.move_s == 0 or pose.way is not None:
                 raise InputError(
+                    "pose-timing",
                     "poses that are passed take a time each, or none of them does",
                     pose.place,
                     "give move_s to all of them, and no path, or take it away from all",
@@ -224,6 +229,7 @@ class _Sampler:
     def _too_long(self, cause: str, pose: Pose) -> InputError:
         longest_s = float(MAX_FRAMES * self.period_s)
         return InputError(
+            "too-many-frames",
             f"{cause} the motion is more than {MAX_FRAMES} frames long, {longest_s:g} s",
             pose.place,
             "shorten move_s, hold_s and pause_s, or let the motion repeat",

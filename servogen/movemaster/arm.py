@@ -75,7 +75,8 @@ class Manipulator:
         if not self.arm.orientation:
             if pose.p or pose.r:
                 raise InputError(
-                    f"{self.arm.name} takes no pitch and roll: they are 0, not {pose.p:g} and {pose.r:g}"
+                    "wrong-count",
+                    f"{self.arm.name} takes no pitch and roll: they are 0, not {pose.p:g} and {pose.r:g}",
                 )
             return ik(self.arm, point, None, near)
         return ik(self.arm, point, self._rotation(pose), near)
@@ -91,7 +92,7 @@ class Manipulator:
     def approach(self, pose: Pose) -> Floats:
         """Return the unit vector along the tool."""
         if not self.arm.orientation:
-            raise InputError(f"{self.arm.name} has no direction of its tool of its own")
+            raise InputError("no-tool-direction", f"{self.arm.name} has no direction of its tool of its own")
         return np.asarray(self._rotation(pose)[:, 2])
 
     def _rotation(self, pose: Pose) -> Floats:
@@ -127,10 +128,13 @@ def manipulator(arm: Arm, speeds: tuple[float | None, ...] | None = None) -> Man
     for joint, speed in zip(arm.joints, chosen, strict=True):
         if speed is None:
             raise InputError(
+                "no-speed",
                 f"nothing says how fast {arm.name}'s joint {joint.name} may move",
                 hint="give its speed_deg_s in the robot's file, or bind it to a servo with a known speed",
             )
         known.append(speed)
     if (arm.tool.x, arm.tool.y, arm.tool.rx, arm.tool.ry) != (0.0, 0.0, 0.0, 0.0):
-        raise InputError(f"{arm.name}'s tool is not on its approach axis: TL sets a length along it")
+        raise InputError(
+            "no-tool-direction", f"{arm.name}'s tool is not on its approach axis: TL sets a length along it"
+        )
     return Manipulator(arm, tuple(known))

@@ -87,6 +87,7 @@ def _mj(controller: Controller, statement: Statement) -> None:
     given = [statement.decimal(index) for index in range(5)]
     if any(given[len(joints) :]) or len(joints) > 5:
         raise InputError(
+            "wrong-count",
             f"MJ turns five joints, {controller.mover.manipulator.arm.name} has {len(joints)}",
             hint="waist, shoulder, elbow, pitch, roll: 0 for what is not there",
         )
@@ -133,10 +134,12 @@ def _pc(controller: Controller, statement: Statement) -> None:
     last = statement.whole(1) if statement.has(1) else first
     if first == 0:
         if statement.has(1):
-            raise InputError("PC 0 clears all positions: a second number has no meaning", hint="PC 0")
+            raise InputError(
+                "program-argument", "PC 0 clears all positions: a second number has no meaning", hint="PC 0"
+            )
         first, last = POSITIONS
     if last < first:
-        raise InputError(f"PC {first}, {last}: the second number is the higher one")
+        raise InputError("program-argument", f"PC {first}, {last}: the second number is the higher one")
     controller.memory.clear(first, last)
 
 
@@ -280,7 +283,9 @@ def _in(controller: Controller, _: Statement) -> None:
     strobe = controller.inputs.strobe()
     if strobe is None:
         raise InputError(
-            "IN waits for a strobe that never comes", hint="each input of the stimulus is one: seconds=value"
+            "no-strobe",
+            "IN waits for a strobe that never comes",
+            hint="each input of the stimulus is one: seconds=value",
         )
     frame, controller.memory.comparison = strobe
     controller.mover.stand(max(0, frame - controller.mover.frame))

@@ -57,7 +57,7 @@ class Controller:
     @property
     def flow(self) -> Flow:
         if self._flow is None:
-            raise InputError("no program runs")
+            raise InputError("no-program", "no program runs")
         return self._flow
 
     def take(self, statement: Statement) -> None:
@@ -68,7 +68,9 @@ class Controller:
         if statement.number in self.program:
             other = self.program[statement.number].place
             raise statement.error(
-                f"program line {statement.number} is given twice", f"the other one is at {other}"
+                "duplicate-line",
+                f"program line {statement.number} is given twice",
+                f"the other one is at {other}",
             )
         self.program[statement.number] = statement
 
@@ -100,6 +102,7 @@ class Controller:
         self.commands += 1
         if self.commands > self.most_commands:
             raise statement.error(
+                "program-too-long",
                 f"the program has not ended after {self.most_commands} commands",
                 "end it with ED; what should go on for ever is repeated by its job; or allow more commands",
             )
@@ -111,8 +114,8 @@ class Controller:
         try:
             self.actions[statement.command.mnemonic](self, statement)
         except InputError as error:
-            if error.place is None:
-                raise InputError(error.message, statement.place, error.hint) from error
+            if error.location is None:
+                raise error.at(statement.place) from error
             raise
         for caution in self.mover.cautions[said:]:
             if caution.place is None:
@@ -157,7 +160,9 @@ class Flow:
         self._index = {line.number: index for index, line in enumerate(self._lines)}
         for number in (first, last):
             if number is not None and number not in self._index:
-                raise InputError(f"there is no program line {number}", hint=self._known(number))
+                raise InputError(
+                    "unknown-line", f"there is no program line {number}", hint=self._known(number)
+                )
         for line in self._lines:
             if line.command and line.command.mnemonic in JUMPS:
                 self._check(line, line.whole(JUMPS[line.command.mnemonic]))
@@ -182,6 +187,7 @@ class Flow:
     def call(self, number: int) -> None:
         if len(self._levels) > DEEPEST:
             raise InputError(
+                "program-nesting",
                 f"subroutines are called {len(self._levels)} deep: {DEEPEST} is the most",
                 hint="a subroutine ends with RT; GT does not leave it",
             )
@@ -190,7 +196,11 @@ class Flow:
 
     def give_back(self) -> None:
         if len(self._levels) == 1:
-            raise InputError("RT without a GS", hint="GS calls a subroutine, RT ends it; ED ends the program")
+            raise InputError(
+                "program-nesting",
+                "RT without a GS",
+                hint="GS calls a subroutine, RT ends it; ED ends the program",
+            )
         self._next = self._levels.pop().back
 
     def open_loop(self, statement: Statement, times: int) -> None:
@@ -200,13 +210,15 @@ class Flow:
                 del loops[index:]
                 break
         if sum(len(level.loops) for level in self._levels) == DEEPEST:
-            raise InputError(f"loops are nested deeper than {DEEPEST}", hint="each RC needs its NX")
+            raise InputError(
+                "program-nesting", f"loops are nested deeper than {DEEPEST}", hint="each RC needs its NX"
+            )
         loops.append(_Loop(statement, self._next, times - 1))
 
     def close_loop(self) -> None:
         loops = self._levels[-1].loops
         if not loops:
-            raise InputError("NX without an RC", hint="RC n opens a loop, NX closes it")
+            raise InputError("program-nesting", "NX without an RC", hint="RC n opens a loop, NX closes it")
         if loops[-1].left:
             loops[-1].left -= 1
             self._next = loops[-1].body
@@ -215,7 +227,9 @@ class Flow:
 
     def _check(self, line: Statement, target: int) -> None:
         if target not in self._index:
-            raise line.error(f"there is no program line {target} to go to", self._known(target))
+            raise line.error(
+                "unknown-line", f"there is no program line {target} to go to", self._known(target)
+            )
 
     def _check_loops(self) -> None:
         """Raise InputError for a reachable RC from which no path leads to the NX that closes its loop.
@@ -242,7 +256,9 @@ class Flow:
             line = self._lines[index]
             if _mnemonic(line) == "RC" and (index + 1, 1) not in closed:
                 raise line.error(
-                    "RC without an NX: nothing closes this loop", "RC n opens a loop, NX closes it"
+                    "program-nesting",
+                    "RC without an NX: nothing closes this loop",
+                    "RC n opens a loop, NX closes it",
                 )
 
     def _after(self, index: int) -> list[int]:

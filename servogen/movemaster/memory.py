@@ -66,7 +66,9 @@ class Memory:
     def position(self, number: int) -> Position:
         if number not in self.positions:
             raise InputError(
-                f"position {number} is not defined", hint="PD, HE, PL or PT defines it before it is used"
+                "undefined-position",
+                f"position {number} is not defined",
+                hint="PD, HE, PL or PT defines it before it is used",
             )
         return self.positions[number]
 
@@ -96,13 +98,19 @@ class Memory:
             beyond = [each for each in self.positions if each < number]
         if not beyond:
             side = "above" if step > 0 else "below"
-            raise InputError(f"no position {side} {number} is defined", hint="MO, MC and MS set the number")
+            raise InputError(
+                "undefined-position",
+                f"no position {side} {number} is defined",
+                hint="MO, MC and MS set the number",
+            )
         return min(beyond) if step > 0 else max(beyond)
 
     def count(self, number: int, step: int) -> None:
         value = self.counters.get(number, 0) + step
         if not WORD[0] <= value <= WORD[1]:
-            raise InputError(f"counter {number} would be {value}", hint=f"{WORD[0]} to {WORD[1]}")
+            raise InputError(
+                "counter-overflow", f"counter {number} would be {value}", hint=f"{WORD[0]} to {WORD[1]}"
+            )
         self.counters[number] = value
 
     def grid_point(self, pallet: int) -> Position:
@@ -110,13 +118,18 @@ class Memory:
         first corner.
         """
         if pallet not in self.pallets:
-            raise InputError(f"pallet {pallet} has no grid", hint=f"PA {pallet}, columns, rows defines it")
+            raise InputError(
+                "undefined-pallet",
+                f"pallet {pallet} has no grid",
+                hint=f"PA {pallet}, columns, rows defines it",
+            )
         shares = []
         for axis, name, size in zip((1, 2), ("column", "row"), self.pallets[pallet], strict=True):
             counter = 10 * pallet + axis
             index = self.counters.get(counter, 0)
             if not 1 <= index <= size:
                 raise InputError(
+                    "undefined-pallet",
                     f"pallet {pallet}: counter {counter} names {name} {index} of {size}",
                     hint=f"SC {counter}, 1 sets it; {name}s count from 1",
                 )

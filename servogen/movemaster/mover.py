@@ -131,6 +131,7 @@ class Mover:
             if not joint.lower - 1e-9 <= value <= joint.upper + 1e-9:
                 factor, unit = (180 / math.pi, "°") if joint.turning else (1000.0, " mm")
                 raise InputError(
+                    "joint-limit",
                     f"joint {joint.name} would turn to {value * factor:zg}{unit}",
                     hint=f"its limits are {joint.lower * factor:zg}{unit} to {joint.upper * factor:zg}{unit}",
                 )
@@ -192,6 +193,7 @@ class Mover:
             return self.manipulator.solve(pose, near)
         except Unreachable as error:
             raise InputError(
+                "out-of-reach",
                 f"{what} {pose} cannot be reached: {error.reason}",
                 hint=error.hint,
             ) from error
@@ -228,12 +230,14 @@ class Mover:
             return trace(line, inverse, self.q, shown)
         except ChangesBranch as error:
             raise InputError(
+                "changes-branch",
                 f"the straight line to {what} would change the branch of the inverse kinematics at "
                 f"{in_mm(error.point)}: from {error.branches[0]} to {error.branches[1]}",
                 hint=f"MO goes to {what} through joint space",
             ) from error
         except LeavesReach as error:
             raise InputError(
+                "leaves-reach",
                 f"the straight line to {what} leaves what the arm reaches at {in_mm(error.point)}: "
                 f"{self._reason(Pose(*(start + error.share * way).tolist()))}",
                 hint=f"MO goes to {what} through joint space",
@@ -288,11 +292,13 @@ class Mover:
     def _allowed(self, frames: int) -> int:
         if (self.frame + frames - self.uncounted) * self.period_s > self.most_s:
             raise InputError(
+                "program-too-long",
                 f"the program would take longer than {float(self.most_s):g} s",
                 hint="end it with ED; what should go on for ever is repeated by its job; or allow more time",
             )
         if self.frame + frames > MAX_FRAMES:
             raise InputError(
+                "too-many-frames",
                 f"the program is more than {MAX_FRAMES} frames long, {float(MAX_FRAMES * self.period_s):g} s",
                 hint="shorten its waits, or make the frames longer",
             )

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from servogen.errors import InputError, Place, nearest
+from servogen.errors import InputError, Location, did_you_mean
 from servogen.inputs import read_input
 from servogen.movemaster.language import (
     COMMANDS,
@@ -51,7 +51,7 @@ class Statement:
     number: int | None
     command: Command | None
     arguments: tuple[Value, ...]
-    place: Place
+    place: Location
     text: str
 
     def whole(self, index: int) -> int:
@@ -76,8 +76,9 @@ class Statement:
     def has(self, index: int) -> bool:
         return index < len(self.arguments)
 
-    def error(self, message: str, hint: str | None = None) -> InputError:
-        return InputError(message, self.place, hint)
+    def error(self, code: str, message: str, hint: str | None = None) -> InputError:
+        """Return an error at this statement."""
+        return InputError(code, message, self.place, hint)
 
 
 MAX_LINE = 1000
@@ -98,7 +99,9 @@ def read(path: str | Path) -> Source:
         text = read_input(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = error.object.count(b"\n", 0, error.start) + 1
-        raise InputError("is not UTF-8 text", Place(str(path), line), "save the file as UTF-8") from error
+        raise InputError(
+            "not-utf8", "is not UTF-8 text", Location(str(path), line), "save the file as UTF-8"
+        ) from error
     return parse(text, str(path))
 
 
@@ -106,14 +109,21 @@ def parse(text: str, file: str) -> Source:
     """Return the statements of `text`. Raises InputError for the first error."""
     long = next((index for index, line in enumerate(text.split("\n"), 1) if len(line) > MAX_LINE), None)
     if long is not None:
-        raise InputError(f"the line has more than {MAX_LINE} characters", Place(file, long))
+        raise InputError(
+            "line-too-long", f"the line has more than {MAX_LINE} characters", Location(file, long)
+        )
     statements = tuple(
         statement
         for index, line in enumerate(text.split("\n"))
         for statement in _statement(line.rstrip("\r"), file, index + 1)
     )
     if not statements:
-        raise InputError("has no command", Place(file), "a program: 10 NT, 20 ED, each on a line of its own")
+        raise InputError(
+            "no-program",
+            "has no command",
+            Location(file),
+            "a program: 10 NT, 20 ED, each on a line of its own",
+        )
     return Source(file, statements)
 
 
@@ -131,57 +141,70 @@ def _statement(line: str, file: str, row: int) -> Iterator[Statement]:
         rest = code[head.end() :].strip()
         if rest or COMMENT not in line:
             wrong = rest.split(",")[0].split(" ")[0]
-            at = Place(file, row, len(code) - len(rest) + 1, key)
+            at = Location(file, row, len(code) - len(rest) + 1, key)
             raise _no_command(wrong, head["number"], at)
-        yield Statement(number, None, (), Place(file, row, head.start("number") + 1, key), "")
+        yield Statement(number, None, (), Location(file, row, head.start("number") + 1, key), "")
         return
-    place = Place(file, row, head.start("word") + 1, key)
+    place = Location(file, row, head.start("word") + 1, key)
     command = _command(head["word"].upper(), number, place)
     pieces = tuple(_pieces(code, head.end("word")))
     arguments = _arguments(command, pieces, place, row)
     yield Statement(number, command, arguments, place, code[head.start("word") :].strip())
 
 
-def _no_command(wrong: str, number: str, place: Place) -> InputError:
+def _no_command(wrong: str, number: str, place: Location) -> InputError:
     if not wrong:
-        return InputError(f"line {number} has no command", place, "write one, or a comment: 10 ' start")
+        return InputError(
+            "program-syntax", f"line {number} has no command", place, "write one, or a comment: 10 ' start"
+        )
     if wrong in MISPRINTS:
         real = MISPRINTS[wrong]
         return InputError(
-            f"'{wrong}' is no command", place, f"a misprint in the source's table: write {real}"
+            "unknown-command",
+            f"'{wrong}' is no command",
+            place,
+            f"a misprint in the source's table: write {real}",
         )
-    return InputError(f"a command is missing before '{wrong}'", place, "two letters, such as MO 1")
+    return InputError(
+        "program-syntax", f"a command is missing before '{wrong}'", place, "two letters, such as MO 1"
+    )
 
 
 def _number(text: str, file: str, row: int, column: int) -> int:
-    place = Place(file, row, column + 1)
+    place = Location(file, row, column + 1)
     low, high = LINES
     if not re.fullmatch("[0-9]{1,9}", text) or not low <= int(text) <= high:
-        raise InputError(f"{text[:40]} is not a line number", place, f"{low} to {high}")
+        raise InputError("program-syntax", f"{text[:40]} is not a line number", place, f"{low} to {high}")
     return int(text)
 
 
-def _command(word: str, number: int | None, place: Place) -> Command:
+def _command(word: str, number: int | None, place: Location) -> Command:
     if word in NOT_HERE:
-        raise InputError(f"{word} is not offered: {NOT_HERE[word]}", place)
+        raise InputError("unknown-command", f"{word} is not offered: {NOT_HERE[word]}", place)
     if word not in COMMANDS:
-        raise InputError(f"unknown command '{word}'", place, _nearest_command(word))
+        raise InputError("unknown-command", f"unknown command '{word}'", place, _nearest_command(word))
     command = COMMANDS[word]
     if number is not None and command.where is Where.DIRECT:
         raise InputError(
+            "program-syntax",
             f"{word} is not allowed in a program",
             place,
             "write it without a line number, before the program: it is then carried out at once",
         )
     if number is None and command.where is Where.PROGRAM:
-        raise InputError(f"{word} is allowed in a program only", place, f"give it a line number: 10 {word}")
+        raise InputError(
+            "program-syntax",
+            f"{word} is allowed in a program only",
+            place,
+            f"give it a line number: 10 {word}",
+        )
     return command
 
 
 def _nearest_command(word: str) -> str:
     if word in MISPRINTS:
         return f"a misprint in the source's table: write {MISPRINTS[word]}"
-    said = nearest(word, COMMANDS)
+    said = did_you_mean(word, COMMANDS)
     alike = by_initial(word[0])
     if said.startswith("known") and alike:
         return f"commands that begin with {word[0]}: {', '.join(alike)}"
@@ -200,19 +223,20 @@ def _pieces(code: str, start: int) -> Iterator[tuple[str, int]]:
 
 
 def _arguments(
-    command: Command, pieces: tuple[tuple[str, int], ...], place: Place, row: int
+    command: Command, pieces: tuple[tuple[str, int], ...], place: Location, row: int
 ) -> tuple[Value, ...]:
     most = len(command.parameters)
     if not command.least <= len(pieces) <= most:
         wanted = str(most or "no") if most == command.least else f"{command.least} to {most}"
         column = pieces[most][1] if len(pieces) > most else place.column
         raise InputError(
+            "program-argument",
             f"{command.mnemonic} takes {wanted} argument{'' if most == 1 else 's'}, not {len(pieces)}",
-            Place(place.file, row, column, place.key),
+            Location(place.file, row, column, place.key),
             f"it is written: {command.form}",
         )
     return tuple(
-        _value(command, parameter, text, Place(place.file, row, column, place.key))
+        _value(command, parameter, text, Location(place.file, row, column, place.key))
         for parameter, (text, column) in zip(command.parameters, pieces, strict=False)
     )
 
@@ -222,35 +246,45 @@ _WHOLE = re.compile(r"[+-]?\d+$")
 _HEX = re.compile(r"&[0-9A-Fa-f]{1,4}$")
 
 
-def _value(command: Command, parameter: Parameter, text: str, place: Place) -> Value:
+def _value(command: Command, parameter: Parameter, text: str, place: Location) -> Value:
     who = f"{command.mnemonic}: {parameter.name}"
     if not text:
         if parameter.blank is not None:
             return parameter.blank
-        raise InputError(f"{who} is missing", place, f"allowed: {parameter.allowed}")
+        raise InputError("program-argument", f"{who} is missing", place, f"allowed: {parameter.allowed}")
     if parameter.kind is Kind.HAND:
         if text.upper() not in ("O", "C"):
-            raise InputError(f"{who} cannot be '{text}'", place, f"allowed: {parameter.allowed}")
+            raise InputError(
+                "program-argument", f"{who} cannot be '{text}'", place, f"allowed: {parameter.allowed}"
+            )
         return text.upper()
     if parameter.kind is Kind.BIT:
         number = int(text) if _WHOLE.match(text) else -100
         if not parameter.low <= abs(number) <= parameter.high:
-            raise InputError(f"{who} cannot be '{text}'", place, f"allowed: {parameter.allowed}")
+            raise InputError(
+                "program-argument", f"{who} cannot be '{text}'", place, f"allowed: {parameter.allowed}"
+            )
         return Bit(abs(number), not text.startswith("-"))
     value = _as_number(who, parameter, text, place)
     if not parameter.low <= value <= parameter.high:
-        raise InputError(f"{who} cannot be {text}", place, f"allowed: {parameter.allowed}")
+        raise InputError(
+            "program-argument", f"{who} cannot be {text}", place, f"allowed: {parameter.allowed}"
+        )
     return value
 
 
-def _as_number(who: str, parameter: Parameter, text: str, place: Place) -> int | float:
+def _as_number(who: str, parameter: Parameter, text: str, place: Location) -> int | float:
     if text.startswith("&"):
         if not parameter.hexadecimal:
             raise InputError(
-                f"{who} takes no hexadecimal number, not '{text}'", place, f"allowed: {parameter.allowed}"
+                "program-argument",
+                f"{who} takes no hexadecimal number, not '{text}'",
+                place,
+                f"allowed: {parameter.allowed}",
             )
         if not _HEX.match(text):
             raise InputError(
+                "program-argument",
                 f"{who}: '{text}' is no hexadecimal number",
                 place,
                 f"& and up to four of 0-9 A-F; allowed: {parameter.allowed}",
@@ -258,9 +292,13 @@ def _as_number(who: str, parameter: Parameter, text: str, place: Place) -> int |
         value = int(text[1:], 16)
         return value - 0x10000 if parameter.low < 0 and value > 0x7FFF else value
     if not _NUMBER.match(text):
-        raise InputError(f"{who}: '{text}' is not a number", place, f"allowed: {parameter.allowed}")
+        raise InputError(
+            "program-argument", f"{who}: '{text}' is not a number", place, f"allowed: {parameter.allowed}"
+        )
     if parameter.kind is Kind.WHOLE:
         if not _WHOLE.match(text):
-            raise InputError(f"{who} is not whole: {text}", place, f"allowed: {parameter.allowed}")
+            raise InputError(
+                "program-argument", f"{who} is not whole: {text}", place, f"allowed: {parameter.allowed}"
+            )
         return int(text)
     return float(text)

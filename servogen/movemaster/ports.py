@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 from fractions import Fraction
 
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 
 PORT_BITS = 8
 
@@ -35,12 +35,13 @@ class Output:
 _INPUT = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*=\s*(?:&([0-9A-Fa-f]{1,2})|(\d{1,3}))\s*$")
 
 
-def input_of(text: str, place: Place | None = None) -> Input:
+def input_of(text: str, place: Location | None = None) -> Input:
     """Return an input written as seconds=value, such as 1.5=3 or 0=&1F. Raises InputError."""
     found = _INPUT.match(text)
     value = -1 if found is None else int(found[2], 16) if found[2] else int(found[3])
     if found is None or not 0 <= value < 1 << PORT_BITS:
         raise InputError(
+            "bad-option",
             f"'{text}' is no input",
             place,
             "seconds=value, such as 1.5=3 or 0=&1F; value 0 to 255 or &0 to &FF",

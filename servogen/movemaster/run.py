@@ -13,7 +13,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from servogen.errors import Caution, InputError, Place
+from servogen.errors import Caution, InputError, Location
 from servogen.motion.trajectory import JointTrajectory
 from servogen.movemaster.arm import Manipulator
 from servogen.movemaster.commands import ACTIONS
@@ -126,19 +126,29 @@ def _repeated(
     If the second pass moves as the first did, the first is already the loop; frames at rest before it, at the
     position where the loop ends, are not needed.
     """
-    place = Place(source.file)
+    place = Location(source.file)
     if start is None:
-        raise InputError("there is no program to repeat", place, "give the lines numbers, or repeat = false")
+        raise InputError(
+            "not-repeatable",
+            "there is no program to repeat",
+            place,
+            "give the lines numbers, or repeat = false",
+        )
     if inputs:
         raise InputError(
-            "a program with inputs is not repeated: they come once", place, "write repeat = false"
+            "not-repeatable",
+            "a program with inputs is not repeated: they come once",
+            place,
+            "write repeat = false",
         )
     last = source.statements[-1]
     if start.statement is not None and (
         start.statement is not last or sum(_is_run(each) for each in source.statements) > 1
     ):
         raise start.statement.error(
-            "a program that is repeated is run by one RN, the last line", "or write repeat = false"
+            "not-repeatable",
+            "a program that is repeated is run by one RN, the last line",
+            "or write repeat = false",
         )
     after, second = controller.kept(), controller.mover.frame
     steps, outputs = len(controller.steps), len(controller.outputs)
@@ -150,6 +160,7 @@ def _repeated(
         controller.take(start.statement)
     if controller.kept() != after:
         raise InputError(
+            "not-repeatable",
             "the program cannot be repeated: its second pass ends otherwise than its first",
             place,
             "set speeds and counters at its beginning, end where it began, or write repeat = false",

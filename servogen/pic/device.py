@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
 
-from servogen.errors import InputError, nearest
+from servogen.errors import InputError, did_you_mean
 
 PROGRAM_WORDS = 1024  # DS35007 section 2.1
 ERASED_WORD = 0x3FFF  # an unprogrammed word: executes as ADDLW 0xFF
@@ -166,7 +166,9 @@ def device(name: str, known: Sequence[Device] = DEVICES) -> Device:
     for candidate in known:
         if candidate.short_name == wanted:
             return candidate
-    raise InputError(f"unknown device '{name}'", hint=nearest(name, (each.name for each in known)))
+    raise InputError(
+        "unknown-device", f"unknown device '{name}'", hint=did_you_mean(name, (each.name for each in known))
+    )
 
 
 # Configuration word: DS35007 section 6.1, register 6-1.

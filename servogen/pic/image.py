@@ -16,7 +16,7 @@ from types import MappingProxyType
 
 from intelhex import IntelHex, IntelHexError
 
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.pic.device import (
     CONFIG_ADDRESS,
     EEPROM_ADDRESS,
@@ -116,18 +116,19 @@ def read_hex(text: str, file: str | None = None) -> HexFile:
     remarks: list[str] = []
     found: dict[str, dict[int, int]] = {region.name: {} for region in REGIONS}
     for address, halves in sorted(_words(_records(text, file), file).items()):
-        place = Place(file, halves.line)
+        place = Location(file, halves.line)
         if address in RESERVED:
             remarks.append(f"{place}: word 0x{address:04X} is reserved and left out")
             continue
         region = _region(address, place)
         if halves.low is None or halves.high is None:
             which = "low" if halves.low is None else "high"
-            raise InputError(f"word 0x{address:04X} has no {which} byte", place)
+            raise InputError("hex-damaged", f"word 0x{address:04X} has no {which} byte", place)
         value = halves.low | halves.high << 8
         if value > region.largest and region.name != "eeprom":
             if value != 0xFFFF and (region.name != "config" or value < 0xC000):
                 raise InputError(
+                    "hex-range",
                     f"word 0x{address:04X} is 0x{value:04X}; the {region.name} area holds at most "
                     f"0x{region.largest:04X}",
                     place,
@@ -184,25 +185,28 @@ def _records(text: str, file: str | None) -> list[_Record]:
         line = raw.strip(" \t\f\x1a\ufeff")
         if not line or line.startswith(";"):
             continue
-        place = Place(file, number)
+        place = Location(file, number)
         if not line.startswith(":"):
-            raise InputError(_not_hex(line, bool(records or base or ended)), place, HEX_HINT)
+            raise InputError("hex-syntax", _not_hex(line, bool(records or base or ended)), place, HEX_HINT)
         if ended:
-            raise InputError("a record after the end-of-file record", place)
+            raise InputError("hex-syntax", "a record after the end-of-file record", place)
         count += 1
         if count > MAX_RECORDS:
             raise InputError(
-                f"the file has more than {MAX_RECORDS} records", place, "the chip has 1024 words"
+                "file-too-large",
+                f"the file has more than {MAX_RECORDS} records",
+                place,
+                "the chip has 1024 words",
             )
         defect = _defect(line)
         if defect:
-            raise InputError(defect, place)
+            raise InputError("hex-damaged", defect, place)
         memory = IntelHex()
         kind = line[7:9]
         try:
             memory.loadhex(io.StringIO(base + line + "\n"))
         except IntelHexError as error:
-            raise InputError(f"not an Intel HEX record: {error}", place) from error
+            raise InputError("hex-syntax", f"not an Intel HEX record: {error}", place) from error
         if kind == _DATA:
             records.append(_Record(number, memory))
         elif kind == _END:
@@ -210,7 +214,9 @@ def _records(text: str, file: str | None) -> list[_Record]:
         elif kind in _BASES:
             base = line + "\n"
     if not ended:
-        raise InputError("the file is truncated: it has no end-of-file record", Place(file), HEX_HINT)
+        raise InputError(
+            "hex-damaged", "the file is truncated: it has no end-of-file record", Location(file), HEX_HINT
+        )
     return records
 
 
@@ -253,17 +259,20 @@ def _words(records: list[_Record], file: str | None) -> dict[int, _Halves]:
             halves = words.setdefault(byte // 2, _Halves())
             half = "high" if byte % 2 else "low"
             if getattr(halves, half) is not None:
-                raise InputError(f"word 0x{byte // 2:04X} is given twice", Place(file, record.line))
+                raise InputError(
+                    "hex-damaged", f"word 0x{byte // 2:04X} is given twice", Location(file, record.line)
+                )
             setattr(halves, half, record.memory[byte])
             halves.line = record.line
     return words
 
 
-def _region(address: int, place: Place) -> Region:
+def _region(address: int, place: Location) -> Region:
     for region in REGIONS:
         if region.start <= address < region.start + region.length:
             return region
     raise InputError(
+        "hex-range",
         f"word address 0x{address:04X} is beyond the chip",
         place,
         hint="allowed: " + ", ".join(f"{each.name} {each.span}" for each in REGIONS),

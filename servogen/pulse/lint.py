@@ -20,7 +20,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from servogen.errors import Caution, Place
+from servogen.errors import Caution, Location
 from servogen.motion.trajectory import Floats
 from servogen.robot.servo import Servo
 from servogen.units import Rounded
@@ -41,7 +41,7 @@ WIDTH_TOLERANCE_US = 2.0
 """A width this far outside of a servo's range is not worth a word: rounding, or a statement's cycles."""
 
 
-def check_period(period: Rounded, place: Place | None = None) -> tuple[Caution, ...]:
+def check_period(period: Rounded, place: Location | None = None) -> tuple[Caution, ...]:
     """Of a stated period."""
     found = []
     if not period.exact:
@@ -57,7 +57,7 @@ def check_period(period: Rounded, place: Place | None = None) -> tuple[Caution, 
 
 
 def check_periods(
-    periods_us: Sequence[float], name: str = "", place: Place | None = None
+    periods_us: Sequence[float], name: str = "", place: Location | None = None
 ) -> tuple[Caution, ...]:
     """Of the times from rise to rise, planned or measured, of one channel (`name`)."""
     if not len(periods_us):

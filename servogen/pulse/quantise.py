@@ -61,6 +61,7 @@ def quantise(
         rounded = clock.round_us(width)
         if rounded.cycles < 1:
             raise InputError(
+                "pulse-too-short",
                 f"{servo.name}: a pulse of {float(width):g} µs is shorter than half an instruction cycle",
                 servo.place,
                 f"a cycle is {float(clock.cycle_us):g} µs at {clock.hz} Hz",

@@ -16,7 +16,7 @@ from types import MappingProxyType
 from typing import Any
 
 from servogen.edges import PINS
-from servogen.errors import InputError, Place, nearest
+from servogen.errors import InputError, Location, did_you_mean
 from servogen.motion.trajectory import MAX_FRAMES
 from servogen.plan_error import PlanError
 from servogen.units import Clock, Cycles
@@ -150,11 +150,13 @@ def from_json(text: str, file: str) -> PulseSchedule:
     try:
         data = json.loads(text)
     except json.JSONDecodeError as error:
-        raise InputError(f"JSON syntax: {error.msg}", Place(file, error.lineno, error.colno)) from error
+        raise InputError(
+            "json-syntax", f"JSON syntax: {error.msg}", Location(file, error.lineno, error.colno)
+        ) from error
     except ValueError as error:
-        raise InputError(f"JSON syntax: {error}", Place(file)) from error
+        raise InputError("json-syntax", f"JSON syntax: {error}", Location(file)) from error
     except RecursionError as error:
-        raise InputError("JSON syntax: nested too deeply", Place(file)) from error
+        raise InputError("json-syntax", "JSON syntax: nested too deeply", Location(file)) from error
     return _Reader(file).schedule(data)
 
 
@@ -171,19 +173,21 @@ class _Reader:
             known, "", keys
         )
         if self._whole(version, "version", 0) != VERSION:
-            raise self._error("version", f"is {version}, this servogen reads version {VERSION}")
+            raise self._error(
+                "schedule-version", "version", f"is {version}, this servogen reads version {VERSION}"
+            )
         cycles = self._whole(period, "period_cycles", 1)
         read = tuple(
             self._channel(each, f"channels[{index}]")
             for index, each in enumerate(self._array(channels, "channels"))
         )
         if not read:
-            raise self._error("channels", "is empty: a schedule has at least one channel")
+            raise self._error("json-value", "channels", "is empty: a schedule has at least one channel")
         for column in ("name", "pin"):
             values = [getattr(channel, column) for channel in read]
             for value in values:
                 if values.count(value) > 1:
-                    raise self._error("channels", f"two channels have the {column} {value}")
+                    raise self._error("json-value", "channels", f"two channels have the {column} {value}")
         runs = [
             tuple(
                 self._run(each, f"{key}[{index}]", len(read), cycles)
@@ -193,9 +197,13 @@ class _Reader:
         ]
         frames = sum(run.frames for part in runs for run in part)
         if frames > MAX_FRAMES:
-            raise self._error("loop", f"the schedule has {_shown(frames)} frames", f"at most {MAX_FRAMES}")
+            raise self._error(
+                "json-value", "loop", f"the schedule has {_shown(frames)} frames", f"at most {MAX_FRAMES}"
+            )
         if not runs[1]:
-            raise self._error("loop", "is empty: what follows the motion is a frame, if only without pulses")
+            raise self._error(
+                "json-value", "loop", "is empty: what follows the motion is a frame, if only without pulses"
+            )
         clock = Clock(self._whole(clock_hz, "clock_hz", 1))
         held = tuple(
             self._input(each, f"inputs[{index}]", read)
@@ -216,7 +224,9 @@ class _Reader:
         keys = ("width_us", "angle_deg", "speed_deg_s", "end", "end_mm")
         width, angle, speed, end, away = self._table(data, "plan_error", keys)
         if (end is None) != (away is None):
-            raise self._error("plan_error", "has one of 'end' and 'end_mm': give both, or null for both")
+            raise self._error(
+                "json-value", "plan_error", "has one of 'end' and 'end_mm': give both, or null for both"
+            )
         return PlanError(
             self._distance(width, "plan_error.width_us"),
             None if angle is None else self._distance(angle, "plan_error.angle_deg"),
@@ -230,24 +240,30 @@ class _Reader:
         for value, name in zip(values, ("name", "pin", "servo"), strict=True):
             self._text(value, f"{key}.{name}")
         if values[1] not in PINS:
-            raise self._error(f"{key}.pin", f"unknown pin {values[1]!r}", nearest(values[1], PINS))
+            raise self._error(
+                "unknown-pin", f"{key}.pin", f"unknown pin {values[1]!r}", did_you_mean(values[1], PINS)
+            )
         return Channel(*values)
 
     def _input(self, data: Any, key: str, channels: tuple[Channel, ...]) -> Input:
         pin, level = self._table(data, key, ("pin", "level"))
         if pin not in PINS:
-            raise self._error(f"{key}.pin", f"unknown pin {pin!r}", nearest(str(pin), PINS))
+            raise self._error(
+                "unknown-pin", f"{key}.pin", f"unknown pin {pin!r}", did_you_mean(str(pin), PINS)
+            )
         if pin in [channel.pin for channel in channels]:
-            raise self._error(f"{key}.pin", f"{pin} is a servo's")
+            raise self._error("json-value", f"{key}.pin", f"{pin} is a servo's")
         if self._whole(level, f"{key}.level", 0) > 1:
-            raise self._error(f"{key}.level", f"is neither 0 nor 1: {level}")
+            raise self._error("json-value", f"{key}.level", f"is neither 0 nor 1: {level}")
         return Input(pin, level)
 
     def _run(self, data: Any, key: str, channels: int, period: int) -> Run:
         frames, pulses = self._table(data, key, ("frames", "pulses"))
         entries = self._array(pulses, f"{key}.pulses")
         if len(entries) != channels:
-            raise self._error(f"{key}.pulses", f"has {len(entries)} entries for {channels} channels")
+            raise self._error(
+                "json-value", f"{key}.pulses", f"has {len(entries)} entries for {channels} channels"
+            )
         return Run(
             self._whole(frames, f"{key}.frames", 1),
             tuple(
@@ -260,43 +276,47 @@ class _Reader:
             return None
         pair = self._array(data, key)
         if len(pair) != 2:
-            raise self._error(key, f"is [rise, width] or null, not {len(pair)} numbers")
+            raise self._error("json-value", key, f"is [rise, width] or null, not {len(pair)} numbers")
         rise, width = self._whole(pair[0], f"{key}[0]", 0), self._whole(pair[1], f"{key}[1]", 1)
         if rise + width >= period:
-            raise self._error(key, f"ends in cycle {rise + width}, its frame has only {period}")
+            raise self._error("json-value", key, f"ends in cycle {rise + width}, its frame has only {period}")
         return Pulse(Cycles(rise), Cycles(width))
 
     def _table(self, data: Any, key: str, names: tuple[str, ...]) -> list[Any]:
         if not isinstance(data, dict):
-            raise self._error(key, f"is not an object with {', '.join(names)}")
+            raise self._error("json-value", key, f"is not an object with {', '.join(names)}")
         for name in data:
             if name not in names:
-                raise self._error(f"{key}.{name}".lstrip("."), "unknown key", nearest(name, names))
+                raise self._error(
+                    "unknown-key", f"{key}.{name}".lstrip("."), "unknown key", did_you_mean(name, names)
+                )
         for name in names:
             if name not in data:
-                raise self._error(key, f"'{name}' is missing")
+                raise self._error("missing-key", key, f"'{name}' is missing")
         return [data[name] for name in names]
 
     def _array(self, data: Any, key: str) -> list[Any]:
         if not isinstance(data, list):
-            raise self._error(key, "is not an array")
+            raise self._error("json-value", key, "is not an array")
         return data
 
     def _whole(self, data: Any, key: str, least: int) -> int:
         if not isinstance(data, int) or isinstance(data, bool) or not least <= data <= MAX_NUMBER:
-            raise self._error(key, f"is not a whole number of {least} to {MAX_NUMBER}: {_shown(data)}")
+            raise self._error(
+                "json-value", key, f"is not a whole number of {least} to {MAX_NUMBER}: {_shown(data)}"
+            )
         return data
 
     def _distance(self, data: Any, key: str) -> float:
         number = isinstance(data, int | float) and not isinstance(data, bool)
         if not number or not 0 <= data <= MAX_DISTANCE:
-            raise self._error(key, f"is not a number from 0 to {MAX_DISTANCE:g}: {data!r}")
+            raise self._error("json-value", key, f"is not a number from 0 to {MAX_DISTANCE:g}: {data!r}")
         return float(data)
 
     def _text(self, data: Any, key: str) -> str:
         if not isinstance(data, str):
-            raise self._error(key, f"is not a text: {data!r}")
+            raise self._error("json-value", key, f"is not a text: {data!r}")
         return data
 
-    def _error(self, key: str, message: str, hint: str | None = None) -> InputError:
-        return InputError(message, Place(self.file, key=key or "schedule"), hint)
+    def _error(self, code: str, key: str, message: str, hint: str | None = None) -> InputError:
+        return InputError(code, message, Location(self.file, key=key or "schedule"), hint)

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.robot.servo import Servo
 from servogen.units import Clock, Cycles, Rounded
 
@@ -35,13 +35,14 @@ class Frame:
     """How many servos' pulses begin together in a slot."""
     most_together: int | None = None
     """How many servos may start together, whatever the slots are; None: as many as the engine likes."""
-    place: Place | None = None
+    place: Location | None = None
 
 
 def rises(servos: Sequence[Servo], frame: Frame, clock: Clock) -> tuple[Cycles, ...]:
     """The cycle of the frame in which each servo's pulse begins. Raises InputError when they do not fit."""
     if frame.most_together is not None and frame.per_slot > frame.most_together:
         raise InputError(
+            "slot-conflict",
             f"per_slot = {frame.per_slot} servos start together, most_together allows {frame.most_together}",
             frame.place,
             f"write per_slot = {frame.most_together}",
@@ -58,6 +59,7 @@ def rises(servos: Sequence[Servo], frame: Frame, clock: Clock) -> tuple[Cycles, 
             slot = clock.round_us(frame.slot_us).cycles
             if slot < width + LEAST_GAP:
                 raise InputError(
+                    "slot-too-short",
                     f"a slot of {float(frame.slot_us):g} µs is too short for {longest.name}",
                     frame.place,
                     f"its longest pulse and the least gap take {float(clock.us(width + LEAST_GAP)):g} µs",
@@ -77,8 +79,9 @@ def _do_not_fit(servos: Sequence[Servo], frame: Frame, clock: Clock, taken: Cycl
     between = clock.us(LEAST_GAP)
     if between <= max(frame.gap_us, GAP_US):
         hint = "lengthen period_us, shorten gap_us, raise per_slot, or narrow the servos' limits"
-        return InputError(message, frame.place, hint)
+        return InputError("frame-too-short", message, frame.place, hint)
     return InputError(
+        "frame-too-short",
         f"{message}; at {clock.hz} Hz the {LEAST_GAP} cycles from one edge to the next take "
         f"{float(between):.10g} µs",
         frame.place,

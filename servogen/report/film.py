@@ -33,7 +33,9 @@ def film(scene: Scene, path: Path) -> None:
 
     kind = path.suffix.lower()
     if kind == ".mp4" and not animation.FFMpegWriter.isAvailable():
-        raise ToolError("an MP4 needs ffmpeg, which is not here", hint="install ffmpeg, or write a .gif")
+        raise ToolError(
+            "tool-missing", "an MP4 needs ffmpeg, which is not here", hint="install ffmpeg, or write a .gif"
+        )
     figure.set_layout_engine("none")
     axes: Any = figure.add_axes((0.02, 0.03, 0.96, 0.92), projection="3d")
     lines = _set_up(axes, scene)

@@ -16,7 +16,7 @@ from jinja2 import Environment, StrictUndefined, TemplateError
 
 from servogen.edges import EdgeTrace
 from servogen.engines.c_text import RenderError, template_folder
-from servogen.errors import Caution, Place
+from servogen.errors import Caution, Location
 from servogen.job import PlannedJob
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, oscillator_for
 from servogen.pic.listing import Listing, listing_text
@@ -64,7 +64,9 @@ def html_page(facts: PageFacts) -> str:
         template = environment.from_string((template_folder() / TEMPLATE).read_text("utf-8"))
         return template.render(_values(facts))
     except TemplateError as error:
-        raise RenderError(error.message or "the template is wrong", Place(TEMPLATE)) from error
+        raise RenderError(
+            "template-error", error.message or "the template is wrong", Location(TEMPLATE)
+        ) from error
 
 
 def _values(facts: PageFacts) -> dict[str, object]:

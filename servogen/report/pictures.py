@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from servogen.errors import InputError, Place, ToolError
+from servogen.errors import InputError, Location, ToolError
 from servogen.outputs import atomic_write
 
 if TYPE_CHECKING:
@@ -23,8 +23,9 @@ def check_suffix(path: Path, suffixes: tuple[str, ...] = SUFFIXES, what: str = "
     """Raises InputError for an ending that is none of `suffixes`."""
     if path.suffix.lower() not in suffixes:
         raise InputError(
+            "unknown-suffix",
             f"'{path.suffix}' is no {what} that can be written",
-            Place(str(path)),
+            Location(str(path)),
             f"one of: {', '.join(suffixes)}",
         )
 
@@ -35,7 +36,9 @@ def new_figure(width: float, height: float, title: str) -> Figure:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise ToolError("pictures need matplotlib", hint="pip install 'servogen[plot]'") from error
+        raise ToolError(
+            "tool-missing", "pictures need matplotlib", hint="pip install 'servogen[plot]'"
+        ) from error
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     figure.suptitle(title, x=0.01, ha="left")

@@ -78,7 +78,7 @@ def pulse_plot(
     check_suffix(path)
     channels = observed_pulses(trace, span, schedule)
     if not any(len(each.rise) for each in channels):
-        raise InputError("there are no pulses to draw", hint="measure says what the pins do")
+        raise InputError("no-pulses", "there are no pulses to draw", hint="measure says what the pins do")
     period = float(schedule.clock.us(schedule.period)) if schedule else _period(channels)
     frames = distinct_frames(channels, _starts(channels, period, schedule is None), period)
     lanes = _lanes(channels, frames)

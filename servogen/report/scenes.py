@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.job import PlannedJob
 from servogen.kinematics.hexapod import mount_matrix
 from servogen.motion.gait.stability import support_polygon
@@ -83,7 +83,10 @@ def job_scene(job: PlannedJob) -> Scene:
     ends = ends_of(job)
     if not ends:
         raise InputError(
-            "there is nothing to film: the servos move no robot", Place(job.file), "add [leg] or [robot]"
+            "missing-robot",
+            "there is nothing to film: the servos move no robot",
+            Location(job.file),
+            "add [leg] or [robot]",
         )
     parts = [_body(job.robot, len(angles[::step]))] if isinstance(job.robot, Hexapod) else []
     for index, end in enumerate(ends):

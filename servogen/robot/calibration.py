@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field
 
-from servogen.errors import InputError, Place, ToolError
+from servogen.errors import InputError, Location, ToolError
 from servogen.inputs import read_input
 from servogen.outputs import write_text
 from servogen.robot.servo import Calibration, Servo
@@ -34,7 +34,7 @@ def angle_of(text: str, what: str = "") -> float:
     except ValueError:
         degrees = math.nan
     if not math.isfinite(degrees):
-        raise InputError(f"{what}'{text.strip()}' is no number of degrees", hint="90, or 92.5")
+        raise InputError("bad-angle", f"{what}'{text.strip()}' is no number of degrees", hint="90, or 92.5")
     return math.radians(degrees)
 
 
@@ -51,11 +51,11 @@ def read_csv(path: Path, speed: bool) -> Sequence[Reading]:
     try:
         text = read_input(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError("is not UTF-8 text", Place(str(path))) from error
+        raise InputError("not-utf8", "is not UTF-8 text", Location(str(path))) from error
     try:
         return _readings(csv.DictReader(io.StringIO(text), skipinitialspace=True), path, speed)
     except csv.Error as error:
-        raise InputError(f"is not a CSV file: {error}", Place(str(path))) from error
+        raise InputError("csv-syntax", f"is not a CSV file: {error}", Location(str(path))) from error
 
 
 MAX_READINGS = 1000
@@ -66,19 +66,21 @@ def _readings(rows: csv.DictReader[str], path: Path, speed: bool) -> Sequence[Re
     wanted = SPEED if speed else ANGLE
     for column in (WIDTH, wanted):
         if column not in (rows.fieldnames or ()):
-            raise InputError(f"there is no column {column}", Place(str(path), 1), f"{WIDTH},{wanted}")
+            raise InputError(
+                "csv-column", f"there is no column {column}", Location(str(path), 1), f"{WIDTH},{wanted}"
+            )
     found = []
     for row in rows:
-        place = Place(str(path), rows.line_num)
+        place = Location(str(path), rows.line_num)
         try:
             width_us, degrees = float(row[WIDTH]), float(row[wanted])
         except (TypeError, ValueError) as error:
-            raise InputError(f"a reading is two numbers, {WIDTH} and {wanted}", place) from error
+            raise InputError("csv-row", f"a reading is two numbers, {WIDTH} and {wanted}", place) from error
         if not (0 < width_us <= MAX_WIDTH_US and abs(degrees) <= MAX_DEGREES):
-            raise InputError(f"{width_us:g}, {degrees:g} is not a reading of a servo", place)
+            raise InputError("csv-row", f"{width_us:g}, {degrees:g} is not a reading of a servo", place)
         found.append(Reading(width_us, math.radians(degrees)))
         if len(found) > MAX_READINGS:
-            raise InputError("has too many readings", place, f"at most {MAX_READINGS}")
+            raise InputError("too-many-readings", "has too many readings", place, f"at most {MAX_READINGS}")
     return found
 
 
@@ -141,7 +143,7 @@ class Fit:
         first, last = sorted((self.angle(min(widths)), self.angle(max(widths))))
         low, high = max(first, limits[0]), min(last, limits[1])
         if low >= high:
-            raise InputError("all that was read lies outside of the servo's travel")
+            raise InputError("reading-range", "all that was read lies outside of the servo's travel")
         return (low, self.width_us(low)), (high, self.width_us(high))
 
 
@@ -160,6 +162,7 @@ def fit(readings: Sequence[Reading], tolerance: float = TOLERANCE_RAD, speed: bo
         _check_outlier(readings, tolerance, unit)
         _check_order(readings, made.us_per_rad > 0, unit)
         raise InputError(
+            "not-straight",
             f"the readings are no straight line: {_named(readings, made.worst, unit)} is "
             f"{math.degrees(off):z.1f}{unit} off it, {math.degrees(tolerance):zg}{unit} is allowed",
             hint="calibrate a shorter range, or allow more with --tolerance-deg",
@@ -170,16 +173,18 @@ def fit(readings: Sequence[Reading], tolerance: float = TOLERANCE_RAD, speed: bo
 def _check_each(readings: Sequence[Reading], unit: str) -> None:
     for index, reading in enumerate(readings):
         if not math.isfinite(reading.angle) or not math.isfinite(reading.width_us):
-            raise InputError(f"{_named(readings, index, unit)} is not a number")
+            raise InputError("not-a-number", f"{_named(readings, index, unit)} is not a number")
     widths = {reading.width_us for reading in readings}
     if len(widths) < FEWEST:
         raise InputError(
+            "too-few-readings",
             f"{len(widths)} widths were read: a line needs {FEWEST} or more to show its error",
             hint="take more points",
         )
     angles = [reading.angle for reading in readings]
     if max(angles) == min(angles):
         raise InputError(
+            "servo-not-moving",
             f"the servo did not move: all readings are {math.degrees(angles[0]):zg}{unit}",
             hint="is it powered, and on that pin?",
         )
@@ -196,6 +201,7 @@ def _check_order(readings: Sequence[Reading], rising: bool, unit: str) -> None:
     for before, after, step in steps:
         if step == 0 or (step > 0) != rising:
             raise InputError(
+                "not-monotonic",
                 f"{_named(readings, after, unit)} does not {'rise' if rising else 'fall'} from "
                 f"{_named(readings, before, unit)}, as the others do",
                 hint="read both again: did the servo reach its stop, or slip on its horn?",
@@ -222,6 +228,7 @@ def _check_outlier(readings: Sequence[Reading], tolerance: float, unit: str) -> 
         return
     _, off, index = max(found)
     raise InputError(
+        "reading-outlier",
         f"{_named(readings, index, unit)} is {math.degrees(off):z.1f}{unit} off the line of the others",
         hint="read it again",
     )
@@ -273,21 +280,27 @@ class CalibrationTable(Table):
     reading: tuple[ReadingTable, ...] = ()
 
 
-def read_calibration(path: Path, servo: str, model: str, continuous: bool, place: Place) -> Calibration:
+def read_calibration(path: Path, servo: str, model: str, continuous: bool, place: Location) -> Calibration:
     """Return the calibration of that servo; `place` is where the job names the file.
 
     Raises InputError for a file that is missing or invalid, and for one of another servo or model.
     """
     if not path.is_file():
         raise InputError(
-            f"there is no calibration file '{path}'", place, f"servogen calibrate … --servo {servo}"
+            "unreadable-file",
+            f"there is no calibration file '{path}'",
+            place,
+            f"servogen calibrate … --servo {servo}",
         )
     document, table = toml_file.load(path, CalibrationTable)
     for key, mine in (("servo", servo), ("model", model)):
         given = getattr(table, key)
         if given != mine:
             raise document.error(
-                (key,), f"this calibrates the {key} '{given}', the job's is '{mine}'", "calibrate it anew"
+                "wrong-calibration",
+                (key,),
+                f"this calibrates the {key} '{given}', the job's is '{mine}'",
+                "calibrate it anew",
             )
     return points_of(table.points, document.place("points"), continuous)
 
@@ -354,5 +367,7 @@ def _kept(path: Path) -> Path:
         except FileExistsError:
             continue
         except OSError as error:
-            raise ToolError(f"the old file cannot be kept: {error.strerror}", Place(str(copy))) from error
+            raise ToolError(
+                "write-failed", f"the old file cannot be kept: {error.strerror}", Location(str(copy))
+            ) from error
         return copy

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from servogen.errors import InputError, nearest
+from servogen.errors import InputError, did_you_mean
 
 JointKind = Literal["turning", "sliding"]
 Convention = Literal["standard", "modified"]
@@ -128,7 +128,11 @@ class Arm:
         """Return the same arm with other lengths, in metres."""
         for name in lengths:
             if name not in self.length:
-                raise InputError(f"{self.name} has no length '{name}'", hint=nearest(name, self.length))
+                raise InputError(
+                    "unknown-length",
+                    f"{self.name} has no length '{name}'",
+                    hint=did_you_mean(name, self.length),
+                )
         return replace(self, lengths=tuple((self.length | lengths).items()), dimensions="user")
 
     def with_tool(self, tool: Frame) -> Arm:
@@ -172,7 +176,9 @@ class Hexapod:
             if mount.name == name:
                 return mount
         raise InputError(
-            f"{self.name} has no leg '{name}'", hint=nearest(name, [each.name for each in self.mounts])
+            "unknown-leg",
+            f"{self.name} has no leg '{name}'",
+            hint=did_you_mean(name, [each.name for each in self.mounts]),
         )
 
 

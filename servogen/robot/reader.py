@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from servogen.errors import InputError, nearest
+from servogen.errors import InputError, did_you_mean
 from servogen.robot.model import Arm, DHRow, Frame, Hexapod, Joint, Length, Mount, OmniBase, Robot
 from servogen.toml import file as toml_file
 from servogen.toml.file import Document, Table
@@ -150,7 +150,10 @@ def robot_of(document: Document, find: Find) -> Robot:
             if kinds:
                 where = f"in a file of {' or '.join(kinds)}, not of {table.kind}"
                 raise document.error(
-                    (key,), f"'{key}' stands {where}", "the kind is that of an arm unless given"
+                    "unknown-key",
+                    (key,),
+                    f"'{key}' stands {where}",
+                    "the kind is that of an arm unless given",
                 )
             raise toml_file.unknown_key(document, (key,), _KEYS[table.kind])
     if table.kind == "omni":
@@ -163,7 +166,7 @@ def robot_of(document: Document, find: Find) -> Robot:
 def _omni(document: Document, table: RobotTable) -> OmniBase:
     for key in ("wheel_diameter_mm", "wheel_distance_mm"):
         if getattr(table, key) is None:
-            raise document.error((), f"'{key}' is missing", f"add {key} = …")
+            raise document.error("missing-key", (), f"'{key}' is missing", f"add {key} = …")
     diameter, distance = table.wheel_diameter_mm or 0.0, table.wheel_distance_mm or 0.0
     return OmniBase(
         table.name,
@@ -184,10 +187,14 @@ def _hexapod(document: Document, table: RobotTable, find: Find) -> Hexapod:
     model = found if isinstance(found, Hexapod) else None
     leg = found.leg if isinstance(found, Hexapod) else found
     if not isinstance(leg, Arm) or leg.closed_form != "leg":
-        raise document.error((key,), f"'{found.name}' is no leg", 'a two-joint leg, such as leg = "leg"')
+        raise document.error(
+            "wrong-robot-kind", (key,), f"'{found.name}' is no leg", 'a two-joint leg, such as leg = "leg"'
+        )
     mounts = tuple(_mount(mount) for mount in table.mount) or (model.mounts if model else ())
     if not mounts:
-        raise document.error((), "a hexapod needs its legs", "add [[mount]] tables: name, x_mm, y_mm")
+        raise document.error(
+            "missing-key", (), "a hexapod needs its legs", "add [[mount]] tables: name, x_mm, y_mm"
+        )
     _all_different(document, "mount", [mount.name for mount in mounts])
     x, y, z = (value / 1000 for value in table.centre_of_mass_mm)
     return Hexapod(
@@ -210,17 +217,24 @@ def _mount(table: MountTable) -> Mount:
 def _like(document: Document, table: RobotTable, find: Find) -> Arm:
     model = _found(document, "like", table.like or "", find)
     if not isinstance(model, Arm):
-        raise document.error(("like",), f"'{model.name}' is no arm", f'add kind = "{_kind(model)}"')
+        raise document.error(
+            "wrong-robot-kind", ("like",), f"'{model.name}' is no arm", f'add kind = "{_kind(model)}"'
+        )
     for key in ("row", "convention", "closed_form", "orientation"):
         if key in document.data:
-            raise document.error((key,), f"'{key}' is taken from '{model.name}' (like)", "leave one out")
+            raise document.error(
+                "conflicting-keys", (key,), f"'{key}' is taken from '{model.name}' (like)", "leave one out"
+            )
     arm = _lengths_changed(document, table, model)
     changed = {joint.name: joint for joint in arm.joints}
     for index, joint in enumerate(table.joint):
         if joint.name not in changed:
             where = ("joint", index, "name")
             raise document.error(
-                where, f"'{model.name}' has no joint '{joint.name}'", nearest(joint.name, changed)
+                "unknown-joint",
+                where,
+                f"'{model.name}' has no joint '{joint.name}'",
+                did_you_mean(joint.name, changed),
             )
         changed[joint.name] = _joint(document, index, joint, changed[joint.name])
     return replace(
@@ -244,16 +258,16 @@ def _found(document: Document, key: str, name: str, find: Find) -> Robot:
     try:
         return find(name)
     except InputError as error:
-        raise document.error((key,), error.message, error.hint) from error
+        raise error.at(document.place(key)) from error
 
 
 def _leg_changed(document: Document, table: RobotTable, leg: Arm) -> Arm:
     """Return the leg with the lengths of the file, which must leave it a reach and a thigh."""
     changed = _lengths_changed(document, table, leg)
     if not changed.length["bc"]:
-        raise document.error(("lengths_mm", "bc"), "bc is 0: β would lift nothing")
+        raise document.error("bad-length", ("lengths_mm", "bc"), "bc is 0: β would lift nothing")
     if not changed.length["ab"] + changed.length["cd"]:
-        raise document.error(("lengths_mm", "ab"), "ab and cd are both 0: a leg has a reach")
+        raise document.error("bad-length", ("lengths_mm", "ab"), "ab and cd are both 0: a leg has a reach")
     return changed
 
 
@@ -262,9 +276,11 @@ def _lengths_changed(document: Document, table: RobotTable, arm: Arm) -> Arm:
         if name not in arm.length:
             where, bare = ("lengths_mm", name), name.removesuffix("_mm")
             hint = (
-                f"lengths_mm says the unit: write {bare}" if bare in arm.length else nearest(name, arm.length)
+                f"lengths_mm says the unit: write {bare}"
+                if bare in arm.length
+                else did_you_mean(name, arm.length)
             )
-            raise document.error(where, f"'{arm.name}' has no length '{name}'", hint)
+            raise document.error("unknown-length", where, f"'{arm.name}' has no length '{name}'", hint)
     changed = {name: value / 1000 for name, value in table.lengths_mm.items()}
     return arm.with_lengths(**changed) if changed else arm
 
@@ -272,7 +288,9 @@ def _lengths_changed(document: Document, table: RobotTable, arm: Arm) -> Arm:
 def _arm(document: Document, table: RobotTable) -> Arm:
     for key in ("convention", "joint", "row"):
         if key not in document.data:
-            raise document.error((), f"'{key}' is missing", "or name a catalogue robot: like = …")
+            raise document.error(
+                "missing-key", (), f"'{key}' is missing", "or name a catalogue robot: like = …"
+            )
     joints = tuple(_joint(document, index, joint, None) for index, joint in enumerate(table.joint))
     names = [joint.name for joint in joints]
     _all_different(document, "joint", names)
@@ -281,7 +299,10 @@ def _arm(document: Document, table: RobotTable) -> Arm:
     for index, name in enumerate(names):
         if all(row.joint != index for row in rows):
             raise document.error(
-                ("joint", index), f"no row uses the joint '{name}'", "add joint = … to a [[row]]"
+                "joint-unused",
+                ("joint", index),
+                f"no row uses the joint '{name}'",
+                "add joint = … to a [[row]]",
             )
     return Arm(
         table.name,
@@ -310,7 +331,9 @@ def _frame(table: FrameTable | None) -> Frame:
 def _all_different(document: Document, array: str, names: list[str]) -> None:
     for index, name in enumerate(names):
         if name in names[:index]:
-            raise document.error((array, index, "name"), f"the name '{name}' is taken twice")
+            raise document.error(
+                "duplicate-name", (array, index, "name"), f"the name '{name}' is taken twice"
+            )
 
 
 # kind of joint -> unit of its keys, factor to the internal unit, default limits
@@ -324,14 +347,18 @@ def _joint(document: Document, index: int, table: JointTable, model: Joint | Non
     """Return the joint of a table; omitted keys are the model's, or a full turn and the minimum position."""
     kind = table.kind or (model.kind if model else "turning")
     if model and kind != model.kind:
-        raise document.error(("joint", index, "kind"), f"the joint '{model.name}' is {model.kind}")
+        raise document.error(
+            "unknown-joint-kind", ("joint", index, "kind"), f"the joint '{model.name}' is {model.kind}"
+        )
     unit, factor, full = _JOINT_UNITS[kind]
     other = "mm" if unit == "deg" else "deg"
     for key in ("lower", "upper", "home", "speed"):
         wrong = f"{key}_{other}_s" if key == "speed" else f"{key}_{other}"
         if getattr(table, wrong) is not None:
             raise document.error(
-                ("joint", index, wrong), f"the joint '{table.name}' is {kind}: give it in {unit}"
+                "wrong-unit",
+                ("joint", index, wrong),
+                f"the joint '{table.name}' is {kind}: give it in {unit}",
             )
 
     def given(key: str, default: float | None) -> float | None:
@@ -342,18 +369,25 @@ def _joint(document: Document, index: int, table: JointTable, model: Joint | Non
     upper = given("upper", model.upper if model else (full * factor if kind == "turning" else None))
     if lower is None or upper is None:
         missing = f"{'lower' if lower is None else 'upper'}_{unit}"
-        raise document.error(("joint", index), f"'{missing}' is missing", "a sliding joint needs its limits")
+        raise document.error(
+            "missing-key", ("joint", index), f"'{missing}' is missing", "a sliding joint needs its limits"
+        )
     if lower >= upper:
-        raise document.error(("joint", index), f"the limits of '{table.name}' leave no room: lower < upper")
+        raise document.error(
+            "joint-limits", ("joint", index), f"the limits of '{table.name}' leave no room: lower < upper"
+        )
     rest = min(max(0.0, lower), upper) if kind == "turning" else lower
     home = given("home", model.home if model and lower <= model.home <= upper else rest)
     if home is None or not lower <= home <= upper:
-        raise document.error(("joint", index, f"home_{unit}"), "home is outside the limits")
+        raise document.error("joint-limits", ("joint", index, f"home_{unit}"), "home is outside the limits")
     centre = table.centre_of_mass_mm
     mass = _kilograms(table.mass_g, model.mass if model else None) or 0.0
     if centre is not None and not mass:
         raise document.error(
-            ("joint", index, "centre_of_mass_mm"), f"the joint '{table.name}' has no mass", "add mass_g = …"
+            "missing-key",
+            ("joint", index, "centre_of_mass_mm"),
+            f"the joint '{table.name}' has no mass",
+            "add mass_g = …",
         )
     return Joint(
         table.name,
@@ -381,7 +415,10 @@ def _row(
 ) -> DHRow:
     if table.joint is not None and table.joint not in joints:
         raise document.error(
-            ("row", index, "joint"), f"no joint '{table.joint}'", nearest(table.joint, joints)
+            "unknown-joint",
+            ("row", index, "joint"),
+            f"no joint '{table.joint}'",
+            did_you_mean(table.joint, joints),
         )
     return DHRow(
         radians(table.theta_deg),
@@ -403,7 +440,7 @@ def _length(document: Document, key: tuple[str, int, str], text: str, lengths: M
         found = _TERM.match(text, at)
         if not found or (at > 0 and not found[1]):
             raise document.error(
-                key, f'"{text}" is not a length', 'millimetres or names: 40, "l2 + l3", "-l2"'
+                "bad-length", key, f'"{text}" is not a length', 'millimetres or names: 40, "l2 + l3", "-l2"'
             )
         sign = -1.0 if found[1] == "-" else 1.0
         if found[2]:
@@ -411,6 +448,11 @@ def _length(document: Document, key: tuple[str, int, str], text: str, lengths: M
         elif found[3] in lengths:
             terms.append((found[3], sign))
         else:
-            raise document.error(key, f"no length '{found[3]}' in [lengths_mm]", nearest(found[3], lengths))
+            raise document.error(
+                "unknown-length",
+                key,
+                f"no length '{found[3]}' in [lengths_mm]",
+                did_you_mean(found[3], lengths),
+            )
         at = found.end()
     return Length(tuple(terms), constant)

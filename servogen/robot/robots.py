@@ -10,7 +10,7 @@ from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-from servogen.errors import InputError, nearest
+from servogen.errors import InputError, did_you_mean
 from servogen.robot import reader
 from servogen.robot.model import Arm, Hexapod, OmniBase, Robot
 from servogen.toml import file as toml_file
@@ -41,7 +41,7 @@ def catalogue(name: str) -> Robot:
     short = name.lower().replace("_", "-")
     short = short if short in files else _aliases().get(short, short)
     if short not in files:
-        raise InputError(f"unknown robot '{name}'", hint=nearest(name, files))
+        raise InputError("unknown-robot", f"unknown robot '{name}'", hint=did_you_mean(name, files))
     return _read(short)
 
 
@@ -62,7 +62,15 @@ def arm(name: str) -> Arm:
     """Return the same as `robot` for an arm or the leg. Raises InputError for other kinds."""
     found = robot(name)
     if isinstance(found, Hexapod):
-        raise InputError(f"'{name}' has six legs, each a robot of its own", hint=f"use '{found.leg.name}'")
+        raise InputError(
+            "wrong-robot-kind",
+            f"'{name}' has six legs, each a robot of its own",
+            hint=f"use '{found.leg.name}'",
+        )
     if isinstance(found, OmniBase):
-        raise InputError(f"'{name}' drives on wheels: it has no joints", hint="its commands are the motion's")
+        raise InputError(
+            "wrong-robot-kind",
+            f"'{name}' drives on wheels: it has no joints",
+            hint="its commands are the motion's",
+        )
     return found

@@ -21,7 +21,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 
 TOLERANCE_RAD = 1e-9
 """An angle this far outside a limit is on it: degrees in files are not exact in radians."""
@@ -71,18 +71,25 @@ class Calibration:
         return self.points[index - 1], self.points[index]
 
 
-def calibration(points: tuple[tuple[float, float], ...], place: Place | None = None) -> Calibration:
+def calibration(points: tuple[tuple[float, float], ...], place: Location | None = None) -> Calibration:
     """Return a calibration from (angle in radians, width in µs) pairs in any order. Raises InputError."""
     ordered = tuple(CalibrationPoint(*point) for point in sorted(points))
     if len(ordered) < 2:
-        raise InputError("a calibration needs at least two points", place, "give the width at two angles")
+        raise InputError(
+            "bad-calibration",
+            "a calibration needs at least two points",
+            place,
+            "give the width at two angles",
+        )
     steps = list(pairwise(ordered))
     if any(after.angle == before.angle for before, after in steps):
-        raise InputError("two calibration points have the same angle", place)
+        raise InputError("bad-calibration", "two calibration points have the same angle", place)
     slopes = [after.width_us - before.width_us for before, after in steps]
     if not (all(slope > 0 for slope in slopes) or all(slope < 0 for slope in slopes)):
         raise InputError(
-            "the widths of the calibration points do not all rise, or all fall, with the angle", place
+            "bad-calibration",
+            "the widths of the calibration points do not all rise, or all fall, with the angle",
+            place,
         )
     return Calibration(ordered)
 
@@ -135,7 +142,7 @@ class Servo:
     limits: tuple[float, float]
     trim_us: float = 0.0
     reverse: bool = False
-    place: Place | None = None
+    place: Location | None = None
 
     @property
     def widths_us(self) -> tuple[float, float]:
@@ -161,12 +168,13 @@ class Servo:
         low, high = self.limits
         return np.asarray((angles >= low - TOLERANCE_RAD) & (angles <= high + TOLERANCE_RAD))
 
-    def width_us(self, angle: float, place: Place | None = None) -> float:
+    def width_us(self, angle: float, place: Location | None = None) -> float:
         """Return the pulse width in µs at a shaft angle in radians. Raises InputError outside the limits."""
         if not self.allows(angle):
             low, high = (self.model.shown(limit) for limit in self.limits)
             what = ("turn at", "speeds are") if self.model.continuous else ("go to", "travel is")
             raise InputError(
+                "servo-limit",
                 f"{self.name} cannot {what[0]} {self.model.shown(angle)}: its {what[1]} {low} to {high}",
                 place or self.place,
                 "the servo's calibration points set it"
@@ -198,9 +206,9 @@ def servo(
     limits: tuple[float | None, float | None] = (None, None),
     trim_us: float = 0.0,
     reverse: bool = False,
-    place: Place | None = None,
-    limits_place: Place | None = None,
-    trim_place: Place | None = None,
+    place: Location | None = None,
+    limits_place: Location | None = None,
+    trim_place: Location | None = None,
 ) -> Servo:
     """Return a servo of `model`; its limits are the user's, else the range common to travel and calibration.
 
@@ -218,7 +226,9 @@ def servo(
     if None not in limits and chosen[0] >= chosen[1]:
         asked, other = (model.shown(end) for end in chosen)
         raise InputError(
-            f"{name}'s least angle of {asked} is not below its greatest of {other}", limits_place or place
+            "servo-range",
+            f"{name}'s least angle of {asked} is not below its greatest of {other}",
+            limits_place or place,
         )
     if (
         chosen[0] < widest[0] - TOLERANCE_RAD
@@ -227,6 +237,7 @@ def servo(
     ):
         asked, known = (" to ".join(model.shown(end) for end in pair) for pair in (chosen, widest))
         raise InputError(
+            "servo-range",
             f"{name} cannot have limits of {asked}: travel and calibration hold {known}",
             limits_place or place,
             "calibrate it at angles that are further apart, or set min_deg and max_deg inside",
@@ -234,6 +245,7 @@ def servo(
     made = Servo(name, pin, model, curve, chosen, trim_us, reverse, place)
     if made.widths_us[0] <= 0:
         raise InputError(
+            "servo-range",
             f"{name}'s shortest pulse would be {made.widths_us[0]:g} µs: its trim is {trim_us:zg} µs",
             trim_place or place,
             "a trim is a small correction of every pulse",

@@ -15,7 +15,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from servogen.errors import InputError, Place, nearest
+from servogen.errors import InputError, Location, did_you_mean
 from servogen.robot.servo import Calibration, ServoModel, calibration
 from servogen.toml import file as toml_file
 from servogen.toml.file import Document, Table
@@ -79,7 +79,7 @@ def names() -> tuple[str, ...]:
 
 
 def servo_model(
-    name: str, supply_v: float | None = None, own: FactTable | None = None, place: Place | None = None
+    name: str, supply_v: float | None = None, own: FactTable | None = None, place: Location | None = None
 ) -> ServoModel:
     """Return the model at `supply_v` (its lowest if None), with `own` facts taking precedence; `name` may be
     the path of a file.
@@ -111,7 +111,9 @@ def servo_model(
     )
 
 
-def points_of(points: tuple[PointTable, ...], place: Place | None, continuous: bool = False) -> Calibration:
+def points_of(
+    points: tuple[PointTable, ...], place: Location | None, continuous: bool = False
+) -> Calibration:
     """Return the calibration given by a file's points: angles, or speeds. Raises InputError."""
     wanted, other = ("speed_deg_s", "angle_deg") if continuous else ("angle_deg", "speed_deg_s")
     pairs = []
@@ -119,6 +121,7 @@ def points_of(points: tuple[PointTable, ...], place: Place | None, continuous: b
         value: float | None = getattr(point, wanted)
         if value is None or getattr(point, other) is not None:
             raise InputError(
+                "bad-calibration",
                 f"a calibration point of this servo is {{ {wanted} = …, width_us = … }}",
                 place,
                 "a continuous-rotation servo's width is a speed, any other's an angle",
@@ -128,24 +131,26 @@ def points_of(points: tuple[PointTable, ...], place: Place | None, continuous: b
 
 
 def _travel(
-    travel_deg: tuple[float, float] | None, table: ModelTable, curve: Calibration, place: Place | None
+    travel_deg: tuple[float, float] | None, table: ModelTable, curve: Calibration, place: Location | None
 ) -> tuple[float, float]:
     """Return the radians between the stops, by default those of the end points; infinite for a continuous
     servo.
     """
     if table.kind == "continuous":
         if travel_deg is not None:
-            raise InputError(f"{table.title}: it turns for ever and has no travel", place)
+            raise InputError("wrong-servo-kind", f"{table.title}: it turns for ever and has no travel", place)
         return -math.inf, math.inf
     if travel_deg is None:
         return curve.angles
     low, high = (math.radians(angle) for angle in travel_deg)
     if low >= high:
-        raise InputError("travel_deg does not rise from its first to its second angle", place)
+        raise InputError("servo-range", "travel_deg does not rise from its first to its second angle", place)
     return low, high
 
 
-def _at(table: ModelTable, supply_v: float | None, place: Place | None) -> tuple[float | None, float | None]:
+def _at(
+    table: ModelTable, supply_v: float | None, place: Location | None
+) -> tuple[float | None, float | None]:
     """Return speed and torque, interpolated linearly between two specified voltages."""
     rows = sorted(table.supply, key=lambda row: row.supply_v)
     if not rows:
@@ -153,6 +158,7 @@ def _at(table: ModelTable, supply_v: float | None, place: Place | None) -> tuple
     volts = rows[0].supply_v if supply_v is None else supply_v
     if not rows[0].supply_v <= volts <= rows[-1].supply_v:
         raise InputError(
+            "supply-voltage",
             f"{volts:g} V is outside the servo's supply",
             place,
             f"{table.title}: {rows[0].supply_v:g} to {rows[-1].supply_v:g} V",
@@ -177,15 +183,17 @@ def _metres(size_mm: tuple[float, float, float]) -> tuple[float, float, float]:
     return length, height, width
 
 
-def _model(name: str, place: Place | None) -> tuple[Document, ModelTable]:
+def _model(name: str, place: Location | None) -> tuple[Document, ModelTable]:
     """Return the model's file, checked."""
     if name.endswith(FILE_ENDING):
         if not Path(name).is_file():
-            raise InputError(f"there is no servo file '{name}'", place)
+            raise InputError("unknown-servo-model", f"there is no servo file '{name}'", place)
         return toml_file.load(name, ModelTable)
     if name not in names():
         own = '; a servo of your own is a file: model = "my-servo.toml"'
-        raise InputError(f"unknown servo model '{name}'", place, nearest(name, names()) + own)
+        raise InputError(
+            "unknown-servo-model", f"unknown servo model '{name}'", place, did_you_mean(name, names()) + own
+        )
     return _catalogued(name)
 
 

@@ -166,7 +166,9 @@ def _alone(text: str, name: str) -> str:
     text = text.replace(f"@{name}", f"@{ENTRY}").replace(f'@"{name}"', f"@{ENTRY}")
     for declared in re.findall(r"^declare [^\n]*@\"?([\w.]+)", text, flags=re.M):
         if not declared.startswith("llvm.") and len(re.findall(rf"@\"?{re.escape(declared)}\b", text)) > 1:
-            raise ToolError(f"the compiled simulator needs '{declared}', which only numba has")
+            raise ToolError(
+                "simulator-failed", f"the compiled simulator needs '{declared}', which only numba has"
+            )
     return text
 
 
@@ -199,7 +201,9 @@ def _load(code: bytes) -> Loop:
     address = engine.get_function_address(ENTRY)
     if not address:
         raise ToolError(
-            "the compiled simulator cannot be loaded", hint="this is a defect of servogen; report it"
+            "simulator-failed",
+            "the compiled simulator cannot be loaded",
+            hint="this is a defect of servogen; report it",
         )
     arguments = [ctypes.c_void_p if kind == "p" else ctypes.c_int64 for kind in SIGNATURE]
     function = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, *arguments)(address)
@@ -207,7 +211,11 @@ def _load(code: bytes) -> Loop:
     def call(*values: int) -> int:
         result, error = ctypes.c_int64(), ctypes.c_void_p()
         if function(ctypes.addressof(result), ctypes.addressof(error), *values) != 0:
-            raise ToolError("the compiled simulator failed", hint="this is a defect of servogen; report it")
+            raise ToolError(
+                "simulator-failed",
+                "the compiled simulator failed",
+                hint="this is a defect of servogen; report it",
+            )
         return result.value
 
     return call

@@ -109,7 +109,7 @@ def marked_code(code: Code, plain: Code, breakpoints: Set[int]) -> Code:
     rows[0][waits] = plain[waits]
     for address in breakpoints:
         if not 0 <= address < _N:
-            raise InputError(f"breakpoint at 0x{address:04X}: the program has {_N} words")
+            raise InputError("out-of-range", f"breakpoint at 0x{address:04X}: the program has {_N} words")
         for region in np.flatnonzero(rows[1:, address] != EXIT):
             heads = rows == (LOOP | region << F_SHIFT)
             rows[heads] = np.broadcast_to(plain, rows.shape)[heads]

@@ -141,7 +141,7 @@ class Machine:
         is evaluated after every instruction, which is slow.
         """
         if (pc is None) + (cycle is None) + (predicate is None) != 2:
-            raise InputError("run_until needs exactly one of pc, cycle and predicate")
+            raise InputError("conflicting-options", "run_until needs exactly one of pc, cycle and predicate")
         if cycle is not None:
             end = cycle if limit is None else min(cycle, self.cycles + limit)
             for _ in self._advance(max(end, self.cycles), fast=True, breakpoints=frozenset()):

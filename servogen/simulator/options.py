@@ -48,9 +48,13 @@ class Options:
             ("ram", 0, 255),
         ):
             if not low <= getattr(self, name) <= high:
-                raise InputError(f"{name} = {getattr(self, name)} is not between {low} and {high}")
+                raise InputError(
+                    "out-of-range", f"{name} = {getattr(self, name)} is not between {low} and {high}"
+                )
         if not 1 <= self.eeprom_us <= 1_000_000:
-            raise InputError(f"eeprom_write_us = {self.eeprom_write_us} is not between 1 and 1000000")
+            raise InputError(
+                "out-of-range", f"eeprom_write_us = {self.eeprom_write_us} is not between 1 and 1000000"
+            )
 
     @property
     def eeprom_us(self) -> int:

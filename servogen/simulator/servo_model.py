@@ -45,9 +45,11 @@ class ServoLoad:
     def __post_init__(self) -> None:
         rising = all(a < b for a, b in zip(self.widths_us, self.widths_us[1:], strict=False))
         if len(self.widths_us) < 2 or len(self.widths_us) != len(self.angles) or not rising:
-            raise InputError("a servo load needs two or more rising pulse widths and an angle for each")
+            raise InputError(
+                "bad-calibration", "a servo load needs two or more rising pulse widths and an angle for each"
+            )
         if self.speed <= 0:
-            raise InputError(f"a servo's speed is {self.speed} rad/s; it must be more than 0")
+            raise InputError("out-of-range", f"a servo's speed is {self.speed} rad/s; it must be more than 0")
 
     def positions(self, chunks: Iterable[EdgeChunk], clock: Clock, pin: int) -> Iterator[Position]:
         """Yield the shaft's position at the end of every pulse on `pin` (its index in `PINS`).

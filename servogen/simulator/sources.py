@@ -15,7 +15,7 @@ from itertools import count, islice
 from typing import NamedTuple, Protocol
 
 from servogen.edges import HIGH, LOW, PINS, UNDRIVEN
-from servogen.errors import InputError, nearest
+from servogen.errors import InputError, did_you_mean
 from servogen.simulator.layout import MCLR_PIN
 from servogen.units import Clock
 
@@ -44,7 +44,7 @@ def pin_number(name: str) -> int:
     """Return the number of a pin in a stimulus. Raises InputError."""
     if name.upper() in STIMULUS_PINS:
         return STIMULUS_PINS.index(name.upper())
-    raise InputError(f"there is no pin '{name}'", hint=nearest(name, STIMULUS_PINS))
+    raise InputError("unknown-pin", f"there is no pin '{name}'", hint=did_you_mean(name, STIMULUS_PINS))
 
 
 @dataclass(frozen=True, slots=True)

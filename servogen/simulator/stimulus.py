@@ -117,8 +117,9 @@ def _check(piece: list[Change], before: int) -> int:
         if change.cycle < before or not 0 <= change.pin <= MCLR_PIN or not 0 <= change.level <= 2:
             name = STIMULUS_PINS[change.pin] if 0 <= change.pin <= MCLR_PIN else str(change.pin)
             raise InputError(
+                "bad-stimulus",
                 f"stimulus of {name} in cycle {change.cycle}, level {change.level}: "
-                "cycles may not fall, pins are RA0 to RB7 and MCLR, levels 0, 1 and 2 (let go)"
+                "cycles may not fall, pins are RA0 to RB7 and MCLR, levels 0, 1 and 2 (let go)",
             )
         before = change.cycle
     return before

@@ -102,9 +102,10 @@ def _stimuli(document: Document, clock: Clock) -> Stimuli:
         sources.append(_levels(document, n, level, clock))
     for n, periodic in enumerate(file.periodic):
         if periodic.high_us >= periodic.period_us:
-            raise document.error(("periodic", n, "high_us"), "is not shorter than period_us")
+            raise document.error("bad-stimulus", ("periodic", n, "high_us"), "is not shorter than period_us")
         if exact(periodic.period_us) < clock.cycle_us:
             raise document.error(
+                "bad-stimulus",
                 ("periodic", n, "period_us"),
                 f"{shown(periodic.period_us)} is shorter than an instruction cycle",
                 f"at least {float(clock.cycle_us):g}",
@@ -131,11 +132,13 @@ def _stimuli(document: Document, clock: Clock) -> Stimuli:
 def _levels(document: Document, n: int, table: _Level, clock: Clock) -> Levels:
     if len(table.at_us) != len(table.level):
         message = f"has {len(table.level)} values for the {len(table.at_us)} times of at_us"
-        raise document.error(("level", n, "level"), message)
+        raise document.error("bad-stimulus", ("level", n, "level"), message)
     cycles = [_cycles(at, clock) for at in table.at_us]
     for i in range(1, len(cycles)):
         if cycles[i] < cycles[i - 1]:
-            raise document.error(("level", n, "at_us", i), f"{table.at_us[i]} is before {table.at_us[i - 1]}")
+            raise document.error(
+                "bad-stimulus", ("level", n, "at_us", i), f"{table.at_us[i]} is before {table.at_us[i - 1]}"
+            )
     levels = [RELEASED if level == "free" else (LOW, HIGH)[level] for level in table.level]
     pin = _pin(document, ("level", n, "pin"), table.pin)
     return Levels(pin, tuple(zip(cycles, levels, strict=True)))
@@ -143,9 +146,10 @@ def _levels(document: Document, n: int, table: _Level, clock: Clock) -> Levels:
 
 def _serial(document: Document, n: int, table: _Serial, clock: Clock) -> Serial:
     if (table.text is None) == (table.data is None):
-        raise document.error(("serial", n), "needs either text or data")
+        raise document.error("bad-stimulus", ("serial", n), "needs either text or data")
     if exact(table.baud) > clock.cycles_per_second:
         raise document.error(
+            "bad-stimulus",
             ("serial", n, "baud"),
             f"{shown(table.baud)} is more than one bit in an instruction cycle",
             f"at most {float(clock.cycles_per_second):g}",
@@ -166,7 +170,9 @@ def _span(
     document: Document, key: tuple[str, int], pressed: Number, released: Number, clock: Clock
 ) -> tuple[int, int]:
     if released <= pressed:
-        raise document.error((*key, "released_us"), f"{released} is not after pressed_us = {pressed}")
+        raise document.error(
+            "bad-stimulus", (*key, "released_us"), f"{released} is not after pressed_us = {pressed}"
+        )
     return _cycles(pressed, clock), _cycles(released, clock)
 
 
@@ -174,7 +180,7 @@ def _pin(document: Document, key: tuple[str | int, ...], name: str) -> int:
     try:
         return pin_number(name)
     except InputError as error:
-        raise document.error(key, error.message, error.hint) from error
+        raise error.at(document.place(*key)) from error
 
 
 def _exactly(us: Number, clock: Clock) -> Fraction:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 
 if TYPE_CHECKING:
     from servogen.pic.image import Image
@@ -229,8 +229,9 @@ def _file(node: pytest.Item, key: str, usual: str) -> Path:
     folder = mark.args[0] if mark and mark.args else node.config.getoption("servogen_build")
     if named is None and folder is None:
         raise InputError(
+            "missing-option",
             f"the test does not say its {key}",
-            Place(node.nodeid),
+            Location(node.nodeid),
             f'mark it @pytest.mark.{MARK}("DIR") with a folder that `servogen build` wrote, '
             "or give --servogen-build=DIR",
         )
@@ -285,7 +286,9 @@ class Bench:
         from servogen.pic.image import to_hex
 
         if self.programmer is None:
-            raise InputError(NO_PROGRAMMER, hint="--servogen-programmer=picpro, with its port")
+            raise InputError(
+                "missing-option", NO_PROGRAMMER, hint="--servogen-programmer=picpro, with its port"
+            )
         if image == self.on_chip:
             return
         against_it = objections(image)
@@ -293,7 +296,7 @@ class Bench:
         if chip is None:
             against_it += ("nothing says which chip it is for: --servogen-device=PIC16F84",)
         if against_it or chip is None:
-            raise InputError("; ".join(against_it))
+            raise InputError("wrong-chip", "; ".join(against_it))
         self.on_chip = None
         path = self.folder / "image.hex"
         write_text(path, to_hex(image))

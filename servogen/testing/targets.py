@@ -16,7 +16,7 @@ from servogen.build.proof import START_FRAMES, checked_cycles, chip_warnings, en
 from servogen.build.proof_of_capture import prove_capture
 from servogen.edges import PINS, EdgeTrace
 from servogen.engines.board import machine_of
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.pic.image import Image
 from servogen.plan_error import NO_PLAN, PlanError
 from servogen.pulse import PulseSchedule
@@ -84,7 +84,9 @@ class Simulator:
 
     def capture(self, schedule: PulseSchedule, seconds: float | None) -> Seen:
         if self._image is None:
-            raise InputError("there is no program on the simulated chip", hint="load an image first")
+            raise InputError(
+                "no-program", "there is no program on the simulated chip", hint="load an image first"
+            )
         span = checked_cycles(schedule) if seconds is None else schedule.clock.round_seconds(seconds)
         limit = Cycles(span + START_FRAMES * schedule.period)
         machine = machine_of(schedule, self._image, tracked=True)
@@ -110,8 +112,9 @@ class Replay:
         path = next((path for path in paths if path.is_file()), None)
         if path is None:
             raise InputError(
+                "no-recording",
                 "there is no recording of this test",
-                Place(str(self.folder / self.test)),
+                Location(str(self.folder / self.test)),
                 f"record it with --servogen-record={self.folder}; it ends in one of {', '.join(suffixes)}",
             )
         source = f"the recording {path}"

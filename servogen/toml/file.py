@@ -16,7 +16,7 @@ from typing import Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from servogen.errors import InputError, Place, nearest
+from servogen.errors import InputError, Location, did_you_mean
 from servogen.inputs import read_input
 from servogen.toml.locations import Key, TooMuch, places_of
 
@@ -44,16 +44,17 @@ class Document:
     data: Mapping[str, Any]
     places: Mapping[Key, tuple[int, int]]
 
-    def place(self, *key: str | int) -> Place:
+    def place(self, *key: str | int) -> Location:
         """Where `key` stands, or the nearest table around it that is written in the file."""
         for end in range(len(key), 0, -1):
             if key[:end] in self.places:
                 line, column = self.places[key[:end]]
-                return Place(self.file, line, column, key_text(key))
-        return Place(self.file, key=key_text(key))
+                return Location(self.file, line, column, key_text(key))
+        return Location(self.file, key=key_text(key))
 
-    def error(self, key: Key, message: str, hint: str | None = None) -> InputError:
-        return InputError(message, self.place(*key), hint)
+    def error(self, code: str, key: Key, message: str, hint: str | None = None) -> InputError:
+        """Return an error at the place of `key`."""
+        return InputError(code, message, self.place(*key), hint)
 
 
 def load(path: str | Path, model: type[Model]) -> tuple[Document, Model]:
@@ -69,7 +70,9 @@ def read(path: str | Path) -> Document:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
-        raise InputError("is not UTF-8 text", Place(str(path), line), "TOML files are UTF-8") from error
+        raise InputError(
+            "not-utf8", "is not UTF-8 text", Location(str(path), line), "TOML files are UTF-8"
+        ) from error
     return parse(text, str(path))
 
 
@@ -84,17 +87,21 @@ def parse(text: str, file: str) -> Document:
         digits = re.search(r"\d[\d_]{4000}", text)
         line = text.count("\n", 0, digits.start()) + 1 if digits else None
         message = "a number has thousands of digits" if digits else f"TOML syntax: {error}"
-        raise InputError(message, Place(file, line), _WHOLE_RANGE) from error
+        raise InputError("toml-syntax", message, Location(file, line), _WHOLE_RANGE) from error
     except RecursionError as error:
-        raise InputError("tables or arrays are nested too deeply", Place(file)) from error
+        raise InputError(
+            "toml-too-large", "tables or arrays are nested too deeply", Location(file)
+        ) from error
     try:
         document = Document(file, _frozen(data), places_of(text))
         _check_range(document, document.data, ())
         return document
     except TooMuch as error:
-        raise InputError(error.message, Place(file, error.line), error.hint) from error
+        raise InputError("toml-too-large", error.message, Location(file, error.line), error.hint) from error
     except RecursionError as error:
-        raise InputError("tables or arrays are nested too deeply", Place(file)) from error
+        raise InputError(
+            "toml-too-large", "tables or arrays are nested too deeply", Location(file)
+        ) from error
 
 
 def validate(document: Document, model: type[Model], key: Key = ()) -> Model:
@@ -121,9 +128,9 @@ def unknown_key(document: Document, key: Key, known: Iterable[str]) -> InputErro
         other_stem, other_unit = split_unit(name)
         if other_unit and other_stem == stem:
             if unit:
-                return document.error(key, f"'{word}' is not taken in {unit}: write {name}")
-            return document.error(key, f"'{word}' has no unit: write {name}")
-    return document.error(key, f"unknown key '{word}'", nearest(word, names))
+                return document.error("wrong-unit", key, f"'{word}' is not taken in {unit}: write {name}")
+            return document.error("missing-unit", key, f"'{word}' has no unit: write {name}")
+    return document.error("unknown-key", key, f"unknown key '{word}'", did_you_mean(word, names))
 
 
 def split_unit(word: str) -> tuple[str, str]:
@@ -162,7 +169,7 @@ def _check_range(document: Document, value: Any, key: Key) -> None:
             if not isinstance(item, float | str):
                 _check_range(document, item, (*key, index))
     elif isinstance(value, int) and not -(2**63) <= value < 2**63:
-        raise document.error(key, f"{shown(value)} is too large", _WHOLE_RANGE)
+        raise document.error("out-of-range", key, f"{shown(value)} is too large", _WHOLE_RANGE)
 
 
 def _frozen(value: Any) -> Any:
@@ -182,7 +189,12 @@ def _syntax_error(text: str, file: str, said: str) -> InputError:
     message = next(
         (plain for pattern, plain in _PLAIN if re.match(pattern, message)), message[:1].lower() + message[1:]
     )
-    return InputError(f"TOML syntax: {message}", Place(file, line, column), f"in: {shown}" if shown else None)
+    return InputError(
+        "toml-syntax",
+        f"TOML syntax: {message}",
+        Location(file, line, column),
+        f"in: {shown}" if shown else None,
+    )
 
 
 # What tomllib says -> what a person can do about it.
@@ -222,26 +234,38 @@ def _input_error(document: Document, model: type[Table], root: Key, detail: Mapp
         return unknown_key(document, key, _known_keys(model, where[:-1]))
     if kind == "missing":
         if where and isinstance(where[-1], int):
-            return document.error(key[:-1], f"has too few values: number {where[-1] + 1} is missing")
-        return document.error(key[:-1], f"'{key[-1]}' is missing", f"add {_added(model, key, where)}")
+            return document.error(
+                "array-length", key[:-1], f"has too few values: number {where[-1] + 1} is missing"
+            )
+        return document.error(
+            "missing-key", key[:-1], f"'{key[-1]}' is missing", f"add {_added(model, key, where)}"
+        )
     if kind == "value_error":
-        return document.error(key, str(context["error"]))
+        return document.error("not-allowed", key, str(context["error"]))
     value = shown(detail["input"])
     if kind == "literal_error":
-        return document.error(key, f"{value} is not allowed here", f"allowed: {context['expected']}")
+        return document.error(
+            "not-allowed", key, f"{value} is not allowed here", f"allowed: {context['expected']}"
+        )
     if kind in _BOUNDS:
         words, name = _BOUNDS[kind]
-        return document.error(key, f"{value} is out of range: {words} {context[name]:g} is allowed")
+        return document.error(
+            "out-of-range", key, f"{value} is out of range: {words} {context[name]:g} is allowed"
+        )
     if kind in ("too_short", "too_long"):
         count = context["actual_length"]
         return document.error(
-            key, f"has {count} value{'s' if count != 1 else ''}", _length_hint(kind, context)
+            "array-length", key, f"has {count} value{'s' if count != 1 else ''}", _length_hint(kind, context)
         )
     if kind in _ALLOWED:
-        return document.error(key, f"{value} is not {_ALLOWED[kind]}", _whole_hint(kind, detail["input"]))
+        return document.error(
+            "wrong-type", key, f"{value} is not {_ALLOWED[kind]}", _whole_hint(kind, detail["input"])
+        )
     if kind == "string_pattern_mismatch":
-        return document.error(key, f"{value} is not a name", "a letter, then letters, digits, _ or -")
-    return document.error(key, f"{value}: {detail['msg']}")
+        return document.error(
+            "wrong-type", key, f"{value} is not a name", "a letter, then letters, digits, _ or -"
+        )
+    return document.error("not-allowed", key, f"{value}: {detail['msg']}")
 
 
 def _consequence(detail: Mapping[str, Any]) -> bool:

@@ -14,7 +14,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from servogen.edges import EdgeTrace
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.inputs import open_input
 from servogen.outputs import atomic_write
 from servogen.traces.csv import HEADER as EDGES_HEADER
@@ -63,7 +63,9 @@ def read_capture(path: str | Path, wires: Mapping[str, str] | None = None) -> Ca
     if suffix == ".csv":
         return Capture(read_saleae(path, wires), None, file=str(path))
     hint = f"one of: {', '.join(SUFFIXES)}"
-    raise InputError(f"'{path.suffix}' is not the ending of a capture", Place(str(path)), hint)
+    raise InputError(
+        "unknown-suffix", f"'{path.suffix}' is not the ending of a capture", Location(str(path)), hint
+    )
 
 
 def is_capture(path: str | Path) -> bool:
@@ -84,12 +86,17 @@ def sampled_at(capture: Capture, samples_per_second: int) -> Capture:
     does.
     """
     if capture.file is not None and not is_capture(capture.file):
-        raise InputError("only a capture has a sampling rate", Place(capture.file, key="--rate"))
+        raise InputError(
+            "conflicting-options", "only a capture has a sampling rate", Location(capture.file, key="--rate")
+        )
     if capture.sample is not None:
         step_us = float(capture.trace.clock.cycle_us)
         told = 1e6 / (capture.sample * step_us)
         raise InputError(
-            f"tells its own sampling rate, {told:g} Hz", Place(capture.file, key="--rate"), "leave --rate out"
+            "conflicting-options",
+            f"tells its own sampling rate, {told:g} Hz",
+            Location(capture.file, key="--rate"),
+            "leave --rate out",
         )
     steps = float(capture.trace.clock.cycles_per_second) / samples_per_second
     return replace(capture, sample=steps)
@@ -110,13 +117,13 @@ def capture_writer(
     several; both are written to the file.
     """
     with atomic_write(path, "wb") as file:
-        clock = step_clock(Fraction(samples_per_second), Place(str(path)))
+        clock = step_clock(Fraction(samples_per_second), Location(str(path)))
         yield VcdWriter(file, clock, servos, captured=True, missing=missing, pieces=pieces)
 
 
 def _read_vcd(path: Path, wires: Mapping[str, str] | None) -> Capture:
     header = read_header(path, wires)
-    clock = step_clock(1 / header.step_s, Place(str(path)))
+    clock = step_clock(1 / header.step_s, Location(str(path)))
     rates = (rate_in(comment) for comment in header.comments if "hannels at" in comment)
     rate = next((rate for rate in rates if rate), None)
     sample = None if rate is None else float(1 / (rate * header.step_s))

@@ -19,7 +19,7 @@ from typing import IO, NoReturn
 import numpy as np
 
 from servogen.edges import PINS, Driven, EdgeChunk, EdgeTrace, edge_chunk, join
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.traces import rows
 from servogen.traces.endings import ended
 from servogen.traces.inputs import INPUT_PINS, NO_INPUTS, InputRows, Inputs, Rows, merged
@@ -109,8 +109,9 @@ class _CsvChunks:
         if header.removeprefix(b"\xef\xbb\xbf").decode("utf-8", "replace") != HEADER:
             shown = header[:40].decode("utf-8", "replace")
             raise InputError(
+                "csv-syntax",
                 f"is not an edge file: its first line is '{shown}'",
-                Place(str(self.path), 1),
+                Location(str(self.path), 1),
                 f"expected: {HEADER}",
             )
 
@@ -170,26 +171,35 @@ def _parse_equal(lines: rows.Bytes) -> EdgeChunk | None:
 def _complain(block: bytes, last: int, path: Path, line: int) -> NoReturn:
     """Raise InputError for the first line of `block` that `_parse` rejected."""
     for number, text in enumerate(block.decode("utf-8", "replace").split("\n"), line):
-        place = Place(str(path), number)
+        place = Location(str(path), number)
         if _INPUT.fullmatch(f"{text}\n".encode()):
             continue
         fields = text.split(",")
         if len(fields) != 3:
-            raise InputError(f"'{text[:40]}' is not a row of an edge file", place, f"expected: {HEADER}")
+            raise InputError(
+                "csv-row", f"'{text[:40]}' is not a row of an edge file", place, f"expected: {HEADER}"
+            )
         cycle, pin, level = fields
         if not _is_plain(cycle):
             hint = f"instruction cycles since reset: at most {MOST_DIGITS} digits, no leading zeros"
-            raise InputError(f"cycle '{cycle[:40]}' is not allowed", place, hint)
+            raise InputError("csv-row", f"cycle '{cycle[:40]}' is not allowed", place, hint)
         if pin not in PINS:
-            raise InputError(f"pin '{pin[:40]}' is not allowed", place, f"allowed: {', '.join(PINS)}")
+            raise InputError(
+                "csv-row", f"pin '{pin[:40]}' is not allowed", place, f"allowed: {', '.join(PINS)}"
+            )
         if level not in ("0", "1"):
-            raise InputError(f"level '{level[:40]}' is not allowed", place, "allowed: 0, 1 (undriven is 0)")
+            raise InputError(
+                "csv-row", f"level '{level[:40]}' is not allowed", place, "allowed: 0, 1 (undriven is 0)"
+            )
         if int(cycle) < last:
             raise InputError(
-                f"cycle {cycle} comes after cycle {last}", place, "rows must be in the order of their cycles"
+                "time-order",
+                f"cycle {cycle} comes after cycle {last}",
+                place,
+                "rows must be in the order of their cycles",
             )
         last = int(cycle)
-    raise InputError("is not an edge file", Place(str(path), line), f"expected: {HEADER}")
+    raise InputError("csv-syntax", "is not an edge file", Location(str(path), line), f"expected: {HEADER}")
 
 
 def _is_plain(text: str) -> bool:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import IO, Protocol
 
 from servogen.edges import EdgeChunk, EdgeTrace
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.outputs import atomic_write
 from servogen.traces.inputs import NO_INPUTS, Inputs
 from servogen.units import Clock, Cycles
@@ -76,7 +76,7 @@ def read_edges(
     path = Path(path)
     suffix = _suffix(path)
     if wires is not None and suffix != ".vcd":
-        raise InputError("wires are named in VCD files only", Place(str(path)))
+        raise InputError("conflicting-options", "wires are named in VCD files only", Location(str(path)))
     if suffix == ".csv":
         from servogen.traces.csv import read_csv
 
@@ -110,8 +110,9 @@ def _suffix(path: Path) -> str:
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(
+            "unknown-suffix",
             f"'{path.suffix}' is not the ending of an edge file",
-            Place(str(path)),
+            Location(str(path)),
             f"one of: {', '.join(SUFFIXES)}",
         )
     return suffix

@@ -15,7 +15,7 @@ from typing import IO, Any, NoReturn
 import numpy as np
 
 from servogen.edges import PINS, Changes, EdgeChunk, EdgeTrace, edge_chunk
-from servogen.errors import InputError, Place, nearest
+from servogen.errors import InputError, Location, did_you_mean
 from servogen.traces import rows
 from servogen.traces.endings import ended
 from servogen.traces.lines import last_line, line_blocks
@@ -101,37 +101,45 @@ def _complain(block: bytes, last: int, path: Path, line: int) -> NoReturn:
     """Raise InputError for the first line of `block` that `_parse` rejected."""
     for number, text in enumerate(block.decode("utf-8", "replace").split("\n"), line):
         if text.strip():
-            last = _check(text, last, Place(str(path), number))
-    raise InputError("is not one JSON object a line", Place(str(path), line), f"like {_EXAMPLE}")
+            last = _check(text, last, Location(str(path), number))
+    raise InputError(
+        "json-syntax", "is not one JSON object a line", Location(str(path), line), f"like {_EXAMPLE}"
+    )
 
 
-def _check(text: str, last: int, place: Place) -> int:
+def _check(text: str, last: int, place: Location) -> int:
     """Return the cycle of one line. Raises InputError that says what is wrong with it."""
     try:
         edge = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise InputError(
-            f"is not JSON: {error}", place, f"expected one object a line, like {_EXAMPLE}"
+            "json-syntax", f"is not JSON: {error}", place, f"expected one object a line, like {_EXAMPLE}"
         ) from error
     if not isinstance(edge, dict):
-        raise InputError(f"'{text[:40]}' is not a JSON object", place, f"like {_EXAMPLE}")
+        raise InputError("json-syntax", f"'{text[:40]}' is not a JSON object", place, f"like {_EXAMPLE}")
     for key in KEYS:
         if key not in edge:
-            raise InputError(f"has no '{key}'", place, f"like {_EXAMPLE}")
+            raise InputError("json-value", f"has no '{key}'", place, f"like {_EXAMPLE}")
     cycle, pin, level = (edge[key] for key in KEYS)
     if not _is_cycle(cycle):
         raise InputError(
+            "json-value",
             f"cycle {_shown(cycle)} is not allowed",
             place,
             "a whole number of instruction cycles since reset, below 10^18",
         )
     if pin not in PINS:
-        raise InputError(f"pin {_shown(pin)} is not allowed", place, nearest(str(pin), PINS))
+        raise InputError(
+            "unknown-pin", f"pin {_shown(pin)} is not allowed", place, did_you_mean(str(pin), PINS)
+        )
     if level not in LEVELS:
-        raise InputError(f"level {_shown(level)} is not allowed", place, 'allowed: 0, 1, "z"')
+        raise InputError("json-value", f"level {_shown(level)} is not allowed", place, 'allowed: 0, 1, "z"')
     if cycle < last:
         raise InputError(
-            f"cycle {cycle} comes after cycle {last}", place, "edges must be in the order of their cycles"
+            "time-order",
+            f"cycle {cycle} comes after cycle {last}",
+            place,
+            "edges must be in the order of their cycles",
         )
     return int(cycle)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.inputs import open_input, size_text
 
 BLOCK_BYTES = 1 << 22
@@ -67,4 +67,6 @@ def first_lines(path: Path, count: int) -> list[bytes]:
 
 def _too_long(path: Path, line: int | None) -> InputError:
     which = "the last line" if line is None else "the line"
-    return InputError(f"{which} is longer than {size_text(MAX_LINE_BYTES)}", Place(str(path), line))
+    return InputError(
+        "line-too-long", f"{which} is longer than {size_text(MAX_LINE_BYTES)}", Location(str(path), line)
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from fractions import Fraction
 
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.units import OSCILLATOR_PERIODS_PER_CYCLE, Clock
 
 _RATE = re.compile(r"(\d{1,18}(?:\.\d{1,18})?)\s*([kMG]?)Hz")
@@ -18,9 +18,11 @@ def rate_in(text: str) -> Fraction | None:
     return Fraction(found.group(1)) * _FACTOR[found.group(2)] if found else None
 
 
-def step_clock(steps_per_second: Fraction, place: Place) -> Clock:
+def step_clock(steps_per_second: Fraction, place: Location) -> Clock:
     """Return the clock whose instruction cycle is one time step."""
     hz = steps_per_second * OSCILLATOR_PERIODS_PER_CYCLE
     if hz <= 0 or hz.denominator != 1:
-        raise InputError(f"{float(steps_per_second):g} time steps a second are no whole number", place)
+        raise InputError(
+            "bad-rate", f"{float(steps_per_second):g} time steps a second are no whole number", place
+        )
     return Clock(int(hz))

@@ -17,7 +17,7 @@ from typing import NoReturn
 import numpy as np
 
 from servogen.edges import HIGH, LOW, UNDRIVEN, Changes, EdgeChunk, EdgeTrace, edge_chunk
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.traces.lines import first_lines, last_line, line_blocks
 from servogen.traces.rates import step_clock
 from servogen.traces.wires import pins_of
@@ -60,8 +60,8 @@ class _Rows:
             cycle = np.rint(time * NANOSECONDS).astype(np.int64) - self.start
             if np.any(np.diff(cycle, prepend=last) < 0):
                 row = int(np.argmax(np.diff(cycle, prepend=last) < 0))
-                place = Place(str(self.path), number + first + row)
-                raise InputError("a time lies before that of the row above", place)
+                place = Location(str(self.path), number + first + row)
+                raise InputError("time-order", "a time lies before that of the row above", place)
             if len(cycle):
                 last = int(cycle[-1])
                 yield changes(edge_chunk(np.repeat(cycle, len(order)), np.tile(pins, len(cycle)), level))
@@ -71,11 +71,13 @@ def read_saleae(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrace
     """Return the edges of the channels; the file does not contain the capture's end, so the trace ends with
     the last row.
     """
-    place = Place(str(path), 1)
+    place = Location(str(path), 1)
     head, first = first_lines(path, 2)
     header = head.decode("utf-8-sig", "replace").strip().split(",")
     if not header[0].replace(" ", "").lower().startswith("time[s]") or len(header) < 2:
-        raise InputError("is not a digital CSV file of Saleae's", place, "expected: Time [s],Channel 0,…")
+        raise InputError(
+            "csv-syntax", "is not a digital CSV file of Saleae's", place, "expected: Time [s],Channel 0,…"
+        )
     names = [(name.strip(), column) for column, name in enumerate(header) if column]
     pins = pins_of(names, wires, place)
     start, end = _nanoseconds(first, path, 2), _nanoseconds(last_line(path), path, None)
@@ -86,27 +88,31 @@ def read_saleae(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrace
 def _nanoseconds(line: bytes, path: Path, number: int | None) -> int:
     text = line.split(b",")[0].decode("utf-8", "replace").strip()
     if not _SECONDS.fullmatch(text) or not _is_time(text.encode()):
-        place = Place(str(path), number)
-        raise InputError(f"time '{text[:40]}' is not a number of seconds", place, "export times in seconds")
+        place = Location(str(path), number)
+        raise InputError(
+            "csv-row", f"time '{text[:40]}' is not a number of seconds", place, "export times in seconds"
+        )
     return round(Fraction(text) * NANOSECONDS)
 
 
 def _complain(lines: list[bytes], number: int, path: Path, columns: int) -> NoReturn:
     """Raise InputError for the first malformed line."""
     for offset, line in enumerate(lines):
-        place = Place(str(path), number + offset)
+        place = Location(str(path), number + offset)
         time, *levels = (field.strip() for field in line.split(b","))
         if len(levels) != columns - 1:
             shown = line[:40].decode("utf-8", "replace")
-            raise InputError(f"'{shown}' has not {columns} fields as the header has", place)
+            raise InputError("csv-row", f"'{shown}' has not {columns} fields as the header has", place)
         for level in levels:
             if level not in LEVELS:
                 shown = level[:40].decode("utf-8", "replace")
-                raise InputError(f"level '{shown}' is not allowed", place, "allowed: 0, 1, X")
+                raise InputError("csv-row", f"level '{shown}' is not allowed", place, "allowed: 0, 1, X")
         if not _is_time(time):
             shown = time[:40].decode("utf-8", "replace")
-            raise InputError(f"time '{shown}' is not a number of seconds", place, "export times in seconds")
-    raise InputError("is not a digital CSV file of Saleae's", Place(str(path), number))
+            raise InputError(
+                "csv-row", f"time '{shown}' is not a number of seconds", place, "export times in seconds"
+            )
+    raise InputError("csv-syntax", "is not a digital CSV file of Saleae's", Location(str(path), number))
 
 
 def _is_time(text: bytes) -> bool:

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.edges import EdgeChunk, EdgeTrace, edge_chunk
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.inputs import open_input, size_text
 from servogen.traces.rates import rate_in, step_clock
 from servogen.traces.wires import pins_of
@@ -97,7 +97,7 @@ class _Session:
         try:
             yield from self._unpacked()
         except _DAMAGED as error:
-            raise InputError(f"is damaged: {error}", Place(str(self.path))) from error
+            raise InputError("sigrok-damaged", f"is damaged: {error}", Location(str(self.path))) from error
 
     def _unpacked(self) -> Iterator[npt.NDArray[np.uint64]]:
         with zipfile.ZipFile(self.path) as archive:
@@ -119,7 +119,7 @@ class _Session:
 
 def read_session(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrace:
     """Return the edges of a session's logic probes; the trace ends after the last sample."""
-    place = Place(str(path))
+    place = Location(str(path))
     try:
         _check_directory(path)
         with zipfile.ZipFile(path) as archive:
@@ -127,45 +127,59 @@ def read_session(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrac
             with archive.open("metadata") as file:
                 metadata = file.read(MAX_METADATA_BYTES + 1).decode("utf-8")
     except _DAMAGED as error:
-        raise InputError("is not a sigrok session", place, "a ZIP archive with a file `metadata`") from error
+        raise InputError(
+            "sigrok-syntax", "is not a sigrok session", place, "a ZIP archive with a file `metadata`"
+        ) from error
     if len(metadata) > MAX_METADATA_BYTES:
-        raise InputError(f"has more than {size_text(MAX_METADATA_BYTES)} of metadata", place)
+        raise InputError(
+            "file-too-large", f"has more than {size_text(MAX_METADATA_BYTES)} of metadata", place
+        )
     device = _device(metadata, place)
     rate = rate_in(device.get("samplerate", ""))
     if not rate:
-        raise InputError("does not say its samplerate", place, "capture with a samplerate set")
+        raise InputError(
+            "sigrok-syntax", "does not say its samplerate", place, "capture with a samplerate set"
+        )
     unit = str(device.get("unitsize"))
     if not re.fullmatch(f"[1-{MOST_BYTES}]", unit):
-        raise InputError(f"unitsize '{unit[:40]}' is not allowed", place, f"1 to {MOST_BYTES} bytes")
+        raise InputError(
+            "sigrok-syntax", f"unitsize '{unit[:40]}' is not allowed", place, f"1 to {MOST_BYTES} bytes"
+        )
     size = int(unit)
     pieces = _pieces(device.get("capturefile", "logic-1"), members)
     packed = next((piece for piece in pieces if members[piece].compress_type not in _COMPRESSIONS), None)
     if packed is not None:
-        raise InputError(f"packs '{packed}' in a way that sigrok does not use", place, "stored or deflated")
+        raise InputError(
+            "sigrok-syntax",
+            f"packs '{packed}' in a way that sigrok does not use",
+            place,
+            "stored or deflated",
+        )
     unpacked = sum(members[piece].file_size for piece in pieces)
     if unpacked > MAX_SAMPLE_BYTES:
         raise InputError(
+            "file-too-large",
             f"unpacks to {size_text(unpacked)} of samples, more than {size_text(MAX_SAMPLE_BYTES)}",
             place,
             "capture for a shorter time, at a lower rate, or fewer probes",
         )
     samples = unpacked // size
     if not samples:
-        raise InputError("holds no samples of logic probes", place)
+        raise InputError("sigrok-syntax", "holds no samples of logic probes", place)
     pins = pins_of(_probes(device, size), wires, place)
     return EdgeTrace(step_clock(rate, place), _Session(path, pieces, size, pins), Cycles(samples))
 
 
-def _device(metadata: str, place: Place) -> Mapping[str, str]:
+def _device(metadata: str, place: Location) -> Mapping[str, str]:
     parser = configparser.ConfigParser(interpolation=None, strict=False)
     try:
         parser.read_string(metadata)
     except configparser.Error as error:
-        raise InputError(f"has metadata that cannot be read: {error}", place) from error
+        raise InputError("sigrok-syntax", f"has metadata that cannot be read: {error}", place) from error
     for section in parser.sections():
         if section.startswith("device"):
             return parser[section]
-    raise InputError("has no device in its metadata", place)
+    raise InputError("sigrok-syntax", "has no device in its metadata", place)
 
 
 def _probes(device: Mapping[str, str], size: int) -> list[tuple[str, int]]:
@@ -208,7 +222,9 @@ def _check_directory(path: Path) -> None:
     _, _, _, _, count, directory_bytes, _, _ = _END.unpack_from(tail, at)
     is_64 = tail[max(0, at - 20) : at].startswith(_ZIP64_SIGNATURE)
     if is_64 or count > MAX_MEMBERS or directory_bytes > _MAX_DIRECTORY_BYTES:
-        raise InputError("is an archive of too many or too large files", Place(str(path)), _SMALL)
+        raise InputError(
+            "file-too-large", "is an archive of too many or too large files", Location(str(path)), _SMALL
+        )
 
 
 _SMALL = f"at most {MAX_MEMBERS} files, none of 4 GiB"

@@ -19,7 +19,7 @@ import numpy as np
 from vcd.reader import TokenKind, VarDecl, VCDParseError, tokenize
 
 from servogen.edges import HIGH, LOW, UNDRIVEN, Changes, EdgeChunk, EdgeTrace, edge_chunk
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.inputs import open_input, size_text
 from servogen.traces import rows
 from servogen.traces.endings import ended
@@ -79,7 +79,7 @@ def read_vcd(
 
 def read_header(path: Path, wires: Mapping[str, str] | None = None) -> VcdHeader:
     """Return the declarations of the file at `path`."""
-    place = Place(str(path))
+    place = Location(str(path))
     with open_input(path) as file:
         text = file.read(1 << 16)
         if not (end := _END_OF_HEADER.search(text)):
@@ -87,7 +87,7 @@ def read_header(path: Path, wires: Mapping[str, str] | None = None) -> VcdHeader
             end = _END_OF_HEADER.search(text)
     if end is None:
         within = f" in its first {size_text(MAX_HEADER_BYTES)}" if len(text) == MAX_HEADER_BYTES else ""
-        raise InputError(f"is not a VCD file: it has no $enddefinitions{within}", place)
+        raise InputError("vcd-syntax", f"is not a VCD file: it has no $enddefinitions{within}", place)
     first = _FIRST_KEYWORD.search(text)
     before = first.start() if first else 0
     step: Fraction | None = None
@@ -104,15 +104,18 @@ def read_header(path: Path, wires: Mapping[str, str] | None = None) -> VcdHeader
     except VCDParseError as error:
         message = str(error).partition(": ")[2]
         raise InputError(
-            f"is not a VCD file: {message}", Place(str(path), text.count(b"\n", 0, before) + error.loc.line)
+            "vcd-syntax",
+            f"is not a VCD file: {message}",
+            Location(str(path), text.count(b"\n", 0, before) + error.loc.line),
         ) from error
     except UnicodeDecodeError as error:
-        raise InputError("is not a VCD file: its declarations are not ASCII", place) from error
+        raise InputError("vcd-syntax", "is not a VCD file: its declarations are not ASCII", place) from error
     except ValueError as error:
         message = "is not a VCD file: a number in its declarations is too long"
-        raise InputError(message, place, "wires have at most a few thousand bits") from error
+        raise InputError("vcd-syntax", message, place, "wires have at most a few thousand bits") from error
     if not step:
         raise InputError(
+            "vcd-timescale",
             "has no $timescale, or one of 0",
             place,
             "it must say how long one time step is, as `$timescale 1 us $end`",
@@ -129,8 +132,9 @@ def _end(path: Path, start: int, cycles_per_step: Fraction) -> Cycles:
     last = np.array(_last_times(path, start), dtype=np.int64)
     if int(last[-1]) * cycles_per_step > MOST_CYCLES:
         raise InputError(
+            "time-range",
             f"time #{last[-1]} is too late",
-            Place(str(path)),
+            Location(str(path)),
             f"below 10^17 instruction cycles; a step of this file is {float(cycles_per_step):g}",
         )
     *before, cycle = rows.rescale(last, cycles_per_step).tolist()
@@ -141,7 +145,7 @@ def _end(path: Path, start: int, cycles_per_step: Fraction) -> Cycles:
 
 def _last_times(path: Path, start: int) -> list[int]:
     """Return the last two time stamps, or the only one, found from the end of the file."""
-    place = Place(str(path))
+    place = Location(str(path))
     with open_input(path) as file:
         size = file.seek(0, 2)
         wanted = TAIL_BYTES
@@ -153,12 +157,16 @@ def _last_times(path: Path, start: int) -> list[int]:
             if len(times) == 2 or (times and at == start):
                 late = next((time for time in times if len(time) > MOST_DIGITS), None)
                 if late:
-                    raise InputError(f"time #{late.decode()} is too late", place, "below 10^18 steps")
+                    raise InputError(
+                        "time-range", f"time #{late.decode()} is too late", place, "below 10^18 steps"
+                    )
                 return [int(time) for time in times]
             if at == start:
-                raise InputError("is not a whole VCD file: no time stamp follows the declarations", place)
+                raise InputError(
+                    "vcd-damaged", "is not a whole VCD file: no time stamp follows the declarations", place
+                )
             if wanted > MAX_TAIL_BYTES:
-                raise InputError(f"has no time stamp in its last {size_text(wanted)}", place)
+                raise InputError("vcd-damaged", f"has no time stamp in its last {size_text(wanted)}", place)
             wanted *= 8
 
 
@@ -243,10 +251,13 @@ class _Parser:
 
     def _complain(self, block: bytes, index: int, path: Path, line: int, time: int) -> NoReturn:
         found = next(token for number, token in enumerate(re.finditer(rb"\S+", block)) if number == index)
-        place = Place(str(path), line + block.count(b"\n", 0, found.start()))
+        place = Location(str(path), line + block.count(b"\n", 0, found.start()))
         token = found.group()[:40].decode("ascii", "replace")
         if token.startswith("#"):
             raise InputError(
-                f"time '{token}' is not allowed here", place, f"a whole number of steps, not before #{time}"
+                "time-order",
+                f"time '{token}' is not allowed here",
+                place,
+                f"a whole number of steps, not before #{time}",
             )
-        raise InputError(f"'{token}' is not a value change of a VCD file", place)
+        raise InputError("vcd-syntax", f"'{token}' is not a value change of a VCD file", place)

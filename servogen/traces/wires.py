@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import TypeVar
 
 from servogen.edges import PINS
-from servogen.errors import InputError, Place, nearest
+from servogen.errors import InputError, Location, did_you_mean
 
 Key = TypeVar("Key")
 
@@ -19,7 +19,7 @@ _HINT = "say which wire is which pin"
 
 
 def pins_of(
-    wires: Sequence[tuple[str, Key]], chosen: Mapping[str, str] | None, place: Place
+    wires: Sequence[tuple[str, Key]], chosen: Mapping[str, str] | None, place: Location
 ) -> dict[Key, int]:
     """Return, by key, the pin number of each of `wires` (name, key) that belongs to a pin.
 
@@ -30,12 +30,12 @@ def pins_of(
     if not named:
         shown = ", ".join(known[:20]) or "none"
         hint = f"its 1-bit wires: {shown}; {_HINT}"
-        raise InputError("has no wire that is named by a pin (RA0 … RB7)", place, hint)
+        raise InputError("vcd-wires", "has no wire that is named by a pin (RA0 … RB7)", place, hint)
     first: dict[int, tuple[str, Key]] = {}
     for name, key, pin in named:
         other, other_key = first.setdefault(pin, (name, key))
         if other_key != key:
-            raise InputError(f"wires '{other}' and '{name}' are both {PINS[pin]}", place, _HINT)
+            raise InputError("vcd-wires", f"wires '{other}' and '{name}' are both {PINS[pin]}", place, _HINT)
     return {key: pin for _, key, pin in named}
 
 
@@ -45,15 +45,15 @@ def _by_name(wires: Sequence[tuple[str, Key]]) -> list[tuple[str, Key, int]]:
 
 
 def _as_chosen(
-    wires: Sequence[tuple[str, Key]], chosen: Mapping[str, str], place: Place
+    wires: Sequence[tuple[str, Key]], chosen: Mapping[str, str], place: Location
 ) -> list[tuple[str, Key, int]]:
     keys = dict(wires)
     named = []
     for name, pin in chosen.items():
         if pin not in PINS:
-            raise InputError(f"'{pin}' is no pin", place, nearest(pin, PINS))
+            raise InputError("unknown-pin", f"'{pin}' is no pin", place, did_you_mean(pin, PINS))
         if name not in keys:
-            raise InputError(f"has no 1-bit wire '{name}'", place, nearest(name, keys))
+            raise InputError("vcd-wires", f"has no 1-bit wire '{name}'", place, did_you_mean(name, keys))
         named.append((name, keys[name], PINS.index(pin)))
     return named
 

@@ -45,6 +45,7 @@ def verify(
     """
     if observed.clock != expected.clock:
         raise InputError(
+            "wrong-clock",
             f"the trace is in cycles of {observed.clock.hz} Hz, the schedule of {expected.clock.hz} Hz",
             hint="state the clock of the chip that the schedule is for",
         )

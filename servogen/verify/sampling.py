@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from servogen.edges import EdgeTrace, join
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.verify.windows import Ints
 
 USUAL_HZ = tuple(
@@ -44,14 +44,14 @@ class Sampling:
         """Return whether a sample is longer than `longest_us`; rounding errors of times are allowed for."""
         return self.sample_us > longest_us * (1 + 1e-9)
 
-    def check(self, longest_us: float, place: Place | None = None) -> None:
+    def check(self, longest_us: float, place: Location | None = None) -> None:
         """Raise InputError if a sample is longer than `longest_us`."""
         if not self.too_slow(longest_us):
             return
         hint = f"a sample may be no longer than {longest_us:g} µs, the shortest pulse or gap that counts"
         if not self.stated:
             hint += "; if it was sampled more often, say so: --rate"
-        raise InputError(self.words(longest_us), place, hint)
+        raise InputError("sampling-too-slow", self.words(longest_us), place, hint)
 
     def words(self, longest_us: float) -> str:
         """Return why the sampling is too slow, and the rate that is needed."""

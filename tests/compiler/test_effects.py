@@ -22,9 +22,9 @@ from servogen.compiler.ast.nodes import (
 from servogen.compiler.ast.types import U8, PointerType
 from servogen.compiler.codegen.effects import calls_something, changes, touches, width_of
 from servogen.compiler.ir.instruction import Byte, Reg
-from servogen.errors import Place
+from servogen.errors import Location
 
-HERE = Place("main.c", 1)
+HERE = Location("main.c", 1)
 POINTER = PointerType(U8)
 X, Y = Symbol("x", U8, "global"), Symbol("y", U8, "static")
 PORT = Symbol("PORTB", U8, "fixed")

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from servogen.bench.ports import PortError, Unplugged
 from servogen.drive.serial_link import Time
-from servogen.errors import Place
+from servogen.errors import Location
 
 BITS = 10
 
@@ -68,7 +68,7 @@ class Robot:
 
     def write(self, data: bytes) -> None:
         if self._away():
-            raise Unplugged("the device went away while it was used", Place("/dev/robot"))
+            raise Unplugged("the device went away while it was used", Location("/dev/robot"))
         assert self.now >= self._free - 1e-9, "bytes pile up before the line"
         self._free = self.now
         for byte in data:
@@ -81,7 +81,7 @@ class Robot:
     @contextmanager
     def open(self) -> Iterator["Robot"]:
         if self._away():
-            raise PortError("there is no such port", Place("/dev/robot"))
+            raise PortError("there is no such port", Location("/dev/robot"))
         self.opened += 1
         self.open_now += 1
         try:

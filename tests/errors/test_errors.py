@@ -4,23 +4,23 @@ import pickle
 
 import pytest
 
-from servogen.errors import Diagnostic, InputError, Location, Place, ServogenError, ToolError, nearest
+from servogen.errors import Diagnostic, InputError, Location, ServogenError, ToolError, did_you_mean
 
 
 @pytest.mark.parametrize(
     ("place", "text"),
     [
-        (Place("job.toml", 3, 7), "job.toml:3:7"),
-        (Place("job.toml", 3), "job.toml:3"),
-        (Place("job.toml"), "job.toml"),
-        (Place("job.toml", key="frame.period_us"), "job.toml: frame.period_us"),
-        (Place(key="frame.period_us"), "frame.period_us"),
-        (Place(line=3, column=7), "line 3, column 7"),
-        (Place(line=3), "line 3"),
-        (Place(), ""),
+        (Location("job.toml", 3, 7), "job.toml:3:7"),
+        (Location("job.toml", 3), "job.toml:3"),
+        (Location("job.toml"), "job.toml"),
+        (Location("job.toml", key="frame.period_us"), "job.toml: frame.period_us"),
+        (Location(key="frame.period_us"), "frame.period_us"),
+        (Location(line=3, column=7), "line 3, column 7"),
+        (Location(line=3), "line 3"),
+        (Location(), ""),
     ],
 )
-def test_a_place_reads_as_editors_and_people_read_it(place: Place, text: str) -> None:
+def test_a_place_reads_as_editors_and_people_read_it(place: Location, text: str) -> None:
     assert str(place) == text
 
 
@@ -66,11 +66,11 @@ def test_an_error_carries_all_diagnostics_and_the_first_error_is_its_own() -> No
 def test_an_error_moved_to_a_location_keeps_its_class_code_and_hint() -> None:
     moved = ToolError("no-port", "it is gone", hint="plug it in").at(Location("job.toml", 4))
     assert isinstance(moved, ToolError)
-    assert str(moved) == "job.toml:4: error: it is gone [no-port]\n  plug it in"
+    assert str(moved.first) == "job.toml:4: error: it is gone [no-port]\n  plug it in"
 
 
 def test_an_error_reads_place_message_hint() -> None:
-    error = InputError("the angle is out of travel", Place("job.toml", 3), "allowed: 0 to 180")
+    error = InputError("the angle is out of travel", Location("job.toml", 3), "allowed: 0 to 180")
     assert str(error) == "job.toml:3: the angle is out of travel\n  allowed: 0 to 180"
     assert str(InputError("no poses")) == "no poses"
 
@@ -82,9 +82,9 @@ def test_bad_input_ends_with_2_and_a_missing_tool_with_3() -> None:
 
 
 def test_the_nearest_known_word_is_offered_whatever_its_case() -> None:
-    assert nearest("perod_us", ["period_us", "device"]) == "did you mean 'period_us'?"
-    assert nearest("rb0", ["RB0", "RA4"]) == "did you mean 'RB0'?"
+    assert did_you_mean("perod_us", ["period_us", "device"]) == "did you mean 'period_us'?"
+    assert did_you_mean("rb0", ["RB0", "RA4"]) == "did you mean 'RB0'?"
 
 
 def test_where_none_is_near_all_are_named() -> None:
-    assert nearest("zzz", ["b", "a"]) == "known: a, b"
+    assert did_you_mean("zzz", ["b", "a"]) == "known: a, b"

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.pic.assembler import (
     Here,
     Name,
@@ -181,7 +181,7 @@ class Scope:
         return None
 
 
-PLACE = Place("main.c", 12, 10)
+PLACE = Location("main.c", 12, 10)
 
 
 def test_a_line_is_parsed_into_symbolic_instructions() -> None:
@@ -192,7 +192,7 @@ def test_a_line_is_parsed_into_symbolic_instructions() -> None:
     assert instruction.f == Name("PORTB", 22)
     assert instruction.b == Number(3, 29)
     assert (instruction.d, instruction.k) == (None, None)
-    assert instruction.place == Place("main.c", 12, 16)
+    assert instruction.place == Location("main.c", 12, 16)
     assert encode_instruction(instruction, Scope()) == (0x1D86, ())
 
 
@@ -238,4 +238,4 @@ def test_an_unknown_instruction_names_the_nearest_with_its_place() -> None:
 def test_a_defect_in_an_operand_has_its_column() -> None:
     with pytest.raises(InputError) as error:
         parse_line("movlw (1", PLACE)
-    assert error.value.place == Place("main.c", 12, 16)
+    assert error.value.place == Location("main.c", 12, 16)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.job import load, plan_job
 from servogen.robot.servo_models import servo_model
 
@@ -36,7 +36,7 @@ def written(folder: Path, servo: str = SERVO, job: str = JOB) -> Path:
     return folder / "job.toml"
 
 
-def error_of(path: Path) -> tuple[str, Place]:
+def error_of(path: Path) -> tuple[str, Location]:
     with pytest.raises(InputError) as caught:
         plan_job(load(path))
     assert caught.value.place is not None

@@ -74,16 +74,21 @@ def plan(memory: int, rate: int, rle: bool, wanted: Wanted, several: bool = Fals
     if sump.BASE_HZ % rate or sump.BASE_HZ // rate > 1 << 24:
         below = sump.BASE_HZ // ceil(Fraction(sump.BASE_HZ, rate))
         raise InputError(
-            f"{rate} samples a second do not divide the analyser's {sump.BASE_HZ}", hint=f"as {below}"
+            "rate-unavailable",
+            f"{rate} samples a second do not divide the analyser's {sump.BASE_HZ}",
+            hint=f"as {below}",
         )
     room = min(memory // (sump.WORD_BITS // 8), sump.MOST_READ) // 4 * 4
     first = words_a_frame(exact, rle, wanted.period_s, Fraction(wanted.most)) + SLACK
     each = words_a_frame(exact, rle, wanted.period_s, wanted.edges)
     fits = floor((room - first) / each)
     if fits < 1:
-        raise InputError(_arithmetic(memory, room, exact, rle, wanted), hint=_advice(room, rle, wanted))
+        raise InputError(
+            "analyser-memory", _arithmetic(memory, room, exact, rle, wanted), hint=_advice(room, rle, wanted)
+        )
     if fits < wanted.frames and not several:
         raise InputError(
+            "analyser-memory",
             f"the analyser's memory is too small: {room} words hold {fits} frames of {float(each):.3g} words "
             f"and the one in which it begins, not {wanted.frames}",
             hint=f"at most --seconds {int(1000 * fits * wanted.period_s) / 1000:g} at a time; "

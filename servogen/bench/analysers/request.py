@@ -14,7 +14,7 @@ import numpy as np
 
 from servogen.bench.analysers.sump import Runs
 from servogen.edges import UNDRIVEN, EdgeChunk, edge_chunk, join, part
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.traces.captures import capture_writer
 from servogen.units import Cycles
 
@@ -54,10 +54,13 @@ def check_name(path: Path) -> None:
     """Raise InputError if a capture cannot be written to `path`, before anything is captured."""
     if path.suffix.lower() != SUFFIX:
         raise InputError(
-            f"'{path.suffix}' is not the ending of a capture that is written", Place(str(path)), SUFFIX
+            "unknown-suffix",
+            f"'{path.suffix}' is not the ending of a capture that is written",
+            Location(str(path)),
+            SUFFIX,
         )
     if not path.parent.is_dir():
-        raise InputError("there is no such directory", Place(str(path.parent)))
+        raise InputError("missing-directory", "there is no such directory", Location(str(path.parent)))
 
 
 def partial_name(path: Path) -> Path:

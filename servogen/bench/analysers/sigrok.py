@@ -15,7 +15,7 @@ from pathlib import Path
 
 from servogen.bench.ports import is_terminal, library
 from servogen.edges import PINS
-from servogen.errors import InputError, Place, ToolError, nearest
+from servogen.errors import InputError, Location, ToolError, did_you_mean
 
 PROGRAM = "sigrok-cli"
 SUFFIX = ".sr"
@@ -39,11 +39,13 @@ def sigrok_wires(said: Iterable[str]) -> tuple[tuple[str, str], ...]:
     for text in said:
         channel, _, pin = (part.strip() for part in text.partition("="))
         if not channel or pin.upper() not in PINS:
-            hint = nearest(pin.upper(), PINS) if channel else "as D0=RB0"
-            raise InputError(f"'{text}' wires no channel to a pin", hint=hint)
+            hint = did_you_mean(pin.upper(), PINS) if channel else "as D0=RB0"
+            raise InputError("bad-wiring", f"'{text}' wires no channel to a pin", hint=hint)
         found.append((channel, pin.upper()))
     if not found:
-        raise InputError("sigrok's channels have no pins", hint="say which is which, as --wire D0=RB0")
+        raise InputError(
+            "bad-wiring", "sigrok's channels have no pins", hint="say which is which, as --wire D0=RB0"
+        )
     return tuple(found)
 
 
@@ -61,10 +63,15 @@ def capture(look: SigrokLook, output: Path) -> None:
     """Write the session. Raises ToolError."""
     if output.suffix.lower() != SUFFIX:
         raise InputError(
-            f"'{output.suffix}' is not the ending of a sigrok session", Place(str(output)), SUFFIX
+            "unknown-suffix",
+            f"'{output.suffix}' is not the ending of a sigrok session",
+            Location(str(output)),
+            SUFFIX,
         )
     if shutil.which(PROGRAM) is None:
-        raise ToolError(f"{PROGRAM} is not installed", hint="https://sigrok.org/wiki/Sigrok-cli")
+        raise ToolError(
+            "tool-missing", f"{PROGRAM} is not installed", hint="https://sigrok.org/wiki/Sigrok-cli"
+        )
     output.unlink(missing_ok=True)
     if is_terminal(look.driver):
         with library() as lines:
@@ -88,8 +95,10 @@ def _captured(look: SigrokLook, output: Path, environment: Mapping[str, str]) ->
         )
     except subprocess.TimeoutExpired as error:
         output.unlink(missing_ok=True)
-        raise ToolError(f"{PROGRAM} did not end within {error.timeout:g} s") from None
+        raise ToolError("tool-failed", f"{PROGRAM} did not end within {error.timeout:g} s") from None
     said = "\n  ".join((done.stderr or done.stdout).strip().splitlines()[-3:])
     if done.returncode != 0 or not output.exists():
         output.unlink(missing_ok=True)
-        raise ToolError(f"{PROGRAM} captured nothing with '{look.driver}'", hint=said or None)
+        raise ToolError(
+            "capture-failed", f"{PROGRAM} captured nothing with '{look.driver}'", hint=said or None
+        )

@@ -13,7 +13,7 @@ from fractions import Fraction
 from servogen.bench.analysers import sump
 from servogen.bench.analysers.sump import Command, Flag, Key
 from servogen.bench.ports import Port, Unplugged
-from servogen.errors import Place, ToolError
+from servogen.errors import Location, ToolError
 
 BAUD = 115_200
 ANSWER_S = 0.5
@@ -72,11 +72,14 @@ def identify(port: Port) -> Analyser:
             return _described(port)
     if not answer:
         raise ToolError(
+            "no-answer",
             "the device does not answer",
-            Place(port.path),
+            Location(port.path),
             "is it a SUMP analyser, is this its port, is its firmware the one for logic analysis?",
         )
-    raise ToolError(f"the device is no SUMP analyser: it answered {answer!r}", Place(port.path))
+    raise ToolError(
+        "wrong-device", f"the device is no SUMP analyser: it answered {answer!r}", Location(port.path)
+    )
 
 
 def _described(port: Port) -> Analyser:
@@ -138,7 +141,9 @@ def capture(port: Port, look: Look, progress: Callable[[int], None] = lambda wor
             progress(len(data) // 2)
         if missing is None and port.read(1, SILENCE_S):
             raise ToolError(
-                f"the analyser sent more than the {wanted} bytes that were asked for", Place(port.path)
+                "analyser-protocol",
+                f"the analyser sent more than the {wanted} bytes that were asked for",
+                Location(port.path),
             )
     except Unplugged:
         if not data:
@@ -150,10 +155,11 @@ def capture(port: Port, look: Look, progress: Callable[[int], None] = lambda wor
 def _never(port: Port, look: Look) -> ToolError:
     waited = f"{look.patience_s:g} s"
     if look.channel is None:
-        return ToolError(f"the analyser sent nothing for {waited}", Place(port.path))
+        return ToolError("no-answer", f"the analyser sent nothing for {waited}", Location(port.path))
     return ToolError(
+        "no-trigger",
         f"nothing rose on channel {look.channel} for {waited}, or too little followed to fill the memory",
-        Place(port.path),
+        Location(port.path),
         "does the chip run, is that channel's wire on its pin, is ground connected?",
     )
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 from servogen.bench.analysers.sump import CHANNELS
 from servogen.edges import PINS
-from servogen.errors import InputError, nearest
+from servogen.errors import InputError, did_you_mean
 
 CHANNEL_PINS = (*range(5, 13), *range(5))
 """The pin's index in `PINS` of each channel, unless said otherwise: RB0 to RB7, RA0 to RA4."""
@@ -21,11 +21,13 @@ def wires(said: Iterable[str]) -> Mapping[int, int]:
         channel, _, pin = text.partition("=")
         name = pin.strip().upper()
         if not channel.strip().isdigit() or int(channel) >= CHANNELS:
-            raise InputError(f"'{text}' names no channel", hint=f"as 0=RB0; channels are 0 to {CHANNELS - 1}")
+            raise InputError(
+                "bad-wiring", f"'{text}' names no channel", hint=f"as 0=RB0; channels are 0 to {CHANNELS - 1}"
+            )
         if name not in PINS:
-            raise InputError(f"'{text}' names no pin", hint=nearest(name, PINS))
+            raise InputError("unknown-pin", f"'{text}' names no pin", hint=did_you_mean(name, PINS))
         if int(channel) in found or PINS.index(name) in found.values():
-            raise InputError(f"'{text}': channel or pin is wired twice")
+            raise InputError("bad-wiring", f"'{text}': channel or pin is wired twice")
         found[int(channel)] = PINS.index(name)
     return found or dict(enumerate(CHANNEL_PINS))
 
@@ -34,5 +36,7 @@ def channel_of(pin: str, wired: Mapping[int, int]) -> int:
     """Return the channel connected to `pin`. Raises InputError."""
     names = {PINS[number]: channel for channel, number in wired.items()}
     if pin.upper() not in names:
-        raise InputError(f"no channel of the analyser is on {pin}", hint=nearest(pin, names))
+        raise InputError(
+            "bad-wiring", f"no channel of the analyser is on {pin}", hint=did_you_mean(pin, names)
+        )
     return names[pin.upper()]

@@ -14,7 +14,7 @@ from pathlib import Path
 from servogen.bench.ports import held
 from servogen.bench.programmers.readback import Contents, difference
 from servogen.bench.programmers.table import Found, Order, Programmer
-from servogen.errors import InputError, Place, ServogenError, ToolError
+from servogen.errors import InputError, Location, ServogenError, ToolError
 from servogen.pic.device import CONFIG_WATCHDOG_ON, Device
 from servogen.pic.image import Image
 from servogen.pic.isa import decode
@@ -83,7 +83,9 @@ def command_of(found: Found, order: Order) -> tuple[str, ...]:
     """Return the command that programs. Raises InputError if it needs a port and none is given."""
     if found.programmer.needs_port and order.port is None:
         raise InputError(
-            f"{found.programmer.name} needs the programmer's port", hint="--port /dev/ttyUSB0, or the like"
+            "missing-option",
+            f"{found.programmer.name} needs the programmer's port",
+            hint="--port /dev/ttyUSB0, or the like",
         )
     return (*found.start, *found.programmer.program(order))
 
@@ -102,6 +104,7 @@ def flash(found: Found, order: Order, image: Image, timeout_s: float = TIMEOUT_S
     at = difference(read, image)
     if at is not None:
         raise Differs(
+            "chip-differs",
             f"{found.programmer.name} reports success, but the chip differs from the file, first {at}",
             _place(order.port),
             _last(output),
@@ -117,13 +120,17 @@ def _judge(programmer: Programmer, code: int, output: str, port: str | None) -> 
         else:
             hit = re.search(failure.sign, output, re.IGNORECASE) is not None
         if hit:
-            kind = Differs if failure.differs else ToolError
-            raise kind(failure.sentence, _place(port), _last(output))
+            if failure.differs:
+                raise Differs("chip-differs", failure.sentence, _place(port), _last(output))
+            raise ToolError("tool-failed", failure.sentence, _place(port), _last(output))
     missing = [text for text in programmer.said if text not in output]
     if code != 0:
-        raise ToolError(f"{programmer.name} failed with exit code {code}", _place(port), _last(output))
+        raise ToolError(
+            "tool-failed", f"{programmer.name} failed with exit code {code}", _place(port), _last(output)
+        )
     if missing:
         raise ToolError(
+            "not-verified",
             f"{programmer.name} did not say '{missing[0]}': nothing proves that the chip is programmed",
             _place(port),
             _last(output),
@@ -136,7 +143,11 @@ def _with_place(error: Differs, found: Found, order: Order, image: Image, timeou
         at = difference(_read(found, order, image, timeout_s), image)
     except ToolError:
         return error
-    return error if at is None else Differs(f"{error.message}, first {at}", error.place, error.hint)
+    return (
+        error
+        if at is None
+        else Differs("chip-differs", f"{error.message}, first {at}", error.place, error.hint)
+    )
 
 
 def _read(found: Found, order: Order, image: Image, timeout_s: float) -> Contents:
@@ -153,7 +164,10 @@ def _read(found: Found, order: Order, image: Image, timeout_s: float) -> Content
             code, output = _run(command, found.programmer, order.port, timeout_s)
             if code != 0 or not file.exists():
                 raise ToolError(
-                    f"{found.programmer.name} could not read the chip back", _place(order.port), _last(output)
+                    "tool-failed",
+                    f"{found.programmer.name} could not read the chip back",
+                    _place(order.port),
+                    _last(output),
                 )
             contents.update(look.contents(file, image))
     return contents
@@ -183,15 +197,15 @@ def _run(
                 sentence += " and said nothing: does the programmer answer?"
             if NOT_INSERTED.search(output):
                 sentence = "there is no chip in the programmer's socket"
-            raise ToolError(sentence, _place(port), _last(output)) from None
+            raise ToolError("tool-failed", sentence, _place(port), _last(output)) from None
         except BaseException:
             process.kill()
             raise
         return process.returncode, output
 
 
-def _place(port: str | None) -> Place | None:
-    return Place(port) if port else None
+def _place(port: str | None) -> Location | None:
+    return Location(port) if port else None
 
 
 def _last(output: str) -> str | None:

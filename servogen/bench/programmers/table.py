@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from servogen.bench.programmers.readback import Look, picpro_config, picpro_eeprom, program_of, whole_of
-from servogen.errors import InputError, ToolError, nearest
+from servogen.errors import InputError, ToolError, did_you_mean
 from servogen.pic.device import Device
 
 
@@ -205,16 +205,21 @@ def find(named: str | None) -> Found:
             if start:
                 return Found(programmer, start)
         raise ToolError(
+            "tool-missing",
             "no program for a programmer is installed",
             hint="one of: " + ", ".join(f"{each.name} ({each.hardware})" for each in PROGRAMMERS),
         )
     stem = Path(named).stem.lower()
     known = {each.name: each for each in PROGRAMMERS}
     if stem not in known:
-        raise InputError(f"'{named}' is no known programmer", hint=nearest(stem, known))
+        raise InputError(
+            "unknown-programmer", f"'{named}' is no known programmer", hint=did_you_mean(stem, known)
+        )
     start = _start(known[stem], named)
     if not start:
-        raise ToolError(f"'{named}' is not installed", hint=f"it programs with {known[stem].hardware}")
+        raise ToolError(
+            "tool-missing", f"'{named}' is not installed", hint=f"it programs with {known[stem].hardware}"
+        )
     programmer = known[stem]
     if programmer is PICPRO and start[0] != sys.executable:
         programmer = replace(programmer, looks=lambda order: PICPRO.looks(order)[:-1])

@@ -17,7 +17,7 @@ from servogen.bench.virtual.chip import VirtualChip
 from servogen.bench.virtual.k150 import ProgrammerOptions, VirtualProgrammer
 from servogen.bench.virtual.serial_line import LineReceiver, LineStimulus, SerialLine
 from servogen.bench.virtual.terminals import Device, Terminals, terminals
-from servogen.errors import InputError, nearest
+from servogen.errors import InputError, did_you_mean
 from servogen.pic.image import Image
 from servogen.simulator import Options
 from servogen.units import Clock
@@ -63,13 +63,13 @@ def with_fault(options: RigOptions, text: str) -> RigOptions:
     name, given, number = text.partition("=")
     known = NUMBERS if given else FLAGS
     if name not in known:
-        hint = nearest(name, [*FLAGS, *(f"{each}=N" for each in NUMBERS)])
-        raise InputError(f"'{text}' is no fault of the bench", hint=hint)
+        hint = did_you_mean(name, [*FLAGS, *(f"{each}=N" for each in NUMBERS)])
+        raise InputError("bad-fault", f"'{text}' is no fault of the bench", hint=hint)
     change: dict[str, Any] = {}
     try:
         change[known[name]] = int(number, 0) if given else True
     except ValueError:
-        raise InputError(f"'{number}' in '{text}' is no whole number") from None
+        raise InputError("bad-fault", f"'{number}' in '{text}' is no whole number") from None
     if name.startswith("analyser:"):
         return replace(options, analyser=replace(options.analyser, **change))
     return replace(options, programmer=replace(options.programmer, **change))

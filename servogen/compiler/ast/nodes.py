@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from servogen.compiler.ast.types import CType, IntType
-from servogen.errors import Place
+from servogen.errors import Location
 
 
 @dataclass(eq=False, slots=True)
@@ -19,7 +19,7 @@ class Symbol:
     type: CType
     kind: str
     """ "global", "local", "param", "result", "temp", "fixed" (at `address`) or "flash"."""
-    place: Place = field(default_factory=Place)
+    place: Location = field(default_factory=Location)
     function: str | None = None
     address: int | None = None
     bank1: bool = False
@@ -62,7 +62,7 @@ Data = int | AddressByte
 class Num:
     value: int
     type: CType
-    place: Place
+    place: Location
 
 
 @dataclass(slots=True)
@@ -73,7 +73,7 @@ class Ref:
     offset: int
     index: Expr | None
     type: CType
-    place: Place
+    place: Location
     bit: int | None = None
     width: int = 0
     """A bit-field of `type`, its lowest bit in the byte at `offset`."""
@@ -86,7 +86,7 @@ class Deref:
     pointer: Expr
     offset: int
     type: CType
-    place: Place
+    place: Location
     bit: int | None = None
     width: int = 0
 
@@ -97,14 +97,14 @@ class AddressOf:
 
     target: Ref
     type: CType
-    place: Place
+    place: Location
 
 
 @dataclass(slots=True)
 class Cast:
     operand: Expr
     type: CType
-    place: Place
+    place: Location
 
 
 @dataclass(slots=True)
@@ -114,7 +114,7 @@ class Unary:
     op: str
     operand: Expr
     type: CType
-    place: Place
+    place: Location
 
 
 @dataclass(slots=True)
@@ -127,7 +127,7 @@ class Binary:
     left: Expr
     right: Expr
     type: CType
-    place: Place
+    place: Location
 
 
 @dataclass(slots=True)
@@ -138,7 +138,7 @@ class Logic:
     left: Expr
     right: Expr
     type: CType
-    place: Place
+    place: Location
 
 
 @dataclass(slots=True)
@@ -149,7 +149,7 @@ class Choice:
     yes: Expr
     no: Expr
     type: CType
-    place: Place
+    place: Location
 
 
 @dataclass(slots=True)
@@ -157,7 +157,7 @@ class Comma:
     first: Expr
     second: Expr
     type: CType
-    place: Place
+    place: Location
 
 
 @dataclass(slots=True)
@@ -165,7 +165,7 @@ class Assign:
     target: Ref | Deref
     value: Expr
     type: CType
-    place: Place
+    place: Location
 
 
 @dataclass(slots=True)
@@ -178,7 +178,7 @@ class Update:
     work: IntType
     post: bool
     type: CType
-    place: Place
+    place: Location
 
 
 @dataclass(slots=True)
@@ -186,7 +186,7 @@ class Call:
     function: str
     arguments: list[Expr]
     type: CType
-    place: Place
+    place: Location
 
 
 @dataclass(slots=True)
@@ -198,7 +198,7 @@ class Builtin:
     name: str
     arguments: list[Expr]
     type: CType
-    place: Place
+    place: Location
     data: object = None
 
 
@@ -245,7 +245,7 @@ class If:
     condition: Expr
     yes: Stmt
     no: Stmt | None
-    place: Place
+    place: Location
 
 
 @dataclass(slots=True)
@@ -258,7 +258,7 @@ class Loop:
     body: Stmt
     step: Expr | None
     post: bool
-    place: Place
+    place: Location
     kind: str
     """The keyword it was written with."""
 
@@ -269,12 +269,12 @@ class Switch:
     cases: list[tuple[int, CaseLabel]]
     default: CaseLabel | None
     body: Stmt
-    place: Place
+    place: Location
 
 
 @dataclass(eq=False, slots=True)
 class CaseLabel:
-    place: Place
+    place: Location
 
 
 @dataclass(slots=True)
@@ -283,19 +283,19 @@ class Jump:
 
     kind: str
     label: str
-    place: Place
+    place: Location
 
 
 @dataclass(slots=True)
 class LabelStmt:
     name: str
-    place: Place
+    place: Location
 
 
 @dataclass(slots=True)
 class Return:
     value: Expr | None
-    place: Place
+    place: Location
 
 
 @dataclass(slots=True)
@@ -304,10 +304,10 @@ class Asm:
     functions that they call.
     """
 
-    lines: list[tuple[Place, str]]
+    lines: list[tuple[Location, str]]
     names: dict[str, Symbol]
     calls: list[Call]
-    place: Place
+    place: Location
 
 
 Stmt = ExprStmt | Block | If | Loop | Switch | CaseLabel | Jump | LabelStmt | Return | Asm
@@ -318,13 +318,13 @@ class FunctionDefinition:
     name: str
     result: CType
     parameters: list[Symbol]
-    place: Place
+    place: Location
     body: Block | None = None
     interrupt: bool = False
     prototyped: bool = True
     static: bool = False
     locals: list[Symbol] = field(default_factory=list)
-    end: Place = field(default_factory=Place)
+    end: Location = field(default_factory=Location)
 
 
 @dataclass(slots=True)
@@ -337,4 +337,4 @@ class Program:
     asm: list[Asm]
     """Assembly at file level."""
     eeprom: dict[int, int]
-    config_words: list[tuple[str, str, Place]]
+    config_words: list[tuple[str, str, Location]]

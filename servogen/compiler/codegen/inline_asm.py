@@ -13,7 +13,7 @@ from servogen.compiler.ast.nodes import AddressByte, Symbol
 from servogen.compiler.frontend.asm_numbers import assembler_number
 from servogen.compiler.ir.function import Line
 from servogen.compiler.ir.instruction import Byte, Instruction, Label, Loc, Reg
-from servogen.errors import Place, nearest
+from servogen.errors import Location, did_you_mean
 from servogen.pic.device import RAM_FIRST, RAM_LAST, register_bits, registers
 from servogen.pic.isa import by_mnemonic
 
@@ -56,7 +56,7 @@ def source_label(label: str) -> str | None:
     return name if mark and function.isidentifier() else None
 
 
-def assemble_line(text: str, place: Place, names: Names, label: Callable[[str], str]) -> list[Line]:
+def assemble_line(text: str, place: Location, names: Names, label: Callable[[str], str]) -> list[Line]:
     """Return the label and the instruction of a line, if it has them. Raises AsmError."""
     code = re.split(r";|//|/\*", text, maxsplit=1)[0]
     out: list[Line] = []
@@ -78,14 +78,14 @@ def assemble_line(text: str, place: Place, names: Names, label: Callable[[str], 
                 Label(label(words[0]), place),
                 *assemble_line(" " + rest, place, names, label),
             ]
-        raise AsmError(f"'{words[0]}' is not an instruction of this chip", nearest(mnemonic, rows))
+        raise AsmError(f"'{words[0]}' is not an instruction of this chip", did_you_mean(mnemonic, rows))
     operands = [each.strip() for each in rest.split(",")] if rest else []
     out.append(_instruction(mnemonic, operands, place, names, label))
     return out
 
 
 def _instruction(
-    mnemonic: str, operands: list[str], place: Place, names: Names, label: Callable[[str], str]
+    mnemonic: str, operands: list[str], place: Location, names: Names, label: Callable[[str], str]
 ) -> Instruction:
     row = by_mnemonic()[mnemonic]
     fields = row.operands

@@ -39,7 +39,7 @@ from servogen.compiler.codegen.operands import kept, operands_of
 from servogen.compiler.codegen.operators import to_w
 from servogen.compiler.ir.function import Function, LoopLines
 from servogen.compiler.ir.instruction import Byte, Imm, Z
-from servogen.errors import Place
+from servogen.errors import Location
 
 
 def generate(gen: FunctionGenerator) -> Function:
@@ -305,5 +305,5 @@ _STATEMENTS: dict[type, Callable[[FunctionGenerator, Any], None]] = {
 }
 
 
-def _asm_error(gen: FunctionGenerator, error: AsmError, place: Place) -> None:
+def _asm_error(gen: FunctionGenerator, error: AsmError, place: Location) -> None:
     gen.context.reporter.error(f"assembly: {error.message}", place, error.hint)

@@ -14,7 +14,7 @@ from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.emit.frames import frame
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import Byte, Instruction, Label, Reg, assembly
-from servogen.errors import Place
+from servogen.errors import Location
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, RAM_FIRST, RAM_LAST
 from servogen.pic.isa import by_mnemonic, encode
 
@@ -85,7 +85,7 @@ def allocate(
         file = next(iter(reporter.texts), None)
         raise reporter.too_large(
             f"the program needs {max(needed, top - RAM_FIRST)} bytes of RAM, the chip has {RAM_BYTES}",
-            Place(file),
+            Location(file),
         )
     return memory
 
@@ -125,7 +125,7 @@ def lay_out(
         file = next(iter(reporter.texts), None)
         raise reporter.too_large(
             f"the program needs {found.end} words of flash, the chip has {PROGRAM_WORDS}",
-            Place(file),
+            Location(file),
             "optimise for size (-Os): equal code is shared" if not small else None,
         )
     for word in found.words:
@@ -194,7 +194,7 @@ def _literal(
             return word.address + int(ins.target[1:] or 0)
         if ins.target not in labels:
             name = ins.target.rsplit(".", 1)[-1]
-            raise reporter.fatal(f"assembly: there is no label '{name}'", ins.place or Place())
+            raise reporter.fatal(f"assembly: there is no label '{name}'", ins.place or Location())
         return labels[ins.target]
     if isinstance(ins.k, AddressByte):
         return address_byte(ins.k, labels, memory, tables)

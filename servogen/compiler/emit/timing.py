@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from servogen.compiler.emit.layout import Layout
 from servogen.compiler.ir.function import Function
-from servogen.errors import Place
+from servogen.errors import Location
 from servogen.pic.device import INTERRUPT_VECTOR
 from servogen.pic.listing import ListedFunction
 from servogen.pic.wcet import Program, Unbounded
@@ -73,7 +73,7 @@ def function_times(
 def _name(
     reason: Unbounded,
     function: Function,
-    places: Mapping[int, Place | None],
+    places: Mapping[int, Location | None],
     names: Mapping[int, str],
     program: Program,
 ) -> str:
@@ -89,11 +89,11 @@ def _name(
     return _at_line("SLEEP" if reason.kind == "sleep" else "a computed jump", places.get(at))
 
 
-def _at_line(what: str, place: Place | None) -> str:
+def _at_line(what: str, place: Location | None) -> str:
     return f"{what} at line {place.line}" if place is not None and place.line else what
 
 
-def _loop(function: Function, addresses: Iterable[int], places: Mapping[int, Place | None]) -> str:
+def _loop(function: Function, addresses: Iterable[int], places: Mapping[int, Location | None]) -> str:
     """Return the source loop that contains these words."""
     if function.waits_for:
         return f"waits for {function.waits_for}"

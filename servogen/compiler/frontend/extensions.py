@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.frontend.asm_blocks import MARKER, AsmBlock
 from servogen.compiler.frontend.preprocessor import PToken
-from servogen.errors import Place
+from servogen.errors import Location
 
 EEPROM_NAME = "__servogen_eeprom"
 CONFIG_NAME = "__servogen_config"
@@ -41,7 +41,7 @@ class Rewritten:
     addresses: dict[tuple[str | None, int | None, int | None], int] = field(default_factory=dict)
     """Fixed addresses by the (file, line, column) of the declared name."""
     interrupts: set[str] = field(default_factory=set)
-    file_asm: list[tuple[int, Place]] = field(default_factory=list)
+    file_asm: list[tuple[int, Location]] = field(default_factory=list)
     """Blocks of assembly outside functions, by number."""
 
 
@@ -61,7 +61,7 @@ class _Rewriter:
         index = self.at + ahead
         return self.tokens[index].text if index < len(self.tokens) else ""
 
-    def emit(self, text: str, place: Place) -> None:
+    def emit(self, text: str, place: Location) -> None:
         self.out.tokens.append(PToken(text, place))
 
     def run(self) -> Rewritten:
@@ -101,7 +101,7 @@ class _Rewriter:
             found.append(token)
         return found[1:]
 
-    def constant(self, tokens: list[PToken], place: Place) -> int:
+    def constant(self, tokens: list[PToken], place: Location) -> int:
         words = [re.sub(r"(?<=\w)[uUlL]+$", "", token.text) for token in tokens if token.text not in "()"]
         total, sign = 0, 1
         try:

@@ -19,7 +19,7 @@ import servogen.compiler.limits as limits
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.frontend.asm_blocks import AsmBlock, rewrite
 from servogen.compiler.frontend.asm_macros import assembly_macros, plain_numbers
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 
 Resolver = Callable[[str, str], tuple[str, str] | None]
 """(name, including file) -> (file name to show, text), or None when there is no such file."""
@@ -34,20 +34,20 @@ class PToken:
     """A preprocessing token: its text and its location in the user's source."""
 
     text: str
-    place: Place
+    place: Location
 
 
 @dataclass(frozen=True, slots=True)
 class Pragma:
     words: str
-    place: Place
+    place: Location
 
 
 @dataclass(slots=True)
 class Preprocessed:
     tokens: list[PToken]
     pragmas: list[Pragma]
-    macros: dict[str, tuple[str, Place]]
+    macros: dict[str, tuple[str, Location]]
     """Object-like macros at the end of the file."""
 
 
@@ -105,11 +105,11 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
     def on_error(self, file: str, line: int, msg: str) -> None:
         if len(msg) > _LONGEST_MESSAGE:
             msg = msg[:_LONGEST_MESSAGE] + "…"
-        self.reporter.error(f"preprocessor: {msg}", Place(file or None, line or None))
+        self.reporter.error(f"preprocessor: {msg}", Location(file or None, line or None))
 
     def on_directive_unknown(self, directive: Any, toks: Any, ifpassthru: bool, precedingtoks: Any) -> bool:
         words = "".join(tok.value for tok in toks)
-        place = Place(directive.source, directive.lineno)
+        place = Location(directive.source, directive.lineno)
         if directive.value == "pragma":
             expanded = self.expand_macros([copy.copy(tok) for tok in toks[1:]])
             rest = "".join(tok.value for tok in expanded)
@@ -130,7 +130,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
     def include(self, tokens: list[Any], original_line: list[Any]) -> Iterator[Any]:
         tokens = self.tokenstrip(tokens)
         written = "".join(tok.value for tok in tokens)
-        place = Place(original_line[0].source, original_line[0].lineno)
+        place = Location(original_line[0].source, original_line[0].lineno)
         match = re.fullmatch(r'<([^>]+)>|"([^"]+)"', written.strip())
         if not match:
             self.reporter.error("#include needs a name in <…> or quotes", place)
@@ -179,13 +179,13 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         if expanding_from or len(found) != before:
             self.expanded += sum(len(each.value) for each in found)
         if self.expanded > limits.EXPANDED_CHARACTERS:
-            place = Place(self.outer, self.linemacro or None)
+            place = Location(self.outer, self.linemacro or None)
             raise self.reporter.too_large(
                 f"the macros expand to more than {limits.EXPANDED_CHARACTERS} characters", place
             )
         return found
 
-    def prepare(self, text: str, file: str, place: Place) -> str:
+    def prepare(self, text: str, file: str, place: Location) -> str:
         """Register a source text that is included at a location, and return it as the lexer must see it."""
         self.read += len(text)
         if len(text) > limits.SOURCE_CHARACTERS:
@@ -205,7 +205,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
             last = self.blocks[-1].lines
             raise self.reporter.too_large(
                 f"the program has more than {limits.ASSEMBLY_LINES} lines of assembly",
-                Place(file, last[-1][0] if last else None),
+                Location(file, last[-1][0] if last else None),
             )
         offsets = [0]
         for line in lines:
@@ -231,7 +231,7 @@ def preprocess(
     predefined = set(pcpp.macros)
     tokens: list[PToken] = []
     try:
-        stream = pcpp.parsegen(pcpp.prepare(text, file, Place(file)), file, file)
+        stream = pcpp.parsegen(pcpp.prepare(text, file, Location(file)), file, file)
         stream = assembly_macros(stream, blocks, pcpp.value)
         for token in _placed(stream, reporter, pcpp.starts):
             tokens.append(token)
@@ -240,14 +240,14 @@ def preprocess(
                     f"the program has more than {limits.TOKENS} words and signs", token.place
                 )
     except RecursionError:
-        reporter.error("macros are nested too deeply", Place(file))
+        reporter.error("macros are nested too deeply", Location(file))
     except (IndexError, AttributeError, ValueError, TypeError, StopIteration, RuntimeError):
         # pcpp trips over malformed directives (an #if or #define without operands) in these ways.
         where = pcpp.lastdirective
-        place = Place(where.source, where.lineno) if where is not None else Place(file)
+        place = Location(where.source, where.lineno) if where is not None else Location(file)
         reporter.error("malformed preprocessor directive", place)
     macros = {
-        name: ("".join(tok.value for tok in macro.value).strip(), Place(macro.source, macro.lineno))
+        name: ("".join(tok.value for tok in macro.value).strip(), Location(macro.source, macro.lineno))
         for name, macro in pcpp.macros.items()
         if name not in predefined and macro.arglist is None
     }
@@ -266,7 +266,7 @@ def _placed(stream: Iterator[Any], reporter: Reporter, starts: dict[str, list[in
     again.
     """
     held: PToken | None = None
-    last = Place()
+    last = Location()
     touching = False
     for tok in stream:
         if tok.type in ("CPP_WS", "CPP_LINECONT") or not tok.value.strip():
@@ -286,15 +286,15 @@ def _placed(stream: Iterator[Any], reporter: Reporter, starts: dict[str, list[in
         yield held
 
 
-def _place(tok: Any, starts: dict[str, list[int]], reporter: Reporter, last: Place) -> Place:
+def _place(tok: Any, starts: dict[str, list[int]], reporter: Reporter, last: Location) -> Location:
     file, line = tok.source, tok.lineno
     lines = reporter.lines(file)
     expanded = getattr(tok, "expanded_from", None)
     if not 0 < line <= len(lines):
-        return Place(file, line)
+        return Location(file, line)
     if expanded:
         after = last.column - 1 if last.line == line and last.file == file and last.column else 0
         found = re.compile(rf"\b{re.escape(expanded[-1])}\b").search(lines[line - 1], after)
-        return Place(file, line, found.start() + 1 if found else None)
+        return Location(file, line, found.start() + 1 if found else None)
     column = tok.lexpos - starts[file][line - 1] + 1
-    return Place(file, line, column if 0 < column <= len(lines[line - 1]) + 1 else None)
+    return Location(file, line, column if 0 < column <= len(lines[line - 1]) + 1 else None)

@@ -12,7 +12,7 @@ from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.frontend.asm_numbers import assembler_number
 from servogen.compiler.frontend.dialects import config_names
 from servogen.compiler.frontend.preprocessor import Pragma
-from servogen.errors import Place, nearest
+from servogen.errors import Location, did_you_mean
 from servogen.pic.device import OSCILLATORS, Device, config_word, oscillator_for
 from servogen.units import Clock
 
@@ -39,9 +39,9 @@ class Settings:
     def __init__(self, device: Device, reporter: Reporter) -> None:
         self.device = device
         self.reporter = reporter
-        self.clock_pragma: tuple[int, Place] | None = None
-        self.config: dict[str, tuple[str, Place]] = {}
-        self.config_mask: tuple[int, Place] | None = None
+        self.clock_pragma: tuple[int, Location] | None = None
+        self.config: dict[str, tuple[str, Location]] = {}
+        self.config_mask: tuple[int, Location] | None = None
         self.serial: dict[str, str] = {}
 
     def pragma(self, pragma: Pragma) -> None:
@@ -68,7 +68,7 @@ class Settings:
             case _ if name.lower() not in _IGNORED:
                 self.reporter.warn(f"unknown #pragma {name}", pragma.place)
 
-    def _config(self, rest: str, place: Place) -> None:
+    def _config(self, rest: str, place: Location) -> None:
         for item in rest.split(","):
             match = re.fullmatch(r"\s*(\w+)\s*=\s*(\w+)\s*", item)
             if not match:
@@ -77,18 +77,18 @@ class Settings:
             name, value = match[1].upper(), match[2].upper()
             if name not in _VALUES:
                 self.reporter.error(
-                    f"unknown configuration setting '{match[1]}'", place, nearest(name, _VALUES)
+                    f"unknown configuration setting '{match[1]}'", place, did_you_mean(name, _VALUES)
                 )
             elif value not in _VALUES[name]:
                 self.reporter.error(
-                    f"'{match[2]}' is not a value of {name}", place, nearest(value, _VALUES[name])
+                    f"'{match[2]}' is not a value of {name}", place, did_you_mean(value, _VALUES[name])
                 )
             elif self.config.get(name, (value,))[0] != value:
                 self.reporter.error(f"{name} is set twice: {self.config[name][0]} and {value}", place)
             else:
                 self.config[name] = (value, place)
 
-    def asm_config(self, text: str, place: Place) -> None:
+    def asm_config(self, text: str, place: Location) -> None:
         """Read `__config` of the assembler: an expression of numbers and masks joined by &."""
         total = 0x3FFF
         for word in text.split("&"):
@@ -98,17 +98,17 @@ class Settings:
                 value = config_names().get(name.upper())
             if value is None:
                 self.reporter.error(
-                    f"'{name}' is not a configuration mask", place, nearest(name.upper(), config_names())
+                    f"'{name}' is not a configuration mask", place, did_you_mean(name.upper(), config_names())
                 )
                 return
             total &= value
         self.config_mask = (total, place)
 
-    def clock(self, macros: dict[str, tuple[str, Place]], option_hz: int | None) -> Clock | None:
+    def clock(self, macros: dict[str, tuple[str, Location]], option_hz: int | None) -> Clock | None:
         """Return the clock. `#pragma CLOCK_FREQ` takes precedence over `_XTAL_FREQ`, `_CLOCK_FREQ` and the
         option, in this order.
         """
-        found: list[tuple[str, int, Place]] = []
+        found: list[tuple[str, int, Location]] = []
         if self.clock_pragma is not None:
             found.append(("#pragma CLOCK_FREQ", *self.clock_pragma))
         for name in ("_XTAL_FREQ", "_CLOCK_FREQ"):
@@ -120,7 +120,7 @@ class Settings:
                 else:
                     found.append((name, value, place))
         if option_hz is not None:
-            found.append(("--clock-hz", option_hz, Place()))
+            found.append(("--clock-hz", option_hz, Location()))
         if not found:
             return None
         first = found[0]

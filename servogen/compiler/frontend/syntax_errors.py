@@ -13,7 +13,7 @@ from pycparser.c_parser import ParseError
 
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.frontend.preprocessor import PToken
-from servogen.errors import Place
+from servogen.errors import Location
 
 
 class SyntaxFault(ParseError):  # type: ignore[misc]
@@ -24,11 +24,11 @@ class SyntaxFault(ParseError):  # type: ignore[misc]
         self.coord = coord
 
 
-def place_of(coord: Any) -> Place:
+def place_of(coord: Any) -> Location:
     """Return the location of a pycparser coordinate."""
     if coord is None or isinstance(coord, str):
-        return Place(coord or None)
-    return Place(coord.file or None, coord.line or None, coord.column or None)
+        return Location(coord or None)
+    return Location(coord.file or None, coord.line or None, coord.column or None)
 
 
 def report_syntax(
@@ -49,11 +49,11 @@ def report_syntax(
             before = tokens[ended - 1]
             place = before.place
             if place.column:
-                place = Place(place.file, place.line, place.column + len(before.text))
+                place = Location(place.file, place.line, place.column + len(before.text))
             reporter.error(f"syntax error: ';' is missing after '{before.text}'", place)
             return
     if index >= len(tokens):
-        where = tokens[-1].place if tokens else Place()
+        where = tokens[-1].place if tokens else Location()
         opened = _unclosed(tokens[start:])
         hint = f"the '{opened.text}' at {opened.place} is not closed" if opened else None
         reporter.error("syntax error: the file ends in the middle of a declaration", where, hint)

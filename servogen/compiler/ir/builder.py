@@ -22,7 +22,7 @@ from servogen.compiler.ir.instruction import (
     Reg,
     exposed,
 )
-from servogen.errors import Place
+from servogen.errors import Location
 from servogen.pic.device import RAM_FIRST, RAM_LAST
 
 
@@ -41,7 +41,7 @@ class InstructionBuilder:
         self,
         function: Function,
         *,
-        place: Place | None = None,
+        place: Location | None = None,
         symbol_map: Callable[[Symbol], Symbol] = _same,
     ) -> None:
         self.function = function

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 
 from servogen.compiler.ast.nodes import Symbol
 from servogen.compiler.ir.instruction import ENDS, Instruction, Label
-from servogen.errors import Place
+from servogen.errors import Location
 
 ISR_SUFFIX = "$isr"
 """The suffix of the interrupt's copy of a function that main calls too."""
@@ -65,7 +65,7 @@ class Function:
     blocks: list[Block] = field(default_factory=list)
     own: list[Symbol] = field(default_factory=list)
     """Parameters, results, locals and temporaries."""
-    place: Place | None = None
+    place: Location | None = None
     parameters: list[Symbol] = field(default_factory=list)
     result: Symbol | None = None
     w_parameter: Symbol | None = None

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from servogen.compiler.ast.nodes import AddressByte, Symbol
-from servogen.errors import Place
+from servogen.errors import Location
 from servogen.pic.device import registers
 from servogen.pic.isa import by_mnemonic
 
@@ -79,7 +79,7 @@ class Label:
     """A name for the instruction that follows it."""
 
     name: str
-    place: Place | None = None
+    place: Location | None = None
     fixed: bool = False
     """Kept even where no instruction of the compiler names it: written by the user."""
 
@@ -94,7 +94,7 @@ class Instruction:
     b: int = 0
     k: int | AddressByte = 0
     target: str = ""
-    place: Place | None = None
+    place: Location | None = None
     fixed: bool = False
     """Never changed, moved or dropped: the user's assembly, and what must take exact time."""
     table: Symbol | None = None

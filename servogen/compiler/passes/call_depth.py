@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.ir.function import Function
-from servogen.errors import Place
+from servogen.errors import Location
 from servogen.pic.device import STACK_LEVELS
 
 
@@ -51,7 +51,7 @@ def check_stack(functions: dict[str, Function], roots: list[str], reporter: Repo
         reporter.error(
             f"calls go {_total(chains, roots)} levels deep, "
             f"the chip's stack has {STACK_LEVELS}: {path}{also}",
-            functions[functions[roots[0]].falls_into].place or Place(next(iter(reporter.texts), None)),
+            functions[functions[roots[0]].falls_into].place or Location(next(iter(reporter.texts), None)),
         )
     return room or {}
 

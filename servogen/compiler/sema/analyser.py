@@ -28,7 +28,7 @@ from servogen.compiler.frontend.asm_blocks import AsmBlock
 from servogen.compiler.frontend.dialects import C2C, named_types
 from servogen.compiler.frontend.syntax_errors import place_of
 from servogen.compiler.sema.scopes import Scopes
-from servogen.errors import Place
+from servogen.errors import Location
 from servogen.units import Clock
 
 U8_CONST = IntType("unsigned char", 1, False, const=True)
@@ -51,7 +51,7 @@ class Dispatch:
 class Body:
     """What is collected while a function's body is analysed."""
 
-    labels: dict[str, Place] = field(default_factory=dict)
+    labels: dict[str, Location] = field(default_factory=dict)
     gotos: list[tuple[str, Any]] = field(default_factory=list)
     loops: int = 0
     breakable: int = 0
@@ -103,12 +103,12 @@ class Analyser:
     def fail(self, message: str, node: Any, hint: str | None = None) -> Fatal:
         return self.reporter.fatal(message, self.place(node), hint)
 
-    def place(self, node: Any) -> Place:
-        if isinstance(node, Place):
+    def place(self, node: Any) -> Location:
+        if isinstance(node, Location):
             return node
         return getattr(node, "place", None) or place_of(getattr(node, "coord", None))
 
-    def number(self, value: int, kind: CType, place: Place) -> Num:
+    def number(self, value: int, kind: CType, place: Location) -> Num:
         return Num(kind.wrap(value) if isinstance(kind, IntType) else value, kind, place)
 
     # constants
@@ -123,7 +123,7 @@ class Analyser:
                 return C2C_INT if self.c2c else U16
         return S32 if value <= 0x7FFFFFFF and not unsigned else U32
 
-    def string(self, values: list[int], place: Place) -> Ref:
+    def string(self, values: list[int], place: Location) -> Ref:
         """Return a string literal in flash; equal literals share one copy."""
         key = tuple(values)
         if key not in self.strings:

@@ -21,17 +21,17 @@ from servogen.compiler.sema.analyser import Analyser
 from servogen.compiler.sema.conversions import arithmetic, convert, rvalue
 from servogen.compiler.sema.lvalues import assignable, bit_of
 from servogen.compiler.sema.names import expression
-from servogen.errors import Place
+from servogen.errors import Location
 from servogen.pic.device import RAM_LAST, register_bits, registers
 from servogen.units import Cycles
 
 
-def register_ref(analyser: Analyser, name: str, place: Place) -> Ref:
+def register_ref(analyser: Analyser, name: str, place: Location) -> Ref:
     symbol = analyser.scopes.register(registers()[name])
     return Ref(symbol, 0, None, U8, place)
 
 
-def chip_bit(analyser: Analyser, name: str, place: Place) -> Ref:
+def chip_bit(analyser: Analyser, name: str, place: Location) -> Ref:
     register, bit = register_bits()[name]
     return Ref(analyser.scopes.register(register), 0, None, BIT, place, bit, 1)
 
@@ -66,7 +66,7 @@ def bit_target(
     return base, bit
 
 
-def bit_mask(analyser: Analyser, base: Ref | Deref, bit: Expr, place: Place) -> Expr:
+def bit_mask(analyser: Analyser, base: Ref | Deref, bit: Expr, place: Location) -> Expr:
     assert isinstance(base.type, IntType)
     work = base.type.plain()
     assert isinstance(work, IntType)

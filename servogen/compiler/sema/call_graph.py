@@ -22,7 +22,7 @@ from servogen.compiler.ast.nodes import (
 )
 from servogen.compiler.ast.types import VoidType
 from servogen.compiler.diagnostics import Reporter
-from servogen.errors import Place
+from servogen.errors import Location
 
 _TREE = "servogen.compiler.ast.nodes"
 
@@ -94,7 +94,7 @@ def check_calls(graph: CallGraph, reporter: Reporter) -> None:
     functions = graph.program.functions
     if "main" not in functions or functions["main"].body is None:
         file = next(iter(reporter.texts), None)
-        reporter.error("there is no function 'main'", Place(file))
+        reporter.error("there is no function 'main'", Location(file))
         return
     handlers = [function for function in functions.values() if function.interrupt]
     for extra in handlers[1:]:

@@ -29,7 +29,7 @@ from servogen.compiler.sema.initialisers import complete, fill, initialise
 from servogen.compiler.sema.names import expression, use
 from servogen.compiler.sema.scopes import TypeName
 from servogen.compiler.sema.type_names import declared_type, enter_name
-from servogen.errors import Place
+from servogen.errors import Location
 from servogen.pic.device import CONFIG_ADDRESS, RAM_BYTES, RAM_FIRST, RAM_LAST, data_byte_exists
 
 
@@ -69,7 +69,7 @@ def declare(analyser: Analyser, node: Any) -> None:
         _local(analyser, node, kind, static, address)
 
 
-def _new_global(analyser: Analyser, name: str, kind: CType, place: Place, address: int | None) -> Symbol:
+def _new_global(analyser: Analyser, name: str, kind: CType, place: Location, address: int | None) -> Symbol:
     if address == CONFIG_ADDRESS:
         return _configuration(analyser, name, kind, place)
     where = "flash" if is_const_object(kind) else "global"
@@ -83,7 +83,7 @@ def _new_global(analyser: Analyser, name: str, kind: CType, place: Place, addres
     return symbol
 
 
-def _fix(analyser: Analyser, symbol: Symbol, address: int, place: Place) -> None:
+def _fix(analyser: Analyser, symbol: Symbol, address: int, place: Location) -> None:
     """Assign a fixed address to a variable."""
     symbol.kind, symbol.address, symbol.pinned = "fixed", address, True
     in_ram = RAM_FIRST <= address & 0x7F <= RAM_LAST
@@ -100,7 +100,7 @@ def _fix(analyser: Analyser, symbol: Symbol, address: int, place: Place) -> None
         )
 
 
-def _redeclare(analyser: Analyser, symbol: Symbol, kind: CType, place: Place, address: int | None) -> None:
+def _redeclare(analyser: Analyser, symbol: Symbol, kind: CType, place: Location, address: int | None) -> None:
     """Add what a further declaration of a variable specifies: its length, volatile, its address."""
     if is_const_object(symbol.type) != is_const_object(kind):
         raise analyser.reporter.fatal(
@@ -124,7 +124,7 @@ def _redeclare(analyser: Analyser, symbol: Symbol, kind: CType, place: Place, ad
     _fix(analyser, symbol, address, place)
 
 
-def _configuration(analyser: Analyser, name: str, kind: CType, place: Place) -> Symbol:
+def _configuration(analyser: Analyser, name: str, kind: CType, place: Location) -> Symbol:
     """Return the symbol for SDCC's form of the configuration word: a constant at its address."""
     if not is_const_object(kind) or kind.size != 2:
         raise analyser.reporter.fatal(
@@ -195,7 +195,7 @@ def _local(analyser: Analyser, node: Any, kind: CType, static: bool, address: in
     analyser.asm_symbols[symbol.asm_name] = symbol
 
 
-def _constant_local(analyser: Analyser, node: Any, kind: CType, place: Place) -> bool:
+def _constant_local(analyser: Analyser, node: Any, kind: CType, place: Location) -> bool:
     """Treat `const int n = 5;` in a block as the number itself; return whether it had that form."""
     value = convert(analyser, expression(analyser, node.init), kind, "the initialiser")
     if not isinstance(value, Num) or not isinstance(kind, IntType):

@@ -58,7 +58,7 @@ from servogen.compiler.sema.lvalues import (
     sizeof,
 )
 from servogen.compiler.sema.names import expression, named
-from servogen.errors import Place
+from servogen.errors import Location
 
 
 def unary_op(analyser: Analyser, node: Any) -> Expr:
@@ -138,7 +138,7 @@ def binary_op(analyser: Analyser, node: Any) -> Expr:
     return binary(analyser, op, left, right, kind, place)
 
 
-def _logic(analyser: Analyser, op: str, left: Expr, right: Expr, place: Place) -> Expr:
+def _logic(analyser: Analyser, op: str, left: Expr, right: Expr, place: Location) -> Expr:
     if isinstance(left, Num):
         decided = bool(left.value) == (op == "||")
         if decided:
@@ -148,7 +148,7 @@ def _logic(analyser: Analyser, op: str, left: Expr, right: Expr, place: Place) -
     return Logic(op, left, right, analyser.int_type, place)
 
 
-def _comparison(analyser: Analyser, op: str, left: Expr, right: Expr, place: Place) -> Expr:
+def _comparison(analyser: Analyser, op: str, left: Expr, right: Expr, place: Location) -> Expr:
     if isinstance(left, Num) and isinstance(right, Num):
         return analyser.number(int(compare(op, left.value, right.value)), analyser.int_type, place)
     (low, high), (least, most) = interval(left), interval(right)

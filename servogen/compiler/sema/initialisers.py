@@ -29,7 +29,7 @@ from servogen.compiler.sema.analyser import Analyser
 from servogen.compiler.sema.conversions import convert
 from servogen.compiler.sema.names import characters, constant, expression
 from servogen.compiler.sema.type_names import sized
-from servogen.errors import Place
+from servogen.errors import Location
 
 
 class Leaf(NamedTuple):
@@ -73,7 +73,7 @@ def complete(analyser: Analyser, kind: CType, node: Any) -> CType:
     raise analyser.fail(f"the size of the array '{node.name}' is missing", node)
 
 
-def fill(analyser: Analyser, symbol: Symbol, kind: CType, init: Any, offset: int, place: Place) -> None:
+def fill(analyser: Analyser, symbol: Symbol, kind: CType, init: Any, offset: int, place: Location) -> None:
     """Emit the assignments for an array or structure in RAM whose initialiser need not be constant."""
     leaves: list[Leaf] = []
     _leaves(analyser, kind, init, offset, leaves)
@@ -91,7 +91,7 @@ def fill(analyser: Analyser, symbol: Symbol, kind: CType, init: Any, offset: int
             _assign(analyser, symbol, each, place)
 
 
-def _assign(analyser: Analyser, symbol: Symbol, leaf: Leaf, place: Place) -> None:
+def _assign(analyser: Analyser, symbol: Symbol, leaf: Leaf, place: Location) -> None:
     kind = leaf.type.plain()
     if isinstance(leaf.value, int):
         value: Expr = Num(leaf.value, kind, place)

@@ -53,7 +53,7 @@ from servogen.compiler.sema.conversions import (
     rvalue,
 )
 from servogen.compiler.sema.names import expression
-from servogen.errors import Place, nearest
+from servogen.errors import Location, did_you_mean
 from servogen.pic.device import RAM_FIRST, RAM_LAST, data_byte_exists
 
 
@@ -182,7 +182,7 @@ def struct_ref(analyser: Analyser, node: Any) -> Expr:
     if member is None:
         if base.type.layout.size is None:
             raise analyser.fail(f"'{base.type}' is not defined", node)
-        hint = nearest(name, base.type.layout.members) if base.type.layout.members else None
+        hint = did_you_mean(name, base.type.layout.members) if base.type.layout.members else None
         raise analyser.fail(f"'{base.type}' has no member '{name}'", node.field, hint=hint)
     place = analyser.place(node)
     if isinstance(base, (Ref, Deref)):
@@ -197,7 +197,7 @@ def struct_ref(analyser: Analyser, node: Any) -> Expr:
     return Comma(Assign(target, base, base.type, place), value, value.type, place)
 
 
-def _member(analyser: Analyser, base: Ref | Deref, member: Member, place: Place) -> Expr:
+def _member(analyser: Analyser, base: Ref | Deref, member: Member, place: Location) -> Expr:
     kind = qualified(member.type, const=base.type.const, volatile=base.type.volatile)
     if isinstance(base, Ref):
         target: Ref | Deref = Ref(
@@ -239,7 +239,7 @@ def func_call(analyser: Analyser, node: Any) -> Expr:
             for each, what in analyser.scopes.stack[0].names.items()
             if isinstance(what, FunctionDefinition)
         ]
-        hint = nearest(name, known + analyser.dispatch.builtin_names(analyser))
+        hint = did_you_mean(name, known + analyser.dispatch.builtin_names(analyser))
         raise analyser.fail(
             f"the function '{name}' is not declared", node, hint=hint if hint.startswith("did") else None
         )
@@ -324,7 +324,7 @@ def assignable(analyser: Analyser, target: Expr, node: Any) -> Ref | Deref:
     return target
 
 
-def binary(analyser: Analyser, op: str, left: Expr, right: Expr, kind: CType, place: Place) -> Expr:
+def binary(analyser: Analyser, op: str, left: Expr, right: Expr, kind: CType, place: Location) -> Expr:
     """Return an arithmetic node on converted operands, folded if constant."""
     if isinstance(right, Num) and right.value == 0 and op in ("/", "%"):
         raise analyser.fail("division by zero", right)

@@ -32,7 +32,7 @@ from servogen.compiler.limits import DIGITS
 from servogen.compiler.sema.analyser import Analyser
 from servogen.compiler.sema.conversions import arithmetic
 from servogen.compiler.sema.scopes import Constant
-from servogen.errors import Place, nearest
+from servogen.errors import Location, did_you_mean
 
 _ESCAPES = {
     "n": 10,
@@ -92,7 +92,7 @@ def literal(analyser: Analyser, node: Any) -> Expr:
     )
 
 
-def characters(analyser: Analyser, text: str, place: Place) -> list[int]:
+def characters(analyser: Analyser, text: str, place: Location) -> list[int]:
     """Return the character codes of a string or character literal, given with its quotes; adjacent strings
     are already joined.
     """
@@ -149,11 +149,11 @@ def named(analyser: Analyser, node: Any, *, as_bit: bool) -> Expr:
 
 
 def _suggest(analyser: Analyser, name: str) -> str | None:
-    hint = nearest(name, analyser.scopes.known())
+    hint = did_you_mean(name, analyser.scopes.known())
     return hint if hint.startswith("did you") else None
 
 
-def use(analyser: Analyser, symbol: Symbol, place: Place) -> Expr:
+def use(analyser: Analyser, symbol: Symbol, place: Location) -> Expr:
     kind = symbol.type
     if symbol.kind == "flash" and kind.scalar and symbol.initial is not None:
         data = [symbol.initial.get(offset, 0) for offset in range(kind.size)]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from servogen.compiler.ast.nodes import FunctionDefinition, Symbol
 from servogen.compiler.ast.types import U8, CType, Layout
 from servogen.compiler.frontend.dialects import ChipBit, chip_bits, chip_registers
-from servogen.errors import Place
+from servogen.errors import Location
 from servogen.pic.device import BOTH_BANKS, Register
 
 
@@ -82,7 +82,7 @@ class Scopes:
                 register.name,
                 U8,
                 "fixed",
-                Place(),
+                Location(),
                 address=register.address,
                 bank1=bool(register.address & 0x80) and register.name not in BOTH_BANKS,
                 volatile=True,

@@ -37,7 +37,7 @@ from servogen.compiler.sema.declarations import declare
 from servogen.compiler.sema.expressions import condition_operand
 from servogen.compiler.sema.names import constant, expression, warn_unused
 from servogen.compiler.sema.type_names import specified
-from servogen.errors import Place, nearest
+from servogen.errors import Location, did_you_mean
 
 
 def define_function(analyser: Analyser, function: FunctionDefinition, node: Any) -> None:
@@ -52,7 +52,7 @@ def define_function(analyser: Analyser, function: FunctionDefinition, node: Any)
     items(analyser, node.body.block_items or [], block.body)
     for label, where in analyser.body.gotos:
         if label not in analyser.body.labels:
-            hint = nearest(label, analyser.body.labels) if analyser.body.labels else None
+            hint = did_you_mean(label, analyser.body.labels) if analyser.body.labels else None
             analyser.reporter.error(
                 f"there is no label '{label}' in '{function.name}'", analyser.place(where), hint
             )
@@ -118,9 +118,9 @@ def statement(analyser: Analyser, node: Any) -> Stmt:
     return ExprStmt(expr)
 
 
-def asm_statement(analyser: Analyser, number: int, place: Place) -> Asm:
+def asm_statement(analyser: Analyser, number: int, place: Location) -> Asm:
     block = analyser.asm_blocks[number]
-    lines = [(Place(block.file, line), text) for line, text in block.lines]
+    lines = [(Location(block.file, line), text) for line, text in block.lines]
     names: dict[str, Any] = {}
     if analyser.function is not None:
         for scope in analyser.scopes.stack[1:]:
@@ -130,7 +130,7 @@ def asm_statement(analyser: Analyser, number: int, place: Place) -> Asm:
     return Asm(lines, names, list(_asm_calls(analyser, lines)), place)
 
 
-def _asm_calls(analyser: Analyser, lines: list[tuple[Place, str]]) -> Iterator[Call]:
+def _asm_calls(analyser: Analyser, lines: list[tuple[Location, str]]) -> Iterator[Call]:
     """Yield the C functions that lines of assembly call as `_name`."""
     for place, text in lines:
         match = re.match(r"(?i)(?:.*:)?\s*call\s+_(\w+)\s*(?:;|//|$)", text)

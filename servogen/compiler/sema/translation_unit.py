@@ -28,7 +28,7 @@ from servogen.compiler.sema.names import expression_list, identifier, literal
 from servogen.compiler.sema.scopes import Constant, Scopes
 from servogen.compiler.sema.statements import define_function, static_assertion
 from servogen.compiler.sema.type_names import declared_type
-from servogen.errors import Place
+from servogen.errors import Location
 from servogen.pic.device import CONFIG_ADDRESS, EEPROM_BYTES
 from servogen.pic.isa import WORD_MASK
 from servogen.units import Clock
@@ -59,7 +59,7 @@ def file_assembly(analyser: Analyser, rewritten: Rewritten, settings: Settings) 
     for number, place in rewritten.file_asm:
         for line, text in analyser.asm_blocks[number].lines:
             words = text.split(";")[0].split(None, 1)
-            where = Place(place.file, line)
+            where = Location(place.file, line)
             if words and words[0].lower() == "__config" and len(words) > 1:
                 settings.asm_config(words[1], where)
             elif words:
@@ -84,7 +84,7 @@ def finish(analyser: Analyser, settings: Settings) -> None:
             analyser.program.eeprom[at] = value if isinstance(value, int) else 0
     for name, meaning in analyser.scopes.stack[0].names.items():
         if name.startswith(CONFIG_NAME) and isinstance(meaning, Constant):
-            settings.config_mask = (meaning.value & WORD_MASK, Place())
+            settings.config_mask = (meaning.value & WORD_MASK, Location())
     for symbol in analyser.program.symbols:
         if symbol.address == CONFIG_ADDRESS:
             low, high = ((symbol.initial or {}).get(offset, 0) for offset in (0, 1))

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from servogen.errors import Place
+from servogen.errors import Location
 from servogen.motion.trajectory import JointTrajectory
 from servogen.pulse.schedule import Input, PulseSchedule, Run
 
@@ -29,7 +29,7 @@ class Button:
 
     pin: str
     level: int
-    place: Place | None = None
+    place: Location | None = None
 
     def text(self) -> str:
         """What is to be wired to the pin."""

@@ -117,7 +117,7 @@ def scale_of(pulsed: Floats, parts: Sequence[Section]) -> Scale:
     for shift in range(LAST_STEP + 1):
         if span <= 255 << shift:
             return Scale(first, lowest, shift, sign)
-    raise InputError("the servos' widths are too far apart for the player")
+    raise InputError("motion-too-large", "the servos' widths are too far apart for the player")
 
 
 def fitting(parts: Sequence[Section], scale: Scale, clock: Clock, loop: int) -> list[Made]:
@@ -153,6 +153,7 @@ def _check_size(made: list[Made], most: int) -> None:
     size = len(pooled(made)[0].data)
     if size > most:
         raise InputError(
+            "motion-too-large",
             f"within {WORST_US} µs of the plan the motion has {size} bytes of keyframes: "
             f"the player's table holds {MOST_BYTES}",
             hint="shorten the motion, or let more of it repeat",

@@ -131,6 +131,7 @@ def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, shift: int = 0) 
     for each in servos:
         if clock.round_us(each.widths_us[0]).cycles < LEAST_WIDTH:
             raise InputError(
+                "pulse-too-short",
                 f"{each.name}: a pulse of {each.widths_us[0]:g} µs is "
                 f"{clock.round_us(each.widths_us[0]).cycles} cycles, the player's least is {LEAST_WIDTH}",
                 each.place,
@@ -156,6 +157,7 @@ def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, shift: int = 0) 
     size = _Frame(longest, SLOT_C, motion_c, TICKS[0], frame.period.cycles)
     least = size.least * TICKS[0]
     raise InputError(
+        "frame-too-short",
         f"the pulses do not fit a frame: those of {len(servos)} servos, two at a time, and the C for them "
         f"take {least} cycles, {float(clock.us(least)):g} µs; a frame is {frame.period.cycles} cycles, "
         f"{float(frame.period.achieved_us):g} µs",

@@ -66,6 +66,7 @@ def stretches(rows: Floats, following: Floats) -> tuple[Stretch, ...]:
             found.append(part)
             if len(found) > MAX_PARTS:
                 raise InputError(
+                    "motion-too-large",
                     f"the motion has more than {MAX_PARTS} parts, which no program can hold",
                     hint="shorten the motion, or let more of it repeat",
                 )

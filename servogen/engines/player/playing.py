@@ -57,7 +57,7 @@ def playing(
     rows = ideal_widths(trajectory, servos, clock)
     pulsed = rows[~np.isnan(rows).any(axis=1)]
     if not len(pulsed):
-        raise InputError("the motion has no pulse")
+        raise InputError("no-pulses", "the motion has no pulse")
     start = trajectory.loop_start
     lead = [
         *sections(rows[:soft_frames], rows[soft_frames]),
@@ -106,6 +106,7 @@ def ideal_widths(trajectory: JointTrajectory, servos: Sequence[Servo], clock: Cl
     if (silent.any(axis=1) & ~silent.all(axis=1)).any():
         number = int(np.argmax(silent.any(axis=1) & ~silent.all(axis=1)))
         raise InputError(
+            "mixed-pauses",
             f"in frame {number} some servos have pulses and some have none",
             hint='the player rests all servos together: engine = "sequence", or the same pauses for all',
         )

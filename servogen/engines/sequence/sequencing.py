@@ -36,7 +36,7 @@ def sequence(schedule: PulseSchedule, overheads: Overheads) -> Sequence:
     runs = tuple(part.run for part in parts)
     pulsed = [run for run in runs if _pulsed(run)]
     if not pulsed:
-        raise InputError("the schedule has no pulse")
+        raise InputError("no-pulses", "the schedule has no pulse")
     often = Counter(run.pulses for run in pulsed)
     shared = dict.fromkeys(run.pulses for run in pulsed if run.frames > 1 or often[run.pulses] > 1)
     numbers = {pulses: number for number, pulses in enumerate(shared, 1)}
@@ -109,6 +109,7 @@ def _frame(schedule: PulseSchedule, run: Run, owner: int, overheads: Overheads) 
         touched = {schedule.channels[channel].pin[1] for channel, _ in changes[at]}
         if len(touched) > 1:
             raise InputError(
+                "edges-collide",
                 f"edges of both ports fall on cycle {at} of a frame",
                 hint="one write reaches one port: move one servo to the other's port or to another slot",
             )
@@ -190,6 +191,7 @@ def _delay(cycles: int, path: Path, overheads: Overheads, where: str) -> Cycles:
 def _checked(cycles: int, where: str) -> Cycles:
     if cycles < 0:
         raise InputError(
+            "edges-too-close",
             f"two edges are too close {where}: the statements between them take {-cycles} cycles too many",
             hint="lengthen the period, or give the servos slots that are further apart",
         )

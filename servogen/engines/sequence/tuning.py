@@ -56,7 +56,9 @@ def tune(schedule: PulseSchedule, dialect: str, device: Device, title: str) -> F
         if measured == overheads:
             return Firmware(dialect, file, text, compilation, overheads=overheads)
         overheads = measured
-    raise TuningError(f"{file}: the cycles between the delays did not settle in {ROUNDS} rounds")
+    raise TuningError(
+        "tuning-failed", f"{file}: the cycles between the delays did not settle in {ROUNDS} rounds"
+    )
 
 
 def measure(program: Sequence, compilation: Compilation) -> Overheads:
@@ -70,7 +72,9 @@ def measure(program: Sequence, compilation: Compilation) -> Overheads:
     times = _times(trace.driven(), wanted)
     paths = list(islice(program.walk(), wanted))
     if len(times) < len(paths):
-        raise TuningError(f"the program made {len(times)} edges in {limit} cycles, not {len(paths)}")
+        raise TuningError(
+            "tuning-failed", f"the program made {len(times)} edges in {limit} cycles, not {len(paths)}"
+        )
     cycles: dict[Path, int] = {}
     before = 0
     for time, (path, asked) in zip(times, paths, strict=False):
@@ -78,7 +82,8 @@ def measure(program: Sequence, compilation: Compilation) -> Overheads:
         before = time
         if cycles.setdefault(path, extra) != extra:
             raise TuningError(
-                f"at cycle {time} the statements took {extra} cycles, before that {cycles[path]} ({path})"
+                "tuning-failed",
+                f"at cycle {time} the statements took {extra} cycles, before that {cycles[path]} ({path})",
             )
     return Overheads(cycles)
 

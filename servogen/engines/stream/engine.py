@@ -28,7 +28,7 @@ HINT = "fewer servos, or none on the other port"
 def stream(job: EngineJob) -> tuple[JointTrajectory, Streaming]:
     """What the firmware does for itself, the neutral pose, and what it is made of. Raises InputError."""
     if job.stream is None:
-        raise InputError(f"{job.name} has no serial line", hint="add a table [stream]")
+        raise InputError("no-serial-line", f"{job.name} has no serial line", hint="add a table [stream]")
     made = streaming(job.servos, job.frame, job.clock, job.stream, job.firmware.soft_start_s)
     idle = replace(made.plan.schedule, inputs=(Input(job.stream.receive_pin, 1),))
     plan = replace(made.plan, schedule=idle)

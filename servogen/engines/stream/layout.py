@@ -55,6 +55,7 @@ def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, baud: int) -> La
     for servo, each in zip(servos, widths, strict=True):
         if each.least < LEAST_WIDTH:
             raise InputError(
+                "pulse-too-short",
                 f"{servo.name}: a pulse of {each.least} cycles is shorter than {LEAST_WIDTH}",
                 servo.place,
                 "take a faster clock, or narrow the servo's limits",
@@ -63,6 +64,7 @@ def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, baud: int) -> La
     least, most = max(C_ROUNDS, _rounds(widths)), _most_rounds(clock, baud)
     if least > most:
         raise InputError(
+            "baud-rate",
             f"the longest pulse needs a slot of {least} rounds of {ROUND} cycles; "
             f"commands at {baud} baud come after as few as {most}",
             frame.place,
@@ -75,6 +77,7 @@ def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, baud: int) -> La
     ]
     if not fits:
         raise InputError(
+            "frame-too-short",
             f"the pulses do not fit a frame: {len(servos)} servos, one after the other, take {least} rounds "
             f"of {ROUND} cycles each, the frame has {rounds}",
             frame.place,

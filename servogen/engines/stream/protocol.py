@@ -101,14 +101,16 @@ def group_begins() -> bytes:
 def group_goes(frames: int) -> bytes:
     """Those that wait start in one frame and arrive together after `frames` frames."""
     if frames < 1:
-        raise InputError("a group's time is at least one frame")
+        raise InputError("bad-command", "a group's time is at least one frame")
     return _command(Kind.GROUP, 0, frames)
 
 
 def trim_command(servo: int, cycles: int) -> bytes:
     """`cycles` from -127 to 127, but not -1: its byte in the EEPROM would be the erased one."""
     if not -MOST_TRIM <= cycles <= MOST_TRIM or trim_byte(cycles) == NO_TRIM:
-        raise InputError(f"a trim of {cycles} cycles cannot be said", hint="-127 to 127 cycles, but not -1")
+        raise InputError(
+            "bad-command", f"a trim of {cycles} cycles cannot be said", hint="-127 to 127 cycles, but not -1"
+        )
     return _command(Kind.TRIM, servo, TRIM_ZERO + cycles)
 
 
@@ -118,15 +120,19 @@ def query_command(servo: int, *, low: bool = False) -> bytes:
     The chip hears nothing until it has answered, which is at most three slots and a byte later.
     """
     if not 0 <= servo < MOST_SERVOS:
-        raise InputError(f"there is no servo {servo}", hint=f"servos are 0 to {MOST_SERVOS - 1}")
+        raise InputError(
+            "unknown-servo", f"there is no servo {servo}", hint=f"servos are 0 to {MOST_SERVOS - 1}"
+        )
     return _command(Kind.QUERY, 0, servo + (ASK_LOW if low else 0))
 
 
 def _command(kind: Kind, servo: int, value: int) -> bytes:
     if not 0 <= servo < MOST_SERVOS:
-        raise InputError(f"there is no servo {servo}", hint=f"servos are 0 to {MOST_SERVOS - 1}")
+        raise InputError(
+            "unknown-servo", f"there is no servo {servo}", hint=f"servos are 0 to {MOST_SERVOS - 1}"
+        )
     if not 0 <= value <= MOST:
-        raise InputError(f"{value} is no third byte of a command", hint=f"0 to {MOST}")
+        raise InputError("bad-command", f"{value} is no third byte of a command", hint=f"0 to {MOST}")
     return Command(kind, servo, value).to_bytes()
 
 
@@ -155,7 +161,7 @@ class Travel:
     def width(self, p: int) -> Cycles:
         """min + p (max - min) / 254, within a cycle of it; exact at 0 and 254."""
         if not 0 <= p <= MOST:
-            raise InputError(f"{p} is no position", hint=f"0 to {MOST}")
+            raise InputError("bad-command", f"{p} is no position", hint=f"0 to {MOST}")
         return Cycles(self.least + (p * self.scale + (1 << SCALE_BITS - 1) >> SCALE_BITS))
 
     def nearest(self, width: float) -> int:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from servogen.engines.stream.protocol import BITS
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.units import Clock
 
 UNIT = 4
@@ -36,7 +36,7 @@ class Stream:
     silence_s: Fraction = Fraction(1)
     fail_safe: str = NEUTRAL
     """HOLD: as they are; NEUTRAL: to the neutral pose; OFF: no more pulses."""
-    place: Place | None = None
+    place: Location | None = None
 
 
 USUAL = (300, 600, 1200, 2400, 4800, 9600, 14_400, 19_200, 38_400)
@@ -55,6 +55,7 @@ def bit_units(stream: Stream, clock: Clock) -> int:
     if SAMPLE_GAP + rounding + drift >= bit / 2:
         parts = round(rounding, 1), round(drift, 1)
         raise InputError(
+            "baud-rate",
             f"{stream.baud} baud at {clock.hz} Hz: a bit is {float(bit):.1f} cycles, it is looked at up to "
             f"{float(SAMPLE_GAP + sum(parts)):.1f} from its middle: {SAMPLE_GAP} between two looks + "
             f"{float(parts[0]):.1f} for bits of {units * UNIT} cycles + {float(parts[1]):.1f} for a sender "
@@ -64,6 +65,7 @@ def bit_units(stream: Stream, clock: Clock) -> int:
         )
     if units > MOST_UNITS:
         raise InputError(
+            "baud-rate",
             f"{stream.baud} baud at {clock.hz} Hz: a bit is {float(bit):.1f} cycles, the receiver counts "
             f"{MOST_UNITS * UNIT} at most",
             stream.place,

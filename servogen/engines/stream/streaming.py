@@ -52,6 +52,7 @@ def streaming(
     silence = round(stream.silence_s / period_s)
     if not LEAST_SILENCE <= silence <= MOST:
         raise InputError(
+            "out-of-range",
             f"a silence of {float(stream.silence_s):g} s is {silence} frames",
             stream.place,
             f"{LEAST_SILENCE} to {MOST} frames are counted, "

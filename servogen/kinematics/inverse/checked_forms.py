@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from servogen.errors import InputError, nearest
+from servogen.errors import InputError, did_you_mean
 from servogen.kinematics.forward import BLOCK, fk, whole_chain
 from servogen.kinematics.inverse import numerical
 from servogen.kinematics.inverse.closed_forms import CLOSED_FORMS, DIVISORS
@@ -49,10 +49,13 @@ def has_closed_form(arm: Arm, oriented: bool) -> bool:
     if form is None:
         return False
     if form not in CLOSED_FORMS:
-        raise InputError(f"no closed form '{form}'", hint=nearest(form, CLOSED_FORMS))
+        raise InputError(
+            "unknown-closed-form", f"no closed form '{form}'", hint=did_you_mean(form, CLOSED_FORMS)
+        )
     owner = robots.arm(form)
     if (arm.rows, arm.convention) != (owner.rows, owner.convention):
         raise InputError(
+            "unknown-closed-form",
             f"the rows of '{arm.name}' are not those that the closed form '{form}' solves",
             hint=f'write like = "{form}", or leave closed_form out: the numerical method takes any rows',
         )

@@ -79,6 +79,7 @@ class Solutions:
             count = float(np.prod(last - first + 1))
             if len(found) + count > MAX_LISTED:
                 raise InputError(
+                    "too-many-solutions",
                     f"{self.arm.name} reaches this target in more than {MAX_LISTED} ways: "
                     "its joints have so many turns of travel",
                     hint="narrow the limits of its joints",
@@ -172,7 +173,7 @@ def ik_all(
     """
     target, turn = _checked(position, rotation)
     if target.ndim != 1:
-        raise InputError("one target at a time: give x, y, z")
+        raise InputError("wrong-count", "one target at a time: give x, y, z")
     if has_closed_form(arm, turn is not None):
         found = solve(arm, target, turn)
     else:
@@ -190,7 +191,10 @@ def why_unreachable(arm: Arm, position: ArrayLike, rotation: ArrayLike | None = 
     """The error for one target without a solution: limits, distance or orientation, and the nearest point."""
     target, turn = _checked(position, rotation)
     if turn is not None and not is_rotation(turn, RIGHT_HANDED):
-        raise InputError("the orientation of the target is no rotation: its columns are no right-handed axes")
+        raise InputError(
+            "bad-rotation",
+            "the orientation of the target is no rotation: its columns are no right-handed axes",
+        )
     if has_closed_form(arm, turn is not None):
         free = closed_solutions(
             arm, target[None], None if turn is None else turn[None], TOLERANCE, hard=False
@@ -235,9 +239,9 @@ def _checked(position: ArrayLike, rotation: ArrayLike | None) -> tuple[Floats, F
     target = np.asarray(position, float)
     turn = None if rotation is None else np.asarray(rotation, float)
     if target.shape[-1:] != (3,) or not np.isfinite(target).all():
-        raise InputError("a target needs three finite coordinates x, y, z")
+        raise InputError("not-a-number", "a target needs three finite coordinates x, y, z")
     if turn is not None and (turn.shape[-2:] != (3, 3) or not np.isfinite(turn).all()):
-        raise InputError("an orientation is a rotation matrix of three rows and columns")
+        raise InputError("bad-rotation", "an orientation is a rotation matrix of three rows and columns")
     return target, turn
 
 

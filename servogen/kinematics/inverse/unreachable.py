@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 
 
 class Unreachable(InputError):
@@ -18,14 +18,19 @@ class Unreachable(InputError):
         target: Sequence[float],
         reason: str,
         nearest: Sequence[float],
-        place: Place | None = None,
+        place: Location | None = None,
         as_asked: bool = True,
     ) -> None:
         self.target = tuple(float(value) for value in target)
         self.reason = reason
         self.nearest = tuple(float(value) for value in nearest)
         self.as_asked = as_asked
-        super().__init__(f"the point {in_mm(self.target)} cannot be reached: {reason}", place, self._advice())
+        super().__init__(
+            "out-of-reach",
+            f"the point {in_mm(self.target)} cannot be reached: {reason}",
+            place,
+            self._advice(),
+        )
 
     def _advice(self) -> str:
         if self.as_asked:

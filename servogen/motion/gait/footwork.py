@@ -83,7 +83,7 @@ class Footwork:
         """One segment at `count` frames a cycle, from standstill; to standstill, or for `MOST_CYCLES`."""
         way = segment.cycles
         if way is not None and way <= 0:
-            raise InputError(f"a segment of {way:g} cycles: it has more than none")
+            raise InputError("out-of-range", f"a segment of {way:g} cycles: it has more than none")
         progress = Progress(start_ramp(self.gait), way)
         until = MOST_CYCLES if way is None else progress.stop + 1
         mounts = self.robot.mounts
@@ -157,16 +157,22 @@ def footwork(robot: Hexapod, gait: Gait, posture: Posture) -> Footwork:
     leg = Leg.of(robot.leg.length)
     heights = {mount.z for mount in robot.mounts}
     if len(heights) > 1:
-        raise InputError(f"{robot.name}'s legs are mounted at different heights: one β cannot serve them all")
+        raise InputError(
+            "mounting-heights",
+            f"{robot.name}'s legs are mounted at different heights: one β cannot serve them all",
+        )
     foot = -leg.bc - leg.df if posture.body_height is None else -posture.body_height - heights.pop()
     if posture.lift <= 0:
-        raise InputError(f"a lift of {1000 * posture.lift:g} mm does not take the foot off the ground")
+        raise InputError(
+            "out-of-range", f"a lift of {1000 * posture.lift:g} mm does not take the foot off the ground"
+        )
     try:
         beta, lifted = _beta_at(leg, foot), _beta_at(leg, foot + posture.lift)
     except InputError as error:
         stands, lifts = (f"{1000 * length:g} mm" for length in (-foot, posture.lift))
         least, most = (f"{1000 * length:g}" for length in (leg.df - leg.bc, leg.df + leg.bc))
         raise InputError(
+            "out-of-reach",
             f"the legs cannot stand {stands} high and lift their feet by {lifts}",
             hint=f"their feet are {least} to {most} mm below the body's joints",
         ) from error

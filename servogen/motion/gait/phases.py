@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from servogen.errors import InputError, nearest
+from servogen.errors import InputError, did_you_mean
 from servogen.robot.model import Hexapod
 
 SIXTH = Fraction(1, 6)
@@ -107,7 +107,7 @@ NAMES = tuple(_TABLE)
 def gait(name: str, robot: Hexapod) -> Gait:
     """The gait of that name for a robot with three legs on each side. Raises InputError."""
     if name not in _TABLE:
-        raise InputError(f"unknown gait '{name}'", hint=nearest(name, NAMES))
+        raise InputError("unknown-gait", f"unknown gait '{name}'", hint=did_you_mean(name, NAMES))
     duty, *sixths = _TABLE[name]
     sides = [
         [mount.name for mount in sorted(robot.mounts, key=lambda mount: -mount.x) if mount.mirrored == right]
@@ -115,6 +115,7 @@ def gait(name: str, robot: Hexapod) -> Gait:
     ]
     if [len(side) for side in sides] != [3, 3]:
         raise InputError(
+            "unknown-gait",
             f"the gait '{name}' is for three legs on each side: {robot.name} has "
             f"{len(sides[0])} on the left and {len(sides[1])} on the right",
             hint="give a duty factor and the phase of each leg",
@@ -135,20 +136,25 @@ def custom(
     if not isinstance(lifts, Mapping):
         if len(lifts) != len(legs):
             raise InputError(
-                f"{len(lifts)} phases for {len(legs)} legs", hint=f"in the order {', '.join(legs)}"
+                "gait-incomplete",
+                f"{len(lifts)} phases for {len(legs)} legs",
+                hint=f"in the order {', '.join(legs)}",
             )
         lifts = dict(zip(legs, lifts, strict=True))
     for leg in lifts:
         if leg not in legs:
-            raise InputError(f"{robot.name} has no leg '{leg}'", hint=nearest(leg, legs))
+            raise InputError("unknown-leg", f"{robot.name} has no leg '{leg}'", hint=did_you_mean(leg, legs))
     for leg in legs:
         if leg not in lifts:
-            raise InputError(f"the phase of the leg {leg} is missing")
+            raise InputError("gait-incomplete", f"the phase of the leg {leg} is missing")
         if not 0 <= lifts[leg] < 1:
-            raise InputError(f"the phase of {leg} is {float(lifts[leg]):g}: it is at least 0 and below 1")
+            raise InputError(
+                "out-of-range", f"the phase of {leg} is {float(lifts[leg]):g}: it is at least 0 and below 1"
+            )
     if not LEAST_SHARE <= _simple(duty) <= 1 - LEAST_SHARE:
         raise InputError(
-            f"a duty factor of {float(duty):g}: it is between 0 and 1, 1/24 away from both or more"
+            "out-of-range",
+            f"a duty factor of {float(duty):g}: it is between 0 and 1, 1/24 away from both or more",
         )
     return Gait(name, _simple(duty), tuple((leg, _simple(lifts[leg]) % 1) for leg in legs))
 

@@ -96,18 +96,21 @@ def walk(
     is too large, and, unless `allow_falling`, where the robot would fall over.
     """
     if not segments:
-        raise InputError("a walk needs at least one segment")
+        raise InputError("no-motion", "a walk needs at least one segment")
     if any(segment.cycles is None for segment in segments[:-1]):
-        raise InputError("only the last segment of a walk can be without an end")
+        raise InputError("endless-motion", "only the last segment of a walk can be without an end")
     limits = limits or Limits()
     if frames_per_cycle is None and math.isinf(limits.speed):
-        raise InputError("nothing says how fast the cycle may be", hint="give its time, or a speed limit")
+        raise InputError(
+            "no-speed", "nothing says how fast the cycle may be", hint="give its time, or a speed limit"
+        )
     plan = footwork(robot, gait, posture)
     names = tuple(mount.name for mount in robot.mounts)
     joints = tuple(f"{name}_{joint.name}" for name in names for joint in robot.leg.joints)
     least = math.ceil(LEAST_SWING / gait.swing)
     if frames_per_cycle is not None and frames_per_cycle < least:
         raise InputError(
+            "cycle-too-short",
             f"a cycle of {frames_per_cycle} frames is too short for the gait '{gait.name}'",
             hint=f"at least {least} frames: each swing takes {LEAST_SWING} or more",
         )
@@ -116,7 +119,9 @@ def walk(
     while True:
         if not count * cycles <= MAX_FRAMES:
             raise InputError(
-                f"the walk is more than {MAX_FRAMES} frames long", hint="walk fewer cycles, or faster ones"
+                "too-many-frames",
+                f"the walk is more than {MAX_FRAMES} frames long",
+                hint="walk fewer cycles, or faster ones",
             )
         rhythm = gait.on_frames(count)
         steps = replace(plan, gait=rhythm)
@@ -132,6 +137,7 @@ def walk(
         count = _whole(gait, max(count + 1, math.ceil(count * min(slower, 2.0))))
         if count > MOST_FRAMES_A_CYCLE:
             raise InputError(
+                "cycle-too-long",
                 "the limits of the servos ask for a cycle of more than a minute",
                 hint="shorten the stride, or raise the limits",
             )
@@ -162,7 +168,7 @@ def _round(parts: Sequence[Frames], endless: bool, count: int) -> tuple[Frames, 
     alike = np.abs(angles[count:] - angles[:-count]).max(axis=(1, 2)) < SAME_RAD
     steady = 0 if alike.all() else len(alike) - int(np.argmin(alike[::-1]))
     if steady + count > len(angles):
-        raise InputError("the walk does not become steady: its gait leaves a leg behind")
+        raise InputError("endless-walk", "the walk does not become steady: its gait leaves a leg behind")
     loop_start = len(frames.angles) - len(angles) + steady
     return frames.part(0, loop_start + count), loop_start
 
@@ -186,6 +192,7 @@ def _check_limits(robot: Hexapod, joints: Sequence[str], angles: Floats) -> None
                 for pair in ((low, high), (joint.lower, joint.upper))
             )
             raise InputError(
+                "joint-limit",
                 f"{name} would have to turn from {shown}: its limits are {allowed}",
                 hint="shorten the stride, or lift the feet less",
             )
@@ -195,6 +202,7 @@ def _refuse(made: Walk, spring_m: float | None, allow_falling: bool) -> None:
     worst = made.largest_correction_m
     if spring_m is not None and worst > spring_m:
         raise InputError(
+            "springs",
             f"the springs would have to give {1000 * worst:.2f} mm: they give {1000 * spring_m:g} mm at most",
             hint="shorten the stride or the turn: two joints follow a straight line only roughly",
         )
@@ -203,6 +211,7 @@ def _refuse(made: Walk, spring_m: float | None, allow_falling: bool) -> None:
         feet = ", ".join(leg for leg, down in zip(made.legs, made.ground[frame], strict=True) if down)
         outside = f"its centre of mass is {-1000 * made.least_margin_m:z.1f} mm outside of the feet {feet}"
         raise InputError(
+            "falls-over",
             f"the robot falls over in frame {frame}: {outside if feet else 'no foot is on the ground'}",
             hint="take a gait with more feet on the ground or a shorter stride, or allow falling "
             "(allow_falling = true in a job, --allow-falling)",

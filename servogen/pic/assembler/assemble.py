@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from servogen.errors import Place
+from servogen.errors import Location
 from servogen.inputs import read_input
 from servogen.pic.assembler.blocks import EndOfSource, ExitMacro, OutOfBudget, TooManyErrors
 from servogen.pic.assembler.control import CONTROL
@@ -66,7 +66,7 @@ def assemble(
         except (ExitMacro, TooManyErrors):
             pass
         if number == 2 and not ended and not state.log.errors:
-            place = Place(file, len(lines))
+            place = Location(file, len(lines))
             state.log.add(Diagnostic("warning", 205, "the source has no END", place))
     if state.log.errors:
         raise AssemblyError(state.log.errors)

@@ -9,7 +9,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from servogen.errors import Place
+from servogen.errors import Location
 from servogen.pic.assembler.messages import SourceError
 from servogen.pic.assembler.source import SourceLine, Statement
 
@@ -27,7 +27,7 @@ class Condition:
 
     active: bool
     taken: bool
-    place: Place
+    place: Location
     seen_else: bool = False
 
 

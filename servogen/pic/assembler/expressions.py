@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from servogen.errors import nearest
+from servogen.errors import did_you_mean
 from servogen.pic.assembler.lexer import Token, characters, tokens
 from servogen.pic.assembler.messages import SourceError
 from servogen.pic.assembler.text import Text
@@ -246,7 +246,7 @@ def parse_expression(text: Text, radix: int) -> Expression:
 
 def suggestion(word: str, known: Iterable[str]) -> str | None:
     """Return the most similar known word as a hint; None if none is similar."""
-    hint = nearest(word, known)
+    hint = did_you_mean(word, known)
     return hint if hint.startswith("did") else None
 
 

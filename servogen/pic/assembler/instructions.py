@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Protocol
 
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 from servogen.pic.assembler.expressions import Expression, Name, Number, Parser, Scope, evaluate, suggestion
 from servogen.pic.assembler.messages import Diagnostic, Level, SourceError
 from servogen.pic.assembler.text import IDENTIFIER, Text
@@ -33,7 +33,7 @@ class ParsedInstruction:
     """
 
     mnemonic: str
-    place: Place
+    place: Location
     f: Expression | None = None
     d: Expression | None = None
     b: Expression | None = None
@@ -92,7 +92,7 @@ def mnemonics() -> frozenset[str]:
     return frozenset((*by_mnemonic(), *SPECIAL))
 
 
-def parse_line(line: str, place: Place, radix: int = DEFAULT_RADIX) -> ParsedLine:
+def parse_line(line: str, place: Location, radix: int = DEFAULT_RADIX) -> ParsedLine:
     """Parse a line of assembly without directives, as used in inline assembly: `label: MNEMONIC operands`.
 
     A label ends with a colon; a comment begins with `;`. `place` is the location of the line's first
@@ -117,11 +117,11 @@ def parse_line(line: str, place: Place, radix: int = DEFAULT_RADIX) -> ParsedLin
         return ParsedLine(label, tuple(instructions(word, fields, at)))
     except SourceError as error:
         column = place.column if error.column is None else error.column
-        raise InputError(error.text, replace(place, column=column), error.hint) from error
+        raise InputError("assembly", error.text, replace(place, column=column), error.hint) from error
 
 
 def instructions(
-    mnemonic: str, fields: Sequence[Expression | None], place: Place
+    mnemonic: str, fields: Sequence[Expression | None], place: Location
 ) -> Iterator[ParsedInstruction]:
     """Yield the instructions of a mnemonic, special or not, with these operand fields. Raises SourceError."""
     name = mnemonic.upper()
@@ -137,7 +137,7 @@ def instructions(
         yield _instruction(step, [*own, *(Number(value) for value in fixed)], place)
 
 
-def _instruction(name: str, fields: Sequence[Expression | None], place: Place) -> ParsedInstruction:
+def _instruction(name: str, fields: Sequence[Expression | None], place: Location) -> ParsedInstruction:
     """Parse the operands of one row in assembly order: f,d or f,b or f or k; d may be omitted."""
     row = by_mnemonic()[name]
     wanted = row.operands
@@ -212,7 +212,7 @@ def _register(address: int, remark: _Remark) -> int:
     return address & 0x7F
 
 
-def _port(address: int, place: Place, remark: _Remark) -> int:
+def _port(address: int, place: Location, remark: _Remark) -> int:
     port = _register(address, remark)
     if port not in TRIS_PORTS:
         raise SourceError(f"TRIS takes port 5 (PORTA) or 6 (PORTB), not {port}", place.column, number=126)

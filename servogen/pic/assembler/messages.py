@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from servogen.errors import InputError, Place
+from servogen.errors import InputError, Location
 
 Level = Literal["error", "warning", "message"]
 
@@ -34,7 +34,7 @@ class Diagnostic:
     level: Level
     number: int
     text: str
-    place: Place
+    place: Location
     hint: str | None = None
 
     def __str__(self) -> str:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 
-from servogen.errors import InputError, nearest
+from servogen.errors import InputError, did_you_mean
 from servogen.pic.assembler.expressions import Binary
 from servogen.pic.assembler.messages import Level, SourceError
 from servogen.pic.assembler.source import Statement
@@ -134,12 +134,12 @@ def _config_settings(state: Pass, found: Statement) -> None:
         name, _, value = (piece.strip().upper() for piece in part.chars.partition("="))
         if name not in CONFIG_SETTINGS:
             raise SourceError(
-                f"unknown setting '{name}'", part.column(0), nearest(name, CONFIG_SETTINGS), 181
+                f"unknown setting '{name}'", part.column(0), did_you_mean(name, CONFIG_SETTINGS), 181
             )
         mask, values = CONFIG_SETTINGS[name]
         if value not in values:
             raise SourceError(
-                f"unknown value '{value}' of {name}", part.column(0), nearest(value, values), 181
+                f"unknown value '{value}' of {name}", part.column(0), did_you_mean(value, values), 181
             )
         if name in state.settings:
             raise SourceError(f"{name} is set twice", part.column(0), number=118)

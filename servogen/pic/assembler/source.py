@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 from typing import Protocol
 
-from servogen.errors import Place
+from servogen.errors import Location
 from servogen.pic.assembler.messages import SourceError
 from servogen.pic.assembler.text import IDENTIFIER, Text
 
@@ -30,8 +30,8 @@ class SourceLine:
     number: int
     within: tuple[str, ...] = ()
 
-    def place(self, column: int | None = None) -> Place:
-        return Place(self.file, self.number, column)
+    def place(self, column: int | None = None) -> Location:
+        return Location(self.file, self.number, column)
 
 
 def lines_of(text: str, file: str) -> list[SourceLine]:
@@ -57,7 +57,7 @@ class Statement:
         return self.word.lower()
 
     @property
-    def place(self) -> Place:
+    def place(self) -> Location:
         return self.line.place(self.column)
 
 

@@ -126,6 +126,7 @@ def _set_up(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sample
     frames = reach // expected.period
     if frames > MAX_FRAMES:
         raise InputError(
+            "capture-too-long",
             f"the capture is {frames} frames of the schedule long: at most {MAX_FRAMES} are compared",
             hint="cut it, or capture for a shorter time",
         )
