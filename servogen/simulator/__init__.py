@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from servogen.simulator.machine import Machine, Observation, Stimulus
+    from servogen.simulator.machine import Machine, Observation, Snapshot, Stimulus
     from servogen.simulator.observe import Profile, Spent, TraceRow, profile, trace
     from servogen.simulator.options import Options
     from servogen.simulator.recurrence import NoRepeat, Repeat, find_repeat
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "recurrence": ("NoRepeat", "Repeat", "find_repeat"),
-    "machine": ("Machine", "Observation", "Stimulus"),
+    "machine": ("Machine", "Observation", "Snapshot", "Stimulus"),
     "options": ("Options",),
     "observe": ("Profile", "Spent", "TraceRow", "profile", "trace"),
     "run": ("Simulation", "simulate"),
@@ -53,6 +53,7 @@ __all__ = [
     "Serial",
     "ServoLoad",
     "Simulation",
+    "Snapshot",
     "Spent",
     "State",
     "Stimuli",

@@ -67,6 +67,7 @@ from servogen.simulator.unknown import (
     propagate,
     use,
     without,
+    written_status,
 )
 from servogen.simulator.warn import warn
 
@@ -361,7 +362,7 @@ def instruction_loop(observed: bool, tracked: bool) -> Callable[..., int]:
                             if ru & 0xFF and ru & 0xFF00 == 0:
                                 ru |= su & 0xFF00
                         if tracked:
-                            su = without(ru, UNWRITABLE)
+                            su = written_status(su, ru)
                         status = r & ~UNWRITABLE | status & UNWRITABLE
                         bank = (status & RP0) << 2
                     elif address & 127 == PCL_ADDRESS:
@@ -439,6 +440,8 @@ def instruction_loop(observed: bool, tracked: bool) -> Callable[..., int]:
                 elif op == CLRWDT:
                     wdt_clear(s, cycle)  # the deadline only moves away, so the horizon holds
                     status |= UNWRITABLE
+                    if tracked:
+                        su = without(su, UNWRITABLE)
                 elif op == SLEEP:
                     t0_sync(s, start)
                     if tracked:
@@ -448,6 +451,8 @@ def instruction_loop(observed: bool, tracked: bool) -> Callable[..., int]:
                     if not requested(s):  # else it is a NOP: DS35007 section 6.11.3
                         wdt_clear(s, cycle)
                         status = status & ~PD | TO
+                        if tracked:
+                            su = without(su, UNWRITABLE)
                         t0_advance(s, cycle)
                         s[SLEEPING] = 1
                         horizon = 0

@@ -26,7 +26,7 @@ from servogen.simulator.layout import (
     WARN_EE_ADDRESS,
     WARN_EE_SEQUENCE,
 )
-from servogen.simulator.unknown import SOURCE_NO_CELL, USE_EEPROM, USE_REGISTER, use
+from servogen.simulator.unknown import SOURCE_EEADR, SOURCE_NO_CELL, USE_EEPROM, USE_REGISTER, use
 from servogen.simulator.warn import warn
 
 RD, WR, WREN, WRERR = 0x01, 0x02, 0x04, 0x08
@@ -74,7 +74,7 @@ def eecon1_write(s: Vector, at: int, value: int, unknown: int) -> None:
 
 @compiled
 def cell_read(s: Vector) -> int:
-    s[EEDATA_UNKNOWN] = 0xFF | s[EEADR_UNKNOWN] & 0xFF00 if s[EEADR_UNKNOWN] else 0
+    s[EEDATA_UNKNOWN] = 0xFF | SOURCE_EEADR << 8 if s[EEADR_UNKNOWN] else 0
     if s[EEADR] >= CELLS:
         s[EEDATA_UNKNOWN] = 0xFF | SOURCE_NO_CELL << 8
         warn(s, WARN_EE_ADDRESS, s[EEADR])

@@ -7,7 +7,9 @@ time.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Set
+from copy import copy
 from dataclasses import dataclass, field, replace
+from itertools import tee
 from typing import Protocol
 
 import numpy as np
@@ -57,6 +59,18 @@ class Observation:
 _UNOBSERVED = Observation(np.zeros((0, 2), dtype=np.int64))
 
 
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """A machine's complete state at one moment: chip, pending stimulus, edges not yet returned."""
+
+    image: Image
+    state: Packed
+    stimulus: Packed
+    changes: Iterator[tuple[int, Packed]] | None
+    """What the stimulus still has to supply; never advanced itself."""
+    edges: Packed
+
+
 class Stimulus(Protocol):
     """The changes that the outside world applies to the pins."""
 
@@ -98,7 +112,7 @@ class Machine:
         self._recording = np.zeros(at.DEEPEST_RECORDING * at.RECORD, dtype=np.int64)
         self._edges = np.zeros(EDGE_ROOM + EDGE_SLACK, dtype=np.int64)
         self._s[at.EDGE_LIMIT] = EDGE_ROOM
-        self._changes = stimulus.changes(clock) if stimulus else None
+        self._changes = tee(stimulus.changes(clock), 1)[0] if stimulus else None
         self._stim = np.zeros(0, dtype=np.int64)
         if stimulus:
             self._s[at.STIM_KNOWN] = 0
@@ -203,6 +217,27 @@ class Machine:
         finally:
             self._s[at.EDGE_LIMIT] = EDGE_ROOM
         return None
+
+    def snapshot(self) -> Snapshot:
+        """Return the complete state, from which `restore` continues exactly as if nothing had run since.
+
+        Breakpoints and the counts of an observation are not part of it. A stimulus that is generated on
+        demand is kept from the oldest snapshot on that is still referenced.
+        """
+        edges = self._edges[: self._s[at.EDGE_COUNT]].copy()
+        return Snapshot(self.image, self._s.copy(), self._stim, copy(self._changes), edges)
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Return to a snapshot of this machine, or of another one with the same image, clock and options.
+
+        Raises ValueError if the image is a different one.
+        """
+        if snapshot.image != self.image:
+            raise ValueError("the snapshot is of another image")
+        self._s[:] = snapshot.state
+        self._stim = snapshot.stimulus
+        self._changes = copy(snapshot.changes)
+        self._edges[: len(snapshot.edges)] = snapshot.edges
 
     def observe(self, cycles: int, observation: Observation) -> Iterator[tuple[EdgeChunk, Packed]]:
         """Run like `stream`, instruction by instruction, counting in `observation`.

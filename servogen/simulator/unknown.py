@@ -10,6 +10,11 @@ which they reach the program's course, its timing or its pins (the kinds below).
 
 An unknown byte travels as one integer of 16 bits: the mask, and above it the source (below) of one of its
 unknown bits, for the message.
+
+One kind of unknown byte carries more: PHASED means that the byte is its value plus φ, modulo 256, where φ is
+one unknown number for the whole chip. The prover sets TMR0 and the bytes that follow it so, and thereby
+compares them without knowing either: phased - phased is a known number. Instructions that cannot keep this
+relation make an ordinary unknown byte of it.
 """
 
 from __future__ import annotations
@@ -37,6 +42,9 @@ from servogen.simulator.program import OPS
 SOURCE_W, SOURCE_FSR, SOURCE_FLAGS, SOURCE_TMR0, SOURCE_EEDATA, SOURCE_EEADR, SOURCE_WRERR = range(1, 8)
 SOURCE_RB_CHANGE, SOURCE_NO_CELL, SOURCE_PRESCALER = 8, 9, 10
 FLOATING_PIN, UNWRITTEN_LATCH = 0x50, 0x60
+SOURCE_PHASE = 0x70
+PHASED = 0xFF | SOURCE_PHASE << 8
+"""The unknown bits and source of a byte that is its value plus φ."""
 
 # Kinds of use; what the subject is.
 (
@@ -52,7 +60,7 @@ FLOATING_PIN, UNWRITTEN_LATCH = 0x50, 0x60
     USE_WAKE,  # a bit of INTCON
 ) = range(1, 11)
 
-C, DC, Z = 0x01, 0x02, 0x04
+C, DC, Z, PD, TO = 0x01, 0x02, 0x04, 0x08, 0x10
 GIE, T0IE, T0IF, INTF, RBIF = 0x80, 0x20, 0x04, 0x02, 0x01
 T0CS, PSA = 0x20, 0x08
 
@@ -88,6 +96,25 @@ def without(unknown: int, bits: int) -> int:
 
 
 @compiled
+def written_status(before: int, written: int) -> int:
+    """Return the unknown bits of STATUS after a write of a byte: TO and PD stay what they were."""
+    kept = without(before, ~(TO | PD))
+    source = SOURCE_TMR0 if written >> 8 == SOURCE_PHASE else written >> 8
+    bits = written & 0xFF & ~(TO | PD)
+    return kept | bits | source << 8 if bits and not kept else kept | bits
+
+
+@compiled
+def keeps_phase(op: int, vu: int, wu: int) -> bool:
+    """Return whether the result is PHASED, for unknown bits `vu` of the operand and `wu` of W."""
+    if vu == PHASED:
+        if op == _MOVF or op == _INCF or op == _DECF or op == _INCFSZ or op == _DECFSZ:
+            return True
+        return (op == _ADDWF or op == _SUBWF) and wu & 0xFF == 0
+    return wu == PHASED and vu & 0xFF == 0 and (op == _ADDWF or op == _ADDLW)
+
+
+@compiled
 def propagate(op: int, bits: int, v: int, vu: int, w: int, wu: int, su: int, r: int) -> int:
     """Return the unknown bits of an instruction's result and, above bit 15, those of STATUS after it.
 
@@ -98,6 +125,7 @@ def propagate(op: int, bits: int, v: int, vu: int, w: int, wu: int, su: int, r: 
     source = (vu if m else wu if n else su) >> 8
     flags = Z
     f = 0
+    both = vu == PHASED and wu == PHASED
     if op == _MOVF or op == _COMF:
         t = m
     elif op == _ANDWF or op == _ANDLW:
@@ -105,7 +133,9 @@ def propagate(op: int, bits: int, v: int, vu: int, w: int, wu: int, su: int, r: 
     elif op == _IORWF or op == _IORLW:
         t = (m | n) & ~(v & ~m) & ~(w & ~n) & 0xFF
     elif op == _XORWF or op == _XORLW:
-        t = m | n
+        t = 0 if both and v == w else m | n
+        flags = 0 if both and v != w else Z  # the XOR of two different bytes is not 0
+        su = without(su, Z)
     elif op == _INCF or op == _DECF:
         t = upward(m)
     elif op == _INCFSZ or op == _DECFSZ:
@@ -128,6 +158,8 @@ def propagate(op: int, bits: int, v: int, vu: int, w: int, wu: int, su: int, r: 
         t = upward(m | n)
         flags = C | DC | Z
         f = (C if t else 0) | (DC if t & 0x0F else 0)
+        if both and op == _SUBWF:
+            t = 0  # but what is borrowed depends on φ
     else:  # BCF and BSF
         t = m & ~bits
         flags = 0
@@ -135,7 +167,9 @@ def propagate(op: int, bits: int, v: int, vu: int, w: int, wu: int, su: int, r: 
         f |= Z
     after = without(su, flags)
     if f:
-        after = after & 0xFF | f | source << 8
+        after = after & 0xFF | f | (SOURCE_TMR0 if source == SOURCE_PHASE else source) << 8
+    if source == SOURCE_PHASE and not keeps_phase(op, vu, wu):
+        source = SOURCE_TMR0
     return (t | source << 8 if t else 0) | after << 16
 
 

@@ -101,6 +101,7 @@ _SOURCES = {
     unknown.SOURCE_FSR: "FSR",
     unknown.SOURCE_FLAGS: "C, DC or Z",
     unknown.SOURCE_TMR0: "TMR0",
+    unknown.SOURCE_PHASE: "TMR0",
     unknown.SOURCE_EEDATA: "EEDATA",
     unknown.SOURCE_EEADR: "EEADR",
     unknown.SOURCE_WRERR: "WRERR",
