@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 from servogen.graph import components
+from servogen.pic.isa import by_mnemonic
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "servogen"
@@ -92,6 +93,46 @@ def test_a_forbidden_import_is_seen(tmp_path: Path) -> None:
     file.write_text("def late() -> None:\n    from servogen.compiler import compile_sources\n")
     assert imports_of(file) == [(2, "compiler")]
     assert not may_import(design_table(), "simulator", "compiler")
+
+
+TABLES_OF_MNEMONICS = {
+    "compiler/codegen/runtime_devices.py": "writes a line low or high",
+    "compiler/codegen/inline_asm.py": "",
+    "compiler/passes/branch_simplify.py": "DECF and INCF beside the skips that count like them",
+    "compiler/passes/jump_threading.py": "each bit test beside its opposite",
+    "compiler/sema/builtins.py": "the instructions that have a function in C",
+    "pic/known_values.py": "what instructions compute: the second implementation beside the simulator's",
+    "pic/wcet.py": "the instructions that count loops",
+    "simulator/block_cache.py": "the instructions that a wait may contain",
+}
+"""Modules that may list mnemonics, and what the list says that no column of `pic.isa` does."""
+
+
+def test_no_module_types_a_fact_about_instructions_again() -> None:
+    """A collection of mnemonics is a fact about them, such as "these skip": it derives from their rows."""
+    found = {
+        str(file.relative_to(PACKAGE))
+        for file in PACKAGE.rglob("*.py")
+        for node in ast.walk(ast.parse(file.read_text()))
+        if len(mnemonics_in(node)) > 1
+    }
+    assert found == set(TABLES_OF_MNEMONICS)
+
+
+def test_a_collection_of_mnemonics_is_seen() -> None:
+    for text in ('("GOTO", "CALL")', '{"BCF": 1, "BSF": 2}', '["RETURN", x, "RETFIE"]', '{"SLEEP", "NOP"}'):
+        assert any(len(mnemonics_in(node)) == 2 for node in ast.walk(ast.parse(text))), text
+
+
+def mnemonics_in(node: ast.AST) -> list[str]:
+    """The mnemonics among the elements of a collection that is written out."""
+    elements: list[ast.expr | None] = []
+    if isinstance(node, ast.Tuple | ast.List | ast.Set):
+        elements = [*node.elts]
+    elif isinstance(node, ast.Dict):
+        elements = [*node.keys]
+    values = [each.value for each in elements if isinstance(each, ast.Constant)]
+    return [each for each in values if isinstance(each, str) and each in by_mnemonic()]
 
 
 def modules_of(file: Path) -> list[tuple[int, str]]:

@@ -82,11 +82,11 @@ def _labels(image: Image) -> dict[int, str]:
     targets: dict[int, str] = {}
     for word in image.program.values():
         decoded = decode(word)
-        if decoded is None or decoded.instruction.mnemonic not in ("CALL", "GOTO"):
+        if decoded is None or not decoded.instruction.has_target:
             continue
         address = decoded.k
         if address in image.program:
-            called = decoded.instruction.mnemonic == "CALL" or targets.get(address, "").startswith("sub")
+            called = decoded.instruction.flow == "call" or targets.get(address, "").startswith("sub")
             targets[address] = f"{'sub' if called else 'at'}_{address:03x}"
     named = {
         address: name

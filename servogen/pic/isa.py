@@ -7,7 +7,7 @@ from DS33023 section 29 and DS30430 section 9.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 
@@ -38,6 +38,29 @@ class Instruction:
     def skips(self) -> bool:
         """Return whether it may skip the next instruction."""
         return self.flow == "skip"
+
+    @property
+    def tests_bit(self) -> bool:
+        """Return whether it skips by one bit of a register."""
+        return self.skips and "b" in self.operands
+
+    @property
+    def changes_bit(self) -> bool:
+        """Return whether it changes one bit of a register."""
+        return self.writes == "f" and "b" in self.operands
+
+    @property
+    def has_target(self) -> bool:
+        """Return whether its literal is the address of an instruction."""
+        return self.flow in ("jump", "call") and "k" in self.operands
+
+    def writes_file(self, d: int) -> bool:
+        """Return whether its result goes to the file register, given the destination bit."""
+        return self.writes == "f" or (self.writes == "d" and d == 1)
+
+    def writes_w(self, d: int) -> bool:
+        """Return whether its result goes to W, given the destination bit."""
+        return self.writes == "W" or (self.writes == "d" and d == 0)
 
     @property
     def bits(self) -> str:
@@ -128,6 +151,21 @@ class Decoded:
 def by_mnemonic() -> Mapping[str, Instruction]:
     """Return all 37 rows by mnemonic, in upper case."""
     return {row.mnemonic: row for row in (*INSTRUCTIONS, *LEGACY)}
+
+
+def mnemonics(holds: Callable[[Instruction], bool]) -> frozenset[str]:
+    """Return the mnemonics of all rows for which `holds` is true."""
+    return frozenset(name for name, row in by_mnemonic().items() if holds(row))
+
+
+@cache
+def literal_forms() -> Mapping[str, str]:
+    """Return, for each operation on W and a register that also exists with a literal, both mnemonics:
+    ADDWF -> ADDLW.
+    """
+    files = [row.mnemonic for row in INSTRUCTIONS if row.reads == "Wf"]
+    pairs = ((name, name.removesuffix("WF") + "LW") for name in files)
+    return {file: literal for file, literal in pairs if literal in by_mnemonic()}
 
 
 def decode(word: int) -> Decoded | None:

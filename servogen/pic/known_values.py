@@ -39,6 +39,8 @@ class Word:
     flow: str
     flags: str
     reads: str
+    tests_bit: bool
+    changes_bit: bool
     has_f: bool
     writes_f: bool
     writes_w: bool
@@ -64,9 +66,11 @@ def word_of(number: int) -> Word:
         row.flow,
         row.flags,
         row.reads,
+        row.tests_bit,
+        row.changes_bit,
         "f" in row.operands,
-        row.writes == "f" or (row.writes == "d" and bool(found.d)),
-        row.writes == "W" or (row.writes == "d" and not found.d),
+        row.writes_file(found.d),
+        row.writes_w(found.d),
     )
 
 
@@ -126,7 +130,7 @@ def place_of(f: int, known: Known) -> int | None:
 
 def skipped(word: Word, known: Known, changing: Collection[int] = ()) -> bool | None:
     """Return whether the next instruction is skipped; None if that is not known. Updates `known`."""
-    if word.name in ("BTFSC", "BTFSS"):
+    if word.tests_bit:
         if word.f == STATUS:
             bit = known.get(_FLAGS.get(word.b, PCL))
         else:
@@ -163,7 +167,7 @@ def execute(word: Word, known: Known, changing: Collection[int] = ()) -> None:
 
 
 def _write_status(word: Word, known: Known) -> None:
-    if word.name in ("BCF", "BSF"):
+    if word.changes_bit:
         if word.b in _FLAGS:
             known[_FLAGS[word.b]] = int(word.name == "BSF")
         return

@@ -14,7 +14,6 @@ from servogen.pic.device import LOW_ACTIVE_BITS, REGISTERS, Register
 from servogen.pic.isa import Decoded, decode, encode
 
 PCL = 0x02
-WRITES_W = 0
 
 
 @cache
@@ -69,7 +68,7 @@ def _operand(decoded: Decoded, field: str, target: Callable[[int], str]) -> str:
         return "WF"[decoded.d]
     if field == "b":
         return bit_name(decoded.f, decoded.b)
-    return target(decoded.k) if row.mnemonic in ("CALL", "GOTO") else f"0x{decoded.k:02X}"
+    return target(decoded.k) if row.has_target else f"0x{decoded.k:02X}"
 
 
 def is_exact(word: int) -> bool:
@@ -92,7 +91,4 @@ def cycles_text(word: int) -> str:
     row = decoded.instruction
     if row.skips:
         return "1(2)"
-    writes = row.mnemonic in ("MOVWF", "CLRF", "BCF", "BSF") or (
-        "d" in row.operands and decoded.d != WRITES_W
-    )
-    return "2" if writes and "f" in row.operands and decoded.f == PCL else str(row.cycles)
+    return "2" if row.writes_file(decoded.d) and decoded.f == PCL else str(row.cycles)

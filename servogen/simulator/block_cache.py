@@ -23,7 +23,9 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.errors import InputError
+from servogen.graph import components
 from servogen.pic.device import PROGRAM_WORDS
+from servogen.pic.isa import INSTRUCTIONS, Instruction
 from servogen.simulator.layout import DEEPEST_RECORDING, REGION, REGION_BYTES
 from servogen.simulator.program import (
     BREAK,
@@ -49,13 +51,14 @@ POLLED = (0x05, 0x06, 0x08, 0x0B)
 EEDATA), INTCON."""
 
 _N = PROGRAM_WORDS
-_NAMES = {number: name for name, number in OPS.items()}
-_TESTS = ("BTFSC", "BTFSS")
+_ROWS = {OPS[row.mnemonic]: row for row in INSTRUCTIONS}
 _IDLE = ("NOP", "CLRWDT")
-_SKIPS = (*_TESTS, "DECFSZ", "INCFSZ")
-_LITERAL = ("MOVLW", "ADDLW", "SUBLW", "ANDLW", "IORLW", "XORLW", "CLRW", "NOP", "GOTO")
-_IN_FILE = ("ADDWF", "ANDWF", "CLRF", "COMF", "DECF", "INCF", "IORWF", "MOVF", "MOVWF", "RLF", "RRF", "SUBWF")
-_PURE_ON_RAM = (*_IN_FILE, "SWAPF", "XORWF", "BCF", "BSF", *_SKIPS)
+_ON_W_ALONE = frozenset(
+    OPS[row.mnemonic]
+    for row in INSTRUCTIONS
+    if "f" not in row.operands and row.flow in ("next", "jump") and not set(row.flags) & set("TP")
+)
+"""Instructions that access no register and not the watchdog."""
 
 Graph = Mapping[int, tuple[int, ...]]
 
@@ -118,8 +121,14 @@ def marked_code(code: Code, plain: Code, breakpoints: Set[int]) -> Code:
     return code
 
 
+def _row(word: int) -> Instruction | None:
+    """Return the instruction of a word; None for OPTION, TRIS, marks and words that are not instructions."""
+    return _ROWS.get(word & OP_MASK)
+
+
 def _name(word: int) -> str:
-    return _NAMES.get(word & OP_MASK, "")
+    row = _row(word)
+    return row.mnemonic if row else ""
 
 
 def _file(word: int) -> int:
@@ -132,30 +141,33 @@ def _target(word: int) -> int:
 
 def _is_pure(word: int) -> bool:
     """Return whether an instruction depends on, and changes, only W, flags and directly addressed RAM."""
-    name = _name(word)
-    if name in _LITERAL:
-        return True
-    if name in _PURE_ON_RAM and word >> DIRECT_BIT & 1:
+    row = _row(word)
+    if row is None or "f" not in row.operands:
+        return word & OP_MASK in _ON_W_ALONE
+    if word >> DIRECT_BIT & 1:
         return True
     if _file(word) != STATUS_ADDRESS:
         return False
-    if name in ("BCF", "BSF"):
+    if row.changes_bit:
         return bool(word >> MASK_SHIFT & 0xFF & FLAG_BITS)
-    return name in _TESTS or (name == "MOVF" and not word >> D_BIT & 1)
+    return row.tests_bit or (row.mnemonic == "MOVF" and not word >> D_BIT & 1)
 
 
 def _successors(words: list[int], address: int) -> tuple[int, ...]:
     """Return the addresses where execution can continue, as far as the word itself determines them."""
     word = words[address]
-    name = _name(word)
     following = (address + 1) % _N
-    if name == "GOTO":
-        return (_target(word),)
-    if name == "CALL":
-        return (following, _target(word))
-    if name in ("RETURN", "RETLW", "RETFIE"):
-        return ()
-    return (following, (address + 2) % _N) if name in _SKIPS else (following,)
+    row = _row(word)
+    match row.flow if row else "next":
+        case "jump":
+            return (_target(word),)
+        case "call":
+            return (following, _target(word))
+        case "return":
+            return ()
+        case "skip":
+            return (following, (address + 2) % _N)
+    return (following,)
 
 
 def _waits(words: list[int]) -> dict[int, int]:
@@ -174,11 +186,16 @@ def _waits(words: list[int]) -> dict[int, int]:
         tested = words[address - 1]
         if all(name in _IDLE for name in body):
             marked[address] = SPIN | period << F_SHIFT | clears << (F_SHIFT + 8)
-        elif body[-1] in _TESTS and all(name in _IDLE for name in body[:-1]) and _is_polled(tested):
+        elif _tests_bit(tested) and all(name in _IDLE for name in body[:-1]) and _is_polled(tested):
             marked[address - 1] = (
                 tested | 1 << WAITS_BIT | period << (WAITS_BIT + 1) | clears << (WAITS_BIT + 9)
             )
     return marked
+
+
+def _tests_bit(word: int) -> bool:
+    row = _row(word)
+    return row is not None and row.tests_bit
 
 
 def _is_polled(word: int) -> bool:
@@ -212,47 +229,11 @@ def _regions(
 
 
 def _uses_file(word: int) -> bool:
-    return _name(word) in _PURE_ON_RAM
+    row = _row(word)
+    return row is not None and "f" in row.operands
 
 
 def _components(graph: Graph, nodes: set[int]) -> list[frozenset[int]]:
-    """Return the strongly connected sets of `nodes` that contain a cycle, by an iterative form of Tarjan's
-    algorithm.
-    """
-    index: dict[int, int] = {}
-    low: dict[int, int] = {}
-    open_nodes: list[int] = []
-    is_open: set[int] = set()
-    found: list[frozenset[int]] = []
-    for root in sorted(nodes):
-        if root in index:
-            continue
-        work = [(root, iter(graph[root]))]
-        index[root] = low[root] = len(index)
-        open_nodes.append(root)
-        is_open.add(root)
-        while work:
-            node, following = work[-1]
-            for successor in following:
-                if successor not in nodes:
-                    continue
-                if successor not in index:
-                    index[successor] = low[successor] = len(index)
-                    open_nodes.append(successor)
-                    is_open.add(successor)
-                    work.append((successor, iter(graph[successor])))
-                    break
-                if successor in is_open:
-                    low[node] = min(low[node], index[successor])
-            else:
-                work.pop()
-                if work:
-                    low[work[-1][0]] = min(low[work[-1][0]], low[node])
-                if low[node] == index[node]:
-                    members = set()
-                    while node not in members:
-                        members.add(open_nodes.pop())
-                    is_open -= members
-                    if len(members) > 1 or node in graph[node]:
-                        found.append(frozenset(members))
-    return found
+    """Return the strongly connected sets of `nodes` that contain a cycle."""
+    within = {node: [each for each in graph[node] if each in nodes] for node in sorted(nodes)}
+    return [frozenset(each) for each in components(within)]

@@ -57,7 +57,7 @@ def pack(decoded: Decoded) -> int:
     word = OPS[row.mnemonic] | (row.flags != "") << FLAGS_BIT
     if "k" in row.operands:
         return word | decoded.k << K_SHIFT
-    writes_back = decoded.d or row.mnemonic in ("BCF", "BSF", "MOVWF", "CLRF")
+    writes_back = row.writes_file(decoded.d)
     direct = "f" in row.operands and RAM_FIRST <= decoded.f <= RAM_LAST
     mask = 1 << decoded.b if "b" in row.operands else 0
     return word | writes_back << D_BIT | decoded.f << F_SHIFT | direct << DIRECT_BIT | mask << MASK_SHIFT

@@ -7,7 +7,17 @@ from __future__ import annotations
 
 import pytest
 
-from servogen.pic.isa import INSTRUCTIONS, LEGACY, WORD_MASK, by_mnemonic, decode, decoder, encode
+from servogen.pic.isa import (
+    INSTRUCTIONS,
+    LEGACY,
+    WORD_MASK,
+    by_mnemonic,
+    decode,
+    decoder,
+    encode,
+    literal_forms,
+    mnemonics,
+)
 
 # mnemonic, fixed bits and fields from bit 13 down, cycles, status bits affected
 WITNESS = """
@@ -65,6 +75,29 @@ def test_every_row_says_what_the_data_sheet_says(mnemonic: str, bits: str, cycle
     assert row.bits == bits
     assert f"{row.cycles}{'(2)' if row.skips else ''}" == cycles
     assert {FLAG_NAMES[flag] for flag in row.flags} == set(flags.replace("-", "").split(",")) - {""}
+
+
+def test_the_kinds_of_instructions_are_those_of_the_data_sheet() -> None:
+    """DS35007 section 7.1: bit-oriented operations, and those that leave the sequence of the program."""
+    assert mnemonics(lambda row: row.tests_bit) == {"BTFSC", "BTFSS"}
+    assert mnemonics(lambda row: row.changes_bit) == {"BCF", "BSF"}
+    assert mnemonics(lambda row: row.skips) == {"BTFSC", "BTFSS", "DECFSZ", "INCFSZ"}
+    assert mnemonics(lambda row: row.has_target) == {"CALL", "GOTO"}
+    assert mnemonics(lambda row: row.flow == "return") == {"RETFIE", "RETLW", "RETURN"}
+
+
+def test_the_destination_bit_says_where_a_result_goes() -> None:
+    rows = by_mnemonic()
+    assert [rows["ADDWF"].writes_w(d) for d in (0, 1)] == [True, False]
+    assert [rows["ADDWF"].writes_file(d) for d in (0, 1)] == [False, True]
+    assert rows["CLRF"].writes_file(0)
+    assert rows["RETLW"].writes_w(0)
+    assert not rows["BTFSS"].writes_file(1)
+    assert not rows["CALL"].writes_w(0)
+
+
+def test_five_operations_exist_with_a_register_and_with_a_literal() -> None:
+    assert literal_forms() == {f"{name}WF": f"{name}LW" for name in ("ADD", "AND", "IOR", "SUB", "XOR")}
 
 
 def matching(word: int) -> list[str]:

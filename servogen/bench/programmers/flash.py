@@ -19,9 +19,6 @@ from servogen.pic.device import CONFIG_WATCHDOG_ON, Device
 from servogen.pic.image import Image
 from servogen.pic.isa import decode
 
-CLEARS_WATCHDOG = ("CLRWDT", "SLEEP")
-"""DS35007 section 6.10: both clear it; a program with neither is reset for ever."""
-
 
 def objections(image: Image) -> tuple[str, ...]:
     """Return reasons not to program `image`."""
@@ -53,8 +50,11 @@ def protected(image: Image, device: Device) -> bool:
 
 
 def _clears_watchdog(image: Image) -> bool:
+    """Return whether the program contains CLRWDT or SLEEP, which alone set the flag TO (DS35007 section
+    6.10).
+    """
     found = (decode(word) for word in image.program.values())
-    return any(each is not None and each.instruction.mnemonic in CLEARS_WATCHDOG for each in found)
+    return any(each is not None and "T" in each.instruction.flags for each in found)
 
 
 TIMEOUT_S = 120.0

@@ -30,7 +30,7 @@ from servogen.compiler.codegen.generator import FunctionGenerator
 from servogen.compiler.codegen.indirect import bit_source, field_byte, point_fsr
 from servogen.compiler.codegen.operands import is_direct, operands_of, pair, ref_locs
 from servogen.compiler.codegen.operators import binary_w, to_w
-from servogen.compiler.ir.instruction import INDF, Byte, C, Imm, Operand, Reg, Z, exposed
+from servogen.compiler.ir.instruction import INDF, SETS_Z, Byte, C, Imm, Operand, Reg, Z, exposed
 
 _MIRRORED = {"<": ">", ">": "<", "<=": ">=", ">=": "<=", "==": "==", "!=": "!="}
 
@@ -176,7 +176,7 @@ def to_w_with_zero(gen: FunctionGenerator, expr: Expr) -> None:
     """Load a one-byte value into W and set Z according to it."""
     to_w(gen, expr)
     last = gen.last
-    sets_zero = last is not None and last.op in _SETS_Z and last.d == 0 and last.writes_w
+    sets_zero = last is not None and last.op in SETS_Z and last.d == 0 and last.writes_w
     if sets_zero and not gen.last_may_be_skipped:
         return
     gen.emit("IORLW", k=0)
@@ -197,26 +197,6 @@ def zero_test(gen: FunctionGenerator, operands: list[Operand]) -> None:
             gen.emit("IORLW", k=each.value)
         else:
             gen.emit("IORWF", each, 0)
-
-
-_SETS_Z = frozenset(
-    [
-        "ADDLW",
-        "ANDLW",
-        "IORLW",
-        "XORLW",
-        "SUBLW",
-        "ADDWF",
-        "ANDWF",
-        "IORWF",
-        "XORWF",
-        "SUBWF",
-        "MOVF",
-        "COMF",
-        "INCF",
-        "DECF",
-    ]
-)
 
 
 def jump(gen: FunctionGenerator, expr: Expr, sense: bool, label: str) -> None:

@@ -19,7 +19,7 @@ from servogen.compiler.codegen.tables import add_tables, pointed_to
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.frontend.settings import Settings
 from servogen.compiler.ir.function import ISR_SUFFIX, Function, Line
-from servogen.compiler.ir.instruction import FSR, INDF, PCLATH, STATUS, Byte, Instruction, Label, Z
+from servogen.compiler.ir.instruction import FSR, INDF, PCLATH, STATUS, TARGETED, Byte, Instruction, Label, Z
 from servogen.pic.device import INTERRUPT_VECTOR
 
 RESET, START = "__reset", "__start"
@@ -89,8 +89,7 @@ def arrange(
 def _leaves(function: Function, functions: dict[str, Function]) -> bool:
     """Return whether assembly calls or jumps to another function, which is not analysed here."""
     return any(
-        ins.op in ("CALL", "GOTO") and ins.fixed and ins.target in functions
-        for ins in function.instructions()
+        ins.op in TARGETED and ins.fixed and ins.target in functions for ins in function.instructions()
     )
 
 

@@ -13,7 +13,7 @@ from servogen.compiler.codegen.tables import table_code
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.emit.frames import frame
 from servogen.compiler.ir.function import Function
-from servogen.compiler.ir.instruction import Byte, Instruction, Label, Reg, assembly
+from servogen.compiler.ir.instruction import TARGETED, Byte, Instruction, Label, Reg, assembly
 from servogen.errors import Location
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, RAM_FIRST, RAM_LAST
 from servogen.pic.isa import by_mnemonic, encode
@@ -189,7 +189,7 @@ def _literal(
     word: Word, labels: dict[str, int], memory: Memory, tables: dict[Symbol, str], reporter: Reporter
 ) -> int:
     ins = word.ins
-    if ins.op in ("GOTO", "CALL"):
+    if ins.op in TARGETED:
         if ins.target.startswith("$"):
             return word.address + int(ins.target[1:] or 0)
         if ins.target not in labels:

@@ -13,6 +13,7 @@ from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.emit.layout import Layout, Memory, Word, file_address
 from servogen.compiler.emit.timing import FunctionTimes
 from servogen.compiler.ir.function import Function
+from servogen.compiler.ir.instruction import TARGETED
 from servogen.compiler.passes.call_depth import depths
 from servogen.pic.device import RAM_FIRST, RAM_LAST, registers
 from servogen.pic.isa import by_mnemonic
@@ -92,7 +93,7 @@ def _row(word: Word, memory: Memory) -> ListingRow:
             parts.append("WF"[ins.d])
         elif field == "b":
             parts.append(str(ins.b))
-        elif ins.op in ("GOTO", "CALL"):
+        elif ins.op in TARGETED:
             parts.append(f"0x{word.value & 0x7FF:03X}")
         else:
             parts.append(f"0x{word.value & 0xFF:02X}")

@@ -18,7 +18,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from servogen.compiler.ast.nodes import Symbol
-from servogen.compiler.ir.instruction import ENDS, Instruction, Label
+from servogen.compiler.ir.instruction import ENDS, TARGETED, Instruction, Label
 from servogen.errors import Location
 
 ISR_SUFFIX = "$isr"
@@ -173,7 +173,7 @@ class Function:
         found = {
             each.target: None
             for each in self.instructions()
-            if each.op in ("CALL", "GOTO") and each.target and each.target not in labels
+            if each.op in TARGETED and each.target and each.target not in labels
         }
         more = [*self.also_calls, *([self.falls_into] if self.falls_into else [])]
         return [*found, *more]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from servogen.compiler.ast.nodes import AddressByte, Symbol
 from servogen.errors import Location
 from servogen.pic.device import registers
-from servogen.pic.isa import by_mnemonic
+from servogen.pic.isa import by_mnemonic, mnemonics
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,22 +55,31 @@ C, DC, Z, RP0 = 0, 1, 2, 5  # bits of STATUS: DS35007 register 2-1
 
 DELAY = "DELAY"
 """The one operation that is not an instruction of the chip: exactly `k` cycles, expanded after all passes."""
-SKIPS = frozenset(name for name, row in by_mnemonic().items() if row.flow == "skip")
-ENDS = frozenset(name for name, row in by_mnemonic().items() if row.flow in ("jump", "return"))
+SKIPS = mnemonics(lambda row: row.skips)
+ENDS = mnemonics(lambda row: row.flow in ("jump", "return"))
 """Instructions after which the next one is not executed."""
-PURE = frozenset(name for name, row in by_mnemonic().items() if row.flow == "next" and row.writes)
-"""Instructions that do nothing but make a value and set flags."""
-IN_PLACE = frozenset(
-    name for name, row in by_mnemonic().items() if row.writes == "d" and row.flow == "next"
-) - {"MOVF"}
-"""Instructions that make a new value of a byte, in W or in its place."""
+JUMPING = mnemonics(lambda row: row.flow != "next")
+"""Instructions after which another than the next one may be executed."""
+RETURNS = mnemonics(lambda row: row.flow == "return")
+TARGETED = mnemonics(lambda row: row.has_target)
+"""Instructions that name a label: GOTO and CALL."""
+BIT_TESTS = mnemonics(lambda row: row.tests_bit)
+BIT_WRITES = mnemonics(lambda row: row.changes_bit)
+IDLE = mnemonics(lambda row: row.flow == "next" and not (row.operands or row.reads or row.writes))
+"""Instructions that access neither W nor a register: NOP, CLRWDT and SLEEP."""
+PURE = mnemonics(lambda row: row.flow == "next" and row.writes != "")
+"""Instructions that only compute a value and set flags."""
+IN_PLACE = mnemonics(lambda row: row.writes == "d" and row.flow == "next") - {"MOVF"}
+"""Instructions that compute a new value from a byte, in W or in place."""
+SETS_Z = mnemonics(lambda row: "Z" in row.flags)
+"""Instructions after which Z says whether their result is 0."""
 _FACTS = {
     name: (row.reads, row.writes, "".join(flag for flag in row.flags if flag in "CDZ"))
     for name, row in by_mnemonic().items()
 } | {DELAY: ("", "", "")}
 """What an operation reads, writes, and which of C, D and Z it changes."""
-_CLOBBERS_W = frozenset(("CALL", DELAY))
-_CONVEYS_W = frozenset(("CALL", "RETURN", "RETFIE"))
+_CLOBBERS_W = mnemonics(lambda row: row.flow == "call") | {DELAY}
+_CONVEYS_W = mnemonics(lambda row: row.flow in ("call", "return") and row.writes != "W")
 """By the calling convention W carries the last argument, or the result."""
 
 

@@ -11,7 +11,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from servogen.compiler.ir.function import Block, Function, Line, is_skipped
-from servogen.compiler.ir.instruction import DELAY, ENDS, RP0, STATUS, Instruction, Label, Reg
+from servogen.compiler.ir.instruction import (
+    BIT_WRITES,
+    DELAY,
+    ENDS,
+    RETURNS,
+    RP0,
+    STATUS,
+    TARGETED,
+    Instruction,
+    Label,
+    Reg,
+)
 from servogen.pic.device import BOTH_BANKS, RAM_FIRST, RAM_LAST, registers
 
 UNKNOWN = 2
@@ -31,14 +42,14 @@ def bank_needed(ins: Instruction) -> int | None:
 
 def _own_switch(ins: Instruction) -> int | None:
     """Return the bank that an instruction of the program selects."""
-    if ins.f == STATUS and ins.b == RP0 and ins.op in ("BSF", "BCF"):
+    if ins.f == STATUS and ins.b == RP0 and ins.op in BIT_WRITES:
         return int(ins.op == "BSF")
     return None
 
 
 def _selects(ins: Instruction) -> bool:
-    """Return whether an instruction writes the whole of STATUS."""
-    return ins.f == STATUS and ins.op in ("MOVWF", "CLRF")
+    """Return whether an instruction replaces the whole of STATUS, whatever it held."""
+    return ins.f == STATUS and ins.writes_f and not ins.reads_f
 
 
 def banked(functions: Mapping[str, Function]) -> set[str]:
@@ -93,7 +104,7 @@ def _leaving(
     inside = function.by_label()
     found: set[int] = set()
     for ins, bank in banks.items():
-        if ins.op in ("RETURN", "RETLW"):
+        if ins.op in RETURNS and ins.op != "RETFIE":
             found.add(bank)
         elif ins.op == "GOTO" and ins.target not in inside:
             found.add(exits.get(ins.target, 0 if ins.target in reaching else bank))
@@ -117,7 +128,7 @@ def switch_banks(function: Function, reaching: set[str], exits: Mapping[str, int
         if isinstance(each, Label):
             out.append(each)
             continue
-        enters = each.op in ("CALL", "GOTO") and each.target in reaching
+        enters = each.op in TARGETED and each.target in reaching
         need = 0 if enters else bank_needed(each)
         base = banks.get(each, 0)
         if each.fixed or need is None or need == base:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter
 
 from servogen.compiler.ir.function import Block, Function
-from servogen.compiler.ir.instruction import DELAY, STATUS, Byte, Instruction, Z
+from servogen.compiler.ir.instruction import BIT_WRITES, DELAY, STATUS, TARGETED, Byte, Instruction, Z
 from servogen.compiler.passes.jump_threading import INVERSE
 from servogen.compiler.passes.liveness import W_BIT, Z_BIT, Liveness
 
@@ -18,7 +18,7 @@ _COUNTS = {"DECF": "DECFSZ", "INCF": "INCFSZ"}
 
 def short_branches(function: Function) -> bool:
     """Run the pass once; return whether something changed."""
-    named = Counter(each.target for each in function.instructions() if each.op in ("GOTO", "CALL"))
+    named = Counter(each.target for each in function.instructions() if each.op in TARGETED)
     skipped = function.skipped()
     for number, block in enumerate(function.blocks[:-3]):
         if block not in skipped and _choice(function.blocks[number : number + 5], named):
@@ -83,7 +83,7 @@ def _stays(test: Instruction, ins: Instruction) -> bool:
         return False
     if ins.op in (DELAY, "CALL") or ins.ends_block:
         return False
-    return not ins.writes_f or (ins.op in ("BCF", "BSF", "CLRF") and _apart(ins, test))
+    return not ins.writes_f or ((ins.op in BIT_WRITES or ins.op == "CLRF") and _apart(ins, test))
 
 
 def _apart(one: Instruction, two: Instruction) -> bool:

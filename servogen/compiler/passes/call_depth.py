@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.ir.function import Function
+from servogen.compiler.ir.instruction import TARGETED
 from servogen.errors import Location
 from servogen.pic.device import STACK_LEVELS
 
@@ -20,9 +21,7 @@ def depths(functions: dict[str, Function]) -> dict[str, list[str]]:
         if name not in found:
             found[name] = []
             chains = []
-            calls = {
-                ins.target: ins.op for ins in functions[name].instructions() if ins.op in ("CALL", "GOTO")
-            }
+            calls = {ins.target: ins.op for ins in functions[name].instructions() if ins.op in TARGETED}
             calls.update(dict.fromkeys(functions[name].also_calls, "CALL"))
             if functions[name].falls_into:
                 calls[functions[name].falls_into] = "GOTO"
@@ -83,6 +82,6 @@ def room_for_calls(functions: dict[str, Function], roots: list[str]) -> dict[str
             if functions[name].falls_into:
                 waiting.append((functions[name].falls_into, depth))
             for ins in functions[name].instructions():
-                if ins.op in ("CALL", "GOTO") and ins.target in functions and ins.target != name:
+                if ins.op in TARGETED and ins.target in functions and ins.target != name:
                     waiting.append((ins.target, depth + (ins.op == "CALL")))
     return room

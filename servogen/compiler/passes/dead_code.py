@@ -9,10 +9,8 @@ from collections.abc import Collection
 from itertools import pairwise
 
 from servogen.compiler.ir.function import Block, Function, Line
-from servogen.compiler.ir.instruction import PURE, STATUS, Byte, Instruction, Label
+from servogen.compiler.ir.instruction import BIT_TESTS, PURE, STATUS, TARGETED, Byte, Instruction, Label
 from servogen.compiler.passes.liveness import FLAG_LETTERS, W_BIT, Liveness, is_private
-
-_BIT_TESTS = ("BTFSC", "BTFSS")
 
 
 def drop_unreachable(function: Function) -> bool:
@@ -39,7 +37,7 @@ def drop_unreachable(function: Function) -> bool:
     for block in blocks:
         if block in start:
             lines += [*block.labels, *block.instructions[start[block] :]]
-    used = {each.target for each in lines if isinstance(each, Instruction) and each.op in ("GOTO", "CALL")}
+    used = {each.target for each in lines if isinstance(each, Instruction) and each.op in TARGETED}
     kept = [each for each in lines if not isinstance(each, Label) or each.fixed or each.name in used]
     changed = len(kept) != sum(1 for _ in function.lines())
     function.replace(kept)
@@ -119,8 +117,8 @@ def _with_skip(
     live: Liveness,
 ) -> set[Instruction]:
     """Return what is removed when the instruction after `skip` is dead; `outer` is a skip over that skip."""
-    simple = skip.op in _BIT_TESTS
-    if skip.fixed or (outer is not None and outer.op not in _BIT_TESTS):
+    simple = skip.op in BIT_TESTS
+    if skip.fixed or (outer is not None and outer.op not in BIT_TESTS):
         return gone - {ins}
     if outer is None:
         return gone | {skip} if simple else gone - {ins}

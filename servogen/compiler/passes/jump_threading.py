@@ -6,7 +6,7 @@ In: a `Function`. Out: fewer jumps between the same blocks.
 from __future__ import annotations
 
 from servogen.compiler.ir.function import Block, Function
-from servogen.compiler.ir.instruction import DELAY, Instruction
+from servogen.compiler.ir.instruction import DELAY, RETURNS, Instruction
 
 INVERSE = {"BTFSC": "BTFSS", "BTFSS": "BTFSC"}
 """The opposite of each skip that only tests."""
@@ -30,7 +30,7 @@ def thread_jumps(function: Function) -> bool:
             if target.op == "GOTO" and target.target != jump.target:
                 jump.target = target.target
                 changed = True
-            elif target.op in ("RETURN", "RETFIE"):
+            elif target.op in RETURNS and not target.writes_w:
                 jump.op, jump.target = target.op, ""
                 changed = True
                 break

@@ -9,7 +9,18 @@ every CALL.
 from __future__ import annotations
 
 from servogen.compiler.ir.function import Function
-from servogen.compiler.ir.instruction import DC, DELAY, STATUS, Byte, C, Instruction, Z
+from servogen.compiler.ir.instruction import (
+    BIT_TESTS,
+    BIT_WRITES,
+    DC,
+    DELAY,
+    RETURNS,
+    STATUS,
+    Byte,
+    C,
+    Instruction,
+    Z,
+)
 
 W_BIT, C_BIT, D_BIT, Z_BIT = 1, 2, 4, 8
 FLAG_BITS = {C: C_BIT, DC: D_BIT, Z: Z_BIT}
@@ -71,10 +82,8 @@ class Liveness:
         # W may hold an argument; the bytes of other functions are parameters and results
         if op == "CALL":
             return W_BIT | self.foreign, W_BIT | ALL_FLAGS | self.foreign
-        if op in ("RETURN", "RETFIE"):
-            return self._exit, 0
-        if op == "RETLW":
-            return self._exit & ~W_BIT, W_BIT
+        if op in RETURNS:
+            return (self._exit & ~W_BIT, W_BIT) if ins.writes_w else (self._exit, 0)
         uses = W_BIT if ins.reads_w else 0
         kills = W_BIT if ins.writes_w else 0
         for letter in ins.flags:
@@ -82,9 +91,9 @@ class Liveness:
         if ins.reads_carry:
             uses |= C_BIT
         if ins.f == STATUS:
-            if op in ("BTFSC", "BTFSS"):
+            if op in BIT_TESTS:
                 return uses | FLAG_BITS.get(ins.b, 0), kills
-            if op in ("BCF", "BSF"):
+            if op in BIT_WRITES:
                 return uses, FLAG_BITS.get(ins.b, 0)
             return uses | (ALL_FLAGS if ins.reads_f else 0), kills
         if isinstance(ins.f, Byte) and ins.f in self.number:
@@ -144,6 +153,6 @@ class Liveness:
         """Return what is needed when the function is left; a jump into another function needs everything that
         it could use.
         """
-        if last is not None and last.op in ("RETURN", "RETFIE", "RETLW"):
+        if last is not None and last.op in RETURNS:
             return 0
         return self._exit | W_BIT | self.foreign

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from servogen.compiler.ir.function import Function
-from servogen.compiler.ir.instruction import SKIPS
+from servogen.compiler.ir.instruction import JUMPING
 from servogen.compiler.ir.verifier import verify
 from servogen.compiler.passes.branch_simplify import short_branches
 from servogen.compiler.passes.copy_coalescing import coalesce_copies
@@ -97,5 +97,4 @@ class PassManager:
 
 def _jumps_by_hand(function: Function) -> bool:
     """Return whether a function contains assembly that jumps, so that its control flow is unknown."""
-    jumps = ("GOTO", "CALL", "RETURN", "RETLW", "RETFIE", *SKIPS)
-    return function.inline_asm and any(each.fixed and each.op in jumps for each in function.instructions())
+    return function.inline_asm and any(each.fixed and each.op in JUMPING for each in function.instructions())

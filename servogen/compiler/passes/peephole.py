@@ -9,10 +9,12 @@ from __future__ import annotations
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import IN_PLACE, Instruction, exposed
 from servogen.compiler.passes.liveness import C_BIT, D_BIT, W_BIT, Z_BIT, Liveness, is_private
+from servogen.pic.isa import literal_forms
 
 _COUNTS: dict[object, str] = {1: "INCF", 0xFF: "DECF"}
 """By the constant that is added."""
-_COMMUTING = {"ADDLW": "ADDWF", "ANDLW": "ANDWF", "IORLW": "IORWF", "XORLW": "XORWF"}
+_COMMUTING = {literal: file for file, literal in literal_forms().items() if file != "SUBWF"}
+"""Operations whose operands can be exchanged, by the literal form."""
 
 
 def peephole(function: Function) -> bool:

@@ -91,7 +91,7 @@ def _timed_run(lines: list[Line], first: int, last: int) -> bool:
 
 def is_timed(ins: Instruction) -> bool:
     """Return whether an instruction is a delay, constant or through a library routine."""
-    return ins.op == DELAY or (ins.op in ("CALL", "GOTO") and ins.target.startswith("__delay"))
+    return ins.op == DELAY or ins.target.startswith("__delay")
 
 
 def _common(lines: list[Line], one: int, two: int) -> int:

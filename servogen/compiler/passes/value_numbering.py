@@ -10,15 +10,27 @@ from __future__ import annotations
 from collections import Counter
 
 from servogen.compiler.ir.function import Block, Function
-from servogen.compiler.ir.instruction import DELAY, ENDS, FSR, INDF, Byte, Imm, Instruction, Loc
+from servogen.compiler.ir.instruction import (
+    BIT_TESTS,
+    DELAY,
+    ENDS,
+    FSR,
+    IDLE,
+    INDF,
+    Byte,
+    Imm,
+    Instruction,
+    Loc,
+)
 from servogen.compiler.passes.dead_code import remove
 from servogen.compiler.passes.liveness import Z_BIT, Liveness, is_private
+from servogen.pic.isa import literal_forms
 
 Value = Imm | int
 """A constant, or the number of something unknown."""
 State = dict[object, Value]
 _W = "W"
-_TO_LITERAL = {"ADDWF": "ADDLW", "ANDWF": "ANDLW", "IORWF": "IORLW", "XORWF": "XORLW", "SUBWF": "SUBLW"}
+_TO_LITERAL = literal_forms()
 
 
 def trackable(loc: object) -> bool:
@@ -81,7 +93,7 @@ class _Tracker:
                 self.arriving.setdefault(ins.target, []).append(dict(state))
                 self.seen[ins.target] = self.seen.get(ins.target, 0) + 1
             self._apply(ins, state)
-            if ins.fixed and ins.op not in ("NOP", "CLRWDT", "SLEEP"):
+            if ins.fixed and ins.op not in IDLE:
                 state.clear()  # assembly may reach variables by their addresses
 
     def _join(self, one: State | None, two: State | None) -> State | None:
@@ -113,7 +125,7 @@ class _Tracker:
 
     def _apply(self, ins: Instruction, state: State) -> None:
         op = ins.op
-        if op in ("NOP", "CLRWDT", "SLEEP") or op in ENDS:
+        if op in IDLE or op in ENDS:
             return
         if op == "CALL":
             # the callee may change everything except the private bytes of this function
@@ -144,7 +156,7 @@ class _Tracker:
     def _result(self, ins: Instruction, state: State) -> Value:
         """Return the value number of a result; the same operation on the same values has the same number."""
         other: object
-        if ins.op in _TO_LITERAL.values() or ins.op == "SUBLW":
+        if ins.op in _TO_LITERAL.values():
             other = Imm(ins.k)
         elif ins.op in _TO_LITERAL and trackable(ins.f):
             other = self.value(state, ins.f)
@@ -202,7 +214,7 @@ class _Tracker:
                 ins.op, ins.f, ins.k = _TO_LITERAL[ins.op], None, known.value
                 self.changed = True
                 return
-        only_reads = ins.reads_f and not ins.writes_f and (not ins.skips or ins.op in ("BTFSC", "BTFSS"))
+        only_reads = ins.reads_f and not ins.writes_f and (not ins.skips or ins.op in BIT_TESTS)
         if only_reads and isinstance(ins.f, Byte) and ins.f.symbol.kind == "temp":
             self._original(ins, state)
 

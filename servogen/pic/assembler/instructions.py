@@ -19,7 +19,7 @@ from servogen.pic.assembler.expressions import Expression, Name, Number, Parser,
 from servogen.pic.assembler.messages import Diagnostic, Level, SourceError
 from servogen.pic.assembler.text import IDENTIFIER, Text
 from servogen.pic.device import PROGRAM_WORDS
-from servogen.pic.isa import TRIS_PORTS, Instruction, by_mnemonic, encode
+from servogen.pic.isa import LEGACY, TRIS_PORTS, Instruction, by_mnemonic, encode
 
 DEFAULT_RADIX = 16
 """MPASM's."""
@@ -182,7 +182,7 @@ def encode_instruction(instruction: ParsedInstruction, scope: Scope) -> tuple[in
 
     name, row = instruction.mnemonic, instruction.row
     fields: dict[str, int] = {}
-    if name in ("OPTION", "TRIS"):
+    if row in LEGACY:
         remark("warning", 224, f"{name} is not recommended: write the register in bank 1")
     if name == "TRIS":
         fields["f"] = _port(value(instruction.f), instruction.place, remark)
@@ -196,8 +196,7 @@ def encode_instruction(instruction: ParsedInstruction, scope: Scope) -> tuple[in
             remark("warning", 202, f"there is no bit {bit}: its least significant bits are used")
         fields["b"] = bit & 7
     if "k" in row.operands:
-        target = name in ("CALL", "GOTO")
-        fields["k"] = (_target if target else _literal)(value(instruction.k), remark)
+        fields["k"] = (_target if row.has_target else _literal)(value(instruction.k), remark)
     return encode(name, **fields), tuple(remarks)
 
 

@@ -37,9 +37,9 @@ def _starts(words: Mapping[int, int], labels: Mapping[int, str]) -> dict[int, st
         del starts[INTERRUPT_VECTOR]  # the program runs through the vector: it has no interrupt routine
     for address, word in words.items():
         decoded = decode(word)
-        if decoded is None or decoded.instruction.mnemonic not in ("CALL", "GOTO"):
+        if decoded is None or not decoded.instruction.has_target:
             continue
-        called = decoded.instruction.mnemonic == "CALL"
+        called = decoded.instruction.flow == "call"
         if called or address in VECTORS:
             starts.setdefault(decoded.k, labels.get(decoded.k, f"at_{decoded.k:03x}"))
     return starts
