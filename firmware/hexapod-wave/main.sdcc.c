@@ -36,7 +36,7 @@ void _sdcc_gsinit_startup(void)
 static __code const unsigned char SLOT_A[] = { 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00 };
 static __code const unsigned char SLOT_B[] = { 0x02, 0x08, 0x20, 0x80, 0x02, 0x08, 0x00 };
 static __code const unsigned char SLOT_PORT[] = { 0x06, 0x06, 0x06, 0x06, 0x05, 0x05, 0x06 };
-static __code const unsigned char SLOT_TICKS[] = { 153, 75, 75, 75, 75, 75, 97 };
+static __code const unsigned char SLOT_TICKS[] = { 156, 73, 73, 73, 70, 70, 110 };
 static __code const unsigned char SLOT_CHANNEL[] = { 0, 2, 4, 6, 8, 10, 0 };
 
 /* Parts of the motion: frames (0 is 256), repeats, time of a frame in 256ths of a keyframe, keyframes that go round, row. */

@@ -19,7 +19,7 @@
 const unsigned char SLOT_A[] = { 0x01, 0x04, 0x00, 0x00 };
 const unsigned char SLOT_B[] = { 0x02, 0x08, 0x00, 0x00 };
 const unsigned char SLOT_PORT[] = { 0x06, 0x06, 0x06, 0x06 };
-const unsigned char SLOT_TICKS[] = { 145, 90, 178, 212 };
+const unsigned char SLOT_TICKS[] = { 150, 85, 178, 212 };
 const unsigned char SLOT_CHANNEL[] = { 0, 2, 0, 0 };
 
 /* Parts of the motion: frames (0 is 256), repeats, time of a frame in 256ths of a keyframe, keyframes that go round, row. */

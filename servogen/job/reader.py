@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from servogen.engines.player.layout import layout
 from servogen.errors import InputError, Location
 from servogen.job.buttons import buttons_of
 from servogen.job.job import Firmware, Job
@@ -18,7 +17,6 @@ from servogen.job.servos import servos_of
 from servogen.job.streams import stream_of
 from servogen.pic.device import Device, device
 from servogen.pulse.slots import Frame, rises
-from servogen.robot.servo import Servo
 from servogen.toml import file as toml_file
 from servogen.toml.file import Document, exact
 from servogen.units import Clock
@@ -59,8 +57,8 @@ def _job(document: Document) -> Job:
     rig = rig_of(document, table, servos)
     frame = _frame(document, table, clock)
     stream = stream_of(document, table, servos, clock)
-    if stream is None:
-        _check_frame(table.firmware.engine, servos, frame, clock)
+    if stream is None and table.firmware.engine == "sequence":
+        rises(servos, frame, clock)
     return Job(
         name=_name(document),
         document=document,
@@ -158,19 +156,3 @@ def _frame(document: Document, table: JobTable, clock: Clock) -> Frame:
         table.frame.most_together,
         document.place("frame", "period_us"),
     )
-
-
-def _check_frame(engine: str, servos: tuple[Servo, ...], frame: Frame, clock: Clock) -> None:
-    """The pulses fit a frame in the slots of the job's engine; of `auto`, in those of one of them."""
-    if engine == "player":
-        layout(servos, frame, clock)
-        return
-    try:
-        rises(servos, frame, clock)
-    except InputError as refused:
-        if engine == "sequence":
-            raise
-        try:
-            layout(servos, frame, clock)
-        except InputError:
-            raise refused from None

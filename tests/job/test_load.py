@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from servogen.build import planned
 from servogen.errors import InputError
 from servogen.job import PlannedJob, load, loads, plan_job, template
 from servogen.pulse import plan
@@ -160,14 +161,17 @@ def test_facts_of_a_servo_can_be_given_in_the_job() -> None:
             "22:1: frame.period: 'period' has no unit: write period_us",
         ),
         ("period_us = 20_000", "period_ms = 20", "'period_ms' is not taken in ms: write period_us"),
-        ("period_us = 20_000", "period_us = 3_000", "22:1: frame.period_us: the pulses do not fit a frame"),
         ("period_us = 20_000", "period_us = 1e-9", "1e-09 µs is no longer than a pulse"),
         (
             "period_us = 20_000",
             "period_us = 20",
             "period_us: 20 µs is no longer than a pulse\n  20 ms are 20_000",
         ),
-        ("period_us = 20_000", "period_us = 3_000", "the pulses do not fit a frame"),
+        (
+            "[frame]\nperiod_us = 20_000",
+            '[firmware]\nengine = "sequence"\n[frame]\nperiod_us = 3_000',
+            "frame.period_us: the pulses do not fit a frame",
+        ),
         ("clock_hz = 4_000_000", "clock_hz = 4", "clock_hz: 4 Hz is slower than any crystal"),
         ("clock_hz = 4_000_000", "clock_hz = 4e6", "without a point and an exponent: 4_000_000"),
         (
@@ -185,6 +189,12 @@ def test_facts_of_a_servo_can_be_given_in_the_job() -> None:
 )
 def test_what_is_wrong_is_said_with_its_place(old: str, new: str, says: str) -> None:
     assert says in error_of(changed((old, new)))
+
+
+def test_a_frame_too_short_for_the_motions_pulses_is_refused_when_it_is_planned() -> None:
+    job = plan_job(loads(changed(("period_us = 20_000", "period_us = 2_000")), "job.toml"))
+    with pytest.raises(InputError, match=r"22:1: frame\.period_us: the pulses do not fit a frame"):
+        planned(job)
 
 
 def test_a_foot_position_needs_a_leg() -> None:

@@ -1,6 +1,7 @@
 """Slots of the player: two servos of one port share a slot and begin together, or shortly after each other.
 
-In: the servos and the frame. Out: `Layout`: the slots in order, and how many ticks of TMR0 apart they begin.
+In: the servos, the pulses that their motion uses, and the frame. Out: `Layout`: the slots in order, and how
+many ticks of TMR0 apart they begin.
 
     |<----- slot ----->|<----- slot ----->|<-- the rest: the C's time -->|
     |‾‾‾‾‾‾‾|__________|‾‾‾‾‾‾‾‾‾‾|_______|______________________________|
@@ -52,6 +53,10 @@ WATCHDOG_US = Fraction(6900)
 
 MOST_TRIM = Cycles(127)
 """What the trim in the EEPROM can add to a pulse."""
+
+MARGIN_US = Fraction(20)
+"""What a slot has left beyond the motion's longest pulse and its trim, as far as the servo's limits allow:
+a stance or a pose that is changed by so little keeps every slot where it is."""
 
 LEAST_WIDTH = Cycles(192)
 """The kernel's way from the rise to the first fall, a stagger, and the shortest trim."""
@@ -120,34 +125,48 @@ def _room(slot: Slot, following: Slot, tick: Cycles) -> Cycles:
     return Cycles(following.ticks * tick - 1 - to_rise(tick) - slot.longest - TAIL)
 
 
-def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, shift: int = 0) -> Layout:
-    """The slots of `servos`, two of a port at a time by order of pins. Raises InputError.
+@dataclass(frozen=True, slots=True)
+class Used:
+    """The shortest and the longest pulse of a servo's motion, without the trim of the EEPROM."""
 
-    Keyframes are in steps of 2**shift cycles.
+    shortest: Cycles
+    longest: Cycles
+
+    def room(self, servo: Servo, clock: Clock) -> Cycles:
+        """Return the length that a slot keeps for the servo's pulse: with a margin, within its limits."""
+        margin = self.longest + clock.round_us(MARGIN_US).cycles
+        return Cycles(max(self.longest, min(margin, clock.round_us(servo.widths_us[1]).cycles)))
+
+
+def layout(
+    servos: Sequence[Servo], used: Sequence[Used], frame: Frame, clock: Clock, shift: int = 0
+) -> Layout:
+    """Return the slots of `servos`, two of a port at a time by order of pins. Raises InputError.
+
+    `used` are the pulses of the motion, one entry for each servo; steps of a byte are 2**shift cycles.
     """
     motion_c = FRAME_C + len(servos) * (CHANNEL_C + shift * DOUBLING_C)
     motion_c += BUTTONS_C if len(servos) < len(PINS) else 0
     stagger = STAGGER if frame.most_together == 1 else NONE
-    for each in servos:
-        if clock.round_us(each.widths_us[0]).cycles < LEAST_WIDTH:
+    for servo, widths in zip(servos, used, strict=True):
+        if widths.shortest < LEAST_WIDTH:
             raise InputError(
                 "pulse-too-short",
-                f"{each.name}: a pulse of {each.widths_us[0]:g} µs is "
-                f"{clock.round_us(each.widths_us[0]).cycles} cycles, the player's least is {LEAST_WIDTH}",
-                each.place,
-                "take a faster clock, or narrow the servo's limits",
+                f"{servo.name}: a pulse of {float(clock.us(widths.shortest)):g} µs is "
+                f"{widths.shortest} cycles, the player's minimum is {LEAST_WIDTH}",
+                servo.place,
+                "choose a faster clock",
             )
     pairs = _pairs(servos)
     longest = tuple(
-        Cycles(
-            max(clock.round_us(servos[channel].widths_us[1]).cycles for channel in pair) + MOST_TRIM + stagger
-        )
+        Cycles(max(used[channel].room(servos[channel], clock) for channel in pair) + MOST_TRIM + stagger)
         for _, pair in pairs
     )
     fed = clock.round_us(WATCHDOG_US).cycles
     for tick, most, ease in product(TICKS, (fed, None), EASES):
         size = _Frame(longest, ease[0] * SLOT_C, ease[1] * motion_c, tick, frame.period.cycles)
-        ticks = size.ticks(most)
+        # What other compilers' code might need must not keep the watchdog waiting.
+        ticks = size.ticks(most, exceed=ease == EASES[-1])
         if ticks is not None:
             waits = [Slot("B", (), wait) for wait in ticks[len(pairs) :]]
             found = [
@@ -162,7 +181,7 @@ def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, shift: int = 0) 
         f"take {least} cycles, {float(clock.us(least)):g} µs; a frame is {frame.period.cycles} cycles, "
         f"{float(frame.period.achieved_us):g} µs",
         frame.place,
-        "lengthen period_us, take a faster clock, or narrow the servos' limits",
+        "lengthen period_us, or choose a faster clock",
     )
 
 
@@ -205,10 +224,11 @@ class _Frame:
             last, self.slot_c + self.frame_c
         )
 
-    def ticks(self, fed: int | None) -> list[int] | None:
-        """The ticks before each slot, and before each that only waits; None where they do not fit.
+    def ticks(self, fed: int | None, *, exceed: bool) -> list[int] | None:
+        """Return the ticks before each slot and each waiting slot; None where they do not fit.
 
-        `fed`: the cycles within which the kernel must clear the watchdog; None where nobody asks.
+        `fed`: the cycles within which the kernel must clear the watchdog; None for no such limit. With
+        `exceed`, the time reserved for the C may be longer than that.
         """
         slots = [self.whole(each, self.slot_c) for each in self.longest]
         rest = round(self.period / self.tick) - sum(slots[:-1])
@@ -216,7 +236,8 @@ class _Frame:
         while sum(least) <= rest or len(least) == 1:
             most = [self._most(part, 0, fed) for part in least[:-1]]
             most.append(self._most(least[-1], self.longest[0], fed))
-            if sum(least) <= rest <= sum(most) and max(*slots, *most) <= MOST_TICKS:
+            late = not exceed and any(part > self._limit(0, fed) for part in least)
+            if not late and sum(least) <= rest <= sum(most) and max(*slots, *most) <= MOST_TICKS:
                 parts = _filled(least, most, rest)
                 # Ticks are counted from the slot before: the first slot's are the last of the rest.
                 return [parts[-1], *slots[:-1], *parts[:-1]]
@@ -226,8 +247,11 @@ class _Frame:
 
     def _most(self, least: int, pulse: int, fed: int | None) -> int:
         """The ticks of a part at most: in its waiting and the pulse after it nothing clears the watchdog."""
+        return max(least, self._limit(pulse, fed))
+
+    def _limit(self, pulse: int, fed: int | None) -> int:
         cycles = MOST_TICKS * self.tick if fed is None else fed - to_rise(Cycles(self.tick)) - pulse
-        return max(least, min(MOST_TICKS, cycles // self.tick))
+        return min(MOST_TICKS, cycles // self.tick)
 
 
 def _filled(least: list[int], most: list[int], whole: int) -> list[int]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from servogen.engines.player.fitting import Part, fitting, pooled, scale_of, sections
 from servogen.engines.player.interpolation import Whole
-from servogen.engines.player.layout import Layout, layout
+from servogen.engines.player.layout import Layout, Used, layout
 from servogen.engines.player.notes import rows_of, warnings_of
 from servogen.errors import InputError
 from servogen.motion.trajectory import Floats, JointTrajectory
@@ -65,7 +65,6 @@ def playing(
     ]
     loop = sections(rows[start:], rows[start])
     scale = scale_of(pulsed, [*lead, *loop])
-    slots = layout(servos, frame, clock, scale.shift)
     made = fitting((*lead, *loop), scale, clock, len(lead))
     pool, parts = pooled(made)
     every = np.concatenate([np.tile(each.widths, (each.stretch.repeats, 1)) for each in made])
@@ -73,6 +72,8 @@ def playing(
         [np.full(each.stretch.frames * each.stretch.repeats, not each.stretch.silent) for each in made]
     )
     first_loop = sum(each.stretch.frames * each.stretch.repeats for each in made[: len(lead)])
+    used = [Used(Cycles(int(each.min())), Cycles(int(each.max()))) for each in every[heard].T]
+    slots = layout(servos, used, frame, clock, scale.shift)
     channels = tuple(Channel(servo.name, servo.pin, servo.model.name) for servo in servos)
     rises = [slots.rise(channel) for channel in range(len(servos))]
     schedule = PulseSchedule(

@@ -1,24 +1,36 @@
 """The player at every clock: as many servos as fit, every edge exact; the arithmetic where they do not."""
 
 import re
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
 
+from servogen.build import prove, running
 from servogen.engines.player.engine import play
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
-from servogen.units import Clock
-from tests.engines.player.player_jobs import built_text, job_text, sweep
+from servogen.units import Clock, Cycles
+from tests.engines.player.player_jobs import built_text, job_text, poses, sweep, trimmed
 
 TABLE = ((1, 6, 32), (2, 10, 32), (4, 13, 32), (8, 13, 32), (10, 13, 32), (16, 13, 32), (20, 13, 64))
 """MHz, servos with pulses of up to 2 ms, cycles of a tick."""
 
 
-def text(mhz: int, servos: int, **more: object) -> str:
+def text(
+    mhz: int,
+    servos: int,
+    *,
+    full: tuple[float, float] | None = None,
+    limits: tuple[float, float] = (10, 160),
+    **more: object,
+) -> str:
+    """A job in which neighbours cross; with `full`, every servo goes from one angle to the other."""
+    motion = sweep(servos, 1.28) if full is None else poses([[end] * servos for end in full], 1.28)
     return job_text(
         servos,
-        sweep(servos, 1.28),
+        motion,
+        limits=limits,
         clock_hz=mhz * 1_000_000,
         firmware="soft_start_s = 0.16",
         **more,  # type: ignore[arg-type]
@@ -47,7 +59,7 @@ def test_every_edge_is_exact(mhz: int, servos: int, tick: int) -> None:
 @pytest.mark.parametrize(("mhz", "servos"), [(1, 7), (1, 13), (2, 11)])
 def test_more_than_fits_is_refused_with_the_arithmetic(mhz: int, servos: int) -> None:
     with pytest.raises(InputError) as refused:
-        plan_job(loads(text(mhz, servos), "job.toml"))
+        play(plan_job(loads(text(mhz, servos, full=(10, 160)), "job.toml")))
     found = re.search(
         r"those of (\d+) servos.*take (\d+) cycles.*a frame is (\d+) cycles", str(refused.value)
     )
@@ -61,17 +73,51 @@ def test_more_than_fits_is_refused_with_the_arithmetic(mhz: int, servos: int) ->
 
 @pytest.mark.parametrize(("mhz", "servos"), [(1, 6), (2, 9), (4, 12), (8, 13), (20, 13)])
 def test_how_many_servos_with_pulses_of_2_ms_fit(mhz: int, servos: int) -> None:
-    _, played = play(plan_job(loads(text(mhz, servos, limits=(10, 180)), "job.toml")))
+    ends = (10.0, 180.0)
+    _, played = play(plan_job(loads(text(mhz, servos, full=ends, limits=ends), "job.toml")))
     assert len(played.layout.order) == servos
     if servos < 13:
         with pytest.raises(InputError, match="do not fit a frame"):
-            play(plan_job(loads(text(mhz, servos + 1, limits=(10, 180)), "job.toml")))
+            play(plan_job(loads(text(mhz, servos + 1, full=ends, limits=ends), "job.toml")))
+
+
+def test_slots_are_as_long_as_the_motion_needs_whatever_the_servos_limits_are() -> None:
+    """Twelve servos of 550 to 2400 µs whose motion uses 760 to 2200 µs fit 20 ms, whatever their trims."""
+    wide = "points = [{ angle_deg = 0, width_us = 550 }, { angle_deg = 180, width_us = 2400 }]\n"
+    angles = [180 * (width - 550) / 1850 for width in (760, 2200)]
+    made = text(4, 12, full=(angles[0], angles[1]), limits=(0, 180))
+    made = made.replace('model = "futaba-s3001"\n', f'model = "futaba-s3001"\n{wide}')
+    done = built_text(made)
+    assert done.proven
+    _, played = play(done.job)
+    longest = [slot.longest for slot in played.layout.slots if slot.channels]
+    # The longest pulse (within a cycle), the margin of 20 µs, and the longest trim: not the limit of 2400.
+    assert all(abs(each - (2200 + 20 + 127)) <= 4 for each in longest)
+    most = dict.fromkeys(range(12), 127)
+    schedule = trimmed(done.plan.schedule, most)
+    span = Cycles(200 * schedule.period)
+    for program in done.programs:
+        verdict = prove(schedule, running(schedule, replace(program.image, eeprom=most), span), span)
+        assert verdict.worst_edge_error == 0, verdict.reasons
+    # A motion that uses all of the limits does not fit.
+    with pytest.raises(InputError, match="do not fit a frame"):
+        play(plan_job(loads(made.replace(f"{angles[1]:g}", "180"), "job.toml")))
+
+
+def test_a_servos_limits_bound_its_slot() -> None:
+    """A motion that ends 5 µs below the limit has a margin of 5 µs."""
+    top = 160 - 5 / (1000 / 180)
+    _, played = play(plan_job(loads(text(4, 2, full=(10.0, top)), "job.toml")))
+    # futaba-s3001: 1000 to 2000 µs over 180°.
+    limit = 1000 + 160 * 1000 / 180
+    assert played.layout.slots[0].longest == round(limit) + 127
 
 
 def test_the_refusal_counts_whole_ticks() -> None:
     # In cycles the pulses and the C would be 4 less than a frame; slots begin at ticks.
     with pytest.raises(InputError) as refused:
-        plan_job(loads(text(4, 13, limits=(10, 162), frame="most_together = 1"), "job.toml"))
+        ends = (10.0, 162.0)
+        play(plan_job(loads(text(4, 13, full=ends, limits=ends, frame="most_together = 1"), "job.toml")))
     found = re.search(r"take (\d+) cycles.*a frame is 20000 cycles", str(refused.value))
     assert found and int(found[1]) > 20_000 and int(found[1]) % 32 == 0
 
