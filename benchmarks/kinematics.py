@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from servogen.errors import ServogenError, ToolError
+from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk, fk_position
 from servogen.kinematics.inverse.numerical import limits, search
 from servogen.kinematics.inverse.solve import ik, solve
 from servogen.kinematics.transforms import Floats
 from servogen.robot.model import Arm
-from servogen.robot.robots import arm
 
 POSES = 100_000
 DEMANDS = {"FK against DHRobot.fkine": 50.0, "FK against ets.eval": 5.0, "IK against ik_LM": 30.0}

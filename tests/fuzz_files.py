@@ -208,8 +208,8 @@ def session() -> bytes:
 
 
 def urdfs() -> Sequence[bytes]:
+    from servogen.kinematics.catalogue import arm
     from servogen.kinematics.urdf import to_urdf
-    from servogen.robot.robots import arm
 
     return [to_urdf(arm(name)).encode() for name in ("anthropomorphic", "wrist-arm")]
 

@@ -9,9 +9,10 @@ from pydantic import BaseModel
 
 from servogen.job import load, plan_job
 from servogen.job.schema import JobTable
+from servogen.kinematics.catalogue import robot
 from servogen.kinematics.forward import fk_position
-from servogen.robot.model import Arm, Hexapod
-from servogen.robot.robots import robot
+from servogen.kinematics.hexapod import Hexapod
+from servogen.robot.model import Arm
 from servogen.robot.servo_models import ModelTable
 
 PAGE = (Path(__file__).parent.parent / "docs" / "job.md").read_text()

@@ -13,12 +13,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from servogen.kinematics import omni
+from servogen.kinematics.catalogue import arm, robot
 from servogen.kinematics.forward import fk_position, link_frames
-from servogen.kinematics.hexapod import to_body
+from servogen.kinematics.hexapod import Hexapod
 from servogen.kinematics.inverse.solve import ik_all
 from servogen.kinematics.leg import Leg
-from servogen.robot.model import Hexapod, OmniBase
-from servogen.robot.robots import arm, robot
+from servogen.kinematics.omni import OmniBase
+from servogen.kinematics.transforms import to_body
 
 HERE = Path(__file__).parent
 GREY, BLUE, RED = "0.35", "tab:blue", "tab:red"
@@ -122,7 +123,7 @@ def omni_motions() -> None:
     figure, grid = plt.subplots(3, 9, figsize=(13, 5), layout="constrained")
     letter = {1: "+", 0: "0", -1: "-"}
     for axes, row in zip(grid.flat, omni.table(), strict=True):
-        vx, vy, turn = omni.body_speed(base, 4.0 * np.array(row.signs))
+        vx, vy, turn = base.body_speed(4.0 * np.array(row.signs))
         times = np.linspace(0, 2, 60)
         angle = turn * times
         x = np.cumsum(vx * np.cos(angle) - vy * np.sin(angle)) * times[1]

@@ -13,11 +13,11 @@ from servogen.cli.options import Json
 from servogen.cli.show import as_json, status, warn_of_all
 
 if TYPE_CHECKING:
+    from servogen.kinematics.protocol import WalkingRobot
     from servogen.motion.gait.phases import Gait
     from servogen.motion.gait.walk import Walk
     from servogen.motion.loads import Loads
     from servogen.report.gait_facts import GaitFacts
-    from servogen.robot.model import Hexapod
     from servogen.robot.servo import ServoModel
 
 CLOCK_HZ = 4_000_000
@@ -101,7 +101,7 @@ def gait(
     from fractions import Fraction
 
     from servogen.errors import InputError, Location
-    from servogen.motion.gait.footwork import Posture
+    from servogen.kinematics.protocol import Posture
     from servogen.motion.gait.steps import Segment
     from servogen.motion.gait.walk import walk
     from servogen.motion.limits import Limits
@@ -149,7 +149,7 @@ def gait(
         as_json(walk_as_dict(walker, rhythm, made, facts, loads))
     else:
         show_walk(walker, rhythm, made, facts)
-        warn_of_all(_too_heavy(loads, walker.leg.joints[1].name, model))
+        warn_of_all(_too_heavy(loads, walker.lifting_joint, model))
 
 
 def _too_heavy(loads: Loads | None, joint: str, model: ServoModel) -> list[str]:
@@ -170,13 +170,13 @@ def _metres(millimetres: float | None) -> float | None:
     return None if millimetres is None else millimetres / 1000
 
 
-def _robot(name: str) -> Hexapod:
+def _robot(name: str) -> WalkingRobot:
     from servogen.errors import InputError
-    from servogen.robot.model import Hexapod
-    from servogen.robot.robots import robot
+    from servogen.kinematics.catalogue import robot
+    from servogen.kinematics.protocol import WalkingRobot
 
     found = robot(name)
-    if not isinstance(found, Hexapod):
+    if not isinstance(found, WalkingRobot):
         raise InputError(
             "not-a-walker",
             f"{found.name} does not walk",
@@ -186,13 +186,12 @@ def _robot(name: str) -> Hexapod:
 
 
 def _gait(
-    robot: Hexapod, name: str, duty: float | None, lifts: str | None, leg: str | None
-) -> tuple[Gait, Hexapod]:
+    robot: WalkingRobot, name: str, duty: float | None, lifts: str | None, leg: str | None
+) -> tuple[Gait, WalkingRobot]:
     """The gait, and the robot with the legs that walk."""
     from servogen.errors import InputError, Location
     from servogen.motion.gait.phases import Gait, custom
     from servogen.motion.gait.phases import gait as named
-    from servogen.motion.gait.walk import one_leg
 
     if (duty is None) != (lifts is None):
         raise InputError(
@@ -206,7 +205,7 @@ def _gait(
     )
     if leg is None:
         return rhythm, robot
-    walker = one_leg(robot, leg)
+    walker = robot.with_leg(leg)
     return Gait(rhythm.name, rhythm.duty, tuple(each for each in rhythm.lifts if each[0] == leg)), walker
 
 
@@ -230,7 +229,7 @@ def _phases(text: str) -> dict[str, float] | list[float]:
 
 
 def _write(
-    robot: Hexapod,
+    robot: WalkingRobot,
     rhythm: Gait,
     made: Walk,
     facts: GaitFacts,

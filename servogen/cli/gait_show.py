@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 from servogen.cli.show import table
 
 if TYPE_CHECKING:
+    from servogen.kinematics.protocol import WalkingRobot
     from servogen.motion.gait.phases import Gait
     from servogen.motion.gait.walk import Walk
     from servogen.motion.loads import Loads
     from servogen.report.gait_facts import GaitFacts
-    from servogen.robot.model import Hexapod
 
 
-def show_walk(robot: Hexapod, rhythm: Gait, made: Walk, facts: GaitFacts) -> None:
+def show_walk(robot: WalkingRobot, rhythm: Gait, made: Walk, facts: GaitFacts) -> None:
     """The gait's table, the joints', stability and springs."""
     from servogen.report.gait_facts import diagram
 
@@ -59,7 +59,7 @@ def show_walk(robot: Hexapod, rhythm: Gait, made: Walk, facts: GaitFacts) -> Non
 
 
 def walk_as_dict(
-    robot: Hexapod, rhythm: Gait, made: Walk, facts: GaitFacts, loads: Loads | None
+    robot: WalkingRobot, rhythm: Gait, made: Walk, facts: GaitFacts, loads: Loads | None
 ) -> dict[str, object]:
     """Return the walk in metres, radians, seconds and N·m."""
     worst = loads.worst if loads else None

@@ -45,9 +45,9 @@ def run_program(
     """Run a program of the arm command language: when it moves where, and what it writes to its port."""
     from fractions import Fraction
 
+    from servogen.kinematics.catalogue import arm
     from servogen.movemaster import Budget, input_of, manipulator, read, run
     from servogen.outputs import write_text
-    from servogen.robot.robots import arm
     from servogen.units import Clock, Cycles
 
     source, chosen = read(file), arm(robot)

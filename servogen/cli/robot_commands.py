@@ -61,7 +61,7 @@ def robots(
 
 def _write_urdf(name: str | None, path: Path) -> None:
     from servogen.errors import InputError
-    from servogen.kinematics.named import arm
+    from servogen.kinematics.catalogue import arm
     from servogen.kinematics.urdf import to_urdf
     from servogen.outputs import write_text
 
@@ -116,7 +116,7 @@ def ik(
 ) -> None:
     """Inverse kinematics: the joint positions that reach a target."""
     from servogen.kinematics import queries
-    from servogen.kinematics.named import arm
+    from servogen.kinematics.catalogue import arm
 
     answer = queries.ik_answer(name, target, everything)
     if json:

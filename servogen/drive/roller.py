@@ -14,9 +14,8 @@ import numpy as np
 from servogen.drive.commands import STOP, WAYS, Rates, unknown
 from servogen.errors import InputError
 from servogen.job import PlannedJob
-from servogen.kinematics.omni import body_speed, wheel_speeds
+from servogen.kinematics.protocol import DrivingRobot
 from servogen.motion.trajectory import Floats
-from servogen.robot.model import OmniBase
 
 RAMP_S = 0.2
 """From one speed of the base to another."""
@@ -24,10 +23,10 @@ RAMP_S = 0.2
 DEFAULT_TURN_DEG_S = 45.0
 
 
-def roller(job: PlannedJob, base: OmniBase, rates: Rates) -> Roller:
+def roller(job: PlannedJob, base: DrivingRobot, rates: Rates) -> Roller:
     """The ways that the wheels' servos allow; at least one of them."""
-    columns = [[servo.name for servo in job.servos].index(name) for name in job.wheels]
-    moving = body_speed(base, np.nan_to_num(job.trajectory.angles[:, columns]))
+    columns = job.wheel_columns
+    moving = base.body_speed(np.nan_to_num(job.trajectory.angles[:, columns]))
     speed = float(np.hypot(moving[:, 0], moving[:, 1]).max())
     if rates.way_mm is not None:
         speed = rates.way_mm / 1000
@@ -35,8 +34,8 @@ def roller(job: PlannedJob, base: OmniBase, rates: Rates) -> Roller:
     speeds, refused = {}, None
     for word, (x, y, z) in WAYS.items():
         wheels = np.zeros(len(job.servos))
-        wheels[columns] = wheel_speeds(base, (x * speed, y * speed, z * turn))
         try:
+            wheels[columns] = base.wheel_speeds((x * speed, y * speed, z * turn))
             for servo, each in zip(job.servos, wheels.tolist(), strict=True):
                 servo.width_us(each)
             speeds[word] = wheels

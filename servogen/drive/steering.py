@@ -11,15 +11,15 @@ from servogen.drive.roller import roller
 from servogen.drive.walker import walker
 from servogen.errors import InputError, Location
 from servogen.job import PlannedJob
-from servogen.robot.model import Hexapod, OmniBase
+from servogen.kinematics.protocol import WalkingRobot
 
 
 def steering_of(job: PlannedJob, rates: Rates) -> Steering:
     """Raises InputError where the robot cannot go any of the ways, or has nothing to be steered by."""
-    if isinstance(job.robot, Hexapod) and not job.poses:
-        return walker(job, rates)
-    if isinstance(job.robot, OmniBase) and job.wheels:
-        return roller(job, job.robot, rates)
+    if isinstance(job.robot, WalkingRobot) and not job.poses:
+        return walker(job, job.robot, rates)
+    if job.base is not None:
+        return roller(job, job.base, rates)
     if job.poses or job.stream is not None:
         return Poser(job)
     raise InputError(

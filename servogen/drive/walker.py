@@ -17,6 +17,7 @@ from servogen.drive.commands import STOP, WAYS, Rates, unknown
 from servogen.drive.motions import frame_at
 from servogen.errors import InputError, Location
 from servogen.job import PlannedJob, plan_job
+from servogen.kinematics.protocol import WalkingRobot
 from servogen.motion.trajectory import Floats
 
 OVER_FRAMES = 10
@@ -38,16 +39,18 @@ class Gait:
     stop: Floats
 
 
-def walker(job: PlannedJob, rates: Rates) -> Walker:
+def walker(job: PlannedJob, robot: WalkingRobot, rates: Rates) -> Walker:
     """The ways that the legs allow; at least one of them."""
     gaits, refused = {}, None
     for word, (x, y, turn) in WAYS.items():
-        if y:  # legs of two joints swing forward and lift: they cannot step aside
+        if y and not robot.sidesteps:
             continue
         stride = DEFAULT_STRIDE_MM if rates.way_mm is None else rates.way_mm
         angle = DEFAULT_TURN_DEG if rates.turn_deg is None else rates.turn_deg
         try:
-            gaits[word] = _gait(job, {"forward_mm": x * stride, "turn_deg": turn * angle})
+            gaits[word] = _gait(
+                job, {"forward_mm": x * stride, "left_mm": y * stride, "turn_deg": turn * angle}
+            )
         except InputError as error:
             refused = refused or error
     if refused and not gaits:

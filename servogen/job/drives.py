@@ -14,10 +14,10 @@ import numpy as np
 from servogen.errors import Caution, InputError, did_you_mean
 from servogen.job.job import Job
 from servogen.job.schema import DriveTable
+from servogen.kinematics.protocol import DrivingRobot
 from servogen.motion import JointTrajectory, Planned
-from servogen.motion.omni import Drive, contour, drive, positions
+from servogen.motion.drive import Drive, drive, positions
 from servogen.motion.trajectory import Floats
-from servogen.robot.model import OmniBase
 from servogen.robot.servo import Servo
 from servogen.toml.file import Document, exact
 from servogen.units import Clock
@@ -30,15 +30,14 @@ def drive_of(
     """Returns the drive along the contour. Raises InputError."""
     document, robot, servos = job.document, job.robot, job.servos
     period, clock = job.frame.period.cycles, job.clock
-    if not isinstance(robot, OmniBase):
+    if not isinstance(robot, DrivingRobot):
         raise document.error(
-            "missing-robot", ("drive",), "a drive needs an omni base", 'add [robot] name = "omni"'
+            "missing-robot", ("drive",), "a drive needs a robot on wheels", 'add [robot] name = "omni"'
         )
-    wheels = _wheels(document, table, servos)
+    wheels = _wheels(document, table, robot, servos)
     try:
         made = drive(
-            robot,
-            contour(robot, [(x / 1000, y / 1000) for x, y in table.corners_mm], table.directions),
+            robot.route([(x / 1000, y / 1000) for x, y in table.corners_mm], table.directions),
             table.speed_mm_s / 1000,
             period,
             clock,
@@ -59,8 +58,16 @@ def drive_of(
     return Planned(JointTrajectory(names, clock, period, angles, made.trajectory.loop_start), notes=notes)
 
 
-def _wheels(document: Document, table: DriveTable, servos: Sequence[Servo]) -> tuple[Servo, ...]:
-    """The servos of the wheels 1, 2 and 3: three, continuous, and all that there are."""
+def _wheels(
+    document: Document, table: DriveTable, robot: DrivingRobot, servos: Sequence[Servo]
+) -> tuple[Servo, ...]:
+    """Return the servos of the wheels 1, 2, …: as many as the robot has, continuous, and all of the job's."""
+    if len(table.wheels) != robot.wheel_count:
+        raise document.error(
+            "wrong-count",
+            ("drive", "wheels"),
+            f"{robot.name} has {robot.wheel_count} wheels, not {len(table.wheels)}",
+        )
     by_name = {servo.name: servo for servo in servos}
     for index, name in enumerate(table.wheels):
         key = ("drive", "wheels", index)
@@ -80,7 +87,9 @@ def _wheels(document: Document, table: DriveTable, servos: Sequence[Servo]) -> t
     for index, servo in enumerate(servos):
         if servo.name not in table.wheels:
             raise document.error(
-                "servo-unbound", ("servo", index), f"{servo.name} turns no wheel: the base has three"
+                "servo-unbound",
+                ("servo", index),
+                f"{servo.name} turns no wheel: {robot.name} has {robot.wheel_count}",
             )
     return tuple(by_name[name] for name in table.wheels)
 
@@ -110,23 +119,14 @@ def _routines(document: Document, made: Drive) -> list[Caution]:
     period_s = float(made.trajectory.clock.seconds(made.trajectory.period))
     notes = []
     for index, (each, frames) in enumerate(zip(made.stretches, made.frames, strict=True)):
-        where = f"stretch {index + 1}: {1000 * each.length:z.1f} mm"
-        took = f"{frames} frames, {frames * period_s:g} s"
-        if each.travel is None:
-            angle = math.degrees(math.atan2(each.way[1], each.way[0])) % 360
-            text = f"{where} at {angle:z.1f}°, three wheels, {took}"
-        else:
-            turns, counts = each.travel.motor_turns, each.travel.counts
-            text = (
-                f"{where} at {each.direction_deg}°, two wheels, {took}; with the base's gear and encoder "
-                f"{turns:z.3f} motor turns, {counts:z.0f} counts"
-            )
+        text = f"stretch {index + 1}: {each.text}, {frames} frames, {frames * period_s:g} s"
+        text += f"; {each.remark}" if each.remark else ""
         notes.append(Caution("stretch", text, document.place("drive", "corners_mm")))
     return notes
 
 
 def _closing(
-    document: Document, base: OmniBase, made: Drive, wheels: Sequence[Servo], clock: Clock
+    document: Document, base: DrivingRobot, made: Drive, wheels: Sequence[Servo], clock: Clock
 ) -> Caution:
     """How far from its beginning one round ends, when every pulse is whole cycles."""
     columns = zip(wheels, made.trajectory.angles.T, strict=True)

@@ -10,11 +10,12 @@ from servogen.engines.stream.settings import Stream
 from servogen.errors import Caution
 from servogen.job.schema import Section
 from servogen.job.tip import Tip
+from servogen.kinematics.protocol import DrivingRobot
 from servogen.motion import JointTrajectory
 from servogen.pic.device import Device
 from servogen.pulse.slots import Frame
 from servogen.robot.binding import Binding
-from servogen.robot.model import Robot
+from servogen.robot.model import Limb, Robot
 from servogen.robot.servo import Servo
 from servogen.toml.file import Document
 from servogen.units import Clock
@@ -44,7 +45,7 @@ class Job:
     """One job, not planned yet.
 
     `bindings` are the joints that servos turn, `tip` the end of the leg or arm that they move, `robot` what
-    was named, `wheels` the servos of a drive's wheels 1, 2 and 3.
+    was named, `wheels` the servos of a drive's wheels 1, 2, ….
     """
 
     name: str
@@ -63,6 +64,24 @@ class Job:
     """The serial line of the stream engine, which then is the job's."""
     section: Section | None
     """The one that says what the servos do; None: a stream job without a motion of its own."""
+
+    @property
+    def limbs(self) -> tuple[Limb, ...]:
+        """Return the legs or the arm of the job's robot; none without a robot and for one on wheels."""
+        if self.robot is not None:
+            return self.robot.limbs
+        return (self.tip.limb,) if self.tip is not None else ()
+
+    @property
+    def base(self) -> DrivingRobot | None:
+        """Return the robot whose wheels the servos turn; None if they move something else."""
+        return self.robot if self.wheels and isinstance(self.robot, DrivingRobot) else None
+
+    @property
+    def wheel_columns(self) -> list[int]:
+        """Return the indices of the servos of the wheels 1, 2, …."""
+        names = [servo.name for servo in self.servos]
+        return [names.index(wheel) for wheel in self.wheels]
 
     @property
     def file(self) -> str:

@@ -19,13 +19,11 @@ from servogen.job.poses import poses_of
 from servogen.job.programs import program_of
 from servogen.job.schema import SECTIONS, DriveTable, MotionTable, ProgramTable, Section, WalkTable
 from servogen.job.streams import still
-from servogen.job.tip import ArmTip
 from servogen.job.torques import arm_torques
 from servogen.job.walks import walk_of
 from servogen.motion import Motion, Planned, trajectory
 from servogen.motion.limits import Limits
 from servogen.motion.trajectory import MAX_FRAMES
-from servogen.robot.model import Arm, Hexapod
 from servogen.toml import file as toml_file
 
 
@@ -112,15 +110,8 @@ def _joint_limits(job: Job, limits: tuple[Limits, ...]) -> tuple[Limits, ...]:
 
 def _limits(job: Job) -> tuple[Limits, ...]:
     """Returns what each servo can do within what the joint that it turns allows."""
-    joints = {}
-    if isinstance(job.robot, Arm):
-        joints = {joint.name: joint.speed for joint in job.robot.joints}
-    elif isinstance(job.robot, Hexapod):
-        joints = {
-            f"{mount.name}_{joint.name}": joint.speed
-            for mount in job.robot.mounts
-            for joint in job.robot.leg.joints
-        }
+    limbs = job.robot.limbs if job.robot else ()
+    joints = {name: joint.speed for limb in limbs for name, joint in limb.joints.items()}
     bound = {each.servo: each for each in job.bindings}
     found = []
     for servo in job.servos:
@@ -135,7 +126,7 @@ def _limits(job: Job) -> tuple[Limits, ...]:
 
 def _heavy(job: Job, planned: Planned) -> tuple[Caution, ...]:
     """Returns warnings of servos of an arm that cannot carry its weight."""
-    if not isinstance(job.tip, ArmTip):
+    if job.tip is None:
         return ()
     return tuple(arm_torques(job.tip, planned.trajectory.angles, job.servos))
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from servogen.errors import InputError, Location, did_you_mean
 from servogen.job.schema import MotionTable, PoseTable
-from servogen.job.tip import LegTip, Tip
+from servogen.job.tip import Tip
 from servogen.motion import Pose
 from servogen.motion.follow import SMALL, Branch, ChangesBranch, Followed, LeavesReach, trace
 from servogen.motion.paths import Arc, Line, arc
@@ -216,7 +216,6 @@ class _Reader:
         return unknown_key(self.document, key, [*PoseTable.model_fields, *by_key])
 
     def _tip(self, key: Key) -> Tip:
-        wanted = "foot_mm" if isinstance(self.tip, LegTip) else "tip_mm"
         if self.tip is None:
             need = "a foot position needs a leg" if key[-1] == "foot_mm" else "a position needs an arm"
             raise self.document.error(
@@ -225,8 +224,8 @@ class _Reader:
                 need,
                 "add the section [leg] with its lengths, or [robot] with a servo for each joint",
             )
-        if key[-1] != wanted:
-            raise self.document.error("wrong-unit", key, f"this robot's positions are called {wanted}")
+        if key[-1] != self.tip.key:
+            raise self.document.error("wrong-unit", key, f"this robot's positions are called {self.tip.key}")
         return self.tip
 
     def way(self, index: int, before: _State, state: _State) -> _Way | None:

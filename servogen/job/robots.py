@@ -13,10 +13,10 @@ from servogen.errors import InputError, did_you_mean
 from servogen.job.schema import JobTable, LegTable
 from servogen.job.servos import bindings_of
 from servogen.job.tip import ArmTip, LegTip, Tip
+from servogen.kinematics import catalogue
 from servogen.kinematics.leg import Leg
 from servogen.robot.binding import Binding
-from servogen.robot.model import Arm, Hexapod, Robot
-from servogen.robot.robots import robot as named_robot
+from servogen.robot.model import Arm, Robot
 from servogen.robot.servo import Servo
 from servogen.toml.file import Document
 
@@ -45,37 +45,28 @@ def rig_of(document: Document, table: JobTable, servos: tuple[Servo, ...]) -> Ri
     if table.robot is None:
         return Rig(None, bindings_of(document, table.servo, {}), None)
     robot = _robot(document, table.robot.name)
-    bindings = bindings_of(document, table.servo, _joints(robot))
-    return Rig(robot, bindings, _arm_tip(robot, bindings, servos) if isinstance(robot, Arm) else None)
+    joints = {name: not joint.turning for limb in robot.limbs for name, joint in limb.joints.items()}
+    bindings = bindings_of(document, table.servo, joints)
+    return Rig(robot, bindings, _tip(robot, bindings, servos))
 
 
 def _robot(document: Document, name: str) -> Robot:
     beside = Path(document.file).parent / name
-    own = name.lower().endswith(".toml")
+    own = name.lower().endswith((catalogue.TOML, catalogue.URDF))
     if own and not beside.is_file():
         raise document.error("unknown-robot", ("robot", "name"), f"there is no robot file '{beside}'")
     try:
-        return named_robot(str(beside) if own else name)
+        return catalogue.robot(str(beside) if own else name)
     except InputError as error:
         if error.place is not None and error.place.file and error.place.file != document.file:
             raise
         raise error.at(document.place("robot", "name")) from error
 
 
-def _joints(robot: Robot) -> dict[str, bool]:
-    """The joints that a servo can turn, and whether they slide; a walking robot's carry their leg's name."""
-    if isinstance(robot, Arm):
-        return {joint.name: not joint.turning for joint in robot.joints}
-    if isinstance(robot, Hexapod):
-        return {
-            f"{mount.name}_{joint.name}": not joint.turning
-            for mount in robot.mounts
-            for joint in robot.leg.joints
-        }
-    return {}
-
-
-def _arm_tip(robot: Arm, bindings: tuple[Binding, ...], servos: tuple[Servo, ...]) -> ArmTip | None:
+def _tip(robot: Robot, bindings: tuple[Binding, ...], servos: tuple[Servo, ...]) -> ArmTip | None:
+    """Return the tip of an arm whose joints all have a servo; None for other robots."""
+    if not isinstance(robot, Arm):
+        return None
     by_joint = {binding.joint: binding for binding in bindings}
     by_name = {servo.name: servo for servo in servos}
     if any(joint.name not in by_joint for joint in robot.joints):

@@ -163,9 +163,9 @@ class ProgramTable(Table):
 
 
 class DriveTable(Table):
-    """[drive]: a closed contour of the omni base."""
+    """[drive]: a closed contour of a base on wheels."""
 
-    wheels: tuple[str, str, str]
+    wheels: tuple[str, ...] = Field(min_length=1)
     corners_mm: tuple[tuple[Coordinate, Coordinate], ...] = Field(min_length=2)
     speed_mm_s: float = Field(ge=0.001, le=MOST_MM)
     directions: Literal["any", "six"] = "any"

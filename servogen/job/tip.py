@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from servogen.errors import InputError, Location
+from servogen.kinematics import catalogue
 from servogen.kinematics.forward import fk_position
 from servogen.kinematics.inverse.solve import ik_all, solutions_near, solve, why_unreachable
 from servogen.kinematics.inverse.unreachable import Unreachable, in_mm
@@ -21,12 +22,23 @@ from servogen.kinematics.leg import Leg
 from servogen.kinematics.tool_orientation import orientation_matrix, rotations_between
 from servogen.motion.trajectory import Floats
 from servogen.robot.binding import Binding
-from servogen.robot.model import Arm
+from servogen.robot.model import Arm, Limb
 from servogen.robot.servo import Servo
 
 
 class Tip(Protocol):
     """What a job asks of the end of its robot; `servos` are those that move it, the columns of all angles."""
+
+    @property
+    def key(self) -> str:
+        """Return the key that gives its position in a pose."""
+
+    @property
+    def limb(self) -> Limb:
+        """Return the leg or arm by its Denavit–Hartenberg rows."""
+
+    @property
+    def bindings(self) -> tuple[Binding, ...]: ...
 
     @property
     def servos(self) -> tuple[Servo, ...]: ...
@@ -60,6 +72,16 @@ class LegTip:
     servos: tuple[Servo, Servo]
     beta_sign: int
     tolerance: float
+
+    @property
+    def key(self) -> str:
+        return "foot_mm"
+
+    @property
+    def limb(self) -> Limb:
+        leg = self.leg
+        arm = catalogue.arm("leg").with_lengths(ab=leg.ab, bc=leg.bc, cd=leg.cd, df=leg.df)
+        return Limb("foot", "foot", arm)
 
     def choices(self, point: Floats, orientation: Floats | None, before: Floats, place: Location) -> Floats:
         near = np.array(self.leg.nearest(point))
@@ -101,6 +123,14 @@ class ArmTip:
     arm: Arm
     bindings: tuple[Binding, ...]
     servos: tuple[Servo, ...]
+
+    @property
+    def key(self) -> str:
+        return "tip_mm"
+
+    @property
+    def limb(self) -> Limb:
+        return self.arm.limbs[0]
 
     def choices(self, point: Floats, orientation: Floats | None, before: Floats, place: Location) -> Floats:
         turn = None if orientation is None else self._turn(point, orientation, place)

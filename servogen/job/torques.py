@@ -13,23 +13,23 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from servogen.errors import Caution
-from servogen.job.tip import ArmTip
+from servogen.job.tip import Tip
+from servogen.kinematics.protocol import WalkingRobot
 from servogen.kinematics.statics import gravity_torques, has_masses
 from servogen.motion.gait.walk import Walk
 from servogen.motion.loads import loads_of
 from servogen.motion.trajectory import Floats
 from servogen.pulse.lint import SAME_DIGITS, check_torque
 from servogen.robot.binding import Binding
-from servogen.robot.model import Hexapod
 from servogen.robot.servo import Servo
 
 
-def arm_torques(tip: ArmTip, angles: Floats, servos: Sequence[Servo]) -> Iterator[Caution]:
+def arm_torques(tip: Tip, angles: Floats, servos: Sequence[Servo]) -> Iterator[Caution]:
     """Yield a warning for each servo of an arm that its links and payload ask too much of.
 
     `angles` (frames, servos): NaN where there is no pulse; such a frame asks nothing.
     """
-    if not has_masses(tip.arm):
+    if not has_masses(tip.limb.arm):
         return
     columns = [servos.index(servo) for servo in tip.servos]
     pulsed = np.flatnonzero(~np.isnan(angles[:, columns]).any(axis=1))
@@ -37,7 +37,7 @@ def arm_torques(tip: ArmTip, angles: Floats, servos: Sequence[Servo]) -> Iterato
     if not len(pulsed):
         return
     joints = [each.position(column) for each, column in zip(tip.bindings, distinct.T, strict=True)]
-    held = gravity_torques(tip.arm, np.stack(joints, axis=1))[back.reshape(-1)]
+    held = gravity_torques(tip.limb.arm, np.stack(joints, axis=1))[back.reshape(-1)]
     for index, (binding, servo) in enumerate(zip(tip.bindings, tip.servos, strict=True)):
         torque = np.full(len(angles), np.nan)
         torque[pulsed] = np.abs(held[:, index] / binding.ratio)
@@ -45,7 +45,7 @@ def arm_torques(tip: ArmTip, angles: Floats, servos: Sequence[Servo]) -> Iterato
 
 
 def walk_torques(
-    robot: Hexapod, made: Walk, bindings: Sequence[Binding], servos: Sequence[Servo]
+    robot: WalkingRobot, made: Walk, bindings: Sequence[Binding], servos: Sequence[Servo]
 ) -> Iterator[Caution]:
     """Yield a warning for each servo of a walking robot that its weight asks too much of."""
     loads = loads_of(robot, made)
@@ -53,9 +53,8 @@ def walk_torques(
         return
     by_joint = {binding.joint: binding for binding in bindings}
     by_name = {servo.name: servo for servo in servos}
-    lifting = robot.leg.joints[1].name
     for index, leg in enumerate(loads.legs):
-        binding = by_joint[f"{leg}_{lifting}"]
+        binding = by_joint[f"{leg}_{robot.lifting_joint}"]
         torque = loads.torques[:, index] / abs(binding.ratio)
         found = check_torque(by_name[binding.servo], binding.joint, torque)
         for caution in found:

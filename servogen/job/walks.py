@@ -13,14 +13,13 @@ from servogen.errors import Caution, InputError, did_you_mean
 from servogen.job.job import Job
 from servogen.job.schema import WalkTable
 from servogen.job.torques import walk_torques
+from servogen.kinematics.protocol import Posture, WalkingRobot, mounts_of
 from servogen.motion import JointTrajectory, Planned, bound
-from servogen.motion.gait.footwork import Posture
 from servogen.motion.gait.phases import Gait, custom, gait
 from servogen.motion.gait.steps import Segment
-from servogen.motion.gait.walk import Walk, one_leg, walk
+from servogen.motion.gait.walk import Walk, walk
 from servogen.motion.limits import Limits
 from servogen.robot.binding import Binding
-from servogen.robot.model import Hexapod
 from servogen.toml.file import Document, exact
 from servogen.units import Clock, Cycles
 
@@ -32,13 +31,13 @@ def walk_of(
 ) -> Planned:
     """Returns the walk; `limits` are the joints', one for each binding. Raises InputError."""
     document, robot, period, clock = job.document, job.robot, job.frame.period.cycles, job.clock
-    if not isinstance(robot, Hexapod):
+    if not isinstance(robot, WalkingRobot):
         raise document.error(
             "missing-robot", ("walk",), "a walk needs a walking robot", 'add [robot] name = "hexapod"'
         )
     whole = robot
     if table.leg is not None:
-        names = [mount.name for mount in robot.mounts]
+        names = [mount.name for mount in mounts_of(robot)]
         if table.leg not in names:
             raise document.error(
                 "unknown-leg",
@@ -46,7 +45,7 @@ def walk_of(
                 f"{robot.name} has no leg '{table.leg}'",
                 did_you_mean(table.leg, names),
             )
-        robot = one_leg(robot, table.leg)
+        robot = robot.with_leg(table.leg)
     endless = table.way[-1].cycles is None
     if endless and not table.repeat:
         raise document.error(
@@ -77,7 +76,7 @@ def walk_of(
     return Planned(trajectory, warnings=heavy, notes=tuple(_notes(document, made, table)))
 
 
-def _gait(document: Document, table: WalkTable, whole: Hexapod, robot: Hexapod) -> Gait:
+def _gait(document: Document, table: WalkTable, whole: WalkingRobot, robot: WalkingRobot) -> Gait:
     key = "lifts" if table.lifts is not None else "gait" if table.duty is None else "duty"
     try:
         if table.lifts is not None:
@@ -95,7 +94,7 @@ def _gait(document: Document, table: WalkTable, whole: Hexapod, robot: Hexapod) 
         named = gait(table.gait, whole)
     except InputError as error:
         raise error.at(document.place("walk", key)) from error
-    mine = {mount.name for mount in robot.mounts}
+    mine = {mount.name for mount in mounts_of(robot)}
     return Gait(named.name, named.duty, tuple(each for each in named.lifts if each[0] in mine))
 
 

@@ -1,6 +1,6 @@
 """Mobility: how many degrees of freedom a mechanism has, by Kutzbach and Grübler.
 
-In: the number of elements and the kinds of the joints between them, or a robot. Out: M, and M - 6.
+In: the number of elements and the kinds of the joints between them, or an arm. Out: M, and M - 6.
 
     in space M = 6 (n - 1 - k) + Σ m_i      in the plane M = 3 (n - 1 - k) + Σ m_i
 
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from servogen.errors import InputError, did_you_mean
-from servogen.robot.model import Arm, Hexapod, Robot
+from servogen.robot.model import Arm
 
 JOINT_MOBILITY: Mapping[str, int] = MappingProxyType(
     {"turning": 1, "sliding": 1, "screw": 1, "cylindrical": 2, "universal": 2, "spherical": 3}
@@ -27,7 +27,7 @@ IN_PLANE = 3
 
 @dataclass(frozen=True, slots=True)
 class Mobility:
-    """What `of_robot` finds. `passive` joints follow others (the leg's slider) and take mobility away."""
+    """The degrees of freedom of a robot; `passive` joints follow others (the leg's slider)."""
 
     elements: int
     joints: tuple[str, ...]
@@ -42,18 +42,18 @@ class Mobility:
 
 
 def kutzbach(elements: int, joints: Sequence[str]) -> int:
-    """The mobility of a mechanism in space: `elements` counts the base too."""
+    """Return the mobility of a mechanism in space; `elements` counts the base too."""
     return _mobility(IN_SPACE, elements, joints)
 
 
 def gruebler(elements: int, joints: Sequence[str]) -> int:
-    """The mobility of a plane mechanism: 3 in place of 6."""
+    """Return the mobility of a plane mechanism, with 3 in place of 6."""
     return _mobility(IN_PLANE, elements, joints)
 
 
 def _mobility(freedom: int, elements: int, joints: Sequence[str]) -> int:
     if elements < 1:
-        raise InputError("out-of-range", f"a mechanism has one element at least, not {elements}")
+        raise InputError("out-of-range", f"a mechanism has at least one element, not {elements}")
     for kind in joints:
         if kind not in JOINT_MOBILITY:
             raise InputError(
@@ -65,45 +65,32 @@ def _mobility(freedom: int, elements: int, joints: Sequence[str]) -> int:
 
 
 def manoeuvrability(mobility: int) -> int:
-    """M - 6: negative deficient, positive redundant."""
+    """Return M - 6: negative if the mechanism is deficient, positive if it is redundant."""
     return mobility - IN_SPACE
 
 
 def verdict(value: int) -> str:
+    """Return a manoeuvrability in one word."""
     return "deficient" if value < 0 else "redundant" if value > 0 else "exact"
 
 
 def standing(legs: int, springs: bool) -> int:
-    """The mobility of a body that stands on two-joint legs, the feet as spherical joints on the floor.
+    """Return the mobility of a body that stands on two-joint legs, its feet spherical joints on the floor.
 
     Each leg has two turning joints and its foot three, 6 (2 + 2m - 1 - 3m) + 5m = 6 - m in all: three legs
-    leave 3. With the spring joint E' one more each, and the body moves in all six ways.
+    leave 3. With the spring joint E' each leg has one more, and the body moves in all six ways.
     """
     links = 3 if springs else 2
     joints = (["turning"] * links + ["spherical"]) * legs
     return kutzbach(2 + links * legs, joints)
 
 
-def of_robot(robot: Robot) -> Mobility:
-    """The mobility of a robot of the catalogue or of a user's."""
-    if isinstance(robot, Arm):
-        kinds = tuple(robot.joints[row.joint].kind for row in robot.rows if row.joint is not None)
-        passive = len(kinds) - len(robot.joints)
-        mobility = kutzbach(len(kinds) + 1, kinds) - passive
-        note = "serial: the sum of the joints' mobilities"
-        if passive:
-            note = f"{passive} of the joints follows another: it takes away what it gives"
-        return Mobility(len(kinds) + 1, kinds, passive, mobility, manoeuvrability(mobility), note)
-    if isinstance(robot, Hexapod):
-        legs, leg = len(robot.mounts), of_robot(robot.leg)
-        mobility = legs * leg.mobility
-        note = (
-            f"{legs} legs of {leg.mobility}; standing on three, the body has {standing(3, springs=False)},"
-            f" with the spring joints {standing(3, springs=True)}"
-        )
-        elements = 1 + legs * (leg.elements - 1)
-        return Mobility(
-            elements, leg.joints * legs, leg.passive * legs, mobility, manoeuvrability(mobility), note
-        )
-    note = "in the plane: two ways to go and one to turn; each omni wheel rolls one way and slides the other"
-    return Mobility(4, ("turning",) * 3, 0, IN_PLANE, IN_PLANE - IN_SPACE, note)
+def of_arm(arm: Arm) -> Mobility:
+    """Return the mobility of a serial arm or leg."""
+    kinds = tuple(arm.joints[row.joint].kind for row in arm.rows if row.joint is not None)
+    passive = len(kinds) - len(arm.joints)
+    mobility = kutzbach(len(kinds) + 1, kinds) - passive
+    note = "serial: the sum of the joints' mobilities"
+    if passive:
+        note = f"{passive} of the joints follows another: it takes away what it gives"
+    return Mobility(len(kinds) + 1, kinds, passive, mobility, manoeuvrability(mobility), note)

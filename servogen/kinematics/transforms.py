@@ -15,9 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from servogen.errors import InputError
-from servogen.robot.model import Frame
+from servogen.robot.model import Frame, Mount
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+"""Points x + iy of a plane."""
 
 AXES = {"x": 0, "y": 1, "z": 2}
 _PARALLEL = 1e-15
@@ -179,3 +181,21 @@ def spherical_of(point: ArrayLike) -> Floats:
 def wrapped(angle: ArrayLike) -> Floats:
     """The same angles in (-π, π]."""
     return np.asarray(np.pi - np.mod(np.pi - np.asarray(angle, float), 2 * np.pi))
+
+
+def mount_matrix(mount: Mount) -> Floats:
+    """Return the matrix (4, 4) from leg points to body points; a mirrored leg's has the determinant -1."""
+    mirror = np.diag([1.0, -1.0 if mount.mirrored else 1.0, 1.0])
+    return transform(rot("z", mount.heading) @ mirror, (mount.x, mount.y, mount.z))
+
+
+def to_body(mount: Mount, points: ArrayLike) -> Floats:
+    """Return points (..., 3) of a leg's frame in the body frame."""
+    matrix = mount_matrix(mount)
+    return np.asarray(np.asarray(points, float) @ matrix[:3, :3].T + matrix[:3, 3])
+
+
+def to_leg(mount: Mount, points: ArrayLike) -> Floats:
+    """Return points (..., 3) of the body frame in a leg's frame."""
+    matrix = mount_matrix(mount)
+    return np.asarray((np.asarray(points, float) - matrix[:3, 3]) @ matrix[:3, :3])

@@ -1,7 +1,7 @@
 """What standing asks of a walking robot's legs, frame by frame.
 
-In: a `Hexapod` with a mass and its `Walk`. Out: the force at each foot and the torque at each joint β. A
-vertical force has no moment about the vertical axis of α.
+In: a `WalkingRobot` with a mass and its `Walk`. Out: the force at each foot, and the torque at the joint of
+each leg that lifts it.
 """
 
 from __future__ import annotations
@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from servogen.kinematics.leg import Leg
+from servogen.kinematics.protocol import WalkingRobot
 from servogen.kinematics.statics import GRAVITY, foot_forces
 from servogen.motion.gait.walk import Walk
 from servogen.motion.trajectory import Floats
-from servogen.robot.model import Hexapod
 
 SAME_DIGITS = 9
 """Of N·m: torques nearer than this are one, so that the first of them is named on every machine."""
@@ -51,20 +50,19 @@ class Loads:
         )
 
 
-def loads_of(robot: Hexapod, made: Walk) -> Loads | None:
+def loads_of(robot: WalkingRobot, made: Walk) -> Loads | None:
     """Return the loads of a walk; None for a robot without a stated mass or with too few legs."""
-    if robot.mass is None or len(robot.mounts) < LEAST_LEGS:
+    if robot.mass is None or len(robot.limbs) < LEAST_LEGS:
         return None
     weight = robot.mass * GRAVITY
     stand = (made.feet + made.corrections)[:, :, :2]
     forces = foot_forces(stand, made.ground, np.array(robot.centre_of_mass[:2]), weight)
-    leg = Leg.of(robot.leg.length)
-    beta = made.trajectory.angles.reshape(len(made.ground), -1, 2)[:, :, 1]
+    angles = made.leg_angles
     standing = np.maximum(made.ground.sum(axis=1, keepdims=True), 1)
     return Loads(
         made.legs,
         weight,
         forces,
-        np.abs(leg.torque(beta, forces)),
-        np.abs(leg.torque(beta, np.where(made.ground, weight / standing, 0.0))),
+        robot.torques(angles, forces),
+        robot.torques(angles, np.where(made.ground, weight / standing, 0.0)),
     )

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from servogen.kinematics.hexapod import mount_matrix
+from servogen.kinematics.protocol import WalkingRobot
+from servogen.kinematics.transforms import mount_matrix
 from servogen.motion.gait.phases import Gait
 from servogen.motion.gait.walk import Walk
 from servogen.motion.trajectory import Floats
 from servogen.report.sticks import stick
 from servogen.report.tracks import to_place
-from servogen.robot.model import Hexapod
 
 COLUMNS = 12
 """Of a diagram, about; as many as make every lift and landing fall on one where that is possible."""
@@ -57,7 +57,7 @@ class GaitFacts:
     joints: tuple[JointFacts, ...]
 
 
-def facts_of(robot: Hexapod, made: Walk) -> GaitFacts:
+def facts_of(robot: WalkingRobot, made: Walk) -> GaitFacts:
     """Of a whole walk, its start and stop included."""
     frame_s = float(made.trajectory.clock.seconds(made.trajectory.period))
     worst = int(np.argmin(np.round(made.margins, SAME_DIGITS)))
@@ -80,22 +80,22 @@ def facts_of(robot: Hexapod, made: Walk) -> GaitFacts:
     )
 
 
-def _joints(robot: Hexapod, made: Walk, frame_s: float) -> tuple[JointFacts, ...]:
+def _joints(robot: WalkingRobot, made: Walk, frame_s: float) -> tuple[JointFacts, ...]:
     angles, loop = made.trajectory.angles, made.trajectory.loop_start
     speeds = np.abs(np.diff(angles, axis=0, append=angles[loop : loop + 1])).max(axis=0) / frame_s
-    own = [joint for _ in robot.mounts for joint in robot.leg.joints]
+    own = [joint for leg in robot.limbs for joint in leg.joints.values()]
     return tuple(
         JointFacts(name, float(column.min()), float(column.max()), (joint.lower, joint.upper), float(speed))
         for name, column, joint, speed in zip(made.trajectory.joints, angles.T, own, speeds, strict=True)
     )
 
 
-def leg_sticks(robot: Hexapod, made: Walk) -> tuple[Floats, ...]:
-    """The corners (frames, 5, 3) of each leg in the body's frame."""
-    angles = made.trajectory.angles.reshape(len(made.trajectory.angles), -1, 2)
+def leg_sticks(robot: WalkingRobot, made: Walk) -> tuple[Floats, ...]:
+    """Return the corners (frames, n, 3) of each leg in the body's frame."""
     return tuple(
-        to_place(mount_matrix(mount), stick(robot.leg, angles[:, index]))
-        for index, mount in enumerate(robot.mounts)
+        to_place(mount_matrix(leg.mount), stick(leg.arm, made.leg_angles[:, index]))
+        for index, leg in enumerate(robot.limbs)
+        if leg.mount is not None
     )
 
 

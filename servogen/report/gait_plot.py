@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from servogen.kinematics.protocol import WalkingRobot, mounts_of
 from servogen.motion.gait.phases import Gait
 from servogen.motion.gait.stability import support_polygon
 from servogen.motion.gait.walk import Walk
 from servogen.motion.trajectory import Floats
 from servogen.report.gait_facts import GaitFacts
 from servogen.report.pictures import check_suffix, new_figure, plane, save
-from servogen.robot.model import Hexapod
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 GROUND, AIR = "0.25", "0.88"
 
 
-def gait_plot(robot: Hexapod, gait: Gait, made: Walk, facts: GaitFacts, path: Path) -> None:
+def gait_plot(robot: WalkingRobot, gait: Gait, made: Walk, facts: GaitFacts, path: Path) -> None:
     """Draws to `path`. Raises InputError for an unknown ending, ToolError without matplotlib."""
     check_suffix(path)
     figure = new_figure(13, 8, f"{robot.name}: the gait '{gait.name}', duty factor {gait.duty}")
@@ -107,14 +107,15 @@ def _draw_springs(axes: Axes, made: Walk, times: Floats) -> None:
     axes.set_title(f"what the springs give: at most {1000 * made.largest_correction_m:z.2f} mm", fontsize=10)
 
 
-def _draw_above(axes: Axes, robot: Hexapod, made: Walk, facts: GaitFacts) -> None:
+def _draw_above(axes: Axes, robot: WalkingRobot, made: Walk, facts: GaitFacts) -> None:
     """Foot paths, the body, and the support polygon of the frame in which the margin is least."""
-    body = 1000 * support_polygon(np.array([[mount.x, mount.y] for mount in robot.mounts]))
+    mounts = mounts_of(robot)
+    body = 1000 * support_polygon(np.array([[mount.x, mount.y] for mount in mounts]))
     axes.fill(*body.T, facecolor="0.93", edgecolor="0.6", zorder=0)
     for index, leg in enumerate(made.legs):
         path = 1000 * _round(made, index)[:, :2]
         axes.plot(*path.T, color=f"C{index}", lw=1.5)
-        x, left = float(path[:, 0].mean()), robot.mounts[index].y > 0
+        x, left = float(path[:, 0].mean()), mounts[index].y > 0
         y, away = (path[:, 1].max(), 4) if left else (path[:, 1].min(), -4)
         axes.annotate(
             leg,

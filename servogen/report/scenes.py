@@ -12,15 +12,15 @@ import numpy as np
 
 from servogen.errors import InputError, Location
 from servogen.job import PlannedJob
-from servogen.kinematics.hexapod import mount_matrix
+from servogen.kinematics.protocol import WalkingRobot
+from servogen.motion.drive import positions
 from servogen.motion.gait.stability import support_polygon
 from servogen.motion.gait.walk import Walk
-from servogen.motion.omni import positions
 from servogen.motion.trajectory import Floats
 from servogen.report.gait_facts import leg_sticks
 from servogen.report.sticks import base_outline, stick
-from servogen.report.tracks import End, ends_of, to_place, wheel_columns
-from servogen.robot.model import Hexapod, OmniBase
+from servogen.report.tracks import End, ends_of, to_place
+from servogen.robot.model import Limb
 
 MOST_PICTURES = 100
 """Of a film: longer motions leave frames out."""
@@ -50,14 +50,14 @@ class Scene:
         return len(self.parts[0].frames)
 
 
-def walk_scene(robot: Hexapod, made: Walk) -> Scene:
+def walk_scene(robot: WalkingRobot, made: Walk) -> Scene:
     """The loop of a walk: the body, its legs, and the support polygon on the ground."""
     step = _step(len(made.ground) - made.trajectory.loop_start)
     shown = slice(made.trajectory.loop_start, None, step)
     legs = [part[shown] for part in leg_sticks(robot, made)]
     stand, down = (made.feet + made.corrections)[shown], made.ground[shown]
-    parts = [_body(robot, len(down))]
-    if len(robot.mounts) > 2:
+    parts = _body(robot.limbs, len(down))
+    if len(robot.limbs) > 2:
         parts.append(
             Part([_polygon(feet[on]) for feet, on in zip(stand, down, strict=True)], "tab:green", 1.5)
         )
@@ -72,9 +72,9 @@ def job_scene(job: PlannedJob) -> Scene:
     start = made.loop_start if len(made.angles) - made.loop_start > 1 else 0
     angles = _held(made.angles)[start:]
     frame_s, step = float(made.clock.seconds(made.period)), _step(len(angles))
-    if isinstance(job.robot, OmniBase) and job.wheels:
-        at = positions(job.robot, np.nan_to_num(angles[:, wheel_columns(job)]), frame_s)[1:]
-        outline = base_outline(job.robot, at[::step])
+    if job.base is not None:
+        at = positions(job.base, np.nan_to_num(angles[:, job.wheel_columns]), frame_s)[1:]
+        outline = base_outline(job.base, at[::step])
         parts = [
             _trace(at * [1, 1, 0], step),
             *(Part(list(each), "tab:blue", marks=False) for each in outline),
@@ -88,7 +88,7 @@ def job_scene(job: PlannedJob) -> Scene:
             Location(job.file),
             "add [leg] or [robot]",
         )
-    parts = [_body(job.robot, len(angles[::step]))] if isinstance(job.robot, Hexapod) else []
+    parts = _body(job.limbs, len(angles[::step]))
     for index, end in enumerate(ends):
         parts += [_trace(end.points(angles), step), Part(list(_links(end, angles[::step])), f"C{index % 10}")]
     return Scene(job.name, tuple(parts), step * frame_s)
@@ -119,10 +119,13 @@ def _trace(points: Floats, step: int) -> Part:
     return Part([points] * len(points[::step]), "0.6", 1.0, marks=False)
 
 
-def _body(robot: Hexapod, count: int) -> Part:
-    origins = np.array([mount_matrix(mount)[:3, 3] for mount in robot.mounts])
+def _body(limbs: Sequence[Limb], count: int) -> list[Part]:
+    """Return the polygon through the mounts of the limbs; nothing for an arm, which has no body."""
+    origins = np.array([[limb.mount.x, limb.mount.y, limb.mount.z] for limb in limbs if limb.mount])
+    if not len(origins):
+        return []
     around = np.argsort(np.arctan2(origins[:, 1], origins[:, 0]), kind="stable")
-    return Part([origins[[*around, around[0]]]] * count, "0.35", 3.0, marks=False)
+    return [Part([origins[[*around, around[0]]]] * count, "0.35", 3.0, marks=False)]
 
 
 def _polygon(feet: Floats) -> Floats:

@@ -15,8 +15,9 @@ import numpy as np
 
 from servogen.kinematics.forward import link_frames
 from servogen.kinematics.leg import Leg
+from servogen.kinematics.protocol import DrivingRobot
 from servogen.motion.trajectory import Floats
-from servogen.robot.model import Arm, OmniBase
+from servogen.robot.model import Arm
 
 
 def stick(arm: Arm, joints: Floats) -> Floats:
@@ -53,13 +54,10 @@ def _rows(arm: Arm, joints: Floats) -> Floats:
     return np.stack([*points, frames[:, -1, :3, 3]], axis=1)
 
 
-def base_outline(base: OmniBase, at: Floats) -> tuple[Floats, ...]:
-    """Of the omni base at places (n, 3), x, y, heading: rim, front and three wheels; (n, corners, 3) each."""
-    out, half = base.wheel_distance, 1j * base.wheel_radius
-    shapes = [out * np.exp(1j * np.linspace(0, 2 * np.pi, 49)), np.array([0, 0.8 * out])]
-    shapes += [turn * np.array([out - half, out + half]) for turn in np.exp(1j * np.radians([60, 180, 300]))]
+def base_outline(base: DrivingRobot, at: Floats) -> tuple[Floats, ...]:
+    """Return the outline of a base at poses (n, 3), x, y and heading, as lines of (n, corners, 3) each."""
     found = []
-    for shape in shapes:
+    for shape in base.outline():
         points = np.exp(1j * at[:, 2:]) * shape + at[:, :1] + 1j * at[:, 1:2]
         found.append(np.stack([points.real, points.imag, np.zeros(points.shape)], axis=-1))
     return tuple(found)

@@ -18,17 +18,15 @@ from typing import Literal
 import numpy as np
 
 from servogen.job import PlannedJob
-from servogen.job.tip import ArmTip, LegTip
 from servogen.kinematics.forward import fk_position
-from servogen.kinematics.hexapod import mount_matrix
 from servogen.kinematics.jacobian import jacobian
-from servogen.kinematics.omni import body_speed
-from servogen.motion.omni import positions
+from servogen.kinematics.protocol import DrivingRobot
+from servogen.kinematics.transforms import mount_matrix
+from servogen.motion.drive import positions
 from servogen.motion.trajectory import Floats
 from servogen.pulse import PulseSchedule
 from servogen.robot.binding import Binding
-from servogen.robot.model import Arm, Hexapod, OmniBase
-from servogen.robot.robots import arm as named_arm
+from servogen.robot.model import Arm
 from servogen.robot.servo import Servo
 
 Kind = Literal["foot", "tool", "base"]
@@ -92,28 +90,17 @@ class Track:
 
 
 def ends_of(job: PlannedJob) -> tuple[End, ...]:
-    """The feet or the tool whose joints all have a servo; none for servos that move no robot."""
+    """Return the feet or the tool whose joints all have a servo; none for servos that move no robot."""
     column = {servo.name: index for index, servo in enumerate(job.servos)}
     by_joint = {binding.joint: binding for binding in job.bindings}
-
-    def end(name: str, kind: Kind, arm: Arm, place: Floats, bindings: Sequence[Binding]) -> End:
-        return End(name, kind, arm, place, tuple(column[each.servo] for each in bindings), tuple(bindings))
-
-    if isinstance(job.tip, LegTip):
-        leg = job.tip.leg
-        arm = named_arm("leg").with_lengths(ab=leg.ab, bc=leg.bc, cd=leg.cd, df=leg.df)
-        return (end("foot", "foot", arm, np.eye(4), job.tip.bindings),)
-    if isinstance(job.tip, ArmTip):
-        return (end("tool", "tool", job.tip.arm, np.eye(4), job.tip.bindings),)
-    if not isinstance(job.robot, Hexapod):
-        return ()
-    found = []
-    for mount in job.robot.mounts:
-        names = [f"{mount.name}_{joint.name}" for joint in job.robot.leg.joints]
-        if all(name in by_joint for name in names):
-            bindings = [by_joint[name] for name in names]
-            found.append(end(mount.name, "foot", job.robot.leg, mount_matrix(mount), bindings))
-    return tuple(found)
+    ends = []
+    for limb in job.limbs:
+        if all(name in by_joint for name in limb.joints):
+            bindings = tuple(by_joint[name] for name in limb.joints)
+            place = np.eye(4) if limb.mount is None else mount_matrix(limb.mount)
+            columns = tuple(column[binding.servo] for binding in bindings)
+            ends.append(End(limb.name, limb.end, limb.arm, place, columns, bindings))
+    return tuple(ends)
 
 
 def tracks_of(job: PlannedJob, schedule: PulseSchedule) -> tuple[Track, ...]:
@@ -123,17 +110,11 @@ def tracks_of(job: PlannedJob, schedule: PulseSchedule) -> tuple[Track, ...]:
     if not ends and not job.wheels:
         return ()
     made = made_angles(schedule, job.servos)
-    if isinstance(job.robot, OmniBase):
-        wheels = wheel_columns(job)
+    if job.base is not None:
+        wheels = job.wheel_columns
         frame_s = float(schedule.clock.seconds(schedule.period))
-        return (_base(job.robot, asked[:, wheels], made[:, wheels], frame_s),)
+        return (_base(job.base, asked[:, wheels], made[:, wheels], frame_s),)
     return tuple(_track(end, asked, made) for end in ends)
-
-
-def wheel_columns(job: PlannedJob) -> list[int]:
-    """The columns of the wheels 1, 2 and 3 of a drive."""
-    names = [servo.name for servo in job.servos]
-    return [names.index(wheel) for wheel in job.wheels]
 
 
 def made_angles(schedule: PulseSchedule, servos: Sequence[Servo]) -> Floats:
@@ -164,12 +145,12 @@ def _track(end: End, asked: Floats, made: Floats) -> Track:
     return Track(end.name, end.kind, *found)
 
 
-def _base(base: OmniBase, asked: Floats, made: Floats, period_s: float) -> Track:
+def _base(base: DrivingRobot, asked: Floats, made: Floats, period_s: float) -> Track:
     """The base after each frame; a wheel without a pulse stands. Its shift is that of a base at heading 0."""
     asked, made = np.nan_to_num(asked), np.nan_to_num(made)
     planned, driven = (positions(base, speeds, period_s)[1:] for speeds in (asked, made))
-    vx, vy, _ = np.moveaxis(body_speed(base, asked), -1, 0) * period_s
-    dx, dy, turn = np.moveaxis(body_speed(base, made - asked), -1, 0) * period_s
+    vx, vy, _ = np.moveaxis(base.body_speed(asked), -1, 0) * period_s
+    dx, dy, turn = np.moveaxis(base.body_speed(made - asked), -1, 0) * period_s
     heading = np.cumsum(turn) - turn / 2
     moved = np.cumsum(np.stack([dx - heading * vy, dy + heading * vx], axis=1), axis=0)
     flat = [np.column_stack([part[:, :2], np.zeros(len(part))]) for part in (planned, driven, moved)]

@@ -1,19 +1,21 @@
-"""Robot models as frozen data: `Arm` (Denavit–Hartenberg rows), `Hexapod`, `OmniBase`.
+"""Robots as frozen data: what every kind of robot has (`Robot`), and `Arm` with its Denavit–Hartenberg rows.
 
-Lengths are metres and angles radians. Nothing is calculated here: `servogen.kinematics` does that.
+Lengths are metres and angles radians. Nothing is calculated here: `servogen.kinematics` does that, and it
+holds the other kinds of robots, one module each.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import ClassVar, Literal, Protocol
 
 from servogen.errors import InputError, did_you_mean
 
 JointKind = Literal["turning", "sliding"]
 Convention = Literal["standard", "modified"]
 Dimensions = Literal["source", "manufacturer", "example", "user"]
+EndKind = Literal["foot", "tool"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,12 +90,32 @@ class Frame:
 
 
 @dataclass(frozen=True, slots=True)
+class Mount:
+    """The position of a leg's body joint in the body frame (x forward, y left, z up), and its direction.
+
+    A left leg's frame is the body's, turned by `heading` about z. A mirrored (right) leg's is the mirror
+    image of a left one's in the plane y = 0: equal angles move both feet alike, forward and backward.
+
+        body point = Trans(x, y, z) Rot(z, heading) diag(1, -1 if mirrored else 1, 1) leg point
+    """
+
+    name: str
+    x: float
+    y: float
+    z: float = 0.0
+    heading: float = 0.0
+    mirrored: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Arm:
     """A serial arm, or the leg: base, rows, tool.
 
     `closed_form` names the closed-form inverse kinematics; None if there is none. `orientation` names what a
     target may specify in addition to x, y, z: `rpy` (φ, θ, η about z, y, x), `roll`, or `pitch` and `roll`.
     """
+
+    kind: ClassVar[str] = "arm"
 
     name: str
     title: str
@@ -114,6 +136,11 @@ class Arm:
     def length(self) -> dict[str, float]:
         """Return the named lengths in metres."""
         return dict(self.lengths)
+
+    @property
+    def limbs(self) -> tuple[Limb, ...]:
+        """Return the arm itself: its end is the tool, or the foot if it is a leg."""
+        return (Limb("tool", "tool", self),)
 
     @property
     def home(self) -> tuple[float, ...]:
@@ -140,61 +167,39 @@ class Arm:
 
 
 @dataclass(frozen=True, slots=True)
-class Mount:
-    """The position of a leg's body joint in the body frame (x forward, y left, z up), and its direction.
+class Limb:
+    """A serial chain of a robot: an arm that stands by itself, or a leg at its mount on a body."""
 
-    A left leg's frame is the body's, turned by `heading` about z. A mirrored (right) leg's is the mirror
-    image of a left one's in the plane y = 0: equal angles move both feet alike, forward and backward.
+    name: str
+    end: EndKind
+    arm: Arm
+    mount: Mount | None = None
 
-        body point = Trans(x, y, z) Rot(z, heading) diag(1, -1 if mirrored else 1, 1) leg point
+    @property
+    def joints(self) -> dict[str, Joint]:
+        """Return the joints by the names that servos are bound to; a leg's have the leg's name in front."""
+        prefix = f"{self.mount.name}_" if self.mount else ""
+        return {prefix + joint.name: joint for joint in self.arm.joints}
+
+
+class Robot(Protocol):
+    """What every robot has, whatever its kind.
+
+    `kind` names its kind in a robot file and in `kinematics.registry`. What a robot of some kinds can do
+    besides, walk or drive, is in `kinematics.protocol`.
     """
 
-    name: str
-    x: float
-    y: float
-    z: float = 0.0
-    heading: float = 0.0
-    mirrored: bool = False
+    kind: ClassVar[str]
 
+    @property
+    def name(self) -> str: ...
+    @property
+    def title(self) -> str: ...
+    @property
+    def dimensions(self) -> Dimensions: ...
+    @property
+    def source(self) -> str: ...
 
-@dataclass(frozen=True, slots=True)
-class Hexapod:
-    """A body with identical legs; `centre_of_mass` is (x, y, z) in the body frame, in metres."""
-
-    name: str
-    title: str
-    leg: Arm
-    mounts: tuple[Mount, ...]
-    centre_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    dimensions: Dimensions = "user"
-    source: str = ""
-    mass: float | None = None
-    """Of all of it, kg; None: not stated."""
-
-    def mount(self, name: str) -> Mount:
-        for mount in self.mounts:
-            if mount.name == name:
-                return mount
-        raise InputError(
-            "unknown-leg",
-            f"{self.name} has no leg '{name}'",
-            hint=did_you_mean(name, [each.name for each in self.mounts]),
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class OmniBase:
-    """Three omni wheels at 120°: radius and distance from the centre in metres, gear, encoder, sensors."""
-
-    name: str
-    title: str
-    wheel_radius: float
-    wheel_distance: float
-    gear: float
-    counts_per_turn: int
-    sensors: int = 0
-    dimensions: Dimensions = "user"
-    source: str = ""
-
-
-Robot = Arm | Hexapod | OmniBase
+    @property
+    def limbs(self) -> tuple[Limb, ...]:
+        """Return the chains of joints that servos turn; none for a robot that only has wheels."""

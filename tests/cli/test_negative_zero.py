@@ -10,7 +10,7 @@ import pytest
 
 from servogen.cli.show import as_json
 from servogen.errors import InputError
-from servogen.robot.robots import arm, names
+from servogen.kinematics.catalogue import arm, names
 
 Run = Callable[..., Any]
 

@@ -11,12 +11,11 @@ import pytest
 
 from servogen.drive.commands import QUIT, Lines, Rates, Steering, keys, lines_of, script, wait_of, words_of
 from servogen.drive.steering import steering_of
-from servogen.drive.walker import Walker, walker
+from servogen.drive.walker import Walker
 from servogen.errors import InputError
-from servogen.job import load, loads, plan_job
-from servogen.kinematics.omni import body_speed
+from servogen.job import PlannedJob, load, loads, plan_job
+from servogen.kinematics.omni import OmniBase
 from servogen.motion.trajectory import Floats
-from servogen.robot.model import OmniBase
 
 JOBS = Path(__file__).parents[2] / "jobs"
 FRAME_S = 0.02
@@ -33,7 +32,13 @@ def steered(steering: Steering, orders: dict[int, str], frames: int) -> Floats:
 
 
 def walking() -> Walker:
-    return walker(plan_job(load(JOBS / "hexapod-tripod.toml")), Rates())
+    return steered_walk(plan_job(load(JOBS / "hexapod-tripod.toml")), Rates())
+
+
+def steered_walk(job: PlannedJob, rates: Rates) -> Walker:
+    steering = steering_of(job, rates)
+    assert isinstance(steering, Walker)
+    return steering
 
 
 def test_a_walk_is_steered_without_its_job_file(tmp_path: Path) -> None:
@@ -42,7 +47,7 @@ def test_a_walk_is_steered_without_its_job_file(tmp_path: Path) -> None:
     file.write_text((JOBS / "hexapod-tripod.toml").read_text())
     job = plan_job(load(file))
     file.unlink()
-    robot = walker(job, Rates())
+    robot = steered_walk(job, Rates())
     assert robot.words == walking().words
     assert (robot.gaits["left"].cycle == walking().gaits["left"].cycle).all()
 
@@ -81,7 +86,7 @@ def test_the_steered_walk_is_the_walk_that_a_job_plans() -> None:
 
 def test_a_stride_that_the_legs_cannot_do_is_refused() -> None:
     with pytest.raises(InputError, match="limits"):
-        walker(plan_job(load(JOBS / "hexapod-tripod.toml")), Rates(400, 200))
+        steered_walk(plan_job(load(JOBS / "hexapod-tripod.toml")), Rates(400, 200))
 
 
 @pytest.mark.parametrize(
@@ -94,7 +99,7 @@ def test_a_base_gets_the_body_speed_that_was_ordered(word: str, way: tuple[int, 
     wheels = np.radians(steered(steering, {0: word}, 30)[-1])
     assert isinstance(job.robot, OmniBase)
     wanted = np.array(way) * (0.08, 0.08, math.radians(30))
-    assert body_speed(job.robot, wheels) == pytest.approx(wanted, abs=1e-12)
+    assert job.robot.body_speed(wheels) == pytest.approx(wanted, abs=1e-12)
 
 
 def test_a_base_changes_its_speed_in_a_ramp() -> None:

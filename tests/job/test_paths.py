@@ -8,9 +8,9 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.job import PlannedJob, load, loads, plan_job
+from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk
 from servogen.motion import follow, moves
-from servogen.robot.robots import arm
 
 FILES = Path(__file__).with_name("paths")
 

@@ -8,9 +8,9 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.job import PlannedJob, load, plan_job
+from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk_position
 from servogen.pulse.plan import plan
-from servogen.robot.robots import arm
 
 JOBS = Path(__file__).parents[2] / "jobs"
 TEXT = (JOBS / "rvm1-program.toml").read_text("utf-8")

@@ -151,10 +151,10 @@ def test_a_gear_gives_the_servo_its_part_of_the_torque(tmp_path: Path) -> None:
     [
         (WALKER.format(mass_g=0), "mass_g"),
         (WALKER.format(mass_g="1e9"), "mass_g"),
-        (WALKER.format(mass_g=1) + "payload_g = 5\n", "'payload_g' stands in a file of kind"),
+        (WALKER.format(mass_g=1) + "payload_g = 5\n", "'payload_g' belongs in a file of kind"),
         (ARM.format(payload_g=-1), "payload_g"),
         (ARM.format(payload_g=0).replace("mass_g = 100\n", ""), "the joint 'shoulder' has no mass"),
-        (ARM.format(payload_g=0) + '\n[[mount]]\nname = "x"\nx_mm = 0\ny_mm = 0\n', "'mount' stands"),
+        (ARM.format(payload_g=0) + '\n[[mount]]\nname = "x"\nx_mm = 0\ny_mm = 0\n', "'mount' belongs"),
     ],
 )
 def test_a_mass_that_cannot_be_is_refused(tmp_path: Path, robot: str, says: str) -> None:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from servogen.kinematics import transforms as t
+from servogen.kinematics.catalogue import arm, names, robot
 from servogen.robot.model import Arm
-from servogen.robot.robots import arm, names, robot
 
 ARMS = tuple(name for name in names() if isinstance(robot(name), Arm))
 Configurations = Callable[..., np.ndarray]

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from servogen.errors import InputError
+from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import BLOCK, fk, fk_position, link_frames, row_axes
 from servogen.kinematics.leg import Leg
 from servogen.kinematics.transforms import frame_matrix, is_rotation, rotation
 from servogen.robot.model import Frame
-from servogen.robot.robots import arm
 
 
 def test_every_arm_is_the_product_of_its_rows(any_arm, configurations, product_of_rows) -> None:

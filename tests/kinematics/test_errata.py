@@ -10,14 +10,14 @@ from math import atan, atan2, cos, degrees, pi, radians, sin, sqrt
 import numpy as np
 import pytest
 
-from servogen.kinematics import differential, omni
+from servogen.kinematics import differential
 from servogen.kinematics import transforms as t
+from servogen.kinematics.catalogue import arm, robot
 from servogen.kinematics.forward import fk, fk_position, link_frames
 from servogen.kinematics.inverse.solve import ik_all
 from servogen.kinematics.jacobian import jacobian
 from servogen.kinematics.orientation import from_angles, to_angles
 from servogen.kinematics.transform_text import parse
-from servogen.robot.robots import arm, robot
 
 ANGLES = np.array([0.3, -0.7, 1.1, 0.5, -0.9, 2.0])
 (C1, C2, C3, C4, C5, C6), (S1, S2, S3, S4, S5, S6) = np.cos(ANGLES), np.sin(ANGLES)
@@ -304,10 +304,10 @@ def test_10_3_to_10_5_swap_rows_and_columns_and_10_5_loses_a_minus() -> None:
     direct = r * np.array(
         [[1 / sqrt(3), -1 / sqrt(3), 0], [-1 / 3, -1 / 3, 2 / 3], [-1 / (3 * distance)] * 3]
     )
-    np.testing.assert_allclose(direct @ omni.wheel_speeds(base, body), body, atol=1e-12)
+    np.testing.assert_allclose(direct @ base.wheel_speeds(body), body, atol=1e-12)
     assert np.abs(direct @ printed @ body - body).max() > 0.1
     swapped = printed[[0, 2, 1]][:, [0, 2, 1]]
-    np.testing.assert_allclose(swapped @ body, omni.wheel_speeds(base, body), atol=1e-12)
+    np.testing.assert_allclose(swapped @ body, base.wheel_speeds(body), atol=1e-12)
     without_minus = printed.copy()
     without_minus[1, 1] = distance / r
-    assert np.abs(without_minus[[0, 2, 1]][:, [0, 2, 1]] @ body - omni.wheel_speeds(base, body)).max() > 0.1
+    assert np.abs(without_minus[[0, 2, 1]][:, [0, 2, 1]] @ body - base.wheel_speeds(body)).max() > 0.1

@@ -5,9 +5,11 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.kinematics import hexapod as h
+from servogen.kinematics.catalogue import robot
+from servogen.kinematics.hexapod import Hexapod
 from servogen.kinematics.inverse.unreachable import Unreachable
-from servogen.robot.model import Hexapod, Mount
-from servogen.robot.robots import robot
+from servogen.kinematics.transforms import mount_matrix, to_body, to_leg
+from servogen.robot.model import Mount
 
 ROBOT = robot("hexapod")
 assert isinstance(ROBOT, Hexapod)
@@ -46,8 +48,8 @@ def test_feet_come_back_from_their_angles() -> None:
 def test_a_mount_takes_points_to_the_body_and_back(mirrored: bool) -> None:
     mount = Mount("m", 0.1, -0.2, 0.05, 0.7, mirrored)
     points = np.random.default_rng(12).normal(size=(20, 3))
-    np.testing.assert_allclose(h.to_leg(mount, h.to_body(mount, points)), points, atol=1e-15)
-    assert np.linalg.det(h.mount_matrix(mount)[:3, :3]) == pytest.approx(-1 if mirrored else 1)
+    np.testing.assert_allclose(to_leg(mount, to_body(mount, points)), points, atol=1e-15)
+    assert np.linalg.det(mount_matrix(mount)[:3, :3]) == pytest.approx(-1 if mirrored else 1)
 
 
 def test_a_leg_that_is_not_there_is_refused() -> None:

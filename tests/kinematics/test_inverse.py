@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from servogen.errors import InputError
+from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk, fk_position
 from servogen.kinematics.inverse import numerical
 from servogen.kinematics.inverse.closed_forms import WRIST_JOINTS
@@ -15,7 +16,6 @@ from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.tool_orientation import orientation_matrix
 from servogen.kinematics.transforms import wrapped
 from servogen.robot.model import Arm, Frame
-from servogen.robot.robots import arm
 
 
 def is_among(q: np.ndarray, solutions: np.ndarray, turning: list[bool]) -> np.ndarray:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from servogen.errors import InputError
+from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk, fk_position, link_frames
 from servogen.kinematics.jacobian import (
     analytic_jacobian,
@@ -14,7 +15,6 @@ from servogen.kinematics.jacobian import (
 )
 from servogen.kinematics.orientation import to_angles
 from servogen.kinematics.transforms import wrapped
-from servogen.robot.robots import arm
 
 STEP = 1e-6
 

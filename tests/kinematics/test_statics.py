@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk_position
 from servogen.kinematics.statics import GRAVITY, foot_forces, gravity_torques, has_masses
 from servogen.robot.model import Arm, Frame
-from servogen.robot.robots import arm
 
 
 def with_masses(name: str) -> Arm:

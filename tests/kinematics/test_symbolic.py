@@ -5,10 +5,10 @@ import pytest
 import sympy
 
 from servogen.errors import InputError
+from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk
 from servogen.kinematics.jacobian import jacobian
 from servogen.kinematics.symbolic import singular_condition, symbolic_fk, symbolic_jacobian, text_of
-from servogen.robot.robots import arm
 
 # what the specification prints, with the joints' and lengths' names
 POSITIONS = {

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from servogen.errors import InputError
+from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk
 from servogen.kinematics.urdf import from_urdf, to_urdf
-from servogen.robot.robots import arm
 
 pytest.importorskip("urdf_parser_py")
 

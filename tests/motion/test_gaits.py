@@ -9,15 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from servogen.errors import InputError
+from servogen.kinematics.catalogue import robot
+from servogen.kinematics.hexapod import Hexapod
 from servogen.motion.gait.phases import NAMES, Gait, custom, gait
 from servogen.motion.gait.stability import margin, support_polygon
-from servogen.motion.gait.walk import one_leg
-from servogen.robot.model import Hexapod
-from servogen.robot.robots import catalogue
 
 
 def hexapod() -> Hexapod:
-    found = catalogue("hexapod")
+    found = robot("hexapod")
     assert isinstance(found, Hexapod)
     return found
 
@@ -84,7 +83,7 @@ def test_an_unknown_gait_is_refused_with_the_nearest() -> None:
 
 def test_a_named_gait_needs_three_legs_on_each_side() -> None:
     with pytest.raises(InputError, match="three legs on each side: hexapod has 1 on the left and 0"):
-        gait("wave", one_leg(hexapod(), "L1"))
+        gait("wave", hexapod().with_leg("L1"))
 
 
 def test_the_margin_inside_a_square_is_the_distance_from_its_nearest_side() -> None:

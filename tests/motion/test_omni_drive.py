@@ -10,8 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from servogen.errors import InputError
-from servogen.motion.omni import Drive, Stretch, contour, decomposed, drive, positions, routine, stretch
-from servogen.robot.model import OmniBase
+from servogen.kinematics.omni import (
+    OmniBase,
+    Translation,
+    as_stretch,
+    contour,
+    decomposed,
+    routine,
+    translation,
+)
+from servogen.motion.drive import Drive, drive, positions
 from servogen.units import Clock, Cycles
 
 BASE = OmniBase("robotino", "", 0.040, 0.135, 16.0, 2048)
@@ -21,8 +29,12 @@ CLOCK, PERIOD = Clock(4_000_000), Cycles(20_000)
 SIX = {0: (1, -1, 0), 60: (0, -1, 1), 120: (-1, 0, 1), 180: (-1, 1, 0), 240: (0, 1, -1), 300: (1, 0, -1)}
 
 
-def driven(stretches: tuple[Stretch, ...], speed: float = 0.1, **options: object) -> Drive:
-    return drive(BASE, stretches, speed, PERIOD, CLOCK, **options)  # type: ignore[arg-type]
+WHEELS = ("one", "two", "three")
+
+
+def driven(parts: tuple[Translation, ...], speed: float = 0.1, **options: object) -> Drive:
+    stretches = [as_stretch(BASE, part) for part in parts]
+    return drive(stretches, speed, PERIOD, CLOCK, wheels=WHEELS, **options)  # type: ignore[arg-type]
 
 
 def end(made: Drive) -> np.ndarray:
@@ -35,7 +47,7 @@ def test_a_routine_drives_two_wheels_with_equal_and_opposite_speeds(direction: i
     signs = np.sign(made.trajectory.angles)
     assert (signs == SIX[direction]).all()
     assert np.abs(made.trajectory.angles.sum(axis=1)).max() < 1e-12
-    assert made.stretches[0].signs == SIX[direction]
+    assert routine(BASE, direction, 0.3).signs == SIX[direction]
 
 
 @pytest.mark.parametrize("direction", SIX)
@@ -66,7 +78,7 @@ def test_the_time_is_the_way_over_the_speed_in_whole_frames() -> None:
 
 
 def test_other_directions_and_negative_distances_are_no_routine() -> None:
-    with pytest.raises(InputError, match=r"90° is none of the six directions"):
+    with pytest.raises(InputError, match=r"90° is not one of the six directions"):
         routine(BASE, 90, 0.1)
     with pytest.raises(InputError, match="take the opposite direction"):
         routine(BASE, 60, -0.1)
@@ -85,13 +97,13 @@ def test_the_parts_of_any_way_add_up_to_it_in_six_directions(x: float, y: float)
     parts = decomposed(BASE, (x, y))
     assert len(parts) <= 2
     assert all(part.direction_deg in SIX for part in parts)
-    assert sum(part.way[0] for part in parts) == pytest.approx(x, abs=1e-9)
-    assert sum(part.way[1] for part in parts) == pytest.approx(y, abs=1e-9)
+    assert sum(part.displacement[0] for part in parts) == pytest.approx(x, abs=1e-9)
+    assert sum(part.displacement[1] for part in parts) == pytest.approx(y, abs=1e-9)
 
 
 def test_a_stretch_in_any_other_direction_takes_three_wheels() -> None:
-    made = driven((stretch(BASE, (0.0, 0.3)),))
-    assert made.stretches[0].direction_deg is None
+    made = driven((translation(BASE, (0.0, 0.3)),))
+    assert translation(BASE, (0.0, 0.3)).direction_deg is None
     assert (made.trajectory.angles != 0).all()
     assert end(made) == pytest.approx((0, 0.3, 0), abs=1e-12)
 
@@ -164,7 +176,7 @@ def test_without_repeat_the_wheels_stop_for_ever_at_the_end() -> None:
 def test_a_drive_without_end_is_refused() -> None:
     with pytest.raises(InputError, match="frames long"):
         driven((routine(BASE, 0, 1e6),), 1e-3)
-    with pytest.raises(InputError, match="a speed is more than 0"):
+    with pytest.raises(InputError, match="the speed must be more than 0"):
         driven((routine(BASE, 0, 1.0),), 0.0)
 
 

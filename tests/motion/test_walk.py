@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 
 from servogen.errors import InputError
+from servogen.kinematics.catalogue import robot as named_robot
+from servogen.kinematics.hexapod import Hexapod
 from servogen.kinematics.leg import Leg
-from servogen.motion.gait.footwork import Posture, to_body, to_leg
+from servogen.kinematics.protocol import Posture
+from servogen.kinematics.transforms import to_body, to_leg
 from servogen.motion.gait.phases import NAMES, custom, gait
 from servogen.motion.gait.steps import Segment
-from servogen.motion.gait.walk import Walk, one_leg, walk
+from servogen.motion.gait.walk import Walk, walk
 from servogen.motion.limits import Limits, stretch
-from servogen.robot.model import Hexapod, Mount
-from servogen.robot.robots import catalogue
+from servogen.robot.model import Mount
 from servogen.units import Clock, Cycles
 
 CLOCK, PERIOD, FRAME_S = Clock(4_000_000), Cycles(20_000), 0.02
@@ -31,7 +33,7 @@ SEGMENTS = {
 
 
 def hexapod() -> Hexapod:
-    found = catalogue("hexapod")
+    found = named_robot("hexapod")
     assert isinstance(found, Hexapod)
     return found
 
@@ -187,7 +189,7 @@ def test_a_gait_in_which_the_robot_falls_is_refused_unless_allowed() -> None:
 
 def test_a_single_leg_walks_as_it_does_on_the_robot() -> None:
     robot = hexapod()
-    alone = one_leg(robot, "R2")
+    alone = robot.with_leg("R2")
     rhythm = custom("alone", gait("wave", robot).duty, {"R2": dict(gait("wave", robot).lifts)["R2"]}, alone)
     made = walk(alone, rhythm, [FOREVER], Posture(), PERIOD, CLOCK, frames_per_cycle=48)
     whole = walked("wave", FOREVER).trajectory
@@ -213,7 +215,7 @@ def test_mounts_turn_and_mirror_legs() -> None:
     [
         ((), {}, "at least one segment"),
         ((FOREVER, FOREVER), {}, "only the last segment"),
-        ((Segment(0.04, cycles=0),), {}, "a segment of 0 cycles"),
+        ((Segment(0.04, cycles=0),), {}, "a segment has 0 cycles"),
         ((Segment(0.4),), {}, "L1_alpha would have to turn from"),
         ((Segment(turn=0.3),), {"spring_m": 0.003}, "the springs would have to give 6.99 mm: they give 3 mm"),
         ((FOREVER,), {"frames": None}, "nothing says how fast"),

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from servogen.errors import InputError
+from servogen.kinematics.catalogue import arm
 from servogen.movemaster import Budget, Hand, Manipulator, Run, manipulator, parse, run
 from servogen.robot.model import Arm
-from servogen.robot.robots import arm
 from servogen.units import Clock, Cycles
 
 

@@ -7,9 +7,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from servogen.errors import InputError
+from servogen.kinematics.catalogue import arm
 from servogen.movemaster import Budget, Run, manipulator, parse, run
 from servogen.movemaster.language import COMMANDS, Command, Kind, Parameter, Where
-from servogen.robot.robots import arm
 from servogen.units import Clock, Cycles
 
 SETUP = (

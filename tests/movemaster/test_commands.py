@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from servogen.kinematics.catalogue import arm
 from servogen.movemaster import Run, mover
-from servogen.robot.robots import arm
 from tests.movemaster.conftest import full_turns
 
 Ran = Callable[..., Run]

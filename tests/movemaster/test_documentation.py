@@ -5,9 +5,9 @@ from collections.abc import Callable
 from math import degrees
 from pathlib import Path
 
+from servogen.kinematics.catalogue import arm
 from servogen.movemaster import Run, parse
 from servogen.movemaster.language import COMMANDS, Where
-from servogen.robot.robots import arm
 
 TEXT = (Path(__file__).parents[2] / "docs" / "movemaster.md").read_text("utf-8")
 WHERE = {Where.BOTH: "both", Where.PROGRAM: "program", Where.DIRECT: "direct"}

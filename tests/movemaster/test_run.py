@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from servogen.errors import InputError
+from servogen.kinematics.catalogue import arm
 from servogen.movemaster import Input, Run, input_of, manipulator
-from servogen.robot.robots import arm
 from tests.movemaster.conftest import full_turns
 
 Ran = Callable[..., Run]

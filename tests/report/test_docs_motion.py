@@ -8,7 +8,9 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.job import load, plan_job
-from servogen.motion.gait.footwork import Posture
+from servogen.kinematics.catalogue import robot
+from servogen.kinematics.hexapod import Hexapod
+from servogen.kinematics.protocol import Posture
 from servogen.motion.gait.phases import NAMES, gait
 from servogen.motion.gait.steps import Segment
 from servogen.motion.gait.walk import Walk, walk
@@ -16,8 +18,6 @@ from servogen.motion.laws import law
 from servogen.pulse.plan import plan
 from servogen.report.tool_error import errors_of, worst_of
 from servogen.report.tracks import tracks_of
-from servogen.robot.model import Hexapod
-from servogen.robot.robots import robot
 from servogen.units import Clock, Cycles
 
 ROOT = Path(__file__).parents[2]

@@ -8,13 +8,14 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.job import load, plan_job
+from servogen.kinematics.catalogue import arm, names, robot
 from servogen.kinematics.forward import fk_position
 from servogen.kinematics.leg import Leg
+from servogen.kinematics.omni import OmniBase
 from servogen.report.film import film
 from servogen.report.scenes import MOST_PICTURES, job_scene
 from servogen.report.sticks import base_outline, stick
-from servogen.robot.model import Arm, OmniBase
-from servogen.robot.robots import arm, names, robot
+from servogen.robot.model import Arm
 
 JOBS = Path(__file__).parents[2] / "jobs"
 ARMS = [name for name in names() if isinstance(robot(name), Arm)]

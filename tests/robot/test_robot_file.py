@@ -6,9 +6,11 @@ from pathlib import Path
 import pytest
 
 from servogen.errors import InputError
-from servogen.robot import reader as file
-from servogen.robot import robots
-from servogen.robot.model import Arm, Hexapod, Length, OmniBase
+from servogen.kinematics import catalogue as robots
+from servogen.kinematics.hexapod import Hexapod
+from servogen.kinematics.omni import OmniBase
+from servogen.robot import model
+from servogen.robot.model import Arm, Length
 from servogen.toml import file as toml_file
 
 ARM = """\
@@ -50,7 +52,7 @@ rz_deg = 90
 
 
 def read(text: str) -> object:
-    return file.robot_of(toml_file.parse(text, "mine.toml"), robots.catalogue)
+    return robots.robot_of(toml_file.parse(text, "mine.toml"))
 
 
 def test_a_users_arm_is_what_its_file_says() -> None:
@@ -94,7 +96,7 @@ MISTAKES = [
     ('d_mm = "l1"', "d_mm = true", 25, "is not a text"),
     ("z_mm = 40", "z_cm = 40", 33, "write z_mm"),
     ("z_mm = 40", "z_mm = inf", 33, "finite"),
-    ("[tool]", "[[mount]]", 32, "'mount' stands in a file of kind = \"hexapod\", not of arm"),
+    ("[tool]", "[[mount]]", 32, "'mount' belongs in a file of kind = \"hexapod\", not of arm"),
     ("l1 = 120", "l1 = -120", 5, "-120 is out of range: at least 0 is allowed"),
     ("l1 = 120", "l1 = 1e9", 5, "at most 100000"),
 ]
@@ -148,7 +150,7 @@ def test_a_robot_like_another_takes_over_all_that_is_not_written() -> None:
     ("before", "after", "line", "message"),
     [
         ('"rv-m1"', '"rv-m2"', 2, "unknown robot 'rv-m2'"),
-        ('"rv-m1"', '"hexapod"', 2, "is no arm"),
+        ('"rv-m1"', '"hexapod"', 2, "is not an arm"),
         ("d5 = 107", "d6 = 107", 5, "has no length 'd6'"),
         ("d5 = 107", "d5_mm = 107", 5, "lengths_mm says the unit: write d5"),
         ('name = "q2"', 'name = "q7"', 8, "has no joint 'q7'"),
@@ -185,7 +187,7 @@ def test_a_users_hexapod_has_its_own_mounts_and_leg_lengths() -> None:
     assert len(like.mounts) == 6
     with pytest.raises(InputError, match="needs its legs"):
         read('name = "six"\nkind = "hexapod"\n')
-    with pytest.raises(InputError, match="is no leg"):
+    with pytest.raises(InputError, match="is not a leg"):
         read('name = "six"\nkind = "hexapod"\nleg = "scara"\n' + mounts)
 
 
@@ -290,6 +292,6 @@ def test_the_rv_m1_turns_as_far_as_its_maker_says() -> None:
 
 
 def test_the_rv_m1_file_says_what_of_its_limits_is_assumed() -> None:
-    text = (Path(robots.__file__).parent / "catalogue" / "robots" / "rv-m1.toml").read_text("utf-8")
+    text = (Path(model.__file__).parent / "catalogue" / "robots" / "rv-m1.toml").read_text("utf-8")
     assert "is assumed" in text
     assert "was not at hand" in text

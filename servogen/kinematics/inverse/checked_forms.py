@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from servogen.errors import InputError, did_you_mean
+from servogen.kinematics import catalogue
 from servogen.kinematics.forward import BLOCK, fk, whole_chain
 from servogen.kinematics.inverse import numerical
 from servogen.kinematics.inverse.closed_forms import CLOSED_FORMS, DIVISORS
 from servogen.kinematics.inverse.target import Branch, Target
 from servogen.kinematics.transforms import Floats, frame_matrix, inverse
-from servogen.robot import robots
 from servogen.robot.model import Arm, Frame
 
 TOLERANCE = 1e-9
@@ -52,7 +52,7 @@ def has_closed_form(arm: Arm, oriented: bool) -> bool:
         raise InputError(
             "unknown-closed-form", f"no closed form '{form}'", hint=did_you_mean(form, CLOSED_FORMS)
         )
-    owner = robots.arm(form)
+    owner = catalogue.arm(form)
     if (arm.rows, arm.convention) != (owner.rows, owner.convention):
         raise InputError(
             "unknown-closed-form",

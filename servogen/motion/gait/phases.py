@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from servogen.errors import InputError, did_you_mean
-from servogen.robot.model import Hexapod
+from servogen.kinematics.protocol import WalkingRobot, mounts_of
 
 SIXTH = Fraction(1, 6)
 
@@ -104,15 +104,13 @@ _TABLE: Mapping[str, tuple[Fraction, tuple[int, int, int], tuple[int, int, int]]
 NAMES = tuple(_TABLE)
 
 
-def gait(name: str, robot: Hexapod) -> Gait:
+def gait(name: str, robot: WalkingRobot) -> Gait:
     """The gait of that name for a robot with three legs on each side. Raises InputError."""
     if name not in _TABLE:
         raise InputError("unknown-gait", f"unknown gait '{name}'", hint=did_you_mean(name, NAMES))
     duty, *sixths = _TABLE[name]
-    sides = [
-        [mount.name for mount in sorted(robot.mounts, key=lambda mount: -mount.x) if mount.mirrored == right]
-        for right in (False, True)
-    ]
+    mounts = sorted(mounts_of(robot), key=lambda mount: -mount.x)
+    sides = [[mount.name for mount in mounts if mount.mirrored == right] for right in (False, True)]
     if [len(side) for side in sides] != [3, 3]:
         raise InputError(
             "unknown-gait",
@@ -129,10 +127,13 @@ def gait(name: str, robot: Hexapod) -> Gait:
 
 
 def custom(
-    name: str, duty: Fraction | float, lifts: Mapping[str, Fraction | float] | Sequence[float], robot: Hexapod
+    name: str,
+    duty: Fraction | float,
+    lifts: Mapping[str, Fraction | float] | Sequence[float],
+    robot: WalkingRobot,
 ) -> Gait:
     """A gait by duty factor and phase table: when each leg lifts, by name or in order. Raises InputError."""
-    legs = [mount.name for mount in robot.mounts]
+    legs = [mount.name for mount in mounts_of(robot)]
     if not isinstance(lifts, Mapping):
         if len(lifts) != len(legs):
             raise InputError(

@@ -7,20 +7,21 @@ trajectory; at each frame the feet, the corrections that the legs' springs must 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from servogen.errors import InputError
-from servogen.motion.gait.footwork import MOST_CYCLES, Frames, Posture, footwork, joined
+from servogen.kinematics.protocol import Posture, WalkingRobot
+from servogen.motion.gait.footwork import MAX_CYCLES, Frames, footwork, joined
 from servogen.motion.gait.phases import Gait, PhaseChange
 from servogen.motion.gait.stability import margin
 from servogen.motion.gait.steps import Segment
 from servogen.motion.limits import Limits, stretch
 from servogen.motion.trajectory import MAX_FRAMES, Floats, JointTrajectory
-from servogen.robot.model import Hexapod
+from servogen.robot.model import Joint
 from servogen.units import Clock, Cycles
 
 SAME_RAD = 1e-7
@@ -59,6 +60,11 @@ class Walk:
     """Where the frames moved the gait's phases by more than half a frame."""
 
     @property
+    def leg_angles(self) -> Floats:
+        """Return the joint angles (frames, legs, k)."""
+        return self.trajectory.angles.reshape(len(self.ground), len(self.legs), -1)
+
+    @property
     def largest_correction_m(self) -> float:
         return float(np.linalg.norm(self.corrections, axis=2).max(initial=0.0))
 
@@ -73,7 +79,7 @@ class Walk:
 
 
 def walk(
-    robot: Hexapod,
+    robot: WalkingRobot,
     gait: Gait,
     segments: Sequence[Segment],
     posture: Posture,
@@ -105,8 +111,8 @@ def walk(
             "no-speed", "nothing says how fast the cycle may be", hint="give its time, or a speed limit"
         )
     plan = footwork(robot, gait, posture)
-    names = tuple(mount.name for mount in robot.mounts)
-    joints = tuple(f"{name}_{joint.name}" for name in names for joint in robot.leg.joints)
+    names = plan.legs
+    joints = {name: joint for leg in robot.limbs for name, joint in leg.joints.items()}
     least = math.ceil(LEAST_SWING / gait.swing)
     if frames_per_cycle is not None and frames_per_cycle < least:
         raise InputError(
@@ -115,7 +121,7 @@ def walk(
             hint=f"at least {least} frames: each swing takes {LEAST_SWING} or more",
         )
     count = frames_per_cycle or _whole(gait, least)
-    cycles = sum(MOST_CYCLES if segment.cycles is None else segment.cycles for segment in segments)
+    cycles = sum(MAX_CYCLES if segment.cycles is None else segment.cycles for segment in segments)
     while True:
         if not count * cycles <= MAX_FRAMES:
             raise InputError(
@@ -129,7 +135,7 @@ def walk(
             [steps.frames(segment, count) for segment in segments], segments[-1].cycles is None, count
         )
         angles = frames.angles.reshape(len(frames.angles), -1)
-        _check_limits(robot, joints, angles)
+        _check_limits(joints, angles)
         around = np.concatenate((angles, angles[loop_start : loop_start + 3]))
         slower = stretch(around, float(clock.seconds(period)), [limits] * angles.shape[1])
         if frames_per_cycle is not None or slower <= 1:
@@ -141,17 +147,12 @@ def walk(
                 "the limits of the servos ask for a cycle of more than a minute",
                 hint="shorten the stride, or raise the limits",
             )
-    trajectory = JointTrajectory(joints, clock, period, angles, loop_start)
+    trajectory = JointTrajectory(tuple(joints), clock, period, angles, loop_start)
     margins = _margins(robot, frames)
     changes = rhythm.changes_from(gait, count)
     made = Walk(trajectory, names, frames.feet, frames.ground, frames.corrections, margins, count, changes)
     _refuse(made, spring_m, allow_falling)
     return made
-
-
-def one_leg(robot: Hexapod, leg: str) -> Hexapod:
-    """The robot with that leg only: the same walk, on the bench."""
-    return replace(robot, mounts=(robot.mount(leg),))
 
 
 def _whole(gait: Gait, frames: int) -> int:
@@ -173,18 +174,18 @@ def _round(parts: Sequence[Frames], endless: bool, count: int) -> tuple[Frames, 
     return frames.part(0, loop_start + count), loop_start
 
 
-def _margins(robot: Hexapod, frames: Frames) -> Floats:
+def _margins(robot: WalkingRobot, frames: Frames) -> Floats:
     """Of each frame; a robot of one or two legs stands on something else."""
-    if len(robot.mounts) < 3:
+    if len(robot.limbs) < 3:
         return np.full(len(frames.angles), math.inf)
     centre = np.array(robot.centre_of_mass[:2])
     stand = (frames.feet + frames.corrections)[:, :, :2]
     return np.array([margin(feet[down], centre) for feet, down in zip(stand, frames.ground, strict=True)])
 
 
-def _check_limits(robot: Hexapod, joints: Sequence[str], angles: Floats) -> None:
-    for index, (name, column) in enumerate(zip(joints, angles.T, strict=True)):
-        joint = robot.leg.joints[index % 2]
+def _check_limits(joints: Mapping[str, Joint], angles: Floats) -> None:
+    """Raise InputError for the first joint that would have to turn beyond its limits."""
+    for (name, joint), column in zip(joints.items(), angles.T, strict=True):
         low, high = float(column.min()), float(column.max())
         if low < joint.lower or high > joint.upper:
             shown, allowed = (

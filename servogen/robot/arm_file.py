@@ -1,6 +1,7 @@
-"""The tables of a robot's TOML file, with the type, unit and range of each key.
+"""The TOML file of an arm -> `Arm`; and what the files of all kinds of robots have in common.
 
-Which keys belong together is checked in `file`, after the types.
+In: a document and its validated table. Out: an `Arm`; InputError with the line and key for keys that do not
+belong together. The files of other kinds of robots are read by their modules in `kinematics`.
 """
 
 from __future__ import annotations
@@ -9,26 +10,24 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import inf, radians
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
 from servogen.errors import InputError, did_you_mean
-from servogen.robot.model import Arm, DHRow, Frame, Hexapod, Joint, Length, Mount, OmniBase, Robot
-from servogen.toml import file as toml_file
+from servogen.robot.model import Arm, DHRow, Frame, Joint, Length, Robot
 from servogen.toml.file import Document, Table
 
 MAX_GRAMS = 1e7
-"""Ten tonnes: a greater mass is a mistake."""
+"""Ten tonnes; a greater mass is a typing error."""
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
 
-MOST_MM = 100_000.0
-"""Beyond it a length is a slip of the pen."""
+MAX_MM = 100_000.0
+"""A greater length is a typing error."""
 
 
-Millimetres = Annotated[float, Field(ge=-MOST_MM, le=MOST_MM)]
+Millimetres = Annotated[float, Field(ge=-MAX_MM, le=MAX_MM)]
 
 
 def _as_text(value: Any) -> Any:
@@ -39,7 +38,13 @@ LengthText = Annotated[str, BeforeValidator(_as_text)]
 """A number of millimetres, or a sum of named lengths: 40, "l2", "l2 + l3", "-l2"."""
 
 
+LengthsMm = dict[str, Annotated[float, Field(ge=0, le=MAX_MM)]]
+"""Lengths by name; a direction is the row's: a_mm = "-l2"."""
+
+
 class JointTable(Table):
+    """One [[joint]]: its limits, home position and speed in the unit of its kind."""
+
     name: Name
     kind: Literal["turning", "sliding"] | None = None
     lower_deg: float | None = None
@@ -55,6 +60,8 @@ class JointTable(Table):
 
 
 class RowTable(Table):
+    """One [[row]] of the Denavit–Hartenberg table."""
+
     joint: Name | None = None
     ratio: float = 1.0
     theta_deg: float = 0.0
@@ -64,6 +71,8 @@ class RowTable(Table):
 
 
 class FrameTable(Table):
+    """[base] or [tool]: a fixed frame."""
+
     x_mm: float = 0.0
     y_mm: float = 0.0
     z_mm: float = 0.0
@@ -72,160 +81,53 @@ class FrameTable(Table):
     rz_deg: float = 0.0
 
 
-class MountTable(Table):
-    name: Name
-    x_mm: float
-    y_mm: float
-    z_mm: float = 0.0
-    heading_deg: float = 0.0
-    mirrored: bool = False
-
-
 class RobotTable(Table):
-    """The whole file."""
+    """The keys that the files of all kinds of robots have."""
 
     name: Name
     title: str = ""
     aliases: tuple[str, ...] = ()
-    kind: Literal["arm", "hexapod", "omni"] = "arm"
+    kind: str = "arm"
+    dimensions: Literal["source", "manufacturer", "example", "user"] = "user"
+    source: str = ""
+
+
+class ArmTable(RobotTable):
+    """The file of an arm."""
+
     like: str | None = None
     convention: Literal["standard", "modified"] | None = None
     closed_form: str | None = None
     orientation: tuple[Literal["roll", "pitch", "rpy"], ...] = ()
-    dimensions: Literal["source", "manufacturer", "example", "user"] = "user"
-    source: str = ""
-    lengths_mm: dict[str, Annotated[float, Field(ge=0, le=MOST_MM)]] = Field(default_factory=dict)
-    """A direction is the row's: a_mm = "-l2"."""
+    lengths_mm: LengthsMm = Field(default_factory=dict)
     joint: tuple[JointTable, ...] = ()
     row: tuple[RowTable, ...] = ()
     base: FrameTable | None = None
     tool: FrameTable | None = None
-    leg: str = "leg"
-    mount: tuple[MountTable, ...] = ()
-    centre_of_mass_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    mass_g: float | None = Field(default=None, gt=0, le=MAX_GRAMS)
     payload_g: float | None = Field(default=None, ge=0, le=MAX_GRAMS)
-    wheel_diameter_mm: float | None = Field(default=None, gt=0)
-    wheel_distance_mm: float | None = Field(default=None, gt=0)
-    gear: float = Field(default=1.0, gt=0)
-    counts_per_turn: int = Field(default=1, gt=0)
-    sensors: int = Field(default=0, ge=0)
 
 
 Find = Callable[[str], Robot]
-"""Gives the catalogue's robot of a name, or raises InputError."""
-
-# The keys of each kind of robot in addition to the common ones.
-_COMMON = {"name", "title", "aliases", "kind", "dimensions", "source"}
-_ARM = {
-    "like",
-    "convention",
-    "closed_form",
-    "orientation",
-    "lengths_mm",
-    "joint",
-    "row",
-    "base",
-    "tool",
-    "payload_g",
-}
-_KEYS = {
-    "arm": _COMMON | _ARM,
-    "hexapod": _COMMON | {"like", "leg", "lengths_mm", "mount", "centre_of_mass_mm", "mass_g"},
-    "omni": _COMMON | {"wheel_diameter_mm", "wheel_distance_mm", "gear", "counts_per_turn", "sensors"},
-}
+"""Returns the catalogue's robot of a name. Raises InputError for a name that is not in the catalogue."""
 
 
-def load(path: str | Path, find: Find) -> Robot:
-    """Return the robot of the file at `path`; `find` returns the catalogue's robots for `like` and `leg`."""
-    return robot_of(toml_file.read(path), find)
-
-
-def robot_of(document: Document, find: Find) -> Robot:
-    """Return the robot that `document` describes. Raises InputError with its location."""
-    table = toml_file.validate(document, RobotTable)
-    for key in document.data:
-        if key not in _KEYS[table.kind]:
-            kinds = [f'kind = "{kind}"' for kind, keys in _KEYS.items() if key in keys]
-            if kinds:
-                where = f"in a file of {' or '.join(kinds)}, not of {table.kind}"
-                raise document.error(
-                    "unknown-key",
-                    (key,),
-                    f"'{key}' stands {where}",
-                    "the kind is that of an arm unless given",
-                )
-            raise toml_file.unknown_key(document, (key,), _KEYS[table.kind])
-    if table.kind == "omni":
-        return _omni(document, table)
-    if table.kind == "hexapod":
-        return _hexapod(document, table, find)
+def arm_of(document: Document, table: ArmTable, find: Find) -> Arm:
+    """Return the arm that a file describes. Raises InputError with its location."""
     return _like(document, table, find) if table.like else _arm(document, table)
 
 
-def _omni(document: Document, table: RobotTable) -> OmniBase:
-    for key in ("wheel_diameter_mm", "wheel_distance_mm"):
-        if getattr(table, key) is None:
-            raise document.error("missing-key", (), f"'{key}' is missing", f"add {key} = …")
-    diameter, distance = table.wheel_diameter_mm or 0.0, table.wheel_distance_mm or 0.0
-    return OmniBase(
-        table.name,
-        table.title,
-        diameter / 2000,
-        distance / 1000,
-        table.gear,
-        table.counts_per_turn,
-        table.sensors,
-        table.dimensions,
-        table.source,
-    )
-
-
-def _hexapod(document: Document, table: RobotTable, find: Find) -> Hexapod:
-    key = "like" if table.like else "leg"
-    found = _found(document, key, table.like or table.leg, find)
-    model = found if isinstance(found, Hexapod) else None
-    leg = found.leg if isinstance(found, Hexapod) else found
-    if not isinstance(leg, Arm) or leg.closed_form != "leg":
-        raise document.error(
-            "wrong-robot-kind", (key,), f"'{found.name}' is no leg", 'a two-joint leg, such as leg = "leg"'
-        )
-    mounts = tuple(_mount(mount) for mount in table.mount) or (model.mounts if model else ())
-    if not mounts:
-        raise document.error(
-            "missing-key", (), "a hexapod needs its legs", "add [[mount]] tables: name, x_mm, y_mm"
-        )
-    _all_different(document, "mount", [mount.name for mount in mounts])
-    x, y, z = (value / 1000 for value in table.centre_of_mass_mm)
-    return Hexapod(
-        table.name,
-        table.title,
-        _leg_changed(document, table, leg),
-        mounts,
-        (x, y, z),
-        table.dimensions,
-        table.source,
-        _kilograms(table.mass_g, model.mass if model else None),
-    )
-
-
-def _mount(table: MountTable) -> Mount:
-    x, y, z = (value / 1000 for value in (table.x_mm, table.y_mm, table.z_mm))
-    return Mount(table.name, x, y, z, radians(table.heading_deg), table.mirrored)
-
-
-def _like(document: Document, table: RobotTable, find: Find) -> Arm:
-    model = _found(document, "like", table.like or "", find)
+def _like(document: Document, table: ArmTable, find: Find) -> Arm:
+    model = find_robot(document, "like", table.like or "", find)
     if not isinstance(model, Arm):
         raise document.error(
-            "wrong-robot-kind", ("like",), f"'{model.name}' is no arm", f'add kind = "{_kind(model)}"'
+            "wrong-robot-kind", ("like",), f"'{model.name}' is not an arm", f'add kind = "{model.kind}"'
         )
     for key in ("row", "convention", "closed_form", "orientation"):
         if key in document.data:
             raise document.error(
                 "conflicting-keys", (key,), f"'{key}' is taken from '{model.name}' (like)", "leave one out"
             )
-    arm = _lengths_changed(document, table, model)
+    arm = with_lengths(document, table.lengths_mm, model)
     changed = {joint.name: joint for joint in arm.joints}
     for index, joint in enumerate(table.joint):
         if joint.name not in changed:
@@ -246,33 +148,21 @@ def _like(document: Document, table: RobotTable, find: Find) -> Arm:
         tool=_frame(table.tool) if table.tool else arm.tool,
         dimensions=table.dimensions if table.lengths_mm else arm.dimensions,
         source=table.source or model.source,
-        payload=_kilograms(table.payload_g, model.payload) or 0.0,
+        payload=kilograms(table.payload_g, model.payload) or 0.0,
     )
 
 
-def _kind(robot: Robot) -> str:
-    return "hexapod" if isinstance(robot, Hexapod) else "omni" if isinstance(robot, OmniBase) else "arm"
-
-
-def _found(document: Document, key: str, name: str, find: Find) -> Robot:
+def find_robot(document: Document, key: str, name: str, find: Find) -> Robot:
+    """Return the robot that a file refers to by `key`. Raises InputError at that key."""
     try:
         return find(name)
     except InputError as error:
         raise error.at(document.place(key)) from error
 
 
-def _leg_changed(document: Document, table: RobotTable, leg: Arm) -> Arm:
-    """Return the leg with the lengths of the file, which must leave it a reach and a thigh."""
-    changed = _lengths_changed(document, table, leg)
-    if not changed.length["bc"]:
-        raise document.error("bad-length", ("lengths_mm", "bc"), "bc is 0: β would lift nothing")
-    if not changed.length["ab"] + changed.length["cd"]:
-        raise document.error("bad-length", ("lengths_mm", "ab"), "ab and cd are both 0: a leg has a reach")
-    return changed
-
-
-def _lengths_changed(document: Document, table: RobotTable, arm: Arm) -> Arm:
-    for name in table.lengths_mm:
+def with_lengths(document: Document, lengths_mm: LengthsMm, arm: Arm) -> Arm:
+    """Return `arm` with the lengths of the file in place of its own. Raises InputError for unknown ones."""
+    for name in lengths_mm:
         if name not in arm.length:
             where, bare = ("lengths_mm", name), name.removesuffix("_mm")
             hint = (
@@ -281,11 +171,11 @@ def _lengths_changed(document: Document, table: RobotTable, arm: Arm) -> Arm:
                 else did_you_mean(name, arm.length)
             )
             raise document.error("unknown-length", where, f"'{arm.name}' has no length '{name}'", hint)
-    changed = {name: value / 1000 for name, value in table.lengths_mm.items()}
+    changed = {name: value / 1000 for name, value in lengths_mm.items()}
     return arm.with_lengths(**changed) if changed else arm
 
 
-def _arm(document: Document, table: RobotTable) -> Arm:
+def _arm(document: Document, table: ArmTable) -> Arm:
     for key in ("convention", "joint", "row"):
         if key not in document.data:
             raise document.error(
@@ -293,7 +183,7 @@ def _arm(document: Document, table: RobotTable) -> Arm:
             )
     joints = tuple(_joint(document, index, joint, None) for index, joint in enumerate(table.joint))
     names = [joint.name for joint in joints]
-    _all_different(document, "joint", names)
+    check_unique(document, "joint", names)
     lengths = {name: value / 1000 for name, value in table.lengths_mm.items()}
     rows = tuple(_row(document, index, row, names, lengths) for index, row in enumerate(table.row))
     for index, name in enumerate(names):
@@ -305,19 +195,19 @@ def _arm(document: Document, table: RobotTable) -> Arm:
                 "add joint = … to a [[row]]",
             )
     return Arm(
-        table.name,
-        table.title,
-        table.convention or "standard",
-        joints,
-        rows,
-        tuple(lengths.items()),
-        table.closed_form,
-        table.orientation,
-        _frame(table.base),
-        _frame(table.tool),
-        table.dimensions,
-        table.source,
-        _kilograms(table.payload_g, None) or 0.0,
+        name=table.name,
+        title=table.title,
+        convention=table.convention or "standard",
+        joints=joints,
+        rows=rows,
+        lengths=tuple(lengths.items()),
+        closed_form=table.closed_form,
+        orientation=table.orientation,
+        base=_frame(table.base),
+        tool=_frame(table.tool),
+        dimensions=table.dimensions,
+        source=table.source,
+        payload=kilograms(table.payload_g, None) or 0.0,
     )
 
 
@@ -328,7 +218,8 @@ def _frame(table: FrameTable | None) -> Frame:
     return Frame(x, y, z, radians(table.rx_deg), radians(table.ry_deg), radians(table.rz_deg))
 
 
-def _all_different(document: Document, array: str, names: list[str]) -> None:
+def check_unique(document: Document, array: str, names: list[str]) -> None:
+    """Raise InputError at the first of an array's names that was given before."""
     for index, name in enumerate(names):
         if name in names[:index]:
             raise document.error(
@@ -381,7 +272,7 @@ def _joint(document: Document, index: int, table: JointTable, model: Joint | Non
     if home is None or not lower <= home <= upper:
         raise document.error("joint-limits", ("joint", index, f"home_{unit}"), "home is outside the limits")
     centre = table.centre_of_mass_mm
-    mass = _kilograms(table.mass_g, model.mass if model else None) or 0.0
+    mass = kilograms(table.mass_g, model.mass if model else None) or 0.0
     if centre is not None and not mass:
         raise document.error(
             "missing-key",
@@ -390,18 +281,19 @@ def _joint(document: Document, index: int, table: JointTable, model: Joint | Non
             "add mass_g = …",
         )
     return Joint(
-        table.name,
-        kind,
-        lower,
-        upper,
-        home,
-        given("speed", model.speed if model else None),
-        mass,
-        (model.centre if model else (0.0, 0.0, 0.0)) if centre is None else _metres(centre),
+        name=table.name,
+        kind=kind,
+        lower=lower,
+        upper=upper,
+        home=home,
+        speed=given("speed", model.speed if model else None),
+        mass=mass,
+        centre=(model.centre if model else (0.0, 0.0, 0.0)) if centre is None else _metres(centre),
     )
 
 
-def _kilograms(grams: float | None, default: float | None) -> float | None:
+def kilograms(grams: float | None, default: float | None) -> float | None:
+    """Return a mass in kg; the default if the file does not state it."""
     return default if grams is None else grams / 1000
 
 

@@ -1,0 +1,62 @@
+"""The kind `arm`: serial arms, and single legs, by their Denavit–Hartenberg rows.
+
+In: an `Arm`. Out: its facts as values that JSON can hold. Its file is read by `robot.arm_file`.
+"""
+
+from __future__ import annotations
+
+from servogen.kinematics.mobility import of_arm
+from servogen.kinematics.protocol import Answer, Kind
+from servogen.kinematics.tool_orientation import orientation_names
+from servogen.robot.arm_file import ArmTable, arm_of
+from servogen.robot.model import Arm, Frame, Length
+
+
+def arm_details(arm: Arm) -> Answer:
+    """Return the joints with their limits, the rows and the lengths of an arm or leg."""
+    return {
+        "convention": arm.convention,
+        "closed_form": arm.closed_form,
+        "target": ["x", "y", "z", *orientation_names(arm)],
+        "lengths_m": arm.length,
+        "joints": [
+            {
+                "name": joint.name,
+                "kind": joint.kind,
+                "lower": joint.lower,
+                "upper": joint.upper,
+                "home": joint.home,
+                "speed": joint.speed,
+            }
+            for joint in arm.joints
+        ],
+        "rows": [
+            {
+                "joint": None if row.joint is None else arm.joints[row.joint].name,
+                "ratio": row.ratio,
+                "theta": row.theta,
+                "d": length_text(row.d),
+                "a": length_text(row.a),
+                "alpha": row.alpha,
+            }
+            for row in arm.rows
+        ],
+        "base": _frame(arm.base),
+        "tool": _frame(arm.tool),
+    }
+
+
+def _frame(frame: Frame) -> Answer:
+    return {"position_m": [frame.x, frame.y, frame.z], "rz_ry_rx_rad": [frame.rz, frame.ry, frame.rx]}
+
+
+def length_text(length: Length) -> str:
+    """Return a length as written in a robot's file: 'l2 + l3', '-l2', '40 mm'."""
+    parts = [("- " if factor < 0 else "+ ") + name for name, factor in length.terms]
+    if length.constant or not parts:
+        parts.append(f"{'- ' if length.constant < 0 else '+ '}{1000 * abs(length.constant):g} mm")
+    text = " ".join(parts).removeprefix("+ ")
+    return "-" + text[2:] if text.startswith("- ") else text
+
+
+ARM = Kind(name=Arm.kind, table=ArmTable, read=arm_of, details=arm_details, mobility=of_arm)

@@ -1,0 +1,116 @@
+"""Robots by name: those of the catalogue, of a TOML file, of a URDF file.
+
+In: a short name (`scara`, `rv-m1`, …), an alias, or a path that ends in .toml or .urdf. Out: a `Robot`.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+
+from servogen.errors import InputError, Location, did_you_mean
+from servogen.inputs import read_input
+from servogen.kinematics.registry import KINDS
+from servogen.kinematics.urdf import from_urdf
+from servogen.robot.model import Arm, Robot
+from servogen.toml import file as toml_file
+from servogen.toml.file import Document
+
+TOML, URDF = ".toml", ".urdf"
+
+
+def names() -> tuple[str, ...]:
+    """Return the short names of the catalogue's robots, in alphabetical order."""
+    return tuple(sorted(_files()))
+
+
+def robot(name: str) -> Robot:
+    """Return the robot with a short name or an alias, or the one in the file at a path.
+
+    Raises InputError for an unknown name, which suggests a similar one, and for an invalid file.
+    """
+    if name.lower().endswith(URDF):
+        return _urdf(Path(name))
+    if name.lower().endswith(TOML):
+        return robot_of(toml_file.read(Path(name)))
+    return _catalogued(name)
+
+
+def arm(name: str) -> Arm:
+    """Return the same as `robot` for an arm or a single leg. Raises InputError for other kinds."""
+    found = robot(name)
+    if isinstance(found, Arm):
+        return found
+    parts = {limb.arm.name: None for limb in found.limbs}
+    if not parts:
+        raise InputError(
+            "wrong-robot-kind",
+            f"'{name}' drives on wheels: it has no joints",
+            hint="its [drive] says how it moves",
+        )
+    raise InputError(
+        "wrong-robot-kind",
+        f"'{name}' has {len(found.limbs)} legs, each a robot of its own",
+        hint=f"use '{next(iter(parts))}'",
+    )
+
+
+def robot_of(document: Document) -> Robot:
+    """Return the robot that `document` describes. Raises InputError with its location."""
+    name = document.data.get("kind", Arm.kind)
+    if not isinstance(name, str) or name not in KINDS:
+        raise document.error(
+            "not-allowed",
+            ("kind",),
+            f"{toml_file.shown(name)} is not allowed here",
+            f"allowed: {', '.join(KINDS)}",
+        )
+    kind = KINDS[name]
+    for key in document.data:
+        others = [other.name for other in KINDS.values() if key in other.table.model_fields]
+        if others and name not in others:
+            where = " or ".join(f'kind = "{other}"' for other in others)
+            raise document.error(
+                "unknown-key",
+                (key,),
+                f"'{key}' belongs in a file of {where}, not of {name}",
+                "without kind = …, the robot is an arm",
+            )
+    return kind.read(document, toml_file.validate(document, kind.table), _catalogued)
+
+
+def _catalogued(name: str) -> Robot:
+    """Return the catalogue's robot with a short name or an alias. Raises InputError."""
+    entries = _files()
+    short = name.lower().replace("_", "-")
+    short = short if short in entries else _aliases().get(short, short)
+    if short not in entries:
+        raise InputError("unknown-robot", f"unknown robot '{name}'", hint=did_you_mean(name, entries))
+    return _read(short)
+
+
+def _files() -> dict[str, Traversable]:
+    folder = resources.files("servogen.robot") / "catalogue" / "robots"
+    return {entry.name.removesuffix(TOML): entry for entry in folder.iterdir() if entry.name.endswith(TOML)}
+
+
+@cache
+def _aliases() -> dict[str, str]:
+    """Return other names of the catalogue's robots, such as `robotino` for `omni`."""
+    documents = {name: toml_file.parse(file.read_text("utf-8"), file.name) for name, file in _files().items()}
+    return {alias: name for name, document in documents.items() for alias in document.data.get("aliases", ())}
+
+
+@cache
+def _read(short: str) -> Robot:
+    return robot_of(toml_file.parse(_files()[short].read_text("utf-8"), f"catalogue/robots/{short}.toml"))
+
+
+def _urdf(path: Path) -> Arm:
+    try:
+        text = read_input(path).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError("not-utf8", "is not UTF-8 text", Location(str(path))) from error
+    return from_urdf(text, str(path))

@@ -1,0 +1,155 @@
+"""What a kind of robot must offer: its file and facts (`Kind`), and how it walks or drives.
+
+A kind is one module and one line in `registry`. Its robots are frozen values that satisfy `robot.model.Robot`
+and, if they walk or drive, `WalkingRobot` or `DrivingRobot`; planning, reports and steering ask for no more.
+
+    limbs ──▶ joints that servos turn, forward kinematics, stick figures, error at the foot or tool
+    WalkingRobot.stance ──▶ motion.gait: joint angles of a walk        mass, torques ──▶ loads
+    DrivingRobot.route, wheel_speeds, body_speed ──▶ motion.drive: wheel speeds of a contour; steering
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol, runtime_checkable
+
+from numpy.typing import ArrayLike
+
+from servogen.kinematics.mobility import Mobility
+from servogen.kinematics.transforms import Complexes, Floats
+from servogen.robot.arm_file import Find, RobotTable
+from servogen.robot.model import Mount, Robot
+from servogen.toml.file import Document
+
+Answer = dict[str, Any]
+"""A value that JSON can hold, in metres and radians."""
+
+Directions = Literal["any", "six"]
+"""How a base may go from corner to corner: straight, or along the six directions of an omni base only."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of robot: the keys of its files, how they are read, and its facts for `servogen robots`.
+
+    `read` returns the robot of a validated file; its last argument finds the robots that the file refers to.
+    """
+
+    name: str
+    table: type[RobotTable]
+    read: Callable[[Document, Any, Find], Robot]
+    details: Callable[[Any], Answer]
+    mobility: Callable[[Any], Mobility]
+
+
+@dataclass(frozen=True, slots=True)
+class Posture:
+    """How a walking robot stands and lifts its feet, in metres.
+
+    None: the body as high as the legs reach; feet as wide apart as needs the least correction.
+    """
+
+    body_height: float | None = None
+    """Of the body's frame above the ground."""
+    stance_width: float | None = None
+    """From the left feet to the right feet, in the middle of their stance."""
+    lift: float = 0.02
+    beta_sign: int = 1
+    """Which of the two β is used: with 1 a lifted foot goes towards the rear, with -1 to the front."""
+
+
+class Stance(Protocol):
+    """The legs of a robot that walks in one posture; `leg` is the leg's index, k the joints of a leg."""
+
+    def neutral(self, leg: int, stroke: float) -> complex:
+        """Return where the foot (x + iy, body frame) is in the middle of a stance of that length."""
+
+    def angles(self, leg: int, footholds: Complexes) -> Floats:
+        """Return the joint angles (n, k) that put the foot nearest to footholds (n,), x + iy, body frame."""
+
+    def lifted(self, leg: int, angles: Floats, share: Floats) -> Floats:
+        """Return `angles` (n, k) with the foot raised by a share (n,) of the posture's lift."""
+
+    def feet(self, leg: int, angles: Floats) -> Floats:
+        """Return the feet (n, 3) in the body frame for joint angles (n, k)."""
+
+
+@runtime_checkable
+class WalkingRobot(Robot, Protocol):
+    """A body on legs with equally many joints each; a leg is a limb with a mount."""
+
+    @property
+    def mass(self) -> float | None:
+        """Return the mass of the whole robot in kg; None if it is not stated."""
+
+    @property
+    def centre_of_mass(self) -> tuple[float, float, float]: ...
+
+    @property
+    def lifting_joint(self) -> str:
+        """Return the name of the joint of each leg that carries the weight, the one `torques` is about."""
+
+    @property
+    def sidesteps(self) -> bool:
+        """Return whether the legs can step sideways."""
+
+    def with_leg(self, name: str) -> WalkingRobot:
+        """Return the robot with that leg only. Raises InputError if it has no such leg."""
+
+    def stance(self, posture: Posture) -> Stance:
+        """Return how the legs stand in a posture. Raises InputError if they cannot take it."""
+
+    def torques(self, angles: Floats, forces: Floats) -> Floats:
+        """Return the torque (frames, legs) in N·m at each lifting joint.
+
+        `angles` (frames, legs, k) are the joints', `forces` (frames, legs) the vertical ones at the feet, N.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """A part of a base's route during which its wheels turn at constant ratios.
+
+    `length` (metres) is what the route's speed refers to: the path of the centre or, turning on the spot,
+    of the wheels. `wheel_angles` is how far each wheel turns (radians). `text` and `remark` describe it.
+    """
+
+    length: float
+    wheel_angles: tuple[float, ...]
+    text: str
+    remark: str = ""
+
+
+@runtime_checkable
+class DrivingRobot(Robot, Protocol):
+    """A base on wheels that continuous-rotation servos turn. Body speeds are vx, vy (m/s) and Ω (rad/s)."""
+
+    @property
+    def wheel_count(self) -> int: ...
+
+    def wheel_speeds(self, body: ArrayLike) -> Floats:
+        """Return the wheel speeds (..., wheels) in rad/s that give the body speeds (..., 3).
+
+        Raises InputError for a speed that the wheels cannot give the body.
+        """
+
+    def body_speed(self, wheels: ArrayLike) -> Floats:
+        """Return the body speeds (..., 3) of the wheel speeds (..., wheels)."""
+
+    def route(
+        self, corners: Sequence[Sequence[float]], directions: Directions = "any"
+    ) -> tuple[Stretch, ...]:
+        """Return the stretches from corner to corner (x, y in metres) and back to the first.
+
+        The base begins at the first corner with the heading 0, and ends there. Raises InputError for
+        corners that are all the same and for directions that it cannot restrict itself to.
+        """
+
+    def outline(self) -> tuple[Complexes, ...]:
+        """Return the lines (corners,) to draw it with, x + iy in metres in the body frame."""
+
+
+def mounts_of(robot: Robot) -> tuple[Mount, ...]:
+    """Return the mounts of a robot's legs, in the order of its limbs; none for an arm or a base."""
+    return tuple(limb.mount for limb in robot.limbs if limb.mount is not None)
