@@ -97,7 +97,6 @@ def test_a_forbidden_import_is_seen(tmp_path: Path) -> None:
 
 TABLES_OF_MNEMONICS = {
     "compiler/codegen/runtime_devices.py": "writes a line low or high",
-    "compiler/codegen/inline_asm.py": "",
     "compiler/passes/branch_simplify.py": "DECF and INCF beside the skips that count like them",
     "compiler/passes/jump_threading.py": "each bit test beside its opposite",
     "compiler/sema/builtins.py": "the instructions that have a function in C",

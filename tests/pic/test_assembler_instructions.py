@@ -16,6 +16,8 @@ from servogen.pic.assembler import (
     mnemonics,
     parse_line,
 )
+from servogen.pic.assembler.expressions import spelling
+from servogen.pic.assembler.instructions import takes_label
 
 PLAIN = [
     ("addwf 0x20, 0", 0x0720),
@@ -213,6 +215,46 @@ def test_a_line_may_hold_a_label_only_or_nothing() -> None:
     assert parse_line("here:", PLACE).label == "here"
     assert parse_line("here:", PLACE).instructions == ()
     assert parse_line("  ; nothing", PLACE).label is None
+
+
+def test_a_label_in_the_first_column_may_do_without_a_colon() -> None:
+    assert parse_line("here", PLACE).label == "here"
+    line = parse_line("here nop", PLACE)
+    assert (line.label, [each.mnemonic for each in line.instructions]) == ("here", ["NOP"])
+    assert parse_line("nop", PLACE).label is None
+    for text in (" here nop", "here there"):  # a misspelt instruction
+        with pytest.raises(InputError, match="unknown instruction 'here'"):
+            parse_line(text, PLACE)
+
+
+@pytest.mark.parametrize("name", ["goto", "CALL", "b", "BNZ", "lcall", "LGOTO"])
+def test_the_operand_of_a_jump_is_a_label(name: str) -> None:
+    assert takes_label(name)
+
+
+@pytest.mark.parametrize("name", ["movlw", "TSTF", "skpz", "addcf", "nothing"])
+def test_no_other_operand_is_a_label(name: str) -> None:
+    assert not takes_label(name)
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("x+1", "x + 1"),
+        ("(1500+14)/4", "(1500 + 14) / 4"),
+        ("low(x+1)", "low (x + 1)"),
+        ("-0x10", "-16"),
+        ("$-2", "$ - 2"),
+        ("300-10-1", "300 - 10 - 1"),
+        ("300-(10-1)", "300 - (10 - 1)"),
+        ("1|2&3", "1 | 2 & 3"),
+        ("~(x|1)", "~(x | 1)"),
+    ],
+)
+def test_an_expression_is_shown_as_text(text: str, shown: str) -> None:
+    (instruction,) = parse_line(f" movlw {text}", PLACE, radix=10).instructions
+    assert instruction.k is not None
+    assert spelling(instruction.k) == shown
 
 
 def test_the_radix_is_the_callers_choice() -> None:

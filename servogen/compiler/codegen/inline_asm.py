@@ -1,48 +1,40 @@
 """Translates one line of inline assembly to instructions.
 
-In: a line as written in C2C, XC8 or SDCC programs: a label, a mnemonic of the chip, and operands that name
-registers, bits, C variables (`_name`, `_name_function`) and numbers. Out: symbolic instructions.
+In: a line as written in C2C, XC8 or SDCC programs: a label, a mnemonic, and operands that name registers,
+bits, C variables (`_name`, `_name_function`) and numbers. Out: symbolic instructions. The assembler parses
+the line; this module gives the names in it their meaning in C.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from servogen.compiler.ast.nodes import AddressByte, Symbol
-from servogen.compiler.frontend.asm_numbers import assembler_number
+from servogen.compiler.frontend.asm_numbers import RADIX, binary_constants
 from servogen.compiler.ir.function import Line
 from servogen.compiler.ir.instruction import Byte, Instruction, Label, Loc, Reg
-from servogen.errors import Location, did_you_mean
+from servogen.errors import InputError, Location
+from servogen.pic.assembler.expressions import (
+    Binary,
+    Expression,
+    Here,
+    Name,
+    Number,
+    Unary,
+    evaluate,
+    spelling,
+)
+from servogen.pic.assembler.instructions import ParsedInstruction, parse_line
+from servogen.pic.assembler.messages import SourceError
 from servogen.pic.device import RAM_FIRST, RAM_LAST, register_bits, registers
-from servogen.pic.isa import by_mnemonic
 
 Names = Callable[[str], Symbol | None]
-
-_MACROS = {
-    # assembler short forms: (mnemonic, fixed operands)
-    "CLRC": ("BCF", "STATUS,C"),
-    "SETC": ("BSF", "STATUS,C"),
-    "CLRZ": ("BCF", "STATUS,Z"),
-    "SETZ": ("BSF", "STATUS,Z"),
-    "SKPC": ("BTFSS", "STATUS,C"),
-    "SKPNC": ("BTFSC", "STATUS,C"),
-    "SKPZ": ("BTFSS", "STATUS,Z"),
-    "SKPNZ": ("BTFSC", "STATUS,Z"),
-}
-
+Labels = Callable[[str], str]
 
 MARK = ".asm."
 """Between the name of a function and that of a label in its assembly."""
-
-
-class AsmError(Exception):
-    """An error in a line of assembly, with a hint."""
-
-    def __init__(self, message: str, hint: str | None = None) -> None:
-        super().__init__(message)
-        self.message = message
-        self.hint = hint
 
 
 def program_label(function: str, name: str) -> str:
@@ -56,122 +48,154 @@ def source_label(label: str) -> str | None:
     return name if mark and function.isidentifier() else None
 
 
-def assemble_line(text: str, place: Location, names: Names, label: Callable[[str], str]) -> list[Line]:
-    """Return the label and the instruction of a line, if it has them. Raises AsmError."""
-    code = re.split(r";|//|/\*", text, maxsplit=1)[0]
-    out: list[Line] = []
-    match = re.match(r"\s*([A-Za-z_.$][\w.$]*)\s*:\s*(.*)$", code, re.DOTALL)
-    if match:
-        out.append(Label(label(match[1]), place))
-        code = match[2]
-    words = code.split(None, 1)
-    if not words:
-        return out
-    mnemonic = words[0].upper()
-    rest = words[1].strip() if len(words) > 1 else ""
-    if mnemonic in _MACROS:
-        mnemonic, rest = _MACROS[mnemonic]
-    rows = by_mnemonic()
-    if mnemonic not in rows:
-        if not match and not text[:1].isspace() and (not rest or rest.split()[0].upper() in rows):
-            return [
-                Label(label(words[0]), place),
-                *assemble_line(" " + rest, place, names, label),
-            ]
-        raise AsmError(f"'{words[0]}' is not an instruction of this chip", did_you_mean(mnemonic, rows))
-    operands = [each.strip() for each in rest.split(",")] if rest else []
-    out.append(_instruction(mnemonic, operands, place, names, label))
-    return out
+def assemble_line(text: str, place: Location, names: Names, label: Labels) -> list[Line]:
+    """Return the label and the instructions of a line, if it has them. Raises InputError."""
+    code = re.split(r"//|/\*", text, maxsplit=1)[0]
+    parsed = parse_line(binary_constants(code), place, RADIX)
+    lines: list[Line] = [Label(label(parsed.label), place)] if parsed.label else []
+    try:
+        return [*lines, *(_instruction(each, names, label) for each in parsed.instructions)]
+    except SourceError as error:
+        raise InputError("assembly", error.text, place, error.hint) from error
 
 
-def _instruction(
-    mnemonic: str, operands: list[str], place: Location, names: Names, label: Callable[[str], str]
-) -> Instruction:
-    row = by_mnemonic()[mnemonic]
-    fields = row.operands
-    ins = Instruction(mnemonic, place=place, fixed=True)
-    if "d" in fields and len(operands) == 1:
-        operands = [*operands, "F"]
-    if len(operands) != len(fields):
-        raise AsmError(
-            f"{mnemonic} takes {len(fields)} operand{'s' * (len(fields) != 1)}, not {len(operands)}"
-        )
-    for field, text in zip(fields, operands, strict=True):
-        if field == "f":
-            ins.f = _file(text, names)
-        elif field == "d":
-            found = {"W": 0, "0": 0, "F": 1, "1": 1}.get(text.upper())
-            if found is None:
-                raise AsmError(f"the destination is W or F, not '{text}'")
-            ins.d = found
-        elif field == "b":
-            ins.b = _bit(text)
-        elif mnemonic in ("GOTO", "CALL"):
-            ins.target = _target(text, names, label)
-        else:
-            ins.k = _literal(text, names)
+def _instruction(parsed: ParsedInstruction, names: Names, label: Labels) -> Instruction:
+    ins = Instruction(parsed.mnemonic, place=parsed.place, fixed=True)
+    if parsed.f is not None:
+        ins.f = _file(parsed.f, names)
+    if "d" in parsed.row.operands:
+        ins.d = 1 if parsed.d is None else _destination(parsed.d)
+    if parsed.b is not None:
+        ins.b = _bit(parsed.b)
+    if parsed.k is not None and parsed.row.has_target:
+        ins.target = _target(parsed.k, label)
+    elif parsed.k is not None:
+        ins.k = _literal(parsed.k, names)
     return ins
 
 
-def _target(text: str, names: Names, label: Callable[[str], str]) -> str:
-    if re.fullmatch(r"\$(\s*[+-]\s*\d+)?", text):
-        return text.replace(" ", "")
-    if not re.fullmatch(r"[A-Za-z_.][\w.]*", text):
-        raise AsmError(f"'{text}' is not a label")
-    return label(text)
+@dataclass(frozen=True, slots=True)
+class _ChipNames:
+    """The names of registers, and those of bits if `bits`, as numbers; a label has none here."""
+
+    registers: bool = True
+    bits: bool = False
+    here = 0
+
+    def value(self, name: str) -> int | None:
+        name = {"OPTION": "OPTION_REG"}.get(name.upper(), name.upper())
+        if self.registers and name in registers():
+            return registers()[name].address
+        return register_bits()[name][1] if self.bits and name in register_bits() else None
+
+    def hint(self, name: str) -> str | None:
+        return None
 
 
-def _file(text: str, names: Names) -> Loc:
-    match = re.fullmatch(r"([A-Za-z_]\w*)\s*(?:([+-])\s*(\d+))?", text)
-    if match:
-        offset = int(match[3] or 0) * (-1 if match[2] == "-" else 1)
-        symbol = names(match[1])
-        if symbol is not None:
-            symbol.pinned = symbol.read = symbol.written = True
-            symbol.volatile = True
-            if symbol.kind == "fixed" and symbol.address is not None:
-                address = symbol.address + offset
-                return Byte(symbol, offset) if RAM_FIRST <= address & 0x7F <= RAM_LAST else Reg(address)
-            if symbol.kind == "flash":
-                raise AsmError(f"'{symbol.name}' is in flash and has no RAM address")
-            return Byte(symbol, offset)
-        register = registers().get(match[1].upper()) or (
-            registers()["OPTION_REG"] if match[1].upper() == "OPTION" else None
-        )
-        if register is not None:
-            return Reg(register.address + offset)
-    value = assembler_number(text)
+def _constant(expression: Expression, known: _ChipNames) -> int | None:
+    """Return the value of an expression; None if a name in it has none, or the address of the instruction."""
+    try:
+        return None if _has_here(expression) else evaluate(expression, known)
+    except SourceError:
+        return None
+
+
+def _has_here(expression: Expression) -> bool:
+    match expression:
+        case Here():
+            return True
+        case Unary(_, operand):
+            return _has_here(operand)
+        case Binary(_, left, right):
+            return _has_here(left) or _has_here(right)
+    return False
+
+
+def _with_offset(expression: Expression, names: Names) -> tuple[Symbol, int] | None:
+    """Return the C variable and the offset of an expression such as `_name + 1`; None if it has another
+    form.
+    """
+    match expression:
+        case Name(name):
+            symbol = names(name)
+            return None if symbol is None else (symbol, 0)
+        case Binary("+" | "-" as sign, left, right):
+            offset = _constant(right, _ChipNames())
+            if sign == "+" and offset is None:
+                left, offset = right, _constant(left, _ChipNames())
+            found = None if offset is None else _with_offset(left, names)
+            return found and (found[0], found[1] + (offset or 0) * (-1 if sign == "-" else 1))
+    return None
+
+
+def _used(symbol: Symbol) -> Symbol:
+    """Return a symbol that assembly accesses, which the compiler leaves where it is."""
+    symbol.pinned = symbol.read = symbol.written = symbol.volatile = True
+    return symbol
+
+
+def _target(expression: Expression, label: Labels) -> str:
+    """Return a label, or the distance of the target from the instruction, as `$+2`."""
+    match expression:
+        case Name(name):
+            return label(name)
+        case Here():
+            return "$"
+        case Binary("+" | "-" as sign, Here(), right):
+            distance = _constant(right, _ChipNames())
+            if distance is not None:
+                return f"${distance if sign == '+' else -distance:+d}"
+    raise SourceError(f"'{spelling(expression)}' is not a label")
+
+
+def _file(expression: Expression, names: Names) -> Loc:
+    found = _with_offset(expression, names)
+    if found is not None:
+        symbol, offset = _used(found[0]), found[1]
+        if symbol.kind == "flash":
+            raise SourceError(f"'{symbol.name}' is in flash and has no RAM address")
+        if symbol.kind == "fixed" and symbol.address is not None:
+            address = symbol.address + offset
+            return Byte(symbol, offset) if RAM_FIRST <= address & 0x7F <= RAM_LAST else Reg(address)
+        return Byte(symbol, offset)
+    value = _constant(expression, _ChipNames())
     if value is None:
-        raise AsmError(f"'{text}' is neither a register nor a variable")
+        raise SourceError(f"'{spelling(expression)}' is neither a register nor a variable")
     if not 0 <= value <= 0xFF:
-        raise AsmError(f"the register address {text} is not 0 to 0xFF")
+        raise SourceError(f"the register address {_computed(expression, value)} not 0 to 0xFF")
     return Reg(value)
 
 
-def _bit(text: str) -> int:
-    value = assembler_number(text)
-    found = register_bits().get(text.upper())
-    if value is None and found is not None:
-        value = found[1]
-    if value is None or not 0 <= value <= 7:
-        raise AsmError(f"'{text}' is not a bit, 0 to 7")
+def _destination(expression: Expression) -> int:
+    value = _constant(expression, _ChipNames(registers=False))
+    if value not in (0, 1):
+        raise SourceError(f"the destination is W or F, not '{spelling(expression)}'")
     return value
 
 
-def _literal(text: str, names: Names) -> int | AddressByte:
-    match = re.fullmatch(r"(?i)(?:(low|high)\s*)?\(?\s*([A-Za-z_]\w*)\s*(?:\+\s*(\d+))?\s*\)?", text)
-    if match and assembler_number(text) is None:
-        symbol = names(match[2])
-        if symbol is not None:
-            symbol.pinned = symbol.read = symbol.written = symbol.volatile = True
-            return AddressByte(symbol, int(match[3] or 0), int((match[1] or "low").lower() == "high"))
-        register = registers().get(match[2].upper())
-        if register is not None:
-            return register.address & 0x7F
-    value = assembler_number(text)
+def _bit(expression: Expression) -> int:
+    value = _constant(expression, _ChipNames(registers=False, bits=True))
+    if value is None or not 0 <= value <= 7:
+        raise SourceError(f"'{spelling(expression)}' is not a bit, 0 to 7")
+    return value
+
+
+def _literal(expression: Expression, names: Names) -> int | AddressByte:
+    """Return a literal: a number, or the low or high byte of the address of a variable and an offset."""
+    part, within = 0, expression
+    if isinstance(expression, Unary) and expression.operator in ("low", "high"):
+        part, within = int(expression.operator == "high"), expression.operand
+    found = _with_offset(within, names)
+    if found is not None:
+        return AddressByte(_used(found[0]), found[1], part)
+    value = _constant(expression, _ChipNames(bits=True))
     if value is None:
-        raise AsmError(f"'{text}' is not a number from 0 to 255")
+        raise SourceError(f"'{spelling(expression)}' is not a number from 0 to 255")
     if not -128 <= value <= 255:
-        computed = "" if text == str(value) else f" {value},"
-        raise AsmError(f"the literal {text} is{computed} not 0 to 255")
+        raise SourceError(f"the literal {_computed(expression, value)} not 0 to 255")
     return value & 0xFF
+
+
+def _computed(expression: Expression, value: int) -> str:
+    """Return an expression and its value in words, as `(1500 + 14) / 4 is 378,`; `300 is` for a number."""
+    return f"{value} is" if isinstance(expression, Number) else f"{spelling(expression)} is {value},"

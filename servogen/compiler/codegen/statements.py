@@ -34,12 +34,12 @@ from servogen.compiler.codegen.conditions import differ, jump
 from servogen.compiler.codegen.effects import width_of
 from servogen.compiler.codegen.expressions import effect, into
 from servogen.compiler.codegen.generator import FunctionGenerator
-from servogen.compiler.codegen.inline_asm import AsmError, assemble_line, program_label
+from servogen.compiler.codegen.inline_asm import assemble_line, program_label
 from servogen.compiler.codegen.operands import kept, operands_of
 from servogen.compiler.codegen.operators import to_w
 from servogen.compiler.ir.function import Function, LoopLines
 from servogen.compiler.ir.instruction import Byte, Imm, Z
-from servogen.errors import Location
+from servogen.errors import InputError
 
 
 def generate(gen: FunctionGenerator) -> Function:
@@ -236,8 +236,8 @@ def _stmt_asm(gen: FunctionGenerator, node: Asm) -> None:
         gen.place = place
         try:
             found = assemble_line(text, place, _asm_name(gen, node), _asm_label(gen, node, labels))
-        except AsmError as error:
-            _asm_error(gen, error, place)
+        except InputError as error:
+            gen.context.reporter.error(f"assembly: {error.message}", place, error.hint)
             continue
         for line in found:
             line.place, line.fixed = place, True
@@ -303,7 +303,3 @@ _STATEMENTS: dict[type, Callable[[FunctionGenerator, Any], None]] = {
     Return: _stmt_return,
     Asm: _stmt_asm,
 }
-
-
-def _asm_error(gen: FunctionGenerator, error: AsmError, place: Location) -> None:
-    gen.context.reporter.error(f"assembly: {error.message}", place, error.hint)

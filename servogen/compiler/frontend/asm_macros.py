@@ -14,13 +14,13 @@ from typing import Any
 
 from servogen.compiler.frontend.asm_blocks import MARKER, AsmBlock
 from servogen.compiler.frontend.asm_numbers import assembler_number
+from servogen.pic.assembler.instructions import takes_label
 from servogen.pic.device import register_bits, registers
 
 Value = Callable[[str], str | None]
 """The expanded text of an object-like macro; None when there is none of that name."""
 
 _LINE = re.compile(r"(\s*(?:[A-Za-z_.$][\w.$]*\s*:)?\s*[A-Za-z_]\w*\s)(.*?)(?=;|//|/\*|$)", re.DOTALL)
-_JUMP = re.compile(r"(?i)\b(goto|call)\b")
 _OWN = frozenset(("W", "F", "OPTION"))
 
 
@@ -48,11 +48,11 @@ def assembly_macros(stream: Iterator[Any], blocks: list[AsmBlock], value: Value)
 
 
 def replace_macros(line: str, value: Value) -> str:
-    """Return a line of assembly with the macros in its operands expanded; labels of GOTO and CALL are not
-    expanded.
+    """Return a line of assembly with the macros in its operands expanded, except where the operand is a
+    label.
     """
     match = _LINE.match(line)
-    if not match or _JUMP.search(match[0]):
+    if not match or takes_label(match[1].split()[-1]):
         return line
 
     def replaced(word: re.Match[str]) -> str:

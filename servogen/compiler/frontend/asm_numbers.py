@@ -24,10 +24,19 @@ class _NoNames:
         return None
 
 
+RADIX = 10
+"""Numbers in inline assembly are decimal unless they say otherwise."""
+
+
+def binary_constants(text: str) -> str:
+    """Return assembly with C's constants such as 0b101 in the assembler's notation."""
+    return re.sub(r"\b0[bB]([01]+)\b", r"B'\1'", text)
+
+
 def assembler_number(text: str) -> int | None:
     """Return a constant as the assembler computes it, `(1500 - 14) / 1000 + 1`; C's 0b101 is accepted too."""
     try:
-        found = parse_expression(Text.of(re.sub(r"\b0[bB]([01]+)\b", r"B'\1'", text)), 10)
+        found = parse_expression(Text.of(binary_constants(text)), RADIX)
         return evaluate(found, _NoNames())
     except SourceError:
         return None

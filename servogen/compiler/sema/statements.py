@@ -133,7 +133,7 @@ def asm_statement(analyser: Analyser, number: int, place: Location) -> Asm:
 def _asm_calls(analyser: Analyser, lines: list[tuple[Location, str]]) -> Iterator[Call]:
     """Yield the C functions that lines of assembly call as `_name`."""
     for place, text in lines:
-        match = re.match(r"(?i)(?:.*:)?\s*call\s+_(\w+)\s*(?:;|//|$)", text)
+        match = re.match(r"(?i)(?:.*:)?\s*l?call\s+_(\w+)\s*(?:;|//|$)", text)
         called = analyser.scopes.find(match[1]) if match else None
         if isinstance(called, FunctionDefinition):
             yield Call(called.name, [], called.result, place)

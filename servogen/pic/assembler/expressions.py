@@ -128,6 +128,8 @@ BINARY: Mapping[str, tuple[int, Callable[[int, int], int]]] = {
     "||": (1, lambda left, right: int(bool(left or right))),
 }
 """Binding strength (higher is tighter) and meaning of each binary operator."""
+_TIGHTEST = 8
+"""The binding strength of a unary operator."""
 
 
 DEEPEST = 50
@@ -248,6 +250,27 @@ def suggestion(word: str, known: Iterable[str]) -> str | None:
     """Return the most similar known word as a hint; None if none is similar."""
     hint = did_you_mean(word, known)
     return hint if hint.startswith("did") else None
+
+
+def spelling(expression: Expression, weakest: int = 0) -> str:
+    """Return an expression as text, for messages; numbers are decimal. It is in parentheses if an operator
+    in it binds less tightly than `weakest`.
+    """
+    match expression:
+        case Number(value):
+            return str(value)
+        case Name(name):
+            return name
+        case Here():
+            return "$"
+        case String(body):
+            return f'"{body}"'
+        case Unary(sign, operand):
+            return f"{sign}{' ' * sign.isalpha()}{spelling(operand, _TIGHTEST)}"
+        case Binary(sign, left, right):
+            strength = BINARY[sign][0]
+            text = f"{spelling(left, strength)} {sign} {spelling(right, strength + 1)}"
+            return f"({text})" if strength < weakest else text
 
 
 def evaluate(expression: Expression, scope: Scope) -> int:

@@ -92,11 +92,18 @@ def mnemonics() -> frozenset[str]:
     return frozenset((*by_mnemonic(), *SPECIAL))
 
 
+def takes_label(mnemonic: str) -> bool:
+    """Return whether the operand of a mnemonic, special or not, is the address of an instruction."""
+    name = mnemonic.upper()
+    steps = SPECIAL[name][3] if name in SPECIAL else ((name, ()),)
+    return any(step in by_mnemonic() and by_mnemonic()[step].has_target for step, _ in steps)
+
+
 def parse_line(line: str, place: Location, radix: int = DEFAULT_RADIX) -> ParsedLine:
     """Parse a line of assembly without directives, as used in inline assembly: `label: MNEMONIC operands`.
 
-    A label ends with a colon; a comment begins with `;`. `place` is the location of the line's first
-    character. Raises InputError.
+    A label ends with a colon; in the first column it may do without, unless it is a mnemonic. A comment
+    begins with `;`. `place` is the location of the line's first character. Raises InputError.
     """
     text = Text.of(line, place.column or 1).without_comment().strip()
     try:
@@ -105,6 +112,9 @@ def parse_line(line: str, place: Location, radix: int = DEFAULT_RADIX) -> Parsed
         if match and text.chars[match.end() :].lstrip().startswith(":"):
             label = match[0]
             text = text[text.chars.index(":") + 1 :].strip()
+        elif match and not line[:1].isspace() and _is_bare_label(text.chars):
+            label = match[0]
+            text = text[match.end() :].strip()
         if not text:
             return ParsedLine(label, ())
         match = IDENTIFIER.match(text.chars)
@@ -118,6 +128,14 @@ def parse_line(line: str, place: Location, radix: int = DEFAULT_RADIX) -> Parsed
     except SourceError as error:
         column = place.column if error.column is None else error.column
         raise InputError("assembly", error.text, replace(place, column=column), error.hint) from error
+
+
+def _is_bare_label(line: str) -> bool:
+    """Return whether a line begins with a label without a colon: with no mnemonic, but the line's only word,
+    or in front of a mnemonic.
+    """
+    first, *rest = line.split(maxsplit=2)
+    return first.upper() not in mnemonics() and (not rest or rest[0].upper() in mnemonics())
 
 
 def instructions(

@@ -1,4 +1,4 @@
-// What assembly does not read as C does is no operand: octal numbers, expressions of variables, functions.
+// Not an operand, because assembly does not read it as C does: octal numbers, expressions of variables, functions.
 #define OCTAL 017
 #define SUM (x + 1)
 #define CALLED() 3
