@@ -205,6 +205,9 @@ def _print_details(details: dict[str, Any]) -> None:
     source = f"; source: {details['source']}" if details["source"] else ""
     print(f"{details['name']}{title} ({details['kind']})")
     print(f"dimensions: {details['dimensions']}{source}")
+    for name, value in details.items():
+        if isinstance(value, int | float):
+            print(f"{name}: {value:g}")
     arm = details.get("leg", details)
     if "joints" in arm:
         table(
