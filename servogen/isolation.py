@@ -31,6 +31,9 @@ from typing import Any, TypeVar
 
 from servogen.errors import ServogenError
 
+if os.name == "posix":
+    import fcntl
+
 T = TypeVar("T")
 
 MEGABYTE = 1_000_000
@@ -282,8 +285,6 @@ def _send(writing: int, answer: bytes) -> None:
 
 def _shut_off(writing: int) -> int:
     """Closes all that is the parent's but the pipe `writing`; returns the number that it has now."""
-    import fcntl
-
     os.setpgid(0, 0)
     signal.set_wakeup_fd(-1)
     for event in (

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import errno
 import filecmp
 import os
 import re
@@ -149,7 +150,7 @@ def _exchanged(staging: Path, target: Path, names: Collection[str]) -> bool:
             if entry.is_symlink() or not entry.is_dir():
                 os.link(entry, staging / entry.name, follow_symlinks=False)
         _exchange(staging, target)
-    except (OSError, NotImplementedError):
+    except OSError:
         return False
     return True
 
@@ -250,10 +251,10 @@ def _is_part_of(entry: str, name: str) -> bool:
 def _exchange(first: Path, second: Path) -> None:
     """Gives two folders each other's name in one step.
 
-    Raises OSError where the file system cannot and NotImplementedError where the operating system cannot.
+    Raises OSError if the file system or the operating system has no such operation.
     """
     if os.name != "posix":
-        raise NotImplementedError
+        raise _no_exchange()
     library = ctypes.CDLL(None, use_errno=True)
     names = os.fsencode(first), os.fsencode(second)
     if hasattr(library, "renameat2"):
@@ -262,10 +263,14 @@ def _exchange(first: Path, second: Path) -> None:
     elif hasattr(library, "renamex_np"):
         failed = library.renamex_np(*names, 2)  # RENAME_SWAP of macOS's sys/stdio.h
     else:
-        raise NotImplementedError
+        raise _no_exchange()
     if failed:
         code = ctypes.get_errno()
         raise OSError(code, os.strerror(code))
+
+
+def _no_exchange() -> OSError:
+    return OSError(errno.ENOSYS, "this operating system cannot exchange two folders")
 
 
 @contextmanager

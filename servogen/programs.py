@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, TypeVar
 from servogen.errors import InputError, Location, ToolError
 from servogen.inputs import MAX_TEXT_BYTES, read_input
 from servogen.isolation import COMPILING, LimitExceeded, Limits, ProcessDied, run
+from servogen.pic.device import device
 
 if TYPE_CHECKING:
     from servogen.grade import Submission
@@ -99,8 +100,6 @@ def compile_program(path: Path, device_name: str = "PIC16F84", included: Include
 
     It takes what time and memory the program asks for, see `read_program`. Raises InputError.
     """
-    from servogen.pic.device import device
-
     chip = device(device_name)
     if path.suffix.lower() == C_SUFFIX:
         from servogen.compiler import Options, Source, compile_sources

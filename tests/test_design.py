@@ -70,22 +70,141 @@ def test_no_modules_of_the_compiler_import_each_other_in_a_circle() -> None:
     )
 
 
-def test_no_class_of_the_compiler_is_a_chapter_of_another() -> None:
-    """At most one of our own classes above another, no stub, no dispatch by made-up names."""
+def test_no_class_is_a_chapter_of_another() -> None:
+    """At most one of our own classes above another; a class with a single heir is also used itself.
+
+    Errors and tables of TOML are exempt: each is a kind of the one above, by which it is caught or read.
+    """
+    trees = {file: ast.parse(file.read_text()) for file in sorted(PACKAGE.rglob("*.py"))}
+    assert chapters(list(trees.values())) == []
+
+
+def test_a_chapter_is_seen() -> None:
+    chain = "class A:\n pass\nclass B(A):\n pass\nclass C(B):\n pass\nx = A(), B(), C()"
+    assert chapters([ast.parse(chain)]) == ["C is the third of A, B, C"]
+    cut = "class Base:\n pass\nclass Whole(Base[int]):\n pass\nx = Whole()"
+    assert chapters([ast.parse(cut)]) == ["Base is only the beginning of Whole"]
+    kinds = "class Base:\n pass\nclass One(Base):\n pass\nclass Two(Base):\n pass"
+    assert chapters([ast.parse(kinds)]) == []
+
+
+ROOTS = {"ServogenError", "Table"}
+"""The classes whose heirs are kinds of errors and tables of TOML."""
+
+
+def chapters(trees: list[ast.Module]) -> list[str]:
+    """The classes that continue, or only begin, another one, in sentences."""
     bases: dict[str, list[str]] = {}
-    for file in sorted((PACKAGE / "compiler").rglob("*.py")):
-        text = file.read_text()
-        assert "NotImplementedError" not in text.replace("raise NotImplementedError  # abstract", ""), file
-        assert not re.search(r"getattr\([^)]*[\"'] ?\+", text), file
-        for node in ast.walk(ast.parse(text)):
+    called = set()
+    for tree in trees:
+        for node in ast.walk(tree):
             if isinstance(node, ast.ClassDef):
-                bases[node.name] = [each.id for each in node.bases if isinstance(each, ast.Name)]
-    deep = [
-        name
-        for name, above in bases.items()
-        if any(grand in bases for each in above if each in bases for grand in bases[each])
+                found = [each.value if isinstance(each, ast.Subscript) else each for each in node.bases]
+                bases.setdefault(node.name, []).extend(
+                    each.id for each in found if isinstance(each, ast.Name)
+                )
+            elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+                called.add(node.func.id)
+    own = {name: [each for each in above if each in bases] for name, above in bases.items()}
+    exempt = {name for name in own if ROOTS & {name, *ancestors(name, own)}}
+    problems = []
+    for name, above in own.items():
+        line = ancestors(name, own)
+        if name not in exempt and len(line) > 1:
+            problems.append(f"{name} is the third of {', '.join([*reversed(line), name])}")
+        for base in above:
+            heirs = [each for each, bases_of in own.items() if base in bases_of]
+            used = base in called or {"ABC", "Protocol"} & set(bases[base])
+            if base not in exempt and heirs == [name] and not used:
+                problems.append(f"{base} is only the beginning of {name}")
+    return problems
+
+
+def ancestors(name: str, own: dict[str, list[str]]) -> list[str]:
+    """Our own classes above a class, nearest first."""
+    return [each for base in own[name] if base != name for each in (base, *ancestors(base, own))]
+
+
+def test_there_is_no_stub_and_no_dispatch_by_computed_names() -> None:
+    problems = [
+        f"{file.relative_to(ROOT)}:{line} {what}"
+        for file in sorted(PACKAGE.rglob("*.py"))
+        for line, what in stubs(ast.parse(file.read_text()))
     ]
-    assert deep == []
+    assert problems == []
+
+
+def test_stubs_and_dispatch_by_computed_names_are_seen() -> None:
+    for text in (
+        "raise NotImplementedError",
+        "raise NotImplementedError('later')",
+        "getattr(self, '_do_' + name)(node)",
+        "handler = getattr(self, f'_do_{name}')",
+        "getattr(visitor, name)(node)",
+    ):
+        assert stubs(ast.parse(text)), text
+    assert not stubs(ast.parse("value = getattr(table, f'{name}_pin')"))  # a field, not a method
+
+
+def stubs(tree: ast.Module) -> list[tuple[int, str]]:
+    """(line, what) of each method that is left out, and of each that is found by a name that is computed."""
+    found = []
+    for node in ast.walk(tree):
+        match node:
+            case ast.Name("NotImplementedError"):
+                found.append((node.lineno, "NotImplementedError"))
+            case ast.Call(ast.Call(ast.Name("getattr"), [_, name, *_])) if not isinstance(name, ast.Constant):
+                found.append((node.lineno, "a call by a computed name"))
+            case ast.Call(ast.Name("getattr"), [ast.Name("self" | "cls"), ast.BinOp() | ast.JoinedStr(), *_]):
+                found.append((node.lineno, "a method by a computed name"))
+    return found
+
+
+LATE_IMPORTS = {
+    "__main__.py": "the interpreter's version is checked before anything that needs a newer one",
+    "bench/ports.py": "start-up time: only programming and driving need pyserial",
+    "bench/programmers/picpro.py": "runs in a process of its own, with a package of that process",
+    "bench/programmers/readback.py": "start-up time: only reading back needs intelhex",
+    "cli/": "start-up time: a command loads only what it runs",
+    "kinematics/symbolic.py": "sympy is an optional extra",
+    "kinematics/urdf.py": "urdf-parser-py is an optional extra",
+    "programs.py": "start-up time: the compiler, the assembler and schedules are for different files",
+    "report/film.py": "matplotlib is an optional extra",
+    "report/pictures.py": "matplotlib is an optional extra",
+    "simulator/aot_cache.py": "start-up time: numba takes seconds, and only an empty cache needs it",
+    "testing/plugin.py": "start-up time: pytest loads the plugin for every project",
+    "toml/locations.py": "start-up time: only a file with an error needs the parser that knows lines",
+    "traces/formats.py": "start-up time: only the format of the file is loaded",
+}
+"""Where imports may stand inside functions, and why."""
+
+
+def test_imports_stand_at_the_top_unless_a_reason_is_given() -> None:
+    late = {
+        name if not name.startswith("cli/") else "cli/"
+        for file in PACKAGE.rglob("*.py")
+        for name in [file.relative_to(PACKAGE).as_posix()]
+        if late_imports(ast.parse(file.read_text()))
+    }
+    assert late == set(LATE_IMPORTS)
+
+
+def test_a_late_import_is_seen() -> None:
+    assert late_imports(ast.parse("def f():\n if x:\n  import numpy")) == [(3, "numpy")]
+    assert late_imports(ast.parse("class A:\n def f(self):\n  from os import path")) == [(3, "os")]
+    assert late_imports(ast.parse("import os\nif os.name == 'posix':\n import fcntl")) == []
+
+
+def late_imports(tree: ast.Module) -> list[tuple[int, str]]:
+    """(line, module) of each import inside a function."""
+    functions = [each for each in ast.walk(tree) if isinstance(each, ast.FunctionDef | ast.AsyncFunctionDef)]
+    found = {}
+    for node in (inner for function in functions for inner in ast.walk(function)):
+        if isinstance(node, ast.ImportFrom):
+            found[node.lineno] = node.module or ""
+        elif isinstance(node, ast.Import):
+            found[node.lineno] = node.names[0].name
+    return sorted(found.items())
 
 
 def test_a_forbidden_import_is_seen(tmp_path: Path) -> None:

@@ -23,6 +23,9 @@ from typing import TYPE_CHECKING, NoReturn
 
 from servogen.errors import Location, ToolError
 
+if os.name == "posix":
+    import fcntl
+
 SOURCE = """\
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -219,8 +222,6 @@ def held(path: str) -> Iterator[None]:
     if os.name != "posix":  # elsewhere only one program at a time can open a port
         yield
         return
-    import fcntl
-
     try:
         handle = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     except OSError as error:

@@ -16,6 +16,10 @@ from typing import Protocol
 from servogen.errors import InputError, ToolError, did_you_mean
 from servogen.motion.trajectory import Floats
 
+if os.name == "posix":
+    import termios
+    import tty
+
 STOP = "stop"
 WAYS: Mapping[str, tuple[int, int, int]] = {
     "forward": (1, 0, 0),
@@ -168,13 +172,10 @@ def keys(descriptor: int) -> Iterator[Keys]:
 
     Raises ToolError on systems without POSIX terminals.
     """
-    try:
-        import termios
-        import tty
-    except ImportError as error:
+    if os.name != "posix":
         raise ToolError(
             "tool-missing", "single keys need a POSIX terminal", hint="pipe orders in, one a line"
-        ) from error
+        )
     before = termios.tcgetattr(descriptor)
     try:
         tty.setcbreak(descriptor)

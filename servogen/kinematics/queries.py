@@ -18,6 +18,7 @@ from servogen.kinematics.inverse.solve import ik_all
 from servogen.kinematics.jacobian import FrameName, jacobian, manipulability, singularity
 from servogen.kinematics.protocol import Answer, DrivingRobot
 from servogen.kinematics.registry import KINDS
+from servogen.kinematics.symbolic import symbolic_fk, symbolic_jacobian, text_of
 from servogen.kinematics.tool_orientation import orientation_matrix, orientation_names
 from servogen.kinematics.transform_text import parse
 from servogen.kinematics.transforms import Floats, apply, to_body
@@ -121,8 +122,6 @@ def _beyond(arm: Arm, q: Floats) -> list[str]:
 
 def fk_symbolic(name: str, style: str = "text") -> Answer:
     """Return the link matrices, their product and the position in symbols, as text, LaTeX or C."""
-    from servogen.kinematics.symbolic import symbolic_fk, text_of
-
     chosen = _style(style)
     found = symbolic_fk(catalogue.arm(name))
     return {
@@ -200,8 +199,6 @@ def jacobian_answer(name: str, values: Sequence[float], frame: FrameName = 0) ->
 
 def jacobian_symbolic(name: str, frame: FrameName = 0, style: str = "text") -> Answer:
     """Return the geometric Jacobian in symbols, in the frame of the base (0) or the tool ("n")."""
-    from servogen.kinematics.symbolic import symbolic_jacobian, text_of
-
     if frame not in (0, "n"):
         raise InputError(
             "unknown-frame",

@@ -1,10 +1,12 @@
 """A set of files changes all at once: it is whole and of one build, whenever its writer is killed."""
 
+import errno
 import os
 import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -104,6 +106,23 @@ def test_without_an_exchange_sets_are_never_mixed(tmp_path: Path, monkeypatch: p
         monkeypatch.setattr(Path, "replace", moved)
     assert len(seen) == len(NAMES)
     assert all("old" not in each for each in seen)
+
+
+@pytest.mark.parametrize("system", ["nt", "posix"])
+def test_a_system_that_cannot_exchange_folders_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, system: str
+) -> None:
+    """Neither Windows nor a C library without renameat2 and renamex_np; the set is written all the same."""
+    library = SimpleNamespace()
+    monkeypatch.setattr(outputs.ctypes, "CDLL", lambda *_args, **_options: library)
+    with monkeypatch.context() as windows:
+        windows.setattr(outputs.os, "name", system)
+        with pytest.raises(OSError, match="cannot exchange two folders") as error:
+            outputs._exchange(tmp_path / "a", tmp_path / "b")
+    assert error.value.errno == errno.ENOSYS
+    write_set(tmp_path / "out", "old")
+    write_set(tmp_path / "out", "new")
+    assert set(contents(tmp_path / "out").values()) == {"new"}
 
 
 def test_the_same_set_again_leaves_the_folder_alone(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from servogen.compiler.ast.constant_folding import has_effect
 from servogen.compiler.ast.nodes import AddressByte, Deref, Num, Ref
-from servogen.compiler.ast.types import IntType
+from servogen.compiler.ast.types import U8, IntType, PointerType
 from servogen.compiler.codegen.arithmetic import bitwise, shift_right
 from servogen.compiler.codegen.generator import FunctionGenerator
 from servogen.compiler.codegen.operands import is_direct, negative_possible, widen
@@ -17,8 +17,6 @@ from servogen.compiler.ir.instruction import FSR, INDF, Byte, Imm, Loc, Reg
 
 def settled(gen: FunctionGenerator, target: Ref | Deref) -> Ref | Deref:
     """Return the same object with its address evaluated once, into a temporary."""
-    from servogen.compiler.ast.types import U8, PointerType
-
     if isinstance(target, Ref) and (target.index is None or isinstance(target.index, Num)):
         return target
     if isinstance(target, Deref) and is_direct(gen, target.pointer) and not has_effect(target.pointer):
@@ -101,8 +99,6 @@ def cut_to_field(gen: FunctionGenerator, value: list[Loc], field: Ref | Deref) -
 
 def field_byte(gen: FunctionGenerator, expr: Ref | Deref) -> Ref | Deref:
     """Return the byte that holds a bit-field."""
-    from servogen.compiler.ast.types import U8
-
     if isinstance(expr, Ref):
         return Ref(expr.symbol, expr.offset, expr.index, U8, expr.place)
     return Deref(expr.pointer, expr.offset, U8, expr.place)

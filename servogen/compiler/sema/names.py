@@ -25,9 +25,9 @@ from servogen.compiler.ast.nodes import (
     Symbol,
     Unary,
 )
-from servogen.compiler.ast.types import BIT, IntType, StructType, VoidType
+from servogen.compiler.ast.types import BIT, IntType, Layout, Member, StructType, VoidType
 from servogen.compiler.diagnostics import Fatal
-from servogen.compiler.frontend.dialects import ChipBit, config_names
+from servogen.compiler.frontend.dialects import ChipBit, chip_bits, chip_registers, config_names
 from servogen.compiler.limits import DIGITS
 from servogen.compiler.sema.analyser import Analyser
 from servogen.compiler.sema.conversions import arithmetic
@@ -196,9 +196,6 @@ def warn_unused(analyser: Analyser, expr: Expr) -> None:
 
 
 def _register_layout(name: str) -> Any:
-    from servogen.compiler.ast.types import Layout, Member
-    from servogen.compiler.frontend.dialects import chip_bits, chip_registers
-
     register = chip_registers()[name]
     members = {
         bit_name: Member(bit_name, BIT, 0, bit.bit, 1)

@@ -27,6 +27,7 @@ from servogen.compiler.ast.nodes import (
     Return,
     Stmt,
     Switch,
+    Symbol,
 )
 from servogen.compiler.ast.types import IntType, VoidType, promote
 from servogen.compiler.diagnostics import Fatal
@@ -100,8 +101,6 @@ def _forget(analyser: Analyser, node: Any) -> None:
     """Declare the names of an invalid declaration all the same, so that their uses are not reported too."""
     name = getattr(node, "name", None)
     if name and analyser.scopes.here.names.get(name) is None and analyser.function is not None:
-        from servogen.compiler.ast.nodes import Symbol
-
         symbol = Symbol(
             name, analyser.int_type, "local", analyser.place(node), function=analyser.function.name
         )
