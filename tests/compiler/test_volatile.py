@@ -428,3 +428,36 @@ def test_a_statement_that_is_only_an_operand_loads_it(where: tuple[str, str]) ->
 def test_the_index_of_a_bit_field_is_evaluated_once(where: tuple[str, str]) -> None:
     found = seen(["i = 0", "fs[i++].hi++", "PORTA = i", "PORTA = fs[0].hi"], where, [PORTA])
     assert found[2:] == [[("store", 1)], [("store", 7)]]
+
+
+IDENTITIES = [
+    "{x}",
+    "{x} & 0xFFFF",
+    "0xFFFF & {x}",
+    "{x} | 0",
+    "{x} ^ 0x0100",
+    "{x} + 256",
+    "0x0200 + {x}",
+    "{x} - 256",
+]
+"""Values that are `x` again once they are converted to its type of eight bits."""
+
+
+@pytest.mark.parametrize("where", EVERYWHERE, ids="-".join)
+@pytest.mark.parametrize(
+    ("target", "address"), [("v", 0x40), ("PORTB", PORTB), ("va[1]", 0x4A), ("(*pv)", 0x4A)]
+)
+def test_an_assignment_that_changes_nothing_is_a_load_and_a_store(
+    target: str, address: int, where: tuple[str, str]
+) -> None:
+    found = seen([f"{target} = {each.format(x=target)}" for each in IDENTITIES], where, [address])
+    kinds = [[kind for kind, _ in accesses] for accesses in found]
+    assert kinds == [["load", "store"]] * len(IDENTITIES)
+    assert all(accesses[0][1] == accesses[1][1] for accesses in found)
+
+
+@pytest.mark.parametrize("where", EVERYWHERE, ids="-".join)
+def test_a_bit_of_a_port_assigned_to_itself_is_written(where: tuple[str, str]) -> None:
+    """On a chip the latch takes the level of the pin."""
+    (found,) = seen(["PORTBbits.RB3 = PORTBbits.RB3"], where, [PORTB])
+    assert len(stores(found)) == 1

@@ -86,6 +86,8 @@ def _in_place(gen: FunctionGenerator, value: Expr, locs: list[Loc]) -> bool:
         return False
     if is_direct(gen, inner):
         return True
+    if isinstance(inner, Binary) and exposed(locs[0]) and _is_identity(inner, len(locs)):
+        return False  # in place nothing would be left of it, but a volatile object is read and written
     if isinstance(inner, Unary) and inner.op in "-~" and isinstance(locs[0], Byte):
         return same_bytes(gen, inner.operand, locs)
     if isinstance(inner, Binary) and inner.op in ("+", "-", "&", "|", "^"):
@@ -125,7 +127,8 @@ def updated(gen: FunctionGenerator, expr: Update, old: Ref | Deref) -> Expr:
     """Return the value that `op=` stores, computed from the previous value of the object."""
     kind, right = old.type, _operand(expr)
     left: Expr = old if kind.plain() == expr.work else Cast(old, expr.work, expr.place)
-    same = isinstance(right, Num) and _leaves_alone(expr.op, right.value, kind)
+    boolean = isinstance(kind, IntType) and kind.is_bool
+    same = isinstance(right, Num) and not boolean and _leaves_alone(expr.op, right.value, kind.size)
     whole = left if same else Binary(expr.op, left, right, expr.work, expr.place)
     if isinstance(kind, IntType) and kind.plain() != expr.work:
         return Cast(whole, kind.plain(), expr.place)
@@ -232,7 +235,7 @@ def _assign_bit(
             return
         source = bit_source(gen, gen.loc(inner.symbol, inner.offset))
         source_bit = inner.bit or 0
-        if source == byte and source_bit == bit:
+        if source == byte and source_bit == bit and not exposed(source):
             return
         if exposed(source) or source == byte:  # what may change is read once
             _set_by_jumps(gen, byte, bit, inner)
@@ -263,11 +266,9 @@ def _operand(expr: Update) -> Expr:
     return Cast(right, expr.work, expr.place)
 
 
-def _leaves_alone(op: str, value: int, kind: CType) -> bool:
-    """Return whether `op= value` leaves every value of a type unchanged."""
-    if isinstance(kind, IntType) and kind.is_bool:
-        return False
-    mask = (1 << 8 * kind.size) - 1
+def _leaves_alone(op: str, value: int, size: int) -> bool:
+    """Return whether `op= value` leaves every value of `size` bytes unchanged."""
+    mask = (1 << 8 * size) - 1
     match op:
         case "+" | "-" | "|" | "^":
             return value & mask == 0
@@ -278,6 +279,13 @@ def _leaves_alone(op: str, value: int, kind: CType) -> bool:
         case "*" | "/":
             return value == 1
     return False
+
+
+def _is_identity(expr: Binary, size: int) -> bool:
+    """Return whether the low `size` bytes of a value are those of its variable operand."""
+    if isinstance(expr.right, Num):
+        return _leaves_alone(expr.op, expr.right.value, size)
+    return isinstance(expr.left, Num) and expr.op in "+&|^" and _leaves_alone(expr.op, expr.left.value, size)
 
 
 def _negated(value: Expr) -> Expr | None:
