@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from servogen.compiler.ast.constant_folding import has_effect
 from servogen.compiler.ast.nodes import Binary, Cast, Deref, Expr, Num, Ref, Unary, Update
-from servogen.compiler.ast.types import CType, IntType
+from servogen.compiler.ast.types import IntType
 from servogen.compiler.codegen.arithmetic import bitwise, shift_left
 from servogen.compiler.codegen.effects import calls_something, in_flash, is_condition, stripped, touches
 from servogen.compiler.codegen.generator import FunctionGenerator
