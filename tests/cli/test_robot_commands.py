@@ -92,7 +92,7 @@ def test_an_arm_written_as_urdf_is_the_same_arm_to_every_command(run: Run, tmp_p
 
 def test_urdf_needs_an_arm_and_a_file_that_is_one(run: Run, tmp_path: Path) -> None:
     assert "which robot" in run("robots", "--urdf", tmp_path / "arm.urdf").err
-    assert "six legs" in run("robots", "hexapod", "--urdf", tmp_path / "arm.urdf").err
+    assert "6 legs" in run("robots", "hexapod", "--urdf", tmp_path / "arm.urdf").err
     assert run("fk", tmp_path / "none.urdf", 0).code == 2
     (tmp_path / "text.urdf").write_text("hello")
     assert "is not a URDF file" in run("fk", tmp_path / "text.urdf", 0).err
