@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from servogen.engines.firmware import Firmware, ResourceError
-from servogen.engines.registry import ENGINES, engine_named
+from servogen.engines.registry import engine_named, suitable
 from servogen.errors import InputError
 from servogen.job import PlannedJob
 from servogen.plan_error import DECIMALS
@@ -73,15 +73,10 @@ def _planned(job: PlannedJob) -> Planned:
 
 
 def _suitable(job: PlannedJob) -> Sequence[str]:
-    """Return the engine that the job names, or those that read the serial line or the buttons that it has."""
+    """Return the engine that the job names, or those that read the serial line and the buttons it has."""
     if job.firmware.engine != "auto":
         return (job.firmware.engine,)
-    serial, buttons = job.stream is not None, job.firmware.buttons.any
-    return [
-        name
-        for name, entry in ENGINES.items()
-        if entry.serial == serial and (serial or entry.buttons or not buttons)
-    ]
+    return suitable(job.stream is not None, job.firmware.buttons.any)
 
 
 def _played_by(name: str, job: PlannedJob) -> Planned:

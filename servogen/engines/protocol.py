@@ -14,6 +14,7 @@ from typing import Protocol
 from servogen.engines.firmware import Firmware
 from servogen.engines.player.buttons import Buttons
 from servogen.engines.stream.settings import Stream
+from servogen.errors import Location
 from servogen.motion import JointTrajectory
 from servogen.pic.device import Device
 from servogen.pulse.plan import PulsePlan
@@ -27,6 +28,10 @@ class FirmwareChoice(Protocol):
 
     @property
     def soft_start_s(self) -> Fraction: ...
+
+    @property
+    def soft_start_place(self) -> Location | None:
+        """Return where the job states `soft_start_s`."""
 
     @property
     def buttons(self) -> Buttons: ...

@@ -1,15 +1,19 @@
-"""The engines that there are: one line for each, smallest first.
+"""The engines, one line for each, those with the smallest programs first.
 
 Only names and facts that a job is checked against are here: loading a job does not load the compiler.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from types import MappingProxyType
 from typing import TYPE_CHECKING, cast
+
+from servogen.pulse.slots import Frame, rises
+from servogen.robot.servo import Servo
+from servogen.units import Clock
 
 if TYPE_CHECKING:
     from servogen.engines.protocol import Engine
@@ -17,22 +21,34 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """The module whose `ENGINE` is the engine, and whether it reads buttons or a serial line."""
+    """The module whose `ENGINE` is the engine, and whether it reads buttons or a serial line.
+
+    `check_frame` raises InputError if the servos' limits alone show that their pulses fit no frame, whatever
+    the motion is.
+    """
 
     module: str
     buttons: bool = False
     serial: bool = False
+    check_frame: Callable[[Sequence[Servo], Frame, Clock], object] | None = None
 
 
 ENGINES: Mapping[str, Entry] = MappingProxyType(
     {
-        "sequence": Entry("servogen.engines.sequence.engine"),
+        "sequence": Entry("servogen.engines.sequence.engine", check_frame=rises),
         "player": Entry("servogen.engines.player.engine", buttons=True),
         "stream": Entry("servogen.engines.stream.engine", serial=True),
     }
 )
 
 
+def suitable(serial: bool, buttons: bool) -> tuple[str, ...]:
+    """Return the names of the engines that read a serial line, if a job has one, and its buttons, if any."""
+    return tuple(
+        name for name, entry in ENGINES.items() if entry.serial == serial and (entry.buttons or not buttons)
+    )
+
+
 def engine_named(name: str) -> Engine:
-    """Returns the engine of that name."""
+    """Return the engine of that name."""
     return cast("Engine", import_module(ENGINES[name].module).ENGINE)

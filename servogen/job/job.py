@@ -7,7 +7,7 @@ from fractions import Fraction
 
 from servogen.engines.player.buttons import Buttons
 from servogen.engines.stream.settings import Stream
-from servogen.errors import Caution
+from servogen.errors import Caution, Location
 from servogen.job.schema import Section
 from servogen.job.tip import Tip
 from servogen.kinematics.protocol import DrivingRobot
@@ -30,6 +30,7 @@ class Firmware:
     """"auto": the smallest that can do the job."""
     soft_start_s: Fraction
     buttons: Buttons
+    soft_start_place: Location | None = None
 
 
 @dataclass(frozen=True, slots=True)

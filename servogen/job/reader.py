@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from servogen.engines.player.buttons import Buttons
+from servogen.engines.registry import ENGINES, suitable
 from servogen.errors import InputError, Location
 from servogen.job.buttons import buttons_of
 from servogen.job.job import Firmware, Job
@@ -16,7 +18,7 @@ from servogen.job.schema import SECTIONS, JobTable, Section
 from servogen.job.servos import servos_of
 from servogen.job.streams import stream_of
 from servogen.pic.device import Device, device
-from servogen.pulse.slots import Frame, rises
+from servogen.pulse.slots import Frame
 from servogen.toml import file as toml_file
 from servogen.toml.file import Document, exact
 from servogen.units import Clock
@@ -57,8 +59,11 @@ def _job(document: Document) -> Job:
     rig = rig_of(document, table, servos)
     frame = _frame(document, table, clock)
     stream = stream_of(document, table, servos, clock)
-    if stream is None and table.firmware.engine == "sequence":
-        rises(servos, frame, clock)
+    buttons = buttons_of(document, table.firmware, servos)
+    _check_engine(document, table.firmware.engine, stream is not None, buttons)
+    check_frame = None if table.firmware.engine == "auto" else ENGINES[table.firmware.engine].check_frame
+    if check_frame:
+        check_frame(servos, frame, clock)
     return Job(
         name=_name(document),
         document=document,
@@ -74,11 +79,24 @@ def _job(document: Document) -> Job:
             table.firmware.dialect,
             table.firmware.engine,
             exact(table.firmware.soft_start_s),
-            buttons_of(document, table.firmware, servos),
+            buttons,
+            document.place("firmware", "soft_start_s"),
         ),
         stream=stream,
         section=_section(document, table, needed=stream is None),
     )
+
+
+def _check_engine(document: Document, engine: str, serial: bool, buttons: Buttons) -> None:
+    """Raise InputError if engine = "auto" finds no engine for both the serial line and the buttons."""
+    if engine == "auto" and not suitable(serial, buttons.any):
+        key = "start_pin" if buttons.start else "stop_pin"
+        raise document.error(
+            "engine-unsupported",
+            ("firmware", key),
+            "no engine reads both a serial line and buttons",
+            "remove [stream], or start_pin and stop_pin",
+        )
 
 
 def _section(document: Document, table: JobTable, needed: bool) -> Section | None:

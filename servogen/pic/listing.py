@@ -64,6 +64,13 @@ class Listing:
             raise LookupError(f"{len(found)} labels are called {name}")
         return found.pop()
 
+    def variable(self, name: str) -> int:
+        """Return the address of a global variable. Raises LookupError unless exactly one has that name."""
+        found = [address for address, variable, _ in self.variables if variable == name]
+        if len(found) != 1:
+            raise LookupError(f"{len(found)} variables are called {name}")
+        return found[0]
+
 
 def listing_text(listing: Listing) -> str:
     """Return the .lst file: each source line with its words, then the functions, then the map of RAM."""

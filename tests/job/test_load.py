@@ -1,11 +1,13 @@
 """A job file is a `Job`, or an error that says where it is wrong and what is allowed."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from servogen.build import planned
+from servogen.engines.registry import ENGINES
 from servogen.errors import InputError
 from servogen.job import PlannedJob, load, loads, plan_job, template
 from servogen.pulse import plan
@@ -327,3 +329,17 @@ def test_a_job_is_loaded_without_planning_and_the_planner_names_the_line() -> No
     assert place is not None
     assert (place.file, place.key) == ("job.toml", "motion.poses[1].foot_mm")
     assert "foot_mm" in text.splitlines()[(place.line or 0) - 1]
+
+
+def test_which_frames_an_engine_refuses_is_asked_of_its_line_in_the_registry(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuse(servos: object, frame: object, clock: object) -> None:
+        raise InputError("frame-too-short", "this engine plays no frames at all")
+
+    stubborn = {**ENGINES, "player": replace(ENGINES["player"], check_frame=refuse)}
+    monkeypatch.setattr("servogen.job.reader.ENGINES", stubborn)
+    for engine in ("sequence", "auto"):
+        loads(JOB + f'[firmware]\nengine = "{engine}"\n', "job.toml")
+    with pytest.raises(InputError, match="plays no frames at all"):
+        loads(JOB + '[firmware]\nengine = "player"\n', "job.toml")

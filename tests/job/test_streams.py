@@ -5,6 +5,7 @@ from fractions import Fraction
 
 import pytest
 
+from servogen.build import planned
 from servogen.engines.stream.settings import Stream, bit_units
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
@@ -120,3 +121,40 @@ def test_another_engine_hears_no_line() -> None:
 
 def test_nine_servos_are_one_too_many() -> None:
     assert "up to 8 servos, not 9" in error_of(CHIP + servos(9) + "[stream]\n")
+
+
+def soft_start(seconds: float) -> str:
+    return CHIP + servos(2) + f"[firmware]\nsoft_start_s = {seconds!r}\n[stream]\n"
+
+
+def test_a_soft_start_longer_than_a_group_counts_is_refused_and_not_shortened() -> None:
+    """A group of positions counts its frames in a byte of which 255 is a command: 254 at most."""
+    made = planned(plan_job(loads(soft_start(1.0), "job.toml")))
+    period_s = float(made.job.clock.seconds(made.plan.schedule.period))
+    longest = planned(plan_job(loads(soft_start(254 * period_s), "job.toml")))
+    silence = round(1.0 / period_s)
+    assert longest.plan.schedule.lead_in_frames == silence + 254
+    with pytest.raises(InputError, match=r"a soft start of 5\.\d+ s is 255 frames") as found:
+        planned(plan_job(loads(soft_start(255 * period_s), "job.toml")))
+    assert found.value.location is not None
+    assert found.value.location.key == "firmware.soft_start_s"
+
+
+def test_no_soft_start_takes_one_frame_and_says_so() -> None:
+    made = planned(plan_job(loads(soft_start(0.0), "job.toml")))
+    assert [each.text for each in made.plan.warnings if each.code == "soft-start-rounded"] == [
+        f"the way to the neutral pose takes one frame, "
+        f"{float(made.job.clock.seconds(made.plan.schedule.period)):g} s, not 0 s"
+    ]
+    usual = planned(plan_job(loads(soft_start(1.0), "job.toml")))
+    assert "soft-start-rounded" not in [each.code for each in usual.plan.warnings]
+
+
+@pytest.mark.parametrize("button", ["start_pin", "stop_pin"])
+def test_a_serial_line_and_buttons_are_more_than_any_engine_reads(button: str) -> None:
+    text = CHIP + servos(2) + f'[firmware]\n{button} = "RA3"\n[stream]\n'
+    error = error_of(text)
+    assert f"firmware.{button}: no engine reads both a serial line and buttons" in error
+    assert "remove [stream]" in error
+    loads(text.replace("[stream]\n", "[motion]\nposes = [{ s0_deg = 9, s1_deg = 9 }]\n"), "job.toml")
+    loads(text.replace(f'{button} = "RA3"\n', ""), "job.toml")

@@ -123,3 +123,11 @@ def test_a_label_that_is_missing_or_ambiguous_has_no_address(
 ) -> None:
     with pytest.raises(LookupError, match=f"{count} labels are called on"):
         Listing((), labels=labels).label("on")
+
+
+def test_a_variable_is_found_by_its_name_if_there_is_exactly_one() -> None:
+    listing = Listing((), variables=((0x20, "late", 1), (0x21, "twice", 1), (0x22, "twice", 2)))
+    assert listing.variable("late") == 0x20
+    for name, count in (("twice", 2), ("early", 0)):
+        with pytest.raises(LookupError, match=f"{count} variables are called {name}"):
+            listing.variable(name)

@@ -14,7 +14,7 @@ from servogen.compiler import Options
 from servogen.engines.firmware import Firmware, compiled_to_fit
 from servogen.engines.player import Layout, Playing, playing, soft_start
 from servogen.engines.player.buttons import waited, waited_motion
-from servogen.engines.player.rendering import render_player
+from servogen.engines.player.rendering import OVERRUN, render_player
 from servogen.engines.protocol import Engine, EngineJob, EnginePlan
 from servogen.engines.timing_budget import TimingBudget
 from servogen.errors import Caution
@@ -54,8 +54,7 @@ def firmware(text: str, job: EngineJob, layout: Layout, dialect: str) -> Firmwar
     options = Options(dialect=dialect, device=job.device)
     made = compiled_to_fit(text, file, options, job.name, TITLE, HINT)
     found = rooms(made.listing, layout)
-    overrun = next(address for address, name, _ in made.listing.variables if name == "overrun")
-    return Firmware(dialect, file, text, made, found, overrun, tuple(cautions(found)))
+    return Firmware(dialect, file, text, made, found, made.listing.variable(OVERRUN), tuple(cautions(found)))
 
 
 def rooms(listing: Listing, layout: Layout) -> tuple[TimingBudget, ...]:

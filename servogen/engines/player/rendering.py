@@ -23,6 +23,10 @@ WAY = 32
 """The kernel's cycles from the rise to the first fall beside its counted loops."""
 
 
+OVERRUN = "overrun"
+"""The variable whose bit 0 says that the C between two slots once took too long."""
+
+
 @dataclass(frozen=True, slots=True)
 class _SlotText:
     a: str
@@ -68,6 +72,7 @@ def render_player(played: Playing, buttons: Buttons, dialect: str, device: Devic
     bases = [played.bases[channel] for channel in order]
     return filled(
         "player/main.c.j2",
+        overrun=OVERRUN,
         dialect=dialect,
         title=title,
         device=device.name,

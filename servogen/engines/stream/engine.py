@@ -14,7 +14,7 @@ import numpy as np
 from servogen.compiler import Options
 from servogen.engines.firmware import Firmware, compiled_to_fit
 from servogen.engines.protocol import Engine, EngineJob, EnginePlan
-from servogen.engines.stream.rendering import render_stream
+from servogen.engines.stream.rendering import OVERRUN, render_stream
 from servogen.engines.stream.streaming import Streaming, streaming
 from servogen.errors import InputError
 from servogen.motion import JointTrajectory
@@ -29,7 +29,14 @@ def stream(job: EngineJob) -> tuple[JointTrajectory, Streaming]:
     """What the firmware does for itself, the neutral pose, and what it is made of. Raises InputError."""
     if job.stream is None:
         raise InputError("no-serial-line", f"{job.name} has no serial line", hint="add a table [stream]")
-    made = streaming(job.servos, job.frame, job.clock, job.stream, job.firmware.soft_start_s)
+    made = streaming(
+        job.servos,
+        job.frame,
+        job.clock,
+        job.stream,
+        job.firmware.soft_start_s,
+        job.firmware.soft_start_place,
+    )
     idle = replace(made.plan.schedule, inputs=(Input(job.stream.receive_pin, 1),))
     plan = replace(made.plan, schedule=idle)
     return _idle(job, idle), replace(made, plan=plan)
@@ -57,8 +64,7 @@ def firmware(text: str, job: EngineJob, dialect: str) -> Firmware:
     file = f"main.{dialect}.c"
     options = Options(dialect=dialect, device=job.device)
     made = compiled_to_fit(text, file, options, job.name, TITLE, HINT)
-    overrun = next(address for address, name, _ in made.listing.variables if name == "due")
-    return Firmware(dialect, file, text, made, overrun=overrun)
+    return Firmware(dialect, file, text, made, overrun=made.listing.variable(OVERRUN))
 
 
 class StreamEngine:

@@ -29,6 +29,10 @@ READ_LATE = 24
 """Cycles from the time stamps to the looks that they belong to, the start bit's and a bit's together."""
 
 
+OVERRUN = "due"
+"""The variable whose bit 0 says that a pulse was once not prepared in time."""
+
+
 @dataclass(frozen=True, slots=True)
 class _Out:
     """The port of the pin that answers: its TRIS register, and its pins while nothing is sent."""
@@ -46,6 +50,7 @@ def render_stream(streamed: Streaming, dialect: str, device: Device, title: str)
     two_ports = len({pin[1] for pin in pins}) > 1
     return filled(
         "stream/main.c.j2",
+        overrun=OVERRUN,
         dialect=dialect,
         title=title,
         device=device.name,

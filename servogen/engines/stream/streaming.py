@@ -13,7 +13,7 @@ from fractions import Fraction
 from servogen.engines.stream.layout import Layout, layout
 from servogen.engines.stream.protocol import MOST, Travel, travel
 from servogen.engines.stream.settings import OFF, Stream, bit_units
-from servogen.errors import Caution, InputError
+from servogen.errors import Caution, InputError, Location
 from servogen.pulse.lint import check_calibration, check_period
 from servogen.pulse.plan import PulsePlan
 from servogen.pulse.plan_errors import error_of_rows, largest
@@ -43,7 +43,12 @@ class Streaming:
 
 
 def streaming(
-    servos: Sequence[Servo], frame: Frame, clock: Clock, stream: Stream, soft_start_s: Fraction
+    servos: Sequence[Servo],
+    frame: Frame,
+    clock: Clock,
+    stream: Stream,
+    soft_start_s: Fraction,
+    soft_start_place: Location | None = None,
 ) -> Streaming:
     """The stream engine of these servos. Raises InputError."""
     units = bit_units(stream, clock)
@@ -59,7 +64,7 @@ def streaming(
             f"{float(LEAST_SILENCE * period_s):.2g} to {float(MOST * period_s):.2g} s",
         )
     neutral = tuple(clock.round_us(servo.width_us(servo.neutral)).cycles for servo in servos)
-    soft = min(MOST, max(1, round(soft_start_s / period_s)))
+    soft, soft_warnings = _soft_frames(soft_start_s, period_s, soft_start_place)
     schedule = _schedule(servos, slots, clock, neutral, silence, soft, stream.fail_safe)
     widths = tuple(
         _quantised(servo, width, clock, schedule.lead_in_frames + schedule.loop_frames)
@@ -67,9 +72,30 @@ def streaming(
     )
     errors = (error_of_rows(servo, (row,)) for servo, row in zip(servos, widths, strict=True))
     schedule = replace(schedule, plan_error=largest(errors))
-    plan = PulsePlan(schedule, widths, _warnings(servos, frame, slots, clock))
+    plan = PulsePlan(schedule, widths, (*_warnings(servos, frame, slots, clock), *soft_warnings))
     travels = tuple(travel(servo, clock) for servo in servos)
     return Streaming(plan, slots, stream, units, travels, neutral, silence, soft)
+
+
+def _soft_frames(
+    seconds: Fraction, period_s: Fraction, place: Location | None
+) -> tuple[int, tuple[Caution, ...]]:
+    """Return the frames of the way to the neutral pose, and a warning if that is more than asked for.
+
+    Raises InputError for more frames than a group of positions counts.
+    """
+    frames = round(seconds / period_s)
+    if frames > MOST:
+        raise InputError(
+            "out-of-range",
+            f"a soft start of {float(seconds):g} s is {frames} frames",
+            place,
+            f"the stream engine counts up to {MOST} frames, {float(MOST * period_s):.4g} s",
+        )
+    if frames:
+        return frames, ()
+    text = f"the way to the neutral pose takes one frame, {float(period_s):g} s, not {float(seconds):g} s"
+    return 1, (Caution("soft-start-rounded", text, place),)
 
 
 def _schedule(
