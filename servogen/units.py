@@ -1,6 +1,7 @@
 """Time as a typed integer: `Cycles` of an oscillator's `Clock`.
 
-In: an oscillator frequency in hertz. Out: exact conversions between instruction cycles and microseconds.
+In: an oscillator frequency in hertz. Out: exact conversions between instruction cycles and microseconds;
+a number of things in words.
 One instruction cycle (Tcy) is four oscillator periods (DS35007, section 2.2 "Clocking scheme").
 """
 
@@ -68,6 +69,12 @@ class Clock:
     def round_seconds(self, seconds: Fraction | float) -> Cycles:
         """The whole number of cycles nearest to `seconds`; a half goes up."""
         return Cycles(_nearest(Fraction(seconds) * self.cycles_per_second))
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a count with its noun: `1 cycle`, `2 cycles`, `3 glitches`."""
+    plural = "es" if noun.endswith("ch") else "s"
+    return f"{number} {noun}{'' if number == 1 else plural}"
 
 
 def _nearest(value: Fraction) -> int:

@@ -12,6 +12,7 @@ from servogen.cli.options import Json
 from servogen.cli.show import as_json, progress, status, warn
 from servogen.errors import InputError
 from servogen.programs import read_schedule
+from servogen.units import counted
 
 if TYPE_CHECKING:
     from servogen.bench.analysers.memory import Wanted
@@ -119,8 +120,6 @@ def _look_by_sigrok(
 
 
 def _tell(done: Captured, output: Path, against: Path | None, json: bool) -> None:
-    from servogen.verify.reasons import counted
-
     device, planned, seen = done.analyser, done.plan, done.seen
     captures = len(seen.records)
     seconds = sum(record.end for record in seen.records) / float(planned.rate)

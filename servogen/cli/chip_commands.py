@@ -14,6 +14,7 @@ from servogen.cli.options import DeviceName, Dialect, Json, Output
 from servogen.cli.show import as_json, warn_of_all
 from servogen.isolation import COMPILING, Limits
 from servogen.programs import beside_c, dialect_of, read_assembly, read_source
+from servogen.units import counted
 
 if TYPE_CHECKING:
     from servogen.pic.image import Image
@@ -108,10 +109,10 @@ def compile_c(
     else:
         if dump:
             print(compilation.ir)
-            print(
-                "\n".join(f"; {name} saved {words} words" for name, words in compilation.saved.items())
-                or "; no pass saved a word"
-            )
+            savings = [
+                f"; {name} saved {counted(words, 'word')}" for name, words in compilation.saved.items()
+            ]
+            print("\n".join(savings) or "; no pass saved a word")
         print(f"{target}: {compilation.words} words of 1024, {compilation.ram_bytes} bytes of 68, {spoken}")
     warn_of_all(compilation.diagnostics)
 

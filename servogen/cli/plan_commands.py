@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from servogen.cli.options import Json
-from servogen.cli.show import as_json, counted, status, table, warn_of_all
+from servogen.cli.show import as_json, status, table, warn_of_all
+from servogen.units import counted
 
 if TYPE_CHECKING:
     from servogen.job import PlannedJob

@@ -7,6 +7,8 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
+from servogen.units import counted
+
 WIDE = 200
 """Columns of a table that goes to a file or a pipe: nothing is wrapped."""
 
@@ -46,11 +48,6 @@ def _without_negative_zeros(value: object) -> object:
             return [_without_negative_zeros(each) for each in value]
         case _:
             return value
-
-
-def counted(number: int, what: str) -> str:
-    """1 servo, 2 servos."""
-    return f"{number} {what}{'s' if number != 1 else ''}"
 
 
 def warn(text: str) -> None:

@@ -12,6 +12,7 @@ from servogen.grade.lab import Lab, Position, Way
 from servogen.grade.visits import Visit
 from servogen.grade.watch import PinPulses, Watched
 from servogen.pulse.lint import PERIOD_US
+from servogen.units import counted
 
 
 class Stay(NamedTuple):
@@ -151,7 +152,7 @@ def end_reason(
     if rounds >= lab.rounds:
         return None
     seconds = float(watched.clock.seconds(watched.end))
-    whole = "no whole round" if not rounds else f"only {rounds} whole round{'s' if rounds > 1 else ''}"
+    whole = "no whole round" if not rounds else f"only {counted(rounds, 'whole round')}"
     text = f"{whole} in {seconds:g} s, at least {lab.rounds} should be"
     last = max(int(pin.fall[-1]) for pin in pins)
     quiet = float(watched.clock.seconds(watched.end - last))

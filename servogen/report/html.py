@@ -29,6 +29,7 @@ from servogen.report.text import ProgramFacts
 from servogen.report.tool_error import error_rows, errors_of
 from servogen.report.tracks import tracks_of
 from servogen.report.wiring import open_drain, package, remarks, wires
+from servogen.units import counted
 
 TEMPLATE = "report.html.j2"
 
@@ -128,11 +129,11 @@ def _tiles(facts: PageFacts) -> Iterator[tuple[str, str]]:
     yield f"{float(schedule.clock.us(schedule.period)) / 1000:g} ms", "period"
     yield (
         f"{float(second(schedule.loop_frames * schedule.period)):g} s",
-        f"loop, {_frames(schedule.loop_frames)}",
+        f"loop, {counted(schedule.loop_frames, 'frame')}",
     )
     if schedule.lead_in_frames:
         lead_in = float(second(schedule.lead_in_frames * schedule.period))
-        yield f"{lead_in:g} s", f"lead-in, {_frames(schedule.lead_in_frames)}"
+        yield f"{lead_in:g} s", f"lead-in, {counted(schedule.lead_in_frames, 'frame')}"
     for program in facts.programs[:1]:
         yield f"{program.words} of {PROGRAM_WORDS}", "words of program"
         yield f"{program.ram_bytes} of {RAM_BYTES}", "bytes of RAM"
@@ -187,10 +188,6 @@ def _signal_values(facts: PageFacts) -> dict[str, object]:
 def _without_folder(warning: Caution) -> str:
     place = warning.place
     return str(replace(warning, place=replace(place, file=Path(place.file or "").name) if place else None))
-
-
-def _frames(count: int) -> str:
-    return f"{count} frame{'s' if count != 1 else ''}"
 
 
 def _with_key(note: Caution) -> str:

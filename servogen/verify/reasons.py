@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from servogen.edges import HIGH, PINS, Expected
-from servogen.units import Clock
+from servogen.units import Clock, counted
 from servogen.verify.coverage import Coverage
 from servogen.verify.verdict import ChannelVerdict, Difference, Overlap, StrayPin, Worst
 
@@ -110,12 +110,6 @@ def unseen_motion_reason(frames: int, whole: int) -> str:
 
 def silent_reason(pin: int) -> str:
     return f"no scheduled pin ever rises; {PINS[pin]} should be the first"
-
-
-def counted(number: int, noun: str) -> str:
-    """Return a count with its noun: `1 cycle`, `2 cycles`, `3 glitches`."""
-    plural = "es" if noun.endswith("ch") else "s"
-    return f"{number} {noun}{'' if number == 1 else plural}"
 
 
 def _worst_words(worst: Worst, noun: str, expected: Expected) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from servogen.edges import PINS
 from servogen.plan_error import plan_words
-from servogen.verify.reasons import counted
+from servogen.units import counted
 from servogen.verify.verdict import ChannelVerdict, Span, Verdict, Worst
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,8 +11,8 @@ from pathlib import Path
 SOURCE = "void main(void) { unsigned char n; TRISB = 0; for (n = 8; n; n--) PORTB = n; }\n"
 
 
-def run(tmp_path: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    (tmp_path / "main.c").write_text(SOURCE)
+def run(tmp_path: Path, *options: str, source: str = SOURCE) -> subprocess.CompletedProcess[str]:
+    (tmp_path / "main.c").write_text(source)
     command = [sys.executable, "-m", "servogen", "compile", "main.c", "--dialect", "xc8", *options]
     return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
 
@@ -21,7 +22,13 @@ def test_the_last_pass_is_shown_without_a_name(tmp_path: Path) -> None:
     assert done.returncode == 0
     assert "main:" in done.stdout
     assert "DECFSZ" in done.stdout
-    assert "saved" in done.stdout
+    assert re.search(r"^; [\w-]+ saved 2 words$", done.stdout, re.M)
+
+
+def test_one_word_is_one_word(tmp_path: Path) -> None:
+    """`return 3` is MOVLW 3 and RETURN, which the peephole pass makes one RETLW."""
+    source = "unsigned char f(void) { return 3; }\nvoid main(void) { PORTB = f(); }\n"
+    assert "; peephole saved 1 word\n" in run(tmp_path, "--dump", "ir", source=source).stdout
 
 
 def test_each_pass_shows_its_own_work(tmp_path: Path) -> None:

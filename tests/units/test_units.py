@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from servogen.units import Clock, Cycles, Rounded
+from servogen.units import Clock, Cycles, Rounded, counted
 
 
 def test_a_cycle_is_four_oscillator_periods() -> None:
@@ -52,3 +52,16 @@ def test_the_error_is_never_more_than_half_a_cycle(hz: int, us: Fraction) -> Non
 def test_a_clock_has_a_positive_frequency(hz: int) -> None:
     with pytest.raises(ValueError, match="positive frequency"):
         Clock(hz)
+
+
+@pytest.mark.parametrize(
+    ("number", "noun", "text"),
+    [
+        (0, "cycle", "0 cycles"),
+        (1, "cycle", "1 cycle"),
+        (2, "cycle", "2 cycles"),
+        (3, "glitch", "3 glitches"),
+    ],
+)
+def test_a_count_has_its_noun_in_the_singular_or_the_plural(number: int, noun: str, text: str) -> None:
+    assert counted(number, noun) == text

@@ -13,11 +13,12 @@ In: a `Function`. Out: lines such as
 from __future__ import annotations
 
 from servogen.compiler.ir.function import Block, Function
+from servogen.units import counted
 
 
 def text_of(function: Function) -> str:
     """Return the function as text."""
-    size = f"; {_count(len(function.blocks), 'block')}, {_count(function.size, 'instruction')}"
+    size = f"; {counted(len(function.blocks), 'block')}, {counted(function.size, 'instruction')}"
     lines = [f"{function.name}:".ljust(36) + size]
     number = {block: at for at, block in enumerate(function.blocks)}
     for block, successors in zip(function.blocks, function.successors(), strict=True):
@@ -30,7 +31,3 @@ def text_of(function: Function) -> str:
 def _edges(block: Block, successors: tuple[Block | None, ...], number: dict[Block, int]) -> str:
     shown = ["exit" if each is None else str(number[each]) for each in successors]
     return f"{shown[0]} or skip to {shown[1]}" if block.skips else ", ".join(dict.fromkeys(shown))
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'s' * (number != 1)}"

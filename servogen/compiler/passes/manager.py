@@ -40,9 +40,9 @@ VALUES: Mapping[str, Pass] = {
 """Passes that follow values. Library routines are written by hand and do without."""
 TAILS: Mapping[str, Pass] = {"tail-merging": merge_tails}
 RETURNS: Mapping[str, Pass] = {"tail-calls": tail_calls, "drop-unreachable": drop_unreachable}
-PROGRAM_PASSES = ("codegen", "startup", "bank-select", "outlining", "delays")
-"""What rewrites the whole program, in order; the passes above run between start-up and bank selection."""
-PASSES = tuple(dict.fromkeys(("codegen", "startup", *JUMPS, *VALUES, *TAILS, *RETURNS, *PROGRAM_PASSES[2:])))
+PROGRAM_PASSES = ("bank-select", "outlining", "delays")
+"""What rewrites the whole program, in order, after the passes above."""
+PASSES = tuple(dict.fromkeys(("codegen", "startup", *JUMPS, *VALUES, *TAILS, *RETURNS, *PROGRAM_PASSES)))
 """Names for `--dump ir:pass`, in order."""
 _MAX_ROUNDS = 60
 

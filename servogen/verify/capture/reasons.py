@@ -9,8 +9,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from servogen.edges import PINS
+from servogen.units import counted
 from servogen.verify.capture.verdict import CapturedChannel, CapturePiece, CaptureVerdict
-from servogen.verify.reasons import counted, unseen_reason
+from servogen.verify.reasons import unseen_reason
 
 FEWEST = 2
 """Pulses in their places that a judgement on one capture needs."""

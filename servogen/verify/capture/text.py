@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from servogen.edges import PINS
 from servogen.plan_error import plan_words
+from servogen.units import counted
 from servogen.verify.capture.verdict import CapturedChannel, CaptureVerdict
 from servogen.verify.coverage import Coverage
-from servogen.verify.reasons import counted
 
 
 def capture_lines(verdict: CaptureVerdict) -> list[str]:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from servogen.edges import PINS
-from servogen.units import Clock, Cycles
+from servogen.units import Clock, Cycles, counted
 from servogen.verify.measure.measurement import Measurement, PinMeasurement, Run
-from servogen.verify.reasons import counted
 
 MOST_LISTED = 12
 """So many values or runs are written out; of the rest, how many there are."""
