@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
 from servogen.engines.sequence.overheads import Overheads
-from servogen.engines.timing_budget import TimingBudget
 from servogen.errors import Caution, InputError
+from servogen.units import Cycles
 
 
 class ResourceError(InputError):
@@ -43,3 +43,25 @@ class Firmware:
     warnings: tuple[Caution, ...] = ()
     overheads: Overheads = field(default_factory=Overheads)
     """What the sequence engine took off its delays."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimingBudget:
+    """`between`: in words; `worst` is None where no bound is known."""
+
+    between: str
+    worst: Cycles | None
+    room: Cycles
+
+    @property
+    def left(self) -> int | None:
+        """Cycles; below 0 where the C may come too late."""
+        return None if self.worst is None else self.room - self.worst
+
+    def to_json(self) -> dict[str, object]:
+        return {
+            "between": self.between,
+            "worst_cycles": self.worst,
+            "room_cycles": self.room,
+            "left_cycles": self.left,
+        }

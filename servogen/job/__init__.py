@@ -2,7 +2,6 @@
 
 from servogen.job.job import Firmware, Job, PlannedJob
 from servogen.job.plan import plan_job
-from servogen.job.reader import calibrated, load, loads
-from servogen.job.template import template
+from servogen.job.reader import calibrated, load, loads, template
 
 __all__ = ["Firmware", "Job", "PlannedJob", "calibrated", "load", "loads", "plan_job", "template"]

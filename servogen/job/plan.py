@@ -7,7 +7,7 @@ The job file is not read again. Every error names the line and the key that aske
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 
 import numpy as np
@@ -18,13 +18,14 @@ from servogen.job.job import Job, NamedPose, PlannedJob
 from servogen.job.poses import poses_of
 from servogen.job.programs import program_of
 from servogen.job.schema import SECTIONS, DriveTable, MotionTable, ProgramTable, Section, WalkTable
-from servogen.job.streams import still
 from servogen.job.torques import arm_torques
 from servogen.job.walks import walk_of
-from servogen.motion import Motion, Planned, trajectory
+from servogen.motion import JointTrajectory, Motion, Planned, trajectory
 from servogen.motion.limits import Limits
 from servogen.motion.trajectory import MAX_FRAMES
+from servogen.robot.servo import Servo
 from servogen.toml import file as toml_file
+from servogen.units import Clock, Cycles
 
 
 def plan_job(job: Job, way: Mapping[str, float] | None = None) -> PlannedJob:
@@ -72,7 +73,7 @@ def _motion(job: Job, section: Section | None) -> tuple[Planned, tuple[NamedPose
     limits = _limits(job)
     match section:
         case None:
-            return Planned(still(job.servos, period, job.clock)), ()
+            return Planned(_still(job.servos, period, job.clock)), ()
         case MotionTable():
             poses = poses_of(job.document, section, job.servos, job.tip)
             names = tuple(servo.name for servo in job.servos)
@@ -86,6 +87,13 @@ def _motion(job: Job, section: Section | None) -> tuple[Planned, tuple[NamedPose
             return program_of(job, section, limits), ()
         case DriveTable():
             return drive_of(job, section), ()
+
+
+def _still(servos: Sequence[Servo], period: Cycles, clock: Clock) -> JointTrajectory:
+    """Return the motion of a stream job that has none: the neutral pose."""
+    names = tuple(servo.name for servo in servos)
+    angles = np.array([[servo.neutral for servo in servos]])
+    return JointTrajectory(names, clock, period, angles, 0)
 
 
 def _joint_limits(job: Job, limits: tuple[Limits, ...]) -> tuple[Limits, ...]:

@@ -6,17 +6,15 @@ In: the path (or the text) of a job file. Out: the frozen `Job`; what its servos
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 
-from servogen.engines.player.buttons import Buttons
-from servogen.engines.registry import ENGINES, suitable
 from servogen.errors import InputError, Location
-from servogen.job.buttons import buttons_of
-from servogen.job.job import Firmware, Job
+from servogen.job.firmware import firmware_of
+from servogen.job.job import Job
 from servogen.job.robots import rig_of
 from servogen.job.schema import SECTIONS, JobTable, Section
 from servogen.job.servos import servos_of
-from servogen.job.streams import stream_of
 from servogen.pic.device import Device, device
 from servogen.pulse.slots import Frame
 from servogen.toml import file as toml_file
@@ -58,12 +56,7 @@ def _job(document: Document) -> Job:
     servos = servos_of(document, table.servo)
     rig = rig_of(document, table, servos)
     frame = _frame(document, table, clock)
-    stream = stream_of(document, table, servos, clock)
-    buttons = buttons_of(document, table.firmware, servos)
-    _check_engine(document, table.firmware.engine, stream is not None, buttons)
-    check_frame = None if table.firmware.engine == "auto" else ENGINES[table.firmware.engine].check_frame
-    if check_frame:
-        check_frame(servos, frame, clock)
+    firmware, stream = firmware_of(document, table, servos, frame, clock)
     return Job(
         name=_name(document),
         document=document,
@@ -75,28 +68,10 @@ def _job(document: Document) -> Job:
         tip=rig.tip,
         wheels=table.drive.wheels if table.drive else (),
         frame=frame,
-        firmware=Firmware(
-            table.firmware.dialect,
-            table.firmware.engine,
-            exact(table.firmware.soft_start_s),
-            buttons,
-            document.place("firmware", "soft_start_s"),
-        ),
+        firmware=firmware,
         stream=stream,
         section=_section(document, table, needed=stream is None),
     )
-
-
-def _check_engine(document: Document, engine: str, serial: bool, buttons: Buttons) -> None:
-    """Raise InputError if engine = "auto" finds no engine for both the serial line and the buttons."""
-    if engine == "auto" and not suitable(serial, buttons.any):
-        key = "start_pin" if buttons.start else "stop_pin"
-        raise document.error(
-            "engine-unsupported",
-            ("firmware", key),
-            "no engine reads both a serial line and buttons",
-            "remove [stream], or start_pin and stop_pin",
-        )
 
 
 def _section(document: Document, table: JobTable, needed: bool) -> Section | None:
@@ -174,3 +149,8 @@ def _frame(document: Document, table: JobTable, clock: Clock) -> Frame:
         table.frame.most_together,
         document.place("frame", "period_us"),
     )
+
+
+def template() -> str:
+    """A job that loads as it is; its comments say what else can be written."""
+    return (files("servogen.job") / "template.toml").read_text(encoding="utf-8")

@@ -19,7 +19,7 @@ from servogen.kinematics.forward import fk_position
 from servogen.kinematics.inverse.solve import ik_all, solutions_near, solve, why_unreachable
 from servogen.kinematics.inverse.unreachable import Unreachable, in_mm
 from servogen.kinematics.leg import Leg
-from servogen.kinematics.tool_orientation import orientation_matrix, rotations_between
+from servogen.kinematics.orientation import orientation_matrix, rotations_between
 from servogen.motion.trajectory import Floats
 from servogen.robot.binding import Binding
 from servogen.robot.model import Arm, Limb

@@ -6,8 +6,8 @@ In: an `Arm`. Out: its facts as values that JSON can hold. Its file is read by `
 from __future__ import annotations
 
 from servogen.kinematics.mobility import of_arm
+from servogen.kinematics.orientation import orientation_names
 from servogen.kinematics.protocol import Answer, Kind
-from servogen.kinematics.tool_orientation import orientation_names
 from servogen.robot.arm_file import ArmTable, arm_of
 from servogen.robot.model import Arm, Frame, Length
 

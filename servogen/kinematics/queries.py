@@ -16,12 +16,11 @@ from servogen.kinematics import catalogue
 from servogen.kinematics.forward import fk, fk_position, joint_array
 from servogen.kinematics.inverse.solve import ik_all
 from servogen.kinematics.jacobian import FrameName, jacobian, manipulability, singularity
+from servogen.kinematics.orientation import orientation_matrix, orientation_names
 from servogen.kinematics.protocol import Answer, DrivingRobot
 from servogen.kinematics.registry import KINDS
 from servogen.kinematics.symbolic import symbolic_fk, symbolic_jacobian, text_of
-from servogen.kinematics.tool_orientation import orientation_matrix, orientation_names
-from servogen.kinematics.transform_text import parse
-from servogen.kinematics.transforms import Floats, apply, to_body
+from servogen.kinematics.transforms import Floats, apply, parse, to_body
 from servogen.robot.model import Arm, Robot
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from servogen.errors import InputError, did_you_mean
+from servogen.robot.binding import Binding
 from servogen.units import Clock, Cycles
 
 Floats = npt.NDArray[np.float64]
@@ -27,3 +30,24 @@ class JointTrajectory:
     period: Cycles
     angles: Floats
     loop_start: int
+
+
+def bound(trajectory: JointTrajectory, bindings: Sequence[Binding]) -> JointTrajectory:
+    """The angles of the bindings' servos, in their order. Raises InputError for a joint that is not moved."""
+    columns = []
+    for binding in bindings:
+        if binding.joint not in trajectory.joints:
+            raise InputError(
+                "unknown-joint",
+                f"the motion does not move a joint '{binding.joint}'",
+                hint=did_you_mean(binding.joint, trajectory.joints),
+            )
+        column = trajectory.angles[:, trajectory.joints.index(binding.joint)]
+        columns.append(binding.servo_angle(column))
+    return JointTrajectory(
+        tuple(binding.servo for binding in bindings),
+        trajectory.clock,
+        trajectory.period,
+        np.stack(columns, axis=1),
+        trajectory.loop_start,
+    )

@@ -17,8 +17,8 @@ import numpy as np
 from servogen.errors import Caution, InputError
 from servogen.kinematics.forward import fk_position
 from servogen.kinematics.inverse.unreachable import Unreachable, in_mm
+from servogen.kinematics.orientation import short_way
 from servogen.kinematics.queries import joint_text
-from servogen.kinematics.tool_orientation import short_way
 from servogen.motion.follow import Branch, ChangesBranch, LeavesReach, chord_errors, trace
 from servogen.motion.laws import Law, law
 from servogen.motion.paths import Line

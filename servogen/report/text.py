@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
-from servogen.engines.timing_budget import TimingBudget
+from servogen.engines.firmware import TimingBudget
 from servogen.errors import Caution
 from servogen.job import PlannedJob
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, oscillator_for

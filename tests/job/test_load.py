@@ -9,7 +9,8 @@ import pytest
 from servogen.build import planned
 from servogen.engines.registry import ENGINES
 from servogen.errors import InputError
-from servogen.job import PlannedJob, load, loads, plan_job, template
+from servogen.job import PlannedJob, load, loads, plan_job
+from servogen.job import reader as template
 from servogen.pulse import plan
 
 JOB = """\

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from servogen.kinematics import differential as diff
+from servogen.kinematics import jacobian as diff
 from servogen.kinematics import transforms as t
 from servogen.kinematics.orientation import from_axis_angle
 

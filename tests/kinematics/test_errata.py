@@ -10,14 +10,14 @@ from math import atan, atan2, cos, degrees, pi, radians, sin, sqrt
 import numpy as np
 import pytest
 
-from servogen.kinematics import differential
+from servogen.kinematics import jacobian as differential
 from servogen.kinematics import transforms as t
 from servogen.kinematics.catalogue import arm, robot
 from servogen.kinematics.forward import fk, fk_position, link_frames
 from servogen.kinematics.inverse.solve import ik_all
 from servogen.kinematics.jacobian import jacobian
 from servogen.kinematics.orientation import from_angles, to_angles
-from servogen.kinematics.transform_text import parse
+from servogen.kinematics.transforms import parse
 
 ANGLES = np.array([0.3, -0.7, 1.1, 0.5, -0.9, 2.0])
 (C1, C2, C3, C4, C5, C6), (S1, S2, S3, S4, S5, S6) = np.cos(ANGLES), np.sin(ANGLES)

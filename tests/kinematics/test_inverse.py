@@ -13,7 +13,7 @@ from servogen.kinematics.inverse import numerical
 from servogen.kinematics.inverse.closed_forms import WRIST_JOINTS
 from servogen.kinematics.inverse.solve import ik, ik_all, nearest_point, solve
 from servogen.kinematics.inverse.unreachable import Unreachable
-from servogen.kinematics.tool_orientation import orientation_matrix
+from servogen.kinematics.orientation import orientation_matrix
 from servogen.kinematics.transforms import wrapped
 from servogen.robot.model import Arm, Frame
 

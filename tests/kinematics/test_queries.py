@@ -11,7 +11,7 @@ from servogen.kinematics import queries as q
 from servogen.kinematics.arm import length_text
 from servogen.kinematics.catalogue import names
 from servogen.kinematics.inverse.unreachable import Unreachable
-from servogen.kinematics.transform_text import parse
+from servogen.kinematics.transforms import parse
 from servogen.robot.model import Length
 
 

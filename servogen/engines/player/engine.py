@@ -11,12 +11,11 @@ from dataclasses import replace
 from functools import cache, partial
 
 from servogen.compiler import Options
-from servogen.engines.firmware import Firmware, compiled_to_fit
+from servogen.engines.firmware import Firmware, TimingBudget, compiled_to_fit
 from servogen.engines.player import Layout, Playing, playing, soft_start
 from servogen.engines.player.buttons import waited, waited_motion
 from servogen.engines.player.rendering import OVERRUN, render_player
 from servogen.engines.protocol import Engine, EngineJob, EnginePlan
-from servogen.engines.timing_budget import TimingBudget
 from servogen.errors import Caution
 from servogen.motion import JointTrajectory
 from servogen.pic.listing import Listing

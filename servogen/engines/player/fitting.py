@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 
-from servogen.engines.player.interpolation import Whole, between, excursion
 from servogen.engines.player.parts import ALIKE, Stretch, stretches
 from servogen.engines.player.tracks import MOST_BYTES, Pool, signs
 from servogen.errors import InputError
@@ -230,3 +230,23 @@ def pooled(made: list[Made]) -> tuple[Pool, tuple[Part, ...]]:
         for number, each in enumerate(made)
     )
     return pool, parts
+
+
+Whole = npt.NDArray[np.int64]
+
+FRACTION = 8
+
+
+def between(one: npt.ArrayLike, other: npt.ArrayLike, time: int) -> Whole:
+    """256 times the value at `time`/256 of the way from `one` to `other` (bytes)."""
+    first, second = np.asarray(one, dtype=np.int64), np.asarray(other, dtype=np.int64)
+    value = first << FRACTION
+    for bit in range(FRACTION):
+        chosen = second if time >> bit & 1 else first
+        value = value + (chosen << FRACTION) >> 1
+    return value
+
+
+def excursion(value: npt.ArrayLike, shift: int) -> Whole:
+    """Cycles from the channel's base, for keyframes in steps of 2**shift cycles."""
+    return np.asarray(value, dtype=np.int64) << shift >> FRACTION

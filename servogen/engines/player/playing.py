@@ -8,18 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 
-from servogen.engines.player.fitting import Part, fitting, pooled, scale_of, sections
-from servogen.engines.player.interpolation import Whole
+from servogen.engines.player.fitting import Part, Whole, fitting, pooled, scale_of, sections
 from servogen.engines.player.layout import Layout, Used, layout
-from servogen.engines.player.notes import rows_of, warnings_of
-from servogen.errors import InputError
+from servogen.errors import Caution, InputError
 from servogen.motion.trajectory import Floats, JointTrajectory
 from servogen.plan_error import PlanError
+from servogen.pulse.lint import check_calibration, check_motion, check_period
 from servogen.pulse.plan import PulsePlan
 from servogen.pulse.plan_errors import channel_error, largest
+from servogen.pulse.quantise import PARTS, Quantised
 from servogen.pulse.schedule import Channel, Pulse, PulseSchedule, Run
 from servogen.pulse.slots import Frame
 from servogen.robot.servo import Servo
@@ -144,3 +145,48 @@ def _runs(widths: Whole, heard: np.ndarray, rises: Sequence[Cycles]) -> Iterator
             for rise, width in zip(rises, table[first].tolist(), strict=True)
         )
         yield Run(end - first, pulses)
+
+
+def rows_of(servos: Sequence[Servo], made: Whole, ideal: Floats, clock: Clock) -> Iterator[Quantised]:
+    """Of each servo the first pulse, the shortest, the longest, and the one furthest from what was planned.
+
+    `made` and `ideal`: cycles, (frames, servos); NaN in `ideal` is a frame without pulses.
+    """
+    for index, servo in enumerate(servos):
+        pulsed = np.flatnonzero(~np.isnan(ideal[:, index]))
+        widths, planned = made[pulsed, index], ideal[pulsed, index]
+        frames = {
+            "first": 0,
+            "shortest": int(np.argmin(widths)),
+            "longest": int(np.argmax(widths)),
+            "worst": int(np.argmax(np.abs(widths - planned))),
+        }
+        for which, frame in frames.items():
+            asked = Fraction(round(planned[frame] * float(clock.cycle_us) * PARTS), PARTS)
+            cycles = Cycles(int(widths[frame]))
+            often = int((widths == cycles).sum())
+            angle = servo.angle(float(asked))
+            yield Quantised(servo.name, angle, asked, cycles, clock.us(cycles), often, which)
+
+
+def warnings_of(
+    trajectory: JointTrajectory, servos: Sequence[Servo], frame: Frame, slots: Layout
+) -> tuple[Caution, ...]:
+    """Of the period, the servos' calibrations and how fast they are asked to turn."""
+    clock = trajectory.clock
+    found = [*check_period(frame.period, frame.place)]
+    if slots.period != frame.period.cycles:
+        found.append(
+            Caution(
+                "period-rounded",
+                f"the player's period is {slots.period} cycles, a multiple of {slots.tick}: "
+                f"{float(clock.us(slots.period)):g} µs, {slots.period - frame.period.cycles:+d} cycles",
+                frame.place,
+            )
+        )
+    for index, servo in enumerate(servos):
+        found += check_calibration(servo)
+        found += check_motion(
+            servo, trajectory.angles[:, index], trajectory.loop_start, float(clock.seconds(slots.period))
+        )
+    return tuple(found)

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 
 from servogen.edges import HIGH, LOW
-from servogen.engines.stream.chip import Receiver
 from servogen.engines.stream.protocol import (
     MOST,
     SYNC,
@@ -27,6 +26,7 @@ from servogen.engines.stream.protocol import (
 from servogen.engines.stream.streaming import Streaming
 from servogen.simulator import Change
 from servogen.units import Clock
+from tests.engines.stream.chip_model import Receiver
 
 GUARD = 260
 """Cycles around a slot's rise in which no command of a random line ends: which side it falls on is open."""

@@ -12,7 +12,6 @@ from pathlib import Path
 
 from servogen.edges import HIGH, PINS, EdgeTrace, part
 from servogen.engines.board import board_of
-from servogen.engines.stream.chip import Chip, schedule, widths
 from servogen.engines.stream.engine import compiled, stream
 from servogen.engines.stream.streaming import Streaming
 from servogen.job import PlannedJob, load, plan_job
@@ -21,6 +20,7 @@ from servogen.pulse.expected import expected
 from servogen.simulator import Machine, Stimuli
 from servogen.units import Cycles
 from servogen.verify import Verdict, verdict_lines, verify
+from tests.engines.stream.chip_model import Chip, schedule, widths
 from tests.engines.stream.stream_line import Line, talk
 
 JOBS = Path(__file__).parents[3] / "jobs"

@@ -17,7 +17,6 @@ from servogen.build.recurrence import prove_forever
 from servogen.compiler import Options, Source, compile_sources
 from servogen.edges import HIGH, LOW, PINS, Driven, EdgeChunk, EdgeTrace, join, part
 from servogen.engines.board import board_of
-from servogen.engines.stream.chip import Chip, schedule, widths
 from servogen.engines.stream.engine import compiled
 from servogen.engines.stream.engine import firmware as made_of
 from servogen.engines.stream.layout import Layout
@@ -41,6 +40,7 @@ from servogen.units import Cycles
 from servogen.verify import verify
 from tests.build.other_compilers import sdcc, sdcc_compiled
 from tests.engines.stream import stream_soak
+from tests.engines.stream.chip_model import Chip, schedule, widths
 from tests.engines.stream.stream_line import Line, group, talk
 from tests.engines.stream.stream_soak import JOBS, Firmware, check, firmware_of, line_of
 
