@@ -9,8 +9,7 @@ import pytest
 from servogen.build import planned
 from servogen.engines.registry import ENGINES
 from servogen.errors import InputError
-from servogen.job import PlannedJob, load, loads, plan_job
-from servogen.job import reader as template
+from servogen.job import PlannedJob, load, loads, plan_job, template
 from servogen.pulse import plan
 
 JOB = """\
@@ -339,7 +338,7 @@ def test_which_frames_an_engine_refuses_is_asked_of_its_line_in_the_registry(
         raise InputError("frame-too-short", "this engine plays no frames at all")
 
     stubborn = {**ENGINES, "player": replace(ENGINES["player"], check_frame=refuse)}
-    monkeypatch.setattr("servogen.job.reader.ENGINES", stubborn)
+    monkeypatch.setattr("servogen.job.firmware.ENGINES", stubborn)
     for engine in ("sequence", "auto"):
         loads(JOB + f'[firmware]\nengine = "{engine}"\n', "job.toml")
     with pytest.raises(InputError, match="plays no frames at all"):

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from servogen.errors import InputError
-from servogen.job import loads, plan_job
-from servogen.job import reader as template
+from servogen.job import loads, plan_job, template
 from servogen.pulse import from_json, plan
 
 SOURCES = [
