@@ -2,18 +2,18 @@
  * hexapod-turn: servo pulses for the PIC16F84 at 4 MHz (XC8).
  * Generated from the job by servogen: change the job, not this file.
  *
- * RB0  L1-turn: 1457 to 1541 us
- * RB1  L1-lift: 1484 to 1632 us
- * RB2  L2-turn: 1465 to 1536 us
- * RB3  L2-lift: 1484 to 1617 us
- * RB4  L3-turn: 1460 to 1541 us
- * RB5  L3-lift: 1484 to 1632 us
- * RB6  R1-turn: 1464 to 1535 us
- * RB7  R1-lift: 1383 to 1516 us
- * RA0  R2-turn: 1459 to 1540 us
- * RA1  R2-lift: 1368 to 1516 us
- * RA2  R3-turn: 1464 to 1535 us
- * RA3  R3-lift: 1383 to 1516 us
+ * RB0  L1-turn: 1376 to 1626 us
+ * RB1  L1-lift: 1344 to 1500 us
+ * RB2  L2-turn: 1364 to 1500 us
+ * RB3  L2-lift: 1500 to 1656 us
+ * RB4  L3-turn: 1374 to 1624 us
+ * RB5  L3-lift: 1500 to 1656 us
+ * RB6  R1-turn: 1362 to 1618 us
+ * RB7  R1-lift: 1500 to 1670 us
+ * RA0  R2-turn: 1500 to 1632 us
+ * RA1  R2-lift: 1344 to 1500 us
+ * RA2  R3-turn: 1376 to 1622 us
+ * RA3  R3-lift: 1330 to 1500 us
  *
  * A frame takes 20000 us: 7 slots, each begun by TMR0, which counts 32 us and is never
  * written. The C between the slots may take any time that ends before the next one begins.
@@ -27,24 +27,24 @@
 const unsigned char SLOT_A[] = { 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00 };
 const unsigned char SLOT_B[] = { 0x02, 0x08, 0x20, 0x80, 0x02, 0x08, 0x00 };
 const unsigned char SLOT_PORT[] = { 0x06, 0x06, 0x06, 0x06, 0x05, 0x05, 0x06 };
-const unsigned char SLOT_TICKS[] = { 156, 72, 72, 72, 69, 70, 114 };
+const unsigned char SLOT_TICKS[] = { 157, 72, 73, 73, 74, 72, 104 };
 const unsigned char SLOT_CHANNEL[] = { 0, 2, 4, 6, 8, 10, 0 };
 
 /* Parts of the motion: frames (0 is 256), repeats, time of a frame in 256ths of a keyframe, keyframes that go round, row. */
-const unsigned char PART_FRAMES[] = { 50, 24, 48, 97, 48, 73 };
-const unsigned char PART_REPEATS[] = { 1, 1, 3, 1, 8, 1 };
-const unsigned char PART_SPEED[] = { 1, 32, 32, 32, 32, 32 };
-const unsigned char PART_WRAP[] = { 1, 255, 6, 255, 6, 255 };
-const unsigned char PART_ROW[] = { 0, 12, 24, 36, 48, 60 };
+const unsigned char PART_FRAMES[] = { 50, 50, 24, 48, 146, 48, 122 };
+const unsigned char PART_REPEATS[] = { 1, 1, 1, 3, 1, 8, 1 };
+const unsigned char PART_SPEED[] = { 1, 4, 32, 32, 16, 32, 16 };
+const unsigned char PART_WRAP[] = { 1, 255, 255, 6, 255, 6, 255 };
+const unsigned char PART_ROW[] = { 0, 0, 12, 24, 36, 48, 60 };
 
 /* Rows, for each channel: its first keyframe, and 2 * keyframes ahead + 1 where mirrored. */
-const unsigned char TRACK[] = { 48, 48, 48, 48, 48, 48, 48, 48, 48, 48, 48, 48, 117, 252, 216, 181, 117, 252, 216, 181, 117, 252, 216, 181, 0, 6, 0, 6, 0, 6, 0, 6, 0, 6, 0, 6, 62, 48, 121, 104, 76, 48, 135, 104, 90, 48, 149, 104, 12, 6, 18, 6, 24, 6, 30, 6, 36, 6, 42, 6, 206, 184, 163, 195, 219, 184, 230, 195, 174, 184, 241, 195 };
-const unsigned char AHEAD[] = { 1, 0, 1, 0, 1, 0, 0, 1, 0, 1, 0, 1, 1, 0, 1, 0, 1, 0, 0, 1, 0, 1, 0, 1, 1, 0, 7, 6, 1, 0, 6, 7, 0, 1, 6, 7, 1, 0, 1, 0, 1, 0, 0, 1, 0, 1, 0, 1, 1, 0, 1, 6, 1, 0, 0, 7, 0, 1, 0, 7, 1, 0, 1, 0, 1, 0, 0, 1, 0, 1, 0, 1 };
+const unsigned char TRACK[] = { 42, 42, 42, 42, 42, 42, 42, 42, 42, 42, 42, 42, 235, 247, 51, 48, 239, 247, 243, 48, 239, 247, 51, 48, 0, 6, 12, 6, 12, 6, 0, 6, 12, 6, 12, 6, 140, 110, 162, 88, 77, 110, 55, 99, 66, 129, 151, 99, 18, 6, 24, 6, 30, 6, 30, 6, 36, 6, 18, 6, 217, 191, 173, 88, 226, 191, 208, 182, 43, 199, 120, 182 };
+const unsigned char AHEAD[] = { 0, 1, 1, 0, 1, 0, 1, 0, 0, 1, 0, 1, 0, 1, 1, 0, 1, 0, 1, 0, 0, 1, 0, 1, 0, 1, 1, 6, 7, 0, 7, 6, 6, 1, 0, 7, 0, 1, 1, 0, 1, 0, 1, 0, 0, 1, 0, 1, 0, 1, 1, 6, 1, 0, 7, 6, 0, 1, 6, 7, 0, 1, 1, 0, 1, 0, 1, 0, 0, 1, 0, 1 };
 
-/* Keyframes, in steps of 1 us from each channel's base width. */
-const unsigned char KEYFRAME[] = { 77, 52, 32, 7, 11, 73, 32, 44, 44, 32, 157, 157, 14, 34, 50, 76, 77, 21, 72, 69, 15, 12, 34, 50, 8, 34, 50, 70, 63, 7, 14, 21, 77, 76, 50, 34, 72, 50, 34, 12, 15, 69, 8, 7, 63, 70, 50, 34, 42, 41, 45, 32, 157, 157, 32, 44, 45, 30, 137, 174, 35, 88, 74, 53, 32, 9, 1, 33, 43, 42, 42, 43, 37, 13, 13, 47, 74, 53, 32, 9, 1, 33, 43, 42, 42, 43, 35, 3, 4, 56, 74, 53, 32, 9, 1, 33, 43, 42, 42, 41, 48, 75, 75, 34, 26, 159, 156, 32, 44, 44, 32, 157, 157, 32, 45, 41, 42, 40, 52, 82, 76, 6, 10, 67, 69, 47, 37, 33, 35, 41, 42, 44, 52, 67, 88, 6, 10, 67, 69, 47, 37, 33, 35, 41, 42, 40, 32, 19, 3, 6, 10, 67, 69, 47, 37, 33, 35, 41, 42, 40, 31, 14, 0, 74, 70, 20, 19, 38, 46, 49, 48, 43, 42, 44, 70, 51, 33, 13, 6, 34, 43, 42, 42, 42, 42, 41, 45, 32, 157, 157, 32, 45, 41, 42, 40, 26, 159, 156, 32, 44, 44, 32, 156, 159, 26, 156, 17, 33, 51, 75, 85, 52, 41, 42, 42, 42, 42, 39, 28, 11, 33, 51, 68, 73, 49, 41, 42, 42, 42, 42, 13, 20, 69, 67, 46, 38, 35, 36, 41, 42, 40, 6, 6, 59, 64, 46, 38, 34, 36, 41, 42, 40, 26, 158, 158, 26 };
-const unsigned char BASE_LOW[] = { 6, 178, 6, 178, 6, 178, 178, 6, 178, 6, 178, 6 };
-const unsigned char BASE_HIGH[] = { 6, 5, 6, 5, 6, 5, 5, 6, 5, 6, 5, 6 };
+/* Keyframes, in steps of 2 us from each channel's base width. */
+const unsigned char KEYFRAME[] = { 94, 105, 113, 123, 122, 96, 106, 109, 109, 106, 140, 140, 94, 96, 122, 123, 113, 105, 44, 30, 18, 3, 6, 42, 123, 121, 96, 95, 105, 112, 3, 18, 30, 44, 42, 6, 123, 112, 105, 95, 96, 121, 62, 122, 103, 93, 111, 108, 109, 109, 109, 109, 107, 103, 96, 131, 99, 105, 113, 110, 106, 118, 48, 18, 41, 53, 123, 103, 92, 111, 108, 109, 109, 108, 111, 128, 70, 123, 103, 92, 110, 111, 96, 16, 27, 20, 0, 77, 117, 139, 101, 115, 139, 102, 110, 108, 109, 109, 109, 117, 139, 101, 115, 139, 101, 113, 141, 102, 112, 83, 112, 102, 139, 115, 101, 137, 118, 101, 132, 128, 0, 37, 29, 17, 23, 26, 16, 80, 141, 112, 101, 140, 114, 107, 109, 110, 103, 132, 128, 0, 95, 114, 125, 106, 112, 96, 17, 25, 27, 52, 0, 86, 118, 113, 104, 109, 106, 118, 48, 18, 12, 0, 86, 118, 113, 104, 108, 109, 109, 109, 109, 118, 143, 130, 100, 105, 113, 109, 109, 109, 109, 109, 117, 139, 101, 115, 139, 102, 111, 147, 73, 112, 102, 139, 115, 101, 137, 117, 106, 112, 101, 140, 114, 107, 109, 109, 109, 109, 55, 11, 18, 31, 24, 26, 16, 80, 141, 44, 16, 0, 28, 20, 37, 116, 106, 112, 4, 32, 47, 22, 22, 36, 116, 106, 112, 110, 105, 92, 94, 108, 113, 125, 123, 108, 110, 114, 122, 104, 140, 140, 104 };
+const unsigned char BASE_LOW[] = { 96, 88, 88, 96, 88, 96, 88, 96, 96, 88, 96, 88 };
+const unsigned char BASE_HIGH[] = { 5, 6, 6, 5, 6, 5, 6, 5, 5, 6, 5, 6 };
 
 unsigned char width_low[12], width_high[12];
 
@@ -79,6 +79,10 @@ void between(void)
     asm("    decfsz  _count, F");
     asm("    goto    pl_between");
     asm("    clrf    _value_high");
+    asm("    bcf     STATUS, 0");   // twice
+    asm("    rlf     _value_low, F");
+    asm("    rlf     _value, F");
+    asm("    rlf     _value_high, F");
 }
 
 void read_trim(void)
@@ -418,8 +422,8 @@ void step(void)
         return;
     if (--repeats == 0) {
         part++;
-        if (part == 6)
-            part = 1;
+        if (part == 7)
+            part = 2;
         repeats = PART_REPEATS[part];
     }
     begin_part();

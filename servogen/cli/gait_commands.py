@@ -149,7 +149,13 @@ def gait(
         as_json(walk_as_dict(walker, rhythm, made, facts, loads))
     else:
         show_walk(walker, rhythm, made, facts)
-        warn_of_all(_too_heavy(loads, walker.lifting_joint, model))
+        upright = made.full_height()
+        warn_of_all(
+            [
+                *_too_heavy(loads, walker.lifting_joint, model),
+                *([f"full-height: {upright}"] if upright else []),
+            ]
+        )
 
 
 def _too_heavy(loads: Loads | None, joint: str, model: ServoModel) -> list[str]:

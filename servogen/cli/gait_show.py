@@ -52,6 +52,11 @@ def show_walk(robot: WalkingRobot, rhythm: Gait, made: Walk, facts: GaitFacts) -
     if facts.correction > 0:
         where = f"{facts.correction_leg}, frame {facts.correction_frame}"
         print(f"springs: they give up to {1000 * facts.correction:z.2f} mm ({where})")
+    for _, text in made.centre_texts():
+        print(text)
+    for each in made.held_back:
+        print(each.text())
+    print(made.slip.text())
     print(
         f"feet rise {1000 * facts.lift:z.1f} mm, body {1000 * facts.body_height:z.1f} mm above the ground, "
         f"{1000 * facts.clearance:z.1f} mm free under it and its legs"
@@ -62,7 +67,7 @@ def walk_as_dict(
     robot: WalkingRobot, rhythm: Gait, made: Walk, facts: GaitFacts, loads: Loads | None
 ) -> dict[str, object]:
     """Return the walk in metres, radians, seconds and N·m."""
-    worst = loads.worst if loads else None
+    worst, slip = loads.worst if loads else None, made.slip
     return {
         "robot": robot.name,
         "gait": rhythm.name,
@@ -93,6 +98,10 @@ def walk_as_dict(
             "leg": facts.correction_leg,
             "frame": facts.correction_frame,
         },
+        "slip": {"largest_m": slip.metres, "leg": slip.leg, "frame": slip.frame},
+        "centres_of_rotation": [None if at is None else [at.real, at.imag] for at in made.centres],
+        "held_back": [{"leg": each.leg, "angle": each.angle} for each in made.held_back],
+        "first_millimetre_m": made.first_way_m,
         "torque": None
         if loads is None or worst is None
         else {

@@ -3,12 +3,13 @@
 In: a job with [walk], its ways as start, cycle and stop. Out: `Walker`, frames without a foot that slips.
 
     standing ─▶ start ─▶ cycle ─▶ cycle … ─▶ stop ─▶ standing     a new order waits for the cycle's end,
-       ▲ over to the next way's start ◀─────────────────┘         and for the feet to stand
+       ▲ all ways start and stop standing alike ◀───────┘         and for the feet to stand
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,10 +19,8 @@ from servogen.drive.motions import frame_at
 from servogen.errors import InputError, Location
 from servogen.job import PlannedJob, plan_job
 from servogen.kinematics.protocol import WalkingRobot
+from servogen.motion.gait.steps import Segment
 from servogen.motion.trajectory import Floats
-
-OVER_FRAMES = 10
-"""From how the feet stand for one way to how they stand for another: a few millimetres at most."""
 
 DEFAULT_STRIDE_MM, DEFAULT_TURN_DEG = 40.0, 8.0
 MOST_CYCLES = 12
@@ -40,17 +39,18 @@ class Gait:
 
 
 def walker(job: PlannedJob, robot: WalkingRobot, rates: Rates) -> Walker:
-    """The ways that the legs allow; at least one of them."""
+    """Return a walker of the ways that the legs allow; there is at least one of them."""
+    stride = DEFAULT_STRIDE_MM if rates.way_mm is None else rates.way_mm
+    angle = DEFAULT_TURN_DEG if rates.turn_deg is None else rates.turn_deg
+    ways = {
+        word: {"forward_mm": x * stride, "left_mm": y * stride, "turn_deg": turn * angle}
+        for word, (x, y, turn) in WAYS.items()
+        if robot.sidesteps or not y
+    }
     gaits, refused = {}, None
-    for word, (x, y, turn) in WAYS.items():
-        if y and not robot.sidesteps:
-            continue
-        stride = DEFAULT_STRIDE_MM if rates.way_mm is None else rates.way_mm
-        angle = DEFAULT_TURN_DEG if rates.turn_deg is None else rates.turn_deg
+    for word, way in ways.items():
         try:
-            gaits[word] = _gait(
-                job, {"forward_mm": x * stride, "left_mm": y * stride, "turn_deg": turn * angle}
-            )
+            gaits[word] = _gait(job, way, [_segment(each) for each in ways.values()])
         except InputError as error:
             refused = refused or error
     if refused and not gaits:
@@ -58,13 +58,21 @@ def walker(job: PlannedJob, robot: WalkingRobot, rates: Rates) -> Walker:
     return Walker(job, gaits)
 
 
-def _gait(job: PlannedJob, way: Mapping[str, float]) -> Gait:
-    """One way as start, cycle and stop. Raises InputError where the legs cannot go it."""
-    endless = plan_job(job, way).trajectory
+def _segment(way: Mapping[str, float]) -> Segment:
+    """Return what the body does in a cycle of a way."""
+    return Segment(way["forward_mm"] / 1000, way["left_mm"] / 1000, math.radians(way["turn_deg"]))
+
+
+def _gait(job: PlannedJob, way: Mapping[str, float], others: Sequence[Segment]) -> Gait:
+    """Return one way as start, cycle and stop, the legs standing at both ends as for all the others.
+
+    Raises InputError where the legs cannot go it.
+    """
+    endless = plan_job(job, way, others).trajectory
     angles, loop = endless.angles, endless.loop_start
     cycle = len(angles) - loop
     for cycles in range(-(-loop // cycle) + 1, MOST_CYCLES):
-        whole = plan_job(job, {**way, "cycles": float(cycles)}).trajectory.angles
+        whole = plan_job(job, {**way, "cycles": float(cycles)}, others).trajectory.angles
         if len(whole) > len(angles) and np.allclose(whole[: len(angles)], angles, atol=SAME_RAD):
             return Gait(angles[:loop], angles[loop:], whole[len(angles) :])
     raise InputError(
@@ -115,13 +123,4 @@ class Walker:
         elif self.wanted == STOP:
             self._block = here[None]
         else:
-            gait, self.going = self.gaits[self.wanted], self.wanted
-            self._block = np.concatenate((_over(here, gait.start[0]), gait.start))
-
-
-def _over(here: Floats, there: Floats) -> Floats:
-    """A straight way between two poses, without its ends; none where they are the same."""
-    if np.allclose(here, there, atol=SAME_RAD):
-        return np.empty((0, len(here)))
-    shares = np.arange(1, OVER_FRAMES)[:, None] / OVER_FRAMES
-    return np.asarray(here + shares * (there - here))
+            self._block, self.going = self.gaits[self.wanted].start, self.wanted

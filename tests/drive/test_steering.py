@@ -84,6 +84,24 @@ def test_the_steered_walk_is_the_walk_that_a_job_plans() -> None:
     assert np.allclose(mine[: len(planned)], planned[: len(mine)], atol=1e-6)
 
 
+def test_all_ways_start_and_stop_standing_alike_below_the_full_height_too() -> None:
+    """β keeps its sign in every leg: to change it a foot would have to pass through the ground."""
+    text = (
+        (JOBS / "hexapod-tripod.toml")
+        .read_text()
+        .replace("lift_mm = 20", "lift_mm = 20\nbody_height_mm = 130")
+    )
+    gaits = steered_walk(plan_job(loads(text, "job.toml")), Rates()).gaits
+    stands = gaits["forward"].start[0]
+    for gait in gaits.values():
+        assert np.allclose(gait.start[0], stands)
+        assert np.allclose(gait.stop[-1], stands)
+        rows = np.degrees(np.concatenate((gait.start, gait.cycle, gait.stop)))
+        lifts = rows[:, 1::2] - 90
+        assert (np.sign(lifts) == np.sign(lifts[0])).all()
+        assert np.abs(lifts).min() > 33  # cos β = 50 / 60
+
+
 def test_a_stride_that_the_legs_cannot_do_is_refused() -> None:
     with pytest.raises(InputError, match="limits"):
         steered_walk(plan_job(load(JOBS / "hexapod-tripod.toml")), Rates(400, 200))

@@ -217,7 +217,11 @@ def test_mounts_turn_and_mirror_legs() -> None:
         ((FOREVER, FOREVER), {}, "only the last segment"),
         ((Segment(0.04, cycles=0),), {}, "a segment has 0 cycles"),
         ((Segment(0.4),), {}, "L1_alpha would have to turn from"),
-        ((Segment(turn=0.3),), {"spring_m": 0.003}, "the springs would have to give 6.99 mm: they give 3 mm"),
+        (
+            (Segment(turn=0.3),),
+            {"spring_m": 0.0005},
+            "the springs would have to give 0.8. mm: they give 0.5 mm",
+        ),
         ((FOREVER,), {"frames": None}, "nothing says how fast"),
         ((FOREVER,), {"frames": 6}, "a cycle of 6 frames is too short for the gait 'tripod'"),
         ((FOREVER,), {"posture": Posture(body_height=0.2)}, "the legs cannot stand "),

@@ -15,10 +15,10 @@ import numpy.typing as npt
 
 from servogen.errors import InputError
 from servogen.kinematics.protocol import Posture, WalkingRobot
-from servogen.motion.gait.footwork import MAX_CYCLES, Frames, footwork, joined
+from servogen.motion.gait.footwork import MAX_CYCLES, Frames, HeldBack, footwork, joined
 from servogen.motion.gait.phases import Gait, PhaseChange
 from servogen.motion.gait.stability import margin
-from servogen.motion.gait.steps import Segment
+from servogen.motion.gait.steps import SAME_M, Segment
 from servogen.motion.limits import Limits, stretch
 from servogen.motion.trajectory import MAX_FRAMES, Floats, JointTrajectory
 from servogen.robot.model import Joint
@@ -40,6 +40,36 @@ MOST_FRAMES_A_CYCLE = 3000
 """A minute of 20 ms; slower than that is a mistake."""
 
 
+FIRST_M = 0.001
+"""A foot that has risen as much has left the ground."""
+
+
+MAX_FIRST_WAY = 3.0
+"""How many times the height that it has risen a foot may have moved sideways by then."""
+
+
+SAME_DIGITS = 9
+"""Of metres: ways nearer than a nanometre are equal, so that the first of them is named on every machine."""
+
+
+@dataclass(frozen=True, slots=True)
+class Slip:
+    """How far a foot is dragged in a stance without a spring; the leg and the last frame of the stance."""
+
+    metres: float
+    leg: str
+    frame: int
+
+    def text(self) -> str:
+        """Return the slip as a sentence."""
+        if self.metres < SAME_M:
+            return "no foot would slip without its spring"
+        return (
+            f"without its spring a foot would slip up to {1000 * self.metres:z.2f} mm in a stance "
+            f"({self.leg}, until frame {self.frame})"
+        )
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Walk:
     """`trajectory` has the joints `<leg>_alpha` and `<leg>_beta`, leg by leg; the arrays have a row a frame.
@@ -56,6 +86,12 @@ class Walk:
     corrections: Floats
     margins: Floats
     frames_per_cycle: int
+    centres: tuple[complex | None, ...]
+    """For each segment the centre of rotation in the body's frame, x + iy; None: the body does not turn."""
+    held_back: tuple[HeldBack, ...]
+    """The feet that the limits of joints keep off the line from the centre of rotation."""
+    first_way_m: float
+    """How far a foot moves sideways until it has risen by `FIRST_M`."""
     changes: tuple[PhaseChange, ...] = ()
     """Where the frames moved the gait's phases by more than half a frame."""
 
@@ -71,6 +107,42 @@ class Walk:
     @property
     def least_margin_m(self) -> float:
         return float(self.margins.min(initial=math.inf))
+
+    @property
+    def slip(self) -> Slip:
+        """Return the longest way that a foot would be dragged in one stance if its spring did not give."""
+        frames = len(self.ground)
+        rows = np.concatenate((np.arange(frames), np.arange(self.trajectory.loop_start, frames)))
+        standing = self.ground[rows[1:]] & self.ground[rows[:-1]]
+        steps = np.linalg.norm(np.diff(self.corrections[rows], axis=0), axis=2)
+        worst = Slip(0.0, self.legs[0], 0)
+        for leg, stands, way in zip(self.legs, standing.T, steps.T, strict=True):
+            total = np.cumsum(np.where(stands, way, 0.0))
+            dragged = total - np.maximum.accumulate(np.where(stands, 0.0, total))
+            last = int(np.argmax(np.round(dragged, SAME_DIGITS)))
+            if dragged[last] > worst.metres + SAME_M:
+                worst = Slip(float(dragged[last]), leg, int(rows[last + 1]))
+        return worst
+
+    def full_height(self) -> str | None:
+        """Return a warning where the legs stand so upright that a foot is dragged before it lifts."""
+        if self.first_way_m <= MAX_FIRST_WAY * FIRST_M:
+            return None
+        return (
+            f"the legs stand at their full height: a foot moves {1000 * self.first_way_m:z.1f} mm sideways "
+            f"before it is {1000 * FIRST_M:g} mm above the ground; a lower body drags its feet less"
+        )
+
+    def centre_texts(self) -> tuple[tuple[int, str], ...]:
+        """Return for each segment that turns its number, from 0, and where its centre of rotation is."""
+        return tuple(
+            (
+                index,
+                f"the body turns about ({1000 * at.real:z.1f}, {1000 * at.imag:z.1f}) mm in its own frame",
+            )
+            for index, at in enumerate(self.centres)
+            if at is not None
+        )
 
     @property
     def lift_m(self) -> float:
@@ -90,13 +162,15 @@ def walk(
     limits: Limits | None = None,
     spring_m: float | None = None,
     allow_falling: bool = False,
+    others: Sequence[Segment] = (),
 ) -> Walk:
     """The walk along `segments`, each from standstill to standstill; one without an end can only be the last.
 
     A cycle takes `frames_per_cycle` frames, to which the gait's phases are moved; None: as few as `limits`
     (of a servo) allow, and a multiple of the gait's grain where that is small. A walk without an end loops
     over one cycle, others over the whole way.
-    `spring_m` is the most that a leg's spring can give.
+    `spring_m` is the most that a leg's spring can give. `others` are segments of other walks that the same
+    robot may go on to: for them, too, its legs stand as for this one.
 
     Raises InputError for a posture that the legs cannot take, a step beyond their limits, a correction that
     is too large, and, unless `allow_falling`, where the robot would fall over.
@@ -110,7 +184,7 @@ def walk(
         raise InputError(
             "no-speed", "nothing says how fast the cycle may be", hint="give its time, or a speed limit"
         )
-    plan = footwork(robot, gait, posture)
+    plan = footwork(robot, gait, posture, (*segments, *others))
     names = plan.legs
     joints = {name: joint for leg in robot.limbs for name, joint in leg.joints.items()}
     least = math.ceil(LEAST_SWING / gait.swing)
@@ -130,10 +204,8 @@ def walk(
                 hint="walk fewer cycles, or faster ones",
             )
         rhythm = gait.on_frames(count)
-        steps = replace(plan, gait=rhythm)
-        frames, loop_start = _round(
-            [steps.frames(segment, count) for segment in segments], segments[-1].cycles is None, count
-        )
+        parts = replace(plan, gait=rhythm).frames_of_way(segments, count)
+        frames, loop_start = _round(parts, segments[-1].cycles is None, count)
         angles = frames.angles.reshape(len(frames.angles), -1)
         _check_limits(joints, angles)
         around = np.concatenate((angles, angles[loop_start : loop_start + 3]))
@@ -150,7 +222,19 @@ def walk(
     trajectory = JointTrajectory(tuple(joints), clock, period, angles, loop_start)
     margins = _margins(robot, frames)
     changes = rhythm.changes_from(gait, count)
-    made = Walk(trajectory, names, frames.feet, frames.ground, frames.corrections, margins, count, changes)
+    made = Walk(
+        trajectory=trajectory,
+        legs=names,
+        feet=frames.feet,
+        ground=frames.ground,
+        corrections=frames.corrections,
+        margins=margins,
+        frames_per_cycle=count,
+        centres=tuple(plan.motion(segment).centre for segment in segments),
+        held_back=tuple(plan.held_back(segments)),
+        first_way_m=plan.first_way_m(FIRST_M),
+        changes=changes,
+    )
     _refuse(made, spring_m, allow_falling)
     return made
 

@@ -7,6 +7,7 @@ In: its file; joint angles (..., 3): hip about z, thigh and knee about the leg's
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -16,7 +17,7 @@ from pydantic import Field
 from servogen.errors import InputError
 from servogen.kinematics.arm import arm_details
 from servogen.kinematics.mobility import Mobility, manoeuvrability, of_arm
-from servogen.kinematics.protocol import Answer, Kind, Posture
+from servogen.kinematics.protocol import Answer, BodyMotion, Kind, Posture
 from servogen.kinematics.transforms import Complexes, Floats, to_body, to_leg
 from servogen.robot.arm_file import Find, RobotTable, find_robot
 from servogen.robot.model import Arm, Dimensions, Limb, Mount
@@ -54,7 +55,7 @@ class Dog:
     def with_leg(self, name: str) -> Dog:
         return replace(self, mounts=tuple(mount for mount in self.mounts if mount.name == name))
 
-    def stance(self, posture: Posture) -> DogStance:
+    def stance(self, posture: Posture, motions: Sequence[BodyMotion]) -> DogStance:
         if posture.body_height is None:
             raise InputError("posture-out-of-reach", f"{self.name} needs a height", hint="body_height_mm = …")
         return DogStance(self, posture.body_height, posture.lift)
@@ -76,9 +77,12 @@ class DogStance:
     height: float
     lift: float
 
-    def neutral(self, leg: int, stroke: float) -> complex:
+    def neutral(self, leg: int, motion: BodyMotion) -> complex:
         point = to_body(self.dog.mounts[leg], np.array([0.0, 0.12, 0.0]))
         return complex(point[0], point[1])
+
+    def held_back(self, leg: int, motion: BodyMotion) -> float:
+        return 0.0
 
     def angles(self, leg: int, footholds: Complexes) -> Floats:
         ground = np.full(len(footholds), -self.height)
