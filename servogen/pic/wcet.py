@@ -29,7 +29,7 @@ from functools import cached_property
 
 from servogen.graph import components
 from servogen.graph import longest as longest_path
-from servogen.pic.device import RAM_FIRST, RAM_LAST
+from servogen.pic.device import PROGRAM_WORDS, RAM_FIRST, RAM_LAST
 from servogen.pic.known_values import (
     CARRY,
     FSR,
@@ -54,6 +54,8 @@ MAX_FUNCTION_STATES, MAX_PROGRAM_STATES = 2_000, 8_000
 ERASED = 0x3FFF
 _PASSES = 0x1000
 """Places from here on count how often an address was passed, for loops whose bound is given."""
+_STARTING = -1
+"""Stands for the function of the first instruction of a walk that may come back to it."""
 _MAX_TURN = 400
 """Steps of one turn of a loop that are looked at."""
 _ALL_PLACES = (1 << RAM_LAST + 1) - 1
@@ -107,7 +109,8 @@ class Program:
     """The words of a program, and the times of its functions.
 
     `bounds` gives, for addresses inside loops, how often one call can pass them. `pieces` are (start, end) of
-    code that is worth exploring once on its own, such as delays.
+    code that is worth exploring once on its own, such as delays. `targets` gives the addresses that a
+    computed jump can reach, if it is not one into a table of RETLWs.
     """
 
     def __init__(
@@ -118,8 +121,10 @@ class Program:
         changing: Collection[int] = (),
         bounds: Mapping[int, int] | None = None,
         pieces: Iterable[tuple[int, int]] = (),
+        targets: Mapping[int, Collection[int]] | None = None,
     ) -> None:
         self._words = words
+        self._targets = targets or {}
         self.functions = {each.start: each for each in functions}
         self.changing = frozenset(changing)
         self.bounds = bounds or {}
@@ -169,6 +174,24 @@ class Program:
         except (_NoBound, Undefined):
             return None
         return None if walk.unbounded or not walk.complete else walk.longest()
+
+    def between(self, start: int, ends: Collection[int], *, must_end: bool = False) -> Times:
+        """Return the times from `start` to the first of `ends`, on the paths that lead there.
+
+        With `must_end` a jump to itself that is no end is a loop like any other; without it, paths that stay
+        there do not count. Calls of other functions are followed if an end is inside.
+        """
+        walk = _Walk(self, frozenset(ends), frozenset(), MAX_STATES, returns_to_callers=True)
+        walk.counts_standing_still = must_end
+        try:
+            home = self._home_of(start)
+            # Coming back to the start is an end of its own: no other state has this home.
+            walk.explore((start, _STARTING if start in ends else home, (), ()))
+        except _NoBound as reason:
+            return Times(None, None, (reason.why,))
+        except Undefined:
+            return Times(None, None, (Unbounded("undefined word", (start,)),))
+        return walk.times()
 
     # what the walks ask
 
@@ -249,7 +272,9 @@ class Program:
         word = self.word(at)
         if word.flow == "jump":
             return [word.k]
-        if word.flow == "return" or word.writes_pcl:
+        if word.writes_pcl:
+            return list(self._targets.get(at, ()))
+        if word.flow == "return":
             return []
         return [at + 1, at + 2] if word.flow == "skip" else [at + 1]
 
@@ -292,19 +317,41 @@ class Program:
                     self._heads |= {word.k, at + 1}
         return self._heads
 
-    def callers(self, home: int, seen: set[int]) -> Iterator[int]:
-        """Yield the addresses to which a return from the function at `home` may lead; a function that jumps
-        to it returns through it.
+    def targets(self, at: int) -> Collection[int]:
+        """Return the addresses that a computed jump is known to reach; none if they are not known."""
+        return self._targets.get(at, ())
+
+    def callers(self, at: int) -> Collection[int]:
+        """Return the addresses to which a return at `at` may lead: those after every call of a function whose
+        code, with the code that it jumps to, includes `at`.
         """
-        if home in seen:
-            return
-        seen.add(home)
+        return self._callers.get(at, ())
+
+    @cached_property
+    def _callers(self) -> Mapping[int, Collection[int]]:
+        after: dict[int, list[int]] = {}
         for at in self._words:
-            word = self.word(at)
-            if word.flow == "call" and word.k == home:
-                yield at + 1
-            elif word.flow == "jump" and word.k == home and self._home_of(at) != home:
-                yield from self.callers(self._home_of(at), seen)
+            try:
+                word = self.word(at)
+            except Undefined:
+                continue
+            if word.flow == "call":
+                after.setdefault(word.k, []).append(at + 1)
+        found: dict[int, dict[int, None]] = {}
+        for start, returns in after.items():
+            body: set[int] = set()
+            waiting = [start]
+            while waiting:
+                at = waiting.pop()
+                if at in body or at not in self._words:
+                    continue
+                body.add(at)
+                found.setdefault(at, {}).update(dict.fromkeys(returns))
+                try:
+                    waiting += self._followers(at)
+                except Undefined:
+                    continue
+        return {at: tuple(returns) for at, returns in found.items()}
 
     def check_table(self, at: int) -> None:
         """Check that a computed jump at `at` leads to a RETLW: only RETLWs may follow it, up to the end of
@@ -356,7 +403,8 @@ def _bit(place: int) -> int:
     return 1 << (_BITS.get(place, place) if place < _PASSES else _BITS[ZERO] + 1)
 
 
-def _is_live(place: int, live: int) -> bool:
+def is_live(place: int, live: int) -> bool:
+    """Return whether a place is in one of the bit sets of `Program.live`."""
     return place >= _PASSES or bool(live & _bit(place))
 
 
@@ -396,6 +444,8 @@ class _Walk:
     returns_to_callers: bool = False
     tracked: frozenset[int] | None = None
     """The places that are followed; None: all."""
+    counts_standing_still: bool = False
+    """Whether a jump to itself is a loop without a bound even if no path leads to an end."""
     edges: dict[_State, list[_Edge]] = field(default_factory=dict)
     complete: bool = True
     reasons: dict[Unbounded, None] = field(default_factory=dict)
@@ -439,7 +489,7 @@ class _Walk:
         graph = {
             state: [after for _, _, after in ways if after is not None] for state, ways in self.edges.items()
         }
-        returns = self._shortest() is not None
+        returns = self.counts_standing_still or self._shortest() is not None
         loops = dict.fromkeys(Unbounded("loop", part) for part in self._loops(graph, returns=returns))
         return tuple({**self.reasons, **loops})
 
@@ -581,7 +631,7 @@ class _Walk:
         kept = tuple(
             each
             for each in known
-            if _is_live(each[0], live)
+            if is_live(each[0], live)
             and (self.tracked is None or each[0] in self.tracked or each[0] >= _PASSES)
         )
         return at, home, stack, kept
@@ -623,12 +673,12 @@ class _Walk:
             taken = skipped(word, known, self.program.changing)
             after_known = _frozen(known)
             if taken is not True:
-                yield 1, 1, (at + 1, home, stack, after_known)
+                yield 1, 1, (_beyond(at, 1), home, stack, after_known)
             if taken is not False:
-                yield 2, 2, (at + 2, home, stack, after_known)
+                yield 2, 2, (_beyond(at, 2), home, stack, after_known)
         else:
             execute(word, known, self.program.changing)
-            yield 1, 1, (at + 1, home, stack, _frozen(known))
+            yield 1, 1, (_beyond(at, 1), home, stack, _frozen(known))
 
     def _jump(self, at: int, word: Word, state: _State, known: Known) -> Iterator[_Edge]:
         """Yield the edges of a jump inside the function, or to another function, which returns in its
@@ -687,11 +737,18 @@ class _Walk:
 
     def _computed_jump(self, at: int, state: _State, known: Known) -> Iterator[_Edge]:
         """Yield the edges of a jump into a table: the jump takes two cycles, the RETLW it reaches two
-        more.
+        more; or those of a jump whose targets are known.
         """
         try:
             self.program.check_table(at)
         except _NoBound:
+            targets = self.program.targets(at)
+            if targets:
+                _, home, stack, _ = state
+                execute(self.program.word(at), known, self.program.changing)
+                for target in targets:
+                    yield 2, 2, (target, self._home(target, home), stack, _frozen(known))
+                return
             yield from self._no_bound("computed jump", at)
             return
         known.pop(W, None)
@@ -707,8 +764,13 @@ class _Walk:
         elif self.program.word(at).name == "RETFIE":
             raise _NoBound("computed jump", at)
         else:
-            for back in self.program.callers(home, set()):
+            for back in self.program.callers(at):
                 yield cycles, cycles, (back, self.program._home_of(back), (), after)
+
+
+def _beyond(at: int, words: int) -> int:
+    """Return the address that many words on: behind the last one the program counter wraps around."""
+    return (at + words) % PROGRAM_WORDS
 
 
 def _counted_loop(program: Program, at: int, word: Word, known: Known) -> tuple[int, int] | None:

@@ -1,0 +1,89 @@
+"""The command `prove`: what holds for every path of a program."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from servogen.cli.files import clock_of, read_program
+from servogen.cli.options import ClockHz, DeviceName, Json
+from servogen.cli.show import as_json
+from servogen.errors import InputError
+
+if TYPE_CHECKING:
+    from servogen.pic.analysis.facts import Answer
+
+FOUND = 1
+"""The exit code where something was found, or not decided."""
+
+
+class Interrupts(StrEnum):
+    """Whether the time of interrupts counts."""
+
+    INCLUDED = "included"
+    EXCLUDED = "excluded"
+
+
+def register(app: typer.Typer) -> None:
+    app.command()(prove)
+
+
+def prove(
+    file: Annotated[Path, typer.Argument(help="A HEX, C or assembly file.", show_default=False)],
+    start: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--from",
+            metavar="MARK",
+            help="Where a time begins: an address (0x12A), a label, a function, a line (12 or main.c:12). "
+            "Repeatable, with as many --to.",
+        ),
+    ] = None,
+    end: Annotated[
+        list[str] | None, typer.Option("--to", metavar="MARK", help="Where it ends, the first time after it.")
+    ] = None,
+    interrupts: Annotated[
+        Interrupts, typer.Option("--interrupts", help="Whether times between marks include interrupts.")
+    ] = Interrupts.INCLUDED,
+    clock_hz: ClockHz = None,
+    device: DeviceName = "PIC16F84",
+    json: Json = False,
+) -> None:
+    """Show what holds for every path of a program: stack, unwritten bytes, pins, dead code, watchdog, times.
+
+    Exit code 0: every question is decided and nothing was found; 1: something was found or is not decided.
+    """
+    from servogen.pic.analysis.facts import Facts, decided_and_fine
+
+    marks = _marks(start or [], end or [])
+    program = read_program(file, device)
+    facts = Facts(program.image, program.listing, clock_of(program, clock_hz))
+    answers = [
+        *facts.answers(),
+        *(facts.time(a, b, interrupts=interrupts is Interrupts.INCLUDED) for a, b in marks),
+    ]
+    if json:
+        as_json({"file": str(file), "answers": [answer.to_json() for answer in answers]})
+    else:
+        print("\n".join(_text(answer) for answer in answers))
+    if not decided_and_fine(answers):
+        raise typer.Exit(FOUND)
+
+
+def _marks(starts: list[str], ends: list[str]) -> list[tuple[str, str]]:
+    """Return the pairs of --from and --to. Raises InputError."""
+    if len(starts) != len(ends):
+        raise InputError(
+            "unpaired-mark",
+            f"{len(starts)} --from and {len(ends)} --to: every time needs both",
+            hint="--from MARK --to MARK",
+        )
+    return list(zip(starts, ends, strict=True))
+
+
+def _text(answer: Answer) -> str:
+    lines = [f"{answer.question}: {answer.status}", f"  {answer.text}", f"  over {answer.over}"]
+    return "\n".join([*lines, *(f"  {finding}" for finding in answer.findings)])

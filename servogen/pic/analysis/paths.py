@@ -1,0 +1,513 @@
+"""Every path of a program from reset, interrupts at any point included, on abstract states.
+
+In: the words of a program. Out: `Paths`: what its paths reach, read, write and call. The result holds for
+every content of RAM and registers at power-up, every level of every input at any time, and every moment of
+every interrupt that the program enables.
+
+States are kept apart by address, return addresses and values, so that loops with known counters are followed
+turn by turn, until an address has `MAX_STATES` of them; from then on they are joined.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from servogen.pic.analysis import values
+from servogen.pic.analysis.state import (
+    BANK,
+    DIGIT,
+    GIE,
+    INTCON,
+    LATCHES,
+    OPTION,
+    PCLATH,
+    PORT_BITS,
+    PORTA,
+    PRESERVED,
+    TRISA,
+    TRISB,
+    Effects,
+    Place,
+    State,
+    at_interrupt,
+    at_reset,
+    computed,
+    execute,
+    skip_ways,
+)
+from servogen.pic.analysis.values import Value
+from servogen.pic.device import INTERRUPT_VECTOR, PROGRAM_WORDS, RAM_FIRST, RAM_LAST, STACK_LEVELS
+from servogen.pic.isa import Instruction, decode
+from servogen.pic.known_values import CARRY, FSR, PCL, ZERO, Undefined, W, Word, word_of
+from servogen.pic.wcet import Program, is_live
+
+ERASED = 0x3FFF
+MAX_STATES = 20
+"""States of one address and call path that are kept apart; then those with the same FSR are joined."""
+MAX_POINTERS = 80
+"""Values of FSR that are kept apart then: a loop over all 68 bytes of RAM is followed turn by turn."""
+MAX_STEPS = 1_000_000
+"""Instructions that are executed before the analysis is given up."""
+IN_INTERRUPT = -1
+"""Stands at the bottom of the return addresses for the one that an interrupt pushes."""
+
+_Key = tuple[object, ...]
+"""What tells two states apart: all but the bytes that were written."""
+
+
+@dataclass(slots=True)
+class _Node:
+    """The states in which one address is reached on one call path."""
+
+    apart: dict[_Key, State] = field(default_factory=dict)
+    by_pointer: dict[int | None, State] | None = None
+    """Joined states by the value of FSR, once there are too many apart."""
+
+
+@dataclass(frozen=True, slots=True)
+class PinWrite:
+    """A write of pins by the instruction at `address`; pins count RA0 to RA4, RB0 to RB7."""
+
+    address: int
+    pin: int
+    certain: bool = True
+    """Whether the instruction writes that pin whenever it is executed."""
+
+
+@dataclass(slots=True)
+class Paths:
+    """What the paths of a program do. Sets of (address, place) are ordered by neither."""
+
+    executed: set[int] = field(default_factory=set)
+    depth: int = 0
+    """Return addresses on the stack at most, outside interrupts."""
+    depth_when_interrupted: int | None = None
+    """The same where an interrupt may come; None if none ever does."""
+    depth_of_interrupt: int = 0
+    """What the interrupt needs, its own return address included."""
+    overflows: dict[int, tuple[int, ...]] = field(default_factory=dict)
+    """Calls that push a ninth return address, with the return addresses on the stack."""
+    underflows: set[int] = field(default_factory=set)
+    """Returns that find the stack empty."""
+    nested_interrupts: set[int] = field(default_factory=set)
+    """Addresses in the interrupt's code where another interrupt may come."""
+    deepest_call: tuple[int, ...] = ()
+    unwritten_reads: set[tuple[int, Place]] = field(default_factory=set)
+    input_writes: set[PinWrite] = field(default_factory=set)
+    """Writes of pins that may be inputs then, and whose directions the program has set before."""
+    early_writes: set[PinWrite] = field(default_factory=set)
+    """Writes of pins whose directions the program has not set yet: it prepares their latches."""
+    outputs: set[int] = field(default_factory=set)
+    """Pins that are outputs at some time."""
+    driven_unwritten: set[PinWrite] = field(default_factory=set)
+    """Instructions that make pins outputs whose latches may never have been written."""
+    undefined: set[int] = field(default_factory=set)
+    """Executed words that no data sheet defines."""
+    pointers: set[int] = field(default_factory=set)
+    """Instructions that use a pointer of which nothing is known; it is taken to address RAM."""
+    tables: dict[int, tuple[int, int]] = field(default_factory=dict)
+    """Computed jumps whose target is not known: taken to stay in the table behind it, first to last word."""
+    computed: dict[int, set[int]] = field(default_factory=dict)
+    """The targets of computed jumps."""
+    lost: dict[int, str] = field(default_factory=dict)
+    """Addresses beyond which paths were not followed, and why."""
+    called_from: dict[int, set[int]] = field(default_factory=dict)
+    """Starts of functions, and the calls to them."""
+    interrupt_sources: int = 0
+    """The bits of INTCON that enable interrupts while GIE may be set."""
+    interrupt_changes: set[Place] = field(default_factory=set)
+    """Places that the interrupt's code may write."""
+    not_restored: set[Place] = field(default_factory=set)
+    """Registers that the interrupted program uses and the interrupt may not restore."""
+    timer_writes: dict[int, Value] = field(default_factory=dict)
+    """Instructions that write TMR0, and what they write."""
+    options: Value = field(default_factory=lambda: values.constant(0xFF))
+    """The values that OPTION_REG may have at any time."""
+    interrupts: bool = False
+
+
+_PRUNED = frozenset({W, CARRY, ZERO, FSR, *range(RAM_FIRST, RAM_LAST + 1)})
+
+
+class _TooLong(Exception):
+    """Raised when the analysis has executed too many instructions."""
+
+
+@dataclass(slots=True)
+class _Interrupt:
+    """What the interrupt does to the interrupted program, found so far."""
+
+    entry: State | None = None
+    changes: set[Place] = field(default_factory=set)
+    not_restored: set[Place] = field(default_factory=set)
+    exits: dict[Place, Value] = field(default_factory=dict)
+    """Values of the special registers at its end."""
+
+    def signature(self) -> object:
+        return (
+            frozenset(self.changes),
+            frozenset(self.not_restored),
+            tuple(sorted(self.exits.items(), key=repr)),
+        )
+
+
+_SPECIAL = (OPTION, TRISA, TRISB, INTCON, PCLATH)
+"""Registers whose values after an interrupt are those before it, or those at its end."""
+
+
+class Explorer:
+    """Follows every path of a program; `explore` returns what they do."""
+
+    def __init__(self, words: Mapping[int, int]) -> None:
+        self._words = {at: words.get(at, ERASED) for at in range(PROGRAM_WORDS)}
+        self._heads = self._find_heads()
+        live = Program(self._words, ()).live
+        self._dead = {
+            at: frozenset(place for place in _PRUNED if not is_live(place, live[at])) for at in self._heads
+        }
+        self._interrupt = _Interrupt()
+        self._steps = 0
+        self.paths = Paths()
+
+    def explore(self) -> Paths:
+        """Return what the paths from reset do. Repeats until what the interrupt changes is stable."""
+        try:
+            while True:
+                before = self._interrupt.signature()
+                self.paths = Paths()
+                self._interrupt.entry = None
+                self._follow(0, (), at_reset())
+                while self._interrupt.entry is not None:
+                    entered = self._interrupt.entry
+                    self._interrupt.entry = None
+                    self._follow(INTERRUPT_VECTOR, (IN_INTERRUPT,), at_interrupt(entered))
+                if self._interrupt.signature() == before:
+                    break
+        except _TooLong:
+            self.paths.lost[0] = f"more than {MAX_STEPS} instructions to follow"
+        self.paths.interrupt_changes = set(self._interrupt.changes)
+        self.paths.not_restored = set(self._interrupt.not_restored)
+        return self.paths
+
+    def _find_heads(self) -> frozenset[int]:
+        heads = {0, INTERRUPT_VECTOR}
+        for at, number in self._words.items():
+            try:
+                word = word_of(number)
+            except Undefined:
+                continue
+            if word.flow in ("jump", "call"):
+                heads |= {word.k, (at + 1) % PROGRAM_WORDS}
+        return frozenset(heads)
+
+    def _prune(self, at: int, state: State) -> None:
+        """Forget values that no instruction will read any more, so that paths meet."""
+        dead = self._dead.get(at, frozenset())
+        for place in state.values.keys() & dead:
+            del state.values[place]
+        for flag in state.facts.keys() & dead:
+            del state.facts[flag]
+        if W in dead:
+            state.w_of = None
+
+    def _follow(self, at: int, stack: tuple[int, ...], state: State) -> None:
+        """Follow every path from a state to its end."""
+        nodes: dict[tuple[int, tuple[int, ...]], _Node] = {}
+        waiting: list[tuple[int, tuple[int, ...], State]] = []
+        entry: State | None = None
+
+        def reach(at: int, stack: tuple[int, ...], state: State) -> None:
+            node = nodes.setdefault((at, stack), _Node())
+            self._prune(at, state)
+            if node.by_pointer is None:
+                key = (
+                    frozenset(state.values.items()),
+                    frozenset(state.saved.items()),
+                    frozenset(state.facts.items()),
+                    state.w_of,
+                )
+                kept = node.apart.get(key)
+                if kept is not None:
+                    if kept.written & ~state.written:
+                        kept.written &= state.written
+                        waiting.append((at, stack, kept))
+                    return
+                if len(node.apart) < MAX_STATES:
+                    node.apart[key] = state
+                    waiting.append((at, stack, state))
+                    return
+                node.by_pointer = {}
+                for each in node.apart.values():
+                    add(at, stack, node.by_pointer, each)
+            add(at, stack, node.by_pointer, state)
+
+        def add(at: int, stack: tuple[int, ...], joined: dict[int | None, State], state: State) -> None:
+            pointer = state.get(FSR).constant
+            if pointer not in joined and len(joined) >= MAX_POINTERS:
+                pointer = None
+            known = joined.get(pointer)
+            if known is None:
+                joined[pointer] = state.copy()
+                waiting.append((at, stack, joined[pointer]))
+            elif known.join(state):
+                waiting.append((at, stack, known))
+
+        def interruptible(state: State) -> None:
+            nonlocal entry
+            if entry is None:
+                entry = state.copy()
+                self._interrupt.entry = entry
+            elif entry.join(state):
+                self._interrupt.entry = entry
+
+        self._reach, self._interruptible = reach, interruptible
+        reach(at, stack, state.copy())
+        while waiting:
+            at, stack, state = waiting.pop()
+            self._run(at, stack, state.copy())
+
+    def _run(self, at: int, stack: tuple[int, ...], state: State) -> None:
+        """Execute instructions up to where paths part or meet."""
+        while True:
+            followers = self._step(at, stack, state)
+            if len(followers) != 1 or followers[0][0] in self._heads:
+                for each in followers:
+                    self._reach(*each)
+                return
+            at, stack, state = followers[0]
+
+    def _step(
+        self, at: int, stack: tuple[int, ...], state: State
+    ) -> list[tuple[int, tuple[int, ...], State]]:
+        self._steps += 1
+        if self._steps > MAX_STEPS:
+            raise _TooLong
+        paths, inside = self.paths, bool(stack) and stack[0] == IN_INTERRUPT
+        paths.executed.add(at)
+        if state.interruptible:
+            self._note_interrupt(at, stack, state, inside=inside)
+        try:
+            word = word_of(self._words[at])
+        except Undefined:
+            paths.undefined.add(at)
+            return [((at + 1) % PROGRAM_WORDS, stack, state)]
+        if state.interruptible and not inside:
+            self._after_interrupt(state)
+        if word.writes_pcl:
+            return self._computed_jump(at, stack, state, word)
+        after, effects = execute(state, word, at)
+        self._note(at, state, after, word, effects, inside=inside)
+        if effects.jumps:
+            paths.lost[at] = "a pointer may address PCL"
+            return []
+        if word.flow == "skip":
+            return [
+                ((at + step) % PROGRAM_WORDS, stack, self._settled(each, inside=inside))
+                for step, each in skip_ways(after, state, word, at)
+            ]
+        after = self._settled(after, inside=inside)
+        if word.flow == "jump":
+            return [(self._target(after, word, at), stack, after)]
+        if word.flow == "call":
+            return self._call(at, stack, after, word)
+        if word.flow == "return":
+            return self._return(at, stack, after, word)
+        return [((at + 1) % PROGRAM_WORDS, stack, after)]
+
+    def _target(self, state: State, word: Word, at: int) -> int:
+        # PCLATH<4:3> select a page that the chip does not have: 1024 words repeat (DS35007 section 2.1)
+        return word.k % PROGRAM_WORDS
+
+    def _settled(self, state: State, *, inside: bool) -> State:
+        if not inside and state.interruptible:
+            self._after_interrupt(state)
+        return state
+
+    def _note_interrupt(self, at: int, stack: tuple[int, ...], state: State, *, inside: bool) -> None:
+        paths = self.paths
+        paths.interrupts = True
+        for member in state.get(INTCON):
+            if member & GIE:
+                paths.interrupt_sources |= member & 0x78
+        if inside:
+            paths.nested_interrupts.add(at)
+            return
+        paths.depth_when_interrupted = max(paths.depth_when_interrupted or 0, len(stack))
+        self._interruptible(state)
+
+    def _after_interrupt(self, state: State) -> None:
+        """Add to a state in which an interrupt may come what it may be afterwards."""
+        found = self._interrupt
+        for place in found.changes:
+            if RAM_FIRST <= place <= RAM_LAST:
+                _forget(state, place)
+        for place in found.not_restored:
+            _forget(state, place)
+        for place, value in found.exits.items():
+            if place in state.values:
+                state.values[place] |= value
+                state.unrelate(place)
+
+    def _note(
+        self, at: int, before: State, after: State, word: Word, effects: Effects, *, inside: bool
+    ) -> None:
+        paths = self.paths
+        for place in effects.unwritten:
+            paths.unwritten_reads.add((at, place))
+        if effects.any_byte or effects.wild:
+            paths.pointers.add(at)
+        if inside:
+            changed = set(effects.changed)
+            if effects.wild:
+                changed |= set(range(RAM_FIRST, RAM_LAST + 1))
+            self._interrupt.changes |= changed
+        if effects.timer_writes is not None:
+            known = paths.timer_writes.get(at)
+            paths.timer_writes[at] = effects.timer_writes if known is None else known | effects.timer_writes
+        for pin in effects.driven_unwritten:
+            paths.driven_unwritten.add(PinWrite(at, pin))
+        for place, port in ((TRISA, PORTA), (TRISB, 6)):
+            if place in effects.changed:
+                first, count = PORT_BITS[port]
+                directions = after.get(place)
+                paths.outputs |= {first + bit for bit in range(count) if directions.may_be_0 >> bit & 1}
+        if OPTION in effects.changed:
+            paths.options |= after.get(OPTION)
+        for port, may, must in effects.pins:
+            self._note_pins(at, before, port, may, must)
+
+    def _note_pins(self, at: int, state: State, port: int, may: int, must: int) -> None:
+        first, count = PORT_BITS[port]
+        direction = TRISA if port == PORTA else TRISB
+        directions = state.get(direction)
+        untouched = directions.constant == (1 << count) - 1
+        for bit in range(count):
+            if may >> bit & 1 and directions.may_be_1 >> bit & 1:
+                target = self.paths.early_writes if untouched else self.paths.input_writes
+                target.add(PinWrite(at, first + bit, bool(must >> bit & 1)))
+
+    def _call(
+        self, at: int, stack: tuple[int, ...], state: State, word: Word
+    ) -> list[tuple[int, tuple[int, ...], State]]:
+        paths, target = self.paths, self._target(state, word, at)
+        paths.called_from.setdefault(target, set()).add(at)
+        if len(stack) >= STACK_LEVELS:
+            paths.overflows.setdefault(at, stack)
+            paths.lost[at] = "a ninth return address"
+            return []
+        deeper = (*stack, (at + 1) % PROGRAM_WORDS)
+        if deeper[0] == IN_INTERRUPT:
+            paths.depth_of_interrupt = max(paths.depth_of_interrupt, len(deeper))
+        elif len(deeper) > paths.depth:
+            paths.depth, paths.deepest_call = len(deeper), deeper
+        return [(target, deeper, state)]
+
+    def _return(
+        self, at: int, stack: tuple[int, ...], state: State, word: Word
+    ) -> list[tuple[int, tuple[int, ...], State]]:
+        if not stack:
+            self.paths.underflows.add(at)
+            self.paths.lost[at] = "a return with an empty stack"
+            return []
+        if word.name == "RETFIE":
+            enables = values.mapped(state.get(INTCON), lambda member: member | GIE)
+            state.put(INTCON, enables)
+        if stack[-1] == IN_INTERRUPT:
+            self.paths.depth_of_interrupt = max(self.paths.depth_of_interrupt, 1)
+            self._end_interrupt(state)
+            return []
+        if stack[0] != IN_INTERRUPT:
+            self._settled(state, inside=False)
+        return [(stack[-1], stack[:-1], state)]
+
+    def _end_interrupt(self, state: State) -> None:
+        found = self._interrupt
+        for place in PRESERVED:
+            if state.saved.get(place) != (place, False):
+                found.not_restored.add(place)
+        for place in _SPECIAL:
+            if place in found.changes or place == INTCON:
+                value = state.get(place)
+                found.exits[place] = found.exits[place] | value if place in found.exits else value
+
+    def _computed_jump(
+        self, at: int, stack: tuple[int, ...], state: State, word: Word
+    ) -> list[tuple[int, tuple[int, ...], State]]:
+        paths, inside = self.paths, bool(stack) and stack[0] == IN_INTERRUPT
+        after, effects = execute(state, word, at)
+        self._note(at, state, after, word, effects, inside=inside)
+        low, high, table = _low_byte(state, word, at), state.get(PCLATH), self._table(at)
+        targets = {(each << 8 | byte) % PROGRAM_WORDS for each in high for byte in low}
+        if len(targets) > 1 and not targets <= set(table):
+            if not table:
+                paths.lost[at] = "a computed jump"
+                return []
+            paths.tables[at] = (table[0], table[-1])
+            targets = set(table)
+        paths.computed.setdefault(at, set()).update(targets)
+        after = self._settled(after, inside=inside)
+        words = [decode(self._words[each]) for each in sorted(targets)]
+        returned = [each.k for each in words if each is not None and _is_retlw(each.instruction)]
+        if len(words) > 1 and len(returned) == len(words):
+            # A table: one return with any of its bytes
+            paths.executed |= targets
+            self._steps += len(targets)
+            after.put(W, values.of(returned))
+            return self._return(at, stack, self._settled(after, inside=inside), word)
+        return [(each, stack, after.copy()) for each in sorted(targets)]
+
+    def _table(self, at: int) -> list[int]:
+        """Return the RETLWs or GOTOs that follow a computed jump without a gap."""
+        found = []
+        for following in range(at + 1, PROGRAM_WORDS):
+            number = decode(self._words[following])
+            if number is None or not (number.instruction.flow == "jump" or _is_retlw(number.instruction)):
+                break
+            found.append(following)
+        return found
+
+
+def _is_retlw(row: Instruction) -> bool:
+    return row.flow == "return" and row.writes == "W"
+
+
+def _forget(state: State, place: Place) -> None:
+    state.values.pop(place, None)
+    state.saved.pop(place, None)
+    state.unrelate(place)
+
+
+def _low_byte(state: State, word: Word, at: int) -> Value:
+    """Return what an instruction writes to PCL."""
+    return computed(word, state.get(W), values.constant(at + 1 & 0xFF), state.get(CARRY))[0]
+
+
+def explore(words: Mapping[int, int]) -> Paths:
+    """Return what the paths of a program do."""
+    return Explorer(words).explore()
+
+
+def places_text(places: Iterable[Place], names: Mapping[int, str]) -> str:
+    """Return places as a reader knows them: variables by name, registers and flags by theirs."""
+    return ", ".join(place_text(place, names) for place in sorted(places))
+
+
+_NAMES = {
+    W: "W", FSR: "FSR", CARRY: "C", DIGIT: "DC", ZERO: "Z", BANK: "RP0", 1: "TMR0", PCL: "PCL",
+    PCLATH: "PCLATH", INTCON: "INTCON", OPTION: "OPTION_REG", TRISA: "TRISA", TRISB: "TRISB",
+}  # fmt: skip
+
+
+def place_text(place: Place, names: Mapping[int, str]) -> str:
+    """Return one place as a reader knows it."""
+    if place in _NAMES:
+        return _NAMES[place]
+    if place >= LATCHES:
+        return f"the latch of {pin_text(place - LATCHES)}"
+    return f"{names[place]} (0x{place:02X})" if place in names else f"byte 0x{place:02X}"
+
+
+def pin_text(pin: int) -> str:
+    """Return a pin's name by its index: RA0 to RA4, RB0 to RB7."""
+    return f"RA{pin}" if pin < 5 else f"RB{pin - 5}"

@@ -1,0 +1,612 @@
+"""The abstract state of the chip before an instruction, and what one instruction makes of it.
+
+In: a `State` and a decoded word. Out: the state afterwards, with what the instruction read that was never
+written, and which pins it wrote, in `Effects`. DS35007 sections 2 to 4 and 7.
+
+`values` maps a place to the values that it may have; a missing place may have any. `written` holds the places
+that were written on every path since reset. `saved` is used inside the interrupt's code only: it maps a place
+to the register whose value at the interrupt it holds, and whether its nibbles are swapped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from functools import cache
+
+from servogen.pic.analysis import values
+from servogen.pic.analysis.values import ANY, BIT, Value
+from servogen.pic.device import RAM_FIRST, RAM_LAST
+from servogen.pic.isa import by_mnemonic
+from servogen.pic.known_values import CARRY, FSR, INDF, PCL, STATUS, ZERO, W, Word, known_result
+
+TMR0, PORTA, PORTB, EEDATA, EECON1, PCLATH, INTCON = 1, 5, 6, 8, 8, 10, 11
+DIGIT, BANK, OPTION, TRISA, TRISB = -4, -5, -6, -7, -8
+LATCHES = 0x100
+"""Places LATCHES + pin are the bits of the port latches, in the order RA0 to RA4, RB0 to RB7."""
+PORT_BITS = {PORTA: (0, 5), PORTB: (5, 8)}
+"""First pin and number of pins of each port."""
+GIE, ENABLES = 0x80, 0x78
+"""Bits of INTCON: the global enable; EEIE, T0IE, INTE, RBIE."""
+_FLAG_PLACES = {0: CARRY, 1: DIGIT, 2: ZERO, 5: BANK}
+"""The bits of STATUS that are followed."""
+PRESERVED = (W, FSR, CARRY, DIGIT, ZERO, BANK, PCLATH)
+"""What an interrupt has to restore."""
+_STATUS_PLACES = (CARRY, DIGIT, ZERO, BANK)
+_FIRST_BIT = 16
+MAX_COMBINATIONS = 1024
+"""Combinations of operands that are computed one by one; the result of more may be anything."""
+_SAVED_STATUS = -100
+"""In `saved`: a byte that holds STATUS."""
+
+Place = int
+Saved = dict[Place, tuple[Place, bool]]
+Fact = tuple[Place, str, int]
+"""What a flag says of a place: it is 1 where `place == k`, `place >= k` or `place <= k`."""
+
+
+def bit(place: Place) -> int:
+    """Return the bit of a place in a bit set."""
+    return 1 << place + _FIRST_BIT
+
+
+def bits(places: Iterable[Place]) -> int:
+    """Return a bit set of places."""
+    found = 0
+    for place in places:
+        found |= bit(place)
+    return found
+
+
+def places_in(bit_set: int) -> Iterator[Place]:
+    """Yield the places in a bit set."""
+    while bit_set:
+        lowest = bit_set & -bit_set
+        yield lowest.bit_length() - 1 - _FIRST_BIT
+        bit_set ^= lowest
+
+
+@dataclass(slots=True)
+class State:
+    """What is known before an instruction. Places that are not in `values` may have any value."""
+
+    values: dict[Place, Value]
+    written: int
+    """A bit set, see `bit`."""
+    saved: Saved = field(default_factory=dict)
+    facts: dict[Place, Fact] = field(default_factory=dict)
+    """What the flags C and Z say of other places, so that a comparison bounds what was compared."""
+    w_of: Place | None = None
+    """The place whose value W has."""
+
+    def copy(self) -> State:
+        return State(dict(self.values), self.written, dict(self.saved), dict(self.facts), self.w_of)
+
+    def get(self, place: Place) -> Value:
+        return self.values.get(place, BIT if place in _FLAG_PLACES.values() else ANY)
+
+    def put(self, place: Place, value: Value) -> None:
+        """Write a place; whatever it had saved is lost."""
+        if value is ANY:
+            self.values.pop(place, None)
+        else:
+            self.values[place] = value
+        self.saved.pop(place, None)
+        self.written |= bit(place)
+        self.unrelate(place)
+
+    def unrelate(self, place: Place) -> None:
+        """Forget what flags and W say of a place that changes."""
+        if place == W or place == self.w_of:
+            self.w_of = None
+        self.facts.pop(place, None)
+        for flag in [flag for flag, fact in self.facts.items() if fact[0] == place]:
+            del self.facts[flag]
+
+    def may_put(self, place: Place, value: Value) -> None:
+        """Write a place on some of the paths that this state stands for."""
+        joined = self.get(place) | value
+        was_written = self.written & bit(place)
+        self.put(place, joined)
+        if not was_written:
+            self.written &= ~bit(place)
+
+    def join(self, other: State) -> bool:
+        """Add the paths of another state, and return whether this one changed."""
+        changed = False
+        for place in list(self.values):
+            if place not in other.values:
+                del self.values[place]
+                changed = True
+                continue
+            joined = self.values[place] | other.values[place]
+            if joined is not self.values[place]:
+                if joined is ANY:
+                    del self.values[place]
+                else:
+                    self.values[place] = joined
+                changed = True
+        if self.written & ~other.written:
+            self.written &= other.written
+            changed = True
+        for place, saved in list(self.saved.items()):
+            if other.saved.get(place) != saved:
+                del self.saved[place]
+                changed = True
+        for flag, fact in list(self.facts.items()):
+            if other.facts.get(flag) != fact:
+                del self.facts[flag]
+                changed = True
+        if self.w_of is not None and self.w_of != other.w_of:
+            self.w_of = None
+            changed = True
+        return changed
+
+    def has_written(self, place: Place) -> bool:
+        """Return whether a place was written on every path since reset."""
+        return bool(self.written & bit(place))
+
+    @property
+    def interruptible(self) -> bool:
+        """Return whether an interrupt may be served before the next instruction."""
+        return _allows_interrupts(self.get(INTCON))
+
+
+@cache
+def _allows_interrupts(intcon: Value) -> bool:
+    return any(member & GIE and member & ENABLES for member in intcon)
+
+
+def at_reset() -> State:
+    """Return what every reset guarantees (DS35007 table 6-4); the rest may have any value."""
+    return State(
+        {
+            BANK: values.constant(0),
+            PCLATH: values.constant(0),
+            INTCON: values.constant(0),
+            OPTION: values.constant(0xFF),
+            TRISA: values.constant(0x1F),
+            TRISB: values.constant(0xFF),
+        },
+        bits((BANK, PCLATH, INTCON, OPTION, TRISA, TRISB)),
+    )
+
+
+def at_interrupt(interrupted: State) -> State:
+    """Return the state in which the interrupt's code begins."""
+    state = interrupted.copy()
+    state.put(INTCON, values.mapped(state.get(INTCON), lambda member: member & ~GIE))
+    state.saved = {place: (place, False) for place in PRESERVED}
+    state.facts, state.w_of = {}, None
+    return state
+
+
+@dataclass(slots=True)
+class Effects:
+    """What one execution of an instruction did that its state does not show."""
+
+    unwritten: set[Place] = field(default_factory=set)
+    """Places that it read and that may never have been written."""
+    any_byte: bool = False
+    """Whether it read through a pointer of which nothing is known."""
+    changed: set[Place] = field(default_factory=set)
+    """Places that it may have written."""
+    wild: bool = False
+    """Whether it wrote through a pointer of which nothing is known."""
+    jumps: bool = False
+    """Whether it may have written PCL through a pointer."""
+    pins: list[tuple[int, int, int]] = field(default_factory=list)
+    """(port, mask of pins that it may have written, mask of those that it certainly wrote)."""
+    driven_unwritten: set[int] = field(default_factory=set)
+    """Pins that became outputs while their latch may never have been written."""
+    timer_writes: Value | None = None
+    """What it wrote to TMR0."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Operand:
+    """A byte that an operand f may address."""
+
+    place: Place | None
+    """None: not a byte that is followed, such as an unimplemented one or a port's pins."""
+    port: int | None = None
+    special: int | None = None
+    """TMR0, PCL, STATUS or INTCON, which are not plain bytes."""
+
+
+_EVERY_BYTE = [_Operand(place) for place in range(RAM_FIRST, RAM_LAST + 1)]
+_BANK_0 = {INDF: None, TMR0: TMR0, PCL: PCL, STATUS: STATUS, FSR: FSR, PCLATH: PCLATH, INTCON: INTCON}
+_BANK_1 = _BANK_0 | {TMR0: OPTION, PORTA: TRISA, PORTB: TRISB}
+
+
+def _at_address(address: int) -> _Operand:
+    """Return the byte at an address of both banks (DS35007 figure 2-2)."""
+    low, bank_1 = address & 0x7F, bool(address & 0x80)
+    if RAM_FIRST <= low <= RAM_LAST:
+        return _Operand(low)
+    if low in (PORTA, PORTB) and not bank_1:
+        return _Operand(None, port=low)
+    place = (_BANK_1 if bank_1 else _BANK_0).get(low)
+    if place in (TMR0, PCL, STATUS, INTCON) and not (place == TMR0 and bank_1):
+        return _Operand(None, special=place)
+    return _Operand(place)
+
+
+@cache
+def _direct(f: int, banks: Value) -> list[_Operand]:
+    return sorted({_at_address(f | bank << 7) for bank in banks}, key=repr)
+
+
+@cache
+def _through(pointer: Value) -> list[_Operand]:
+    return sorted({_at_address(address) for address in pointer if address & 0x7F}, key=repr)
+
+
+def operands(state: State, f: int) -> tuple[list[_Operand], bool]:
+    """Return the bytes that an operand f may address, and whether nothing is known of the pointer.
+
+    Such a pointer is taken to address RAM; whoever relies on the result has to state that.
+    """
+    if f != INDF:
+        return _direct(f, state.get(BANK)), False
+    pointer = state.get(FSR)
+    if pointer.size > 128:
+        return _EVERY_BYTE, True
+    return _through(pointer), False
+
+
+def _status(state: State) -> Value:
+    zeros, ones = 0x18 | 0xC0, 0x18  # TO and PD are not followed; IRP and RP1 are kept clear
+    for number, place in _FLAG_PLACES.items():
+        value = state.get(place)
+        zeros |= (value.may_be_0 & 1) << number
+        ones |= (value.may_be_1 & 1) << number
+    return values.of_bits(zeros, ones)
+
+
+def _special(state: State, place: int, at: int) -> Value:
+    if place == PCL:
+        return values.constant(at + 1 & 0xFF)
+    if place == STATUS:
+        return _status(state)
+    if place == INTCON:  # the interrupt flags change at any time
+        value = state.get(INTCON)
+        return values.of_bits(value.may_be_0 | 0x07, value.may_be_1 | 0x07)
+    return ANY
+
+
+def _read(state: State, word: Word, at: int, effects: Effects) -> tuple[Value, list[_Operand], bool]:
+    found, any_byte = operands(state, word.f)
+    reads = "f" in word.reads
+    modifies_bit = word.name in ("BSF", "BCF")
+    if reads and any_byte:
+        effects.any_byte = True
+    value: Value | None = None
+    for each in found:
+        if each.special is not None:
+            one = _special(state, each.special, at)
+            if reads and each.special == TMR0 and not state.has_written(TMR0):
+                effects.unwritten.add(TMR0)
+            if reads and each.special == STATUS and not modifies_bit:
+                numbers = [word.b] if word.name in ("BTFSC", "BTFSS") else [0, 1, 2]
+                flags = {_FLAG_PLACES[number] for number in numbers if number in _FLAG_PLACES}
+                effects.unwritten |= {flag for flag in flags if not state.has_written(flag)}
+        elif each.place is None:
+            one = ANY if each.port is not None else values.constant(0)
+            one = ANY if word.f in (EEDATA, EEDATA + 1) or word.f == INDF else one
+        else:
+            one = state.get(each.place)
+            if reads and not any_byte and not state.has_written(each.place):
+                effects.unwritten.add(each.place)
+        value = one if value is None else value | one
+    if word.f == INDF and not found:
+        value = values.constant(0)
+    if word.f == INDF and not state.has_written(FSR):
+        effects.unwritten.add(FSR)
+    return value or ANY, found, any_byte
+
+
+def computed(word: Word, w: Value, f: Value, carry: Value) -> tuple[Value, Value | None, Value | None]:
+    """Return the result, the carry and the zero flag; None for a flag that does not change."""
+    return _computed(
+        word.name,
+        w if "W" in word.reads else values.constant(0),
+        f if word.has_f and "f" in word.reads else values.constant(0),
+        carry if "C" in word.reads else values.constant(0),
+        word.k,
+        word.b,
+    )
+
+
+@cache
+def _computed(
+    name: str, w: Value, f: Value, carry: Value, k: int, b: int
+) -> tuple[Value, Value | None, Value | None]:
+    flags = by_mnemonic()[name].flags
+    if name in ("ANDWF", "ANDLW"):
+        result = values.conjunction(w, f if name == "ANDWF" else values.constant(k))
+        return result, None, values.zero_flag(result)
+    if name in ("IORWF", "IORLW"):
+        result = values.disjunction(w, f if name == "IORWF" else values.constant(k))
+        return result, None, values.zero_flag(result)
+    if name == "BCF":
+        return values.conjunction(f, values.constant(~(1 << b) & 0xFF)), None, None
+    if name == "BSF":
+        return values.disjunction(f, values.constant(1 << b)), None, None
+    if name == "MOVWF":
+        return w, None, None
+    if name == "MOVF":
+        return f, None, values.zero_flag(f)
+    if w.size * f.size * carry.size > MAX_COMBINATIONS:
+        return values.ANY, BIT if "C" in flags else None, BIT if "Z" in flags else None
+    results: set[int] = set()
+    carries: set[int] = set()
+    for w_member in w:
+        for f_member in f:
+            for c_member in carry:
+                number, out = known_result(name, w_member, f_member, k, b, c_member)
+                assert number is not None
+                results.add(number)
+                carries.add(out or 0)
+    result = values.of(results)
+    return (
+        result,
+        values.of(carries) if "C" in flags else None,
+        values.zero_flag(result) if "Z" in flags else None,
+    )
+
+
+def _preserving(state: State, word: Word, found: list[_Operand]) -> tuple[Place, bool] | None:
+    """Return what a move or swap of nibbles copies of the registers at the interrupt; None if nothing."""
+    source: tuple[Place, bool] | None = None
+    if word.name == "MOVWF":
+        return state.saved.get(W)
+    if word.name not in ("MOVF", "SWAPF") or len(found) != 1:
+        return None
+    if found[0].special == STATUS:
+        if all(state.saved.get(place) == (place, False) for place in _STATUS_PLACES):
+            source = (_SAVED_STATUS, False)
+    elif found[0].place is not None:
+        source = state.saved.get(found[0].place)
+    if source is None or word.name == "MOVF":
+        return source
+    return source[0], not source[1]
+
+
+def execute(before: State, word: Word, at: int) -> tuple[State, Effects]:
+    """Return the state after an instruction, without where it continues, and its effects."""
+    state, effects = before.copy(), Effects()
+    if "W" in word.reads and not before.has_written(W):
+        effects.unwritten.add(W)
+    if "C" in word.reads and not before.has_written(CARRY):
+        effects.unwritten.add(CARRY)
+    if word.name in ("OPTION", "TRIS"):
+        place = OPTION if word.name == "OPTION" else {PORTA: TRISA, PORTB: TRISB}[word.f]
+        _write_place(state, place, before.get(W), effects, definitely=True)
+        return state, effects
+    if word.flow in ("jump", "call", "return") or word.name in ("NOP", "CLRWDT", "SLEEP"):
+        if word.name == "RETLW":
+            _write_place(state, W, values.constant(word.k), effects, definitely=True)
+        return state, effects
+    f, found, any_byte = _read(before, word, at, effects) if word.has_f else (ANY, [], False)
+    if word.name in ("BTFSC", "BTFSS"):
+        return state, effects
+    copied = _preserving(before, word, found)
+    if copied:
+        effects.unwritten.clear()  # the interrupt saves or restores a register: that uses nothing of it
+    result, carry, zero = computed(word, before.get(W), f, before.get(CARRY))
+    if carry is not None:
+        state.put(CARRY, carry)
+    if "D" in word.flags:
+        state.put(DIGIT, BIT)
+    if zero is not None:
+        state.put(ZERO, zero)
+    changed = {CARRY for _ in [0] if carry is not None} | {DIGIT for _ in [0] if "D" in word.flags}
+    effects.changed |= changed | ({ZERO} if zero is not None else set())
+    if word.writes_w:
+        _write_place(state, W, result, effects, definitely=True)
+        if copied:
+            state.saved[W] = copied
+    elif word.writes_f and not word.writes_pcl:
+        _write(before, state, word, found, any_byte, result, copied, effects)
+    _relate(before, state, word, found)
+    return state, effects
+
+
+def _relate(before: State, state: State, word: Word, found: list[_Operand]) -> None:
+    """Note what the instruction's flags and its result in W say of the byte that it read."""
+    place = found[0].place if len(found) == 1 else None
+    if word.name == "MOVF" and place is not None:
+        if place in state.values or RAM_FIRST <= place <= RAM_LAST:
+            state.facts[ZERO] = (place, "==", 0)
+            if word.writes_w:
+                state.w_of = place
+        return
+    if word.name == "MOVWF" and place is not None and len(found) == 1 and place != FSR:
+        state.w_of = place
+        return
+    w = before.get(W).constant
+    if word.name in ("SUBWF", "XORWF") and word.writes_w and place is not None and w is not None:
+        compared: tuple[Place, int, str] = (place, w, ">=")
+    elif word.name in ("SUBLW", "XORLW", "ADDLW") and before.w_of is not None:
+        k = word.k if word.name != "ADDLW" else -word.k & 0xFF
+        compared = (before.w_of, k, "<=" if word.name == "SUBLW" else ">=")
+        if word.name == "ADDLW" and k == 0:
+            return
+    else:
+        return
+    state.facts[ZERO] = (compared[0], "==", compared[1])
+    if "C" in word.flags:
+        state.facts[CARRY] = (compared[0], compared[2], compared[1])
+
+
+def _satisfies(fact: Fact, member: int) -> bool:
+    _, relation, number = fact
+    return {"==": member == number, ">=": member >= number, "<=": member <= number}[relation]
+
+
+def _write(
+    before: State,
+    state: State,
+    word: Word,
+    found: list[_Operand],
+    any_byte: bool,
+    result: Value,
+    copied: tuple[Place, bool] | None,
+    effects: Effects,
+) -> None:
+    definitely = len(found) == 1
+    if any_byte:
+        effects.wild = True
+    for each in found:
+        if each.port is not None:
+            may, must = _pins_meant(word, result)
+            effects.pins.append((each.port, may, must if definitely else 0))
+            first, count = PORT_BITS[each.port]
+            if definitely:
+                state.written |= bits(LATCHES + first + pin for pin in range(count))
+        elif each.special == STATUS:
+            _write_status(before, state, word, result, copied, effects, definitely=definitely)
+        elif each.special == TMR0:
+            # Its value is not followed: it counts.
+            effects.timer_writes = result if effects.timer_writes is None else effects.timer_writes | result
+            effects.changed.add(TMR0)
+            if definitely:
+                state.written |= bit(TMR0)
+        elif each.special == INTCON:
+            enables = values.mapped(result, lambda member: member & 0xF8)
+            if before.interruptible:
+                # An interrupt during this instruction sets GIE again when it returns.
+                enables |= values.mapped(enables, lambda member: member | GIE)
+            _write_place(state, INTCON, enables, effects, definitely=definitely)
+        elif each.special == PCL:
+            effects.jumps = True
+        elif each.place is not None:
+            if each.place in (TRISA, TRISB):
+                _directions(before, each.place, result, effects)
+            _write_place(state, each.place, result, effects, definitely=definitely)
+            if definitely and copied:
+                state.saved[each.place] = copied
+
+
+def _pins_meant(word: Word, result: Value) -> tuple[int, int]:
+    """Return the pins that a write of a port may and must mean: for a whole byte, those that it sets to 1."""
+    if word.name in ("BSF", "BCF"):
+        return 1 << word.b, 1 << word.b
+    return result.may_be_1, result.may_be_1 & ~result.may_be_0
+
+
+def _directions(before: State, place: Place, result: Value, effects: Effects) -> None:
+    """Note pins that become outputs while their latches may never have been written."""
+    first, count = PORT_BITS[PORTA if place == TRISA else PORTB]
+    for pin in range(count):
+        if result.may_be_0 >> pin & 1 and not before.has_written(LATCHES + first + pin):
+            effects.driven_unwritten.add(first + pin)
+
+
+def _write_place(state: State, place: Place, value: Value, effects: Effects, *, definitely: bool) -> None:
+    effects.changed.add(place)
+    if place == TRISA:
+        value = values.mapped(value, lambda member: member & 0x1F)
+    if definitely:
+        state.put(place, value)
+    else:
+        state.may_put(place, value)
+
+
+def _write_status(
+    before: State,
+    state: State,
+    word: Word,
+    result: Value,
+    copied: tuple[Place, bool] | None,
+    effects: Effects,
+    *,
+    definitely: bool,
+) -> None:
+    """Write STATUS; an instruction that affects a flag writes none of C, DC and Z (DS35007 section 2.3.1)."""
+    affects_flags = bool(set(word.flags) & set("CDZ"))
+    for number in [word.b] if word.name in ("BSF", "BCF") else [5] if affects_flags else [0, 1, 2, 5]:
+        place = _FLAG_PLACES.get(number)
+        if place is None:
+            continue
+        zero, one = result.may_be_0 >> number & 1, result.may_be_1 >> number & 1
+        value = values.of([each for each, may in ((0, zero), (1, one)) if may])
+        _write_place(state, place, value, effects, definitely=definitely)
+    if copied == (_SAVED_STATUS, False) and word.name in ("MOVWF", "SWAPF") and definitely:
+        for place in _STATUS_PLACES:
+            state.saved[place] = (place, False)
+
+
+def skip_ways(state: State, before: State, word: Word, at: int) -> list[tuple[int, State]]:
+    """Return (words to go on by, state) for each way that a skip may take; `before` is what it tested."""
+    if word.name in ("BTFSC", "BTFSS"):
+        skip_level = int(word.name == "BTFSS")
+        found, _ = operands(before, word.f)
+        ways = []
+        for level in (0, 1):
+            refined = _refined(state, before, word, found, level, at)
+            if refined is not None:
+                ways.append((2 if level == skip_level else 1, refined))
+        return ways
+    # INCFSZ and DECFSZ: the result tells
+    if word.writes_w:
+        place: Place | None = W
+    else:
+        found, _ = operands(before, word.f)
+        place = found[0].place if len(found) == 1 else None
+    result = ANY if place is None else state.get(place)
+    ways = []
+    if result.constant != 0:
+        after = state.copy()
+        nonzero = None if result.members is None else values.where(result, bool)
+        if place is not None and nonzero is not None:
+            after.values[place] = nonzero
+        ways.append((1, after))
+    if 0 in result:
+        after = state.copy()
+        if place is not None:
+            after.values[place] = values.constant(0)
+        ways.append((2, after))
+    return ways
+
+
+def _refined(
+    state: State, before: State, word: Word, found: list[_Operand], level: int, at: int
+) -> State | None:
+    """Return the state in which the tested bit has that level; None if it cannot."""
+    place: Place | None = None
+    tested = word.b
+    if len(found) == 1:
+        if found[0].special == STATUS:
+            place, tested = _FLAG_PLACES.get(word.b), 0
+        elif found[0].special == INTCON and word.b > 2:
+            place = INTCON
+        else:
+            place = found[0].place
+    if place is None:
+        return state.copy()
+    value = before.get(place)
+    if value.members is None:
+        mask = 1 << tested
+        if not (value.may_be_1 if level else value.may_be_0) & mask:
+            return None
+        kept = values.of_bits(
+            value.may_be_0 & ~mask if level else value.may_be_0,
+            value.may_be_1 if level else value.may_be_1 & ~mask,
+        )
+    else:
+        remaining = values.where(value, lambda member: member >> tested & 1 == level)
+        if remaining is None:
+            return None
+        kept = remaining
+    after = state.copy()
+    after.values[place] = kept
+    fact = before.facts.get(place)
+    if fact is not None:
+        told = values.where(before.get(fact[0]), lambda member: _satisfies(fact, member) == bool(level))
+        if told is None:
+            return None
+        if told is not values.ANY:
+            after.values[fact[0]] = told
+    return after

@@ -1,0 +1,186 @@
+"""Times between two points of a program, and between two clearings of the watchdog, over all paths.
+
+In: the words and `Paths`, which say which code runs and what an interrupt may change. Out: `Span`: the fewest
+and the most cycles, or why there is no bound. Without interrupts these are the times of `pic.wcet`. With
+interrupts, the most cycles R are the least solution of
+
+    R = C + (R // T + 2) * I
+
+with C the cycles without interrupts, T the cycles between two overflows of TMR0, and I what one interrupt
+takes with its latency: at most one request can be pending at the beginning, R // T + 1 overflows can follow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+
+from servogen.pic.analysis.paths import ERASED, Paths
+from servogen.pic.analysis.values import Value
+from servogen.pic.device import INTERRUPT_VECTOR, PROGRAM_WORDS, RAM_FIRST, RAM_LAST
+from servogen.pic.isa import decode
+from servogen.pic.known_values import Undefined, word_of
+from servogen.pic.listing import ListedFunction
+from servogen.pic.wcet import Program, Unbounded
+
+LATENCY = 4
+"""Cycles from a request to the first instruction of the interrupt's code at most (DS35007 section 6.9)."""
+T0IE, T0IF_BIT, INTCON = 0x20, 2, 11
+PSA, T0CS = 0x08, 0x20
+SOURCES = {0x40: "the EEPROM", 0x20: "TMR0", 0x10: "RB0/INT", 0x08: "a change of RB4 to RB7"}
+"""The interrupts by their enable bits in INTCON (DS35007 section 2.3.3)."""
+MAX_CYCLES = 1 << 40
+"""Cycles from which on a time counts as unbounded: two weeks at 4 MHz."""
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """Cycles between two points; None without a bound or without a path, and `reasons` says why."""
+
+    least: int | None
+    most: int | None
+    reasons: tuple[str, ...] = ()
+    addresses: tuple[int, ...] = ()
+    """The words that the reasons are about."""
+
+
+class Timing:
+    """The times of one program."""
+
+    def __init__(self, words: Mapping[int, int], paths: Paths) -> None:
+        self._paths = paths
+        self._words = {at: words.get(at, ERASED) for at in sorted(paths.executed)}
+        changing = {place for place in paths.interrupt_changes if RAM_FIRST <= place <= RAM_LAST}
+        self._program = Program(
+            self._words,
+            _functions(paths),
+            changing=changing if paths.interrupts else (),
+            targets=paths.computed,
+        )
+
+    def between(self, starts: Iterable[int], ends: Collection[int], *, interrupts: bool) -> Span:
+        """Return the times from before any of `starts` to before the first of `ends`, on paths that reach
+        one.
+        """
+        return self._joined(starts, ends, interrupts=interrupts, must_end=False)
+
+    def without_ends(self, starts: Iterable[int], ends: Collection[int], *, interrupts: bool) -> Span:
+        """Return the times from any of `starts` to the first of `ends` if every path has to reach one."""
+        return self._joined(starts, ends, interrupts=interrupts, must_end=True)
+
+    def _joined(
+        self, starts: Iterable[int], ends: Collection[int], *, interrupts: bool, must_end: bool
+    ) -> Span:
+        least: int | None = None
+        most: int | None = 0
+        reasons: list[str] = []
+        addresses: list[int] = []
+        for start in starts:
+            times = self._program.between(start, ends, must_end=must_end)
+            unbounded = list(times.unbounded)
+            if times.shortest is not None:
+                least = times.shortest if least is None else min(least, times.shortest)
+            if unbounded or times.longest is None:
+                most = None
+                reasons += [_reason(each) for each in unbounded]
+                addresses += [at for each in unbounded for at in each.addresses]
+                if not unbounded:
+                    reasons.append(f"no path from 0x{start:03X} gets there")
+                    addresses.append(start)
+            elif most is not None:
+                most = max(most, times.longest)
+        if most is not None and interrupts and self._paths.interrupts:
+            bound, why = self._with_interrupts(most)
+            if bound is None:
+                return Span(least, None, (why,))
+            most = bound
+        return Span(least, most, tuple(dict.fromkeys(reasons)), tuple(dict.fromkeys(addresses)))
+
+    def _with_interrupts(self, cycles: int) -> tuple[int | None, str]:
+        """Return the response time of code that takes `cycles` undisturbed, or why it has no bound."""
+        paths = self._paths
+        others = [text for bit, text in SOURCES.items() if bit != T0IE and paths.interrupt_sources & bit]
+        if others:
+            return None, f"an interrupt by {' or '.join(others)} can come at any time"
+        if paths.nested_interrupts:
+            return None, "the interrupt can be interrupted"
+        if paths.not_restored:
+            return None, "the interrupt does not restore every register that it changes"
+        if not self._clears_its_flag():
+            return None, "the interrupt may return without clearing T0IF"
+        period, why = self._overflow_period()
+        if period is None:
+            return None, why
+        times = self._program.between(INTERRUPT_VECTOR, self._interrupt_ends(), must_end=True)
+        if times.longest is None or times.unbounded:
+            return None, f"the interrupt: {', '.join(map(_reason, times.unbounded)) or 'it never returns'}"
+        one = times.longest + 2 + LATENCY
+        bound = cycles
+        while bound < MAX_CYCLES:
+            following = cycles + (bound // period + 2) * one
+            if following == bound:
+                return bound, ""
+            bound = following
+        return None, f"an interrupt of {one} cycles every {period} leaves no time"
+
+    def _interrupt_ends(self) -> list[int]:
+        """Return the addresses of the RETFIEs."""
+        rows = {at: decode(number) for at, number in self._words.items()}
+        return [at for at, row in rows.items() if row is not None and row.instruction.mnemonic == "RETFIE"]
+
+    def _clears_its_flag(self) -> bool:
+        """Return whether every path through the interrupt clears T0IF."""
+        seen: set[int] = set()
+        waiting = [INTERRUPT_VECTOR]
+        while waiting:
+            at = waiting.pop()
+            if at in seen or at not in self._words:
+                continue
+            seen.add(at)
+            try:
+                word = word_of(self._words[at])
+            except Undefined:
+                return False
+            if word.name == "BCF" and (word.f, word.b) == (INTCON, T0IF_BIT):
+                continue
+            if word.flow == "return":
+                return False
+            waiting += [word.k] if word.flow in ("jump", "call") else [at + 1]
+            if word.flow == "skip":
+                waiting.append(at + 2)
+        return True
+
+    def _overflow_period(self) -> tuple[int | None, str]:
+        """Return the fewest cycles between two overflows of TMR0, or why they are not known."""
+        options = self._paths.options
+        used = [member for member in options if member != 0xFF] or [0xFF]
+        if any(member & T0CS for member in used):
+            return None, "TMR0 counts pulses of RA4"
+        prescale = min(1 if member & PSA else 2 << (member & 7) for member in used)
+        written: Value | None = None
+        for value in self._paths.timer_writes.values():
+            written = value if written is None else written | value
+        first = 0 if written is None else max(written)
+        if written is not None and written.members is None:
+            return None, "what the program writes to TMR0 is not known"
+        return (256 - first) * prescale, ""
+
+
+def _functions(paths: Paths) -> list[ListedFunction]:
+    """Return functions that cover the whole memory: they begin where calls lead."""
+    starts = sorted({0, *paths.called_from, *([INTERRUPT_VECTOR] if paths.interrupts else [])})
+    ends = [*starts[1:], PROGRAM_WORDS]
+    return [ListedFunction(f"0x{a:03X}", a, b) for a, b in zip(starts, ends, strict=True)]
+
+
+def _reason(why: Unbounded) -> str:
+    """Return in words why a time has no bound."""
+    places = ", ".join(f"0x{at:03X}" for at in why.addresses[:4])
+    more = "" if len(why.addresses) <= 4 else ", …"
+    texts = {
+        "loop": "loop at",
+        "call": "call of a subroutine without a bound at",
+        "computed jump": "computed jump at",
+        "sleep": "sleep at",
+    }
+    return f"{texts.get(why.kind, why.kind + ' at')} {places}{more}"

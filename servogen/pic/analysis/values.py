@@ -1,0 +1,143 @@
+"""`Value`: what is known of one byte: the set of values that it may have.
+
+A small set is kept as it is; a larger one as the values that each of its bits may have. The operations return
+a superset of the results for every combination of their operands' members.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+MAX_MEMBERS = 16
+"""Members up to which a set is kept exactly."""
+
+
+@dataclass(frozen=True, eq=False)
+class Value:
+    """The set of values that a byte may have: `members`, or every byte whose bits are allowed by the masks.
+
+    Equal values are one object, made by the functions below: they are compared and hashed by identity.
+    """
+
+    members: frozenset[int] | None
+    may_be_0: int = 0xFF
+    """The bits that are 0 in some member."""
+    may_be_1: int = 0xFF
+    """The bits that are 1 in some member."""
+
+    @cached_property
+    def constant(self) -> int | None:
+        """Return the only member; None if there are several."""
+        if self.members is not None and len(self.members) == 1:
+            return next(iter(self.members))
+        return None
+
+    @property
+    def size(self) -> int:
+        """Return the number of members."""
+        if self.members is not None:
+            return len(self.members)
+        return int(1 << (self.may_be_0 & self.may_be_1).bit_count())
+
+    def __iter__(self) -> Iterator[int]:
+        """Yield the members in ascending order."""
+        if self.members is not None:
+            yield from sorted(self.members)
+            return
+        for value in range(256):
+            if not (value & ~self.may_be_1 or ~value & 0xFF & ~self.may_be_0):
+                yield value
+
+    def __or__(self, other: Value) -> Value:
+        """Return the union."""
+        if self is other:
+            return self
+        if self.members is not None and other.members is not None:
+            return _of_set(self.members | other.members)
+        return of_bits(self.may_be_0 | other.may_be_0, self.may_be_1 | other.may_be_1)
+
+    def __contains__(self, number: int) -> bool:
+        if self.members is not None:
+            return number in self.members
+        return not (number & ~self.may_be_1 or ~number & 0xFF & ~self.may_be_0)
+
+
+@cache
+def of_bits(may_be_0: int, may_be_1: int) -> Value:
+    """Return the bytes whose bits are as the two masks allow."""
+    free = may_be_0 & may_be_1
+    if 1 << free.bit_count() <= MAX_MEMBERS:
+        base = may_be_1 & ~may_be_0
+        members = [0]
+        for bit in range(8):
+            if free >> bit & 1:
+                members += [member | 1 << bit for member in members]
+        return _of_set(frozenset(base | member for member in members))
+    return Value(None, may_be_0, may_be_1)
+
+
+@cache
+def _of_set(members: frozenset[int]) -> Value:
+    zeros = ones = 0
+    for member in members:
+        zeros |= ~member & 0xFF
+        ones |= member
+    return Value(members, zeros, ones) if len(members) <= MAX_MEMBERS else of_bits(zeros, ones)
+
+
+def of(members: Iterable[int]) -> Value:
+    """Return the smallest value that has these members."""
+    return _of_set(frozenset(members))
+
+
+ANY = of_bits(0xFF, 0xFF)
+BIT = of((0, 1))
+"""A flag that is not known."""
+_CONSTANTS = tuple(of((number,)) for number in range(256))
+
+
+def constant(number: int) -> Value:
+    """Return the value with one member."""
+    return _CONSTANTS[number]
+
+
+def combined(one: Value, other: Value, operation: Callable[[int, int], int]) -> Value:
+    """Return the results of an operation on every pair of members; `ANY` if there are too many pairs."""
+    if one.members is None or other.members is None or len(one.members) * len(other.members) > 64:
+        return ANY
+    return _of_set(frozenset(operation(a, b) & 0xFF for a in one.members for b in other.members))
+
+
+def conjunction(one: Value, other: Value) -> Value:
+    """Return the bitwise AND of every pair of members."""
+    if one.members is not None and other.members is not None:
+        return combined(one, other, lambda a, b: a & b)
+    return of_bits(one.may_be_0 | other.may_be_0, one.may_be_1 & other.may_be_1)
+
+
+def disjunction(one: Value, other: Value) -> Value:
+    """Return the bitwise OR of every pair of members."""
+    if one.members is not None and other.members is not None:
+        return combined(one, other, lambda a, b: a | b)
+    return of_bits(one.may_be_0 & other.may_be_0, one.may_be_1 | other.may_be_1)
+
+
+def mapped(one: Value, operation: Callable[[int], int]) -> Value:
+    """Return the results of an operation on every member."""
+    return _of_set(frozenset(operation(member) & 0xFF for member in one))
+
+
+def where(one: Value, condition: Callable[[int], bool]) -> Value | None:
+    """Return the members that satisfy a condition; None if there are none."""
+    kept = frozenset(filter(condition, one))
+    return _of_set(kept) if kept else None
+
+
+def zero_flag(one: Value) -> Value:
+    """Return the zero flag of a result."""
+    has_zero = 0 in one
+    if not has_zero:
+        return _CONSTANTS[0]
+    return _CONSTANTS[1] if one.constant == 0 else BIT

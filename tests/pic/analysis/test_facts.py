@@ -1,0 +1,290 @@
+"""Questions about a program by itself, on small programs whose answers were worked out by hand."""
+
+import pytest
+
+from servogen.errors import InputError
+from servogen.pic.analysis.facts import Answer, Facts, Status
+from servogen.pic.assembler import assemble
+from servogen.pic.image import Image
+from tests.pic.analysis.programs import CLOCK, INTERRUPT, facts
+
+SET_UP = " clrf PORTB\n bsf STATUS, 5\n clrf PORTB\n bcf STATUS, 5\n"
+"""Makes RB0 to RB7 outputs, low."""
+
+
+def nested_calls(levels: int) -> str:
+    calls = "".join(f"f{level}\n call f{level + 1}\n return\n" for level in range(1, levels))
+    return f"main\n call f1\n goto main\n{calls}f{levels}\n return\n"
+
+
+def addresses(answer: Answer) -> list[int]:
+    return [finding.address for finding in answer.findings]
+
+
+def test_eight_calls_one_in_the_other_fill_the_stack_and_a_ninth_overflows_it() -> None:
+    eight, nine = facts(nested_calls(8)).stack(), facts(nested_calls(9)).stack()
+    assert (eight.status, dict(eight.numbers)["levels"]) == (Status.HOLDS, 8)
+    assert nine.status is Status.FOUND
+    # main's call and goto, then a call and a return for each of f1 to f7: f8's call is at 2 + 2 * 7
+    assert addresses(nine) == [2 + 2 * 7]
+
+
+@pytest.mark.parametrize(("levels", "status"), [(7, Status.HOLDS), (8, Status.FOUND)])
+def test_an_interrupt_needs_a_level_wherever_it_may_come(levels: int, status: Status) -> None:
+    enabled = nested_calls(levels).replace("main\n", "main\n movlw 0xA0\n movwf INTCON\n", 1)
+    answer = facts(INTERRUPT.format(work="") + enabled).stack()
+    assert (answer.status, dict(answer.numbers)["levels"]) == (status, levels + 1)
+
+
+def test_calls_of_the_interrupt_count_on_top_of_those_that_it_interrupts() -> None:
+    main = (
+        "main\n movlw 0xA0\n movwf INTCON\nagain\n call f1\n goto again\nf1\n return\nf2\n call f1\n return"
+    )
+    answer = facts(INTERRUPT.format(work=" call f2") + main).stack()
+    assert dict(answer.numbers)["levels"] == 1 + 1 + 2
+
+
+def test_where_the_interrupt_is_masked_its_levels_do_not_count() -> None:
+    main = (
+        "main\n movlw 0xA0\n movwf INTCON\nagain\n clrf INTCON\nwait\n btfsc INTCON, 7\n goto again\n"
+        " call f1\n movlw 0xA0\n movwf INTCON\n goto again\n"
+    )
+    deep = nested_calls(8).split("goto main\n")[1]
+    answer = facts(INTERRUPT.format(work="") + main + deep).stack()
+    assert (answer.status, dict(answer.numbers)["levels"]) == (Status.HOLDS, 8)
+
+
+def test_clearing_gie_once_may_fail_as_the_data_sheets_of_the_family_warn() -> None:
+    """An interrupt during BCF INTCON, GIE sets it again when it returns: the calls may be interrupted."""
+    main = "main\n movlw 0xA0\n movwf INTCON\n bcf INTCON, 7\n call f1\nend1\n goto end1\n"
+    deep = nested_calls(8).split("goto main\n")[1]
+    assert facts(INTERRUPT.format(work="") + main + deep).stack().status is Status.FOUND
+
+
+def test_recursion_and_a_return_without_a_call_are_found() -> None:
+    assert (
+        facts("main\n call f\n goto main\nf\n btfss PORTB, 0\n call f\n return").stack().status
+        is Status.FOUND
+    )
+    lone = facts("main\n nop\n return").stack()
+    assert (lone.status, addresses(lone)) == (Status.FOUND, [1])
+
+
+def test_a_call_through_a_computed_jump_is_followed_to_its_targets() -> None:
+    text = (
+        "main\n movf PORTB, w\n andlw 1\n call table\n goto main\n"
+        "table\n addwf PCL, f\n goto f0\n goto f1\nf0\n return\nf1\n call f2\n return\nf2\n call f0\n return"
+    )
+    answer = facts(text).stack()
+    assert (answer.status, dict(answer.numbers)["levels"]) == (Status.HOLDS, 3)
+
+
+def test_a_jump_through_an_unknown_byte_into_no_table_leaves_the_answers_open() -> None:
+    found = facts("main\n movf PORTB, w\n movwf PCL\n nop\nhere\n goto here")
+    assert found.followed().status is Status.NOT_DECIDED
+    assert addresses(found.followed()) == [1]
+    assert found.stack().status is Status.NOT_DECIDED
+
+
+def test_a_jump_into_a_table_beyond_which_the_index_may_lead_is_stated() -> None:
+    table = "main\n movf PORTB, w\n{}\n call table\n goto main\ntable\n addwf PCL, f\n retlw 1\n retlw 2"
+    bounded, free = facts(table.format(" andlw 1")), facts(table.format(" andlw 3"))
+    assert bounded.followed().status is Status.HOLDS
+    assert free.followed().status is Status.NOT_DECIDED
+
+
+def test_a_byte_written_on_one_of_two_paths_only_is_found_where_it_is_read() -> None:
+    text = "main\n btfss PORTB, 0\n goto read\n clrf 0x20\nread\n incf 0x20, f\nhere\n goto here"
+    answer = facts(text).unwritten_reads()
+    assert (answer.status, addresses(answer)) == (Status.FOUND, [3])
+    assert "byte 0x20" in answer.findings[0].text
+    assert answer.findings[0].source is not None
+    assert facts(text.replace("main\n", "main\n clrf 0x20\n")).unwritten_reads().status is Status.HOLDS
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        (" movwf 0x20", "W"),
+        (" rlf PORTB, w", "C"),
+        (" btfsc STATUS, 2\n nop", "Z"),
+        (" btfsc STATUS, 1\n nop", "DC"),
+        (" movf TMR0, w", "TMR0"),
+        (" clrf INDF", "FSR"),
+        (" movf FSR, w", "FSR"),
+        (" decfsz 0x4F, f\n nop", "byte 0x4F"),
+    ],
+)
+def test_what_a_reset_leaves_undefined_is_found_where_it_is_used_first(text: str, place: str) -> None:
+    answer = facts(f"main\n{text}\nhere\n goto here").unwritten_reads()
+    assert answer.status is Status.FOUND
+    assert f"reads {place}," in answer.findings[0].text
+
+
+def test_a_loop_that_clears_all_68_bytes_through_fsr_writes_every_one_and_67_are_one_too_few() -> None:
+    text = (
+        "main\n movlw 0x0C\n movwf FSR\nnext\n clrf INDF\n incf FSR, f\n movlw {}\n xorwf FSR, w\n"
+        " btfss STATUS, 2\n goto next\n movf 0x4F, w\nhere\n goto here"
+    )
+    assert facts(text.format(0x50)).unwritten_reads().status is Status.HOLDS
+    assert addresses(facts(text.format(0x4F)).unwritten_reads()) == [8]
+
+
+def test_latches_are_written_before_pins_become_outputs_or_that_is_found() -> None:
+    assert facts(SET_UP + "here\n goto here").unwritten_reads().status is Status.HOLDS
+    late = facts(SET_UP.replace(" clrf PORTB\n", " nop\n", 1) + "here\n goto here").unwritten_reads()
+    assert addresses(late) == [2]
+    assert "RB0, RB1, RB2, RB3, RB4, RB5, RB6, RB7" in late.findings[0].text
+
+
+def test_an_interrupt_that_saves_registers_does_not_use_them() -> None:
+    main = "main\n bsf INTCON, 5\n bsf INTCON, 7\nhere\n goto here"
+    assert facts(INTERRUPT.format(work="") + main).unwritten_reads().status is Status.HOLDS
+    uses = facts(INTERRUPT.format(work=" rlf 0x40, f") + main).unwritten_reads()
+    assert "C," in uses.findings[0].text
+
+
+def test_a_pin_that_is_written_while_it_is_an_input_is_found() -> None:
+    half = " clrf PORTB\n bsf STATUS, 5\n movlw 0xF0\n movwf PORTB\n bcf STATUS, 5\n"
+    assert facts(f"{half} bsf PORTB, 3\nhere\n goto here").outputs().status is Status.HOLDS
+    wrong = facts(f"{half} bsf PORTB, 4\nhere\n goto here").outputs()
+    assert (wrong.status, addresses(wrong)) == (Status.FOUND, [5])
+    assert "RB4, never an output" in wrong.findings[0].text
+    prepared = facts(f" bsf PORTB, 3\n{half} nop\nhere\n goto here").outputs()
+    assert prepared.status is Status.HOLDS  # a latch that is written before its pin becomes an output
+
+
+def test_a_pin_that_becomes_an_input_again_may_be_written_then() -> None:
+    text = (
+        SET_UP
+        + " bsf STATUS, 5\n btfsc 0x20, 0\n bsf PORTB, 7\n bcf STATUS, 5\n bsf PORTB, 7\nhere\n goto here"
+    )
+    answer = facts(text).outputs()
+    assert (answer.status, addresses(answer)) == (Status.FOUND, [8])
+
+
+def test_a_value_that_is_not_known_leaves_it_open_whether_inputs_are_written() -> None:
+    text = " clrf PORTB\n bsf STATUS, 5\n bcf PORTB, 0\n bcf STATUS, 5\n movf PORTA, w\n{} movwf PORTB\n"
+    text += "here\n goto here"
+    assert facts(text.format("")).outputs().status is Status.NOT_DECIDED
+    assert facts(text.format(" andlw 1\n")).outputs().status is Status.HOLDS
+
+
+def test_words_that_no_path_executes_are_counted() -> None:
+    answer = facts("main\n goto here\n nop\n nop\nhere\n goto here").unreachable()
+    assert (answer.status, dict(answer.numbers)["unreachable_words"]) == (Status.FOUND, 2)
+    assert addresses(answer) == [1]
+    known = facts("main\n movlw 3\n movwf 0x20\n btfss 0x20, 1\n goto main\nhere\n goto here").unreachable()
+    assert addresses(known) == [3]  # the branch is never taken: bit 1 of 3 is set
+
+
+BRANCHES = " movlw 3\n movwf 0x20\nstart\n btfss PORTB, 0\n goto far\n nop\n"
+BRANCHES += "loop\n decfsz 0x20, f\n goto loop\n goto done\nfar\n nop\n nop\n"
+BRANCHES += "done\n nop\n movlw 3\n movwf 0x20\n goto start\n"
+
+
+def test_the_best_and_the_worst_time_between_two_marks() -> None:
+    found = facts(f"main\n{BRANCHES}")
+    answer = found.time("start", "done", interrupts=True)
+    # RB0 low: the skip is not taken, GOTO, two NOPs. High: 2, NOP, three turns, GOTO. The counter is known to
+    # be 3 on the way from main only; from the mark itself it may be anything.
+    assert dict(answer.numbers)["least_cycles"] == 1 + 2 + 1 + 1
+    whole = found.time("main", "done", interrupts=True)
+    assert dict(whole.numbers) == {"least_cycles": 2 + 5, "most_cycles": 2 + 2 + 1 + (3 + 3 + 2) + 2}
+    assert whole.status is Status.HOLDS
+
+
+def test_a_time_with_a_loop_that_waits_for_a_pin_is_not_decided_and_says_where() -> None:
+    answer = facts("main\n nop\nwait\n btfss PORTB, 0\n goto wait\ndone\n goto main").time(
+        "main", "done", interrupts=False
+    )
+    assert answer.status is Status.NOT_DECIDED
+    assert "loop at 0x001" in answer.text
+    assert dict(answer.numbers) == {"least_cycles": 3, "most_cycles": None}
+
+
+DELAY = " movlw 200\n movwf 0x20\nloop\n decfsz 0x20, f\n goto loop\ndone\n goto main\n"
+"""From main to done: 2 + 199 * 3 + 2 cycles."""
+
+
+def test_interrupts_of_tmr0_are_added_as_often_as_they_can_come() -> None:
+    enable = (
+        " clrf TMR0\n bsf STATUS, 5\n movlw 0x88\n movwf 0x01\n bcf STATUS, 5\n movlw 0xA0\n movwf INTCON\n"
+    )
+    text = f"{INTERRUPT.format(work=' nop')}main\n{enable}begin\n{DELAY}".replace(
+        "goto main", "goto begin", 2
+    )
+    text = text.replace("    goto begin\n    org", "    goto main\n    org", 1)
+    found = facts(text)
+    alone = found.time("begin", "done", interrupts=False)
+    assert dict(alone.numbers)["most_cycles"] == 2 + 199 * 3 + 2
+    one = 10 + 2 + 4  # ten instructions, RETFIE, and the latency
+    # R = 601 + (R // 256 + 2) * 16: 601 + 4 * 16 = 665, and 665 // 256 is 2
+    assert dict(found.time("begin", "done", interrupts=True).numbers)["most_cycles"] == 601 + 4 * one
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (("0xA0", "0x90"), "RB0/INT can come at any time"),
+        (("bcf INTCON, 2", "nop"), "without clearing T0IF"),
+        (("swapf 0x41, w", "nop"), "does not restore"),
+        (("movlw 0x88", "movlw 0x28"), "counts pulses of RA4"),
+        (("clrf TMR0", "movwf TMR0"), "writes to TMR0 is not known"),
+        (("begin\n", "begin\n movlw 250\n movwf TMR0\n"), "leaves no time"),
+    ],
+)
+def test_interrupts_that_are_not_bounded_leave_the_time_open(change: tuple[str, str], why: str) -> None:
+    enable = (
+        " clrf TMR0\n bsf STATUS, 5\n movlw 0x88\n movwf 0x01\n bcf STATUS, 5\n movlw 0xA0\n movwf INTCON\n"
+    )
+    delay = DELAY.replace("main", "begin")
+    text = f"{INTERRUPT.format(work=' nop')}main\n movf PORTA, w\n{enable}begin\n{delay}"
+    answer = facts(text.replace(*change, 1)).time("begin", "done", interrupts=True)
+    assert answer.status is Status.NOT_DECIDED
+    assert why in answer.text
+
+
+WATCHDOG = "main\n clrwdt\n movlw {turns}\n movwf 0x20\n clrf 0x21\nloop\n decfsz 0x21, f\n goto loop\n"
+WATCHDOG += " decfsz 0x20, f\n goto loop\n{rest} goto main\n"
+
+
+def watched(text: str) -> Facts:
+    head = '    list p=16f84, r=dec\n    include "p16f84.inc"\n    __config _WDT_ON & _XT_OSC\n    org 0\n'
+    made = assemble(f"{head}{text}\n    end\n")
+    return Facts(made.image, made.listing, CLOCK)
+
+
+def test_the_watchdog_is_fed_where_no_path_takes_as_long_as_its_shortest_period() -> None:
+    """The postscaler is 1:1: 7 ms are 7000 cycles. One byte's loop takes 255 * 3 + 2 cycles."""
+    undivided = " bsf STATUS, 5\n movlw 0xC0\n movwf 0x01\n bcf STATUS, 5\n"
+    nine = watched(undivided + WATCHDOG.format(turns=9, rest=" nop\n" * 6)).watchdog()
+    between = 1 + 3 + 9 * (255 * 3 + 2) + 8 * 3 + 2 + 2
+    assert (nine.status, dict(nine.numbers)["cycles"]) == (Status.HOLDS, between + 6)
+    room = 7000 - between
+    for more, status in ((room - 1, Status.HOLDS), (room, Status.FOUND)):
+        rest = " nop\n" * (more % 2) + " goto $+1\n" * (more // 2)
+        answer = watched(undivided + WATCHDOG.format(turns=9, rest=rest)).watchdog()
+        assert (answer.status, dict(answer.numbers)["cycles"]) == (status, between + more)
+
+
+def test_a_loop_without_clrwdt_that_may_last_leaves_the_watchdog_undecided() -> None:
+    answer = watched("main\n clrwdt\nwait\n btfss PORTB, 0\n goto wait\n goto main").watchdog()
+    assert (answer.status, "loop at 0x001" in answer.text) == (Status.NOT_DECIDED, True)
+    stuck = watched("main\n clrwdt\nhere\n goto here").watchdog()
+    assert (stuck.status, "loop at 0x001" in stuck.text) == (Status.NOT_DECIDED, True)
+    assert watched("main\n clrwdt\n goto main").watchdog().status is Status.HOLDS
+
+
+def test_marks_are_labels_lines_and_addresses_and_a_wrong_one_is_named() -> None:
+    found = facts("main\n nop\nhere\n goto here")
+    assert found.mark("here") == found.mark("0x001") == found.mark("8") == [1]
+    with pytest.raises(InputError, match="'her' is not a label") as error:
+        found.mark("her")
+    assert "did you mean 'here'?" in str(error.value)
+    with pytest.raises(InputError, match="line 1 has no words"):
+        found.mark("1")
+    with pytest.raises(InputError, match="0x400"):
+        found.mark("0x400")
+    with pytest.raises(InputError, match="need C or assembly"):
+        Facts(Image({0: 0}), None, CLOCK).mark("here")

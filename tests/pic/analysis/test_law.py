@@ -1,0 +1,93 @@
+"""The law: whatever a random program does on the simulator under random inputs, the analysis allows."""
+
+import random
+
+import numpy as np
+import pytest
+
+from servogen.pic.analysis.facts import Facts, Status
+from servogen.pic.analysis.times import Timing
+from servogen.simulator import Machine, Observation, Options
+from servogen.simulator.machine import Packed
+from servogen.units import Clock
+from tests.pic.analysis.programs import CLOCK, assembled, random_program
+
+CYCLES = 12_000
+
+
+class Noise:
+    """Levels of RB0 to RB7 that change at random cycles."""
+
+    def __init__(self, seed: int) -> None:
+        rng = random.Random(seed)
+        cycles = sorted(rng.sample(range(CYCLES), 300))
+        self._rows = np.array(
+            [cycle << 8 | rng.randrange(5, 13) << 2 | rng.randrange(2) for cycle in cycles], dtype=np.int64
+        )
+
+    def changes(self, clock: Clock):  # type: ignore[no-untyped-def]
+        yield CYCLES, self._rows
+
+
+def observed(facts_of: str, seed: int) -> tuple[Facts, Machine, Packed]:
+    """Return the answers about a program, the chip after a run, and its (cycle, address) rows."""
+    made = assembled(facts_of)
+    machine = Machine(made.image, CLOCK, Options(start_seed=seed), stimulus=Noise(seed))
+    rows = np.concatenate(
+        [rows for _, rows in machine.observe(CYCLES, Observation(trace=np.zeros((4096, 4), dtype=np.int64)))]
+    )
+    return Facts(made.image, made.listing, CLOCK), machine, rows
+
+
+def spans(rows: Packed, start: int, end: int) -> list[int]:
+    """Return the cycles from each execution of `start` to the next one of `end`."""
+    found, since = [], []
+    for cycle, address in rows[:, :2].tolist():
+        if address == end:
+            found += [cycle - each for each in since]
+            since = []
+        if address == start:
+            since.append(cycle)
+    return found
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_no_run_exceeds_what_the_analysis_allows(seed: int) -> None:
+    text = random_program(seed)
+    facts, machine, rows = observed(text, seed)
+    state = machine.state()
+    levels = dict(facts.stack().numbers)["levels"]
+    assert levels is not None
+    assert state.deepest_stack <= levels
+    assert set(rows[:, 1].tolist()) <= facts.paths.executed
+    allowed = {place for _, place in facts.paths.unwritten_reads}
+    assert set(state.read_unwritten) <= allowed
+    answer = facts.time("start", "done", interrupts=True)
+    measured = spans(rows, facts.mark("start")[0], facts.mark("done")[0])
+    numbers = dict(answer.numbers)
+    if answer.status is Status.HOLDS and measured:
+        assert numbers["least_cycles"] is not None
+        assert numbers["most_cycles"] is not None
+        assert numbers["least_cycles"] <= min(measured)
+        assert max(measured) <= numbers["most_cycles"]
+
+
+def test_the_programs_of_the_law_reach_its_bounds() -> None:
+    """A law of loose bounds proves little: some run must reach each of them exactly."""
+    stack = least = most = unwritten = decided = 0
+    for seed in range(60):
+        facts, machine, rows = observed(random_program(seed), seed)
+        levels = dict(facts.stack().numbers)["levels"]
+        stack += machine.state().deepest_stack == levels
+        allowed = {place for _, place in facts.paths.unwritten_reads if place >= 0x0C}
+        unwritten += bool(allowed) and set(machine.state().read_unwritten) == allowed
+        timing = Timing(assembled(random_program(seed)).image.program, facts.paths)
+        start, done = facts.mark("start"), facts.mark("done")
+        span = timing.between(start, done, interrupts=False)
+        measured = spans(rows, start[0], done[0])
+        if span.most is not None and measured:
+            decided += 1
+            least += min(measured) == span.least
+            most += max(measured) >= span.most
+    assert decided > 30
+    assert min(stack, least, most, unwritten) > 10, (stack, least, most, unwritten)
