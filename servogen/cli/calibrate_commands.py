@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -17,16 +17,13 @@ from servogen.cli.show import as_json, table, warn
 
 if TYPE_CHECKING:
     from servogen.drive.controller import Channel
-    from servogen.drive.sweep import Sweep
+    from servogen.drive.sweep import Ask, Sweep
     from servogen.job import Job
     from servogen.robot.calibration import Fit, Reading
     from servogen.robot.servo import Servo
 
 TOLERANCE_DEG, WHEEL_TOLERANCE_DEG = 5.0, 20.0
 """How far a reading may be off the line: of an angle, of a speed in a second."""
-
-Ask = Callable[["Sweep", int], float]
-"""The angle (radians) that is seen of the servo where it stands; the int counts the points."""
 
 
 def register(app: typer.Typer) -> None:
@@ -122,9 +119,9 @@ def _taken(
     """Moves the servo and reads its angles; without a port only says what the widths would have been."""
     from servogen.drive.controller import controller_of
     from servogen.drive.serial_link import Line, Nowhere, Time, VirtualTime, port_opener
-    from servogen.drive.sweep import Sweep, positions
+    from servogen.drive.sweep import ask_from, positions, sweep_readings
     from servogen.errors import InputError
-    from servogen.robot.calibration import Reading, angles_of
+    from servogen.robot.calibration import angles_of
 
     if port is None and angles is None:
         raise InputError(
@@ -135,26 +132,11 @@ def _taken(
     speed, controller = controller_of(job, *settings)
     channel = controller.channels[index]
     stops = positions(channel, *span)
-    given = None if angles is None else angles_of(angles)
-    if given is not None and len(given) != len(stops):
-        raise InputError(
-            "reading-count", f"{len(given)} angles for {len(stops)} points", hint=f"--points {len(given)}"
-        )
-    ask: Ask = _asking(channel, len(stops)) if given is None else lambda sweep, point: given[point]
+    ask = _asking(channel, len(stops)) if angles is None else ask_from(angles_of(angles), stops)
     time = VirtualTime().time() if port is None else Time()
     opener = (lambda: nullcontext(Nowhere())) if port is None else port_opener(port, speed)
-    taken = []
     with Line(opener, speed, time, 0.0) as line:
-        rest = channel.position(channel.servo.neutral)
-        sweep = Sweep(controller, index, line, time, rest)
-        sweep.send()
-        try:
-            for point, position in enumerate(stops):
-                sweep.go(position)
-                taken.append(Reading(channel.widths_us[position], ask(sweep, point)))
-        finally:
-            sweep.go(rest)
-    return taken
+        return sweep_readings(controller, index, stops, line, time, ask)
 
 
 def _asking(channel: Channel, count: int) -> Ask:

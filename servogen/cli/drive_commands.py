@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,16 +16,13 @@ from servogen.cli.options import Json, duration
 from servogen.cli.show import as_json, warn
 
 if TYPE_CHECKING:
-    from servogen.drive.commands import Rates, Words
+    from servogen.drive.commands import Words
     from servogen.drive.controller import Controller
-    from servogen.drive.motions import Motion
     from servogen.drive.serial_link import Opener
     from servogen.drive.session import Log, Summary
     from servogen.job import PlannedJob
-    from servogen.motion.trajectory import Floats
 
 INTERRUPTED = 130
-HOLD, NEUTRAL, OFF = "hold", "neutral", "off"
 KEYS_HELP = "w a s d or the arrows, q e sideways, 1 to 9 poses, space stops, x ends"
 
 Port = Annotated[str | None, typer.Option("--port", "-p", help="The robot's serial port.")]
@@ -96,86 +94,41 @@ def drive(
     """Move a robot live over a serial line (Mini SSC): its job's motion, a pose, or by keys."""
     from servogen.drive.commands import Rates
     from servogen.drive.controller import controller_of
+    from servogen.drive.request import Request, course_of
     from servogen.drive.serial_link import Line, Time, VirtualTime
     from servogen.drive.session import Session
     from servogen.job import load, plan_job
 
     loaded = plan_job(load(job))
     speed, controller = controller_of(loaded, baud, range_us, first)
-    end = _stop_pose(loaded, stop)
-    motion, order = _driven(loaded, pose, steer, seconds, Rates(way_mm, turn_deg), dry_run)
+    request = Request(
+        pose=pose,
+        steer=steer,
+        single_keys=sys.stdin.isatty() and not dry_run,
+        rates=Rates(way_mm, turn_deg),
+        seconds=seconds,
+        stop=stop,
+        rehearsal=dry_run,
+    )
+    course = course_of(loaded, request)
     time = VirtualTime().time() if dry_run else Time()
     interrupted = False
     with Line(_opener(port, speed, dry_run), speed, time, patience) as line, _orders(steer, dry_run) as words:
         if not json:
             _tell(loaded, controller, speed, line.byte_s)
-            if pose is not None and math.isinf(_pose_s(loaded, seconds, dry_run)):
-                print("the pose is kept until Ctrl-C (or --seconds)", flush=True)
-        session = Session(controller, line, time, _log(json, dry_run), end, words, order, arrive_s)
+            if pose is not None and math.isinf(course.seconds):
+                print("the pose is kept until Ctrl-C (or --seconds)")
+        session = Session(
+            controller, line, time, _log(json, dry_run), course.stop, words, course.order, arrive_s
+        )
         try:
             with _ended_by_signals():
-                session.run(motion)
+                session.run(course.motion)
         except KeyboardInterrupt:
             interrupted = True
-    _show(session.summary, end is not None, json)
+    _show(session.summary, course.stop is not None, json)
     if interrupted:
         raise typer.Exit(INTERRUPTED)
-
-
-def _driven(
-    job: PlannedJob, pose: str | None, steer: bool, seconds: float | None, rates: Rates, dry_run: bool
-) -> tuple[Motion, Callable[[str], None]]:
-    """The motion, and what its orders go to."""
-    from servogen.drive.motions import Limited, Played, Still, pose_of
-    from servogen.drive.steering import steering_of
-    from servogen.errors import InputError
-
-    if pose is not None and steer:
-        raise InputError("conflicting-options", "--pose is one pose, --keys is many: take one of the two")
-    if pose is not None:
-        return Limited(Still(pose_of(job, pose)), _pose_s(job, seconds, dry_run)), lambda word: None
-    if not steer:
-        made = job.trajectory
-        once = float(made.clock.seconds(made.period) * len(made.angles))
-        last = once if dry_run and seconds is None else seconds
-        return Limited(Played(made), math.inf if last is None else last), lambda word: None
-    steering = steering_of(job, rates)
-    limited = Limited(steering, math.inf if seconds is None else seconds)
-    if sys.stdin.isatty() and not dry_run:  # keys that mean nothing to this robot are not mistakes
-        return limited, lambda word: steering.order(word) if word in steering.words else None
-    return limited, steering.order
-
-
-def _pose_s(job: PlannedJob, seconds: float | None, dry_run: bool) -> float:
-    """A pose is sent and left, but not wheels that turn, nor to a chip that would take its fail-safe."""
-    if seconds is not None:
-        return seconds
-    turns = any(servo.model.continuous for servo in job.servos)
-    leaves = job.stream is not None and job.stream.fail_safe != HOLD
-    return math.inf if (turns or leaves) and not dry_run else 0.0
-
-
-def _stop_pose(job: PlannedJob, text: str | None) -> Floats | None:
-    """The pose that ends the drive; None: the servos hold what they were sent last."""
-    import numpy as np
-
-    from servogen.drive.motions import pose_of
-    from servogen.errors import InputError, Location
-
-    neutral = np.array([servo.neutral for servo in job.servos])
-    wheels = [servo.model.continuous for servo in job.servos]
-    if text is None and any(wheels):
-        return np.where(wheels, neutral, np.nan)
-    if text == OFF and (job.stream is None or job.stream.fail_safe != OFF):
-        raise InputError(
-            "drive-unsupported",
-            "Mini SSC cannot switch pulses off: only the stream engine's fail-safe does",
-            Location(job.file),
-            'write fail_safe = "off" in [stream]',
-        )
-    if text is None or text in (HOLD, OFF):
-        return None
-    return neutral if text == NEUTRAL else pose_of(job, text)
 
 
 def _opener(port: str | None, baud: int, dry_run: bool) -> Opener:
@@ -208,8 +161,6 @@ def _orders(steer: bool, dry_run: bool) -> AbstractContextManager[Words]:
 @contextmanager
 def _ended_by_signals() -> Iterator[None]:
     """SIGTERM and a terminal that is closed end the drive as Ctrl-C does: the robot is stopped."""
-    import signal
-
     numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
     before = {number: signal.signal(number, signal.default_int_handler) for number in numbers}
     try:
@@ -233,9 +184,15 @@ def _tell(job: PlannedJob, controller: Controller, baud: int, byte_s: float) -> 
 
 
 def _log(json: bool, dry_run: bool) -> Log:
-    """JSON: every entry a line. Otherwise what happens to the line, and in a dry run the bytes."""
+    """Return what shows a drive's entries: as JSON, one per line; else what happens to the line, and in a
+    dry run the bytes. Each is shown at once, also to a pipe.
+    """
 
     def log(entry: dict[str, object]) -> None:
+        show(entry)
+        sys.stdout.flush()
+
+    def show(entry: dict[str, object]) -> None:
         if json:
             as_json(entry)
         elif "bytes" in entry and dry_run:
@@ -252,7 +209,7 @@ def _show(summary: Summary, wanted: bool, json: bool) -> None:
     from servogen.errors import ToolError
 
     if json:
-        as_json(summary.as_dict())
+        as_json(summary.to_json())
     else:
         away = f", {summary.outages} times away for {summary.away_s:.1f} s" if summary.outages else ""
         print(

@@ -100,13 +100,15 @@ class Line:
         """Waits until the last byte is out."""
         self._time.sleep(max(0.0, self._free_at - self._time.now()))
 
-    def again(self) -> float:
-        """Opens a port that went away, as soon as it is back; the seconds that took.
+    def again(self, waiting: Callable[[PortError], None] = lambda error: None) -> float:
+        """Open a port that went away as soon as it is back, and return the seconds that took.
 
-        Raises ToolError when it stays away for longer than `patience_s`.
+        `waiting` is called with each new reason why the port cannot be opened. Raises ToolError when it stays
+        away for longer than `patience_s`.
         """
         begin = self._time.now()
         self.close()
+        reason = ""
         while True:
             try:
                 self._wire = self._held.enter_context(self._opener())
@@ -119,6 +121,9 @@ class Line:
                         error.place,
                         error.hint,
                     ) from error
+                if error.message != reason:
+                    waiting(error)
+                    reason = error.message
                 self._time.sleep(RETRY_S)
                 continue
             self._free_at = self._time.now()

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 
-from servogen.bench.ports import Unplugged
+from servogen.bench.ports import PortError, Unplugged
 from servogen.drive.commands import QUIT, Silence, Words
 from servogen.drive.controller import Controller
 from servogen.drive.motions import Motion
@@ -51,7 +51,7 @@ class Summary:
     def poses_per_second(self) -> float:
         return self.rounds / self.moving_s if self.moving_s > 0 else 0.0
 
-    def as_dict(self) -> dict[str, object]:
+    def to_json(self) -> dict[str, object]:
         return {**asdict(self), "poses_per_second": self.poses_per_second}
 
 
@@ -181,14 +181,21 @@ class Session:
         self.log({"s": round(self._last - self._begun, 4), **said, "bytes": command.hex(" ")})
 
     def _recover(self, error: Unplugged) -> None:
-        """Waits for the port; what the robot has of the last pose is not known."""
+        """Wait for the port; what the robot has of the last pose is not known."""
         self.log({"s": self._now(), "event": "lost", "text": str(error)})
-        away = self.line.again()
+        away = self.line.again(self._waits)
         self.summary.outages += 1
         self.summary.away_s += away
         self._held_s += away
         self._known = False
         self.log({"s": self._now(), "event": "back", "away_s": round(away, 3)})
+
+    def _waits(self, error: PortError) -> None:
+        """Log what keeps the port from being opened, unless it is only not there yet: another program may
+        have taken it first.
+        """
+        if error.code != "no-such-port":
+            self.log({"s": self._now(), "event": "waiting", "text": str(error)})
 
     def _stop(self) -> None:
         """The stop pose, every servo; a line that is gone is logged: another error may be on its way."""

@@ -1,18 +1,19 @@
 """`Sweep`: one servo moved through its widths for calibration, and no further than it may go.
 
 In: a channel, the widths from and to, how many. Out: the positions in order, and a robot that goes there in
-small steps and waits until it stands.
+small steps and waits until it stands; the readings of a calibration.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from servogen.drive.controller import Channel, Controller
 from servogen.drive.serial_link import Line, Time
 from servogen.engines.stream.protocol import MOST
 from servogen.errors import InputError
+from servogen.robot.calibration import Reading
 
 FEWEST = 3
 STEP_S = 0.02
@@ -82,6 +83,41 @@ class Sweep:
                 self.send()
                 sent = self.time.now()
         return text
+
+
+Ask = Callable[[Sweep, int], float]
+"""Returns the angle (radians) at which the servo is seen, given the number of the point."""
+
+
+def sweep_readings(
+    controller: Controller, index: int, stops: Sequence[int], line: Line, time: Time, ask: Ask
+) -> list[Reading]:
+    """Move the servo at `index` to each position, ask where it stands, and return the readings.
+
+    It starts at its neutral position, and goes back there whatever happens. Raises Unplugged, and what `ask`
+    raises.
+    """
+    channel = controller.channels[index]
+    rest = channel.position(channel.servo.neutral)
+    sweep = Sweep(controller, index, line, time, rest)
+    sweep.send()
+    readings = []
+    try:
+        for point, position in enumerate(stops):
+            sweep.go(position)
+            readings.append(Reading(channel.widths_us[position], ask(sweep, point)))
+    finally:
+        sweep.go(rest)
+    return readings
+
+
+def ask_from(angles: Sequence[float], stops: Sequence[int]) -> Ask:
+    """Return what answers with angles that were seen before. Raises InputError if they are not as many."""
+    if len(angles) != len(stops):
+        raise InputError(
+            "reading-count", f"{len(angles)} angles for {len(stops)} points", hint=f"--points {len(angles)}"
+        )
+    return lambda sweep, point: angles[point]
 
 
 def _way(start: int, end: int, step: int) -> Iterator[int]:

@@ -1,5 +1,6 @@
 """`servogen drive` as a process, and a robot behind a pseudo-terminal."""
 
+import fcntl
 import os
 import subprocess
 import sys
@@ -32,14 +33,21 @@ class Serial:
         self.decoder = Decoder()
         self.plug()
 
-    def plug(self) -> None:
+    def plug(self, taken: bool = False) -> None:
+        """Plugs it in; `taken`: another program has the port, until it leaves it."""
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
+        if taken:
+            fcntl.flock(self._slave, fcntl.LOCK_EX)
         self.path.unlink(missing_ok=True)
         self.path.symlink_to(os.ttyname(self._slave))
         self._stop, self._ended = os.pipe()
         self._thread = threading.Thread(target=self._read)
         self._thread.start()
+
+    def leave(self) -> None:
+        """The other program leaves the port."""
+        fcntl.flock(self._slave, fcntl.LOCK_UN)
 
     def unplug(self) -> None:
         self.path.unlink()  # first: the terminal's number may be another test's as soon as it is closed
@@ -88,6 +96,7 @@ def start() -> Iterator[Callable[..., "subprocess.Popen[str]"]]:
                 stderr=subprocess.PIPE,
                 text=True,
                 cwd=ROOT,
+                env={name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"},
                 **options,
             )
             stack.callback(process.communicate)

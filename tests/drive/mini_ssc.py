@@ -68,7 +68,7 @@ class Robot:
 
     def write(self, data: bytes) -> None:
         if self._away():
-            raise Unplugged("the device went away while it was used", Location("/dev/robot"))
+            raise Unplugged("port-lost", "the device went away while it was used", Location("/dev/robot"))
         assert self.now >= self._free - 1e-9, "bytes pile up before the line"
         self._free = self.now
         for byte in data:
@@ -81,7 +81,7 @@ class Robot:
     @contextmanager
     def open(self) -> Iterator["Robot"]:
         if self._away():
-            raise PortError("there is no such port", Location("/dev/robot"))
+            raise PortError("no-such-port", "there is no such port", Location("/dev/robot"))
         self.opened += 1
         self.open_now += 1
         try:

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.drive.controller import Channel, controller_of
+from servogen.drive.controller import Channel, Controller, controller_of
 from servogen.drive.serial_link import Line
-from servogen.drive.sweep import Sweep, positions
+from servogen.drive.sweep import Sweep, ask_from, positions, sweep_readings
 from servogen.errors import InputError
 from servogen.job import load, loads, plan_job
 from tests.drive.conftest import ROOT, Run, Serial
@@ -205,6 +205,56 @@ def test_a_sweep_goes_by_small_steps() -> None:
     moves = [each for _, _, each in robot.arrived]
     assert np.abs(np.diff(moves)).max() <= 4
     assert moves[-1] == channel.position(math.pi)
+
+
+def test_a_sweep_reads_every_stop_and_ends_at_rest() -> None:
+    """A servo whose horn stands 2° beyond the line of its model: 90° is 1500 µs."""
+    robot, controller, stops = sweep_of_lab8()
+    with Line(robot.open, 9600, robot.time(), 0) as line:
+        found = sweep_readings(
+            controller, 0, stops, line, robot.time(), lambda sweep, point: seen_angle(sweep) + math.radians(2)
+        )
+    assert [each.width_us for each in found] == [controller.channels[0].widths_us[each] for each in stops]
+    assert [math.degrees(each.angle) for each in found] == pytest.approx(
+        [90 + (each.width_us - 1500) * 180 / 1000 + 2 for each in found]
+    )
+    assert robot.arrived[-1][2] == 127, "neutral: 1500 of 500 to 2500 µs"
+
+
+def test_a_sweep_that_is_given_up_goes_back_to_rest_too() -> None:
+    robot, controller, stops = sweep_of_lab8()
+
+    def give_up(sweep: Sweep, point: int) -> float:
+        if point == 1:
+            raise InputError("too-few-readings", "enough")
+        return 0.0
+
+    with Line(robot.open, 9600, robot.time(), 0) as line, pytest.raises(InputError, match="enough"):
+        sweep_readings(controller, 0, stops, line, robot.time(), give_up)
+    assert robot.arrived[-1][2] == 127
+    assert max(position for _, _, position in robot.arrived) <= stops[1]
+
+
+def test_angles_that_were_seen_before_must_be_as_many_as_the_points() -> None:
+    robot, controller, stops = sweep_of_lab8()
+    angles = [0.1, 0.2, 0.3]
+    with Line(robot.open, 9600, robot.time(), 0) as line:
+        found = sweep_readings(controller, 0, stops, line, robot.time(), ask_from(angles, stops))
+    assert [each.angle for each in found] == angles
+    with pytest.raises(InputError, match="2 angles for 3 points"):
+        ask_from(angles[:2], stops)
+
+
+def sweep_of_lab8() -> tuple[Robot, Controller, tuple[int, ...]]:
+    """A robot, its controller, and three stops over the servo's range."""
+    job = plan_job(loads(LAB8.read_text(), "job.toml"))
+    _, controller = controller_of(job, 9600, "500,2500", 0)
+    return Robot(9600), controller, positions(controller.channels[0], None, None, 3)
+
+
+def seen_angle(sweep: Sweep) -> float:
+    """The angle of the position that was sent last: 1000 µs at 0°, 2000 µs at 180°."""
+    return math.radians((500 + sweep.at * 2000 / 254 - 1000) * 180 / 1000)
 
 
 def test_points_are_spread_evenly_over_the_range_and_inside_of_it() -> None:

@@ -4,8 +4,9 @@ import json
 import os
 import signal
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -73,30 +74,59 @@ def test_wheels_are_not_left_turning(run: Run) -> None:
 def test_a_robot_that_is_unplugged_and_plugged_in_again_gets_its_whole_pose(
     start: Start, serial: Serial
 ) -> None:
-    """On a loaded machine a new pseudo-terminal has once in a while stayed silent; the cause is not known.
-
-    So a silent one is unplugged and plugged in again, as a person would do, twice at most.
-    """
     process = start("drive", JOBS / "omni-square.toml", "-p", serial.path, *RANGE, "--json")
     serial.wait_for(lambda decoder: len(decoder.moves) > 5)
     serial.unplug()
-    assert process.stdout is not None
-    assert any("lost" in line for line in process.stdout), "it is said"
-    for attempts_left in (2, 1, 0):
-        serial.decoder.moves.clear()
-        serial.plug()
-        try:
-            serial.wait_for(lambda decoder: {0, 1, 2} <= set(decoder.positions), seconds=10)
-            break
-        except AssertionError:
-            assert process.poll() is None, process.communicate()
-            if not attempts_left:
-                raise
-            serial.unplug()
+    assert next(events(process))["event"] == "lost"
+    serial.decoder.moves.clear()
+    serial.plug()
+    assert [each["event"] for each in until_back(process)] == []
+    serial.wait_for(lambda decoder: {0, 1, 2} <= set(decoder.positions))
     assert [number for number, _ in serial.decoder.moves[:3]] == [0, 1, 2]
     process.send_signal(signal.SIGINT)
     out, _ = process.communicate(timeout=30)
-    assert json.loads(out.splitlines()[-1])["outages"] >= 1
+    assert json.loads(out.splitlines()[-1])["outages"] == 1
+
+
+def test_a_port_that_another_program_takes_first_is_waited_for_and_the_reason_is_said(
+    start: Start, serial: Serial
+) -> None:
+    """As a modem manager does with every new port: the drive opens it as soon as the other leaves it."""
+    process = start("drive", JOBS / "omni-square.toml", "-p", serial.path, *RANGE, "--json")
+    serial.wait_for(lambda decoder: len(decoder.moves) > 5)
+    serial.unplug()
+    found = events(process)
+    assert next(found)["event"] == "lost"
+    serial.decoder.moves.clear()
+    serial.plug(taken=True)
+    waiting = next(found)
+    assert waiting["event"] == "waiting"
+    assert "in use by another program" in waiting["text"]
+    assert not serial.decoder.moves
+    serial.leave()
+    assert next(found)["event"] == "back"
+    serial.wait_for(lambda decoder: {0, 1, 2} <= set(decoder.positions))
+
+
+def events(process: "subprocess.Popen[str]") -> Iterator[dict[str, Any]]:
+    """What a drive says of its line, as it says it."""
+    assert process.stdout is not None
+    entries = (json.loads(line) for line in iter(process.stdout.readline, ""))
+    return (entry for entry in entries if "event" in entry)
+
+
+def until_back(process: "subprocess.Popen[str]") -> list[dict[str, Any]]:
+    """The events before the port is open again.
+
+    A program of another test may have opened a terminal of the same number just before: the drive waits until
+    it is gone, and says so.
+    """
+    found = []
+    for event in events(process):
+        if event["event"] == "back":
+            break
+        found.append(event)
+    return [each for each in found if each["event"] != "waiting"]
 
 
 def test_lines_of_standard_input_steer(start: Start, serial: Serial) -> None:

@@ -1,0 +1,114 @@
+"""What a drive is asked to do, and what that means for a job's robot.
+
+In: a planned job and a `Request`. Out: a `Course`: the motion, where orders go, the pose that ends the drive.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from servogen.drive.commands import Rates
+from servogen.drive.motions import Limited, Motion, Played, Still, pose_of
+from servogen.drive.steering import steering_of
+from servogen.errors import InputError, Location
+from servogen.job import PlannedJob
+from servogen.motion.trajectory import Floats
+
+HOLD, NEUTRAL, OFF = "hold", "neutral", "off"
+"""How a drive may end, besides by a pose."""
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """One pose, steering, or the job's motion if neither is asked for."""
+
+    pose: str | None = None
+    """A pose as `pose_of` reads it."""
+    steer: bool = False
+    single_keys: bool = False
+    """Whether the orders are keys, of which those that mean nothing to this robot are ignored."""
+    rates: Rates = field(default_factory=Rates)
+    """How far an order to a walking or rolling robot goes."""
+    seconds: float | None = None
+    """How long; None: until it is interrupted, except for a pose that the robot keeps by itself."""
+    stop: str | None = None
+    """`HOLD`, `NEUTRAL`, `OFF` or a pose; None: wheels stop and other servos hold."""
+    rehearsal: bool = False
+    """Whether nothing is sent, so that a motion is played once."""
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A drive that is ready to begin."""
+
+    motion: Motion
+    order: Callable[[str], None]
+    """What takes the orders."""
+    stop: Floats | None
+    """The pose that ends the drive; None: the servos hold the last one."""
+    seconds: float
+    """How long the motion lasts; infinite if only an interrupt ends it."""
+
+
+def course_of(job: PlannedJob, request: Request) -> Course:
+    """Return what `request` means for the job's robot. Raises InputError."""
+    if request.pose is not None and request.steer:
+        raise InputError("conflicting-options", "--pose is one pose, --keys is many: take one of the two")
+    stop = _stop_pose(job, request.stop)
+    if request.steer:
+        steering = steering_of(job, request.rates)
+        seconds = math.inf if request.seconds is None else request.seconds
+
+        def known_keys(word: str) -> None:
+            if word in steering.words:
+                steering.order(word)
+
+        order = known_keys if request.single_keys else steering.order
+        return Course(Limited(steering, seconds), order, stop, seconds)
+    motion: Motion
+    if request.pose is not None:
+        motion, seconds = Still(pose_of(job, request.pose)), _pose_seconds(job, request)
+    else:
+        motion, seconds = Played(job.trajectory), _motion_seconds(job, request)
+    return Course(Limited(motion, seconds), lambda word: None, stop, seconds)
+
+
+def _motion_seconds(job: PlannedJob, request: Request) -> float:
+    if request.seconds is not None:
+        return request.seconds
+    planned = job.trajectory
+    once = float(planned.clock.seconds(planned.period) * len(planned.angles))
+    return once if request.rehearsal else math.inf
+
+
+def _pose_seconds(job: PlannedJob, request: Request) -> float:
+    """Return 0 for a pose that the robot keeps by itself: not one of wheels that turn, nor one that the
+    chip's fail-safe would end.
+    """
+    if request.seconds is not None:
+        return request.seconds
+    turns = any(servo.model.continuous for servo in job.servos)
+    ends = job.stream is not None and job.stream.fail_safe != HOLD
+    return math.inf if (turns or ends) and not request.rehearsal else 0.0
+
+
+def _stop_pose(job: PlannedJob, text: str | None) -> Floats | None:
+    """Return the pose that ends the drive; None if the servos hold what they were sent last."""
+    neutral = np.array([servo.neutral for servo in job.servos])
+    wheels = [servo.model.continuous for servo in job.servos]
+    if text is None and any(wheels):
+        return np.where(wheels, neutral, np.nan)
+    if text == OFF and (job.stream is None or job.stream.fail_safe != OFF):
+        raise InputError(
+            "drive-unsupported",
+            "Mini SSC cannot switch pulses off: only the stream engine's fail-safe does",
+            Location(job.file),
+            'write fail_safe = "off" in [stream]',
+        )
+    if text is None or text in (HOLD, OFF):
+        return None
+    return neutral if text == NEUTRAL else pose_of(job, text)
