@@ -118,7 +118,7 @@ def _taken(
 ) -> Sequence[Reading]:
     """Moves the servo and reads its angles; without a port only says what the widths would have been."""
     from servogen.drive.controller import controller_of
-    from servogen.drive.serial_link import Line, Nowhere, Time, VirtualTime, port_opener
+    from servogen.drive.serial_link import NullWire, SerialLink, Time, VirtualTime, port_opener
     from servogen.drive.sweep import ask_from, positions, sweep_readings
     from servogen.errors import InputError
     from servogen.robot.calibration import angles_of
@@ -134,18 +134,18 @@ def _taken(
     stops = positions(channel, *span)
     ask = _asking(channel, len(stops)) if angles is None else ask_from(angles_of(angles), stops)
     time = VirtualTime().time() if port is None else Time()
-    opener = (lambda: nullcontext(Nowhere())) if port is None else port_opener(port, speed)
-    with Line(opener, speed, time, 0.0) as line:
+    opener = (lambda: nullcontext(NullWire())) if port is None else port_opener(port, speed)
+    with SerialLink(opener, speed, time, 0.0) as line:
         return sweep_readings(controller, index, stops, line, time, ask)
 
 
 def _asking(channel: Channel, count: int) -> Ask:
     """Asks on the terminal until there is a number."""
-    from servogen.drive.commands import QUIT, Lines
+    from servogen.drive.commands import QUIT, LineCommands
     from servogen.errors import InputError
     from servogen.robot.calibration import angle_of
 
-    lines = Lines(sys.stdin.fileno())
+    lines = LineCommands(sys.stdin.fileno())
     answers: list[str] = []
     unit = channel.servo.model.unit
 
@@ -157,7 +157,7 @@ def _asking(channel: Channel, count: int) -> Ask:
         while True:
             width = channel.widths_us[sweep.at]
             print(f"{point + 1} of {count}, {width:z.1f} µs: what do you see, {unit}? ", end="", flush=True)
-            text = sweep.answered(next_answer)
+            text = sweep.wait_for(next_answer)
             if text == QUIT:
                 raise InputError(
                     "too-few-readings", f"ended after {point} of {count} readings: nothing is written"

@@ -16,8 +16,8 @@ from servogen.cli.options import Json, duration
 from servogen.cli.show import as_json, warn
 
 if TYPE_CHECKING:
-    from servogen.drive.commands import Words
-    from servogen.drive.controller import Controller
+    from servogen.drive.commands import CommandSource
+    from servogen.drive.controller import ServoController
     from servogen.drive.serial_link import Opener
     from servogen.drive.session import Log, Summary
     from servogen.job import PlannedJob
@@ -52,7 +52,7 @@ def drive(
         str | None, typer.Option("--pose", help="One pose: its number or name, or arm=90,hand=45 in degrees.")
     ] = None,
     steer: Annotated[
-        bool, typer.Option("--keys", help=f"Steer: {KEYS_HELP}; without a terminal, a word a line.")
+        bool, typer.Option("--keys", help=f"Steer: {KEYS_HELP}; without a terminal, one command per line.")
     ] = False,
     seconds: Annotated[
         float | None,
@@ -92,11 +92,11 @@ def drive(
     json: Json = False,
 ) -> None:
     """Move a robot live over a serial line (Mini SSC): its job's motion, a pose, or by keys."""
-    from servogen.drive.commands import Rates
     from servogen.drive.controller import controller_of
     from servogen.drive.request import Request, course_of
-    from servogen.drive.serial_link import Line, Time, VirtualTime
+    from servogen.drive.serial_link import SerialLink, Time, VirtualTime
     from servogen.drive.session import Session
+    from servogen.drive.steering import Rates
     from servogen.job import load, plan_job
 
     loaded = plan_job(load(job))
@@ -113,13 +113,14 @@ def drive(
     course = course_of(loaded, request)
     time = VirtualTime().time() if dry_run else Time()
     interrupted = False
-    with Line(_opener(port, speed, dry_run), speed, time, patience) as line, _orders(steer, dry_run) as words:
+    opener = _opener(port, speed, dry_run)
+    with SerialLink(opener, speed, time, patience) as line, _source(steer, dry_run) as source:
         if not json:
             _tell(loaded, controller, speed, line.byte_s)
             if pose is not None and math.isinf(course.seconds):
                 print("the pose is kept until Ctrl-C (or --seconds)")
         session = Session(
-            controller, line, time, _log(json, dry_run), course.stop, words, course.order, arrive_s
+            controller, line, time, _log(json, dry_run), course.stop, source, course.on_command, arrive_s
         )
         try:
             with _ended_by_signals():
@@ -132,11 +133,11 @@ def drive(
 
 
 def _opener(port: str | None, baud: int, dry_run: bool) -> Opener:
-    from servogen.drive.serial_link import Nowhere, port_opener
+    from servogen.drive.serial_link import NullWire, port_opener
     from servogen.errors import InputError
 
     if dry_run:
-        return lambda: nullcontext(Nowhere())
+        return lambda: nullcontext(NullWire())
     if port is None:
         raise InputError(
             "missing-option", "there is no line to send on", hint="--port /dev/ttyUSB0, or --dry-run"
@@ -144,18 +145,18 @@ def _opener(port: str | None, baud: int, dry_run: bool) -> Opener:
     return port_opener(port, baud)
 
 
-def _orders(steer: bool, dry_run: bool) -> AbstractContextManager[Words]:
-    """Where orders come from: single keys, lines, or nowhere."""
-    from servogen.drive.commands import Lines, Silence, keys, script
+def _source(steer: bool, dry_run: bool) -> AbstractContextManager[CommandSource]:
+    """Return where commands come from: single keys, lines, or nowhere."""
+    from servogen.drive.commands import LineCommands, NoCommands, script, terminal_keys
 
     if not steer:
-        return nullcontext(Silence())
+        return nullcontext(NoCommands())
     if dry_run:
         return nullcontext(script(sys.stdin.read()))
     if sys.stdin.isatty():
         print(KEYS_HELP, file=sys.stderr)
-        return keys(sys.stdin.fileno())
-    return nullcontext(Lines(sys.stdin.fileno()))
+        return terminal_keys(sys.stdin.fileno())
+    return nullcontext(LineCommands(sys.stdin.fileno()))
 
 
 @contextmanager
@@ -170,7 +171,7 @@ def _ended_by_signals() -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _tell(job: PlannedJob, controller: Controller, baud: int, byte_s: float) -> None:
+def _tell(job: PlannedJob, controller: ServoController, baud: int, byte_s: float) -> None:
     """What the line can carry."""
     from servogen.engines.stream.protocol import BYTES
 

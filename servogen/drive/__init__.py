@@ -1,1 +1,1 @@
-"""Positions sent live to a chip with the `stream` engine, or to any controller that speaks Mini SSC."""
+"""Positions sent live to a chip with the `stream` engine, or to any servo controller that speaks Mini SSC."""

@@ -1,7 +1,7 @@
-"""`Controller`: servo angles as Mini SSC positions, never beyond a servo's limits.
+"""`ServoController`: servo angles as Mini SSC positions, never beyond a servo's limits.
 
-In: the servos, their numbers at the controller, and the width of each of its 255 positions. Out: which
-positions changed, and the bytes that say so.
+In: the servos, their numbers at the controller, and the width of each of its 255 positions. Out: the
+positions that changed, and the bytes that command them.
 """
 
 from __future__ import annotations
@@ -20,68 +20,70 @@ from servogen.job import Job
 from servogen.motion.trajectory import Floats
 from servogen.robot.servo import Servo
 
-USUAL_BAUD = 9600
-"""Of controllers that are no stream engine."""
+DEFAULT_BAUD = 9600
+"""The rate of controllers other than the stream engine."""
 
 REFRESH_S = 0.5
-"""A robot at rest is sent one position so often: the next one in turn, so that a lost byte is mended."""
+"""How often a robot at rest is sent one position, each servo's in turn, so that a lost byte is corrected."""
 
-SURE = 4
-"""So often a position comes in the time after which a chip believes that its line is dead."""
+REFRESHES_PER_SILENCE = 4
+"""How many positions are sent in the time after which a chip takes its line for dead."""
 
 TINY_US = 1e-6
-"""What floating point adds to a width."""
+"""Rounding noise of a width."""
 
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """A servo at `number` of the controller; `widths_us` are those of its positions 0 to 254, rising."""
+    """A servo, its number at the controller, and the widths of its positions 0 to 254, rising."""
 
     servo: Servo
     number: int
     widths_us: tuple[float, ...]
     slack_us: float = TINY_US
-    """How far beyond the servo's limits a width may be by rounding."""
+    """How far a width may be beyond the servo's limits by rounding."""
 
     @property
     def step_us(self) -> float:
-        """The mean way from a position to the next."""
+        """Return the mean difference between the widths of consecutive positions."""
         return (self.widths_us[-1] - self.widths_us[0]) / MOST
 
     def position(self, angle: float) -> int:
-        """The position nearest to a servo angle, of those that its limits allow.
+        """Return the position nearest to a servo angle within the servo's limits.
 
-        Raises InputError for an angle that the servo does not allow or the controller cannot make.
+        Raises InputError for an angle outside the limits and for one that the controller cannot produce.
         """
-        width, (least, most) = self.servo.width_us(angle), self.servo.widths_us
+        width, (minimum, maximum) = self.servo.width_us(angle), self.servo.widths_us
         after = bisect_left(self.widths_us, width)
         near = [
             position
             for position in (after - 1, after)
             if 0 <= position <= MOST
-            and least - self.slack_us <= self.widths_us[position] <= most + self.slack_us
+            and minimum - self.slack_us <= self.widths_us[position] <= maximum + self.slack_us
         ]
-        found = min(near, key=lambda position: abs(self.widths_us[position] - width), default=None)
-        if found is None or abs(self.widths_us[found] - width) > self.step_us:
+        position = min(near, key=lambda candidate: abs(self.widths_us[candidate] - width), default=None)
+        if position is None or abs(self.widths_us[position] - width) > self.step_us:
             raise InputError(
                 "servo-limit",
-                f"{self.servo.name} would need pulses of {width:g} µs: the controller makes "
+                f"{self.servo.name} would need pulses of {width:g} µs: the controller produces "
                 f"{self.widths_us[0]:g} to {self.widths_us[-1]:g} µs",
                 self.servo.place,
             )
-        return found
+        return position
 
 
 @dataclass(frozen=True, slots=True)
-class Controller:
-    """All servos, in the order of the job; `frame_s` of a stream engine, which knows groups."""
+class ServoController:
+    """All servos, in the order of the job; `frame_s` is the stream engine's, which alone knows groups."""
 
     channels: tuple[Channel, ...]
     frame_s: float | None = None
     refresh_s: float = REFRESH_S
 
     def changes(self, sent: Sequence[int | None], angles: Floats) -> list[tuple[int, int]]:
-        """(index, position) of each servo whose position is not the one sent; NaN changes nothing."""
+        """Return (index, position) of each servo whose position differs from the one sent; NaN changes
+        nothing.
+        """
         found = []
         for index, (channel, before, angle) in enumerate(
             zip(self.channels, sent, angles.tolist(), strict=True)
@@ -91,14 +93,17 @@ class Controller:
         return found
 
     def command(self, index: int, position: int) -> bytes:
+        """Return the bytes that command a position."""
         return Command(Kind.POSITION, self.channels[index].number, position).to_bytes()
 
 
-def controller_of(job: Job, baud: int | None, range_us: str | None, first: int) -> tuple[int, Controller]:
-    """The baud rate and the controller of a job's servos, numbered from `first` in the order of the job.
+def controller_of(
+    job: Job, baud: int | None, range_us: str | None, first: int
+) -> tuple[int, ServoController]:
+    """Return the baud rate and the controller of a job's servos, numbered from `first` in the job's order.
 
-    A job with [stream] is its own controller, unless `range_us` says another's widths of positions 0 and 254.
-    Raises InputError where nothing says them.
+    A job with [stream] is its own controller, unless `range_us` states the widths of positions 0 and 254 of
+    another. Raises InputError if they are not known.
     """
     if first + len(job.servos) > MOST + 1:
         raise InputError(
@@ -113,25 +118,27 @@ def controller_of(job: Job, baud: int | None, range_us: str | None, first: int) 
     if range_us is None:
         raise InputError(
             "missing-option",
-            "nothing says which widths positions 0 and 254 are",
+            "the widths of positions 0 and 254 are not known",
             Location(job.file),
-            "the controller's manual does: --range-us 500,2500",
+            "see the controller's manual: --range-us 500,2500",
         )
     widths = tuple(np.linspace(*_range(range_us), MOST + 1).tolist())
     channels = tuple(Channel(servo, first + index, widths) for index, servo in enumerate(job.servos))
-    return baud or USUAL_BAUD, Controller(channels)
+    return baud or DEFAULT_BAUD, ServoController(channels)
 
 
-def _stream(job: Job, stream: Stream) -> Controller:
-    """The stream engine: positions are whole cycles between the ends of what each servo may be told."""
+def _stream(job: Job, stream: Stream) -> ServoController:
+    """Return the stream engine as a controller: its positions are whole cycles between a servo's limits."""
     half_us = float(job.clock.cycle_us) / 2
     channels = []
     for index, servo in enumerate(job.servos):
-        made = travel(servo, job.clock)
-        widths = tuple(float(job.clock.us(made.width(position))) for position in range(MOST + 1))
+        limits = travel(servo, job.clock)
+        widths = tuple(float(job.clock.us(limits.width(position))) for position in range(MOST + 1))
         channels.append(Channel(servo, index, widths, half_us + TINY_US))
     frame_s = float(job.clock.seconds(job.frame.period.cycles))
-    return Controller(tuple(channels), frame_s, min(REFRESH_S, float(stream.silence_s) / SURE))
+    return ServoController(
+        tuple(channels), frame_s, min(REFRESH_S, float(stream.silence_s) / REFRESHES_PER_SILENCE)
+    )
 
 
 def _range(text: str) -> tuple[float, float]:
@@ -140,5 +147,5 @@ def _range(text: str) -> tuple[float, float]:
     except ValueError:
         low = high = math.nan
     if not 0 < low < high < math.inf:
-        raise InputError("bad-option", f"'{text}' is no range of widths", hint="--range-us 500,2500")
+        raise InputError("bad-option", f"'{text}' is not a range of widths", hint="--range-us 500,2500")
     return low, high

@@ -1,6 +1,7 @@
-"""What is driven: a pose, or a trajectory in its own time.
+"""Motions that are driven: a pose, or a trajectory in its own time.
 
-In: servo angles. Out: `at`, the angles of every servo at a moment, radians; NaN where a servo is left alone.
+In: servo angles. Out: `at`, the angle of every servo at a moment, in radians; NaN for a servo that is not
+moved.
 """
 
 from __future__ import annotations
@@ -18,36 +19,39 @@ from servogen.robot.servo import Servo
 
 
 class Motion(Protocol):
-    """Angles (servos,) at `seconds` since it began; None once it is over."""
+    """Servo angles as a function of time."""
 
-    def at(self, seconds: float) -> Floats | None: ...
+    def at(self, seconds: float) -> Floats | None:
+        """Return the angles (servos,) at `seconds` since it began; None once it is over."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Still:
-    """A pose, for ever."""
+    """A pose that is held without an end."""
 
     angles: Floats
 
     def at(self, seconds: float) -> Floats | None:
+        """Return the angles at a moment."""
         return self.angles
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Played:
-    """A trajectory frame by frame, its loop for ever; one that ends is over at its last frame."""
+    """A trajectory frame by frame, its loop repeated; one whose loop is a single frame is over after it."""
 
     trajectory: JointTrajectory
 
     def at(self, seconds: float) -> Floats | None:
-        made = self.trajectory
-        frames, loop = len(made.angles), len(made.angles) - made.loop_start
-        frame = frame_at(made, seconds)
+        """Return the angles at a moment."""
+        angles, loop_start = self.trajectory.angles, self.trajectory.loop_start
+        frames, loop = len(angles), len(angles) - loop_start
+        frame = frame_at(self.trajectory, seconds)
         if loop == 1 and frame > frames:
             return None
         if frame >= frames:
-            frame = made.loop_start + (frame - made.loop_start) % loop
-        return np.asarray(made.angles[frame])
+            frame = loop_start + (frame - loop_start) % loop
+        return np.asarray(angles[frame])
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,22 +62,23 @@ class Limited:
     seconds: float
 
     def at(self, seconds: float) -> Floats | None:
+        """Return the angles at a moment."""
         return self.motion.at(seconds) if seconds <= self.seconds else None
 
 
 ALMOST = 1e-6
-"""Of a frame: a moment that is nearly the next frame's beginning is."""
+"""The part of a frame by which a moment may precede the next frame and still count as its beginning."""
 
 
 def frame_at(trajectory: JointTrajectory, seconds: float) -> int:
-    """The frame that lasts at that moment."""
+    """Return the index of the frame at a moment."""
     return int(seconds / float(trajectory.clock.seconds(trajectory.period)) + ALMOST)
 
 
 def pose_of(job: PlannedJob, text: str) -> Floats:
-    """A pose by its number (from 1) or name in the job, or `servo=degrees,…`; servos that are not named stay.
+    """Return a pose by its number (from 1) or name in the job, or of `servo=degrees,…`, NaN for other servos.
 
-    Raises InputError for a pose or servo that is not there and an angle that a servo does not allow.
+    Raises InputError for an unknown pose or servo and for an angle outside a servo's limits.
     """
     if "=" in text:
         return _angles(job.servos, text)
@@ -103,7 +108,9 @@ def _angles(servos: Sequence[Servo], text: str) -> Floats:
         try:
             angle = float(np.radians(float(value)))
         except ValueError:
-            raise InputError("bad-angle", f"'{value}' is no angle in degrees", hint=f"{name}=90") from None
+            raise InputError(
+                "bad-angle", f"'{value}' is not an angle in degrees", hint=f"{name}=90"
+            ) from None
         servos[by_name[name]].width_us(angle)
         angles[by_name[name]] = angle
     return angles

@@ -1,6 +1,7 @@
-"""What a drive is asked to do, and what that means for a job's robot.
+"""The request for a drive, and what it means for a job's robot.
 
-In: a planned job and a `Request`. Out: a `Course`: the motion, where orders go, the pose that ends the drive.
+In: a planned job and a `Request`. Out: a `Course`: the motion, what takes commands, the pose that ends the
+drive.
 """
 
 from __future__ import annotations
@@ -11,9 +12,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from servogen.drive.commands import Rates
 from servogen.drive.motions import Limited, Motion, Played, Still, pose_of
-from servogen.drive.steering import steering_of
+from servogen.drive.steering import Rates, steering_of
 from servogen.errors import InputError, Location
 from servogen.job import PlannedJob
 from servogen.motion.trajectory import Floats
@@ -30,9 +30,9 @@ class Request:
     """A pose as `pose_of` reads it."""
     steer: bool = False
     single_keys: bool = False
-    """Whether the orders are keys, of which those that mean nothing to this robot are ignored."""
+    """Whether the commands are keys, of which those without a meaning for this robot are ignored."""
     rates: Rates = field(default_factory=Rates)
-    """How far an order to a walking or rolling robot goes."""
+    """How far a command moves a walking robot or a base."""
     seconds: float | None = None
     """How long; None: until it is interrupted, except for a pose that the robot keeps by itself."""
     stop: str | None = None
@@ -46,8 +46,8 @@ class Course:
     """A drive that is ready to begin."""
 
     motion: Motion
-    order: Callable[[str], None]
-    """What takes the orders."""
+    on_command: Callable[[str], None]
+    """Takes the commands."""
     stop: Floats | None
     """The pose that ends the drive; None: the servos hold the last one."""
     seconds: float
@@ -63,18 +63,18 @@ def course_of(job: PlannedJob, request: Request) -> Course:
         steering = steering_of(job, request.rates)
         seconds = math.inf if request.seconds is None else request.seconds
 
-        def known_keys(word: str) -> None:
-            if word in steering.words:
-                steering.order(word)
+        def known_keys(command: str) -> None:
+            if command in steering.commands:
+                steering.command(command)
 
-        order = known_keys if request.single_keys else steering.order
-        return Course(Limited(steering, seconds), order, stop, seconds)
+        on_command = known_keys if request.single_keys else steering.command
+        return Course(Limited(steering, seconds), on_command, stop, seconds)
     motion: Motion
     if request.pose is not None:
         motion, seconds = Still(pose_of(job, request.pose)), _pose_seconds(job, request)
     else:
         motion, seconds = Played(job.trajectory), _motion_seconds(job, request)
-    return Course(Limited(motion, seconds), lambda word: None, stop, seconds)
+    return Course(Limited(motion, seconds), lambda command: None, stop, seconds)
 
 
 def _motion_seconds(job: PlannedJob, request: Request) -> float:

@@ -1,7 +1,7 @@
-"""`Line`: bytes to a robot no faster than its serial line carries them, over a port that may go away.
+"""`SerialLink`: bytes sent no faster than a serial line carries them, over a port that may disappear.
 
-In: how to open the port, the baud rate, the time. Out: the same bytes; `Unplugged` where the port goes, and
-`again`, which waits until it is back. Time and port are given, so that nothing here waits in a test.
+In: how to open the port, the baud rate, the time. Out: the same bytes; `Unplugged` when the port disappears,
+and `reopen`, which waits until it is back. Time and port are parameters, so that tests do not wait.
 """
 
 from __future__ import annotations
@@ -15,16 +15,18 @@ from typing import Protocol
 from servogen.bench.ports import PortError, open_port
 from servogen.errors import ToolError
 
-BITS_A_BYTE = 10
-"""Start bit, eight of data, stop bit."""
+BITS_PER_BYTE = 10
+"""A start bit, eight bits of data, a stop bit."""
 
 RETRY_S = 0.5
+"""The time between two attempts to open a port that disappeared."""
 
 
 class Wire(Protocol):
-    """What bytes are written to. Raises `Unplugged` once it is gone."""
+    """Something that bytes are written to."""
 
-    def write(self, data: bytes) -> None: ...
+    def write(self, data: bytes) -> None:
+        """Write bytes. Raises `Unplugged` if the port has disappeared."""
 
 
 Opener = Callable[[], AbstractContextManager[Wire]]
@@ -33,7 +35,7 @@ Opener = Callable[[], AbstractContextManager[Wire]]
 
 @dataclass(frozen=True, slots=True)
 class Time:
-    """A clock, seconds from anywhere, and how to wait."""
+    """A clock, in seconds from an arbitrary moment, and how to wait."""
 
     now: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep
@@ -41,35 +43,36 @@ class Time:
 
 @dataclass(slots=True)
 class VirtualTime:
-    """A clock that goes on only while it is waited for."""
+    """A clock that advances only while something waits for it."""
 
     at: float = 0.0
 
     def time(self) -> Time:
+        """Return this clock as a `Time`."""
         return Time(lambda: self.at, self._sleep)
 
     def _sleep(self, seconds: float) -> None:
         self.at += max(0.0, seconds)
 
 
-class Nowhere:
-    """A wire of a drive that is only shown."""
+class NullWire:
+    """The wire of a dry run."""
 
     def write(self, data: bytes) -> None:
-        return
+        """Discard the bytes."""
 
 
 def port_opener(path: str, baud: int) -> Opener:
-    """Opens the serial port at `path`."""
+    """Return what opens the serial port at `path`."""
     return lambda: open_port(path, baud)
 
 
-class Line:
-    """An open line; `close` it, or use it in a `with`."""
+class SerialLink:
+    """An open serial line; `close` it, or use it in a `with` statement."""
 
     def __init__(self, opener: Opener, baud: int, time: Time, patience_s: float) -> None:
-        """Opens it. Raises PortError."""
-        self.byte_s = BITS_A_BYTE / baud
+        """Open the line; `patience_s` is how long `reopen` waits for the port. Raises PortError."""
+        self.byte_s = BITS_PER_BYTE / baud
         self._opener = opener
         self._time = time
         self._patience_s = patience_s
@@ -77,17 +80,18 @@ class Line:
         self._wire: Wire = self._held.enter_context(opener())
         self._free_at = time.now()
 
-    def __enter__(self) -> Line:
+    def __enter__(self) -> SerialLink:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
+        """Close the port."""
         self._held.close()
 
     def send(self, data: bytes) -> float:
-        """Writes `data` once all before it is out; the moment of its last stop bit. Raises Unplugged."""
+        """Write `data` once all before it is sent; return the time of its last stop bit. Raises Unplugged."""
         wait = self._free_at - self._time.now()
         if wait > 0:
             self._time.sleep(wait)
@@ -97,14 +101,14 @@ class Line:
         return self._free_at
 
     def drain(self) -> None:
-        """Waits until the last byte is out."""
+        """Wait until the last byte is sent."""
         self._time.sleep(max(0.0, self._free_at - self._time.now()))
 
-    def again(self, waiting: Callable[[PortError], None] = lambda error: None) -> float:
-        """Open a port that went away as soon as it is back, and return the seconds that took.
+    def reopen(self, waiting: Callable[[PortError], None] = lambda error: None) -> float:
+        """Open a port that disappeared as soon as it is back; return how many seconds that took.
 
-        `waiting` is called with each new reason why the port cannot be opened. Raises ToolError when it stays
-        away for longer than `patience_s`.
+        `waiting` is called with each new reason why the port cannot be opened. Raises ToolError if it is not
+        back within the patience that was given.
         """
         begin = self._time.now()
         self.close()
@@ -117,7 +121,7 @@ class Line:
                 if away + RETRY_S > self._patience_s:
                     raise ToolError(
                         "port-lost",
-                        f"did not come back within {self._patience_s:g} s: {error.message}",
+                        f"the port did not come back within {self._patience_s:g} s: {error.message}",
                         error.place,
                         error.hint,
                     ) from error

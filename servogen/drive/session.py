@@ -1,13 +1,13 @@
-"""One drive: a motion sent over a line until it is over, and the robot stopped whatever happens.
+"""One drive: a motion sent over a serial line until it is over, and the robot stopped whatever happens.
 
-In: the motion, the orders, the controller, the line, the time. Out: `Summary`; every command and event goes
-to a log while it happens.
+In: the motion, the commands, the controller, the line, the time. Out: `Summary`; every command and event is
+logged as it happens.
 
     first pose ─▶ sample the motion ─▶ positions that changed, servo by servo, as the line is free ─▶ sample …
 
-A stream engine goes to the first pose as a group: all servos together, in the time that is given for it.
-The line decides how often the motion is sampled: what it cannot carry is never queued. A port that went away
-is waited for; the motion stands still meanwhile, and then every servo is sent its position again.
+A stream engine goes to the first pose as a group: all servos together, in the time given for it. The line
+determines how often the motion is sampled: what it cannot carry is never queued. If the port disappears, the
+session waits for it; the motion pauses meanwhile, and then every servo is sent its position again.
 """
 
 from __future__ import annotations
@@ -16,30 +16,33 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 
 from servogen.bench.ports import PortError, Unplugged
-from servogen.drive.commands import QUIT, Silence, Words
-from servogen.drive.controller import Controller
+from servogen.drive.commands import QUIT, CommandSource, NoCommands
+from servogen.drive.controller import ServoController
 from servogen.drive.motions import Motion
-from servogen.drive.serial_link import Line, Time
+from servogen.drive.serial_link import SerialLink, Time
 from servogen.engines.stream.protocol import MOST, group_begins, group_goes, speed_command
 from servogen.errors import InputError, ToolError
 from servogen.motion.trajectory import Floats
 
 Log = Callable[[dict[str, object]], None]
 
-LOOK_S = 0.005
-"""How long nothing is done where nothing has changed: much less than a servo's frame."""
+POLL_S = 0.005
+"""The pause when nothing has changed: much less than a servo's frame."""
 
 
 ARRIVE_S = 1.0
+"""The default time of a stream engine's way to the first pose."""
 
 
 @dataclass(slots=True)
 class Summary:
-    """What was sent. `rounds`: poses of which a servo changed; `slowest_s`: the longest took so long."""
+    """What was sent. `rounds` counts the poses in which a servo changed; `slowest_s` is the
+    longest of them.
+    """
 
     seconds: float = 0.0
     moving_s: float = 0.0
-    """Of these, without the way to the first pose and without what the port was away."""
+    """The part of `seconds` after the first pose was reached, without the times when the port was gone."""
     commands: int = 0
     rounds: int = 0
     slowest_s: float = 0.0
@@ -49,48 +52,52 @@ class Summary:
 
     @property
     def poses_per_second(self) -> float:
+        """Return the mean rate of poses while the robot moved."""
         return self.rounds / self.moving_s if self.moving_s > 0 else 0.0
 
     def to_json(self) -> dict[str, object]:
+        """Return the summary as a value that JSON can hold."""
         return {**asdict(self), "poses_per_second": self.poses_per_second}
 
 
 @dataclass(slots=True)
 class Session:
-    """What a drive is made of: `words` go to `order`; `stop` ends it, None: the robot stays as it is."""
+    """The parts of a drive: `source` gives commands to `on_command`; `stop` is the last pose, None: no
+    change.
+    """
 
-    controller: Controller
-    line: Line
+    controller: ServoController
+    line: SerialLink
     time: Time
     log: Log
     stop: Floats | None = None
-    words: Words = field(default_factory=Silence)
-    order: Callable[[str], None] = field(default=lambda word: None)
+    source: CommandSource = field(default_factory=NoCommands)
+    on_command: Callable[[str], None] = field(default=lambda command: None)
     arrive_s: float = ARRIVE_S
-    """A stream engine's way to the first pose."""
+    """The time of a stream engine's way to the first pose."""
     summary: Summary = field(default_factory=Summary)
     _sent: list[int | None] = field(init=False)
     _turn: int = 0
     _begun: float = 0.0
     _last: float = 0.0
     _known: bool = False
-    """Whether the robot has what was sent."""
+    """Whether the robot is known to have what was sent."""
     _held_s: float = 0.0
-    """How long the motion has waited, for the port and for the first pose."""
+    """How long the motion has waited for the port and for the first pose."""
     _in_group: bool = False
 
     def __post_init__(self) -> None:
         self._sent = [None] * len(self.controller.channels)
 
     def run(self, motion: Motion) -> Summary:
-        """Drives until the motion is over or `quit` comes, then stops the robot; also after any error.
+        """Drive until the motion is over or `quit` is given, then stop the robot, also after any error.
 
-        Raises ToolError where the port does not come back, InputError for an order that is none.
+        Raises ToolError if the port does not come back, InputError for an unknown command.
         """
         self._begun = self._last = self.time.now()
         moment = 0.0
         try:
-            while (angles := self._ordered(motion, moment)) is not None:
+            while (angles := self._commanded(motion, moment)) is not None:
                 try:
                     if self._known:
                         self._follow(angles)
@@ -106,17 +113,17 @@ class Session:
             self.summary.moving_s = self.summary.seconds - self._held_s
         return self.summary
 
-    def _ordered(self, motion: Motion, moment: float) -> Floats | None:
-        """The angles of that moment, after the orders that came until then; None: it is over."""
-        for word in self.words.since(moment):
-            self.log({"s": round(moment, 4), "order": word})
-            if word == QUIT:
+    def _commanded(self, motion: Motion, moment: float) -> Floats | None:
+        """Return the angles of a moment after the commands given until then; None if the drive is over."""
+        for command in self.source.since(moment):
+            self.log({"s": round(moment, 4), "command": command})
+            if command == QUIT:
                 return None
-            self.order(word)
+            self.on_command(command)
         return motion.at(moment)
 
     def _arrive(self, angles: Floats) -> None:
-        """The whole pose, of a robot that may be anywhere; the motion waits until it is there."""
+        """Send the whole pose to a robot that may be anywhere; the motion waits until it is there."""
         frame_s, begin = self.controller.frame_s, self.time.now()
         changed = self.controller.changes([None] * len(self._sent), angles)
         frames = round(self.arrive_s / frame_s) if frame_s else 0
@@ -130,7 +137,7 @@ class Session:
             ends = self._last + min(frames, MOST) * (frame_s or 0.0)
             while (left := ends - self.time.now()) > 0:
                 self.time.sleep(min(left, self.controller.refresh_s))
-                self._bytes(speed_command(0, 0))  # no limit, as ever: the chip hears that the line lives
+                self._bytes(speed_command(0, 0))  # changes nothing, but shows the chip that its line is alive
         self.line.drain()
         self.summary.rounds += 1
         self._known = True
@@ -138,7 +145,7 @@ class Session:
             self._held_s += self.time.now() - begin
 
     def _follow(self, angles: Floats) -> None:
-        """Sends what changed."""
+        """Send the positions that changed."""
         changed = self.controller.changes(self._sent, angles)
         begin = self.time.now()
         if changed:
@@ -146,20 +153,20 @@ class Session:
         elif begin - self._last >= self.controller.refresh_s:
             changed = self._refreshed()
         if not changed:
-            self.time.sleep(LOOK_S)
+            self.time.sleep(POLL_S)
             return
         self._pose(changed)
         self.summary.slowest_s = max(self.summary.slowest_s, self._last - begin)
         self.line.drain()  # so that the next sample is not older than what it takes to send it
 
     def _refreshed(self) -> list[tuple[int, int]]:
-        """The servo whose turn it is, as it was sent last."""
+        """Return the servo whose turn it is, with the position last sent to it."""
         known = [(index, p) for index, p in enumerate(self._sent) if p is not None]
         self._turn += 1
         return [known[self._turn % len(known)]] if known else []
 
     def _pose(self, changed: Sequence[tuple[int, int]]) -> None:
-        """Positions one after the other."""
+        """Send positions one after the other."""
         for index, position in changed:
             channel = self.controller.channels[index]
             self._bytes(
@@ -176,14 +183,14 @@ class Session:
         self._bytes(group_goes(frames), frames=frames)
         self._in_group = False
 
-    def _bytes(self, command: bytes, **said: object) -> None:
+    def _bytes(self, command: bytes, **facts: object) -> None:
         self._last = self.line.send(command)
-        self.log({"s": round(self._last - self._begun, 4), **said, "bytes": command.hex(" ")})
+        self.log({"s": round(self._last - self._begun, 4), **facts, "bytes": command.hex(" ")})
 
     def _recover(self, error: Unplugged) -> None:
-        """Wait for the port; what the robot has of the last pose is not known."""
+        """Wait for the port; how much of the last pose the robot received is not known."""
         self.log({"s": self._now(), "event": "lost", "text": str(error)})
-        away = self.line.again(self._waits)
+        away = self.line.reopen(self._waits)
         self.summary.outages += 1
         self.summary.away_s += away
         self._held_s += away
@@ -191,18 +198,16 @@ class Session:
         self.log({"s": self._now(), "event": "back", "away_s": round(away, 3)})
 
     def _waits(self, error: PortError) -> None:
-        """Log what keeps the port from being opened, unless it is only not there yet: another program may
-        have taken it first.
-        """
+        """Log why the port cannot be opened, such as another program that uses it, unless it is not back."""
         if error.code != "no-such-port":
             self.log({"s": self._now(), "event": "waiting", "text": str(error)})
 
     def _stop(self) -> None:
-        """The stop pose, every servo; a line that is gone is logged: another error may be on its way."""
+        """Send the stop pose to every servo; errors are logged, as another one may be propagating."""
         if self.stop is None:
             return
         try:
-            if self._in_group:  # what was cut off, by an outage or an error, would wait for its end
+            if self._in_group:  # a group that an outage or error cut off would wait for its end
                 self._group_goes(1)
             self._pose(self.controller.changes([None] * len(self._sent), self.stop))
             self.line.drain()

@@ -1,29 +1,295 @@
-"""What a job's robot is steered by: a walking robot walks and turns, a base rolls, any other goes to poses.
+"""Robots steered by commands: a walking robot walks and turns, a base rolls, any other goes to its poses.
 
-In: a job. Out: its `Steering`.
+In: a planned job, commands. Out: `Steering`, a motion without an end. Which of the three a robot is follows
+from the protocols of its kind (`kinematics.protocol`).
+
+    WalkController: the gait of each direction as start, cycle and stop, so that no foot ever slips
+
+    standing ─▶ start ─▶ cycle ─▶ cycle … ─▶ stop ─▶ standing     a new command waits for the end of the
+       ▲ all directions start and stop standing alike ◀─┘         cycle, and for the feet to stand
 """
 
 from __future__ import annotations
 
-from servogen.drive.commands import Rates, Steering
-from servogen.drive.poser import Poser
-from servogen.drive.roller import roller
-from servogen.drive.walker import walker
-from servogen.errors import InputError, Location
-from servogen.job import PlannedJob
-from servogen.kinematics.protocol import WalkingRobot
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from servogen.drive.commands import BACK, FORWARD, LEFT, RIGHT, SIDEWAYS_LEFT, SIDEWAYS_RIGHT, STOP
+from servogen.drive.motions import frame_at, pose_of
+from servogen.errors import InputError, Location, did_you_mean
+from servogen.job import PlannedJob, plan_job
+from servogen.kinematics.protocol import DrivingRobot, WalkingRobot
+from servogen.motion.gait.steps import Segment
+from servogen.motion.trajectory import Floats
+
+DIRECTIONS: Mapping[str, tuple[int, int, int]] = {
+    FORWARD: (1, 0, 0),
+    BACK: (-1, 0, 0),
+    LEFT: (0, 0, 1),
+    RIGHT: (0, 0, -1),
+    SIDEWAYS_LEFT: (0, 1, 0),
+    SIDEWAYS_RIGHT: (0, -1, 0),
+}
+"""Commands and the body's motion: along x, along y, about z."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rates:
+    """How far a walking robot goes in a cycle, or a base in a second. None: as in the job, or the default."""
+
+    distance_mm: float | None = None
+    turn_deg: float | None = None
+
+
+class Steering(Protocol):
+    """A `Motion` without an end that takes commands."""
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        """Return the commands that it takes."""
+
+    def command(self, command: str) -> None:
+        """Take a command. Raises InputError for one that it does not take."""
+
+    def at(self, seconds: float) -> Floats | None:
+        """Return the angle of every servo (servos,) in radians."""
 
 
 def steering_of(job: PlannedJob, rates: Rates) -> Steering:
-    """Raises InputError where the robot cannot go any of the ways, or has nothing to be steered by."""
+    """Return what steers a job's robot.
+
+    Raises InputError for a robot that can go in none of the directions, and for one that cannot be steered.
+    """
     if isinstance(job.robot, WalkingRobot) and not job.poses:
-        return walker(job, job.robot, rates)
+        return _walk_controller(job, job.robot, rates)
     if job.base is not None:
-        return roller(job, job.base, rates)
+        return _base_controller(job, job.base, rates)
     if job.poses or job.stream is not None:
-        return Poser(job)
+        return PoseController(job)
     raise InputError(
         "nothing-to-drive",
-        "there is nothing to steer: keys walk a walking robot, roll a base, or go to the poses of [motion]",
+        "nothing can be steered: keys steer a walking robot, a base on wheels, or the poses of [motion]",
         Location(job.file),
     )
+
+
+def _unknown(command: str, known: Iterable[str]) -> InputError:
+    return InputError("unknown-command", f"unknown command '{command}'", hint=did_you_mean(command, known))
+
+
+DEFAULT_SPEED_RAD_S = 1.0
+"""For a servo whose model does not state its speed."""
+
+
+@dataclass(slots=True, eq=False)
+class PoseController:
+    """Goes to poses of the job, each servo as fast as its model can and all of them in the same time."""
+
+    job: PlannedJob
+    _start: Floats = field(init=False)
+    _goal: Floats = field(init=False)
+    _now: Floats = field(init=False)
+    _since: float = 0.0
+    _moment: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._start = self._goal = self._now = np.array([servo.neutral for servo in self.job.servos])
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        """Return the numbers and names of the poses, and `stop`; `servo=degrees,…` is taken as well."""
+        names = [pose.name for pose in self.job.poses if pose.name]
+        return (*(str(index + 1) for index in range(len(self.job.poses))), *names, STOP)
+
+    def command(self, command: str) -> None:
+        """Go to a pose from where the servos are now, or stop there."""
+        if command not in self.commands and "=" not in command:
+            raise _unknown(command, self.commands)
+        goal = self._now if command == STOP else pose_of(self.job, command)
+        self._start, self._since = self._now, self._moment
+        self._goal = np.where(np.isnan(goal), self._goal, goal)
+
+    def at(self, seconds: float) -> Floats | None:
+        """Return the angles on the straight line to the pose."""
+        self._moment = seconds
+        takes = max(
+            abs(angle) / (servo.model.speed or DEFAULT_SPEED_RAD_S)
+            for angle, servo in zip((self._goal - self._start).tolist(), self.job.servos, strict=True)
+        )
+        share = 1.0 if takes == 0 else min(1.0, (seconds - self._since) / takes)
+        self._now = self._start + share * (self._goal - self._start)
+        return self._now
+
+
+RAMP_S = 0.2
+"""The time in which the base changes from one speed to another."""
+
+DEFAULT_TURN_DEG_S = 45.0
+
+
+def _base_controller(job: PlannedJob, base: DrivingRobot, rates: Rates) -> BaseController:
+    """Return the controller with the directions that the base and its servos allow, at least one of them."""
+    columns = job.wheel_columns
+    moving = base.body_speed(np.nan_to_num(job.trajectory.angles[:, columns]))
+    speed = float(np.hypot(moving[:, 0], moving[:, 1]).max())
+    if rates.distance_mm is not None:
+        speed = rates.distance_mm / 1000
+    turn = math.radians(DEFAULT_TURN_DEG_S if rates.turn_deg is None else rates.turn_deg)
+    speeds, refused = {}, None
+    for command, (x, y, z) in DIRECTIONS.items():
+        wheels = np.zeros(len(job.servos))
+        try:
+            wheels[columns] = base.wheel_speeds((x * speed, y * speed, z * turn))
+            for servo, wheel in zip(job.servos, wheels.tolist(), strict=True):
+                servo.width_us(wheel)
+            speeds[command] = wheels
+        except InputError as error:
+            refused = refused or error
+    if refused and not speeds:
+        raise refused
+    return BaseController({**speeds, STOP: np.zeros(len(job.servos))})
+
+
+@dataclass(slots=True, eq=False)
+class BaseController:
+    """Turns the wheels at the speeds of the command, which it reaches in `RAMP_S`."""
+
+    speeds: Mapping[str, Floats]
+    commanded: str = STOP
+    _before: Floats = field(init=False)
+    _now: Floats = field(init=False)
+    _since: float | None = None
+    _moment: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._before = self._now = self.speeds[STOP]
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        """Return the directions that the base can go in, and `stop`."""
+        return tuple(self.speeds)
+
+    def command(self, command: str) -> None:
+        """Change from the present speeds to those of the command."""
+        if command not in self.speeds:
+            raise _unknown(command, self.commands)
+        self.commanded, self._before, self._since = command, self._now, self._moment
+
+    def at(self, seconds: float) -> Floats | None:
+        """Return the speeds of the wheels."""
+        self._moment = seconds
+        share = 1.0 if self._since is None else min(1.0, (seconds - self._since) / RAMP_S)
+        self._now = self._before + share * (self.speeds[self.commanded] - self._before)
+        return self._now
+
+
+DEFAULT_STRIDE_MM, DEFAULT_TURN_DEG = 40.0, 8.0
+MAX_CYCLES = 12
+"""By then a walk is steady."""
+
+SAME_RAD = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gait:
+    """Frames (n, servos) from standing, of one cycle, and to standing again."""
+
+    start: Floats
+    cycle: Floats
+    stop: Floats
+
+
+def _walk_controller(job: PlannedJob, robot: WalkingRobot, rates: Rates) -> WalkController:
+    """Return the controller with the directions that the legs allow, at least one of them."""
+    stride = DEFAULT_STRIDE_MM if rates.distance_mm is None else rates.distance_mm
+    angle = DEFAULT_TURN_DEG if rates.turn_deg is None else rates.turn_deg
+    ways = {
+        command: {"forward_mm": x * stride, "left_mm": y * stride, "turn_deg": turn * angle}
+        for command, (x, y, turn) in DIRECTIONS.items()
+        if robot.sidesteps or not y
+    }
+    segments = [_segment(way) for way in ways.values()]
+    gaits, refused = {}, None
+    for command, way in ways.items():
+        try:
+            gaits[command] = _gait(job, way, segments)
+        except InputError as error:
+            refused = refused or error
+    if refused and not gaits:
+        raise refused
+    return WalkController(job, gaits)
+
+
+def _segment(way: Mapping[str, float]) -> Segment:
+    """Return what the body does in a cycle."""
+    return Segment(way["forward_mm"] / 1000, way["left_mm"] / 1000, math.radians(way["turn_deg"]))
+
+
+def _gait(job: PlannedJob, way: Mapping[str, float], others: Sequence[Segment]) -> Gait:
+    """Return one direction as start, cycle and stop, with the legs standing at both ends as for the others.
+
+    Raises InputError if the legs cannot walk it.
+    """
+    endless = plan_job(job, way, others).trajectory
+    angles, loop = endless.angles, endless.loop_start
+    cycle = len(angles) - loop
+    for cycles in range(-(-loop // cycle) + 1, MAX_CYCLES):
+        whole = plan_job(job, {**way, "cycles": float(cycles)}, others).trajectory.angles
+        if len(whole) > len(angles) and np.allclose(whole[: len(angles)], angles, atol=SAME_RAD):
+            return Gait(angles[:loop], angles[loop:], whole[len(angles) :])
+    raise InputError(
+        "endless-walk", "the walk cannot be stopped: its gait leaves a leg behind", Location(job.file)
+    )
+
+
+@dataclass(slots=True, eq=False)
+class WalkController:
+    """Walks cycle by cycle; `walking` is the direction of the present cycle, None while the robot stands."""
+
+    job: PlannedJob
+    gaits: Mapping[str, Gait]
+    commanded: str = STOP
+    walking: str | None = None
+    _block: Floats = field(init=False)
+    _row: int = 0
+    _frame: int = 0
+
+    def __post_init__(self) -> None:
+        self._block = next(iter(self.gaits.values())).start[:1]
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        """Return the directions that the legs can walk in, and `stop`."""
+        return (*self.gaits, STOP)
+
+    def command(self, command: str) -> None:
+        """Change to the command's direction at the end of the cycle."""
+        if command not in self.commands:
+            raise _unknown(command, self.commands)
+        self.commanded = command
+
+    def at(self, seconds: float) -> Floats | None:
+        """Return the angles of the frame at that moment."""
+        frame = frame_at(self.job.trajectory, seconds)
+        for _ in range(frame - self._frame):
+            self._step()
+        self._frame = frame
+        return np.asarray(self._block[self._row])
+
+    def _step(self) -> None:
+        self._row += 1
+        if self._row < len(self._block):
+            return
+        last, self._row = self._block[-1], 0
+        if self.walking is not None and self.commanded == self.walking:
+            self._block = self.gaits[self.walking].cycle
+        elif self.walking is not None:
+            self._block, self.walking = self.gaits[self.walking].stop, None
+        elif self.commanded == STOP:
+            self._block = last[None]
+        else:
+            self._block, self.walking = self.gaits[self.commanded].start, self.commanded

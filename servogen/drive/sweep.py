@@ -1,7 +1,7 @@
-"""`Sweep`: one servo moved through its widths for calibration, and no further than it may go.
+"""`Sweep`: one servo moved through its widths for calibration, within its limits.
 
-In: a channel, the widths from and to, how many. Out: the positions in order, and a robot that goes there in
-small steps and waits until it stands; the readings of a calibration.
+In: a channel, the first and last width, the number of points. Out: the positions in order, a servo that goes
+to each in small steps and settles there, and the readings of a calibration.
 """
 
 from __future__ import annotations
@@ -9,31 +9,32 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from servogen.drive.controller import Channel, Controller
-from servogen.drive.serial_link import Line, Time
+from servogen.drive.controller import Channel, ServoController
+from servogen.drive.serial_link import SerialLink, Time
 from servogen.engines.stream.protocol import MOST
 from servogen.errors import InputError
 from servogen.robot.calibration import Reading
 
-FEWEST = 3
+MIN_POINTS = 3
 STEP_S = 0.02
-SECONDS_OVER = 1.5
-"""For the whole range of a servo: slow enough to be switched off before it breaks anything."""
+RANGE_S = 1.5
+"""The time over the whole range of a servo: slow enough to switch it off before it breaks anything."""
 
 SETTLE_S = 0.5
+"""The time that a servo takes to come to rest."""
 
 
 def positions(channel: Channel, from_us: float | None, to_us: float | None, count: int) -> tuple[int, ...]:
-    """`count` positions at even distances, rising; by default over all that the servo's limits allow.
+    """Return `count` evenly spaced, rising positions; by default over all that the servo's limits allow.
 
-    Raises InputError for widths beyond the limits and for a range too short for that many.
+    Raises InputError for widths beyond the limits and for a range too short for that many points.
     """
-    least, most = channel.servo.widths_us
-    low, high = (least if from_us is None else from_us), (most if to_us is None else to_us)
-    if low < least - channel.slack_us or high > most + channel.slack_us:
+    minimum, maximum = channel.servo.widths_us
+    low, high = (minimum if from_us is None else from_us), (maximum if to_us is None else to_us)
+    if low < minimum - channel.slack_us or high > maximum + channel.slack_us:
         raise InputError(
             "servo-limit",
-            f"{channel.servo.name} is allowed pulses of {least:g} to {most:g} µs, not {low:g} to {high:g} µs",
+            f"{channel.servo.name} takes pulses of {minimum:g} to {maximum:g} µs, not {low:g} to {high:g} µs",
             channel.servo.place,
             "its min_deg, max_deg, travel_deg and points in the job set them",
         )
@@ -42,40 +43,40 @@ def positions(channel: Channel, from_us: float | None, to_us: float | None, coun
         for position, width in enumerate(channel.widths_us)
         if low - channel.slack_us <= width <= high + channel.slack_us
     ]
-    if count < FEWEST or len(inside) < count:
+    if count < MIN_POINTS or len(inside) < count:
         raise InputError(
             "too-few-points",
-            f"{count} points from {low:g} to {high:g} µs: the controller makes {len(inside)} widths there",
-            hint=f"{FEWEST} points or more, over a longer range",
+            f"{count} points from {low:g} to {high:g} µs: the controller produces {len(inside)} widths there",
+            hint=f"{MIN_POINTS} points or more, over a longer range",
         )
     return tuple(inside[round(index * (len(inside) - 1) / (count - 1))] for index in range(count))
 
 
 @dataclass(slots=True)
 class Sweep:
-    """The servo at `index` of the controller; `at` is the position that it was sent last."""
+    """The servo at `index` of the controller; `at` is the position last sent to it."""
 
-    controller: Controller
+    controller: ServoController
     index: int
-    line: Line
+    line: SerialLink
     time: Time
     at: int
 
     def go(self, position: int) -> None:
-        """Goes there by steps and waits until it stands. Raises Unplugged."""
-        step = max(1, round(MOST * STEP_S / SECONDS_OVER))
-        for each in _way(self.at, position, step):
-            self.at = each
+        """Go to a position in steps and wait until the servo is at rest. Raises Unplugged."""
+        step = max(1, round(MOST * STEP_S / RANGE_S))
+        for next_position in _steps(self.at, position, step):
+            self.at = next_position
             self.send()
             self.time.sleep(STEP_S)
         self.time.sleep(SETTLE_S)
 
     def send(self) -> None:
-        """Sends its position, again. Raises Unplugged."""
+        """Send the present position again. Raises Unplugged."""
         self.line.send(self.controller.command(self.index, self.at))
 
-    def answered(self, answer: Callable[[], str | None]) -> str:
-        """Waits for an answer; the chip hears meanwhile that its line is alive. Raises Unplugged."""
+    def wait_for(self, answer: Callable[[], str | None]) -> str:
+        """Return a person's answer; meanwhile positions keep the chip's fail-safe away. Raises Unplugged."""
         sent = self.time.now()
         while (text := answer()) is None:
             self.time.sleep(STEP_S)
@@ -86,15 +87,15 @@ class Sweep:
 
 
 Ask = Callable[[Sweep, int], float]
-"""Returns the angle (radians) at which the servo is seen, given the number of the point."""
+"""Returns the angle (radians) that a person reads from the servo at the point of that index."""
 
 
 def sweep_readings(
-    controller: Controller, index: int, stops: Sequence[int], line: Line, time: Time, ask: Ask
+    controller: ServoController, index: int, stops: Sequence[int], line: SerialLink, time: Time, ask: Ask
 ) -> list[Reading]:
-    """Move the servo at `index` to each position, ask where it stands, and return the readings.
+    """Return the readings of the servo at `index` at each position, for which `ask` gives the angle.
 
-    It starts at its neutral position, and goes back there whatever happens. Raises Unplugged, and what `ask`
+    It starts at its neutral position and returns there whatever happens. Raises Unplugged, and what `ask`
     raises.
     """
     channel = controller.channels[index]
@@ -112,7 +113,9 @@ def sweep_readings(
 
 
 def ask_from(angles: Sequence[float], stops: Sequence[int]) -> Ask:
-    """Return what answers with angles that were seen before. Raises InputError if they are not as many."""
+    """Return an `Ask` that gives angles read before. Raises InputError unless there is one for
+    each position.
+    """
     if len(angles) != len(stops):
         raise InputError(
             "reading-count", f"{len(angles)} angles for {len(stops)} points", hint=f"--points {len(angles)}"
@@ -120,8 +123,8 @@ def ask_from(angles: Sequence[float], stops: Sequence[int]) -> Ask:
     return lambda sweep, point: angles[point]
 
 
-def _way(start: int, end: int, step: int) -> Iterator[int]:
-    """The positions from one to another, the last included."""
+def _steps(start: int, end: int, step: int) -> Iterator[int]:
+    """Yield the positions from one to another, the last included."""
     sign = 1 if end > start else -1
     yield from range(start + sign * step, end, sign * step)
     yield end

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.drive.controller import Channel, Controller, controller_of
-from servogen.drive.serial_link import Line
+from servogen.drive.controller import Channel, ServoController, controller_of
+from servogen.drive.serial_link import SerialLink
 from servogen.drive.sweep import Sweep, ask_from, positions, sweep_readings
 from servogen.errors import InputError
 from servogen.job import load, loads, plan_job
@@ -125,18 +125,18 @@ def test_an_old_file_is_kept(run: Run, job: Path) -> None:
         ),
         (
             (*RANGE, "--from-us", 900, "--angles-deg", "0"),
-            "is allowed pulses of 1000 to 2000 µs, not 900 to 2000",
+            "takes pulses of 1000 to 2000 µs, not 900 to 2000",
         ),
         (
             (*RANGE, "--to-us", 2100, "--angles-deg", "0"),
-            "is allowed pulses of 1000 to 2000 µs, not 1000 to 2100",
+            "takes pulses of 1000 to 2000 µs, not 1000 to 2100",
         ),
         (
             (*RANGE, "--from-us", 1490, "--to-us", 1510, "--angles-deg", "0"),
-            "the controller makes 3 widths there",
+            "the controller produces 3 widths there",
         ),
         (RANGE, "there is no line to move it on"),
-        (("--angles-deg", "1,2,3"), "nothing says which widths"),
+        (("--angles-deg", "1,2,3"), "the widths of positions 0 and 254"),
         ((*RANGE, "--servo", "leg", "--angles-deg", "1"), "there is no servo 'leg'"),
         (("--readings", "gone.csv"), "gone.csv: cannot be read"),
     ],
@@ -198,7 +198,7 @@ def test_a_sweep_goes_by_small_steps() -> None:
     robot = Robot(9600)
     _, controller = controller_of(job, 9600, "500,2500", 0)
     channel = controller.channels[0]
-    with Line(robot.open, 9600, robot.time(), 0) as line:
+    with SerialLink(robot.open, 9600, robot.time(), 0) as line:
         sweep = Sweep(controller, 0, line, robot.time(), 127)
         for stop in positions(channel, None, None, 7):
             sweep.go(stop)
@@ -210,7 +210,7 @@ def test_a_sweep_goes_by_small_steps() -> None:
 def test_a_sweep_reads_every_stop_and_ends_at_rest() -> None:
     """A servo whose horn stands 2° beyond the line of its model: 90° is 1500 µs."""
     robot, controller, stops = sweep_of_lab8()
-    with Line(robot.open, 9600, robot.time(), 0) as line:
+    with SerialLink(robot.open, 9600, robot.time(), 0) as line:
         found = sweep_readings(
             controller, 0, stops, line, robot.time(), lambda sweep, point: seen_angle(sweep) + math.radians(2)
         )
@@ -229,7 +229,7 @@ def test_a_sweep_that_is_given_up_goes_back_to_rest_too() -> None:
             raise InputError("too-few-readings", "enough")
         return 0.0
 
-    with Line(robot.open, 9600, robot.time(), 0) as line, pytest.raises(InputError, match="enough"):
+    with SerialLink(robot.open, 9600, robot.time(), 0) as line, pytest.raises(InputError, match="enough"):
         sweep_readings(controller, 0, stops, line, robot.time(), give_up)
     assert robot.arrived[-1][2] == 127
     assert max(position for _, _, position in robot.arrived) <= stops[1]
@@ -238,14 +238,14 @@ def test_a_sweep_that_is_given_up_goes_back_to_rest_too() -> None:
 def test_angles_that_were_seen_before_must_be_as_many_as_the_points() -> None:
     robot, controller, stops = sweep_of_lab8()
     angles = [0.1, 0.2, 0.3]
-    with Line(robot.open, 9600, robot.time(), 0) as line:
+    with SerialLink(robot.open, 9600, robot.time(), 0) as line:
         found = sweep_readings(controller, 0, stops, line, robot.time(), ask_from(angles, stops))
     assert [each.angle for each in found] == angles
     with pytest.raises(InputError, match="2 angles for 3 points"):
         ask_from(angles[:2], stops)
 
 
-def sweep_of_lab8() -> tuple[Robot, Controller, tuple[int, ...]]:
+def sweep_of_lab8() -> tuple[Robot, ServoController, tuple[int, ...]]:
     """A robot, its controller, and three stops over the servo's range."""
     job = plan_job(loads(LAB8.read_text(), "job.toml"))
     _, controller = controller_of(job, 9600, "500,2500", 0)
@@ -265,5 +265,5 @@ def test_points_are_spread_evenly_over_the_range_and_inside_of_it() -> None:
     assert servo.widths_us[0] <= widths[0] <= servo.widths_us[0] + channel.step_us
     assert servo.widths_us[1] - channel.step_us <= widths[-1] <= servo.widths_us[1]
     assert np.ptp(np.diff(widths)) <= 1.01 * channel.step_us
-    with pytest.raises(InputError, match="is allowed pulses"):
+    with pytest.raises(InputError, match="takes pulses"):
         positions(channel, 1000, None, 5)

@@ -7,7 +7,7 @@ import pytest
 
 from servogen.drive.controller import controller_of
 from servogen.drive.motions import Limited, Motion, Still
-from servogen.drive.serial_link import Line
+from servogen.drive.serial_link import SerialLink
 from servogen.drive.session import Session
 from servogen.errors import InputError
 from servogen.job import PlannedJob, loads, plan_job
@@ -37,7 +37,7 @@ def driven(
     job: PlannedJob, motion: Motion, robot: Robot, stop: Floats | None = None, arrive_s: float = 1.0
 ) -> Session:
     baud, controller = controller_of(job, None, None, 0)
-    with Line(robot.open, baud, robot.time(), 10.0) as line:
+    with SerialLink(robot.open, baud, robot.time(), 10.0) as line:
         session = Session(controller, line, robot.time(), lambda entry: None, stop, arrive_s=arrive_s)
         session.run(motion)
     return session
@@ -69,7 +69,7 @@ def test_a_controller_that_is_no_stream_engine_is_sent_no_group() -> None:
     job = stream(2)
     robot = Robot(9600)
     baud, controller = controller_of(job, 9600, "500,2500", 0)
-    with Line(robot.open, baud, robot.time(), 10.0) as line:
+    with SerialLink(robot.open, baud, robot.time(), 10.0) as line:
         Session(controller, line, robot.time(), lambda entry: None).run(Limited(Sine(2), 1.0))
     assert {number for number, _ in commands(robot)} == {0, 1}
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import pytest
 
 from servogen.bench.ports import Port, PortError, Unplugged
-from servogen.drive.serial_link import Line, VirtualTime, port_opener
+from servogen.drive.serial_link import SerialLink, VirtualTime, port_opener
 from servogen.errors import ToolError
 from tests.drive.mini_ssc import Robot
 
@@ -16,7 +16,7 @@ from tests.drive.mini_ssc import Robot
 @pytest.mark.parametrize(("baud", "bytes_per_s"), [(300, 30), (2400, 240), (9600, 960)])
 def test_bytes_leave_at_the_rate_of_the_line(baud: int, bytes_per_s: int) -> None:
     robot = Robot(baud)
-    with Line(robot.open, baud, robot.time(), 0.0) as line:
+    with SerialLink(robot.open, baud, robot.time(), 0.0) as line:
         ends = [line.send(b"\xff\x00\x10") for _ in range(50)]
         line.drain()
     assert ends == pytest.approx([3 * (number + 1) / bytes_per_s for number in range(50)])
@@ -25,7 +25,7 @@ def test_bytes_leave_at_the_rate_of_the_line(baud: int, bytes_per_s: int) -> Non
 
 def test_a_line_that_was_idle_sends_at_once() -> None:
     robot = Robot(2400)
-    with Line(robot.open, 2400, robot.time(), 0.0) as line:
+    with SerialLink(robot.open, 2400, robot.time(), 0.0) as line:
         line.send(b"\xff\x00\x10")
         robot.now += 5
         assert line.send(b"\xff\x00\x11") == pytest.approx(5 + 3 / 240)
@@ -57,9 +57,9 @@ def test_whoever_waits_for_a_port_looks_again_and_again_and_not_for_ever() -> No
             raise PortError("there is no such port")
         yield Gone()
 
-    line = Line(gone, 2400, time.time(), 2.0)
+    line = SerialLink(gone, 2400, time.time(), 2.0)
     with pytest.raises(ToolError, match="did not come back within 2 s"):
-        line.again()
+        line.reopen()
     assert looks == [0.0, 0.0, 0.5, 1.0, 1.5, 2.0]
 
 
@@ -78,8 +78,8 @@ def test_a_port_that_goes_away_while_it_is_opened_is_waited_for(monkeypatch: pyt
     monkeypatch.setattr(termios, "tcflush", bouncing)
     clock = VirtualTime()
     try:
-        with Line(port_opener(path, 2400), 2400, clock.time(), 10.0) as line:
-            assert line.again() == pytest.approx(1.0), "two tries in vain, half a second after each"
+        with SerialLink(port_opener(path, 2400), 2400, clock.time(), 10.0) as line:
+            assert line.reopen() == pytest.approx(1.0), "two tries in vain, half a second after each"
             line.send(b"\xff\x00\x10")
         assert os.read(master, 10) == b"\xff\x00\x10"
         assert len(opened) == 4

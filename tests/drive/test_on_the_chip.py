@@ -16,12 +16,12 @@ import pytest
 
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.bench.virtual.serial_line import LineStimulus
-from servogen.drive.commands import QUIT, Rates, Silence, Words, script
+from servogen.drive.commands import QUIT, CommandSource, NoCommands, script
 from servogen.drive.controller import controller_of
 from servogen.drive.motions import Limited, Motion, Played, Still
-from servogen.drive.serial_link import Line, Time
+from servogen.drive.serial_link import SerialLink, Time
 from servogen.drive.session import Session
-from servogen.drive.steering import steering_of
+from servogen.drive.steering import Rates, steering_of
 from servogen.drive.sweep import Sweep, positions
 from servogen.edges import PINS
 from servogen.engines.stream.engine import compiled, stream
@@ -113,15 +113,17 @@ def driven(
     motion: Motion,
     stop: Floats | None = None,
     arrive_s: float = 1.0,
-    words: Words | None = None,
-    order: Callable[[str], None] = lambda word: None,
+    source: CommandSource | None = None,
+    on_command: Callable[[str], None] = lambda command: None,
 ) -> list[dict[str, object]]:
     log: list[dict[str, object]] = []
     baud, controller = controller_of(robot.job, None, None, 0)
     time = robot.time()
     began = time.now()
-    with Line(robot.open, baud, time, 0.0) as line:
-        Session(controller, line, time, log.append, stop, words or Silence(), order, arrive_s).run(motion)
+    with SerialLink(robot.open, baud, time, 0.0) as line:
+        Session(controller, line, time, log.append, stop, source or NoCommands(), on_command, arrive_s).run(
+            motion
+        )
     time.sleep(0.1)
     return [{**entry, "s": float(str(entry["s"])) + began} for entry in log]
 
@@ -189,12 +191,12 @@ def test_a_calibrations_widths_stand_on_the_pin_however_long_the_answer_takes() 
     baud, controller = controller_of(robot.job, None, None, 0)
     channel, time = controller.channels[0], robot.time()
     asked: list[tuple[float, float, float]] = []
-    with Line(robot.open, baud, time, 0.0) as line:
+    with SerialLink(robot.open, baud, time, 0.0) as line:
         sweep = Sweep(controller, 0, line, time, channel.position(channel.servo.neutral))
         for position in positions(channel, None, None, 3):
             sweep.go(position)
             began = time.now()
-            sweep.answered(lambda began=began: "90" if time.now() - began > 3 else None)  # type: ignore[misc]
+            sweep.wait_for(lambda began=began: "90" if time.now() - began > 3 else None)  # type: ignore[misc]
             asked.append((began, time.now(), channel.widths_us[position]))
     moments, widths = robot.seen("RB0")
     for began, ended, wanted in asked:
@@ -258,15 +260,15 @@ def test_a_gait_under_orders_is_walked_by_the_chip(tmp_path: Path) -> None:
     robot = OnChip(job, compiled(job, stream(job)[1], "c2c").compilation.image)
     steering, told = steering_of(job, Rates(30, 6)), steering_of(job, Rates(30, 6))
     words = script("forward\nwait 4\nleft\nwait 9\nstop\nwait 6\n")
-    log = driven(robot, steering, arrive_s=0.0, words=words, order=steering.order)
-    orders = {float(str(entry["s"])): str(entry["order"]) for entry in log if "order" in entry}
+    log = driven(robot, steering, arrive_s=0.0, source=words, on_command=steering.command)
+    orders = {float(str(entry["s"])): str(entry["command"]) for entry in log if "command" in entry}
     began = min(orders)
     planned = []
     for frame in range(int(20 / 0.02)):
         while orders and min(orders) <= began + frame * 0.02:
             word = orders.pop(min(orders))
             if word != QUIT:
-                told.order(word)
+                told.command(word)
         planned.append(told.at(frame * 0.02))
     angles = np.array(planned)
     assert np.degrees(np.ptp(angles, axis=0)).min() > 10, "every joint has moved"

@@ -1,4 +1,4 @@
-"""What a drive is asked to do: how long it lasts, how it ends, and what takes its orders."""
+"""What a drive is asked to do: how long it lasts, how it ends, and what takes its commands."""
 
 from __future__ import annotations
 
@@ -87,11 +87,11 @@ def test_only_a_fail_safe_switches_servos_off() -> None:
             course_of(other, Request(stop=OFF))
 
 
-def test_keys_that_mean_nothing_are_ignored_and_words_that_mean_nothing_are_refused() -> None:
+def test_keys_that_mean_nothing_are_ignored_and_commands_that_mean_nothing_are_refused() -> None:
     walking = job("hexapod-tripod")
-    course_of(walking, Request(steer=True, single_keys=True)).order("9")
+    course_of(walking, Request(steer=True, single_keys=True)).on_command("9")
     with pytest.raises(InputError):
-        course_of(walking, Request(steer=True)).order("9")
+        course_of(walking, Request(steer=True)).on_command("9")
 
 
 def test_a_pose_and_keys_exclude_each_other() -> None:

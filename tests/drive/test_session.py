@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from servogen.drive.commands import script
-from servogen.drive.controller import REFRESH_S, Channel, Controller, controller_of
+from servogen.drive.controller import REFRESH_S, Channel, ServoController, controller_of
 from servogen.drive.motions import Limited, Motion, Played, Still, pose_of
-from servogen.drive.serial_link import Line
+from servogen.drive.serial_link import SerialLink
 from servogen.drive.session import Session, Summary
 from servogen.errors import InputError, ToolError
 from servogen.job import PlannedJob, load, loads, plan_job
@@ -49,7 +49,7 @@ def driven(
     log: list[dict[str, object]] = []
     baud, controller = controller_of(job, robot.baud, RANGE, 0)
     patience: float = more.pop("patience", 10.0)  # type: ignore[assignment]
-    with Line(robot.open, baud, robot.time(), patience) as line:
+    with SerialLink(robot.open, baud, robot.time(), patience) as line:
         session = Session(controller, line, robot.time(), log.append, **more)  # type: ignore[arg-type]
         session.run(motion)
     assert robot.open_now == 0
@@ -142,7 +142,7 @@ def test_a_port_that_stays_away_is_an_error_and_what_could_not_be_done_is_said()
     robot = Robot(9600, faults=[(1.0, math.inf)])
     log: list[dict[str, object]] = []
     baud, controller = controller_of(job, 9600, RANGE, 0)
-    line = Line(robot.open, baud, robot.time(), 5.0)
+    line = SerialLink(robot.open, baud, robot.time(), 5.0)
     session = Session(controller, line, robot.time(), log.append, pose_of(job, "s0=90"))
     with pytest.raises(ToolError, match="did not come back within 5 s: there is no such port"):
         session.run(Sine(1))
@@ -163,7 +163,7 @@ def test_whatever_ends_a_drive_the_robot_is_stopped(error: type[BaseException]) 
 
     robot.after_wait = interrupt
     baud, controller = controller_of(job, 2400, RANGE, 0)
-    with Line(robot.open, baud, robot.time(), 5.0) as line:
+    with SerialLink(robot.open, baud, robot.time(), 5.0) as line:
         session = Session(controller, line, robot.time(), lambda entry: None, pose_of(job, "s0=90,s1=45"))
         with pytest.raises(error):
             session.run(Sine(2))
@@ -185,8 +185,8 @@ def test_orders_of_a_script_come_in_their_time_and_its_end_ends_the_drive() -> N
         job,
         Still(pose_of(job, "low")),
         robot,
-        words=words,
-        order=lambda word: orders.append((robot.now, word)),
+        source=words,
+        on_command=lambda word: orders.append((robot.now, word)),
     )
     assert [word for _, word in orders] == ["one", "two", "three"]
     assert [moment for moment, _ in orders] == pytest.approx([0, 1, 1], abs=0.03)
@@ -198,15 +198,15 @@ def test_an_order_that_is_none_stops_the_robot() -> None:
     robot = Robot(9600)
 
     def refuse(word: str) -> None:
-        raise InputError(f"'{word}' is no order")
+        raise InputError(f"'{word}' unknown command")
 
-    with pytest.raises(InputError, match="no order"):
+    with pytest.raises(InputError, match="unknown command"):
         driven(
             job,
             Still(pose_of(job, "low")),
             robot,
-            words=script("jump"),
-            order=refuse,
+            source=script("jump"),
+            on_command=refuse,
             stop=pose_of(job, "s0=60"),
         )
     assert angle_of(robot.decoder.positions[0]) == pytest.approx(math.radians(60), abs=0.02)
@@ -235,9 +235,9 @@ def test_positions_never_pass_a_servos_limits() -> None:
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ({"range_us": None}, "nothing says which widths positions 0 and 254 are"),
-        ({"range_us": "2000,1000"}, "is no range of widths"),
-        ({"range_us": "1000"}, "is no range of widths"),
+        ({"range_us": None}, "the widths of positions 0 and 254 are not known"),
+        ({"range_us": "2000,1000"}, "is not a range of widths"),
+        ({"range_us": "1000"}, "is not a range of widths"),
         ({"first": 252}, "8 servos from number 252 on"),
     ],
 )
@@ -251,7 +251,9 @@ def test_a_width_that_the_controller_cannot_make_is_refused_not_clamped() -> Non
     job = servos(1)
     channel = Channel(job.servos[0], 0, tuple(np.linspace(1200, 1800, 255).tolist()))
     assert channel.widths_us[channel.position(math.pi / 2)] == pytest.approx(1500, abs=2)
-    with pytest.raises(InputError, match="would need pulses of 1000 µs: the controller makes 1200 to 1800"):
+    with pytest.raises(
+        InputError, match="would need pulses of 1000 µs: the controller produces 1200 to 1800"
+    ):
         channel.position(0.0)
 
 
@@ -260,7 +262,7 @@ def test_a_width_that_the_controller_cannot_make_is_refused_not_clamped() -> Non
     [
         ("9", "the job has no pose '9'"),
         ("high", "the job has no pose 'high'"),
-        ("s0=ten", "'ten' is no angle"),
+        ("s0=ten", "'ten' is not an angle"),
         ("s7=10", "there is no servo 's7'"),
         ("s0=200", "cannot go to 200°"),
     ],
@@ -280,5 +282,5 @@ def test_a_pose_is_called_by_number_name_or_angles() -> None:
 
 
 def test_commands_are_sync_number_position() -> None:
-    controller = Controller(tuple(Channel(servo, 5, WIDTHS) for servo in servos(1).servos))
+    controller = ServoController(tuple(Channel(servo, 5, WIDTHS) for servo in servos(1).servos))
     assert controller.command(0, 127) == b"\xff\x05\x7f"

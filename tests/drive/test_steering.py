@@ -9,9 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.drive.commands import QUIT, Lines, Rates, Steering, keys, lines_of, script, wait_of, words_of
-from servogen.drive.steering import steering_of
-from servogen.drive.walker import Walker
+from servogen.drive.commands import (
+    QUIT,
+    LineCommands,
+    commands_in,
+    commands_of_keys,
+    script,
+    terminal_keys,
+    wait_seconds,
+)
+from servogen.drive.steering import Rates, Steering, WalkController, steering_of
 from servogen.errors import InputError
 from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.kinematics.omni import OmniBase
@@ -26,18 +33,18 @@ def steered(steering: Steering, orders: dict[int, str], frames: int) -> Floats:
     rows = []
     for frame in range(frames):
         if frame in orders:
-            steering.order(orders[frame])
+            steering.command(orders[frame])
         rows.append(steering.at(frame * FRAME_S))
     return np.asarray(np.degrees(np.array(rows)))
 
 
-def walking() -> Walker:
+def walking() -> WalkController:
     return steered_walk(plan_job(load(JOBS / "hexapod-tripod.toml")), Rates())
 
 
-def steered_walk(job: PlannedJob, rates: Rates) -> Walker:
+def steered_walk(job: PlannedJob, rates: Rates) -> WalkController:
     steering = steering_of(job, rates)
-    assert isinstance(steering, Walker)
+    assert isinstance(steering, WalkController)
     return steering
 
 
@@ -48,7 +55,7 @@ def test_a_walk_is_steered_without_its_job_file(tmp_path: Path) -> None:
     job = plan_job(load(file))
     file.unlink()
     robot = steered_walk(job, Rates())
-    assert robot.words == walking().words
+    assert robot.commands == walking().commands
     assert (robot.gaits["left"].cycle == walking().gaits["left"].cycle).all()
 
 
@@ -57,7 +64,7 @@ def test_whatever_is_ordered_no_joint_of_the_walk_jumps() -> None:
     most = np.abs(np.diff(np.degrees(job.trajectory.angles), axis=0)).max()
     random = np.random.default_rng(7)
     robot = walking()
-    orders = {int(at): str(random.choice(robot.words)) for at in random.integers(0, 3000, 60)}
+    orders = {int(at): str(random.choice(robot.commands)) for at in random.integers(0, 3000, 60)}
     assert np.abs(np.diff(steered(robot, orders, 3200), axis=0)).max() <= 1.01 * most
 
 
@@ -70,7 +77,7 @@ def test_a_way_is_start_cycles_and_stop_and_ends_standing() -> None:
     assert np.allclose(rows[begin : begin + len(first)], first)
     assert np.allclose(rows[-1], np.degrees(gait.stop[-1]))
     assert np.allclose(rows[-100:], rows[-1]), "it stands"
-    assert robot.going is None
+    assert robot.walking is None
 
 
 def test_the_steered_walk_is_the_walk_that_a_job_plans() -> None:
@@ -129,7 +136,7 @@ def test_a_base_changes_its_speed_in_a_ramp() -> None:
 
 def test_a_speed_that_the_wheels_do_not_have_is_refused() -> None:
     job = plan_job(load(JOBS / "omni-square.toml"))
-    assert "forward" not in steering_of(job, Rates(5000, 30)).words
+    assert "forward" not in steering_of(job, Rates(5000, 30)).commands
     with pytest.raises(InputError, match="cannot turn at"):
         steering_of(job, Rates(5000, 3000))
 
@@ -162,17 +169,17 @@ def test_a_stream_job_without_poses_takes_angles() -> None:
     ("job", "word"), [("hexapod-tripod", "jump"), ("omni-square", "jump"), ("lab8-exercise", "4")]
 )
 def test_an_unknown_order_is_refused(job: str, word: str) -> None:
-    with pytest.raises(InputError, match="is no order"):
-        steering_of(plan_job(load(JOBS / f"{job}.toml")), Rates()).order(word)
+    with pytest.raises(InputError, match="unknown command"):
+        steering_of(plan_job(load(JOBS / f"{job}.toml")), Rates()).command(word)
 
 
 def test_an_arm_program_has_nothing_to_steer() -> None:
-    with pytest.raises(InputError, match="nothing to steer"):
+    with pytest.raises(InputError, match="nothing can be steered"):
         steering_of(plan_job(load(JOBS / "rvm1-program.toml")), Rates())
 
 
 def test_keys_and_arrows_are_words_and_other_keys_none() -> None:
-    assert words_of(b"w\x1b[A\x1bOBd  zx3\x1b") == [
+    assert commands_of_keys(b"w\x1b[A\x1bOBd  zx3\x1b") == [
         *("forward", "forward", "back", "right", "stop", "stop", QUIT, "3"),
     ]
 
@@ -181,7 +188,7 @@ def test_a_terminals_keys_come_without_return_and_it_is_as_before_afterwards() -
     master, slave = pty.openpty()
     try:
         before = termios.tcgetattr(slave)
-        with keys(slave) as opened:
+        with terminal_keys(slave) as opened:
             assert opened.since(0.0) == []
             os.write(master, b"a\x1b[D")
             assert opened.since(0.0) == ["left", "left"]
@@ -195,7 +202,7 @@ def test_a_terminals_keys_come_without_return_and_it_is_as_before_afterwards() -
 def test_lines_come_when_they_are_whole_and_the_end_is_quit() -> None:
     read, write = os.pipe()
     try:
-        lines = Lines(read)
+        lines = LineCommands(read)
         os.write(write, b"forw")
         assert lines.since(0.0) == []
         os.write(write, b"ard\nwait 2\nstop\n# nothing\nback")
@@ -211,10 +218,10 @@ def test_lines_come_when_they_are_whole_and_the_end_is_quit() -> None:
 @pytest.mark.parametrize("line", ["wait", "wait soon", "wait -1", "wait nan", "wait inf"])
 def test_a_wait_that_is_none_is_refused(line: str) -> None:
     with pytest.raises(InputError, match="does not say how long"):
-        wait_of(line)
+        wait_seconds(line)
     with pytest.raises(InputError, match="does not say how long"):
         script(line).since(0.0)
 
 
 def test_comments_and_empty_lines_are_no_orders() -> None:
-    assert lines_of("a # b\n\n  \n#c\nd") == ["a", "d"]
+    assert commands_in("a # b\n\n  \n#c\nd") == ["a", "d"]

@@ -47,7 +47,7 @@ def test_a_hundredth_of_a_microsecond_beyond_a_limit_is_refused(
     channel: Channel, below: float, above: float
 ) -> None:
     low, high = channel.servo.widths_us
-    with pytest.raises(InputError, match="is allowed pulses of"):
+    with pytest.raises(InputError, match="takes pulses of"):
         positions(channel, low - below, high + above, 5)
 
 
@@ -60,7 +60,7 @@ def test_rounding_beyond_a_limit_is_not_refused(channel: Channel) -> None:
 def test_as_many_points_as_there_are_positions_and_no_more(channel: Channel) -> None:
     low, high = channel.widths_us[60], channel.widths_us[64]
     assert positions(channel, low, high, 5) == (60, 61, 62, 63, 64)
-    with pytest.raises(InputError, match="makes 5 widths there"):
+    with pytest.raises(InputError, match="produces 5 widths there"):
         positions(channel, low, high, 6)
 
 

@@ -181,7 +181,7 @@ def test_a_rover_is_driven_and_not_sideways(folder: Path) -> None:
     sent = {"forward": {}, "left": {}}  # type: dict[str, dict[str, float]]
     order = ""
     for entry in log:
-        order = entry.get("order", order)
+        order = entry.get("command", order)
         if "servo" in entry and order in sent:
             sent[order][entry["servo"]] = entry["width_us"]
     # 60 mm/s: 2 rad/s of each wheel; 60°/s: the wheels 60 mm from the middle at ∓62.8 mm/s, ∓2.09 rad/s
