@@ -1,7 +1,7 @@
 """The rooms put together: from a job to proven HEX files."""
 
 from servogen.build.build import Build, Program, build, report, write
-from servogen.build.engines import Planned, planned
+from servogen.build.engines import Planned, nearest_pulses, planned
 from servogen.build.proof import (
     LOOPS_CHECKED,
     checked_cycles,
@@ -22,6 +22,7 @@ __all__ = [
     "build",
     "checked_cycles",
     "motion_cycles",
+    "nearest_pulses",
     "planned",
     "prove",
     "prove_file",

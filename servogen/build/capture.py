@@ -15,6 +15,8 @@ from pathlib import Path
 
 from servogen.bench.analysers.memory import FEWEST_EDGES, USUAL_EDGES, USUAL_PERIOD_S, Plan, Wanted, plan
 from servogen.bench.analysers.request import Record, check_name, edges, stitched, write_capture
+from servogen.bench.analysers.sigrok import SigrokLook, sigrok_wires
+from servogen.bench.analysers.sigrok import capture as sigrok_capture
 from servogen.bench.analysers.stitching import Stitched, stitch
 from servogen.bench.analysers.sump_client import BAUD, Analyser, Look, Seen, identify
 from servogen.bench.analysers.sump_client import capture as sump_capture
@@ -30,6 +32,10 @@ SECONDS = 1.0
 SLACK = 1.25
 PATIENCE_S = 5.0
 """Beyond the time that the capture itself takes."""
+MAX_DRIFT = Fraction(1, 1000)
+"""A chip whose crystal is slower by no more than this still shows in a capture what is wanted."""
+SUMP_DRIVER = "ols"
+"""sigrok's only driver that can count equal samples."""
 
 Progress = Callable[[str, int], AbstractContextManager[Callable[[int], None]]]
 """(what is done, how much there is to do) -> a block in which a function takes how much is done."""
@@ -67,6 +73,47 @@ class Captured:
     analyser: Analyser
     plan: Plan
     seen: Stitched
+
+    @property
+    def captures(self) -> int:
+        """Return how many captures it is stitched from."""
+        return len(self.seen.records)
+
+    @property
+    def seconds(self) -> float:
+        """Return the time that was captured, without the gaps between captures."""
+        return sum(record.end for record in self.seen.records) / float(self.plan.rate)
+
+    def to_json(self) -> dict[str, object]:
+        return {
+            "file": str(self.path),
+            "analyser": self.analyser.name,
+            "memory_bytes": self.analyser.memory,
+            "samples_per_second": int(self.plan.rate),
+            "rle": self.plan.rle,
+            "seconds": self.seconds,
+            "captures": self.captures,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class SigrokCaptured:
+    """A capture that sigrok-cli wrote."""
+
+    path: Path
+    look: SigrokLook
+
+    @property
+    def seconds(self) -> float:
+        return self.look.samples / self.look.rate
+
+    def to_json(self) -> dict[str, object]:
+        return {
+            "file": str(self.path),
+            "analyser": self.look.driver,
+            "samples_per_second": self.look.rate,
+            "seconds": self.seconds,
+        }
 
 
 def capture(
@@ -109,6 +156,28 @@ def capture(
             f"what came is kept, marked as not whole, in {path}",
         )
     return Captured(path, device, planned, seen)
+
+
+def capture_by_sigrok(
+    output: Path,
+    driver: str,
+    schedule: PulseSchedule | None = None,
+    seconds: float | None = None,
+    looking: Looking = Looking(),
+) -> SigrokCaptured:
+    """Capture the pins through sigrok-cli, for `seconds` or the schedule's whole loop.
+
+    Two frames more than that, because sigrok begins anywhere, and the share of a slow crystal. Raises
+    InputError for a request that shows nothing, ToolError if sigrok-cli fails.
+    """
+    if schedule is not None:
+        check_rate(looking.rate)
+    wanted = wanted_of(schedule, seconds)
+    samples = ceil(looking.rate * (wanted.frames + 2) * wanted.period_s * (1 + MAX_DRIFT))
+    counts_equal_samples = looking.rle and driver.partition(":")[0] == SUMP_DRIVER
+    look = SigrokLook(driver, looking.rate, samples, sigrok_wires(looking.wire), counts_equal_samples)
+    sigrok_capture(look, output)
+    return SigrokCaptured(output, look)
 
 
 def check_rate(rate: int) -> None:

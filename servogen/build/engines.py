@@ -14,6 +14,7 @@ from servogen.errors import InputError
 from servogen.job import PlannedJob
 from servogen.plan_error import DECIMALS
 from servogen.pulse.plan import PulsePlan
+from servogen.pulse.plan import plan as nearest
 from servogen.report.tool_error import errors_of, worst_of
 from servogen.report.tracks import tracks_of
 
@@ -36,6 +37,18 @@ def planned(job: PlannedJob) -> Planned:
     found = _planned(job)
     schedule = replace(found.plan.schedule, device=job.device.name)
     return replace(found, plan=with_end_error(found.job, replace(found.plan, schedule=schedule)))
+
+
+def nearest_pulses(job: PlannedJob) -> tuple[PlannedJob, PulsePlan]:
+    """Return the job and its pulses without building it: each as near to its angle as whole cycles are.
+
+    If these fit no frame, return both as the job's engine makes them. Raises InputError.
+    """
+    try:
+        return job, nearest(job.trajectory, job.servos, job.frame)
+    except InputError:
+        found = planned(job)
+        return found.job, found.plan
 
 
 def with_end_error(job: PlannedJob, plan: PulsePlan) -> PulsePlan:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,12 +14,9 @@ from servogen.programs import read_schedule
 from servogen.units import counted
 
 if TYPE_CHECKING:
-    from servogen.bench.analysers.memory import Wanted
     from servogen.build.capture import Captured
 
 RATE = 1_000_000
-MOST_DRIFT = Fraction(1, 1000)
-"""A chip whose crystal is so much too slow still shows in a capture what is wanted."""
 
 
 def capture(
@@ -66,14 +62,19 @@ def capture(
     json: Json = False,
 ) -> None:
     """Look at the chip's pins with a logic analyser that speaks SUMP (Logic Sniffer, Bus Pirate, …)."""
-    from servogen.build.capture import Looking, check_rate, wanted_of
+    from servogen.build.capture import Looking, capture_by_sigrok
     from servogen.build.capture import capture as captured
 
     schedule = None if against is None else read_schedule(against)
+    looking = Looking(rate, rle, memory, trigger, wire or (), stitch)
     if sigrok is not None:
-        if schedule is not None:
-            check_rate(rate)
-        _look_by_sigrok(sigrok, rate, wanted_of(schedule, seconds), wire or [], rle, output, against, json)
+        with status("sigrok-cli is looking"):
+            seen = capture_by_sigrok(output, sigrok, schedule, seconds, looking)
+        if json:
+            as_json(seen.to_json())
+            return
+        print(f"{output}: {seen.seconds:g} s at {rate} samples a second")
+        _say_next(output, against)
         return
     if port is None:
         raise InputError(
@@ -81,7 +82,6 @@ def capture(
             "there is no analyser to look with",
             hint="--port /dev/ttyACM0, or --sigrok fx2lafw",
         )
-    looking = Looking(rate, rle, memory, trigger, wire or (), stitch)
     done = captured(output, port, schedule, seconds, looking, progress)
     if done.seen.unseen and seconds is None:
         looks = len(done.seen.records)
@@ -89,58 +89,19 @@ def capture(
     _tell(done, output, against, json)
 
 
-def _look_by_sigrok(
-    driver: str,
-    rate: int,
-    wanted: Wanted,
-    wire: list[str],
-    rle: bool,
-    output: Path,
-    against: Path | None,
-    json: bool,
-) -> None:
-    """Look for two frames more than is wanted, as sigrok begins anywhere, and for a slow crystal's share."""
-    from math import ceil
-
-    from servogen.bench.analysers.sigrok import SigrokLook, sigrok_wires
-    from servogen.bench.analysers.sigrok import capture as captured
-
-    samples = ceil(rate * (wanted.frames + 2) * wanted.period_s * (1 + MOST_DRIFT))
-    counts = rle and driver.partition(":")[0] == "ols"  # the one driver that has it
-    look = SigrokLook(driver, rate, samples, sigrok_wires(wire), counts)
-    with status("sigrok-cli is looking"):
-        captured(look, output)
-    if json:
-        seconds = samples / rate
-        as_json({"file": str(output), "analyser": driver, "samples_per_second": rate, "seconds": seconds})
-        return
-    print(f"{output}: {samples / rate:g} s at {rate} samples a second")
-    if against is not None:
-        print(f"next: servogen verify {output} --against {against}")
-
-
 def _tell(done: Captured, output: Path, against: Path | None, json: bool) -> None:
-    device, planned, seen = done.analyser, done.plan, done.seen
-    captures = len(seen.records)
-    seconds = sum(record.end for record in seen.records) / float(planned.rate)
     if json:
-        as_json(
-            {
-                "file": str(output),
-                "analyser": device.name,
-                "memory_bytes": device.memory,
-                "samples_per_second": int(planned.rate),
-                "rle": planned.rle,
-                "seconds": seconds,
-                "captures": captures,
-            }
-        )
+        as_json(done.to_json())
         return
-    print(f"{output}: {seconds:g} s at {int(planned.rate)} samples a second from {device.name}")
-    if captures > 1:
+    print(f"{output}: {done.seconds:g} s at {int(done.plan.rate)} samples a second from {done.analyser.name}")
+    if done.captures > 1:
         print(
-            f"stitched of {captures} captures, as one holds {counted(planned.frames, 'frame')}; "
+            f"stitched of {done.captures} captures, as one holds {counted(done.plan.frames, 'frame')}; "
             "the time between two is not known"
         )
+    _say_next(output, against)
+
+
+def _say_next(output: Path, against: Path | None) -> None:
     if against is not None:
         print(f"next: servogen verify {output} --against {against}")

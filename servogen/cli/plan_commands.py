@@ -15,10 +15,8 @@ from servogen.units import counted
 
 if TYPE_CHECKING:
     from servogen.job import PlannedJob
-    from servogen.pulse.plan import PulsePlan
+    from servogen.report.plan_facts import PlanFacts
     from servogen.report.servo_facts import ServoFacts
-    from servogen.report.tool_error import EndError
-    from servogen.report.tracks import Track
 
 Plot = Annotated[Path | None, typer.Option("--plot", help="Draw it: .png, .svg or .pdf.")]
 Animate = Annotated[Path | None, typer.Option("--animate", help="Film the robot: .gif or .mp4 (ffmpeg).")]
@@ -37,16 +35,15 @@ def plan(
     json: Json = False,
 ) -> None:
     """Say what a job will do without building it: frames, servos, paths, the error of the pulses."""
+    from servogen.build import nearest_pulses
     from servogen.job import load, plan_job
     from servogen.outputs import atomic_write
     from servogen.report.motion_table import frame_lines
-    from servogen.report.servo_facts import facts_of
-    from servogen.report.tool_error import errors_of
-    from servogen.report.tracks import tracks_of
+    from servogen.report.plan_facts import plan_facts
 
     with status("planning"):
-        loaded, made = _planned(plan_job(load(job)))
-    tracks = tracks_of(loaded, made.schedule)
+        facts = plan_facts(*nearest_pulses(plan_job(load(job))))
+    loaded, made, tracks = facts.job, facts.plan, facts.tracks
     if csv:
         with atomic_write(csv) as file:
             file.writelines(f"{line}\n" for line in frame_lines(loaded, made.schedule, tracks))
@@ -60,56 +57,42 @@ def plan(
 
         with status(f"filming {animate}"):
             film(job_scene(loaded), animate)
-    facts, errors = facts_of(loaded), errors_of(tracks)
     if json:
-        as_json(_plan_dict(loaded, made, facts, tracks, errors))
+        as_json(
+            {
+                **facts.to_json(),
+                "notes": [{"code": note.code, "text": note.text} for note in loaded.notes],
+                "warnings": [
+                    {"code": warning.code, "text": str(warning)}
+                    for warning in (*loaded.warnings, *made.warnings)
+                ],
+            }
+        )
     else:
-        _show_plan(loaded, made, facts, tracks, errors)
+        _show_plan(facts)
 
 
-def _planned(job: PlannedJob) -> tuple[PlannedJob, PulsePlan]:
-    """Every pulse as near as whole cycles are; where that fits no frame, as the job's engine makes them."""
-    from servogen.build import planned as engines_plan
-    from servogen.errors import InputError
-    from servogen.pulse.plan import plan as nearest_pulses
-
-    try:
-        return job, nearest_pulses(job.trajectory, job.servos, job.frame)
-    except InputError:
-        found = engines_plan(job)
-        return found.job, found.plan
-
-
-def _show_plan(
-    job: PlannedJob,
-    made: PulsePlan,
-    facts: tuple[ServoFacts, ...],
-    tracks: tuple[Track, ...],
-    errors: tuple[EndError, ...],
-) -> None:
-    from servogen.report.tool_error import worst_of
-
-    _show_servos(job, facts)
-    frame_s = _seconds(made, 1)
-    if errors:
-        _show_ends(tracks, errors, frame_s)
+def _show_plan(facts: PlanFacts) -> None:
+    job, schedule = facts.job, facts.plan.schedule
+    _show_servos(job, facts.servos)
+    if facts.ends:
+        _show_ends(facts)
     for note in job.notes:
         print(note.text)
-    schedule = made.schedule
-    if errors:
-        worst = worst_of(errors)
+    if facts.worst is not None:
+        worst = facts.worst
         print(
             f"error of the pulses: at worst {1000 * worst.worst_m:z.3f} mm, "
-            f"{worst.name} in frame {worst.frame} ({worst.frame * frame_s:.6g} s)"
+            f"{worst.name} in frame {worst.frame} ({facts.seconds(worst.frame):.6g} s)"
         )
     parts = [("lead-in", schedule.lead_in_frames), ("loop", schedule.loop_frames)]
     text = ", ".join(
-        f"{name} of {counted(frames, 'frame')}, {_seconds(made, frames):g} s"
+        f"{name} of {counted(frames, 'frame')}, {facts.seconds(frames):g} s"
         for name, frames in parts
         if frames
     )
     print(f"{job.file}: {counted(len(job.servos), 'servo')}, {text}")
-    warn_of_all((*job.warnings, *made.warnings))
+    warn_of_all((*job.warnings, *facts.plan.warnings))
 
 
 def _show_servos(job: PlannedJob, facts: tuple[ServoFacts, ...]) -> None:
@@ -149,91 +132,16 @@ def _show_servos(job: PlannedJob, facts: tuple[ServoFacts, ...]) -> None:
     )
 
 
-def _show_ends(tracks: tuple[Track, ...], errors: tuple[EndError, ...], frame_s: float) -> None:
+def _show_ends(facts: PlanFacts) -> None:
     from servogen.report.tool_error import ERROR_COLUMNS, error_rows
 
-    by_name = {track.name: track for track in tracks}
     rows = []
-    for each in errors:
-        least, greatest = _extent(by_name[each.name])
-        spans = (f"{_mm(low)} to {_mm(high)}" for low, high in zip(least, greatest, strict=True))
+    for each in facts.ends:
+        spans = (f"{_mm(low)} to {_mm(high)}" for low, high in zip(*facts.extent(each), strict=True))
         rows.append((each.name, *spans))
     table("Paths", ("end", "x mm", "y mm", "z mm"), rows)
     columns = [re.sub(r"_(mm|s)$", r" \1", column).replace("_", " ") for column in ERROR_COLUMNS]
-    table("Error of the pulses", columns, list(error_rows(errors, frame_s)))
-
-
-def _plan_dict(
-    job: PlannedJob,
-    made: PulsePlan,
-    facts: tuple[ServoFacts, ...],
-    tracks: tuple[Track, ...],
-    errors: tuple[EndError, ...],
-) -> dict[str, object]:
-    """Metres, radians and seconds."""
-    by_name = {track.name: track for track in tracks}
-    schedule, frame_s = made.schedule, _seconds(made, 1)
-    return {
-        "job": job.name,
-        "device": job.device.name,
-        "clock_hz": job.clock.hz,
-        "period_s": frame_s,
-        "lead_in_frames": schedule.lead_in_frames,
-        "loop_frames": schedule.loop_frames,
-        "lead_in_s": _seconds(made, schedule.lead_in_frames),
-        "loop_s": _seconds(made, schedule.loop_frames),
-        "servos": [
-            {
-                "name": each.servo.name,
-                "pin": each.servo.pin,
-                "model": each.servo.model.name,
-                "continuous": each.servo.model.continuous,
-                "least": each.least,
-                "greatest": each.greatest,
-                "lower_limit": each.servo.limits[0],
-                "upper_limit": each.servo.limits[1],
-                "peak_speed": each.speed,
-                "peak_speed_frame": each.speed_frame,
-                "speed_limit": each.servo.model.speed,
-                "largest_step": each.step,
-                "step_needs_s": each.step_needs_s,
-                "step_has_s": each.step_s,
-            }
-            for each in facts
-        ],
-        "ends": [
-            {
-                "name": each.name,
-                "kind": by_name[each.name].kind,
-                "least_m": _extent(by_name[each.name])[0],
-                "greatest_m": _extent(by_name[each.name])[1],
-                "error": {
-                    "worst_m": each.worst_m,
-                    "rms_m": each.rms_m,
-                    "frame": each.frame,
-                    "time_s": each.frame * frame_s,
-                    "jacobian_worst_m": each.first_order_worst_m,
-                    "jacobian_rms_m": each.first_order_rms_m,
-                },
-            }
-            for each in errors
-        ],
-        "notes": [{"code": note.code, "text": note.text} for note in job.notes],
-        "warnings": [
-            {"code": warning.code, "text": str(warning)} for warning in (*job.warnings, *made.warnings)
-        ],
-    }
-
-
-def _extent(track: Track) -> tuple[list[float], list[float]]:
-    """The least and greatest x, y, z of a track that has points."""
-    import numpy as np
-
-    return np.nanmin(track.planned, axis=0).tolist(), np.nanmax(track.planned, axis=0).tolist()
-
-
-def _seconds(made: PulsePlan, frames: int) -> float:
-    return float(made.schedule.clock.seconds(frames * made.schedule.period))
+    table("Error of the pulses", columns, list(error_rows(facts.ends, facts.seconds(1))))
 
 
 def _degrees(value: float | None) -> str:

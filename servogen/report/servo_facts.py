@@ -46,6 +46,25 @@ class ServoFacts:
             return None
         return self.step / self.servo.model.speed
 
+    def to_json(self) -> dict[str, object]:
+        servo = self.servo
+        return {
+            "name": servo.name,
+            "pin": servo.pin,
+            "model": servo.model.name,
+            "continuous": servo.model.continuous,
+            "least": self.least,
+            "greatest": self.greatest,
+            "lower_limit": servo.limits[0],
+            "upper_limit": servo.limits[1],
+            "peak_speed": self.speed,
+            "peak_speed_frame": self.speed_frame,
+            "speed_limit": servo.model.speed,
+            "largest_step": self.step,
+            "step_needs_s": self.step_needs_s,
+            "step_has_s": self.step_s,
+        }
+
 
 def facts_of(job: PlannedJob) -> tuple[ServoFacts, ...]:
     """One a servo, in their order; a servo that never has a pulse has no range and is left out."""

@@ -28,6 +28,16 @@ class EndError:
     first_order_worst_m: float
     first_order_rms_m: float
 
+    def to_json(self) -> dict[str, object]:
+        """Return the error without the name of the end."""
+        return {
+            "worst_m": self.worst_m,
+            "rms_m": self.rms_m,
+            "frame": self.frame,
+            "jacobian_worst_m": self.first_order_worst_m,
+            "jacobian_rms_m": self.first_order_rms_m,
+        }
+
 
 def errors_of(tracks: Sequence[Track]) -> tuple[EndError, ...]:
     """One a track, in their order; a track without a pulse has no error and is left out."""
