@@ -290,7 +290,7 @@ KINDS: Mapping[str, Kind] = {
     "rvm": Kind(
         ".rvm",
         files(JOBS / "rvm1-program.rvm"),
-        [("run-program", "{file}", "--most-s", "60", "--most-commands", "1000", "--json")],
+        [("run-program", "{file}", "--max-s", "60", "--max-commands", "1000", "--json")],
     ),
     "calibration": Kind(
         ".toml",

@@ -33,10 +33,10 @@ def run_program(
     ] = None,
     period_us: Annotated[int, typer.Option("--period-us", min=1000, help="One frame.")] = 20_000,
     repeat: Annotated[bool, typer.Option("--repeat", help="Run the program for ever.")] = False,
-    most_commands: Annotated[
-        int, typer.Option("--most-commands", min=1, help="Stop a program that does not end.")
+    max_commands: Annotated[
+        int, typer.Option("--max-commands", min=1, help="Stop a program that does not end.")
     ] = 100_000,
-    most_s: Annotated[float, typer.Option("--most-s", min=1, help="The same, in seconds of motion.")] = 3600,
+    max_s: Annotated[float, typer.Option("--max-s", min=1, help="The same, in seconds of motion.")] = 3600,
     output: Annotated[
         Path | None, typer.Option("--csv", help="Write the joints of each frame (degrees, mm).")
     ] = None,
@@ -58,7 +58,7 @@ def run_program(
         Clock(CLOCK_HZ),
         inputs=tuple(input_of(each) for each in inputs or ()),
         repeat=repeat,
-        budget=Budget(most_commands, Fraction(most_s)),
+        budget=Budget(max_commands, Fraction(max_s)),
     )
     if output:
         write_text(output, _csv(done, chosen))

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from servogen.engines.stream.protocol import MOST, Command, Kind, travel
+from servogen.engines.stream.protocol import MAX_VALUE, Command, Kind, travel
 from servogen.engines.stream.settings import Stream
 from servogen.errors import InputError, Location
 from servogen.job import Job
@@ -46,7 +46,7 @@ class Channel:
     @property
     def step_us(self) -> float:
         """Return the mean difference between the widths of consecutive positions."""
-        return (self.widths_us[-1] - self.widths_us[0]) / MOST
+        return (self.widths_us[-1] - self.widths_us[0]) / MAX_VALUE
 
     def position(self, angle: float) -> int:
         """Return the position nearest to a servo angle within the servo's limits.
@@ -58,7 +58,7 @@ class Channel:
         near = [
             position
             for position in (after - 1, after)
-            if 0 <= position <= MOST
+            if 0 <= position <= MAX_VALUE
             and minimum - self.slack_us <= self.widths_us[position] <= maximum + self.slack_us
         ]
         position = min(near, key=lambda candidate: abs(self.widths_us[candidate] - width), default=None)
@@ -105,9 +105,10 @@ def controller_of(
     A job with [stream] is its own controller, unless `range_us` states the widths of positions 0 and 254 of
     another. Raises InputError if they are not known.
     """
-    if first + len(job.servos) > MOST + 1:
+    if first + len(job.servos) > MAX_VALUE + 1:
         raise InputError(
-            "too-many-servos", f"{len(job.servos)} servos from number {first} on: the last number is {MOST}"
+            "too-many-servos",
+            f"{len(job.servos)} servos from number {first} on: the last number is {MAX_VALUE}",
         )
     if job.stream is not None and range_us is None:
         if first:
@@ -122,7 +123,7 @@ def controller_of(
             Location(job.file),
             "see the controller's manual: --range-us 500,2500",
         )
-    widths = tuple(np.linspace(*_range(range_us), MOST + 1).tolist())
+    widths = tuple(np.linspace(*_range(range_us), MAX_VALUE + 1).tolist())
     channels = tuple(Channel(servo, first + index, widths) for index, servo in enumerate(job.servos))
     return baud or DEFAULT_BAUD, ServoController(channels)
 
@@ -133,7 +134,7 @@ def _stream(job: Job, stream: Stream) -> ServoController:
     channels = []
     for index, servo in enumerate(job.servos):
         limits = travel(servo, job.clock)
-        widths = tuple(float(job.clock.us(limits.width(position))) for position in range(MOST + 1))
+        widths = tuple(float(job.clock.us(limits.width(position))) for position in range(MAX_VALUE + 1))
         channels.append(Channel(servo, index, widths, half_us + TINY_US))
     frame_s = float(job.clock.seconds(job.frame.period.cycles))
     return ServoController(

@@ -20,7 +20,7 @@ from servogen.drive.commands import QUIT, CommandSource, NoCommands
 from servogen.drive.controller import ServoController
 from servogen.drive.motions import Motion
 from servogen.drive.serial_link import SerialLink, Time
-from servogen.engines.stream.protocol import MOST, group_begins, group_goes, speed_command
+from servogen.engines.stream.protocol import MAX_VALUE, group_begins, group_goes, speed_command
 from servogen.errors import InputError, ToolError
 from servogen.motion.trajectory import Floats
 
@@ -133,8 +133,8 @@ class Session:
             self._in_group = True
             self._bytes(group_begins())
             self._pose(changed)
-            self._group_goes(min(frames, MOST))
-            ends = self._last + min(frames, MOST) * (frame_s or 0.0)
+            self._group_goes(min(frames, MAX_VALUE))
+            ends = self._last + min(frames, MAX_VALUE) * (frame_s or 0.0)
             while (left := ends - self.time.now()) > 0:
                 self.time.sleep(min(left, self.controller.refresh_s))
                 self._bytes(speed_command(0, 0))  # changes nothing, but shows the chip that its line is alive

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from servogen.drive.controller import Channel, ServoController
 from servogen.drive.serial_link import SerialLink, Time
-from servogen.engines.stream.protocol import MOST
+from servogen.engines.stream.protocol import MAX_VALUE
 from servogen.errors import InputError
 from servogen.robot.calibration import Reading
 
@@ -64,7 +64,7 @@ class Sweep:
 
     def go(self, position: int) -> None:
         """Go to a position in steps and wait until the servo is at rest. Raises Unplugged."""
-        step = max(1, round(MOST * STEP_S / RANGE_S))
+        step = max(1, round(MAX_VALUE * STEP_S / RANGE_S))
         for next_position in _steps(self.at, position, step):
             self.at = next_position
             self.send()

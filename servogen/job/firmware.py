@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from servogen.edges import PINS
 from servogen.engines.player.buttons import Button, Buttons
 from servogen.engines.registry import ENGINES, suitable
-from servogen.engines.stream.protocol import MOST_SERVOS
+from servogen.engines.stream.protocol import MAX_SERVOS
 from servogen.engines.stream.settings import Stream, bit_units
 from servogen.errors import did_you_mean
 from servogen.job.job import Firmware
@@ -99,11 +99,11 @@ def _stream(document: Document, table: JobTable, servos: Sequence[Servo], clock:
             'write engine = "stream", or omit engine',
         )
     given = table.stream or StreamTable()
-    if len(servos) > MOST_SERVOS:
+    if len(servos) > MAX_SERVOS:
         raise document.error(
             "too-many-servos",
-            ("servo", MOST_SERVOS),
-            f"the stream engine drives up to {MOST_SERVOS} servos, not {len(servos)}",
+            ("servo", MAX_SERVOS),
+            f"the stream engine drives up to {MAX_SERVOS} servos, not {len(servos)}",
         )
     taken = {servo.pin: servo.name for servo in servos}
     for name, pin in (("receive_pin", given.receive_pin), ("transmit_pin", given.transmit_pin)):

@@ -56,7 +56,7 @@ def program_of(
             for index, text in enumerate(table.inputs)
         ),
         repeat=table.repeat,
-        budget=Budget(table.most_commands, exact(table.most_s)),
+        budget=Budget(table.max_commands, exact(table.max_s)),
     )
     return Planned(_on_servos(document, done, table, bindings, servos), done.warnings, _notes(document, done))
 

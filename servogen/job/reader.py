@@ -21,10 +21,10 @@ from servogen.toml import file as toml_file
 from servogen.toml.file import Document, exact
 from servogen.units import Clock
 
-LEAST_CLOCK_HZ = 32_000
+MIN_CLOCK_HZ = 32_000
 """A watch's crystal has 32768 Hz (DS35007, table of crystal capacitors, mode LP)."""
 
-LEAST_PERIOD_US = 1000.0
+MIN_PERIOD_US = 1000.0
 """As long as a servo's pulse is."""
 
 
@@ -123,18 +123,18 @@ def _chip(document: Document, table: JobTable) -> tuple[Device, Clock]:
             f"{table.chip.clock_hz} Hz is above the {chip.name}'s limit of {chip.max_clock_hz} Hz",
             "the PIC16F84 runs at up to 10 MHz, the PIC16F84A at up to 20 MHz",
         )
-    if table.chip.clock_hz < LEAST_CLOCK_HZ:
+    if table.chip.clock_hz < MIN_CLOCK_HZ:
         raise document.error(
             "clock-limit",
             ("chip", "clock_hz"),
-            f"{table.chip.clock_hz} Hz is slower than any crystal: at least {LEAST_CLOCK_HZ} Hz",
+            f"{table.chip.clock_hz} Hz is slower than any crystal: at least {MIN_CLOCK_HZ} Hz",
             "4 MHz are 4_000_000",
         )
     return chip, Clock(table.chip.clock_hz)
 
 
 def _frame(document: Document, table: JobTable, clock: Clock) -> Frame:
-    if table.frame.period_us < LEAST_PERIOD_US:
+    if table.frame.period_us < MIN_PERIOD_US:
         raise document.error(
             "out-of-range",
             ("frame", "period_us"),
@@ -146,7 +146,7 @@ def _frame(document: Document, table: JobTable, clock: Clock) -> Frame:
         exact(table.frame.gap_us),
         None if table.frame.slot_us is None else exact(table.frame.slot_us),
         table.frame.per_slot,
-        table.frame.most_together,
+        table.frame.max_together,
         document.place("frame", "period_us"),
     )
 

@@ -17,13 +17,13 @@ from servogen.toml.file import Table
 
 NAME = r"^[A-Za-z][A-Za-z0-9_-]*$"
 
-MOST_MM, MOST_S = 100_000.0, 1_000_000.0
+MAX_MM, MAX_S = 100_000.0, 1_000_000.0
 """Beyond these a number is a slip of the pen."""
 
-Coordinate = Annotated[float, Field(ge=-MOST_MM, le=MOST_MM)]
+Coordinate = Annotated[float, Field(ge=-MAX_MM, le=MAX_MM)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
-Length = Annotated[float, Field(ge=0, le=MOST_MM)]
-Seconds = Annotated[float, Field(ge=0, le=MOST_S)]
+Length = Annotated[float, Field(ge=0, le=MAX_MM)]
+Seconds = Annotated[float, Field(ge=0, le=MAX_S)]
 LawName = Literal["linear", "cubic", "quintic", "trapezoid", "s-curve"]
 Sign = Literal["positive", "negative"]
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class LegTable(Table):
     """[leg]: lengths, the servos of its joints, and the servo angle at which each joint's angle is 0."""
 
     ab_mm: Length
-    bc_mm: float = Field(ge=0.001, le=MOST_MM)
+    bc_mm: float = Field(ge=0.001, le=MAX_MM)
     cd_mm: Length
     df_mm: Length
     alpha: str
@@ -74,7 +74,7 @@ class LegTable(Table):
     alpha_zero_deg: float = 90.0
     beta_zero_deg: float = 90.0
     beta_sign: Literal["nearest"] | Sign = "nearest"
-    tolerance_mm: float = Field(default=0.5, ge=0, le=MOST_MM)
+    tolerance_mm: float = Field(default=0.5, ge=0, le=MAX_MM)
 
 
 class RobotTable(Table):
@@ -128,12 +128,12 @@ class WalkTable(Table):
     duty: float | None = Field(default=None, gt=0, lt=1)
     lifts: dict[str, float] | None = None
     way: tuple[WayTable, ...] = Field(min_length=1)
-    cycle_s: float | None = Field(default=None, gt=0, le=MOST_S)
-    lift_mm: float = Field(default=20.0, gt=0, le=MOST_MM)
-    body_height_mm: float | None = Field(default=None, gt=0, le=MOST_MM)
-    stance_width_mm: float | None = Field(default=None, gt=0, le=MOST_MM)
+    cycle_s: float | None = Field(default=None, gt=0, le=MAX_S)
+    lift_mm: float = Field(default=20.0, gt=0, le=MAX_MM)
+    body_height_mm: float | None = Field(default=None, gt=0, le=MAX_MM)
+    stance_width_mm: float | None = Field(default=None, gt=0, le=MAX_MM)
     beta_sign: Sign = "positive"
-    spring_mm: float | None = Field(default=None, ge=0, le=MOST_MM)
+    spring_mm: float | None = Field(default=None, ge=0, le=MAX_MM)
     allow_falling: bool = False
     leg: str | None = None
     """Only this leg walks."""
@@ -156,8 +156,8 @@ class ProgramTable(Table):
     hand: HandTable | None = None
     inputs: tuple[str, ...] = ()
     """seconds=value of the input port."""
-    most_commands: int = Field(default=100_000, ge=1)
-    most_s: float = Field(default=3600.0, gt=0, le=MOST_S)
+    max_commands: int = Field(default=100_000, ge=1)
+    max_s: float = Field(default=3600.0, gt=0, le=MAX_S)
     repeat: bool = True
     end: Literal["hold", "release"] | None = None
 
@@ -167,7 +167,7 @@ class DriveTable(Table):
 
     wheels: tuple[str, ...] = Field(min_length=1)
     corners_mm: tuple[tuple[Coordinate, Coordinate], ...] = Field(min_length=2)
-    speed_mm_s: float = Field(ge=0.001, le=MOST_MM)
+    speed_mm_s: float = Field(ge=0.001, le=MAX_MM)
     directions: Literal["any", "six"] = "any"
     pause_s: Seconds = 0.0
     ramp_s: Seconds = 0.0
@@ -189,7 +189,7 @@ class FrameTable(Table):
     gap_us: float = Field(default=250.0, gt=0)
     slot_us: float | None = Field(default=None, gt=0)
     per_slot: int = Field(default=1, ge=1, le=13)
-    most_together: int | None = Field(default=None, ge=1, le=13)
+    max_together: int | None = Field(default=None, ge=1, le=13)
     """How many servos may start together: the peak of their current."""
 
 
@@ -215,7 +215,7 @@ class StreamTable(Table):
     baud: int = Field(default=2400, gt=0)
     receive_pin: str = "RA4"
     transmit_pin: str | None = None
-    silence_s: float = Field(default=1.0, gt=0, le=MOST_S)
+    silence_s: float = Field(default=1.0, gt=0, le=MAX_S)
     fail_safe: Literal["hold", "neutral", "off"] = "neutral"
 
 

@@ -54,7 +54,7 @@ APART = 4.0
 SAME = 1e-6
 """Solutions nearer together than this (radians, metres) are one."""
 
-LEAST = 1e-10
+MIN_SHARE = 1e-10
 """The smallest step, as a share of the path."""
 
 BESIDE = 1e-7
@@ -227,7 +227,7 @@ class _Tracer:
     def _divide(self) -> None:
         """Puts shares before the next one, or, where there is no room for one, passes a singular point."""
         here, there = self.shares[-1], self.ahead[-1]
-        if there - here > LEAST:
+        if there - here > MIN_SHARE:
             self.ahead += np.linspace(there, here, SPLIT + 1)[1:-1].tolist()
         else:
             self._pass(there)

@@ -18,7 +18,7 @@ from servogen.motion.trajectory import Floats
 SAME_DIGITS = 9
 """Of N·m: torques nearer than this are one, so that the first of them is named on every machine."""
 
-LEAST_LEGS = 3
+MIN_LEGS = 3
 """With fewer the robot stands on something else."""
 
 
@@ -52,7 +52,7 @@ class Loads:
 
 def loads_of(robot: WalkingRobot, made: Walk) -> Loads | None:
     """Return the loads of a walk; None for a robot without a stated mass or with too few legs."""
-    if robot.mass is None or len(robot.limbs) < LEAST_LEGS:
+    if robot.mass is None or len(robot.limbs) < MIN_LEGS:
         return None
     weight = robot.mass * GRAVITY
     stand = (made.feet + made.corrections)[:, :, :2]

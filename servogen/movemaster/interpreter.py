@@ -36,11 +36,11 @@ class Controller:
     """One controller with its arm, from power-on; `actions` by mnemonic."""
 
     def __init__(
-        self, mover: Mover, inputs: InputPort, most_commands: int, actions: Mapping[str, Action]
+        self, mover: Mover, inputs: InputPort, max_commands: int, actions: Mapping[str, Action]
     ) -> None:
         self.mover = mover
         self.inputs = inputs
-        self.most_commands = most_commands
+        self.max_commands = max_commands
         self.actions = actions
         self.memory = Memory()
         self.program: dict[int, Statement] = {}
@@ -100,10 +100,10 @@ class Controller:
 
     def _count(self, statement: Statement) -> None:
         self.commands += 1
-        if self.commands > self.most_commands:
+        if self.commands > self.max_commands:
             raise statement.error(
                 "program-too-long",
-                f"the program has not ended after {self.most_commands} commands",
+                f"the program has not ended after {self.max_commands} commands",
                 "end it with ED; what should go on for ever is repeated by its job; or allow more commands",
             )
 

@@ -92,12 +92,12 @@ class Mover:
     """
 
     def __init__(
-        self, manipulator: Manipulator, hand: Hand | None, period_s: Fraction, most_s: Fraction
+        self, manipulator: Manipulator, hand: Hand | None, period_s: Fraction, max_s: Fraction
     ) -> None:
         self.manipulator = manipulator
         self.hand = hand
         self.period_s = period_s
-        self.most_s = most_s
+        self.max_s = max_s
         self.uncounted = 1
         """Frames that are not the program's: the first, and those of its first pass."""
         self.q: Floats = np.array(manipulator.arm.home)
@@ -290,10 +290,10 @@ class Mover:
         return enough
 
     def _allowed(self, frames: int) -> int:
-        if (self.frame + frames - self.uncounted) * self.period_s > self.most_s:
+        if (self.frame + frames - self.uncounted) * self.period_s > self.max_s:
             raise InputError(
                 "program-too-long",
-                f"the program would take longer than {float(self.most_s):g} s",
+                f"the program would take longer than {float(self.max_s):g} s",
                 hint="end it with ED; what should go on for ever is repeated by its job; or allow more time",
             )
         if self.frame + frames > MAX_FRAMES:

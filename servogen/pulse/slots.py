@@ -20,7 +20,7 @@ from servogen.units import Clock, Cycles, Rounded
 GAP_US = Fraction(250)
 """Between the longest pulse of a slot and the next slot, unless the job says otherwise."""
 
-LEAST_GAP = Cycles(64)
+MIN_GAP = Cycles(64)
 """What a program needs from one edge to the next, when the wait between them is a loop."""
 
 
@@ -33,21 +33,21 @@ class Frame:
     slot_us: Fraction | None = None
     per_slot: int = 1
     """How many servos' pulses begin together in a slot."""
-    most_together: int | None = None
+    max_together: int | None = None
     """How many servos may start together, whatever the slots are; None: as many as the engine likes."""
     place: Location | None = None
 
 
 def rises(servos: Sequence[Servo], frame: Frame, clock: Clock) -> tuple[Cycles, ...]:
     """The cycle of the frame in which each servo's pulse begins. Raises InputError when they do not fit."""
-    if frame.most_together is not None and frame.per_slot > frame.most_together:
+    if frame.max_together is not None and frame.per_slot > frame.max_together:
         raise InputError(
             "slot-conflict",
-            f"per_slot = {frame.per_slot} servos start together, most_together allows {frame.most_together}",
+            f"per_slot = {frame.per_slot} servos start together, max_together allows {frame.max_together}",
             frame.place,
-            f"write per_slot = {frame.most_together}",
+            f"write per_slot = {frame.max_together}",
         )
-    gap = max(clock.round_us(frame.gap_us).cycles, LEAST_GAP)
+    gap = max(clock.round_us(frame.gap_us).cycles, MIN_GAP)
     at, starts = 0, []
     for first in range(0, len(servos), frame.per_slot):
         together = servos[first : first + frame.per_slot]
@@ -57,12 +57,12 @@ def rises(servos: Sequence[Servo], frame: Frame, clock: Clock) -> tuple[Cycles, 
         slot = width + gap
         if frame.slot_us is not None:
             slot = clock.round_us(frame.slot_us).cycles
-            if slot < width + LEAST_GAP:
+            if slot < width + MIN_GAP:
                 raise InputError(
                     "slot-too-short",
                     f"a slot of {float(frame.slot_us):g} µs is too short for {longest.name}",
                     frame.place,
-                    f"its longest pulse and the least gap take {float(clock.us(width + LEAST_GAP)):g} µs",
+                    f"its longest pulse and the least gap take {float(clock.us(width + MIN_GAP)):g} µs",
                 )
         at += slot
     if at > frame.period.cycles:
@@ -76,13 +76,13 @@ def _do_not_fit(servos: Sequence[Servo], frame: Frame, clock: Clock, taken: Cycl
         f"the pulses do not fit a frame: {len(servos)}, {frame.per_slot} at a time, take "
         f"{float(clock.us(taken)):.10g} µs, the frame has {float(frame.period.requested_us):.10g} µs"
     )
-    between = clock.us(LEAST_GAP)
+    between = clock.us(MIN_GAP)
     if between <= max(frame.gap_us, GAP_US):
         hint = "lengthen period_us, shorten gap_us, raise per_slot, or narrow the servos' limits"
         return InputError("frame-too-short", message, frame.place, hint)
     return InputError(
         "frame-too-short",
-        f"{message}; at {clock.hz} Hz the {LEAST_GAP} cycles from one edge to the next take "
+        f"{message}; at {clock.hz} Hz the {MIN_GAP} cycles from one edge to the next take "
         f"{float(between):.10g} µs",
         frame.place,
         "take a faster clock",

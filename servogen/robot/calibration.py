@@ -84,7 +84,7 @@ def _readings(rows: csv.DictReader[str], path: Path, speed: bool) -> Sequence[Re
     return found
 
 
-FEWEST = 3
+MIN_WIDTHS = 3
 """Any two readings lie on a line."""
 
 TOLERANCE_RAD = math.radians(5)
@@ -175,10 +175,10 @@ def _check_each(readings: Sequence[Reading], unit: str) -> None:
         if not math.isfinite(reading.angle) or not math.isfinite(reading.width_us):
             raise InputError("not-a-number", f"{_named(readings, index, unit)} is not a number")
     widths = {reading.width_us for reading in readings}
-    if len(widths) < FEWEST:
+    if len(widths) < MIN_WIDTHS:
         raise InputError(
             "too-few-readings",
-            f"{len(widths)} widths were read: a line needs {FEWEST} or more to show its error",
+            f"{len(widths)} widths were read: a line needs {MIN_WIDTHS} or more to show its error",
             hint="take more points",
         )
     angles = [reading.angle for reading in readings]
@@ -210,12 +210,12 @@ def _check_order(readings: Sequence[Reading], rising: bool, unit: str) -> None:
 
 def _check_outlier(readings: Sequence[Reading], tolerance: float, unit: str) -> None:
     """Raise InputError if one reading is off the line on which all others agree."""
-    if len(readings) <= FEWEST:
+    if len(readings) <= MIN_WIDTHS:
         return
     found: list[tuple[float, float, int]] = []
     for index, reading in enumerate(readings):
         others = [*readings[:index], *readings[index + 1 :]]
-        if len({each.width_us for each in others}) < FEWEST:
+        if len({each.width_us for each in others}) < MIN_WIDTHS:
             continue
         line = _line(others)
         if math.isinf(line.us_per_rad) or line.us_per_rad == 0:

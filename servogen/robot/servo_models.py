@@ -23,7 +23,7 @@ from servogen.toml.file import Document, Table
 FILE_ENDING = ".toml"
 """A model whose name ends so is a file."""
 
-LEAST_US, MOST_US = 100.0, 10_000.0
+MIN_US, MAX_US = 100.0, 10_000.0
 """Beyond these a width is a slip of the pen: milliseconds, or a nought too many."""
 
 
@@ -32,7 +32,7 @@ class PointTable(Table):
 
     angle_deg: float | None = None
     speed_deg_s: float | None = None
-    width_us: float = Field(ge=LEAST_US, le=MOST_US)
+    width_us: float = Field(ge=MIN_US, le=MAX_US)
 
 
 class FactTable(Table):

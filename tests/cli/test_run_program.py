@@ -64,5 +64,5 @@ def test_an_error_has_the_program_s_place(app: typer.Typer, program: str) -> Non
 def test_a_program_that_does_not_end_is_stopped(app: typer.Typer, tmp_path: Path) -> None:
     file = tmp_path / "p.rvm"
     file.write_text("10 TI 1\n20 GT 10\n", "utf-8")
-    result = CliRunner().invoke(app, [str(file), "--most-s", "5"])
+    result = CliRunner().invoke(app, [str(file), "--max-s", "5"])
     assert "the program would take longer than 5 s" in str(result.exception)

@@ -134,5 +134,5 @@ def test_a_job_has_one_kind_of_motion(tmp_path: Path) -> None:
 
 
 def test_an_endless_program_is_stopped(tmp_path: Path) -> None:
-    said = error_of(tmp_path, "10 TI 5\n20 GT 10", ("repeat = true # ", "most_s = 60\nrepeat = true # "))
+    said = error_of(tmp_path, "10 TI 5\n20 GT 10", ("repeat = true # ", "max_s = 60\nrepeat = true # "))
     assert "rvm1-program.rvm:1:4: program line 10: the program would take longer than 60 s" in said

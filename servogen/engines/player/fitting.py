@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.engines.player.parts import ALIKE, Stretch, stretches
-from servogen.engines.player.tracks import MOST_BYTES, Pool, signs
+from servogen.engines.player.tracks import MAX_BYTES, Pool, signs
 from servogen.errors import InputError
 from servogen.motion.trajectory import Floats
 from servogen.units import Clock
@@ -28,10 +28,10 @@ LOOP_WEIGHT = 4
 NO_WRAP = 255
 """`Part.wrap` of a part whose tracks do not go round."""
 
-SURELY_TOO_MANY = 2 * MOST_BYTES
+SURELY_TOO_MANY = 2 * MAX_BYTES
 """Bytes: when the fewest keyframes of all parts are more, which parts share keyframes does not matter."""
 
-MOST_BITS = 8
+MAX_BITS = 8
 LAST_STEP = 7
 
 
@@ -133,7 +133,7 @@ def fitting(parts: Sequence[Section], scale: Scale, clock: Clock, loop: int) -> 
     while True:
         made = [each[number][0] for each, number in zip(choices, taken, strict=True)]
         size = len(pooled(made)[0].data)
-        if size <= MOST_BYTES:
+        if size <= MAX_BYTES:
             return made
         ways = []
         for part, each in enumerate(choices):
@@ -144,7 +144,7 @@ def fitting(parts: Sequence[Section], scale: Scale, clock: Clock, loop: int) -> 
                 if saved > 0:
                     ways.append((grown / saved, part, number))
         if not ways:
-            _check_size(made, MOST_BYTES)
+            _check_size(made, MAX_BYTES)
         _, part, taken[part] = min(ways)
 
 
@@ -155,7 +155,7 @@ def _check_size(made: list[Made], most: int) -> None:
         raise InputError(
             "motion-too-large",
             f"within {WORST_US} µs of the plan the motion has {size} bytes of keyframes: "
-            f"the player's table holds {MOST_BYTES}",
+            f"the player's table holds {MAX_BYTES}",
             hint="shorten the motion, or let more of it repeat",
         )
 
@@ -167,7 +167,7 @@ def _choices(section: Section, scale: Scale, best: float, worst: float) -> list[
         keys = np.zeros((1, rows.shape[1]), dtype=np.int64)
         return [(Made(stretch, 1, True, keys, np.repeat(scale.widths(keys), stretch.frames, axis=0)), 0.0)]
     # A pose that is held has one keyframe, and no frame of it may be on the way to a second.
-    spacings = (MOST_BITS,) if _held(rows) else range(MOST_BITS + 1)
+    spacings = (MAX_BITS,) if _held(rows) else range(MAX_BITS + 1)
     every = [_sampled(stretch, rows, scale, bits) for bits in spacings]
     errors = [float(np.abs(made.widths - rows[:-1]).max()) for made in every]
     first = max((number for number, error in enumerate(errors) if error <= best), default=0)
@@ -201,7 +201,7 @@ def _sampled(stretch: Stretch, rows: Floats, scale: Scale, bits: int) -> Made:
     keys = scale.keys(nearest)
     widths = np.stack(
         [
-            scale.widths(between(keys[a], keys[b], int(time % apart) << MOST_BITS - bits))
+            scale.widths(between(keys[a], keys[b], int(time % apart) << MAX_BITS - bits))
             for time, a, b in zip(times[:frames], one, other, strict=False)
         ]
     )

@@ -28,7 +28,7 @@ from servogen.units import Clock, Cycles
 
 NONE = Cycles(0)
 TICKS = (Cycles(32), Cycles(64), Cycles(128), Cycles(256))
-MOST_TICKS = 255
+MAX_TICKS = 255
 
 STAGGER = Cycles(32)
 """By how much the second servo of a slot rises later, where no two may start together."""
@@ -51,14 +51,14 @@ code is longer."""
 WATCHDOG_US = Fraction(6900)
 """A watchdog that was left on must be cleared within 7 ms (DS35007 section 9, parameter 31)."""
 
-MOST_TRIM = Cycles(127)
+MAX_TRIM = Cycles(127)
 """What the trim in the EEPROM can add to a pulse."""
 
 MARGIN_US = Fraction(20)
 """What a slot has left beyond the motion's longest pulse and its trim, as far as the servo's limits allow:
 a stance or a pose that is changed by so little keeps every slot where it is."""
 
-LEAST_WIDTH = Cycles(192)
+MIN_WIDTH = Cycles(192)
 """The kernel's way from the rise to the first fall, a stagger, and the shortest trim."""
 
 
@@ -147,19 +147,19 @@ def layout(
     """
     motion_c = FRAME_C + len(servos) * (CHANNEL_C + shift * DOUBLING_C)
     motion_c += BUTTONS_C if len(servos) < len(PINS) else 0
-    stagger = STAGGER if frame.most_together == 1 else NONE
+    stagger = STAGGER if frame.max_together == 1 else NONE
     for servo, widths in zip(servos, used, strict=True):
-        if widths.shortest < LEAST_WIDTH:
+        if widths.shortest < MIN_WIDTH:
             raise InputError(
                 "pulse-too-short",
                 f"{servo.name}: a pulse of {float(clock.us(widths.shortest)):g} µs is "
-                f"{widths.shortest} cycles, the player's minimum is {LEAST_WIDTH}",
+                f"{widths.shortest} cycles, the player's minimum is {MIN_WIDTH}",
                 servo.place,
                 "choose a faster clock",
             )
     pairs = _pairs(servos)
     longest = tuple(
-        Cycles(max(used[channel].room(servos[channel], clock) for channel in pair) + MOST_TRIM + stagger)
+        Cycles(max(used[channel].room(servos[channel], clock) for channel in pair) + MAX_TRIM + stagger)
         for _, pair in pairs
     )
     fed = clock.round_us(WATCHDOG_US).cycles
@@ -237,7 +237,7 @@ class _Frame:
             most = [self._most(part, 0, fed) for part in least[:-1]]
             most.append(self._most(least[-1], self.longest[0], fed))
             late = not exceed and any(part > self._limit(0, fed) for part in least)
-            if not late and sum(least) <= rest <= sum(most) and max(*slots, *most) <= MOST_TICKS:
+            if not late and sum(least) <= rest <= sum(most) and max(*slots, *most) <= MAX_TICKS:
                 parts = _filled(least, most, rest)
                 # Ticks are counted from the slot before: the first slot's are the last of the rest.
                 return [parts[-1], *slots[:-1], *parts[:-1]]
@@ -250,8 +250,8 @@ class _Frame:
         return max(least, self._limit(pulse, fed))
 
     def _limit(self, pulse: int, fed: int | None) -> int:
-        cycles = MOST_TICKS * self.tick if fed is None else fed - to_rise(Cycles(self.tick)) - pulse
-        return min(MOST_TICKS, cycles // self.tick)
+        cycles = MAX_TICKS * self.tick if fed is None else fed - to_rise(Cycles(self.tick)) - pulse
+        return min(MAX_TICKS, cycles // self.tick)
 
 
 def _filled(least: list[int], most: list[int], whole: int) -> list[int]:

@@ -24,10 +24,10 @@ ALIKE = 0.01
 WORTH = 12
 """Frames that a repetition must save: a part of its own costs words too."""
 
-MOST = 250
+MAX_COUNT = 250
 """Repetitions and their frames are counted in bytes."""
 
-LONGEST = 256
+MAX_FRAMES_PER_PART = 256
 """What does not repeat is cut here: in a byte 0, and whole keyframes however far they are apart."""
 
 
@@ -80,31 +80,31 @@ def _cut(rows: Floats, offset: int) -> Iterator[Stretch]:
         return
     saved, period, start, times = _repetition(rows)
     if saved < WORTH:
-        for first in range(0, frames, LONGEST):
-            yield Stretch(offset + first, min(LONGEST, frames - first), 1, silent=False)
+        for first in range(0, frames, MAX_FRAMES_PER_PART):
+            yield Stretch(offset + first, min(MAX_FRAMES_PER_PART, frames - first), 1, silent=False)
         return
     yield from _cut(rows[: start + 1], offset)
     if period == 1:
         yield from _held(offset + start, times, silent=False)
     else:
-        for first in range(0, times, MOST):
-            yield Stretch(offset + start, period, min(MOST, times - first), silent=False)
+        for first in range(0, times, MAX_COUNT):
+            yield Stretch(offset + start, period, min(MAX_COUNT, times - first), silent=False)
     end = start + period * times
     yield from _cut(rows[end:], offset + end)
 
 
 def _held(first: int, frames: int, *, silent: bool) -> Iterator[Stretch]:
-    whole, rest = divmod(frames, MOST)
-    for done in range(0, whole, MOST):
-        yield Stretch(first + done * MOST, MOST, min(MOST, whole - done), silent)
+    whole, rest = divmod(frames, MAX_COUNT)
+    for done in range(0, whole, MAX_COUNT):
+        yield Stretch(first + done * MAX_COUNT, MAX_COUNT, min(MAX_COUNT, whole - done), silent)
     if rest:
-        yield Stretch(first + whole * MOST, rest, 1, silent)
+        yield Stretch(first + whole * MAX_COUNT, rest, 1, silent)
 
 
 def _repetition(rows: Floats) -> tuple[int, int, int, int]:
     """What saves most: (frames saved, period, first frame, times), all 0 where nothing repeats."""
     best = (0, 0, 0, 0)
-    for period in range(1, min(MOST, (len(rows) - 1) // 2) + 1):
+    for period in range(1, min(MAX_COUNT, (len(rows) - 1) // 2) + 1):
         same = (np.abs(rows[period:] - rows[:-period]) < ALIKE).all(axis=1)
         edges = np.flatnonzero(np.diff(np.concatenate(([0], same.view(np.int8), [0]))))
         for start, end in edges.reshape(-1, 2).tolist():

@@ -17,10 +17,10 @@ import numpy as np
 from servogen.engines.player.parts import ALIKE
 from servogen.motion.trajectory import Floats
 
-MOST_BYTES = 256
+MAX_BYTES = 256
 """A table is read with an index of one byte."""
 
-MOST_AHEAD = 127
+MAX_AHEAD = 127
 
 
 @dataclass(slots=True)
@@ -42,7 +42,7 @@ class Pool:
         if ring:
             for start, count in self.rings:
                 for ahead in (
-                    range(1, min(count, MOST_AHEAD + 1, MOST_BYTES - count)) if count == len(keys) else ()
+                    range(1, min(count, MAX_AHEAD + 1, MAX_BYTES - count)) if count == len(keys) else ()
                 ):
                     if keys == self.data[start + ahead : start + count] + self.data[start : start + ahead]:
                         return start, ahead

@@ -22,7 +22,7 @@ from servogen.units import Cycles
 MARGIN = Cycles(64)
 """More than any compiler's loop, return and call take between two frames."""
 
-MOST_COUNTED = 255
+MAX_COUNTED = 255
 """A counter of frames or calls is one byte: its cycles do not depend on its value."""
 
 FEW_FRAMES_A_CALL = 100
@@ -75,7 +75,7 @@ def _split(runs: tuple[Run, ...]) -> tuple[_Part, ...]:
             parts.append(_Part(run))
             continue
         left = run.frames
-        while left > MOST_COUNTED:
+        while left > MAX_COUNTED:
             size, turns = _equal_calls(left)
             parts.append(_Part(Run(size, run.pulses), turns))
             left -= size * turns
@@ -85,10 +85,10 @@ def _split(runs: tuple[Run, ...]) -> tuple[_Part, ...]:
 
 def _equal_calls(frames: int) -> tuple[int, int]:
     """(frames a call, calls) for all of `frames`, or for as many as that can do."""
-    for size in range(MOST_COUNTED, FEW_FRAMES_A_CALL, -1):
-        if frames % size == 0 and frames // size <= MOST_COUNTED:
+    for size in range(MAX_COUNTED, FEW_FRAMES_A_CALL, -1):
+        if frames % size == 0 and frames // size <= MAX_COUNTED:
             return size, frames // size
-    return MOST_COUNTED, min(frames // MOST_COUNTED, MOST_COUNTED)
+    return MAX_COUNTED, min(frames // MAX_COUNTED, MAX_COUNTED)
 
 
 def _pulsed(run: Run) -> bool:

@@ -15,16 +15,16 @@ from types import MappingProxyType
 
 from servogen.units import Clock, Cycles
 
-XC8_MOST = 50_463_240
+XC8_MAX = 50_463_240
 """The largest argument of `_delay`."""
 
-C2C_MOST = 255
+C2C_MAX = 255
 C2C_STEPS = (("delay_s", 1_000_000), ("delay_ms", 1000), ("delay_10us", 10), ("delay_us", 1))
 """Built-in and its step in microseconds."""
 
-SDCC_LEAST, SDCC_STEP, SDCC_MOST = 14, 4, 250_000
+SDCC_MIN, SDCC_STEP, SDCC_MAX = 14, 4, 250_000
 """The arguments that `wait` of `templates/sdcc.j2` takes."""
-SDCC_LONG, SDCC_LONG_LEAST, SDCC_LONG_MOST = 200_000, 5, 255
+SDCC_LONG, SDCC_LONG_MIN, SDCC_LONG_MAX = 200_000, 5, 255
 """Cycles of each turn of `wait_long`, of its call, and its largest argument."""
 
 
@@ -41,8 +41,8 @@ class Call:
 
 def xc8_calls(cycles: Cycles, clock: Clock) -> tuple[Call, ...]:
     """`cycles` as `_delay` calls."""
-    whole, rest = divmod(cycles, XC8_MOST)
-    calls = [Call(f"_delay({XC8_MOST})", whole)] if whole else []
+    whole, rest = divmod(cycles, XC8_MAX)
+    calls = [Call(f"_delay({XC8_MAX})", whole)] if whole else []
     return (*calls, *([Call(f"_delay({rest})")] if rest else []))
 
 
@@ -61,7 +61,7 @@ def c2c_calls(cycles: Cycles, clock: Clock) -> tuple[Call, ...]:
 def _most(cycles: int, step_us: int, clock: Clock, whole_only: bool) -> int:
     """The largest argument of a step that lasts no longer than `cycles`; 0 where there is none."""
     multiple = (step_us / clock.cycle_us).denominator if whole_only else 1
-    count = min(C2C_MOST, int(clock.us(cycles) / step_us)) // multiple * multiple
+    count = min(C2C_MAX, int(clock.us(cycles) / step_us)) // multiple * multiple
     while count and not 0 < clock.round_us(count * step_us).cycles <= cycles:
         count -= multiple
     return count
@@ -76,12 +76,12 @@ def sdcc_calls(cycles: Cycles, clock: Clock) -> tuple[Call, ...]:
     """`cycles` as `wait_long`, `wait` and `nop()`."""
     calls: list[Call] = []
     rest = int(cycles)
-    while rest > SDCC_MOST:
-        turns = min((rest - SDCC_LONG_LEAST) // SDCC_LONG, SDCC_LONG_MOST)
+    while rest > SDCC_MAX:
+        turns = min((rest - SDCC_LONG_MIN) // SDCC_LONG, SDCC_LONG_MAX)
         calls.append(Call(f"wait_long({turns})"))
-        rest -= SDCC_LONG * turns + SDCC_LONG_LEAST
-    if rest >= SDCC_LEAST:
-        waited = rest - (rest - SDCC_LEAST) % SDCC_STEP
+        rest -= SDCC_LONG * turns + SDCC_LONG_MIN
+    if rest >= SDCC_MIN:
+        waited = rest - (rest - SDCC_MIN) % SDCC_STEP
         calls.append(Call(f"wait({waited})"))
         rest -= waited
     return (*_merged(calls), *([Call("nop()", rest)] if rest else []))

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from servogen.engines.stream.protocol import BITS, BYTES, MOST_TRIM, Travel, travel
+from servogen.engines.stream.protocol import BITS, BYTES, MAX_TRIM, Travel, travel
 from servogen.engines.stream.settings import BAUD_ERROR
 from servogen.errors import InputError
 from servogen.pulse.slots import Frame
@@ -25,12 +25,12 @@ RISE = 152
 """TMR0 when a pulse begins."""
 LATEST = 80
 """A fall may be so many cycles after TMR0 = RISE in the last round of its slot but one."""
-LEAST_WIDTH = Cycles(ROUND + MOST_TRIM + 1)
+MIN_WIDTH = Cycles(ROUND + MAX_TRIM + 1)
 REACTION_S = Fraction(10, 1000)
 """A command counts in the first frame that begins so long after it: two slots may pass until its pulse."""
 C_ROUNDS = 9
 """What the C may take to prepare a pulse and do a command."""
-MOST_SLOTS = 60
+MAX_SLOTS = 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,10 +53,10 @@ def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, baud: int) -> La
     """The longest frame that is no longer than the one asked for. Raises InputError."""
     widths = [travel(servo, clock) for servo in servos]
     for servo, each in zip(servos, widths, strict=True):
-        if each.least < LEAST_WIDTH:
+        if each.least < MIN_WIDTH:
             raise InputError(
                 "pulse-too-short",
-                f"{servo.name}: a pulse of {each.least} cycles is shorter than {LEAST_WIDTH}",
+                f"{servo.name}: a pulse of {each.least} cycles is shorter than {MIN_WIDTH}",
                 servo.place,
                 "take a faster clock, or narrow the servo's limits",
             )
@@ -72,7 +72,7 @@ def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, baud: int) -> La
         )
     fits = [
         Layout(slots, min(rounds // slots, most))
-        for slots in range(len(servos), MOST_SLOTS)
+        for slots in range(len(servos), MAX_SLOTS)
         if rounds // slots >= least
     ]
     if not fits:
@@ -95,5 +95,5 @@ def _most_rounds(clock: Clock, baud: int) -> int:
 
 def _rounds(widths: Sequence[Travel]) -> int:
     """Of the shortest slot that holds the longest pulse and its trim."""
-    longest = max(each.most for each in widths) + MOST_TRIM
+    longest = max(each.most for each in widths) + MAX_TRIM
     return -(-(longest - LATEST) // ROUND) + 1

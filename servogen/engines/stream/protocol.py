@@ -23,15 +23,15 @@ from servogen.robot.servo import Servo
 from servogen.units import Clock, Cycles
 
 SYNC = 0xFF
-MOST = 254
+MAX_VALUE = 254
 """The greatest third byte."""
-MOST_SERVOS = 8
+MAX_SERVOS = 8
 
 BYTES = 3
 BITS = 10
 """Of a byte on the line: start, eight of data (lowest first), stop."""
 
-MOST_TRIM = 127
+MAX_TRIM = 127
 TRIM_ZERO = 127
 NO_TRIM = 0xFF
 """An erased byte of the EEPROM; as two's complement it is -1, which therefore cannot be said."""
@@ -68,12 +68,12 @@ class Command:
         return bytes((SYNC, self.kind.value + self.servo, self.value))
 
 
-def command_of(second: int, third: int, servos: int = MOST_SERVOS, *, answers: bool = True) -> Command | None:
+def command_of(second: int, third: int, servos: int = MAX_SERVOS, *, answers: bool = True) -> Command | None:
     """The command that two bytes behind SYNC are; None for what a chip with `servos` servos ignores.
 
     `answers`: it has a pin to send on.
     """
-    if not 0 <= third <= MOST:
+    if not 0 <= third <= MAX_VALUE:
         return None
     for kind in Kind:
         if kind is Kind.QUERY and not answers:
@@ -107,7 +107,7 @@ def group_goes(frames: int) -> bytes:
 
 def trim_command(servo: int, cycles: int) -> bytes:
     """`cycles` from -127 to 127, but not -1: its byte in the EEPROM would be the erased one."""
-    if not -MOST_TRIM <= cycles <= MOST_TRIM or trim_byte(cycles) == NO_TRIM:
+    if not -MAX_TRIM <= cycles <= MAX_TRIM or trim_byte(cycles) == NO_TRIM:
         raise InputError(
             "bad-command", f"a trim of {cycles} cycles cannot be said", hint="-127 to 127 cycles, but not -1"
         )
@@ -119,20 +119,20 @@ def query_command(servo: int, *, low: bool = False) -> bytes:
 
     The chip hears nothing until it has answered, which is at most three slots and a byte later.
     """
-    if not 0 <= servo < MOST_SERVOS:
+    if not 0 <= servo < MAX_SERVOS:
         raise InputError(
-            "unknown-servo", f"there is no servo {servo}", hint=f"servos are 0 to {MOST_SERVOS - 1}"
+            "unknown-servo", f"there is no servo {servo}", hint=f"servos are 0 to {MAX_SERVOS - 1}"
         )
     return _command(Kind.QUERY, 0, servo + (ASK_LOW if low else 0))
 
 
 def _command(kind: Kind, servo: int, value: int) -> bytes:
-    if not 0 <= servo < MOST_SERVOS:
+    if not 0 <= servo < MAX_SERVOS:
         raise InputError(
-            "unknown-servo", f"there is no servo {servo}", hint=f"servos are 0 to {MOST_SERVOS - 1}"
+            "unknown-servo", f"there is no servo {servo}", hint=f"servos are 0 to {MAX_SERVOS - 1}"
         )
-    if not 0 <= value <= MOST:
-        raise InputError("bad-command", f"{value} is no third byte of a command", hint=f"0 to {MOST}")
+    if not 0 <= value <= MAX_VALUE:
+        raise InputError("bad-command", f"{value} is no third byte of a command", hint=f"0 to {MAX_VALUE}")
     return Command(kind, servo, value).to_bytes()
 
 
@@ -156,17 +156,17 @@ class Travel:
     @property
     def scale(self) -> int:
         """256ths of a cycle a position step, rounded: what the chip multiplies p with."""
-        return (2 * (self.most - self.least << SCALE_BITS) + MOST) // (2 * MOST)
+        return (2 * (self.most - self.least << SCALE_BITS) + MAX_VALUE) // (2 * MAX_VALUE)
 
     def width(self, p: int) -> Cycles:
         """min + p (max - min) / 254, within a cycle of it; exact at 0 and 254."""
-        if not 0 <= p <= MOST:
-            raise InputError("bad-command", f"{p} is no position", hint=f"0 to {MOST}")
+        if not 0 <= p <= MAX_VALUE:
+            raise InputError("bad-command", f"{p} is no position", hint=f"0 to {MAX_VALUE}")
         return Cycles(self.least + (p * self.scale + (1 << SCALE_BITS - 1) >> SCALE_BITS))
 
     def nearest(self, width: float) -> int:
         """The p whose width is nearest, the smaller of two; the end for a width beyond it."""
-        return min(range(MOST + 1), key=lambda p: (abs(self.width(p) - width), p))
+        return min(range(MAX_VALUE + 1), key=lambda p: (abs(self.width(p) - width), p))
 
 
 def travel(servo: Servo, clock: Clock) -> Travel:

@@ -14,7 +14,7 @@ from servogen.units import Clock
 
 UNIT = 4
 """Cycles of the receiver's clock: a bit's time is counted in one byte of these."""
-MOST_UNITS = 255 - 32
+MAX_UNITS = 255 - 32
 """What is left of a byte when the longest time between two samples is taken off."""
 
 SAMPLE_GAP = 120
@@ -63,11 +63,11 @@ def bit_units(stream: Stream, clock: Clock) -> int:
             stream.place,
             _rates(clock),
         )
-    if units > MOST_UNITS:
+    if units > MAX_UNITS:
         raise InputError(
             "baud-rate",
             f"{stream.baud} baud at {clock.hz} Hz: a bit is {float(bit):.1f} cycles, the receiver counts "
-            f"{MOST_UNITS * UNIT} at most",
+            f"{MAX_UNITS * UNIT} at most",
             stream.place,
             _rates(clock),
         )
@@ -86,7 +86,7 @@ def _rates(clock: Clock) -> str:
     for baud in USUAL:
         bit = clock.cycles_per_second / baud
         units, rounding, drift = _off(bit)
-        if SAMPLE_GAP + rounding + drift < bit / 2 and units <= MOST_UNITS:
+        if SAMPLE_GAP + rounding + drift < bit / 2 and units <= MAX_UNITS:
             found.append(str(baud))
     return (
         f"at this clock: {', '.join(found)} baud"

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from servogen.engines.stream.layout import Layout, layout
-from servogen.engines.stream.protocol import MOST, Travel, travel
+from servogen.engines.stream.protocol import MAX_VALUE, Travel, travel
 from servogen.engines.stream.settings import OFF, Stream, bit_units
 from servogen.errors import Caution, InputError, Location
 from servogen.pulse.lint import check_calibration, check_period
@@ -23,7 +23,7 @@ from servogen.pulse.slots import Frame
 from servogen.robot.servo import Servo
 from servogen.units import Clock, Cycles
 
-LEAST_SILENCE = 5
+MIN_SILENCE = 5
 """Frames: the silence must outlast a write to the EEPROM and the time between two commands."""
 
 
@@ -55,13 +55,13 @@ def streaming(
     slots = layout(servos, frame, clock, stream.baud)
     period_s = clock.seconds(slots.period)
     silence = round(stream.silence_s / period_s)
-    if not LEAST_SILENCE <= silence <= MOST:
+    if not MIN_SILENCE <= silence <= MAX_VALUE:
         raise InputError(
             "out-of-range",
             f"a silence of {float(stream.silence_s):g} s is {silence} frames",
             stream.place,
-            f"{LEAST_SILENCE} to {MOST} frames are counted, "
-            f"{float(LEAST_SILENCE * period_s):.2g} to {float(MOST * period_s):.2g} s",
+            f"{MIN_SILENCE} to {MAX_VALUE} frames are counted, "
+            f"{float(MIN_SILENCE * period_s):.2g} to {float(MAX_VALUE * period_s):.2g} s",
         )
     neutral = tuple(clock.round_us(servo.width_us(servo.neutral)).cycles for servo in servos)
     soft, soft_warnings = _soft_frames(soft_start_s, period_s, soft_start_place)
@@ -85,12 +85,12 @@ def _soft_frames(
     Raises InputError for more frames than a group of positions counts.
     """
     frames = round(seconds / period_s)
-    if frames > MOST:
+    if frames > MAX_VALUE:
         raise InputError(
             "out-of-range",
             f"a soft start of {float(seconds):g} s is {frames} frames",
             place,
-            f"the stream engine counts up to {MOST} frames, {float(MOST * period_s):.4g} s",
+            f"the stream engine counts up to {MAX_VALUE} frames, {float(MAX_VALUE * period_s):.4g} s",
         )
     if frames:
         return frames, ()

@@ -24,7 +24,7 @@ from servogen.kinematics.protocol import WalkingRobot, mounts_of
 
 SIXTH = Fraction(1, 6)
 
-LEAST_SHARE = Fraction(1, 24)
+MIN_SHARE = Fraction(1, 24)
 """Of a cycle, for a stance and for a swing: a shorter one is a mistake."""
 
 THREE_DIGITS = Fraction(1, 1000)
@@ -152,7 +152,7 @@ def custom(
             raise InputError(
                 "out-of-range", f"the phase of {leg} is {float(lifts[leg]):g}: it is at least 0 and below 1"
             )
-    if not LEAST_SHARE <= _simple(duty) <= 1 - LEAST_SHARE:
+    if not MIN_SHARE <= _simple(duty) <= 1 - MIN_SHARE:
         raise InputError(
             "out-of-range",
             f"a duty factor of {float(duty):g}: it is between 0 and 1, 1/24 away from both or more",

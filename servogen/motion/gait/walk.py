@@ -28,7 +28,7 @@ SAME_RAD = 1e-7
 """Angles of two rounds of a loop that are nearer than this are the same: far less than a pulse can show."""
 
 
-LEAST_SWING = 4
+MIN_SWING = 4
 """Frames of a swing; with fewer the foot would hardly be seen in the air."""
 
 
@@ -36,7 +36,7 @@ MAX_GRAIN = 24
 """Frames: a cycle is not made longer to be a multiple of more."""
 
 
-MOST_FRAMES_A_CYCLE = 3000
+MAX_FRAMES_PER_CYCLE = 3000
 """A minute of 20 ms; slower than that is a mistake."""
 
 
@@ -187,12 +187,12 @@ def walk(
     plan = footwork(robot, gait, posture, (*segments, *others))
     names = plan.legs
     joints = {name: joint for leg in robot.limbs for name, joint in leg.joints.items()}
-    least = math.ceil(LEAST_SWING / gait.swing)
+    least = math.ceil(MIN_SWING / gait.swing)
     if frames_per_cycle is not None and frames_per_cycle < least:
         raise InputError(
             "cycle-too-short",
             f"a cycle of {frames_per_cycle} frames is too short for the gait '{gait.name}'",
-            hint=f"at least {least} frames: each swing takes {LEAST_SWING} or more",
+            hint=f"at least {least} frames: each swing takes {MIN_SWING} or more",
         )
     count = frames_per_cycle or _whole(gait, least)
     cycles = sum(MAX_CYCLES if segment.cycles is None else segment.cycles for segment in segments)
@@ -213,7 +213,7 @@ def walk(
         if frames_per_cycle is not None or slower <= 1:
             break
         count = _whole(gait, max(count + 1, math.ceil(count * min(slower, 2.0))))
-        if count > MOST_FRAMES_A_CYCLE:
+        if count > MAX_FRAMES_PER_CYCLE:
             raise InputError(
                 "cycle-too-long",
                 "the limits of the servos ask for a cycle of more than a minute",

@@ -117,7 +117,7 @@ def test_the_refusal_counts_whole_ticks() -> None:
     # In cycles the pulses and the C would be 4 less than a frame; slots begin at ticks.
     with pytest.raises(InputError) as refused:
         ends = (10.0, 162.0)
-        play(plan_job(loads(text(4, 13, full=ends, limits=ends, frame="most_together = 1"), "job.toml")))
+        play(plan_job(loads(text(4, 13, full=ends, limits=ends, frame="max_together = 1"), "job.toml")))
     found = re.search(r"take (\d+) cycles.*a frame is 20000 cycles", str(refused.value))
     assert found and int(found[1]) > 20_000 and int(found[1]) % 32 == 0
 
@@ -139,8 +139,8 @@ def test_a_long_frame_is_cut_by_slots_without_pulses() -> None:
 
 
 @pytest.mark.parametrize("mhz", [2, 4, 20])
-def test_with_most_together_1_no_two_pins_rise_within_32_cycles(mhz: int) -> None:
-    done = built_text(text(mhz, 8, frame="most_together = 1"))
+def test_with_max_together_1_no_two_pins_rise_within_32_cycles(mhz: int) -> None:
+    done = built_text(text(mhz, 8, frame="max_together = 1"))
     assert done.proven
     rises = sorted(pulse.rise for pulse in done.plan.schedule.lead_in[0].pulses if pulse)
     assert min(b - a for a, b in pairwise(rises)) == 32
@@ -149,6 +149,6 @@ def test_with_most_together_1_no_two_pins_rise_within_32_cycles(mhz: int) -> Non
 
 
 def test_the_sequence_engine_keeps_the_rule_by_its_slots() -> None:
-    lab = text(4, 2, frame="most_together = 1\nper_slot = 2").replace('"player"', '"sequence"')
-    with pytest.raises(InputError, match="per_slot = 2 servos start together, most_together allows 1"):
+    lab = text(4, 2, frame="max_together = 1\nper_slot = 2").replace('"player"', '"sequence"')
+    with pytest.raises(InputError, match="per_slot = 2 servos start together, max_together allows 1"):
         plan_job(loads(lab, "job.toml"))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from servogen.engines.player.parts import ALIKE, LONGEST, MAX_PARTS, MOST, stretches
+from servogen.engines.player.parts import ALIKE, MAX_COUNT, MAX_FRAMES_PER_PART, MAX_PARTS, stretches
 from servogen.errors import InputError
 from servogen.motion.trajectory import MAX_FRAMES, Floats
 
@@ -11,7 +11,7 @@ from servogen.motion.trajectory import MAX_FRAMES, Floats
 def played(rows: Floats, following: Floats) -> Floats:
     """Return the rows that the parts play, one after another."""
     parts = stretches(rows, following)
-    assert all(part.repeats <= MOST for part in parts)
+    assert all(part.repeats <= MAX_COUNT for part in parts)
     return np.concatenate(
         [np.tile(rows[part.first : part.first + part.frames], (part.repeats, 1)) for part in parts]
     )
@@ -31,7 +31,7 @@ def test_a_slow_move_is_not_a_hold() -> None:
 
 
 def test_a_motion_of_more_parts_than_words_for_them_is_refused_early() -> None:
-    rows = np.random.default_rng(1).uniform(1000, 2000, (MAX_PARTS * LONGEST + 1, 3))
+    rows = np.random.default_rng(1).uniform(1000, 2000, (MAX_PARTS * MAX_FRAMES_PER_PART + 1, 3))
     with pytest.raises(InputError, match="more than 204 parts, which no program can hold"):
         stretches(rows, rows[0])
     assert len(stretches(rows[:-1], rows[0])) == MAX_PARTS

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from servogen.compiler import Options, Source, compile_sources
 from servogen.edges import join
 from servogen.engines.c_text import _environment
-from servogen.engines.sequence.waits import CALLS, XC8_MOST
+from servogen.engines.sequence.waits import CALLS, XC8_MAX
 from servogen.simulator import simulate
 from servogen.units import Clock, Cycles
 
@@ -60,8 +60,8 @@ def test_the_pulse_of_45_degrees_is_1250_us_in_all_dialects() -> None:
 
 
 def test_a_delay_beyond_the_largest_argument_is_split() -> None:
-    (most, rest) = CALLS["xc8"](Cycles(XC8_MOST + 7), Clock(4_000_000))
-    assert (most.text, rest.text) == (f"_delay({XC8_MOST})", "_delay(7)")
+    (most, rest) = CALLS["xc8"](Cycles(XC8_MAX + 7), Clock(4_000_000))
+    assert (most.text, rest.text) == (f"_delay({XC8_MAX})", "_delay(7)")
 
 
 def test_few_calls_are_needed_at_any_clock() -> None:

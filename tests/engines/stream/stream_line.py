@@ -12,7 +12,7 @@ from fractions import Fraction
 
 from servogen.edges import HIGH, LOW
 from servogen.engines.stream.protocol import (
-    MOST,
+    MAX_VALUE,
     SYNC,
     Command,
     Kind,
@@ -139,7 +139,7 @@ def talk(line: Line, seconds: float) -> None:
 
 
 def position(line: Line, servo: int) -> None:
-    line.send(position_command(servo, line.dice.randint(0, MOST)))
+    line.send(position_command(servo, line.dice.randint(0, MAX_VALUE)))
 
 
 def speed(line: Line, servo: int) -> None:
@@ -163,13 +163,13 @@ def query(line: Line, servo: int) -> None:
 
 
 def torn(line: Line, servo: int) -> None:
-    line.send(position_command(servo, line.dice.randint(0, MOST))[: line.dice.randint(1, 2)])
+    line.send(position_command(servo, line.dice.randint(0, MAX_VALUE))[: line.dice.randint(1, 2)])
     line.idle(line.dice.random() * 40)
 
 
 def wrong(line: Line, servo: int) -> None:
     second = line.dice.choice((servo + 8, 0x38 + servo, 0x48, 0x81, 0xC8, 0xEF, 0xF1, 0xFE))
-    line.send(bytes((SYNC, second, line.dice.randint(0, MOST))))
+    line.send(bytes((SYNC, second, line.dice.randint(0, MAX_VALUE))))
 
 
 def anything(line: Line, servo: int) -> None:
@@ -178,7 +178,7 @@ def anything(line: Line, servo: int) -> None:
 
 
 def broken(line: Line, servo: int) -> None:
-    frame = position_command(servo, line.dice.randint(0, MOST))
+    frame = position_command(servo, line.dice.randint(0, MAX_VALUE))
     at = line.dice.randrange(3)
     line.send(frame[:at])
     line.byte(frame[at] & 0x7F if line.dice.random() < 0.5 else 0, Fraction(1), stop=False)

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from servogen.engines.stream.protocol import (
-    MOST,
+    MAX_VALUE,
     NO_TRIM,
     Command,
     Kind,
@@ -82,15 +82,15 @@ def test_positions_go_from_end_to_end_and_are_within_a_cycle_of_the_straight_lin
     least: int, span: int
 ) -> None:
     each = Travel(Cycles(least), Cycles(least + span))
-    widths = [each.width(p) for p in range(MOST + 1)]
-    assert widths[0] == least and widths[MOST] == least + span
+    widths = [each.width(p) for p in range(MAX_VALUE + 1)]
+    assert widths[0] == least and widths[MAX_VALUE] == least + span
     assert widths == sorted(widths)
-    assert all(abs(width - (least + p * span / MOST)) < 1 for p, width in enumerate(widths))
+    assert all(abs(width - (least + p * span / MAX_VALUE)) < 1 for p, width in enumerate(widths))
 
 
 @settings(derandomize=True, max_examples=100)
-@given(st.integers(0, MOST), st.integers(300, 10_000))
+@given(st.integers(0, MAX_VALUE), st.integers(300, 10_000))
 def test_the_nearest_position_of_a_position_s_width_is_that_position(p: int, span: int) -> None:
     each = Travel(Cycles(600), Cycles(600 + span))
     assert each.nearest(each.width(p)) == p
-    assert each.nearest(0) == 0 and each.nearest(99_999) == MOST
+    assert each.nearest(0) == 0 and each.nearest(99_999) == MAX_VALUE

@@ -21,7 +21,7 @@ from servogen.engines.stream.engine import compiled
 from servogen.engines.stream.engine import firmware as made_of
 from servogen.engines.stream.layout import Layout
 from servogen.engines.stream.protocol import (
-    MOST,
+    MAX_VALUE,
     Travel,
     group_begins,
     group_goes,
@@ -99,7 +99,7 @@ def test_a_sender_that_is_two_per_cent_off_is_understood_byte_for_byte(name: str
     made = firmware(name)
     line = line_of(made, 4)
     for _ in range(600):
-        line.send(position_command(line.dice.randrange(3), line.dice.randint(0, MOST)), error)
+        line.send(position_command(line.dice.randrange(3), line.dice.randint(0, MAX_VALUE)), error)
         line.idle(line.dice.random())
     verdict = check(made, line)
     assert verdict.proven, verdict.reasons
@@ -145,7 +145,7 @@ def test_a_command_counts_in_the_first_frame_that_begins_ten_ms_after_its_stop_b
         for number in range(150):
             # Two periods and an odd part of one later, so that every moment of the frame comes.
             line.now = Fraction(made.first_rise + int(plan.period * (5 + number * Fraction(2013, 1000))))
-            frame = position_command(servo, MOST * (number % 2))
+            frame = position_command(servo, MAX_VALUE * (number % 2))
             for value in frame:
                 line.byte(value, Fraction(1))
             ends.append(int(line.now))
@@ -153,7 +153,7 @@ def test_a_command_counts_in_the_first_frame_that_begins_ten_ms_after_its_stop_b
         rises, lengths = pulses(chunk, plan.channels[servo].pin)
         offset = made.streamed.layout.rise(servo)
         for number, end in enumerate(ends):
-            wanted = made.streamed.travels[servo].width(MOST * (number % 2))
+            wanted = made.streamed.travels[servo].width(MAX_VALUE * (number % 2))
             begins = rises - offset
             first = int(np.argmax(begins >= end + second / 100))
             assert lengths[first] == wanted, (name, number)
@@ -230,7 +230,7 @@ def test_a_question_is_answered_with_the_width_in_two_bytes() -> None:
     made = firmware("stream-arm")
     line, wanted = line_of(made, 18), []
     for number in range(40):
-        servo, p = number % 3, line.dice.randint(0, MOST)
+        servo, p = number % 3, line.dice.randint(0, MAX_VALUE)
         line.send(position_command(servo, p))
         line.seconds(0.05)
         for low in (False, True):
@@ -295,7 +295,7 @@ def test_a_reset_at_any_frame_is_followed_by_the_neutral_pose() -> None:
         line = line_of(made, number)
         at = 100_000 + number * plan.period + dice.randrange(plan.period)
         while line.now < at:
-            line.send(position_command(line.dice.randrange(3), line.dice.randint(0, MOST)))
+            line.send(position_command(line.dice.randrange(3), line.dice.randint(0, MAX_VALUE)))
         line.changes_made = [each for each in line.changes_made if each.cycle < at - 5000]
         line.level(HIGH)
         line.changes_made.sort(key=lambda each: each.cycle)
@@ -407,7 +407,7 @@ def test_a_pulse_is_prepared_before_its_slot() -> None:
     line = line_of(made, 19)
     while line.now < 6_000_000:
         for _ in range(3):
-            line.send(position_command(line.dice.randrange(8), line.dice.randint(0, MOST)))
+            line.send(position_command(line.dice.randrange(8), line.dice.randint(0, MAX_VALUE)))
         line.seconds(0.1 + line.dice.random() * 0.12)
         group(line, 0)
     machine = Machine(made.image, job.clock, board_of(made.streamed.plan.schedule), Stimuli([line]))
@@ -466,7 +466,9 @@ def test_a_pulse_could_take_the_c_longer_and_be_in_time(name: str, turns: int) -
     while line.now < 5 * job.clock.cycles_per_second:
         line.send(group_begins())
         for servo in range(len(plan.channels)):
-            line.send(position_command(servo, line.dice.choice((0, MOST, line.dice.randint(0, MOST)))))
+            line.send(
+                position_command(servo, line.dice.choice((0, MAX_VALUE, line.dice.randint(0, MAX_VALUE))))
+            )
         line.send(group_goes(line.dice.randint(1, 3)))
         line.seconds(line.dice.random() * 0.2)
     late = []
