@@ -87,7 +87,7 @@ class Sweep:
 
 
 Ask = Callable[[Sweep, int], float]
-"""Returns the angle (radians) that a person reads from the servo at the point of that index."""
+"""Return the angle (radians) that a person reads from the servo at the point of that index."""
 
 
 def sweep_readings(

@@ -27,7 +27,7 @@ def drive_of(
     job: Job,
     table: DriveTable,
 ) -> Planned:
-    """Returns the drive along the contour. Raises InputError."""
+    """Return the drive along the contour. Raises InputError."""
     document, robot, servos = job.document, job.robot, job.servos
     period, clock = job.frame.period.cycles, job.clock
     if not isinstance(robot, DrivingRobot):

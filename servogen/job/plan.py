@@ -30,7 +30,7 @@ from servogen.units import Clock, Cycles
 
 
 def plan_job(job: Job, way: Mapping[str, float] | None = None, others: Sequence[Segment] = ()) -> PlannedJob:
-    """Returns the job with the trajectory of its servos. Raises InputError.
+    """Return the job with the trajectory of its servos. Raises InputError.
 
     With `way`, which has the keys of one of [walk] way, the robot walks that way instead of the job's own;
     without cycles the walk never ends. `others` are what the robot may walk next without standing up anew.
@@ -50,7 +50,7 @@ def plan_job(job: Job, way: Mapping[str, float] | None = None, others: Sequence[
 
 
 def _walking(job: Job, way: Mapping[str, float]) -> WalkTable:
-    """Returns the job's [walk] with that one way. Raises InputError where something else moves the servos."""
+    """Return the job's [walk] with that one way. Raises InputError where something else moves the servos."""
     if job.section is not None and not isinstance(job.section, WalkTable):
         moving = _key(job.section)
         raise job.document.error(
@@ -71,7 +71,7 @@ def _key(section: Section) -> str:
 def _motion(
     job: Job, section: Section | None, others: Sequence[Segment]
 ) -> tuple[Planned, tuple[NamedPose, ...]]:
-    """Returns the motion of the section, and its poses if it has any."""
+    """Return the motion of the section, and its poses if it has any."""
     period = job.frame.period.cycles
     limits = _limits(job)
     match section:
@@ -100,7 +100,7 @@ def _still(servos: Sequence[Servo], period: Cycles, clock: Clock) -> JointTrajec
 
 
 def _joint_limits(job: Job, limits: tuple[Limits, ...]) -> tuple[Limits, ...]:
-    """Returns what each bound joint can do. Raises InputError for a servo that turns no joint."""
+    """Return what each bound joint can do. Raises InputError for a servo that turns no joint."""
     by_name = dict(zip([servo.name for servo in job.servos], limits, strict=True))
     joints = tuple(
         Limits(limit.speed / abs(each.ratio), limit.acceleration / abs(each.ratio))
@@ -120,7 +120,7 @@ def _joint_limits(job: Job, limits: tuple[Limits, ...]) -> tuple[Limits, ...]:
 
 
 def _limits(job: Job) -> tuple[Limits, ...]:
-    """Returns what each servo can do within what the joint that it turns allows."""
+    """Return what each servo can do within what the joint that it turns allows."""
     limbs = job.robot.limbs if job.robot else ()
     joints = {name: joint.speed for limb in limbs for name, joint in limb.joints.items()}
     bound = {each.servo: each for each in job.bindings}
@@ -136,7 +136,7 @@ def _limits(job: Job) -> tuple[Limits, ...]:
 
 
 def _heavy(job: Job, planned: Planned) -> tuple[Caution, ...]:
-    """Returns warnings of servos of an arm that cannot carry its weight."""
+    """Return warnings of servos of an arm that cannot carry its weight."""
     if job.tip is None:
         return ()
     return tuple(arm_torques(job.tip, planned.trajectory.angles, job.servos))

@@ -29,17 +29,17 @@ MIN_PERIOD_US = 1000.0
 
 
 def load(path: str | Path) -> Job:
-    """Returns the job in the file at `path`. Raises InputError."""
+    """Return the job in the file at `path`. Raises InputError."""
     return _job(toml_file.read(path))
 
 
 def loads(text: str, file: str) -> Job:
-    """Returns the job that `text` is; `file` is its name in errors. Raises InputError."""
+    """Return the job that `text` is; `file` is its name in errors. Raises InputError."""
     return _job(toml_file.parse(text, file))
 
 
 def calibrated(job: Job, servo: str, file: str) -> Job:
-    """Returns the job, that servo having the calibration in `file`, beside the job. Raises InputError."""
+    """Return the job, that servo having the calibration in `file`, beside the job. Raises InputError."""
     document = job.document
     rows = [
         {**{key: value for key, value in row.items() if key != "points"}, "calibration": file}
@@ -75,7 +75,7 @@ def _job(document: Document) -> Job:
 
 
 def _section(document: Document, table: JobTable, needed: bool) -> Section | None:
-    """Returns the one section that says what the servos do; None where there is none and none is needed."""
+    """Return the one section that says what the servos do; None where there is none and none is needed."""
     given = [part for part in SECTIONS if getattr(table, part) is not None]
     if not given and not needed:
         return None
@@ -99,7 +99,7 @@ def _section(document: Document, table: JobTable, needed: bool) -> Section | Non
 
 
 def _name(document: Document) -> str:
-    """Returns the name of the job: of a folder in `build/`, and in comments of the C."""
+    """Return the name of the job: of a folder in `build/`, and in comments of the C."""
     name = Path(document.file).stem
     if name in (".", "..") or any(ord(sign) < ord(" ") for sign in name):
         raise InputError(

@@ -31,7 +31,7 @@ def walk_of(
     limits: tuple[Limits, ...],
     others: Sequence[Segment] = (),
 ) -> Planned:
-    """Returns the walk; `limits` are the joints', one for each binding. Raises InputError.
+    """Return the walk; `limits` are the joints', one for each binding. Raises InputError.
 
     `others` are segments of other walks for which the legs stand as for this one.
     """

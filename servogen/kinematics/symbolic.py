@@ -36,7 +36,7 @@ class SymbolicKinematics:
 
 
 def _sympy() -> Any:
-    """Returns the module. Raises ToolError if it is not installed."""
+    """Return the module. Raises ToolError if it is not installed."""
     try:
         import sympy
     except ImportError as error:

@@ -1,8 +1,8 @@
 """A path in space as joint angles, on one branch of the inverse kinematics from its start to its end.
 
-In: a path, the inverse kinematics along it, the joint angles at its start. Out: a `Branch`, the way of the
-joints along the path, or `LeavesReach` and `ChangesBranch` where there is none; and `Followed`: joint angles
-at chosen shares of the path with a stated chord error.
+In: a path, the inverse kinematics along it, the joint angles at its start. Out: a `Branch`, the course of the
+joints along the path, or `LeavesReach` and `ChangesBranch` if there is none; and `Followed`: joint angles at
+chosen shares of the path with a stated chord error.
 
     joints │  ╲___            the branch is traced in steps that are small beside the distance to the
            │      ╲___○       next solution; where even the smallest step is not (○), the joints would
@@ -37,28 +37,28 @@ Shown = Callable[[Floats], str]
 """Joint angles (joints,) -> text for a message."""
 
 INSIDE = np.array([0.25, 0.5, 0.75])
-"""Where between two samples the chord error is looked at."""
+"""The shares between two samples at which the chord error is computed."""
 
 STEP = 0.1
-"""No joint goes further (radians, metres) between two samples of a traced branch."""
+"""The greatest step of a joint (radians, metres) between two samples of a traced branch."""
 
 SMALL = 0.005
 """A step of less than this (radians, metres) is not a jump."""
 
 FASTER = 3.0
-"""A larger step is at most this many times as steep as the one before it; a steeper one is divided."""
+"""The ratio to the previous slope above which a step that is not small is divided."""
 
 APART = 4.0
-"""How many steps away the next solution must be for a step to be surely on the same branch."""
+"""The number of steps by which the next solution must be away for a step to be surely on the same branch."""
 
 SAME = 1e-6
-"""Solutions nearer together than this (radians, metres) are one."""
+"""Solutions closer together than this (radians, metres) are the same."""
 
 MIN_SHARE = 1e-10
 """The smallest step, as a share of the path."""
 
 BESIDE = 1e-7
-"""How far beside a singular point, as a share of the path, the branch goes on."""
+"""The distance from a singular point, as a share of the path, at which the branch continues."""
 
 FIRST_SAMPLES, BLOCK, SPLIT = 64, 64, 8
 MAX_SAMPLES = 1 << 14
@@ -127,7 +127,7 @@ class Branch:
 
     @property
     def end(self) -> Floats:
-        """The joint angles at the end of the path."""
+        """Return the joint angles at the end of the path."""
         return np.asarray(self.angles[-1])
 
     def at(self, shares: Floats) -> Floats:
@@ -150,7 +150,7 @@ class Branch:
         return np.stack([np.interp(shares, self.shares, column) for column in self.angles.T], axis=-1)
 
     def _beside(self, share: float) -> Floats:
-        """The branch next to a singular point, where the inverse does not give its joint angles."""
+        """Return the joint angles next to a singular point, where the inverse does not give them."""
         for near in (share - BESIDE, share + BESIDE):
             if 0 <= near <= 1:
                 there = np.array([near])
@@ -200,7 +200,7 @@ class _Tracer:
         return Branch(self.path, self.inverse, np.array(self.shares), np.array(self.angles), self.place)
 
     def _go(self, block: Floats) -> bool:
-        """Goes on as far as the block's shares are surely on the branch; whether by one at least."""
+        """Add the block's shares that are surely on the branch; return whether there was at least one."""
         count = len(self.shares)
         for candidates in self._solved(block, self.angles[-1]):
             chosen, away = _nearest(candidates[None], self.angles[-1][None])
@@ -211,7 +211,7 @@ class _Tracer:
         return len(self.shares) > count
 
     def _allowed(self) -> float:
-        """How far the joints may go to the next share: as steeply as before, but for a factor."""
+        """Return how far the joints may move to the next share: as steeply as before, times a factor."""
         if len(self.shares) == 1:
             return SMALL
         longer = (self.ahead[-1] - self.shares[-1]) / (self.shares[-1] - self.shares[-2])
@@ -225,7 +225,7 @@ class _Tracer:
         self.angles.append(angles)
 
     def _divide(self) -> None:
-        """Puts shares before the next one, or, where there is no room for one, passes a singular point."""
+        """Put shares before the next one, or pass a singular point if there is no room for another share."""
         here, there = self.shares[-1], self.ahead[-1]
         if there - here > MIN_SHARE:
             self.ahead += np.linspace(there, here, SPLIT + 1)[1:-1].tolist()
@@ -233,7 +233,7 @@ class _Tracer:
             self._pass(there)
 
     def _pass(self, there: float) -> None:
-        """Goes on beside a point where the inverse does not know a joint; a jump beside it is refused."""
+        """Continue beside a point where the inverse does not know a joint. Raises ChangesBranch at a jump."""
         here = self.angles[-1]
         if there == 1.0:
             self._take(here)
@@ -276,7 +276,9 @@ def chord_errors(path: Path, angles: Floats, forward: Forward) -> Floats:
 
 
 def _nearest(solutions: Floats, expected: Floats) -> tuple[Floats, Floats]:
-    """The solutions (n, joints) nearest to what is expected, and how far (n,) they are; inf where none is."""
+    """Return the solutions (n, joints) nearest to `expected`, and their distances (n,), inf if
+    there is none.
+    """
     away = np.abs(solutions - expected[:, None, :]).max(axis=2)
     away = np.where(np.isnan(away), np.inf, away)
     best = np.argmin(away, axis=1)[:, None]
@@ -285,7 +287,7 @@ def _nearest(solutions: Floats, expected: Floats) -> tuple[Floats, Floats]:
 
 
 def _sure(candidates: Floats, chosen: Floats, step: float) -> bool:
-    """Whether no other solution is so near that a step might have gone to it instead."""
+    """Return whether no other solution is so near that a step might have gone to it instead."""
     apart = np.abs(candidates - chosen).max(axis=1)
     others = apart[apart > SAME]
     return step <= SAME or not others.size or APART * step <= float(others.min())

@@ -1,9 +1,9 @@
-"""Laws of motion along a path: which share of it is behind, at which share of the time.
+"""Laws of motion along a path: the share of the way as a function of the share of the time.
 
 In: the name of a law and, for two of them, the shape of its ramps. Out: `Law`, share s(u) of the way for the
 share u of the time, both 0 to 1, with its derivatives and their peaks.
 
-    linear    speed ▔▔▔▔▔▔▔      s = u, the specification's: the speed jumps at the ends
+    linear    speed ▔▔▔▔▔▔▔      s = u: the speed jumps at the ends
     cubic     speed ╱‾╲          s = 3u² - 2u³: the acceleration jumps at the ends
     quintic   speed _╱‾╲_        s = 10u³ - 15u⁴ + 6u⁵: nothing jumps but the jerk
     trapezoid speed ╱▔▔▔╲        constant acceleration for the share `ramp` of the time at each end
@@ -39,17 +39,19 @@ class Law:
     coefficients: tuple[tuple[float, ...], ...]
 
     def share(self, u: ArrayLike) -> Floats:
-        """The share of the way at the share `u` of the time; at rest before 0 and after 1."""
+        """Return the share of the way at the share `u` of the time; at rest before 0 and after 1."""
         return self._value(np.clip(np.asarray(u, float), 0.0, 1.0), 0)
 
     def derivative(self, u: ArrayLike, order: int) -> Floats:
-        """The derivative of `share` by u of that order, 0 outside of 0 to 1."""
+        """Return the derivative of `share` by u of that order, 0 outside 0 to 1."""
         u = np.asarray(u, float)
         inside = (u >= 0) & (u <= 1)
         return np.where(inside, self._value(np.clip(u, 0.0, 1.0), order), 0.0)
 
     def peak(self, order: int) -> float:
-        """The greatest size of the derivative of that order (1 speed, 2 acceleration, 3 jerk)."""
+        """Return the greatest absolute value of the derivative of that order (1 speed, 2 acceleration, 3
+        jerk).
+        """
         worst = 0.0
         for (start, end), row in zip(pairwise((*self.times, 1.0)), self.coefficients, strict=True):
             wanted = np.polynomial.Polynomial(row).deriv(order)
@@ -69,7 +71,7 @@ class Law:
 
 
 def law(name: str, ramp: float = RAMP, bend: float = BEND) -> Law:
-    """The law of that name. Raises InputError for a name or a shape that there is none of."""
+    """Return the law of that name. Raises InputError for an unknown name and for an invalid ramp or bend."""
     if name == "linear":
         return Law(name, (0.0,), ((0.0, 1.0),))
     if name == "cubic":
@@ -92,7 +94,9 @@ def law(name: str, ramp: float = RAMP, bend: float = BEND) -> Law:
 
 
 def _integrated(name: str, pieces: tuple[tuple[float, tuple[float, ...]], ...]) -> Law:
-    """The law whose acceleration has the shape of `pieces` (length, polynomial), scaled to end at 1."""
+    """Return the law whose acceleration has the shape of `pieces` (length, polynomial), scaled
+    to end at 1.
+    """
     times: list[float] = []
     rows: list[np.polynomial.Polynomial] = []
     at = way = speed = 0.0

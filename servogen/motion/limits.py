@@ -1,8 +1,8 @@
 """Limits of the joints, and the shortest time in which a law keeps them.
 
 In: what each joint travels and its limits. Out: a law and a duration for all joints together. The joints are
-synchronised: all follow the same law in the same time, so that they begin and end together and the way
-through joint space is straight.
+synchronised: all follow the same law in the same time, so that they begin and end together on a straight way
+through joint space.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ STILL = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """A joint's greatest speed, acceleration and jerk in radians (or metres) and seconds; inf: not stated."""
+    """A joint's maximum speed, acceleration and jerk in radians (or metres) and seconds; inf: not stated."""
 
     speed: float = math.inf
     acceleration: float = math.inf
@@ -32,17 +32,17 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """A law and how many seconds it takes."""
+    """A law and its duration in seconds."""
 
     law: Law
     duration: float
 
 
 def fastest(name: str, travel: Sequence[float], limits: Sequence[Limits]) -> Timing:
-    """The law `name` in the shortest time in which no joint exceeds its limits over its `travel`.
+    """Return the law `name` in the shortest time in which no joint exceeds its limits over its `travel`.
 
-    For a path parameter from 0 to 1 each joint's limits divided by its travel hold; the least of them count.
-    Raises InputError where a joint travels and nothing limits it.
+    For a path parameter from 0 to 1 the limits are each joint's divided by its travel, and the smallest
+    counts. Raises InputError if a joint moves and nothing limits it.
     """
     used = [(abs(way), limit) for way, limit in zip(travel, limits, strict=True) if abs(way) > STILL]
     if not used:
@@ -61,7 +61,7 @@ def fastest(name: str, travel: Sequence[float], limits: Sequence[Limits]) -> Tim
 
 
 def _shortest(shaped: Law, speed: float, acceleration: float, jerk: float) -> float:
-    """The seconds in which the peaks of `shaped`, over a way of 1, are no more than the limits."""
+    """Return the seconds in which the peaks of `shaped`, over a way of 1, do not exceed the limits."""
     return max(
         shaped.peak(1) / speed,
         # The linear law's speed jumps at its ends: no acceleration limit holds there, and none is applied.
@@ -71,7 +71,7 @@ def _shortest(shaped: Law, speed: float, acceleration: float, jerk: float) -> fl
 
 
 def _shaped(name: str, speed: float, acceleration: float, jerk: float) -> Law:
-    """The law with the ramps that make it the fastest over a way of 1."""
+    """Return the law with the ramps that make it the fastest over a way of 1."""
     if name not in ("trapezoid", "s-curve") or math.isinf(acceleration):
         return law(name)
     if name == "trapezoid":
@@ -85,7 +85,9 @@ def _shaped(name: str, speed: float, acceleration: float, jerk: float) -> Law:
 
 
 def _trapezoid(speed: float, acceleration: float) -> tuple[float, float]:
-    """Seconds of a ramp and of the whole way of 1: speed² / acceleration is the way of two ramps."""
+    """Return the seconds of a ramp and of the whole way of 1; two ramps take a way of speed² /
+    acceleration.
+    """
     if speed * speed >= acceleration:
         ramp = math.sqrt(1 / acceleration)
         return ramp, 2 * ramp
@@ -94,10 +96,10 @@ def _trapezoid(speed: float, acceleration: float) -> tuple[float, float]:
 
 
 def _s_curve(speed: float, acceleration: float, jerk: float) -> tuple[float, float, float]:
-    """Seconds in which the acceleration rises, of a ramp, of the whole way of 1.
+    """Return the seconds in which the acceleration rises, those of a ramp and of the whole way of 1.
 
-    A ramp up to `speed` takes v/a + a/j where the acceleration is reached (v j ≥ a²), else 2 √(v/j); two
-    ramps go v times that far. Where this is beyond 1, the speed is not reached: the ramps then fill the way.
+    A ramp up to `speed` takes v/a + a/j if the acceleration is reached (v j ≥ a²), else 2 √(v/j); the way of
+    two ramps is v times that. If it exceeds 1, the speed is not reached, and the ramps fill the way.
     """
     reached = speed * jerk >= acceleration**2
     rise = acceleration / jerk if reached else math.sqrt(speed / jerk)
@@ -114,14 +116,15 @@ def _s_curve(speed: float, acceleration: float, jerk: float) -> tuple[float, flo
 
 
 def stretch(angles: Floats, step_s: float, limits: Sequence[Limits]) -> float:
-    """By how much samples `step_s` apart must be slowed down to keep the limits; 1 or less: they do.
+    """Return the factor by which samples `step_s` apart must be slowed down to keep the limits; up to 1: they
+    do.
 
     A duration k times as long divides speeds by k, accelerations by k² and jerks by k³.
     """
     worst = 0.0
     for column, limit in zip(angles.T, limits, strict=True):
-        for order, most in ((1, limit.speed), (2, limit.acceleration), (3, limit.jerk)):
-            if len(column) > order and not math.isinf(most):
+        for order, limit_value in ((1, limit.speed), (2, limit.acceleration), (3, limit.jerk)):
+            if len(column) > order and not math.isinf(limit_value):
                 peak = float(np.abs(np.diff(column, order)).max()) / step_s**order
-                worst = max(worst, (peak / most) ** (1 / order))
+                worst = max(worst, (peak / limit_value) ** (1 / order))
     return worst

@@ -1,4 +1,4 @@
-"""What standing asks of a walking robot's legs, frame by frame.
+"""The static loads of a walking robot's legs, frame by frame.
 
 In: a `WalkingRobot` with a mass and its `Walk`. Out: the force at each foot, and the torque at the joint of
 each leg that lifts it.
@@ -16,26 +16,28 @@ from servogen.motion.gait.walk import Walk
 from servogen.motion.trajectory import Floats
 
 SAME_DIGITS = 9
-"""Of N·m: torques nearer than this are one, so that the first of them is named on every machine."""
+"""Digits of N·m to which torques are compared, so that every machine names the same frame."""
 
 MIN_LEGS = 3
-"""With fewer the robot stands on something else."""
+"""A robot with fewer legs is held by something else."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Loads:
-    """`forces` (N) and `torques` (N·m, of β) have the shape (frames, legs); NaN where the robot falls."""
+    """`forces` (N) and `torques` (N·m, of the lifting joints) are (frames, legs), NaN where the
+    robot falls.
+    """
 
     legs: tuple[str, ...]
     weight_n: float
     forces: Floats
     torques: Floats
-    alike: Floats
-    """The torques if the feet on the ground shared the weight alike."""
+    equal_torques: Floats
+    """The torques if the feet on the ground carried equal shares of the weight."""
 
     @property
     def worst(self) -> tuple[int, int] | None:
-        """The leg and the frame in which a torque is greatest; None where the robot never stands."""
+        """Return the leg and the frame of the greatest torque; None if the robot never stands."""
         if np.isnan(self.torques).all():
             return None
         at = int(np.nanargmax(np.round(self.torques, SAME_DIGITS)))
@@ -46,7 +48,7 @@ class Loads:
         """Return in words what a leg carries in a frame."""
         return (
             f"its foot carries {self.forces[frame, leg]:z.1f} of {self.weight_n:z.1f} N "
-            f"({self.alike[frame, leg]:z.2f} N·m if all standing feet carried alike)"
+            f"({self.equal_torques[frame, leg]:z.2f} N·m if all standing feet carried alike)"
         )
 
 

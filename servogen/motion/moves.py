@@ -25,7 +25,7 @@ EXACT = 1e-9
 
 
 def straight(start: Floats, end: Floats, name: str, frames: int) -> Floats:
-    """Straight through joint space in so many frames: all joints begin and end together."""
+    """Return a straight move through joint space in so many frames: all joints begin and end together."""
     share = law(name).share(_shares(frames))[:, None]
     return np.where(share == 1, end, start + share * (end - start))
 
@@ -33,7 +33,7 @@ def straight(start: Floats, end: Floats, name: str, frames: int) -> Floats:
 def fastest_straight(
     start: Floats, end: Floats, name: str, limits: Sequence[Limits], frame_s: float
 ) -> Floats:
-    """As `straight`, in as few frames as the limits allow."""
+    """Return the same as `straight` in as few frames as the limits allow."""
     timing = fastest(name, (end - start).tolist(), limits)
     frames = math.ceil(timing.duration / frame_s - EXACT)
     share = timing.law.share(_shares(frames))[:, None]
@@ -41,7 +41,7 @@ def fastest_straight(
 
 
 def along(way: Way, name: str, frames: int) -> Followed:
-    """Along a path in so many frames; the start is among the samples, as their first."""
+    """Return a move along a path in so many frames; the first sample is its start."""
     return way(law(name).share(np.concatenate(([0.0], _shares(frames)))))
 
 
@@ -50,7 +50,9 @@ MAX_PATH_FRAMES = 1 << 15
 
 
 def fastest_along(way: Way, name: str, limits: Sequence[Limits], frame_s: float) -> Followed | None:
-    """As `along`, in as few frames as the limits allow; None when that is more than `MAX_PATH_FRAMES`."""
+    """Return the same as `along` in as few frames as the limits allow, None for more than
+    `MAX_PATH_FRAMES`.
+    """
     frames = 1
     while frames <= MAX_PATH_FRAMES:
         made = along(way, name, frames)
@@ -62,18 +64,20 @@ def fastest_along(way: Way, name: str, limits: Sequence[Limits], frame_s: float)
 
 
 def through(points: Floats, frames: Sequence[int], closed: bool) -> Floats:
-    """Through `points` (n, joints) without stopping, each after so many frames more (n - 1 of them)."""
+    """Return a move through `points` (n, joints) without stopping, with n - 1 counts of frames
+    between them.
+    """
     times = np.concatenate(([0], np.cumsum(frames))).astype(float)
     return spline(points, times, closed).at(np.arange(1, times[-1] + 1))
 
 
 def fastest_through(points: Floats, limits: Sequence[Limits], frame_s: float, closed: bool) -> Floats:
-    """As `through`, in as few frames as the limits allow."""
+    """Return the same as `through` in as few frames as the limits allow."""
     made = fastest_spline(points, limits, closed)
     frames = max(1, math.ceil(made.duration / frame_s - EXACT))
     return made.at(np.arange(1, frames + 1) * (made.duration / frames))
 
 
 def _shares(frames: int) -> Floats:
-    """The shares of the time at the frames of a move, from after its start to its end."""
+    """Return the shares of the time at the frames of a move, from after its start to its end."""
     return np.arange(1, frames + 1) / max(1, frames)

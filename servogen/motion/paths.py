@@ -24,17 +24,17 @@ STRAIGHT_M = 1e-9
 
 
 class Path(Protocol):
-    """A way through space."""
+    """A path through space."""
 
     @property
     def length(self) -> float:
-        """Metres."""
+        """Return the length in metres."""
 
     def point(self, share: ArrayLike) -> Floats:
-        """The points (n, 3) at shares of the way."""
+        """Return the points (n, 3) at shares of the path."""
 
     def distance(self, points: Floats) -> Floats:
-        """How far each of the points (n, 3) is from the nearest one of the path, metres."""
+        """Return the distance in metres of each of the points (n, 3) from the path."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,9 @@ class Arc:
 
 
 def arc(start: ArrayLike, through: ArrayLike, end: ArrayLike, place: Location | None = None) -> Arc:
-    """The arc from `start` through `through` to `end`. Raises InputError for three points in a line."""
+    """Return the arc from `start` through `through` to `end`. Raises InputError for three points
+    on a line.
+    """
     a, b, c = (np.asarray(point, float) for point in (start, through, end))
     u, v = b - a, c - a
     normal = np.cross(u, v)

@@ -1,7 +1,7 @@
 """Poses with holds, pauses and moves between them -> `JointTrajectory`, one sample a frame.
 
 In: `Motion`, times in seconds as exact fractions. Out: the angles of every frame and the frame at which the
-repeat begins, what had to be rounded, what is good to know.
+repeat begins, warnings of what was rounded, notes.
 
     angle                           move     hold      pause   (move of the next pose …)
       │        ╱‾‾‾‾‾‾‾‾            frames in which the servos travel, then stand,
@@ -25,12 +25,14 @@ from servogen.motion.trajectory import MAX_FRAMES, Floats, JointTrajectory
 from servogen.units import Clock, Cycles
 
 OFF_THE_PATH_M = 1e-3
-"""A point that leaves its path by so much more between two frames than at them is worth a warning."""
+"""A warning is given if a point is farther from its path between two frames than at them by more
+than this.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Joint angles (radians); the seconds of the move to them, of the hold there, of the pause then."""
+    """Joint angles (radians); the seconds of the move to them, the hold there and the pause after it."""
 
     angles: tuple[float, ...]
     move_s: Fraction | None = Fraction(0)
@@ -41,7 +43,7 @@ class Pose:
     """No pulses in the pause; otherwise they hold the position."""
     law: str = "linear"
     via: bool = False
-    """Passed without stopping; nothing is held there."""
+    """Whether it is passed without stopping or holding."""
     way: moves.Way | None = None
     """The path of the move; without, straight through joint space."""
     place: Location | None = None
@@ -49,7 +51,7 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Poses in order, for ever when `repeat`; otherwise the end holds the last pose, or releases it.
+    """Poses in order, without an end if `repeat`; otherwise the last pose is held, or released.
 
     `limits` are the joints', for moves without a time.
     """
@@ -63,7 +65,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Planned:
-    """A trajectory; `warnings`: what the user should change or accept; `notes`: what it is good to know."""
+    """A trajectory, the warnings that the user should act on or accept, and notes about it."""
 
     trajectory: JointTrajectory
     warnings: tuple[Caution, ...] = ()
@@ -71,10 +73,10 @@ class Planned:
 
 
 def trajectory(motion: Motion, period: Cycles, clock: Clock) -> Planned:
-    """The motion sampled at frames of `period` cycles. Raises InputError.
+    """Return the motion sampled at frames of `period` cycles. Raises InputError.
 
-    Nothing is known of where the servos are before the first pose, so its move is made only when it comes
-    from the last pose: with `repeat` the loop begins after that move and ends with it.
+    The position of the servos before the first pose is not known, so its move is made only if it comes from
+    the last pose: with `repeat` the loop begins after that move and ends with it.
     """
     sampler = _Sampler(motion, clock.seconds(period))
     sampler.run()
@@ -92,11 +94,12 @@ def trajectory(motion: Motion, period: Cycles, clock: Clock) -> Planned:
 
 
 def _still(angles: Floats, frames: int) -> Floats:
+    """Return one position for so many frames."""
     return np.tile(angles, (frames, 1))
 
 
 class _Sampler:
-    """The motion, frame by frame."""
+    """Samples the motion frame by frame."""
 
     def __init__(self, motion: Motion, period_s: Fraction) -> None:
         self.motion = motion
@@ -107,6 +110,7 @@ class _Sampler:
         self._frames = 0
 
     def run(self) -> None:
+        """Sample all poses."""
         poses, repeat = self.motion.poses, self.motion.repeat
         self._check_via()
         if all(pose.via for pose in poses):
@@ -147,7 +151,7 @@ class _Sampler:
                 )
 
     def _stand(self, pose: Pose) -> None:
-        """Hold and pause."""
+        """Add the hold and the pause of a pose."""
         target = np.array(pose.angles)
         hold, pause = self._count(pose.hold_s, "hold_s", pose), self._count(pose.pause_s, "pause_s", pose)
         if hold:
@@ -160,7 +164,7 @@ class _Sampler:
             )
 
     def _go(self, chain: Sequence[Pose]) -> None:
-        """From the first pose of the chain to its last, through those between."""
+        """Add the move from the first pose of the chain to its last, through those between."""
         if len(chain) > 2:
             self._through(chain, closed=False)
             return
@@ -236,7 +240,7 @@ class _Sampler:
         )
 
     def _count(self, seconds: Fraction, name: str, pose: Pose) -> int:
-        """Whole frames; what does not divide is rounded to the nearest, and said."""
+        """Return a time in whole frames; a warning reports the rounding."""
         asked = seconds / self.period_s
         count = (2 * asked.numerator + asked.denominator) // (2 * asked.denominator)
         count = max(1, count) if seconds else 0
@@ -255,7 +259,9 @@ class _Sampler:
 
 
 def _slower(pose: Pose, way: moves.Way, frames: int, frame_s: float) -> str:
-    """Say how long a move must take to stay near its path, if any of a few longer times is enough."""
+    """Return how long a move must take to stay near its path, as text, empty if the longer times
+    do not help.
+    """
     for longer in (2 * frames, 4 * frames, 8 * frames, 16 * frames):
         if longer <= moves.MAX_PATH_FRAMES:
             made = moves.along(way, pose.law, longer)

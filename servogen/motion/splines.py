@@ -34,7 +34,7 @@ class Spline:
         return float(self.times[-1] - self.times[0])
 
     def at(self, time: ArrayLike, order: int = 0) -> Floats:
-        """Positions (or their derivative of `order`) at times, shape (..., joints)."""
+        """Return positions, or their derivatives of `order`, at times, shape (..., joints)."""
         when: Floats = np.clip(np.asarray(time, float), self.times[0], self.times[-1])
         piece = np.clip(np.searchsorted(self.times, when, side="right") - 1, 0, len(self.times) - 2)
         a, b, c, d = (part[piece] for part in self._coefficients())
@@ -48,7 +48,9 @@ class Spline:
         return np.asarray(6 * d + 0 * t)
 
     def peaks(self) -> tuple[Floats, Floats]:
-        """The greatest speed and acceleration of each joint: at the points, or where a speed turns."""
+        """Return the greatest speed and acceleration of each joint, which lie at the points or where a speed
+        turns.
+        """
         _, b, c, d = self._coefficients()
         h = np.diff(self.times)[:, None]
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -61,7 +63,7 @@ class Spline:
         )
 
     def slower(self, factor: float) -> Spline:
-        """The same way in `factor` times the time."""
+        """Return the same spline in `factor` times the time."""
         return Spline(self.times * factor, self.points, self.speeds / factor)
 
     def _coefficients(self) -> tuple[Floats, Floats, Floats, Floats]:
@@ -72,7 +74,7 @@ class Spline:
 
 
 def spline(points: ArrayLike, times: ArrayLike, closed: bool = False) -> Spline:
-    """The spline through `points` at `times`, which rise; closed: the last point is the first again."""
+    """Return the spline through `points` at rising `times`; if closed, the last point is the first again."""
     points, times = np.asarray(points, float), np.asarray(times, float)
     if len(points) < 2 or len(times) != len(points) or not (np.diff(times) > 0).all():
         raise InputError("pose-timing", "a spline needs two points or more, and a later time for each")
@@ -95,9 +97,10 @@ def spline(points: ArrayLike, times: ArrayLike, closed: bool = False) -> Spline:
 
 
 def fastest_spline(points: ArrayLike, limits: Sequence[Limits], closed: bool = False) -> Spline:
-    """Through `points` as fast as the limits allow, the intervals in the proportion of their longest travel.
+    """Return the spline through `points` as fast as the limits allow, the intervals in proportion to their
+    travel.
 
-    Raises InputError where nothing limits a joint that travels, and for two equal points in a row.
+    Raises InputError if nothing limits a joint that moves, and for two equal points in a row.
     """
     points = np.asarray(points, float)
     most = np.array([limit.speed for limit in limits])

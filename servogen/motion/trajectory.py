@@ -1,4 +1,6 @@
-"""`JointTrajectory`: joint angles frame by frame, what every kind of motion becomes."""
+"""`JointTrajectory`: joint angles frame by frame, the result of every kind of motion; joints
+bound to servos.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +17,14 @@ from servogen.units import Clock, Cycles
 Floats = npt.NDArray[np.float64]
 
 MAX_FRAMES = 500_000
-"""Of a motion, nearly three hours at 50 Hz. Whatever works on a motion holds all its frames in memory."""
+"""The longest motion, nearly three hours at 50 Hz: all its frames are held in memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointTrajectory:
-    """One row of `angles` a frame of `period` cycles, one column a joint, in radians.
+    """`angles` in radians, one row per frame of `period` cycles and one column per joint.
 
-    NaN: no pulse in that frame. The frames before `loop_start` are run once, those from it on for ever.
+    NaN: no pulse in that frame. The frames before `loop_start` are played once, the others repeatedly.
     """
 
     joints: tuple[str, ...]
@@ -33,7 +35,9 @@ class JointTrajectory:
 
 
 def bound(trajectory: JointTrajectory, bindings: Sequence[Binding]) -> JointTrajectory:
-    """The angles of the bindings' servos, in their order. Raises InputError for a joint that is not moved."""
+    """Return the angles of the bindings' servos, in their order. Raises InputError for a joint that does not
+    move.
+    """
     columns = []
     for binding in bindings:
         if binding.joint not in trajectory.joints:

@@ -1,7 +1,7 @@
-"""A schedule's edges, for ever, in chunks of arrays.
+"""The edges of a schedule, without an end, in chunks of arrays.
 
-In: a `PulseSchedule`. Out: `edges.Expected`, whose chunks are made while they are read: a day of edges needs
-no more memory than a second of them.
+In: a `PulseSchedule`. Out: `edges.Expected`, whose chunks are computed as they are read: a day of edges needs
+no more memory than a second.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from servogen.pulse.schedule import PulseSchedule, Run
 from servogen.units import Cycles
 
 CHUNK_EDGES = 1 << 16
-"""About how many edges a chunk holds."""
+"""The approximate number of edges in a chunk."""
 
 
 def expected(schedule: PulseSchedule) -> Expected:
-    """The edges of `schedule`; time zero is the first edge. They end only where the loop has no pulse."""
+    """Return the edges of `schedule`; time zero is the first edge. They end only if the loop has no pulse."""
     return Expected(
         schedule.clock,
         schedule.period,
@@ -34,7 +34,7 @@ def expected(schedule: PulseSchedule) -> Expected:
 
 @dataclass(frozen=True, slots=True)
 class _Chunks:
-    """The chunks from the first edge on, anew for each reader."""
+    """The chunks from the first edge on; every iteration starts again."""
 
     schedule: PulseSchedule
 
@@ -47,6 +47,7 @@ class _Chunks:
 
 
 def _from_frame_zero(schedule: PulseSchedule) -> Iterator[ExpectedChunk]:
+    """Yield the chunks with time zero at the beginning of the first frame."""
     yield from _once(schedule, schedule.lead_in, 0)
     frames, first = schedule.loop_frames, schedule.lead_in_frames
     edges = sum(run.frames * len(_edges(schedule, run).cycle) for run in schedule.loop)
@@ -56,7 +57,7 @@ def _from_frame_zero(schedule: PulseSchedule) -> Iterator[ExpectedChunk]:
         while True:
             yield from _once(schedule, schedule.loop, first)
             first += frames
-    # A short loop is laid out once and repeated within each chunk.
+    # A short loop is computed once and repeated within each chunk.
     parts = list(_once(schedule, schedule.loop, 0))
     turn = ExpectedChunk(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
     turns = max(1, CHUNK_EDGES // edges)
@@ -67,18 +68,18 @@ def _from_frame_zero(schedule: PulseSchedule) -> Iterator[ExpectedChunk]:
 
 
 def _once(schedule: PulseSchedule, runs: tuple[Run, ...], first: int) -> Iterator[ExpectedChunk]:
-    """The edges of `runs`, the first of whose frames is frame `first`."""
+    """Yield the edges of `runs`, the first of whose frames is frame `first`."""
     for run in runs:
         frame = _edges(schedule, run)
-        most = max(1, CHUNK_EDGES // max(1, len(frame.cycle)))
-        for start in range(0, run.frames, most) if len(frame.cycle) else ():
-            frames = min(most, run.frames - start)
+        block = max(1, CHUNK_EDGES // max(1, len(frame.cycle)))
+        for start in range(0, run.frames, block) if len(frame.cycle) else ():
+            frames = min(block, run.frames - start)
             yield _moved(_repeated(frame, frames, 1, schedule.period), first + start, schedule.period)
         first += run.frames
 
 
 def _edges(schedule: PulseSchedule, run: Run) -> ExpectedChunk:
-    """The edges of one frame of `run`, in order of time, then of pin."""
+    """Return the edges of one frame of `run`, in order of time, then of pin."""
     edges = sorted(
         (cycle, PINS.index(channel.pin), level)
         for channel, pulse in zip(schedule.channels, run.pulses, strict=True)
@@ -95,7 +96,7 @@ def _edges(schedule: PulseSchedule, run: Run) -> ExpectedChunk:
 
 
 def _repeated(chunk: ExpectedChunk, times: int, frames: int, period: Cycles) -> ExpectedChunk:
-    """`chunk`, which fills `frames` frames, `times` times in a row."""
+    """Return `chunk`, which fills `frames` frames, `times` times in a row."""
     shift = np.repeat(np.arange(times, dtype=np.int64) * frames, len(chunk.cycle))
     return ExpectedChunk(
         np.tile(chunk.cycle, times) + shift * period,
@@ -106,4 +107,5 @@ def _repeated(chunk: ExpectedChunk, times: int, frames: int, period: Cycles) -> 
 
 
 def _moved(chunk: ExpectedChunk, frames: int, period: Cycles) -> ExpectedChunk:
+    """Return a chunk that begins so many frames later."""
     return chunk._replace(cycle=chunk.cycle + frames * period, frame=chunk.frame + frames)

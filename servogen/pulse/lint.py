@@ -1,14 +1,14 @@
-"""Checks that warn: of planned motions and of measured pulses alike.
+"""Warnings about planned motions and measured pulses.
 
-In: a servo and its widths or angles, frame by frame. Out: `Caution` values; each code below is one kind.
+In: a servo and its widths or angles, frame by frame. Out: `Caution` values; with these codes.
 
-    period-range   the period is outside of 18 to 20 ms
+    period-range   the period is outside 18 to 20 ms
     period-varies  measured frames differ in length
-    width-range    a pulse is shorter or longer than any that the servo takes
-    angle-range    a pulse asks for an angle outside the servo's travel
-    too-fast       the angle moves on, frame by frame, faster than the servo turns
+    width-range    a pulse is shorter or longer than the servo takes
+    angle-range    a pulse commands an angle outside the servo's travel
+    too-fast       the angle changes from frame to frame faster than the servo turns
     frames-few     a position is left before the servo can have reached it
-    too-heavy      holding a pose against gravity asks for more torque than the servo gives
+    too-heavy      holding a pose against gravity needs more torque than the servo has
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ PERIOD_US = (18_000, 20_000)
 """The recommended period (specification of the labs' servos); others work in practice."""
 
 CALIBRATION_SPREAD = 0.1
-"""How much of a model's range of widths one of its servos may differ at an end."""
+"""The share of a model's range of widths by which one of its servos may differ at each end."""
 
 ANY_SERVO_US = (1000.0, 2000.0)
-"""The widths that every position servo takes: what is judged when the servo is not known."""
+"""The widths that every position servo takes, for the check of an unknown servo."""
 
 SAME_DIGITS = 9
-"""Of N·m: torques nearer than this are one, so that the first frame of them is named on every machine."""
+"""Digits of N·m to which torques are compared, so that every machine names the same frame."""
 
 WIDTH_TOLERANCE_US = 2.0
-"""A width this far outside of a servo's range is not worth a word: rounding, or a statement's cycles."""
+"""How far a width may be outside a servo's range without a warning: rounding, or a statement's cycles."""
 
 
 def check_period(period: Rounded, place: Location | None = None) -> tuple[Caution, ...]:
-    """Of a stated period."""
+    """Return the warnings about a stated period: not whole cycles, or outside the recommended range."""
     found = []
     if not period.exact:
         found.append(
@@ -59,7 +59,7 @@ def check_period(period: Rounded, place: Location | None = None) -> tuple[Cautio
 def check_periods(
     periods_us: Sequence[float], name: str = "", place: Location | None = None
 ) -> tuple[Caution, ...]:
-    """Of the times from rise to rise, planned or measured, of one channel (`name`)."""
+    """Return the warnings about the times from rise to rise, planned or measured, of one channel (`name`)."""
     if not len(periods_us):
         return ()
     who = f"{name}: " if name else ""
@@ -84,7 +84,7 @@ def check_periods(
 def check_widths(
     servo: Servo, widths_us: Sequence[float], tolerance_us: float = WIDTH_TOLERANCE_US
 ) -> tuple[Caution, ...]:
-    """Of the distinct widths of one channel, against the servo on it."""
+    """Return the warnings about the distinct widths of one channel that its servo does not take."""
     low, high = servo.widths_us
     found = []
     for width in sorted(set(widths_us)):
@@ -111,7 +111,7 @@ def check_widths(
 
 
 def check_calibration(servo: Servo) -> tuple[Caution, ...]:
-    """Of a servo's own calibration and trim, against what its model's data sheet says."""
+    """Return the warnings about a servo's own calibration and trim that go beyond its model's data sheet."""
     low, high = servo.model.calibration.widths_us
     spare = CALIBRATION_SPREAD * (high - low)
     shortest, longest = servo.widths_us
@@ -128,7 +128,7 @@ def check_calibration(servo: Servo) -> tuple[Caution, ...]:
 
 
 def check_unknown(name: str, widths_us: Sequence[float]) -> tuple[Caution, ...]:
-    """Of the distinct widths of a channel whose servo is not known."""
+    """Return the warnings about the distinct widths of a channel whose servo is not known."""
     low, high = ANY_SERVO_US
     return tuple(
         Caution("width-range", f"{name}: a pulse of {_us(width)} is outside of 1 to 2 ms")
@@ -138,23 +138,25 @@ def check_unknown(name: str, widths_us: Sequence[float]) -> tuple[Caution, ...]:
 
 
 def check_motion(servo: Servo, angles: Floats, loop_start: int, period_s: float) -> tuple[Caution, ...]:
-    """Of a channel's angles, one a frame (NaN: no pulse); those from `loop_start` on repeat.
+    """Return the warnings about a channel's angles, one per frame (NaN: no pulse), that the servo cannot
+    follow.
 
-    Each kind is said once, for its worst frame. A model without a stated speed is not judged.
+    The angles from `loop_start` on repeat. Each kind of warning is given once, for its worst frame. A model
+    without a stated speed is not checked.
     """
     if servo.model.speed is None:
         return ()
     reach = servo.model.speed * period_s
-    # Twice around, so that what the loop's end leaves behind is seen at its beginning.
+    # Twice around, so that a position that the loop's end does not reach is missed at its beginning too.
     around = np.concatenate((angles, angles[loop_start:]))
     runs = list(_constant(around[~np.isnan(around)]))
     return tuple(_follow(servo, runs, reach, period_s))
 
 
 def check_torque(servo: Servo, joint: str, torque_nm: Floats) -> tuple[Caution, ...]:
-    """Of the static torque that a joint asks of its servo, one value a frame (NaN: none), its worst frame.
+    """Return a warning if the static torque (frames,) of a joint exceeds its servo's, for the worst frame.
 
-    A model without a stated torque is not judged.
+    NaN: no torque is needed. A model without a stated torque is not checked.
     """
     rated = servo.model.torque_nm
     if rated is None or np.isnan(torque_nm).all():
@@ -176,7 +178,9 @@ def check_torque(servo: Servo, joint: str, torque_nm: Floats) -> tuple[Caution, 
 def check_measured(
     servo: Servo, widths_us: npt.ArrayLike, periods_us: Sequence[float]
 ) -> tuple[Caution, ...]:
-    """Of one measured channel: its widths in order, one a frame, and its times from rise to rise."""
+    """Return the warnings about one measured channel: its widths, one per frame, and its times from rise to
+    rise.
+    """
     widths = np.asarray(widths_us, dtype=np.float64)
     distinct = np.unique(widths)
     angles = np.array([servo.angle(width) for width in distinct])[np.searchsorted(distinct, widths)]
@@ -189,7 +193,7 @@ def check_measured(
 
 
 def _constant(angles: Floats) -> Iterator[tuple[float, int]]:
-    """(angle, frames) of each run of equal angles."""
+    """Yield (angle, frames) of each run of equal angles."""
     if not len(angles):
         return
     bounds = [0, *(np.flatnonzero(np.diff(angles)) + 1).tolist(), len(angles)]
@@ -200,10 +204,10 @@ def _constant(angles: Floats) -> Iterator[tuple[float, int]]:
 def _follow(
     servo: Servo, runs: Sequence[tuple[float, int]], reach: float, period_s: float
 ) -> Iterator[Caution]:
-    """A servo that turns by at most `reach` a frame, after the angles that it is told.
+    """Yield the warnings about angles that a servo cannot follow which turns by up to `reach` per frame.
 
-    A position that lasts several frames is a step: it must be reached before it is left. One that lasts a
-    frame is part of a ramp, and the ramp must not be steeper than `reach`.
+    A position that lasts several frames is a step: the servo must reach it before it leaves it. One that
+    lasts a single frame is part of a ramp, which must not be steeper than `reach`.
     """
     at = runs[0][0] if runs else 0.0
     steepest, short, needed = 0.0, 0, 0
@@ -236,5 +240,6 @@ def _follow(
 
 
 def _us(value: object) -> str:
+    """Return a time in µs as text, long ones in ms."""
     number = float(value)  # type: ignore[arg-type]
     return f"{number / 1000:g} ms" if number >= 10_000 else f"{number:g} µs"

@@ -26,7 +26,7 @@ from servogen.units import Cycles
 
 @dataclass(frozen=True, slots=True)
 class PulsePlan:
-    """The schedule, a row for every distinct width of each channel, and what the checks warn of."""
+    """The schedule, one row for each distinct width of each channel, and the warnings."""
 
     schedule: PulseSchedule
     widths: tuple[Quantised, ...]
@@ -34,7 +34,7 @@ class PulsePlan:
 
 
 def plan(trajectory: JointTrajectory, servos: Sequence[Servo], frame: Frame) -> PulsePlan:
-    """The pulses of `trajectory`; `servos` are its joints, in its order. Raises InputError."""
+    """Return the pulses of `trajectory`, whose joints are `servos`, in its order. Raises InputError."""
     clock = trajectory.clock
     starts = rises(servos, frame, clock)
     columns = []
@@ -64,7 +64,7 @@ def plan(trajectory: JointTrajectory, servos: Sequence[Servo], frame: Frame) -> 
 
 
 def _runs(cycles: npt.NDArray[np.int64], starts: Sequence[Cycles]) -> tuple[Run, ...]:
-    """Equal frames in a row as one run; `cycles` has a row a frame."""
+    """Return the frames with equal successive ones joined to runs; `cycles` is (frames, channels)."""
     if not len(cycles):
         return ()
     changes = np.flatnonzero((cycles[1:] != cycles[:-1]).any(axis=1)) + 1

@@ -1,7 +1,7 @@
 """Angles -> whole cycles: the only place that rounds a pulse.
 
-In: a servo and its angles. Out: the cycles of each frame, and for every distinct width a row that says
-what was asked for and what it became.
+In: a servo and its angles. Out: the cycles of each frame, and for every distinct width a row with
+the requested and the achieved width.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ NO_PULSE = 0
 """The width, in the arrays of this package, of a frame without a pulse."""
 
 PARTS = 10**4
-"""Widths are asked for in ten-thousandths of a µs: what floating point adds below is not the user's."""
+"""Requested widths are rounded to this part of a µs: smaller differences are floating-point noise."""
 
 
 @dataclass(frozen=True, slots=True)
 class Quantised:
-    """A width of a channel as asked for and as made; `frames` counts where it is used."""
+    """A requested and achieved width of a channel; `frames` counts the frames with it."""
 
     channel: str
     angle: float
@@ -35,21 +35,23 @@ class Quantised:
     achieved_us: Fraction
     frames: int
     which: str = ""
-    """Where a row is not one of all widths but an example: of what."""
+    """The meaning of a row that is only an example of the widths, such as "longest"; else empty."""
     held: bool = True
-    """Whether some two frames in a row have it; if not, it is only passed on a ramp."""
+    """Whether two successive frames have it; otherwise it is only passed on a ramp."""
 
     @property
     def error_us(self) -> Fraction:
+        """Return the achieved width minus the requested one, in µs."""
         return self.achieved_us - self.requested_us
 
 
 def quantise(
     servo: Servo, angles: Floats, clock: Clock
 ) -> tuple[npt.NDArray[np.int64], tuple[Quantised, ...]]:
-    """Cycles of each of `angles` (NaN gives NO_PULSE), and a row for each distinct width, shortest first.
+    """Return the cycles of `angles` (NaN gives NO_PULSE), and one row for each distinct width, shortest
+    first.
 
-    Raises InputError for an angle that the servo does not allow, and for a width below one cycle.
+    Raises InputError for an angle outside the servo's limits and for a width below one cycle.
     """
     pulsed = ~np.isnan(angles)
     distinct, back, counts = np.unique(angles[pulsed], return_inverse=True, return_counts=True)

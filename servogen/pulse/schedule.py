@@ -1,6 +1,6 @@
-"""`PulseSchedule`: every pulse of every channel in integer cycles, the one thing that firmware is made from.
+"""`PulseSchedule`: every pulse of every channel in integer cycles, from which firmware is generated.
 
-In: run-length frames. Out: the same as deterministic JSON, and back. Its edges are in `expected`.
+In: run-length frames. Out: the same as deterministic JSON, and back. Module `expected` computes its edges.
 
     frame (period cycles)                frame
     ├─rise─┐width┌───────────────────────├─rise─┐width┌────
@@ -25,10 +25,10 @@ VERSION = 1
 """The version of the JSON schema."""
 
 OPTIONAL: Mapping[str, Any] = MappingProxyType({"inputs": [], "plan_error": None, "device": None})
-"""Keys that a schedule may leave out, with what stands for them then."""
+"""Keys that a schedule may omit, and their values then."""
 
 MAX_DISTANCE = 1e9
-"""Of a plan error: beyond it a number is a mistake, whatever its unit."""
+"""The greatest plan error in any unit; a greater number is a mistake."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class Pulse:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """`frames` equal frames; one entry of `pulses` a channel, None where it has no pulse."""
+    """`frames` equal frames; `pulses` has one entry per channel, None for no pulse."""
 
     frames: int
     pulses: tuple[Pulse | None, ...]
@@ -66,9 +66,9 @@ class Input:
 
 @dataclass(frozen=True, slots=True)
 class PulseSchedule:
-    """Frames of `period` cycles: `lead_in` once, then `loop` for ever. Frames begin one period apart.
+    """Frames of `period` cycles: `lead_in` once, then `loop` repeatedly, all one period apart.
 
-    `inputs`: from power-up on; a button that is pressed otherwise makes another schedule.
+    `inputs` are held from power-up on; a button that is pressed at another time gives another schedule.
     """
 
     clock: Clock
@@ -78,20 +78,22 @@ class PulseSchedule:
     loop: tuple[Run, ...]
     inputs: tuple[Input, ...] = ()
     plan_error: PlanError | None = None
-    """How far its pulses are from the planned motion; None where no plan is known."""
+    """The distance of its pulses from the planned motion; None if no plan is known."""
     device: str | None = None
-    """The chip that it was built for; None where nothing says."""
+    """The chip that it was built for; None if it is not known."""
 
     @property
     def lead_in_frames(self) -> int:
+        """Return the number of frames before the loop."""
         return sum(run.frames for run in self.lead_in)
 
     @property
     def loop_frames(self) -> int:
+        """Return the number of frames in the loop."""
         return sum(run.frames for run in self.loop)
 
     def to_json(self) -> str:
-        """The schedule as text, the same for the same schedule: one run a line."""
+        """Return the schedule as text with one run per line; equal schedules give equal texts."""
         channels = ",\n".join(
             "    " + json.dumps({"name": channel.name, "pin": channel.pin, "servo": channel.servo})
             for channel in self.channels
@@ -109,7 +111,7 @@ class PulseSchedule:
         )
 
     def _inputs_text(self) -> str:
-        """Nothing where the program reads no pin."""
+        """Return the line of the inputs, empty if the program reads no pin."""
         each = [{"pin": one.pin, "level": one.level} for one in self.inputs]
         return f'  "inputs": {json.dumps(each)},\n' if each else ""
 
@@ -137,7 +139,7 @@ def _runs_text(runs: Iterable[Run]) -> str:
 
 
 MAX_NUMBER = 10**9
-"""Of a schedule's numbers: hertz, frames, cycles of a frame."""
+"""The greatest number in a schedule: hertz, frames, cycles of a frame."""
 
 
 def _shown(value: object) -> str:
@@ -146,7 +148,7 @@ def _shown(value: object) -> str:
 
 
 def from_json(text: str, file: str) -> PulseSchedule:
-    """The schedule that `text` is. Raises InputError, with the key of what is wrong."""
+    """Return the schedule in a text. Raises InputError that names the wrong key."""
     try:
         data = json.loads(text)
     except json.JSONDecodeError as error:
@@ -162,7 +164,7 @@ def from_json(text: str, file: str) -> PulseSchedule:
 
 @dataclass(frozen=True, slots=True)
 class _Reader:
-    """Takes JSON values apart; every complaint names the key."""
+    """Converts JSON values; every error names the key."""
 
     file: str
 

@@ -1,7 +1,7 @@
 """Slots: each channel's pulse begins at a fixed cycle of the frame.
 
 In: the servos in order and the frame. Out: the cycle at which each pulse rises. A slot is as long as the
-servo's longest pulse and a gap, whatever the motion does, so that from rise to rise is one period, always.
+servo's longest pulse and a gap, whatever the motion is, so that it is always one period from rise to rise.
 
     |<- slot 0 ->|<- slot 1 ->|      rest of the frame      |
     |‾‾‾‾|_______|‾‾‾‾‾‾|_____|_____________________________|
@@ -18,10 +18,10 @@ from servogen.robot.servo import Servo
 from servogen.units import Clock, Cycles, Rounded
 
 GAP_US = Fraction(250)
-"""Between the longest pulse of a slot and the next slot, unless the job says otherwise."""
+"""The default gap between the longest pulse of a slot and the next slot."""
 
 MIN_GAP = Cycles(64)
-"""What a program needs from one edge to the next, when the wait between them is a loop."""
+"""The cycles that a program needs from one edge to the next if the wait between them is a loop."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,14 +32,16 @@ class Frame:
     gap_us: Fraction = GAP_US
     slot_us: Fraction | None = None
     per_slot: int = 1
-    """How many servos' pulses begin together in a slot."""
+    """The number of servos whose pulses begin together in a slot."""
     max_together: int | None = None
-    """How many servos may start together, whatever the slots are; None: as many as the engine likes."""
+    """The greatest number of pulses that may start together; None: any number."""
     place: Location | None = None
 
 
 def rises(servos: Sequence[Servo], frame: Frame, clock: Clock) -> tuple[Cycles, ...]:
-    """The cycle of the frame in which each servo's pulse begins. Raises InputError when they do not fit."""
+    """Return the cycle of the frame in which each servo's pulse begins. Raises InputError if
+    they do not fit.
+    """
     if frame.max_together is not None and frame.per_slot > frame.max_together:
         raise InputError(
             "slot-conflict",
@@ -71,7 +73,9 @@ def rises(servos: Sequence[Servo], frame: Frame, clock: Clock) -> tuple[Cycles, 
 
 
 def _do_not_fit(servos: Sequence[Servo], frame: Frame, clock: Clock, taken: Cycles) -> InputError:
-    """Too many pulses, or too slow a clock: then the cycles between them are what does not fit."""
+    """Return the error for too many pulses, or for a clock so slow that the cycles between them
+    do not fit.
+    """
     message = (
         f"the pulses do not fit a frame: {len(servos)}, {frame.per_slot} at a time, take "
         f"{float(clock.us(taken)):.10g} µs, the frame has {float(frame.period.requested_us):.10g} µs"

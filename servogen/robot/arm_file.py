@@ -108,7 +108,7 @@ class ArmTable(RobotTable):
 
 
 Find = Callable[[str], Robot]
-"""Returns the catalogue's robot of a name. Raises InputError for a name that is not in the catalogue."""
+"""Return the catalogue's robot of a name. Raises InputError for a name that is not in the catalogue."""
 
 
 def arm_of(document: Document, table: ArmTable, find: Find) -> Arm:

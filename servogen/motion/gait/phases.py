@@ -41,12 +41,12 @@ class Gait:
 
     @property
     def swing(self) -> Fraction:
-        """The share of the cycle that a leg is in the air."""
+        """Return the share of the cycle that a leg is in the air."""
         return 1 - self.duty
 
     @property
     def grain(self) -> int:
-        """The least number of frames a cycle for which every leg lifts and lands on a frame."""
+        """Return the smallest number of frames per cycle for which every leg lifts and lands on a frame."""
         shares = (self.duty, *(lift for _, lift in self.lifts))
         return math.lcm(*(share.denominator for share in shares))
 
@@ -81,7 +81,7 @@ class PhaseChange:
 
     @property
     def frames(self) -> Fraction:
-        """By how many frames, the shorter way round the cycle."""
+        """Return the size of the change in frames, the shorter way round the cycle."""
         away = abs(self.used - self.asked) % 1
         return min(away, 1 - away) * self.count
 
@@ -105,7 +105,7 @@ NAMES = tuple(_TABLE)
 
 
 def gait(name: str, robot: WalkingRobot) -> Gait:
-    """The gait of that name for a robot with three legs on each side. Raises InputError."""
+    """Return the gait of that name for a robot with three legs on each side. Raises InputError."""
     if name not in _TABLE:
         raise InputError("unknown-gait", f"unknown gait '{name}'", hint=did_you_mean(name, NAMES))
     duty, *sixths = _TABLE[name]

@@ -13,7 +13,9 @@ from servogen.motion.trajectory import Floats
 
 
 def support_polygon(feet: Floats) -> Floats:
-    """The corners (k, 2) of the convex hull of `feet` (n, 2), counter-clockwise (Andrew's monotone chain)."""
+    """Return the corners (k, 2) of the convex hull of `feet` (n, 2), counter-clockwise (Andrew's monotone
+    chain).
+    """
     points = sorted(set(map(tuple, feet.tolist())))
     if len(points) < 3:
         return np.array(points).reshape(-1, 2)
@@ -29,9 +31,9 @@ def support_polygon(feet: Floats) -> Floats:
 
 
 def margin(feet: Floats, centre: Floats) -> float:
-    """The distance of `centre` from the nearest edge of the support polygon of `feet` (n, 2).
+    """Return the distance of `centre` from the nearest edge of the support polygon of `feet` (n, 2).
 
-    Negative outside, the distance to the polygon; -inf with no foot on the ground.
+    Outside the polygon it is negative, the distance to it; with no foot on the ground it is -inf.
     """
     corners = support_polygon(feet)
     if not len(corners):
@@ -52,6 +54,7 @@ def _turn(a: tuple[float, ...], b: tuple[float, ...], c: tuple[float, ...]) -> f
 
 
 def _to_segment(a: Floats, b: Floats, point: Floats) -> float:
+    """Return the distance of a point from a line segment."""
     way = b - a
     square = float(way @ way)
     share = min(1.0, max(0.0, float((point - a) @ way) / square)) if square else 0.0

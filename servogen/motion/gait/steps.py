@@ -1,6 +1,6 @@
-"""Where the body goes and where each foot stands: a walk seen from above, in the ground plane.
+"""The body's way and the footholds: a walk seen from above, in the ground plane.
 
-In: a gait, what the body does in a cycle, and where a foot stands when nothing moves (neutral). Out: for any
+In: a gait, the body's motion in a cycle, and where a foot stands when nothing moves (neutral). Out: for any
 times the foot in the body's frame while it stands, and the footholds between which it swings. Times are in
 cycles, points are complex numbers x + iy.
 
@@ -28,9 +28,9 @@ SAME_M = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """What the body does a cycle: metres forward and to the left, radians counter-clockwise.
+    """The body's motion per cycle: metres forward and to the left, radians counter-clockwise.
 
-    `cycles` is how many times that; None: for ever.
+    `cycles` is the number of cycles; None: without an end.
     """
 
     forward: float = 0.0
@@ -39,7 +39,7 @@ class Segment:
     cycles: float | None = None
 
     def travelled(self, cycles: Floats) -> tuple[Points, Floats]:
-        """Position and heading after that many cycles at full speed, in the frame of the start."""
+        """Return position and heading after so many cycles at full speed, in the frame of the start."""
         heading = np.asarray(self.turn * cycles, float)
         step = complex(self.forward, self.left)
         if self.turn == 0:
@@ -49,36 +49,38 @@ class Segment:
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How many cycles' worth of way the body has gone at a time, from standstill, and to it if it ends.
+    """The cycles that the body has travelled at a time, from standstill, and to standstill if the way ends.
 
     speed  ╱▔▔▔▔▔▔╲    `ramp` cycles up, and as many down
     """
 
     ramp: float
-    way: float | None
+    distance: float | None
+    """In cycles; None: without an end."""
 
     @property
     def top(self) -> float:
-        """The greatest speed, as a share of the full one: a short way does not reach it."""
-        return 1.0 if self.way is None else min(1.0, self.way / self.ramp)
+        """Return the greatest speed as a share of the full speed, which a short way does not reach."""
+        return 1.0 if self.distance is None else min(1.0, self.distance / self.ramp)
 
     @property
     def stop(self) -> float:
-        """The time at which the body stands still again."""
-        return math.inf if self.way is None else self.way / self.top + self.ramp
+        """Return the time at which the body stands again."""
+        return math.inf if self.distance is None else self.distance / self.top + self.ramp
 
     def at(self, time: Floats) -> Floats:
-        """Cycles' worth of way at `time`."""
+        """Return the cycles travelled at `time`."""
         time = np.clip(time, 0.0, self.stop)
         up = np.minimum(time, self.ramp) ** 2 / (2 * self.ramp) + np.maximum(time - self.ramp, 0.0)
-        if self.way is None:
+        if self.distance is None:
             return up
         left = np.minimum(self.stop - time, self.ramp)
         return self.top * (up - (self.ramp - left) ** 2 / (2 * self.ramp))
 
 
 def start_ramp(gait: Gait) -> float:
-    """Cycles in which the speed rises, so that no foot is left further behind than duty / 2 of a stride.
+    """Return the cycles in which the speed rises, so that no foot is left behind by more than duty / 2 of a
+    stride.
 
     A leg that first lifts at t has seen t² / (2 ramp) of a stride by then (t ≤ ramp).
     """
@@ -100,7 +102,7 @@ class Steps:
     holds: Points
 
     def swing_at(self, time: Floats) -> npt.NDArray[np.int64]:
-        """The number of the swing that goes on at `time`, -1 on the ground."""
+        """Return the number of the swing at `time`, -1 on the ground."""
         if not len(self.lifts):
             return np.full(time.shape, -1)
         index = np.searchsorted(self.lifts, time - SAME_TIME, side="left") - 1
@@ -108,11 +110,14 @@ class Steps:
         return np.where(flying, index, -1)
 
     def standing(self, time: Floats) -> Points:
-        """The foot in the body's frame at times on the ground: the foothold seen from the moving body."""
+        """Return the foot in the body frame at times on the ground: the foothold seen from the
+        moving body.
+        """
         landed = np.searchsorted(self.lands, time + SAME_TIME, side="right")
         return self.seen(self.holds[landed], time)
 
     def seen(self, foothold: Points | complex, time: Floats) -> Points:
+        """Return a foothold in the body frame at `time`."""
         position, heading = self.segment.travelled(self.progress.at(time))
         return np.asarray((foothold - position) * np.exp(-1j * heading))
 
@@ -124,7 +129,7 @@ SAME_TIME = 1e-9
 def steps(
     gait: Gait, leg: str, segment: Segment, progress: Progress, neutral: complex, until: float
 ) -> Steps:
-    """The steps of `leg` up to the time `until`; steps that lead nowhere are left out."""
+    """Return the steps of `leg` up to the time `until`, without those that lead nowhere."""
     first, duty = float(dict(gait.lifts)[leg]), float(gait.duty)
     lifts = np.arange(first, until + 1, 1.0)
     middle = lifts + (1 - duty) + duty / 2

@@ -102,10 +102,12 @@ class Walk:
 
     @property
     def largest_correction_m(self) -> float:
+        """Return the largest correction that a leg's spring gives."""
         return float(np.linalg.norm(self.corrections, axis=2).max(initial=0.0))
 
     @property
     def least_margin_m(self) -> float:
+        """Return the smallest stability margin of all frames."""
         return float(self.margins.min(initial=math.inf))
 
     @property
@@ -146,7 +148,7 @@ class Walk:
 
     @property
     def lift_m(self) -> float:
-        """The greatest height of a foot above the ground."""
+        """Return the greatest height of a foot above the ground."""
         return float(self.feet[:, :, 2].max() - self.feet[:, :, 2].min())
 
 
@@ -164,16 +166,16 @@ def walk(
     allow_falling: bool = False,
     others: Sequence[Segment] = (),
 ) -> Walk:
-    """The walk along `segments`, each from standstill to standstill; one without an end can only be the last.
+    """Return the walk along `segments`, each from standstill to standstill; only the last may have no end.
 
     A cycle takes `frames_per_cycle` frames, to which the gait's phases are moved; None: as few as `limits`
-    (of a servo) allow, and a multiple of the gait's grain where that is small. A walk without an end loops
-    over one cycle, others over the whole way.
-    `spring_m` is the most that a leg's spring can give. `others` are segments of other walks that the same
-    robot may go on to: for them, too, its legs stand as for this one.
+    (of a servo) allow, and a multiple of the gait's grain if that is small. A walk without an end loops over
+    one cycle, others over the whole way. `spring_m` is the greatest correction that a leg's spring can give.
+    `others` are segments of other walks that the same robot may continue with: its legs stand so that they
+    suit those too.
 
     Raises InputError for a posture that the legs cannot take, a step beyond their limits, a correction that
-    is too large, and, unless `allow_falling`, where the robot would fall over.
+    is too large and, unless `allow_falling`, for a robot that would fall over.
     """
     if not segments:
         raise InputError("no-motion", "a walk needs at least one segment")
@@ -245,7 +247,9 @@ def _whole(gait: Gait, frames: int) -> int:
 
 
 def _round(parts: Sequence[Frames], endless: bool, count: int) -> tuple[Frames, int]:
-    """All segments and the frame at which the loop begins; an endless one ends with a first steady cycle."""
+    """Return all segments and the frame at which the loop begins; an endless one ends with its first steady
+    cycle.
+    """
     frames = joined(parts)
     if not endless:
         return frames, 0
@@ -259,7 +263,7 @@ def _round(parts: Sequence[Frames], endless: bool, count: int) -> tuple[Frames, 
 
 
 def _margins(robot: WalkingRobot, frames: Frames) -> Floats:
-    """Of each frame; a robot of one or two legs stands on something else."""
+    """Return the stability margin of each frame, inf for one or two legs, which something else holds."""
     if len(robot.limbs) < 3:
         return np.full(len(frames.angles), math.inf)
     centre = np.array(robot.centre_of_mass[:2])
