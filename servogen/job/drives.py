@@ -1,7 +1,7 @@
-"""[drive] of a job -> the wheel servos' trajectory: a contour that the omni base drives without turning.
+"""[drive] of a job -> the wheel servos' trajectory: a closed contour of a robot on wheels.
 
-In: the job and its checked table. Out: `Planned`; its notes say the routines, their motor turns and
-encoder counts, and how well the contour closes when the pulses are whole cycles.
+In: the job and its validated table. Out: `Planned`; its notes describe the stretches, and how well the
+contour closes when the pulses are whole cycles.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def _wheels(
 
 
 def _check_speeds(document: Document, table: DriveTable, made: Drive, wheels: Sequence[Servo]) -> None:
-    """No wheel faster than its servo; the wheel that is most so is named."""
+    """Raise InputError if a wheel is faster than its servo, naming the wheel that exceeds its limit most."""
     asked = [
         (servo, speed, servo.limits[0 if speed < 0 else 1])
         for servo, column in zip(wheels, made.trajectory.angles.T, strict=True)
@@ -115,7 +115,7 @@ def _check_speeds(document: Document, table: DriveTable, made: Drive, wheels: Se
 
 
 def _routines(document: Document, made: Drive) -> list[Caution]:
-    """A note for each stretch: where it goes, how far the wheels turn, how long it takes."""
+    """Return a note for each stretch: its direction, how far the wheels turn, its time."""
     period_s = float(made.trajectory.clock.seconds(made.trajectory.period))
     notes = []
     for index, (each, frames) in enumerate(zip(made.stretches, made.frames, strict=True)):
@@ -128,7 +128,7 @@ def _routines(document: Document, made: Drive) -> list[Caution]:
 def _closing(
     document: Document, base: DrivingRobot, made: Drive, wheels: Sequence[Servo], clock: Clock
 ) -> Caution:
-    """How far from its beginning one round ends, when every pulse is whole cycles."""
+    """Return a note of how far from its beginning one round ends when every pulse is whole cycles."""
     columns = zip(wheels, made.trajectory.angles.T, strict=True)
     speeds = np.stack([_achieved(servo, column, clock) for servo, column in columns], axis=1)
     period_s = float(clock.seconds(made.trajectory.period))
@@ -142,7 +142,7 @@ def _closing(
 
 
 def _achieved(servo: Servo, speeds: Floats, clock: Clock) -> Floats:
-    """The speeds that whole cycles of pulse width give."""
+    """Return the speeds that pulses of whole cycles give."""
     distinct, back = np.unique(speeds, return_inverse=True)
     given = [
         servo.angle(float(clock.round_us(servo.width_us(speed)).achieved_us)) for speed in distinct.tolist()

@@ -1,4 +1,4 @@
-"""`Job`: what a job file says, checked and in the units of the inside; `PlannedJob`: what its servos do."""
+"""`Job`: what a job file says, validated and in internal units; `PlannedJob`: the motion of its servos."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from servogen.units import Clock
 
 @dataclass(frozen=True, slots=True)
 class Firmware:
-    """What kind of program is wanted."""
+    """The program that a job wants."""
 
     dialect: str
     engine: str
@@ -35,7 +35,7 @@ class Firmware:
 
 @dataclass(frozen=True, slots=True)
 class NamedPose:
-    """One of [motion] poses: every servo's angle, in the order of the servos, radians."""
+    """One of [motion] poses: the angle of every servo in the job's order, in radians."""
 
     name: str | None
     angles: tuple[float, ...]
@@ -43,15 +43,15 @@ class NamedPose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Job:
-    """One job, not planned yet.
+    """One job before planning.
 
-    `bindings` are the joints that servos turn, `tip` the end of the leg or arm that they move, `robot` what
-    was named, `wheels` the servos of a drive's wheels 1, 2, ….
+    `bindings` are the joints that servos turn, `tip` is the end of the leg or arm that they move, `robot` the
+    robot of [robot], `wheels` the servos of a drive's wheels 1, 2, ….
     """
 
     name: str
     document: Document
-    """The file, with the place of each key."""
+    """The file, with the location of each key."""
     device: Device
     clock: Clock
     servos: tuple[Servo, ...]
@@ -62,9 +62,9 @@ class Job:
     frame: Frame
     firmware: Firmware
     stream: Stream | None
-    """The serial line of the stream engine, which then is the job's."""
+    """The serial line, which only the stream engine reads; None: there is none."""
     section: Section | None
-    """The one that says what the servos do; None: a stream job without a motion of its own."""
+    """The section that moves the servos; None: a stream job without a motion of its own."""
 
     @property
     def limbs(self) -> tuple[Limb, ...]:
@@ -86,17 +86,17 @@ class Job:
 
     @property
     def file(self) -> str:
-        """The job file's name."""
+        """Return the job file's name."""
         return self.document.file
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlannedJob(Job):
-    """A job and what its servos do.
+    """A job and the motion of its servos.
 
     `trajectory` has one joint for each servo, in the order of `servos`: the servos' own angles. `poses` are
-    those of [motion], none where something else moves the servos. `warnings`: what the user should change or
-    accept; `notes`: what is good to know of the motion.
+    those of [motion], none if something else moves the servos. The user should act on or accept the
+    `warnings`; `notes` describe the motion.
     """
 
     trajectory: JointTrajectory

@@ -1,6 +1,6 @@
-"""A `Job` -> `PlannedJob`: the poses, walk, program or drive that its servos make, frame by frame.
+"""A `Job` -> `PlannedJob`: the poses, walk, program or drive of its servos, frame by frame.
 
-In: what a job file says, as checked values; for a walk also another way to go. Out: the servos' trajectory.
+In: the validated values of a job file; for a walk also another way. Out: the servos' trajectory.
 The job file is not read again. Every error names the line and the key that asked for what cannot be done.
 """
 
@@ -50,7 +50,7 @@ def plan_job(job: Job, way: Mapping[str, float] | None = None, others: Sequence[
 
 
 def _walking(job: Job, way: Mapping[str, float]) -> WalkTable:
-    """Return the job's [walk] with that one way. Raises InputError where something else moves the servos."""
+    """Return the job's [walk] with only that way. Raises InputError if something else moves the servos."""
     if job.section is not None and not isinstance(job.section, WalkTable):
         moving = _key(job.section)
         raise job.document.error(
@@ -65,6 +65,7 @@ def _walking(job: Job, way: Mapping[str, float]) -> WalkTable:
 
 
 def _key(section: Section) -> str:
+    """Return the name of a section."""
     return next(key for key, kind in SECTIONS.items() if isinstance(section, kind))
 
 
@@ -100,7 +101,7 @@ def _still(servos: Sequence[Servo], period: Cycles, clock: Clock) -> JointTrajec
 
 
 def _joint_limits(job: Job, limits: tuple[Limits, ...]) -> tuple[Limits, ...]:
-    """Return what each bound joint can do. Raises InputError for a servo that turns no joint."""
+    """Return the limits of each bound joint. Raises InputError for a servo that turns no joint."""
     by_name = dict(zip([servo.name for servo in job.servos], limits, strict=True))
     joints = tuple(
         Limits(limit.speed / abs(each.ratio), limit.acceleration / abs(each.ratio))
@@ -120,7 +121,7 @@ def _joint_limits(job: Job, limits: tuple[Limits, ...]) -> tuple[Limits, ...]:
 
 
 def _limits(job: Job) -> tuple[Limits, ...]:
-    """Return what each servo can do within what the joint that it turns allows."""
+    """Return each servo's limits, reduced to those of the joint that it turns."""
     limbs = job.robot.limbs if job.robot else ()
     joints = {name: joint.speed for limb in limbs for name, joint in limb.joints.items()}
     bound = {each.servo: each for each in job.bindings}
@@ -136,14 +137,14 @@ def _limits(job: Job) -> tuple[Limits, ...]:
 
 
 def _heavy(job: Job, planned: Planned) -> tuple[Caution, ...]:
-    """Return warnings of servos of an arm that cannot carry its weight."""
+    """Return warnings about servos of an arm that cannot carry its weight."""
     if job.tip is None:
         return ()
     return tuple(arm_torques(job.tip, planned.trajectory.angles, job.servos))
 
 
 def _check_travel(job: Job, section: Section | None, planned: Planned) -> None:
-    """Refuse a spline or a walk that leads a servo beyond its limits though no pose does."""
+    """Raise InputError if a spline or a walk leads a servo beyond its limits though no pose does."""
     place = job.document.place(_key(section) if section else "motion")
     for servo, column in zip(job.servos, planned.trajectory.angles.T, strict=True):
         if not np.isnan(column).all():
@@ -152,7 +153,9 @@ def _check_travel(job: Job, section: Section | None, planned: Planned) -> None:
 
 
 def _check_soft_start(job: Job, planned: Planned) -> None:
-    """Refuse a soft start that makes the motion too long: the neutral pose, and the way to the first one."""
+    """Raise InputError if the soft start makes the motion too long: the neutral pose and the way to the first
+    one.
+    """
     motion, asked_s = planned.trajectory, job.firmware.soft_start_s
     frames = 2 * round(asked_s / motion.clock.seconds(motion.period)) + len(motion.angles)
     if frames > MAX_FRAMES:

@@ -27,20 +27,20 @@ from servogen.toml.locations import Key
 ANGLE = "_deg"
 
 OFF_THE_PATH = 'path = "joint" goes to this pose, but not along the path'
-"""What to do where a path cannot be followed."""
+"""The hint of a path that cannot be followed."""
 
 MAX_CHOICES = 32
-"""Of more solutions of a pose, the nearest are tried as the start of the paths that follow it."""
+"""How many solutions of a pose, nearest first, are tried as the start of the paths that follow it."""
 
 
 def _key_of(servo: Servo) -> str:
-    """What a pose calls the servo's angle, or the speed of one that turns for ever."""
+    """Return the key of a servo's angle in a pose, or of its speed if it is a continuous-rotation servo."""
     return servo.name + (ANGLE + "_s" if servo.model.continuous else ANGLE)
 
 
 @dataclass(frozen=True, slots=True)
 class _State:
-    """After a pose: every servo's angle, and the orientation that was asked of the tip."""
+    """The state after a pose: every servo's angle, and the orientation requested of the tip."""
 
     angles: Mapping[str, float]
     orientation: tuple[float, ...] | None = None
@@ -49,7 +49,7 @@ class _State:
 def poses_of(
     document: Document, table: MotionTable, servos: tuple[Servo, ...], tip: Tip | None
 ) -> tuple[Pose, ...]:
-    """All poses; a servo that a pose does not name stays where it was. Raises InputError."""
+    """Return all poses; a servo that a pose does not name stays where it was. Raises InputError."""
     reader = _Reader(document, servos, tip, table.poses)
     for index, row in enumerate(table.poses):
         if row.name is not None and row.name in [other.name for other in table.poses[:index]]:
@@ -78,16 +78,18 @@ def _key(index: int) -> Key:
 
 @dataclass(frozen=True, slots=True)
 class _Reader:
+    """Reads the poses of one motion."""
+
     document: Document
     servos: tuple[Servo, ...]
     tip: Tip | None
     rows: Sequence[PoseTable]
 
     def run(self, first: int, end: int, before: _State) -> list[tuple[_State, _Way | None]]:
-        """The states of the pose `first` and of those up to `end` that are reached on paths from it.
+        """Return the states of the pose `first` and of those up to `end` that are reached on paths from it.
 
-        Of the solutions of the pose, the nearest from which all paths can be followed is taken; where there
-        is none, the error is that of the nearest.
+        Of the solutions of the pose, the nearest from which all paths can be followed is chosen; if there is
+        none, the error is that of the nearest.
         """
         refused: list[InputError] = []
         for state in self.states(first, before)[:MAX_CHOICES]:
@@ -102,13 +104,13 @@ class _Reader:
         raise refused[0]
 
     def _arrived(self, index: int, before: _State) -> tuple[_State, _Way | None]:
-        """The state of a pose that is reached on a path, and the path."""
+        """Return the state of a pose that is reached on a path, and the path."""
         state = self.states(index, before)[0]
         way = self.way(index, before, state)
         return way.arrival(state) if way else state, way
 
     def states(self, index: int, before: _State) -> list[_State]:
-        """The angles of a pose, one state for each solution, the nearest to the pose before first."""
+        """Return the states of a pose, one for each solution, those nearest to the pose before first."""
         key, row = _key(index), self.rows[index]
         if row.through_mm is not None and row.path != "arc":
             raise self.document.error(
@@ -159,7 +161,7 @@ class _Reader:
         return [_State({**before.angles, **each}, orientation) for each in choices]
 
     def pose(self, index: int, table: MotionTable, state: _State, way: _Way | None) -> Pose:
-        """The pose, with how the servos get there from the one before."""
+        """Return the pose, with how the servos get there from the one before."""
         key, row = _key(index), self.rows[index]
         if row.release and not row.pause_s:
             raise self.document.error(
@@ -195,7 +197,7 @@ class _Reader:
         return tuple(state.angles[servo.name] for servo in self.servos)
 
     def _named(self, key: Key, row: PoseTable) -> dict[str, float]:
-        """The angles that a pose gives for servos by name."""
+        """Return the angles that a pose gives for servos by name."""
         by_key = {_key_of(servo): servo for servo in self.servos}
         angles: dict[str, float] = {}
         for word, value in (row.model_extra or {}).items():
@@ -216,6 +218,9 @@ class _Reader:
         return unknown_key(self.document, key, [*PoseTable.model_fields, *by_key])
 
     def _tip(self, key: Key) -> Tip:
+        """Return the tip that a key positions. Raises InputError if the robot has none, or one with another
+        key.
+        """
         if self.tip is None:
             need = "a foot position needs a leg" if key[-1] == "foot_mm" else "a position needs an arm"
             raise self.document.error(
@@ -229,7 +234,7 @@ class _Reader:
         return self.tip
 
     def way(self, index: int, before: _State, state: _State) -> _Way | None:
-        """The path from the pose before, if the pose is reached on one."""
+        """Return the path from the pose before, if the pose is reached on one."""
         key, row = _key(index), self.rows[index]
         if row.path == "joint":
             return None
@@ -270,7 +275,9 @@ class _Way:
     place: Location
 
     def __call__(self, shares: Floats) -> Followed:
-        """The servos' angles at shares of the path. Raises InputError where it has to change its branch."""
+        """Return the servos' angles at shares of the path. Raises InputError if it has to change
+        its branch.
+        """
         columns, branch = list(self.columns), self._branch
         if np.abs(branch.end - self.end[columns]).max() > SMALL:
             here, there = self._shown(branch.end), self._shown(self.end[columns])
@@ -282,7 +289,7 @@ class _Way:
         return replace(made, angles=angles)
 
     def arrival(self, state: _State) -> _State:
-        """The state of the pose at the end of the path: on the branch that the path arrives on."""
+        """Return the state of the pose at the end of the path, on the branch on which the path arrives."""
         columns, found = list(self.columns), self._branch.end
         if np.abs(found - self.end[columns]).max() > SMALL:
             self.end[columns] = found
@@ -306,7 +313,7 @@ class _Way:
 
 
 def _angle(document: Document, key: Key, value: object) -> float:
-    """Radians of a finite number of degrees."""
+    """Return a finite number of degrees in radians. Raises InputError."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         try:
             degrees = float(value)

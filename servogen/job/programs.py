@@ -25,7 +25,7 @@ from servogen.robot.servo import Servo
 from servogen.toml.file import Document, exact
 
 HAND = "the hand"
-"""The hand's column of a run; no joint has this name, which is none."""
+"""The hand's column of a run; not a valid name of a joint."""
 
 
 def program_of(
@@ -33,9 +33,9 @@ def program_of(
     table: ProgramTable,
     limits: Sequence[Limits],
 ) -> Planned:
-    """Runs the program and returns its motion; `limits` are the servos', one each.
+    """Return the motion of the program; `limits` are the servos', one each.
 
-    Raises InputError, also at the program's lines.
+    Raises InputError, also at lines of the program.
     """
     document, robot, bindings, servos = job.document, job.robot, job.bindings, job.servos
     if not isinstance(robot, Arm):
@@ -81,7 +81,7 @@ def _hand(
 
 
 def _reachable(document: Document, arm: Arm, bindings: Sequence[Binding], servos: Sequence[Servo]) -> Arm:
-    """The arm with its joints' limits narrowed to what their servos can turn."""
+    """Return the arm with its joints' limits narrowed to what their servos can turn."""
     by_name = {servo.name: servo for servo in servos}
     by_joint = {binding.joint: binding for binding in bindings}
     joints = []
@@ -117,7 +117,7 @@ def _manipulator(
     servos: Sequence[Servo],
     limits: Sequence[Limits],
 ) -> Manipulator:
-    """The arm with the speeds that its joints and their servos both can."""
+    """Return the arm with the speeds that both its joints and their servos allow."""
     by_servo = {servo.name: limit.speed for servo, limit in zip(servos, limits, strict=True)}
     by_joint = {binding.joint: by_servo[binding.servo] / abs(binding.ratio) for binding in bindings}
     speeds = tuple(None if math.isinf(by_joint[joint.name]) else by_joint[joint.name] for joint in arm.joints)
@@ -130,7 +130,7 @@ def _manipulator(
 def _on_servos(
     document: Document, done: Run, table: ProgramTable, bindings: Sequence[Binding], servos: Sequence[Servo]
 ) -> JointTrajectory:
-    """The joints' columns as the servos', in their order; released at the end if that is wanted."""
+    """Return the joints' columns as those of the servos in their order, released at the end if requested."""
     by_servo = {binding.servo: binding for binding in bindings}
     if table.hand is not None:
         by_servo[table.hand.servo] = Binding(HAND, table.hand.servo)

@@ -22,10 +22,10 @@ from servogen.toml.file import Document, exact
 from servogen.units import Clock
 
 MIN_CLOCK_HZ = 32_000
-"""A watch's crystal has 32768 Hz (DS35007, table of crystal capacitors, mode LP)."""
+"""Watch crystals have 32768 Hz (DS35007, table of crystal capacitors, mode LP)."""
 
 MIN_PERIOD_US = 1000.0
-"""As long as a servo's pulse is."""
+"""The length of a servo's pulse."""
 
 
 def load(path: str | Path) -> Job:
@@ -34,12 +34,12 @@ def load(path: str | Path) -> Job:
 
 
 def loads(text: str, file: str) -> Job:
-    """Return the job that `text` is; `file` is its name in errors. Raises InputError."""
+    """Return the job in a text; `file` is its name in errors. Raises InputError."""
     return _job(toml_file.parse(text, file))
 
 
 def calibrated(job: Job, servo: str, file: str) -> Job:
-    """Return the job, that servo having the calibration in `file`, beside the job. Raises InputError."""
+    """Return the job with the calibration in `file`, beside the job, for one servo. Raises InputError."""
     document = job.document
     rows = [
         {**{key: value for key, value in row.items() if key != "points"}, "calibration": file}
@@ -75,7 +75,7 @@ def _job(document: Document) -> Job:
 
 
 def _section(document: Document, table: JobTable, needed: bool) -> Section | None:
-    """Return the one section that says what the servos do; None where there is none and none is needed."""
+    """Return the one section that moves the servos; None if there is none and none is needed."""
     given = [part for part in SECTIONS if getattr(table, part) is not None]
     if not given and not needed:
         return None
@@ -99,7 +99,7 @@ def _section(document: Document, table: JobTable, needed: bool) -> Section | Non
 
 
 def _name(document: Document) -> str:
-    """Return the name of the job: of a folder in `build/`, and in comments of the C."""
+    """Return the job's name, which is used for a folder in `build/` and in comments of the C."""
     name = Path(document.file).stem
     if name in (".", "..") or any(ord(sign) < ord(" ") for sign in name):
         raise InputError(
@@ -152,5 +152,5 @@ def _frame(document: Document, table: JobTable, clock: Clock) -> Frame:
 
 
 def template() -> str:
-    """A job that loads as it is; its comments say what else can be written."""
+    """Return the commented job file that `servogen new` writes; it loads without changes."""
     return (files("servogen.job") / "template.toml").read_text(encoding="utf-8")

@@ -25,7 +25,7 @@ SIGNS = {"nearest": 0, "positive": 1, "negative": -1}
 
 @dataclass(frozen=True, slots=True)
 class Rig:
-    """What the servos move. `tip` is None where no point can be given: no robot, or joints without servos."""
+    """What the servos move. `tip` is None if it cannot be positioned: no robot, or joints without servos."""
 
     robot: Robot | None
     bindings: tuple[Binding, ...]
@@ -33,7 +33,7 @@ class Rig:
 
 
 def rig_of(document: Document, table: JobTable, servos: tuple[Servo, ...]) -> Rig:
-    """Raises InputError."""
+    """Return what the servos of a job move. Raises InputError."""
     if table.leg is not None:
         if table.robot is not None:
             raise document.error(

@@ -1,6 +1,7 @@
-"""The shape of a job file: one `Table` a TOML table, one field a key, its unit in the name.
+"""The schema of a job file: one `Table` per TOML table, one field per key, its unit in the name.
 
-In: nothing. Out: models that `toml` checks a file against. What several keys mean together, `reader` checks.
+In: nothing. Out: models that `toml` validates a file against. `reader` checks what several keys mean
+together.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from servogen.toml.file import Table
 NAME = r"^[A-Za-z][A-Za-z0-9_-]*$"
 
 MAX_MM, MAX_S = 100_000.0, 1_000_000.0
-"""Beyond these a number is a slip of the pen."""
+"""A greater number is a typing error."""
 
 Coordinate = Annotated[float, Field(ge=-MAX_MM, le=MAX_MM)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
@@ -40,7 +41,7 @@ class ChipTable(Table):
 
 
 class ServoTable(FactTable):
-    """[[servo]]; any fact of its model can be given again here."""
+    """[[servo]]; it can override any fact of its model."""
 
     name: str = Field(pattern=NAME)
     pin: str
@@ -54,12 +55,12 @@ class ServoTable(FactTable):
     calibration: str | None = None
     """A file of `servogen calibrate`, beside the job, in place of `points`."""
     joint: str | None = None
-    """The joint of [robot] that it turns; at `zero_deg` of the servo that joint is at 0."""
+    """The joint of [robot] that it turns, which is at 0 when the servo is at `zero_deg`."""
     zero_deg: float = 90.0
     ratio: float = 1.0
-    """Degrees of the servo for each of the joint (turning joints)."""
+    """Degrees of the servo per degree of a turning joint."""
     deg_per_mm: float | None = None
-    """Degrees of the servo for each millimetre of the joint (sliding joints)."""
+    """Degrees of the servo per millimetre of a sliding joint."""
 
 
 class LegTable(Table):
@@ -89,7 +90,7 @@ class PoseTable(Table):
     model_config = ConfigDict(extra="allow")
 
     name: str | None = Field(default=None, pattern=NAME)
-    """What `servogen drive --pose` may call it, beside its number."""
+    """Its name for `servogen drive --pose`, besides its number."""
     foot_mm: Point | None = None
     tip_mm: Point | None = None
     orientation_deg: tuple[float, ...] | None = None
@@ -113,7 +114,7 @@ class MotionTable(Table):
 
 
 class WayTable(Table):
-    """One of [walk] way: what the body does in a cycle, and for how many cycles; without, for ever."""
+    """One of [walk] way: the body's motion in a cycle, and the number of cycles; without, it never ends."""
 
     forward_mm: Coordinate = 0.0
     left_mm: Coordinate = 0.0
@@ -155,7 +156,7 @@ class ProgramTable(Table):
     file: str
     hand: HandTable | None = None
     inputs: tuple[str, ...] = ()
-    """seconds=value of the input port."""
+    """Values of the input port, as "seconds=value"."""
     max_commands: int = Field(default=100_000, ge=1)
     max_s: float = Field(default=3600.0, gt=0, le=MAX_S)
     repeat: bool = True
@@ -179,7 +180,7 @@ Section = MotionTable | WalkTable | ProgramTable | DriveTable
 SECTIONS: Mapping[str, type[Section]] = MappingProxyType(
     {"motion": MotionTable, "walk": WalkTable, "program": ProgramTable, "drive": DriveTable}
 )
-"""The sections that say what the servos do."""
+"""The sections that move the servos."""
 
 
 class FrameTable(Table):
@@ -190,7 +191,7 @@ class FrameTable(Table):
     slot_us: float | None = Field(default=None, gt=0)
     per_slot: int = Field(default=1, ge=1, le=13)
     max_together: int | None = Field(default=None, ge=1, le=13)
-    """How many servos may start together: the peak of their current."""
+    """The greatest number of servos that start together, which limits the peak current."""
 
 
 class FirmwareTable(Table):

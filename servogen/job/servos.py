@@ -20,7 +20,7 @@ from servogen.toml.file import Document
 
 
 def servos_of(document: Document, rows: tuple[ServoTable, ...]) -> tuple[Servo, ...]:
-    """All servos, in the order of the file. Raises InputError."""
+    """Return all servos, in the order of the file. Raises InputError."""
     by_name: dict[str, int] = {}
     by_pin: dict[str, str] = {}
     for index, row in enumerate(rows):
@@ -95,7 +95,7 @@ def _servo(document: Document, index: int, row: ServoTable) -> Servo:
 
 
 def _points(document: Document, index: int, row: ServoTable, model: ServoModel) -> Calibration | None:
-    """The servo's own points, from the job or a file beside it; None: the model's."""
+    """Return the servo's own points, from the job or a file beside it; None if it has the model's."""
     if row.calibration is None:
         place = document.place("servo", index, "points")
         return points_of(row.points, place, model.continuous) if row.points else None
@@ -111,7 +111,9 @@ def _points(document: Document, index: int, row: ServoTable, model: ServoModel) 
 def bindings_of(
     document: Document, rows: tuple[ServoTable, ...], sliding: dict[str, bool]
 ) -> tuple[Binding, ...]:
-    """The joints that servos turn, in the order of the servos; `sliding`: the robot's joints, by name."""
+    """Return the joints that servos turn, in the order of the servos; `sliding` has the robot's joints by
+    name.
+    """
     found: list[Binding] = []
     for index, row in enumerate(rows):
         if row.joint is None:

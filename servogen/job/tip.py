@@ -27,7 +27,7 @@ from servogen.robot.servo import Servo
 
 
 class Tip(Protocol):
-    """What a job asks of the end of its robot; `servos` are those that move it, the columns of all angles."""
+    """The end of a job's robot; `servos` are those that move it, the columns of all angles."""
 
     @property
     def key(self) -> str:
@@ -44,27 +44,30 @@ class Tip(Protocol):
     def servos(self) -> tuple[Servo, ...]: ...
 
     def choices(self, point: Floats, orientation: Floats | None, before: Floats, place: Location) -> Floats:
-        """The servo angles (s, k) that reach one point, nearest to `before` first. Raises InputError."""
+        """Return the servo angles (s, k) that reach one point, nearest to `before` first. Raises
+        InputError.
+        """
 
     def solutions(
         self, points: Floats, shares: Floats, turn: tuple[Floats, Floats] | None, near: Floats
     ) -> Floats:
-        """All servo angles (n, solutions, k) for points (n, 3), NaN where there is none.
+        """Return all servo angles (n, solutions, k) for points (n, 3), NaN for none.
 
-        The points are at shares (n,) of the way between the two orientations of `turn`; `near` are the servo
-        angles (n, k) that are expected, which decide the turn of joints with more than one.
+        The points are at shares (n,) of the way between the two orientations of `turn`. `near` are the
+        expected servo angles (n, k), which decide between whole turns of a joint.
         """
 
     def where(self, angles: Floats) -> Floats:
-        """The points (n, 3) at servo angles (n, k)."""
+        """Return the points (n, 3) at servo angles (n, k)."""
 
 
 @dataclass(frozen=True, slots=True)
 class LegTip:
     """A leg; `bindings` are those of α and β.
 
-    `tolerance`: how far, in metres, a foot may be from the surface that two joints reach: rounding in the
-    job, and what the leg's spring gives. `beta_sign` 1 or -1: the only sign of β that may be chosen; 0: any.
+    `tolerance` is how far, in metres, a foot may be from the surface that two joints reach: rounding in the
+    job, and what the leg's spring gives. `beta_sign` 1 or -1 is the only sign of β that may be chosen; 0:
+    either.
     """
 
     leg: Leg
@@ -113,7 +116,7 @@ class LegTip:
 
 
 NEAR_SURFACE_M = 1e-7
-"""How well the nearest point of the surface is on the surface."""
+"""The accuracy of the nearest point of the surface."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,12 +158,12 @@ class ArmTip:
         return fk_position(self.arm, self._positions(angles))
 
     def _positions(self, angles: Floats) -> Floats:
-        """The joint positions (n, k) at servo angles (n, k)."""
+        """Return the joint positions (n, k) at servo angles (n, k)."""
         columns = [each.position(column) for each, column in zip(self.bindings, angles.T, strict=True)]
         return np.stack(columns, axis=1)
 
     def _on_servos(self) -> Arm:
-        """The arm with its joints' limits narrowed to the servos' travel."""
+        """Return the arm with its joints' limits narrowed to the servos' travel."""
         joints = []
         for joint, binding, servo in zip(self.arm.joints, self.bindings, self.servos, strict=True):
             low, high = sorted(binding.position(servo.limits).tolist())
@@ -180,7 +183,7 @@ class ArmTip:
 
 
 def _within(found: Floats, servos: Sequence[Servo]) -> Floats:
-    """`found` (…, k) with NaN where a servo's limits do not allow it."""
+    """Return `found` (…, k) with NaN where a servo's limits do not allow it."""
     allowed = np.ones(found.shape[:-1], dtype=bool)
     for column, servo in enumerate(servos):
         allowed &= servo.allows_each(found[..., column])
@@ -188,7 +191,7 @@ def _within(found: Floats, servos: Sequence[Servo]) -> Floats:
 
 
 def _sorted(found: Floats, servos: Sequence[Servo], before: Floats, point: Floats, place: Location) -> Floats:
-    """The solutions (s, k) that the servos allow, those first whose farthest moving servo moves least."""
+    """Return the solutions (s, k) that the servos allow, by the angle of the servo that moves farthest."""
     allowed = _within(found, servos)
     allowed = allowed[~np.isnan(allowed).any(axis=1)]
     if not len(allowed):

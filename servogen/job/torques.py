@@ -1,7 +1,7 @@
-"""The static torque of every servo of a job in every frame, held against what its model can give.
+"""The static torque of every servo of a job in every frame, compared with its model's.
 
 In: an arm or a walk, the bindings of joints to servos, the servos. Out: warnings. A robot without stated
-masses, and a servo without a stated torque, are not judged.
+masses, and a servo without a stated torque, are not checked.
 
     a servo that turns `ratio` radians for each unit of a joint gives 1 / ratio of the joint's torque
 """
@@ -25,9 +25,9 @@ from servogen.robot.servo import Servo
 
 
 def arm_torques(tip: Tip, angles: Floats, servos: Sequence[Servo]) -> Iterator[Caution]:
-    """Yield a warning for each servo of an arm that its links and payload ask too much of.
+    """Yield a warning for each servo of an arm whose links and payload need more than its torque.
 
-    `angles` (frames, servos): NaN where there is no pulse; such a frame asks nothing.
+    `angles` (frames, servos): NaN where there is no pulse; such a frame needs no torque.
     """
     if not has_masses(tip.limb.arm):
         return
@@ -47,7 +47,7 @@ def arm_torques(tip: Tip, angles: Floats, servos: Sequence[Servo]) -> Iterator[C
 def walk_torques(
     robot: WalkingRobot, made: Walk, bindings: Sequence[Binding], servos: Sequence[Servo]
 ) -> Iterator[Caution]:
-    """Yield a warning for each servo of a walking robot that its weight asks too much of."""
+    """Yield a warning for each servo of a walking robot whose weight needs more than its torque."""
     loads = loads_of(robot, made)
     if loads is None:
         return

@@ -1,6 +1,6 @@
 """[walk] of a job -> the servos' trajectory.
 
-In: the job and its checked table. Out: `Planned`, with what is good to know as notes.
+In: the job and its validated table. Out: `Planned`, with warnings and notes.
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ def _posture(table: WalkTable) -> Posture:
 
 
 def _least(limits: tuple[Limits, ...]) -> Limits:
-    """What every servo can do: all joints of a walk do the same, one after the other."""
+    """Return the limits that every servo of a walk keeps: all joints make the same moves in turn."""
     return Limits(
         min((limit.speed for limit in limits), default=math.inf),
         min((limit.acceleration for limit in limits), default=math.inf),
@@ -147,7 +147,7 @@ def _bound(document: Document, trajectory: JointTrajectory, bindings: tuple[Bind
 
 
 def _ended(trajectory: JointTrajectory, table: WalkTable) -> JointTrajectory:
-    """A walk that does not repeat stands at its end, or is released."""
+    """Return a walk that does not repeat with its end: it stands, or is released."""
     if table.repeat:
         return trajectory
     last = trajectory.angles[-1:] * (np.nan if table.end == "release" else 1.0)

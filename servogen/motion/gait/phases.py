@@ -132,7 +132,7 @@ def custom(
     lifts: Mapping[str, Fraction | float] | Sequence[float],
     robot: WalkingRobot,
 ) -> Gait:
-    """A gait by duty factor and phase table: when each leg lifts, by name or in order. Raises InputError."""
+    """Return a gait by its duty factor and when each leg lifts, by name or in order. Raises InputError."""
     legs = [mount.name for mount in mounts_of(robot)]
     if not isinstance(lifts, Mapping):
         if len(lifts) != len(legs):
