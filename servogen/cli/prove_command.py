@@ -1,4 +1,4 @@
-"""The command `prove`: what holds for every path of a program."""
+"""The command `prove`: what holds for every path of a program, or that it follows a schedule."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from servogen.cli.files import clock_of, read_program
-from servogen.cli.options import ClockHz, DeviceName, Json
+from servogen.cli.options import ClockHz, Json
+from servogen.cli.prove_schedule import Request, prove_schedule
 from servogen.cli.show import as_json
 from servogen.errors import InputError
 
@@ -33,6 +34,29 @@ def register(app: typer.Typer) -> None:
 
 def prove(
     file: Annotated[Path, typer.Argument(help="A HEX, C or assembly file.", show_default=False)],
+    against: Annotated[
+        Path | None,
+        typer.Option("--against", help="Prove that it follows this schedule.json, for all inputs."),
+    ] = None,
+    certificate: Annotated[
+        Path | None, typer.Option("--certificate", help="With --against: write what the proof found.")
+    ] = None,
+    counterexample: Annotated[
+        Path,
+        typer.Option("--counterexample", help="With --against: where the inputs of a wrong run are written."),
+    ] = Path("counterexample.toml"),
+    hold_inputs: Annotated[
+        bool, typer.Option("--hold-inputs", help="With --against: the inputs stay as the schedule says.")
+    ] = False,
+    plain_tmr0: Annotated[
+        bool,
+        typer.Option(
+            "--no-tmr0-phase", help="With --against: TMR0 counts at once after OPTION_REG is written."
+        ),
+    ] = False,
+    max_states: Annotated[
+        int | None, typer.Option("--max-states", min=1, help="With --against: give up after so many states.")
+    ] = None,
     start: Annotated[
         list[str] | None,
         typer.Option(
@@ -49,17 +73,32 @@ def prove(
         Interrupts, typer.Option("--interrupts", help="Whether times between marks include interrupts.")
     ] = Interrupts.INCLUDED,
     clock_hz: ClockHz = None,
-    device: DeviceName = "PIC16F84",
+    device: Annotated[
+        str | None,
+        typer.Option("--device", help="PIC16F84 or PIC16F84A (default: the schedule's, else PIC16F84)."),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Show what holds for every path of a program: stack, unwritten bytes, pins, dead code, watchdog, times.
 
-    Exit code 0: every question is decided and nothing was found; 1: something was found or is not decided.
+    With --against: that every edge is the schedule's for every power-up, input and chip.
+
+    Exit code 0: proven, or decided and nothing found; 1: something was found or is not decided.
     """
+    if against is not None:
+        if start or end or clock_hz is not None:
+            raise InputError(
+                "conflicting-options", "--from, --to and --clock-hz are for a program without --against"
+            )
+        request = Request(against, certificate, counterexample, not hold_inputs, not plain_tmr0, max_states)
+        raise typer.Exit(prove_schedule(file, device, request, json))
+    if certificate is not None or hold_inputs or plain_tmr0 or max_states is not None:
+        raise InputError("conflicting-options", "this option needs --against")
     from servogen.pic.analysis.facts import Facts, decided_and_fine
+    from servogen.pic.device import DEVICES
 
     marks = _marks(start or [], end or [])
-    program = read_program(file, device)
+    program = read_program(file, device or DEVICES[0].name)
     facts = Facts(program.image, program.listing, clock_of(program, clock_hz))
     answers = [
         *facts.answers(),

@@ -24,7 +24,9 @@ from servogen.units import Clock, Cycles
 VERSION = 1
 """The version of the JSON schema."""
 
-OPTIONAL: Mapping[str, Any] = MappingProxyType({"inputs": [], "plan_error": None, "device": None})
+OPTIONAL: Mapping[str, Any] = MappingProxyType(
+    {"inputs": [], "buttons": None, "plan_error": None, "device": None}
+)
 """Keys that a schedule may omit, and their values then."""
 
 MAX_DISTANCE = 1e9
@@ -65,6 +67,36 @@ class Input:
 
 
 @dataclass(frozen=True, slots=True)
+class ButtonRule:
+    """How the buttons change the motion: see "Start and emergency stop" in docs/firmware.md.
+
+    `start` and `stop` have the level while pressed. The schedule itself is for start pressed and stop
+    released from power-up on: with a start button its first frame stands `pressed_frames` - 1 times more at
+    its beginning.
+    """
+
+    start: Input | None
+    stop: Input | None
+    off: bool
+    """Stop takes the pulses away; else it holds them."""
+    pressed_frames: int
+    """A button counts when it was seen pressed in so many consecutive frames."""
+
+    @property
+    def waiting(self) -> int:
+        """Return how many times more the first frame stands at the beginning of the schedule."""
+        return self.pressed_frames - 1 if self.start else 0
+
+    def to_json(self) -> dict[str, object]:
+        return {
+            "start": {"pin": self.start.pin, "level": self.start.level} if self.start else None,
+            "stop": {"pin": self.stop.pin, "level": self.stop.level} if self.stop else None,
+            "pulses": "off" if self.off else "hold",
+            "pressed_frames": self.pressed_frames,
+        }
+
+
+@dataclass(frozen=True, slots=True)
 class PulseSchedule:
     """Frames of `period` cycles: `lead_in` once, then `loop` repeatedly, all one period apart.
 
@@ -81,6 +113,8 @@ class PulseSchedule:
     """The distance of its pulses from the planned motion; None if no plan is known."""
     device: str | None = None
     """The chip that it was built for; None if it is not known."""
+    buttons: ButtonRule | None = None
+    """What its buttons do if pressed otherwise than `inputs` says; None if it is not known."""
 
     @property
     def lead_in_frames(self) -> int:
@@ -105,6 +139,7 @@ class PulseSchedule:
             f'  "period_cycles": {self.period},\n'
             f'  "channels": [\n{channels}\n  ],\n'
             f"{self._inputs_text()}"
+            f"{self._buttons_text()}"
             f"{self._plan_error_text()}"
             f'  "lead_in": {_runs_text(self.lead_in)},\n'
             f'  "loop": {_runs_text(self.loop)}\n}}\n'
@@ -114,6 +149,9 @@ class PulseSchedule:
         """Return the line of the inputs, empty if the program reads no pin."""
         each = [{"pin": one.pin, "level": one.level} for one in self.inputs]
         return f'  "inputs": {json.dumps(each)},\n' if each else ""
+
+    def _buttons_text(self) -> str:
+        return "" if self.buttons is None else f'  "buttons": {json.dumps(self.buttons.to_json())},\n'
 
     def _device_text(self) -> str:
         return "" if self.device is None else f'  "device": {json.dumps(self.device)},\n'
@@ -171,7 +209,7 @@ class _Reader:
     def schedule(self, data: Any) -> PulseSchedule:
         keys = ("version", "clock_hz", "period_cycles", "channels", "lead_in", "loop", *OPTIONAL)
         known = {**OPTIONAL, **data} if isinstance(data, dict) else data
-        version, clock_hz, period, channels, lead_in, loop, inputs, plan_error, device = self._table(
+        version, clock_hz, period, channels, lead_in, loop, inputs, buttons, plan_error, device = self._table(
             known, "", keys
         )
         if self._whole(version, "version", 0) != VERSION:
@@ -220,6 +258,23 @@ class _Reader:
             held,
             None if plan_error is None else self._plan_error(plan_error),
             None if device is None else self._text(device, "device"),
+            None if buttons is None else self._buttons(buttons, read),
+        )
+
+    def _buttons(self, data: Any, channels: tuple[Channel, ...]) -> ButtonRule:
+        start, stop, pulses, frames = self._table(
+            data, "buttons", ("start", "stop", "pulses", "pressed_frames")
+        )
+        if start is None and stop is None:
+            raise self._error("json-value", "buttons", "has neither 'start' nor 'stop'")
+        if pulses not in ("off", "hold"):
+            message = f"is neither 'off' nor 'hold': {_shown(pulses)}"
+            raise self._error("json-value", "buttons.pulses", message)
+        return ButtonRule(
+            None if start is None else self._input(start, "buttons.start", channels),
+            None if stop is None else self._input(stop, "buttons.stop", channels),
+            pulses == "off",
+            self._whole(frames, "buttons.pressed_frames", 1),
         )
 
     def _plan_error(self, data: Any) -> PlanError:

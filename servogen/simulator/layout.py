@@ -113,7 +113,10 @@ RAM_SLOTS = 128
     WDT_SHORTEST,
     WDT_CLEARED,
     WDT_EARLIEST,
-) = range(RAM_SLOTS, RAM_SLOTS + 85)
+    # of the prover: see abstract.py
+    ANY_INPUT,
+    OPTION_WRITES,
+) = range(RAM_SLOTS, RAM_SLOTS + 87)
 
 STACK = 216  # 8 levels: DS35007 section 2.4.1
 EEPROM = 224  # 64 bytes: DS35007 section 3

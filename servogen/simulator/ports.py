@@ -10,6 +10,7 @@ from __future__ import annotations
 from servogen.simulator.compiled import Vector, compiled
 from servogen.simulator.interrupts import INTF, RBIF, note_flags
 from servogen.simulator.layout import (
+    ANY_INPUT,
     CYCLE,
     DRIVEN,
     DRIVEN_FROM,
@@ -87,6 +88,8 @@ def settle(s: Vector, at: int) -> None:
             react(s, at, changed)
         return
     held = outside | (0 if s[OPTION] & RBPU else B) | (RA4 if s[RA4_PULLED_UP] else 0)
+    if s[ANY_INPUT]:
+        held = outside  # a pull-up gives way to whatever drives the pin
     unknown = ~(driven | held) & (A | B) | s[LATCH_UNKNOWN] & driven
     seen = unknown | s[PINS_UNKNOWN]
     s[PINS_UNKNOWN] = unknown

@@ -22,6 +22,7 @@ from servogen.simulator.layout import (
     INTCON,
     NEVER,
     OPTION,
+    OPTION_WRITES,
     PRESCALER,
     PRESCALER_UNKNOWN,
     SLEEPING,
@@ -93,6 +94,8 @@ def t0_news_at(s: Vector) -> int:
     """
     if s[T0_UNKNOWN] and s[USE_KIND] == 0 and t0_runs(s):
         shift = t0_shift(s)
+        if s[PRESCALER_UNKNOWN] & ((1 << shift) - 1):
+            return s[T0_AT]
         return s[T0_AT] + (1 << shift) - (s[PRESCALER] & ((1 << shift) - 1)) - FLAG_AHEAD
     return t0_flag_at(s)
 
@@ -221,6 +224,7 @@ def option_write(s: Vector, at: int, value: int) -> None:
 
     The count of a prescaler assigned to the watchdog is unknown once the shortest period is over.
     """
+    s[OPTION_WRITES] += 1
     t0_sync(s, at - 1)
     t0_advance(s, at)
     wdt_sync(s, at - 1)
@@ -231,7 +235,10 @@ def option_write(s: Vector, at: int, value: int) -> None:
             foresee(s)
         else:
             s[WDT_EARLIEST] = at
-    if s[PRESCALER_UNKNOWN] and not value & PSA:
+    division = 1 << (value & PS) if value & PSA else 2 << (value & PS)
+    if s[PRESCALER_UNKNOWN] & (division - 1) and value & PSA and s[WDT_SHORTEST]:
+        s[WDT_EARLIEST] = at
+    if s[PRESCALER_UNKNOWN] & (division - 1) and not value & PSA:
         s[T0_UNKNOWN] = 0xFF | SOURCE_PRESCALER << 8
     s[T0_AT] = max(s[T0_AT], at)
     if value & T0CS == 0:

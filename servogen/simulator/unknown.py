@@ -183,7 +183,7 @@ def flags_in_doubt(s: Vector, pins: int) -> None:
     if pins & 1 << 4 and s[OPTION] & T0CS and not s[SLEEPING]:
         s[T0_UNKNOWN] = 0xFF | (FLOATING_PIN + 4) << 8
         if not s[OPTION] & PSA:
-            s[PRESCALER_UNKNOWN] = 1
+            s[PRESCALER_UNKNOWN] = 0xFF
         timer_flag_in_doubt(s)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from servogen.errors import Location
 from servogen.motion.trajectory import JointTrajectory
-from servogen.pulse.schedule import Input, PulseSchedule, Run
+from servogen.pulse.schedule import ButtonRule, Input, PulseSchedule, Run
 
 PRESSED_FRAMES = 3
 """A contact's bouncing is over after some ms; three frames are 60 ms."""
@@ -56,6 +56,12 @@ class Buttons:
         start = [Input(self.start.pin, self.start.level)] if self.start else []
         stop = [Input(self.stop.pin, 1 - self.stop.level)] if self.stop else []
         return (*start, *stop)
+
+    @property
+    def rule(self) -> ButtonRule | None:
+        """Return what the schedule publishes of the buttons."""
+        start, stop = (Input(each.pin, each.level) if each else None for each in (self.start, self.stop))
+        return ButtonRule(start, stop, self.off, PRESSED_FRAMES) if self.any else None
 
     @property
     def waiting(self) -> int:

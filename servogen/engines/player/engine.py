@@ -36,7 +36,8 @@ def play(job: EngineJob) -> tuple[JointTrajectory, Playing]:
     soft = len(begun.angles) - len(job.trajectory.angles)
     played = playing(begun, job.servos, job.frame, soft)
     buttons = job.firmware.buttons
-    schedule = replace(waited(played.plan.schedule, buttons.waiting), inputs=buttons.inputs)
+    waiting = waited(played.plan.schedule, buttons.waiting)
+    schedule = replace(waiting, inputs=buttons.inputs, buttons=buttons.rule)
     plan = replace(played.plan, schedule=schedule)
     return waited_motion(begun, buttons.waiting), replace(played, plan=plan)
 

@@ -1,0 +1,179 @@
+"""Where to cut a program, and what is dead there: guesses from one run as the schedule's inputs say.
+
+In: an image and a schedule. Out: cut points with guesses. A good cut point is met once in a frame and has few
+live bytes: in a player it is the beginning of the next frame's widths.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from servogen.edges import HIGH, PINS
+from servogen.engines.board import machine_of
+from servogen.pic.image import Image
+from servogen.prove.forks import Choices, Program, before_instruction, ways_of
+from servogen.prove.generalise import Guess, follows_timer, live_places
+from servogen.prove.specification import START_FRAMES, Specification
+from servogen.prove.transitions import Ram, Transitions, applied
+from servogen.pulse import PulseSchedule
+from servogen.pulse.expected import expected
+from servogen.simulator import profile
+from servogen.simulator.abstract import FIELD, ChipState, Reason, Use
+
+SAMPLE_FRAMES = 120
+"""Frames from which the cut point is chosen."""
+MOTION_FRAMES = 4000
+"""Frames whose first edges are looked at."""
+TRIED = 24
+"""Candidates for the cut point that are looked at closely."""
+TRIED_FRAMES = 12
+WALKED_FRAMES = 400
+ALL_PLACES = frozenset(range(68))
+
+
+@dataclass(slots=True)
+class _Walk:
+    """A run from cut to cut: what each part read first and wrote, and the state before it."""
+
+    pcs: list[int]
+    reads: list[frozenset[int]]
+    writes: list[frozenset[int]]
+    states: list[tuple[Ram, int]]
+
+
+def first_edges(
+    image: Image, schedule: PulseSchedule, frames: int, silence: int
+) -> tuple[int, set[int]] | None:
+    """Return the cycle of the first pulse, and the addresses after the first edges of `frames` frames."""
+    machine = machine_of(schedule, image)
+    first = next((chunk for chunk in expected(schedule).chunks if len(chunk.cycle)), None)
+    if first is None:
+        return None
+    pin = int(first.pin[0])
+    start = machine.run_to_edge(pin, HIGH, START_FRAMES * schedule.period)
+    if start is None:
+        return None
+    found = {machine.pc & 0x3FF}
+    for _ in range(frames):
+        if machine.run_to_edge(pin, HIGH, silence) is None:
+            break
+        found.add(machine.pc & 0x3FF)
+    return int(start), found
+
+
+def once_a_frame(image: Image, schedule: PulseSchedule, start: int) -> list[int]:
+    """Return the addresses that are executed once in each frame of the sample, evenly chosen."""
+    machine = machine_of(schedule, image)
+    machine.run(start + schedule.period // 2)
+    found = profile(machine, SAMPLE_FRAMES * schedule.period)
+    once = [address for address, spent in found.words.items() if abs(spent.executions - SAMPLE_FRAMES) <= 1]
+    if len(once) <= TRIED:
+        return sorted(once)
+    return [sorted(once)[n] for n in np.linspace(0, len(once) - 1, TRIED).astype(int)]
+
+
+def choose_cuts(
+    program: Program,
+    transitions: Transitions,
+    schedule: PulseSchedule,
+    spec: Specification,
+    always: frozenset[int],
+) -> dict[int, Guess]:
+    """Return the cut points with what is probably dead there; none where the program has no pulses."""
+    found = first_edges(program.image, schedule, min(spec.frames, MOTION_FRAMES), spec.longest_silence)
+    if found is None:
+        return {}
+    start, fallback = found
+    levels = {PINS.index(each.pin): each.level for each in schedule.inputs}
+    best: list[int] = sorted(fallback)
+    fewest = 1 << 30
+    for candidate in once_a_frame(program.image, schedule, start):
+        walk = _walk(program, transitions, {candidate}, always, levels, TRIED_FRAMES)
+        if walk is None:
+            continue
+        live = live_places(walk.reads, walk.writes, ALL_PLACES)
+        count = max((len(each) for each in live[: len(live) // 2]), default=1 << 20)
+        if count < fewest:
+            best, fewest = [candidate], count
+    walk = _walk(program, transitions, set(best), always, levels, WALKED_FRAMES)
+    return {pc: Guess() for pc in best} if walk is None else _guesses(transitions, best, walk)
+
+
+def _guesses(transitions: Transitions, cuts: list[int], walk: _Walk) -> dict[int, Guess]:
+    live = live_places(walk.reads, walk.writes, ALL_PLACES)
+    half = max(1, len(live) // 2)
+    found = {}
+    for pc in cuts:
+        rows = [n for n in range(half) if walk.pcs[n] == pc]
+        dead = ALL_PLACES.difference(*(live[n] for n in rows)) if rows else frozenset()
+        guess = Guess(set(dead))
+        states = [walk.states[n] for n in range(len(walk.pcs)) if walk.pcs[n] == pc]
+        timers = [transitions.rest(rest)[FIELD["T0_VALUE"]] for _, rest in states]
+        known = all(transitions.rest(rest)[FIELD["T0_UNKNOWN"]] == 0 for _, rest in states)
+        if known and len(set(timers)) >= 16:
+            guess.phased = {
+                place
+                for place in sorted(ALL_PLACES - dead)
+                if follows_timer([ram[place] for ram, _ in states], timers)
+            }
+        found[pc] = guess
+    return found
+
+
+def _walk(
+    program: Program,
+    transitions: Transitions,
+    cuts: set[int],
+    always: frozenset[int],
+    levels: Mapping[int, int],
+    count: int,
+) -> _Walk | None:
+    """Follow one way from reset through `count` cuts; None if none is met twice."""
+    transitions.stop_at(always | cuts)
+    start = transitions.chip.start()
+    ram, rest = start.ram, transitions.number(start.rest)
+    walk = _Walk([], [], [], [])
+    use: Use | None = None
+    chosen: Choices = ()
+    spent = 0
+    while len(walk.reads) <= count and spent < (START_FRAMES + 2 * count) * 2:
+        state = ChipState(ram, transitions.rest(rest))
+        ways = ways_of(program, state, use, chosen) if use else None
+        if use is None:
+            at_stop = transitions.pc(rest) in transitions.stops
+            ways = before_instruction(program, state, frozenset(levels), 1) if at_stop else [()]
+        if not ways:
+            break
+        way = next((each for each in ways if _as_held(each, levels)), ways[0])
+        outcome = transitions.run(ram, rest, way)
+        if outcome.reason is Reason.USE and not outcome.cycles:
+            if outcome.use is None or len(chosen) > 12:
+                break
+            use, chosen = outcome.use, way
+            continue
+        if walk.reads:
+            walk.reads[-1] |= frozenset(outcome.read) - walk.writes[-1]
+            walk.writes[-1] |= frozenset(place for place, _ in outcome.written)
+        ram, rest = applied(ram, outcome), transitions.number(outcome.rest)
+        use, chosen = outcome.use, ()
+        spent += outcome.reason is Reason.LIMIT
+        if outcome.reason in (Reason.WARNING, Reason.LIMIT):
+            break
+        if transitions.pc(rest) in cuts and use is None:
+            walk.pcs.append(transitions.pc(rest))
+            walk.reads.append(frozenset())
+            walk.writes.append(frozenset())
+            walk.states.append((ram, rest))
+    return walk if len(walk.reads) > 2 else None
+
+
+def _as_held(way: Choices, levels: Mapping[int, int]) -> bool:
+    """Return whether every pin of a way has the level that the schedule says."""
+    return all(
+        levels.get(choice.bits.bit_length() - 1, 0) == int(choice.value != 0)
+        for choice in way
+        if choice.field == "PINS"
+    )

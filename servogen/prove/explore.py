@@ -1,0 +1,251 @@
+"""The search through all abstract states that a program can reach at its cut points.
+
+In: the transitions of a program, a specification, cut points with what is generalised there. Out: the
+states, each of which was run from, in all ways, to the next ones, with every edge on the way as specified;
+or what was found instead. Breadth first: the first violation is one of the nearest.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+from servogen.prove.forks import Choices, Program, before_instruction, ways_of
+from servogen.prove.generalise import Generaliser
+from servogen.prove.specification import BEFORE, START_FRAMES, Specification, SpecState, Violation
+from servogen.prove.transitions import Ram, Transitions, applied
+from servogen.simulator.abstract import ChipState, Reason, Use
+
+MAX_POINTS = 20_000
+"""Points between two cuts on the ways from one state: more are an explosion, not a program of this kind."""
+
+
+class Answer(Enum):
+    """How a search ended."""
+
+    CLOSED = "no new state comes"
+    VIOLATED = "a way leads to an edge that is not the specification's"
+    UNDECIDED = "not decided"
+    REFINE = "something that was generalised decides"
+    CUT = "a cut point is missing"
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What was chosen before an instruction, `cycle` cycles after the last cut (in a way: after reset)."""
+
+    cycle: int
+    choices: Choices
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """A stored state: its cells, beside them, and where it came from."""
+
+    ram: Ram
+    rest: int
+    spec: SpecState
+    parent: int
+    cycles: int
+    """From the parent to it."""
+    decisions: tuple[Decision, ...]
+    raw: tuple[Ram, int]
+    """What it was before it was generalised."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A violation, or what could not be decided, and the way there."""
+
+    node: int
+    decisions: tuple[Decision, ...]
+    cycle: int
+    """Since the node."""
+    message: str
+    certain: bool
+    pc: int
+    use: Use | None = None
+
+
+@dataclass(slots=True)
+class Search:
+    """The result of a search."""
+
+    answer: Answer
+    nodes: list[Node]
+    finding: Finding | None = None
+    open_nodes: int = 0
+    cut: int = 0
+    waits: tuple[tuple[int, int], ...] = ()
+    """The ways between states before the first pulse, which must not form a circle."""
+
+
+@dataclass(slots=True)
+class _Point:
+    """Between two cuts."""
+
+    ram: Ram
+    rest: int
+    spec: SpecState
+    cycle: int
+    decisions: tuple[Decision, ...]
+    chosen: Choices = ()
+    use: Use | None = None
+
+
+class Explorer:
+    """One search."""
+
+    def __init__(
+        self,
+        program: Program,
+        transitions: Transitions,
+        spec: Specification,
+        generaliser: Generaliser,
+        phases: int,
+        max_states: int,
+        tell: Callable[[int, int], None],
+    ) -> None:
+        self._program = program
+        self._transitions = transitions
+        self._spec = spec
+        self._generaliser = generaliser
+        self._phases = phases
+        self._max_states = max_states
+        self._tell = tell
+        self._nodes: list[Node] = []
+        self._known: dict[tuple[Ram, int, SpecState], int] = {}
+        self._queue: deque[int] = deque()
+        self._waits: list[tuple[int, int]] = []
+
+    def search(self) -> Search:
+        """Return all states, or the first finding."""
+        start = self._transitions.chip.start()
+        rest = self._transitions.number(start.rest)
+        self._store(start.ram, rest, self._spec.start(), -1, 0, ())
+        done = 0
+        while self._queue:
+            number = self._queue.popleft()
+            found = self._expand(number)
+            done += 1
+            if done % 500 == 0:
+                self._tell(done, len(self._nodes))
+            if found is not None:
+                return found
+            if len(self._nodes) > self._max_states:
+                finding = Finding(number, (), 0, f"more than {self._max_states} states", False, 0)
+                return self._ended(Answer.UNDECIDED, finding)
+        return self._ended(Answer.CLOSED, None)
+
+    def _ended(self, answer: Answer, finding: Finding | None, cut: int = 0) -> Search:
+        return Search(answer, self._nodes, finding, len(self._queue), cut, tuple(self._waits))
+
+    def _store(
+        self, ram: Ram, rest: int, spec: SpecState, parent: int, cycles: int, decisions: tuple[Decision, ...]
+    ) -> None:
+        raw = (ram, rest)
+        if parent >= 0:
+            ram, rest = self._generaliser.generalised(ram, rest)
+        key = (ram, rest, spec)
+        if key not in self._known:
+            self._known[key] = len(self._nodes)
+            self._queue.append(len(self._nodes))
+            self._nodes.append(Node(ram, rest, spec, parent, cycles, decisions, raw))
+        if spec.phase == BEFORE and parent >= 0:
+            self._waits.append((parent, self._known[key]))
+
+    def _expand(self, number: int) -> Search | None:
+        node = self._nodes[number]
+        points = [_Point(node.ram, node.rest, node.spec, 0, ())]
+        count = 0
+        while points:
+            point = points.pop()
+            count += 1
+            if count > MAX_POINTS:
+                return self._stuck(number, point, "too many ways between two frames")
+            if point.use is not None and not point.chosen and self._blamed(number, point, point.use):
+                finding = Finding(
+                    number,
+                    point.decisions,
+                    point.cycle,
+                    "",
+                    False,
+                    self._transitions.pc(point.rest),
+                    point.use,
+                )
+                return self._ended(Answer.REFINE, finding)
+            ways = self._ways(point)
+            if ways is None:
+                return self._stuck(number, point, "what decides is not known", point.use)
+            for choices in ways:
+                found = self._follow(number, point, choices, points)
+                if found is not None:
+                    return found
+        return None
+
+    def _ways(self, point: _Point) -> list[Choices] | None:
+        state = ChipState(point.ram, self._transitions.rest(point.rest))
+        if point.use is not None:
+            return ways_of(self._program, state, point.use, point.chosen)
+        if self._transitions.pc(point.rest) not in self._transitions.stops:
+            return [()]
+        return before_instruction(self._program, state, self._spec.sampled, self._phases)
+
+    def _follow(self, number: int, point: _Point, choices: Choices, points: list[_Point]) -> Search | None:
+        """Run one way up to the next stop, and store or append the state there."""
+        transitions = self._transitions
+        outcome = transitions.run(point.ram, point.rest, choices)
+        if outcome.reason is Reason.USE and outcome.cycles == 0:
+            points.append(
+                _Point(point.ram, point.rest, point.spec, point.cycle, point.decisions, choices, outcome.use)
+            )
+            return None
+        decisions = (*point.decisions, Decision(point.cycle, choices)) if choices else point.decisions
+        try:
+            spec = point.spec
+            for choice in choices:
+                if choice.field == "PINS":
+                    pin = choice.bits.bit_length() - 1
+                    spec = self._spec.sample(spec, pin, int(choice.value != 0))
+            spec = self._spec.advance(spec, outcome.edges, outcome.cycles)
+        except Violation as violation:
+            finding = Finding(
+                number,
+                decisions,
+                point.cycle + violation.cycle,
+                violation.message,
+                violation.certain,
+                transitions.pc(point.rest),
+            )
+            return self._ended(Answer.VIOLATED, finding)
+        cycle = point.cycle + outcome.cycles
+        if outcome.reason is Reason.WARNING:
+            pc = transitions.pc(transitions.number(outcome.rest))
+            finding = Finding(number, decisions, cycle, "; ".join(outcome.warnings), True, pc)
+            return self._ended(Answer.VIOLATED, finding)
+        rest = transitions.number(outcome.rest)
+        ram = applied(point.ram, outcome)
+        if outcome.reason is Reason.LIMIT:
+            if spec.phase == BEFORE and cycle >= START_FRAMES * self._spec.period:
+                finding = Finding(number, decisions, cycle, "no pulse comes", True, transitions.pc(rest))
+                return self._ended(Answer.VIOLATED, finding)
+            return self._ended(Answer.CUT, None, transitions.pc(rest))
+        if outcome.reason is Reason.STOP and transitions.pc(rest) in self._generaliser.cuts:
+            self._store(ram, rest, spec, number, cycle, decisions)
+            return None
+        points.append(_Point(ram, rest, spec, cycle, decisions, (), outcome.use))
+        return None
+
+    def _blamed(self, number: int, point: _Point, use: Use) -> bool:
+        """Return whether what was generalised at the last cut made the use; it is kept from now on then."""
+        if number == 0:
+            return False
+        return self._generaliser.blamed(self._nodes[number], point.decisions, point.cycle, use)
+
+    def _stuck(self, number: int, point: _Point, why: str, use: Use | None = None) -> Search:
+        finding = Finding(
+            number, point.decisions, point.cycle, why, False, self._transitions.pc(point.rest), use
+        )
+        return self._ended(Answer.UNDECIDED, finding)

@@ -1,0 +1,187 @@
+"""Where an unknown bit decides: the ways that together cover every value of it.
+
+In: a state, the instruction about to be executed, and which of its bits decides. Out: choices, each making
+some bits known for that instruction; every chip of the state agrees with at least one of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from servogen.pic.image import Image
+from servogen.pic.isa import Decoded, decode
+from servogen.simulator import unknown
+from servogen.simulator.abstract import CELL_MASK_SHIFT, CELL_PHASED, FIELD, ChipState, Choice, Use
+
+INDF, TMR0, PCL, STATUS, FSR, PORTA, PORTB, EEDATA, EEADR, INTCON = 0, 1, 2, 3, 4, 5, 6, 8, 9, 0x0B
+RAM_FIRST, RAM_LAST = 0x0C, 0x4F
+RP0 = 0x20
+B_SHIFT = 5
+MAX_CHOICES = 10
+"""Bits that may decide one instruction; more are not told apart."""
+
+Choices = tuple[Choice, ...]
+
+_FIELDS = {TMR0: "TMR0", STATUS: "STATUS", FSR: "FSR", EEDATA: "EEDATA", EEADR: "EEADR", INTCON: "INTCON"}
+_BANK_1 = {STATUS: "STATUS", FSR: "FSR", EEDATA: "EECON1", INTCON: "INTCON"}
+_MASKS = {
+    "W": ("W_UNKNOWN", 0),
+    "STATUS": ("STATUS_UNKNOWN", 0),
+    "FSR": ("FSR_UNKNOWN", 0),
+    "TMR0": ("T0_UNKNOWN", 0),
+    "EEDATA": ("EEDATA_UNKNOWN", 0),
+    "EEADR": ("EEADR_UNKNOWN", 0),
+    "EECON1": ("EECON1_UNKNOWN", 0),
+    "INTCON": ("INTCON_UNKNOWN", 0),
+}
+
+
+@dataclass(frozen=True)
+class Program:
+    """What the prover must know of a program's words before it runs them."""
+
+    image: Image
+
+    def at(self, pc: int) -> Decoded | None:
+        word = self.image.program.get(pc & 0x3FF)
+        return None if word is None else decode(word)
+
+    def port_reads(self) -> frozenset[int]:
+        """Return the addresses of instructions that read a port without writing it."""
+        found = set()
+        for address in self.image.program:
+            decoded = self.at(address)
+            if decoded is None or decoded.f not in (PORTA, PORTB) or "f" not in decoded.instruction.reads:
+                continue
+            if decoded.instruction.writes == "" or (decoded.instruction.writes == "d" and not decoded.d):
+                found.add(address)
+        return frozenset(found)
+
+    def option_writes(self) -> frozenset[int]:
+        """Return the addresses of instructions that may write OPTION_REG, except through INDF."""
+        found = set()
+        for address in self.image.program:
+            decoded = self.at(address)
+            if decoded is None:
+                continue
+            row = decoded.instruction
+            writes = row.writes == "f" or (row.writes == "d" and decoded.d)
+            if row.mnemonic == "OPTION" or (writes and "f" in row.operands and decoded.f == TMR0):
+                found.add(address)
+        return frozenset(found)
+
+
+def before_instruction(
+    program: Program, state: ChipState, sampled: frozenset[int], phases: int
+) -> list[Choices]:
+    """Return the ways to execute the next instruction, if it reads pins or writes OPTION_REG; else one,
+    empty.
+
+    Levels of `sampled` pins are told apart wherever they are read. `phases`: in how many ways TMR0 may begin.
+    """
+    decoded = program.at(state["PC"])
+    if decoded is None:
+        return [()]
+    bank_1 = bool(state["STATUS"] & RP0)
+    row = decoded.instruction
+    if row.mnemonic == "OPTION" or (decoded.f == TMR0 and bank_1 and _writes(decoded)):
+        return [(Choice("TMR0_PHASE", 0, phase),) for phase in range(phases)]
+    if bank_1 or decoded.f not in (PORTA, PORTB) or "f" not in row.reads or _writes(decoded):
+        return [()]
+    shift = 0 if decoded.f == PORTA else B_SHIFT
+    unknown_pins = state["PINS_UNKNOWN"]
+    if "b" in row.operands:
+        pins = [decoded.b + shift]
+    else:
+        pins = [pin for pin in sorted(sampled) if shift <= pin < (B_SHIFT if shift == 0 else 13)]
+    ways: list[Choices] = [()]
+    for pin in pins:
+        if unknown_pins >> pin & 1:
+            ways = [(*way, Choice("PINS", 1 << pin, level << pin)) for way in ways for level in (0, 1)]
+    return ways
+
+
+def _writes(decoded: Decoded) -> bool:
+    row = decoded.instruction
+    return "f" in row.operands and (row.writes == "f" or (row.writes == "d" and bool(decoded.d)))
+
+
+def ways_of(program: Program, state: ChipState, use: Use, chosen: Choices) -> list[Choices] | None:
+    """Return the ways beyond `chosen` in which the unknown bit that decides may be; None if they are not
+    known.
+    """
+    if len(chosen) >= MAX_CHOICES:
+        return None
+    if use.kind == unknown.USE_INTERRUPT:
+        flags = [1 << bit for bit in range(3) if use.subject >> bit & 1]
+        ways = [Choice(field, flag, flag) for flag in flags for field in ("INTCON", "INTCON_LATE")]
+        return [(*chosen, way) for way in (*ways, Choice("INTCON", use.subject, 0))]
+    decoded = program.at(state["PC"])
+    if decoded is None or use.kind == unknown.USE_WAKE:
+        return None
+    for field in _operands(decoded, state, use):
+        mask = _unknown_mask(state, field) & ~sum(each.bits for each in chosen if each.field == field)
+        if use.kind == unknown.USE_SKIP and "b" in decoded.instruction.operands:
+            mask &= _bit_of(decoded, field)
+        if not mask:
+            continue
+        if decoded.instruction.writes and field.startswith("0x") and use.kind == unknown.USE_SKIP:
+            return _counted(decoded, state, field, chosen)
+        bit = mask & -mask
+        return [(*chosen, Choice(field, bit, value)) for value in (0, bit)]
+    return None
+
+
+def _bit_of(decoded: Decoded, field: str) -> int:
+    shift = B_SHIFT if field == "PINS" and decoded.f == PORTB else 0
+    return 1 << decoded.b + shift
+
+
+def _operands(decoded: Decoded, state: ChipState, use: Use) -> list[str]:
+    """Return the fields that an instruction depends on, the most likely first."""
+    if use.kind == unknown.USE_POINTER:
+        return ["FSR"]
+    row = decoded.instruction
+    found = []
+    if "f" in row.operands and "f" in row.reads:
+        found += _field_of(decoded.f, state)
+    if "W" in row.reads:
+        found.append("W")
+    if "C" in row.reads:
+        found.append("STATUS")
+    return found
+
+
+def _field_of(f: int, state: ChipState) -> list[str]:
+    bank_1 = bool(state["STATUS"] & RP0)
+    if f == INDF:
+        if state["FSR_UNKNOWN"]:
+            return []
+        f, bank_1 = state["FSR"] & 0x7F, bool(state["FSR"] & 0x80)
+    if RAM_FIRST <= f <= RAM_LAST:
+        return [f"0x{f:02X}"]
+    if f in (PORTA, PORTB) and not bank_1:
+        return ["PINS"]
+    fields = _BANK_1 if bank_1 else _FIELDS
+    return [fields[f]] if f in fields else []
+
+
+def _unknown_mask(state: ChipState, field: str) -> int:
+    if field.startswith("0x"):
+        cell = state.ram[int(field, 16) - RAM_FIRST]
+        return 0xFF if cell >= CELL_PHASED else cell >> CELL_MASK_SHIFT
+    if field == "PINS":
+        return state["PINS_UNKNOWN"]
+    return state.rest[FIELD[_MASKS[field][0]]] & 0xFF
+
+
+def _counted(decoded: Decoded, state: ChipState, field: str, chosen: Choices) -> list[Choices]:
+    """Return the ways of DECFSZ and INCFSZ: the byte that becomes 0, and all others, not told apart."""
+    cell = state.ram[int(field, 16) - RAM_FIRST]
+    last = 1 if decoded.instruction.mnemonic == "DECFSZ" else 0xFF
+    mask = 0xFF if cell >= CELL_PHASED else cell >> CELL_MASK_SHIFT
+    other = last ^ (mask & -mask)
+    return [
+        (*chosen, Choice(field, 0xFF, last)),
+        (*chosen, Choice(field, 0xFF, other, steer=True)),
+    ]

@@ -1,0 +1,214 @@
+"""What a state need not say at a cut point: bytes that are overwritten before they are read, and TMR0's
+phase.
+
+In: cut points, and a guess of what is dead there. Out: more general states. A guess needs no proof: the
+search continues from the general state, so whatever follows holds for all of its chips. If something
+general decides after all, `blamed` finds out what, and keeps it from then on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from servogen.prove.transitions import Ram, Transitions, applied
+from servogen.simulator import unknown
+from servogen.simulator.abstract import (
+    ALL_UNKNOWN,
+    BASE,
+    CELL_PHASED,
+    FIELD,
+    Reason,
+    Use,
+)
+
+if TYPE_CHECKING:
+    from servogen.prove.explore import Decision, Node
+
+REGISTERS = ("W", "FLAGS", "FSR", "EEDATA", "EEADR", "TIMER", "PRESCALER")
+"""What is general beside the RAM, unless it is kept."""
+PHASE = "PHASE"
+T0IE, T0IF, T0CS, PSA, PS = 0x20, 0x04, 0x20, 0x08, 0x07
+FLAGS = 0x07
+PATIENCE = 5
+"""How often a use at one address is looked into without finding anything to blame."""
+
+
+@dataclass(slots=True)
+class Guess:
+    """What is general at one cut point."""
+
+    dead: set[int] = field(default_factory=set)
+    """Places in the RAM."""
+    phased: set[int] | None = None
+    """Places in the RAM whose distance from TMR0 counts, not they themselves; None: TMR0 is kept as it is."""
+    registers: set[str] = field(default_factory=lambda: set(REGISTERS))
+
+    def drop(self, what: str) -> None:
+        if what == PHASE:
+            self.phased = None
+        elif what.startswith("0x"):
+            self.dead.discard(int(what, 16))
+        else:
+            self.registers.discard(what)
+
+
+class Generaliser:
+    """Makes the states at cut points general."""
+
+    def __init__(self, transitions: Transitions, guesses: dict[int, Guess]) -> None:
+        self.guesses = guesses
+        self._transitions = transitions
+        self._rests: dict[int, tuple[int, int, int]] = {}
+        self._innocent: dict[int, int] = {}
+
+    @property
+    def cuts(self) -> dict[int, Guess]:
+        return self.guesses
+
+    def add_cut(self, pc: int) -> None:
+        """Cut at `pc` too, without making anything general there."""
+        self.guesses[pc] = Guess(registers=set())
+
+    def generalised(self, ram: Ram, rest: int) -> tuple[Ram, int]:
+        """Return a state that covers this one."""
+        guess = self.guesses[self._transitions.pc(rest)]
+        found = self._rests.get(rest)
+        if found is None:
+            found = self._rests[rest] = self._general_rest(rest, guess)
+        general, timer, moved = found
+        cells = list(ram)
+        for place in guess.dead:
+            cells[place] = ALL_UNKNOWN
+        if moved:
+            cells = [(cell - moved & 0xFF) | CELL_PHASED if cell >= CELL_PHASED else cell for cell in cells]
+        if timer >= 0 and guess.phased is not None:
+            for place in guess.phased:
+                if cells[place] <= 0xFF:
+                    cells[place] = (cells[place] - timer & 0xFF) | CELL_PHASED
+        return tuple(cells), general
+
+    def _general_rest(self, number: int, guess: Guess) -> tuple[int, int, int]:
+        """Return the state beside the RAM; TMR0 if it becomes phased, else -1; TMR0 less φ if it was phased.
+
+        From then on φ is what TMR0 reads at this moment.
+        """
+        rest = list(self._transitions.rest(number))
+        timer = -1
+
+        def put(**fields: int) -> None:
+            for name, value in fields.items():
+                rest[FIELD[name]] = value
+
+        def get(name: str) -> int:
+            return rest[FIELD[name]]
+
+        for name in ("W", "FSR", "EEDATA", "EEADR"):
+            if name in guess.registers:
+                put(**{name: 0, f"{name}_UNKNOWN": 0xFF})
+        if "FLAGS" in guess.registers:
+            put(STATUS=get("STATUS") & ~FLAGS, STATUS_UNKNOWN=get("STATUS_UNKNOWN") | FLAGS)
+        quiet = not get("INTCON") & T0IE
+        if "TIMER" in guess.registers and quiet and get("T0_UNKNOWN") == 0xFF:
+            put(INTCON=get("INTCON") & ~T0IF, INTCON_UNKNOWN=get("INTCON_UNKNOWN") | T0IF)
+            put(T0_AT=BASE, T0_HELD=BASE)
+            if not get("OPTION") & PSA:
+                put(PRESCALER=0, PRESCALER_UNKNOWN=0xFF)
+        if "PRESCALER" in guess.registers and not get("OPTION") & PSA:
+            idle = -(2 << (get("OPTION") & PS)) & 0xFF  # bits that do not reach TMR0
+            put(PRESCALER=get("PRESCALER") & ~idle, PRESCALER_UNKNOWN=get("PRESCALER_UNKNOWN") | idle)
+        if guess.phased is not None and quiet and not get("T0_UNKNOWN") and not get("OPTION") & T0CS:
+            timer = get("T0_VALUE")
+            put(T0_VALUE=0, T0_UNKNOWN=unknown.PHASED, T0_FLAGGED=-1)
+        moved = 0
+        if get("T0_UNKNOWN") == unknown.PHASED:
+            moved = get("T0_VALUE")
+            for name in ("W", "FSR", "EEDATA", "EEADR"):
+                if get(f"{name}_UNKNOWN") == unknown.PHASED:
+                    put(**{name: get(name) - moved & 0xFF})
+            put(T0_VALUE=0)
+            if quiet:
+                put(INTCON=get("INTCON") & ~T0IF, INTCON_UNKNOWN=get("INTCON_UNKNOWN") | T0IF)
+        return self._transitions.number(tuple(rest)), timer, moved
+
+    def blamed(self, node: Node, decisions: tuple[Decision, ...], cycle: int, use: Use) -> bool:
+        """Return whether something general at `node` decides at `use`, `cycle` cycles later; keep it then."""
+        if self._innocent.get(use.address, 0) >= PATIENCE:
+            return False
+        guess = self.guesses[self._transitions.pc(node.rest)]
+        suspects = [*self._suspects(node, guess)]
+        guilty = [what for what in suspects if not self._decides(node, [what], decisions, cycle)]
+        if not guilty and suspects and not self._decides(node, suspects, decisions, cycle):
+            guilty = suspects
+        for what in guilty:
+            guess.drop(what)
+        if guilty:
+            self._rests.clear()
+        else:
+            self._innocent[use.address] = self._innocent.get(use.address, 0) + 1
+        return bool(guilty)
+
+    def _suspects(self, node: Node, guess: Guess) -> Iterable[str]:
+        for place in sorted(guess.dead):
+            if node.raw[0][place] != node.ram[place]:
+                yield f"0x{place:02X}"
+        yield from sorted(guess.registers)
+        if guess.phased is not None:
+            yield PHASE
+
+    def _decides(self, node: Node, kept: list[str], decisions: tuple[Decision, ...], cycle: int) -> bool:
+        """Return whether an unknown bit decides at `cycle`, or before, if `kept` had not been made
+        general.
+        """
+        ram, rest = self._restored(node, kept)
+        transitions = self._transitions
+        at = 0
+        pending = {decision.cycle: decision.choices for decision in decisions}
+        while at <= cycle:
+            outcome = transitions.run(ram, transitions.number(rest), pending.pop(at, ()))
+            at += outcome.cycles
+            if outcome.reason is Reason.USE and (at == cycle or at not in pending):
+                return at <= cycle
+            if outcome.reason is Reason.LIMIT or (not outcome.cycles and at not in pending):
+                return False
+            ram, rest = applied(ram, outcome), outcome.rest
+        return False
+
+    def _restored(self, node: Node, kept: list[str]) -> tuple[Ram, tuple[int, ...]]:
+        """Return the state at `node` with `kept` as it was before, and with some phase if that is kept."""
+        raw_ram, raw_rest = node.raw[0], self._transitions.rest(node.raw[1])
+        cells, rest = list(node.ram), list(self._transitions.rest(node.rest))
+        for what in kept:
+            if what.startswith("0x"):
+                cells[int(what, 16)] = raw_ram[int(what, 16)]
+            elif what == PHASE:
+                cells = [cell & 0xFF if cell >= CELL_PHASED else cell for cell in cells]
+                rest[FIELD["T0_UNKNOWN"]] = 0
+            elif what == "FLAGS":
+                for name in ("STATUS", "STATUS_UNKNOWN"):
+                    rest[FIELD[name]] = raw_rest[FIELD[name]]
+            elif what not in ("TIMER", "PRESCALER"):
+                for name in (what, f"{what}_UNKNOWN"):
+                    rest[FIELD[name]] = raw_rest[FIELD[name]]
+        return tuple(cells), tuple(rest)
+
+
+def live_places(
+    reads: list[frozenset[int]], writes: list[frozenset[int]], all_places: frozenset[int]
+) -> list[frozenset[int]]:
+    """Return the places that are live before each of consecutive runs; after the last, all are."""
+    live = all_places
+    found = []
+    for read, written in zip(reversed(reads), reversed(writes), strict=True):
+        live = read | (live - written)
+        found.append(live)
+    return found[::-1]
+
+
+def follows_timer(cells: list[int], timers: list[int]) -> bool:
+    """Return whether a byte changes as TMR0 does: their distance takes few values, the byte itself many."""
+    if any(cell > 0xFF for cell in cells):
+        return False
+    distances = {cell - timer & 0xFF for cell, timer in zip(cells, timers, strict=True)}
+    return len(set(cells)) >= 16 and len(distances) * 4 <= len(set(cells))

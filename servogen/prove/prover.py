@@ -1,0 +1,219 @@
+"""The proof: choose cut points, search, refine, and search again, until the answer is one of three.
+
+In: an image, a schedule, what is to be quantified over. Out: `Proof`: proven with its states and
+assumptions, a counterexample that a plain run has shown, or why it is not decided.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from servogen.edges import PINS
+from servogen.engines.board import board_of
+from servogen.graph import components
+from servogen.pic.device import CONFIG_OSCILLATOR_MASK, OSCILLATORS
+from servogen.pic.image import Image
+from servogen.prove.counterexample import Counterexample, concrete, slow_oscillator
+from servogen.prove.cuts import choose_cuts
+from servogen.prove.explore import Answer, Explorer, Finding, Node, Search
+from servogen.prove.forks import Program
+from servogen.prove.generalise import Generaliser
+from servogen.prove.specification import START_FRAMES, Specification
+from servogen.prove.transitions import Transitions
+from servogen.pulse import PulseSchedule
+from servogen.simulator import Machine, Options
+from servogen.simulator.abstract import AbstractChip
+from servogen.units import Cycles
+
+MAX_STATES = 400_000
+MAX_ADDED_CUTS = 12
+MAX_REFINEMENTS = 60
+PHASES = 4
+"""The cycles, 0 to 3, for which TMR0 may stand still after a write of OPTION_REG."""
+
+Tell = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Quantifiers:
+    """What a proof is about beside the start values, each of which can be switched off."""
+
+    inputs: bool = True
+    """Every input pin at any level in any cycle; else the levels of the schedule."""
+    tmr0_phase: bool = True
+    """TMR0 begins to count 0 to 3 cycles after a write of OPTION_REG."""
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """An answer, with what it rests on."""
+
+    proven: bool
+    counterexample: Counterexample | None
+    reason: str
+    """Why it is not decided."""
+    assumptions: tuple[str, ...]
+    quantifiers: Quantifiers
+    states: int
+    runs: int
+    cycles: Cycles
+    """Simulated, all runs together."""
+    nodes: tuple[Node, ...] = ()
+    cuts: tuple[int, ...] = ()
+    transitions: Transitions | None = field(default=None, repr=False)
+    held: dict[int, int] = field(default_factory=dict)
+
+
+def prove_for_all(
+    image: Image,
+    schedule: PulseSchedule,
+    quantifiers: Quantifiers = Quantifiers(),
+    options: Options = Options(),  # noqa: B008 - frozen
+    tell: Tell = lambda done, found: None,
+    max_states: int = MAX_STATES,
+) -> Proof:
+    """Return the proof that `image` follows `schedule` for everything quantified over, or why there is
+    none.
+    """
+    return _Prover(image, schedule, quantifiers, options, tell, max_states).prove()
+
+
+class _Prover:
+    def __init__(
+        self,
+        image: Image,
+        schedule: PulseSchedule,
+        quantifiers: Quantifiers,
+        options: Options,
+        tell: Tell,
+        max_states: int,
+    ) -> None:
+        self._image = image
+        self._schedule = schedule
+        self._quantifiers = quantifiers
+        self._board = board_of(schedule, options)
+        self._tell = tell
+        self._max_states = max_states
+        inputs = {PINS.index(each.pin): each.level for each in schedule.inputs}
+        self._held = inputs if schedule.buttons is None or not quantifiers.inputs else {}
+        rule = schedule.buttons if quantifiers.inputs else None
+        self._spec = Specification(schedule, rule)
+        self._chip = AbstractChip(image, schedule.clock, self._board, self._held)
+        self._program = Program(image)
+        limit = START_FRAMES * self._spec.period + 2 * self._spec.longest_silence
+        self._transitions = Transitions(self._chip, limit)
+        self._cuts: set[int] = set()
+        self._always = self._program.port_reads() | self._program.option_writes()
+
+    def prove(self) -> Proof:
+        unfit = self._unfit_oscillator()
+        if unfit is not None:
+            return unfit
+        guesses = choose_cuts(self._program, self._transitions, self._schedule, self._spec, self._always)
+        generaliser = Generaliser(self._transitions, guesses)
+        added = refined = 0
+        while True:
+            self._transitions.stop_at(self._always | set(generaliser.cuts))
+            phases = PHASES if self._quantifiers.tmr0_phase else 1
+            search = Explorer(
+                self._program,
+                self._transitions,
+                self._spec,
+                generaliser,
+                phases,
+                self._max_states,
+                self._tell,
+            ).search()
+            if search.answer is Answer.CUT and added < MAX_ADDED_CUTS:
+                added += 1
+                generaliser.add_cut(search.cut)
+            elif search.answer is Answer.REFINE and refined < MAX_REFINEMENTS:
+                refined += 1
+            else:
+                self._cuts = set(generaliser.cuts)
+                return self._answer(search)
+
+    def _unfit_oscillator(self) -> Proof | None:
+        """Return the answer where the configuration word says that the clock is not the schedule's."""
+        machine = Machine(self._image, self._schedule.clock, self._board, tracked=True)
+        found = machine.chip_dependent
+        if not found:
+            return None
+        config = self._image.config
+        if config is None or config & CONFIG_OSCILLATOR_MASK == OSCILLATORS["RC"]:
+            shown = slow_oscillator(self._image, self._schedule, self._spec, self._board, self._held)
+            if shown is not None:
+                return self._result(None, shown, "")
+        return self._result(None, None, "; ".join(each.message for each in found))
+
+    def _answer(self, search: Search) -> Proof:
+        if search.answer is Answer.CLOSED:
+            idle = _waits_for_ever(search)
+            if idle is None:
+                return self._result(search, None, "")
+            finding = Finding(
+                idle, (), 0, "no pulse comes", True, self._transitions.pc(search.nodes[idle].rest)
+            )
+            search = Search(Answer.VIOLATED, search.nodes, finding)
+        finding = search.finding or Finding(0, (), 0, "the cut points do not suffice", False, 0)
+        if search.answer is Answer.VIOLATED and finding.certain:
+            shown = concrete(
+                self._image, self._schedule, self._spec, self._board, self._held, search.nodes, finding
+            )
+            if shown is not None:
+                return self._result(search, shown, "")
+        return self._result(search, None, _why(finding, search))
+
+    def _result(self, search: Search | None, shown: Counterexample | None, reason: str) -> Proof:
+        nodes = search.nodes if search else []
+        return Proof(
+            shown is None and not reason,
+            shown,
+            reason,
+            self._assumptions(),
+            self._quantifiers,
+            max(0, len(nodes) - 1),
+            self._transitions.runs,
+            Cycles(self._transitions.cycles),
+            tuple(nodes),
+            tuple(sorted(self._cuts)),
+            self._transitions,
+            self._held,
+        )
+
+    def _assumptions(self) -> tuple[str, ...]:
+        found = [
+            "the instruction set's table, servogen/pic/isa.py",
+            "timers, ports and resets as docs/simulator.md lists them, with the data sheet's sections",
+            "no servo responds to a pulse of at most 10 cycles before the first frame",
+            "a reset cuts the current pulse short; after it the same holds from the first pulse on",
+            "levels of inputs change between instruction cycles; the crystal is exact",
+            "the EEPROM holds what the file says",
+        ]
+        if self._chip.watchdog:
+            found.append("no chip's watchdog is faster than 7 ms (DS35007, parameter 31)")
+        for pin, level in sorted(self._held.items()):
+            found.append(f"{PINS[pin]} is held at {level}, as the schedule says: {_why_held(self._schedule)}")
+        if not self._quantifiers.tmr0_phase:
+            found.append("TMR0 counts from the cycle after OPTION_REG is written")
+        return tuple(found)
+
+
+def _why_held(schedule: PulseSchedule) -> str:
+    return "by request" if schedule.buttons else "it does not say what another level does"
+
+
+def _why(finding: Finding, search: Search) -> str:
+    place = f"address 0x{finding.pc:03X}, {len(search.nodes)} states seen, {search.open_nodes} open"
+    return f"{finding.message} ({place})"
+
+
+def _waits_for_ever(search: Search) -> int | None:
+    """Return a node from which the program can come back to it without a pulse."""
+    graph: dict[int, list[int]] = {}
+    for before, after in search.waits:
+        graph.setdefault(before, []).append(after)
+        graph.setdefault(after, [])
+    found = components(graph)
+    return found[0][0] if found else None

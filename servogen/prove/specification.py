@@ -1,0 +1,239 @@
+"""What the pins may do: the schedule, and the state machine of the buttons, as a function of time.
+
+In: a `PulseSchedule`. Out: `Specification`, which follows runs of a program: it takes a state of its own, the
+edges and the levels that the program read, and returns the state later, or a `Violation`.
+
+    before the first pulse ──first rise──▶ in a frame ──period──▶ in the next frame …
+                                                      ╰──the loop has no pulses──▶ nothing more is expected
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
+
+from servogen.edges import PINS
+from servogen.pulse import PulseSchedule
+from servogen.pulse.schedule import ButtonRule, Run
+
+BEFORE, IN_FRAME, OVER = range(3)
+"""The phases of a specification's state."""
+
+START_FRAMES = 50
+"""How many periods the first pulse may take from reset on."""
+
+Edge = tuple[int, int, int]
+"""(cycle, pin, level)."""
+
+
+class SpecState(NamedTuple):
+    """Where in the specification a run is, at an instruction boundary."""
+
+    phase: int
+    time: int
+    """Cycles since the beginning of the frame; before the first pulse 0."""
+    frame: int
+    """The schedule's frame, counted through lead-in and loop."""
+    running: int = 1
+    on: int = 1
+    start_seen: int = 0
+    stop_seen: int = 0
+    start_sample: int = -1
+    stop_sample: int = -1
+    """The level that was read in this frame; -1: not yet."""
+
+
+@dataclass(slots=True)
+class Violation(Exception):
+    """The pins, or the program, did what the specification does not allow."""
+
+    message: str
+    cycle: int
+    """Since the beginning of the run."""
+    certain: bool = True
+    """Whether it is wrong by itself; else the specification does not say."""
+
+
+class Specification:
+    """A schedule with its buttons."""
+
+    def __init__(self, schedule: PulseSchedule, rule: ButtonRule | None) -> None:
+        self.period = int(schedule.period)
+        self.rule = rule
+        self._frames: list[tuple[Edge, ...]] = []
+        for run in (*schedule.lead_in, *schedule.loop):
+            self._frames += [_edges(schedule, run)] * run.frames
+        self._loop = schedule.lead_in_frames
+        pulsed = [frame for frame in self._frames if frame]
+        self._first = pulsed[0][0][0] if pulsed else 0
+        self._first_frame = next((n for n, frame in enumerate(self._frames) if frame), 0)
+        self._silent_loop = not any(self._frames[self._loop :]) and rule is None
+        self._waiting = rule.waiting if rule else 0
+        self._due = cache(self._due_edges)
+        self._pins: dict[int, str] = {}
+        if rule and rule.start:
+            self._pins[PINS.index(rule.start.pin)] = "start_sample"
+        if rule and rule.stop:
+            self._pins[PINS.index(rule.stop.pin)] = "stop_sample"
+
+    @property
+    def frames(self) -> int:
+        return len(self._frames)
+
+    @property
+    def longest_silence(self) -> int:
+        """Return the most cycles between two edges, as far as the loop has any."""
+        longest = silent = 0
+        for frame in (*self._frames, *self._frames[self._loop :]):
+            silent = 0 if frame else silent + 1
+            longest = max(longest, silent)
+        return (longest + 1) * self.period
+
+    @property
+    def sampled(self) -> frozenset[int]:
+        """Return the pins of the buttons."""
+        return frozenset(self._pins)
+
+    def start(self) -> SpecState:
+        running = 0 if self.rule and self.rule.start else 1
+        return SpecState(BEFORE, 0, self._waiting, running)
+
+    def sample(self, state: SpecState, pin: int, level: int) -> SpecState:
+        """Return the state after the program has read a pin. Raises Violation."""
+        field = self._pins.get(pin)
+        if field is None or state.phase != IN_FRAME:
+            return state
+        known = getattr(state, field)
+        if known not in (-1, level):
+            raise Violation(f"{PINS[pin]} is read twice in a frame, at different levels", 0, certain=False)
+        return state._replace(**{field: level})
+
+    def advance(self, state: SpecState, edges: Sequence[Edge], cycles: int) -> SpecState:
+        """Return the state after a run of `cycles` that made `edges`. Raises Violation."""
+        begun = 0
+        if state.phase == BEFORE:
+            rise = next((edge for edge in edges if edge[2]), None)
+            if rise is None:
+                return state
+            begun = rise[0]
+            state = state._replace(phase=IN_FRAME, time=self._first, frame=self._beginning(state))
+            edges = edges[edges.index(rise) :]
+        place = 0
+        while state.phase == IN_FRAME:
+            left = cycles - begun
+            span = min(left, self.period - state.time)
+            due = self._due(state.frame if state.on else -1, state.time, state.time + span)
+            seen = edges[place : place + len(due)]
+            if not self._same(seen, due, begun) or self._more(edges, place + len(due), begun + span):
+                raise self._wrong(edges[place:], due, begun, begun + span)
+            place += len(due)
+            if left < self.period - state.time:
+                return state._replace(time=state.time + span)
+            begun += span
+            state = self._next(state, begun)
+        if place < len(edges):
+            raise Violation(f"{_edge_text(edges[place])}, after the last pulse", edges[place][0])
+        return state
+
+    def _beginning(self, state: SpecState) -> int:
+        return max(state.frame, self._first_frame)
+
+    def _due_edges(self, frame: int, start: int, end: int) -> tuple[Edge, ...]:
+        """Return what is due in cycles `start` to `end` - 1 of a frame, from `start` on; frame -1 has
+        none.
+        """
+        if frame < 0:
+            return ()
+        edges = self._frames[frame]
+        first, last = (bisect_left(edges, (cycle, -1, -1)) for cycle in (start, end))
+        return tuple((cycle - start, pin, level) for cycle, pin, level in edges[first:last])
+
+    @staticmethod
+    def _same(seen: Sequence[Edge], due: tuple[Edge, ...], begun: int) -> bool:
+        if not begun:
+            return tuple(seen) == due
+        return len(seen) == len(due) and all(
+            (cycle - begun, pin, level) == wanted
+            for (cycle, pin, level), wanted in zip(seen, due, strict=True)
+        )
+
+    @staticmethod
+    def _more(edges: Sequence[Edge], place: int, end: int) -> bool:
+        return place < len(edges) and edges[place][0] < end
+
+    def _next(self, state: SpecState, cycle: int) -> SpecState:
+        """Return the state at the beginning of the next frame, at `cycle` of the run."""
+        if self.rule is not None:
+            return self._pressed(state, self.rule, cycle)
+        frame = self._following(state.frame)
+        if frame >= self._loop and self._silent_loop:
+            return SpecState(OVER, 0, self._loop)
+        return state._replace(time=0, frame=frame)
+
+    def _following(self, frame: int) -> int:
+        return frame + 1 if frame + 1 < len(self._frames) else self._loop
+
+    def _pressed(self, state: SpecState, rule: ButtonRule, cycle: int) -> SpecState:
+        frame, running, on = state.frame, state.running, state.on
+        start_seen, stop_seen = state.start_seen, state.stop_seen
+        enough = rule.pressed_frames
+        for button, sample in ((rule.start, state.start_sample), (rule.stop, state.stop_sample)):
+            if button is not None and sample < 0:
+                raise Violation(f"{button.pin} is not read in a frame", cycle, certain=False)
+        if rule.start is not None:
+            if state.start_sample != rule.start.level:
+                start_seen = 0
+            elif start_seen < enough:
+                start_seen += 1
+                if start_seen == enough:
+                    running = on = 1
+        if rule.stop is not None:
+            stop_seen = min(enough, stop_seen + 1) if state.stop_sample == rule.stop.level else 0
+            if stop_seen == enough:
+                running = 0
+                if rule.off:
+                    on = 0
+                    frame = self._waiting if rule.start else frame
+        if running:
+            frame = self._following(frame)
+        if not on and not rule.start:
+            return SpecState(OVER, 0, self._loop)
+        return SpecState(IN_FRAME, 0, frame, running, on, start_seen, stop_seen)
+
+    def _wrong(self, edges: Sequence[Edge], due: tuple[Edge, ...], begun: int, end: int) -> Violation:
+        """Return what is wrong first."""
+        wanted = [(cycle + begun, pin, level) for cycle, pin, level in due]
+        seen = [edge for edge in edges if edge[0] < end]
+        for number, edge in enumerate(wanted):
+            if number >= len(seen):
+                return Violation(f"{_edge_text(edge)} is missing", edge[0])
+            if seen[number] == edge:
+                continue
+            if seen[number][1:] == edge[1:]:
+                late = seen[number][0] - edge[0]
+                return Violation(
+                    f"{_edge_text(edge)} comes {abs(late)} cycles {'late' if late > 0 else 'early'}", edge[0]
+                )
+            if seen[number] < edge:
+                return Violation(f"{_edge_text(seen[number])} is not the schedule's", seen[number][0])
+            return Violation(f"{_edge_text(edge)} is missing", edge[0])
+        extra = seen[len(wanted)]
+        return Violation(f"{_edge_text(extra)} is not the schedule's", extra[0])
+
+
+def _edges(schedule: PulseSchedule, run: Run) -> tuple[Edge, ...]:
+    return tuple(
+        sorted(
+            (cycle, PINS.index(channel.pin), level)
+            for channel, pulse in zip(schedule.channels, run.pulses, strict=True)
+            if pulse
+            for cycle, level in ((int(pulse.rise), 1), (int(pulse.rise + pulse.width), 0))
+        )
+    )
+
+
+def _edge_text(edge: Edge) -> str:
+    return f"the {'rise' if edge[2] else 'fall'} of {PINS[edge[1]]}"

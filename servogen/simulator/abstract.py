@@ -1,0 +1,473 @@
+"""A tracked chip whose states are values: the transformer of the prover.
+
+In: an abstract state, `ChipState`, which stands for every chip that agrees with it in its known bits (and,
+with one φ, in its PHASED bytes). Out: what all of these chips do up to the next address of interest, or up
+to the first instruction that depends on an unknown bit, with the state there.
+
+Every input pin is unknown in every cycle, whatever pulls it up. Equal states stand for the same chips; data
+that only serves reports is not part of them. Times count from now.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Set
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.edges import PINS
+from servogen.pic.device import RAM_FIRST, RAM_LAST
+from servogen.pic.image import Image
+from servogen.simulator import layout as at
+from servogen.simulator import unknown
+from servogen.simulator.aot_cache import loop
+from servogen.simulator.block_cache import fast_code, marked_code
+from servogen.simulator.options import Options
+from servogen.simulator.program import Code, program_code
+from servogen.simulator.reset_state import power_up
+from servogen.simulator.warnings import noted, warnings_of
+from servogen.units import Clock
+
+Packed = npt.NDArray[np.int64]
+
+BASE = 1 << 40
+"""The cycle that stands for now."""
+CELL_MASK_SHIFT = 8
+CELL_PHASED = 1 << 16
+"""A cell is value | unknown bits << 8, or value | CELL_PHASED."""
+ALL_UNKNOWN = 0xFF << CELL_MASK_SHIFT
+
+_FIELD_NAMES = """
+    PC W STATUS FSR PCLATH INTCON OPTION SLEEPING IN_RESET IRQ_AT AWAKE_AT T0_AT T0_VALUE T0_TICK T0_FLAGGED
+    T0_HELD PRESCALER WDT_AT LATCH TRIS PINS RB_OLD DRIVEN DRIVEN_HIGH EEDATA EEADR EECON1 EE_STEP
+    EE_STEP_AT EE_DONE_AT EE_CELL EE_BYTE SP DEPTH W_UNKNOWN STATUS_UNKNOWN FSR_UNKNOWN T0_UNKNOWN
+    PRESCALER_UNKNOWN EEDATA_UNKNOWN EEADR_UNKNOWN EECON1_UNKNOWN INTCON_UNKNOWN PINS_UNKNOWN LATCH_UNKNOWN
+    RB_OLD_UNKNOWN DRIVEN_UNKNOWN WDT_CLEARED WDT_EARLIEST
+"""
+_NAMES = tuple(_FIELD_NAMES.split())
+_STACK = [at.STACK + level for level in range(8)]
+_DRIVEN_FROM = [at.DRIVEN_FROM + 2 * pin for pin in range(len(PINS))]
+_REST = np.array([*(getattr(at, name) for name in _NAMES), *_STACK, *_DRIVEN_FROM])
+FIELDS = (*_NAMES, *(f"STACK{level}" for level in range(8)), *(f"DRIVEN_FROM_{pin}" for pin in PINS))
+"""The names of what a state has beside its RAM, in the order of `ChipState.rest`."""
+FIELD = {name: number for number, name in enumerate(FIELDS)}
+
+_BYTES = (
+    (at.W, at.W_UNKNOWN),
+    (at.FSR, at.FSR_UNKNOWN),
+    (at.T0_VALUE, at.T0_UNKNOWN),
+    (at.EEDATA, at.EEDATA_UNKNOWN),
+    (at.EEADR, at.EEADR_UNKNOWN),
+)
+_BITS = (
+    (at.STATUS, at.STATUS_UNKNOWN),
+    (at.INTCON, at.INTCON_UNKNOWN),
+    (at.EECON1, at.EECON1_UNKNOWN),
+    (at.PINS, at.PINS_UNKNOWN),
+    (at.LATCH, at.LATCH_UNKNOWN),
+    (at.RB_OLD, at.RB_OLD_UNKNOWN),
+)
+_RELATIVE = (at.IRQ_AT, at.T0_TICK, at.EE_DONE_AT, at.WDT_EARLIEST)
+_NOT_BEFORE_NOW = (at.T0_AT, at.T0_HELD, at.AWAKE_AT)
+_WATCHDOG = (at.WDT_AT, at.WDT_CLEARED)
+_RAM = slice(RAM_FIRST, RAM_LAST + 1)
+RA4, RB0, RB4_TO_7 = 1 << 4, 1 << 5, 0xF0 << 5
+_RBPU, _WATCHDOG_NEVER = 0x80, 1 << 39
+
+
+class Reason(Enum):
+    """Why a run ended."""
+
+    STOP = "reached an address of interest"
+    USE = "an unknown bit decides"
+    WARNING = "chips differ"
+    LIMIT = "ran for the whole limit"
+
+
+@dataclass(frozen=True, slots=True)
+class ChipState:
+    """An abstract state between two instructions: the cells of the 68 bytes of RAM, and `FIELDS`."""
+
+    ram: tuple[int, ...]
+    rest: tuple[int, ...]
+
+    def __getitem__(self, field: str) -> int:
+        return self.rest[FIELD[field]]
+
+    def with_fields(self, **fields: int) -> ChipState:
+        rest = list(self.rest)
+        for name, value in fields.items():
+            rest[FIELD[name]] = value
+        return ChipState(self.ram, tuple(rest))
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Bits that are known for the next instruction: those of `bits` in `field` are `value`.
+
+    INTCON_LATE sets flags in the second cycle of a two-cycle instruction.
+
+    `field` is one of "PINS", "INTCON", "STATUS", "W", "FSR", "TMR0", "EEDATA", "EEADR", "EECON1", "LATCH", a
+    RAM address as "0x0C", or "TMR0_PHASE": the cycles, `value`, for which TMR0 stands still after a write of
+    OPTION_REG. With `steer`, the byte becomes no better known: it only decides which way is taken.
+    """
+
+    field: str
+    bits: int
+    value: int
+    steer: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Use:
+    """The instruction at `address` depends on an unknown bit."""
+
+    kind: int
+    subject: int
+    address: int
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What all chips of a state did in one run."""
+
+    reason: Reason
+    cycles: int
+    edges: tuple[tuple[int, int, int], ...]
+    """(cycles since the beginning, pin, level): each a change, an undriven pin counting as low."""
+    read: tuple[int, ...]
+    """Places in the RAM that were read before they were written."""
+    written: tuple[tuple[int, int], ...]
+    """Places in the RAM that were written, with the cells there at the end."""
+    rest: tuple[int, ...]
+    use: Use | None = None
+    warnings: tuple[str, ...] = ()
+
+    def state(self, before: ChipState) -> ChipState:
+        """Return the state at the end of the run that began in `before`."""
+        ram = list(before.ram)
+        for place, cell in self.written:
+            ram[place] = cell
+        return ChipState(tuple(ram), self.rest)
+
+
+_SLOT_OF = {
+    "PINS": (at.PINS, at.PINS_UNKNOWN),
+    "INTCON": (at.INTCON, at.INTCON_UNKNOWN),
+    "STATUS": (at.STATUS, at.STATUS_UNKNOWN),
+    "LATCH": (at.LATCH, at.LATCH_UNKNOWN),
+    "W": (at.W, at.W_UNKNOWN),
+    "FSR": (at.FSR, at.FSR_UNKNOWN),
+    "TMR0": (at.T0_VALUE, at.T0_UNKNOWN),
+    "EEDATA": (at.EEDATA, at.EEDATA_UNKNOWN),
+    "EEADR": (at.EEADR, at.EEADR_UNKNOWN),
+    "EECON1": (at.EECON1, at.EECON1_UNKNOWN),
+}
+
+
+class AbstractChip:
+    """Runs a program from abstract states."""
+
+    def __init__(
+        self, image: Image, clock: Clock, options: Options, held: Mapping[int, int] | None = None
+    ) -> None:
+        """Prepare to run `image`.
+
+        `options` say what the board does and which chip it is; what differs between chips is unknown. The
+        pins of `held` have these levels at all times.
+        """
+        self.image = image
+        self.clock = clock
+        self._template = self._start(options, held or {})
+        self._s = self._template.copy()
+        self._plain = program_code(image)
+        self._fast = fast_code(self._plain)
+        self._memo = np.full(at.MEMO_ROWS * at.MEMO_COLUMNS, at.UNKNOWN, dtype=np.int64)
+        self._recording = np.zeros(at.DEEPEST_RECORDING * at.RECORD, dtype=np.int64)
+        self._edges = np.zeros(1 << 16, dtype=np.int64)
+        self._template[at.EDGE_LIMIT] = len(self._edges) - 4 * len(PINS)
+        self._none = np.zeros(0, dtype=np.int64)
+        self._marked: dict[Set[int], Code] = {}
+        self._run = loop(observed=False, tracked=True)
+
+    def _start(self, options: Options, held: Mapping[int, int]) -> Packed:
+        s = power_up(self.image, self.clock, options, tracked=True)
+        s[at.ANY_INPUT] = 1
+        s[at.STATUS_UNKNOWN] |= unknown.TO | unknown.PD  # after another reset than power-on they differ
+        s[at.EXT_MASK] = sum(1 << pin for pin in held)
+        s[at.PINS] = s[at.EXT_LEVEL] = sum(level << pin for pin, level in held.items())
+        s[at.PINS_UNKNOWN] = ((1 << len(PINS)) - 1) & ~int(s[at.EXT_MASK])
+        s[at.INTCON_UNKNOWN] |= unknown.T0IF
+        s[at.T0_PHASE] = 0
+        if s[at.WDT_PERIOD]:
+            s[at.WDT_PERIOD] = _WATCHDOG_NEVER  # it must not time out on the chip with the shortest period
+        return s
+
+    @property
+    def watchdog(self) -> bool:
+        """Return whether the configuration word has the watchdog on."""
+        return bool(self._template[at.WDT_PERIOD])
+
+    def start(self) -> ChipState:
+        """Return the state after any reset: nothing in RAM is known, nor what table 6-4 marks "x" or "u"."""
+        self._s[:] = self._template
+        return self._canonical()
+
+    def run(self, state: ChipState, stops: Set[int], limit: int, choices: tuple[Choice, ...] = ()) -> Outcome:
+        """Run until the next instruction is at one of `stops`, but for the first instruction.
+
+        With `choices` at least one instruction is executed, and the choices are valid for it alone. If an
+        unknown bit decides something, the run ends before that instruction.
+        """
+        self._go(state, stops, BASE + limit, choices)
+        used = self._used()
+        if used is not None:
+            cycle = int(self._s[at.USE_CYCLE])
+            if cycle <= BASE:
+                return Outcome(Reason.USE, 0, (), (), (), state.rest, used)
+            self._go(state, stops, cycle, choices)
+            if self._used() is not None or self._s[at.CYCLE] != cycle:
+                return self._outcome(Reason.WARNING, None, ("an interrupt inside an instruction",))
+            return self._outcome(Reason.USE, used, ())
+        warnings = self._warnings(choices)
+        if warnings:
+            return self._outcome(Reason.WARNING, None, warnings)
+        pending = self._interrupt_in_doubt()
+        if pending is not None:
+            return self._outcome(Reason.USE, pending, ())
+        reason = Reason.LIMIT if self._s[at.CYCLE] >= BASE + limit else Reason.STOP
+        return self._outcome(reason, None, ())
+
+    def _go(self, state: ChipState, stops: Set[int], end: int, choices: tuple[Choice, ...]) -> None:
+        s = self._load(state)
+        if choices:
+            held = [self._hold(choice) for choice in choices]
+            self._call(self._plain, BASE + 1, BASE)
+            steered = any(choice.steer for choice in choices)
+            if steered or s[at.USE_KIND] == unknown.USE_INTERRUPT:
+                s[at.USE_KIND] = 0  # the way is chosen; an interrupt in doubt is looked at after each step
+            if s[at.USE_KIND]:
+                return
+            for choice, before in reversed([*zip(choices, held, strict=True)]):
+                self._release(choice, before)
+            self._doubt_flags()
+        if self._interrupt_in_doubt() is not None:
+            return
+        key = frozenset(stops)
+        if key not in self._marked:
+            self._marked[key] = marked_code(self._fast.code, self._plain, key)
+        if s[at.CYCLE] < end and not (choices and int(s[at.PC]) & 0x3FF in stops):
+            self._call(self._marked[key], end, BASE)
+
+    def _call(self, code: Code, end: int, resume: int) -> None:
+        s = self._s
+        while True:
+            why = self._run(
+                s.ctypes.data,
+                end,
+                self._edges.ctypes.data,
+                self._none.ctypes.data,
+                code.ctypes.data,
+                self._plain.ctypes.data,
+                self._fast.regions.ctypes.data,
+                self._memo.ctypes.data,
+                self._recording.ctypes.data,
+                resume,
+                self._none.ctypes.data,
+                self._none.ctypes.data,
+            )
+            if why != at.EDGES_FULL:
+                return
+            s[at.CYCLE] = max(
+                int(s[at.CYCLE]), end
+            )  # more edges than any schedule has: they are judged first
+            return
+
+    def _load(self, state: ChipState) -> Packed:
+        s = self._s
+        s[:] = self._template
+        cells = np.array(state.ram, dtype=np.int64)
+        masks = cells >> CELL_MASK_SHIFT & 0xFF
+        masks[cells >= CELL_PHASED] = unknown.PHASED
+        s[_RAM] = cells & 0xFF | masks << at.UNKNOWN_SHIFT | at.NOT_WRITTEN
+        s[_REST] = state.rest
+        s[at.CYCLE] = BASE
+        self._high = state["DRIVEN_HIGH"]
+        s[at.READ_UNWRITTEN : at.READ_UNWRITTEN + at.RAM_SLOTS] = 0
+        s[at.WARN_COUNT] = s[at.USE_KIND] = s[at.EDGE_COUNT] = s[at.OPTION_WRITES] = 0
+        return s
+
+    def _used(self) -> Use | None:
+        s = self._s
+        if s[at.USE_KIND]:
+            return Use(int(s[at.USE_KIND]), int(s[at.USE_SUBJECT]), int(s[at.USE_PLACE]) & 0x3FF)
+        if s[at.CYCLE] == BASE:
+            pending = self._interrupt_in_doubt()
+            if pending is not None:
+                s[at.USE_CYCLE] = BASE
+            return pending
+        return None
+
+    def _interrupt_in_doubt(self) -> Use | None:
+        """Return a use if an interrupt may come now, or not: pins change without an instruction."""
+        intcon = int(self._s[at.INTCON])
+        if not intcon & unknown.GIE or self._s[at.SLEEPING]:
+            return None
+        doubtful = int(self._s[at.INTCON_UNKNOWN])
+        enabled = intcon >> 3 & 7
+        if enabled & intcon & ~doubtful or not enabled & doubtful:
+            return None
+        return Use(unknown.USE_INTERRUPT, enabled & doubtful, int(self._s[at.PC]) & 0x3FF)
+
+    def _hold(self, choice: Choice) -> int:
+        """Make a choice's bits known and return what `_release` needs."""
+        s = self._s
+        if choice.field == "TMR0_PHASE":
+            s[at.T0_PHASE] = choice.value
+            return 0
+        if choice.field == "INTCON_LATE":
+            s[at.INTCON] &= ~choice.bits
+            s[at.INTCON_UNKNOWN] = int(s[at.INTCON_UNKNOWN]) & 0xFF & ~choice.bits
+            return 0
+        if choice.field.startswith("0x"):
+            slot = int(choice.field, 16)
+            mask = int(s[slot]) >> at.UNKNOWN_SHIFT & 0xFF
+            kept = mask if choice.steer else mask & ~choice.bits
+            value = int(s[slot]) & 0xFF & ~choice.bits | choice.value & choice.bits
+            s[slot] = value | kept << at.UNKNOWN_SHIFT | int(s[slot]) & at.NOT_WRITTEN
+            return 0
+        value_slot, mask_slot = _SLOT_OF[choice.field]
+        before = int(s[mask_slot]) << 16 | int(s[value_slot]) & 0x1FFF
+        s[value_slot] = int(s[value_slot]) & ~choice.bits | choice.value & choice.bits
+        if not choice.steer:
+            mask = int(s[mask_slot]) & (0x1FFF if choice.field in ("PINS", "LATCH") else 0xFF)
+            s[mask_slot] = mask & ~choice.bits
+        if choice.field == "INTCON" and choice.value & choice.bits & 7:
+            s[at.IRQ_AT] = min(int(s[at.IRQ_AT]), BASE)
+        return before
+
+    def _release(self, choice: Choice, before: int) -> None:
+        """Take back what was true of one moment only."""
+        s = self._s
+        if choice.field == "TMR0_PHASE":
+            s[at.T0_PHASE] = 0
+        elif choice.field == "INTCON_LATE":
+            s[at.INTCON] |= choice.bits
+            s[at.INTCON_UNKNOWN] &= ~choice.bits
+            if s[at.INTCON] & unknown.GIE:
+                s[at.IRQ_AT] = min(int(s[at.IRQ_AT]), BASE + 1)
+        elif choice.field == "PINS":
+            again = choice.bits & ~int(s[at.DRIVEN])
+            s[at.PINS_UNKNOWN] |= again
+            s[at.PINS] &= ~again
+        elif choice.field == "TMR0":
+            written = s[at.T0_HELD] > BASE + 2
+            if not written and int(s[at.T0_UNKNOWN]) == before >> 16 & 0xFF & ~choice.bits:
+                s[at.T0_VALUE] = int(s[at.T0_VALUE]) + (before & 0xFF) - _held(before, choice) & 0xFF
+                s[at.T0_UNKNOWN] = before >> 16
+
+    def _doubt_flags(self) -> None:
+        """Note that pins may have set flags since."""
+        s = self._s
+        pins = int(s[at.PINS_UNKNOWN])
+        known = int(s[at.INTCON]) & ~int(s[at.INTCON_UNKNOWN])
+        doubtful = 0
+        if pins & RB0:
+            doubtful |= unknown.INTF
+        if pins & int(s[at.TRIS]) & RB4_TO_7:
+            doubtful |= unknown.RBIF
+        if pins & RA4 and s[at.OPTION] & unknown.T0CS:
+            doubtful |= unknown.T0IF
+            s[at.T0_UNKNOWN] = 0xFF
+        s[at.INTCON_UNKNOWN] |= doubtful & ~known
+
+    def _warnings(self, choices: tuple[Choice, ...]) -> tuple[str, ...]:
+        s = self._s
+        found: list[str] = []
+        if (s[at.WARN_COUNT] or s[at.DRIVEN_UNKNOWN]) and noted(s):
+            every = warnings_of(s, self.image, self.clock)
+            found += [each.message for each in every if each.chip_dependent and each.cycle > 0]
+        expected = sum(choice.field == "TMR0_PHASE" for choice in choices)
+        if s[at.OPTION_WRITES] > expected:
+            found.append("OPTION_REG is written through INDF")
+        if s[at.EE_DONE_AT] != at.NEVER:
+            found.append("the program writes the EEPROM")
+        if s[at.SLEEPING] and s[at.WDT_PERIOD]:
+            found.append("the watchdog ends SLEEP after a time that differs from chip to chip")
+        return tuple(found)
+
+    def _outcome(self, reason: Reason, use: Use | None, warnings: tuple[str, ...]) -> Outcome:
+        s = self._s
+        cycles = int(s[at.CYCLE]) - BASE
+        edges = self._changes()
+        ram = s[_RAM]
+        read = np.flatnonzero(s[at.READ_UNWRITTEN + RAM_FIRST : at.READ_UNWRITTEN + RAM_LAST + 1])
+        written = np.flatnonzero(ram & at.NOT_WRITTEN == 0)
+        state = self._canonical()
+        pairs = tuple((int(place), state.ram[place]) for place in written)
+        return Outcome(reason, cycles, edges, tuple(read.tolist()), pairs, state.rest, use, warnings)
+
+    def _changes(self) -> tuple[tuple[int, int, int], ...]:
+        count = int(self._s[at.EDGE_COUNT])
+        high = self._high
+        found = []
+        for packed in self._edges[:count].tolist():
+            pin, level = packed >> at.PACK_PIN & 0x3F, int(packed & at.PACK_LEVELS == 1)
+            if high >> pin & 1 != level:
+                high ^= 1 << pin
+                found.append(((packed >> at.PACK_CYCLE) - BASE, pin, level))
+        return tuple(found)
+
+    def _canonical(self) -> ChipState:
+        s = self._s
+        now = int(s[at.CYCLE])
+        shift = BASE - now
+        for slot in _RELATIVE:
+            if s[slot] != at.NEVER:
+                s[slot] += shift
+        for slot in _NOT_BEFORE_NOW:
+            s[slot] = max(int(s[slot]), now) + shift
+        for slot in _WATCHDOG:
+            s[slot] = int(s[slot]) + shift if s[at.WDT_PERIOD] else BASE
+        s[at.T0_FLAGGED] = BASE if s[at.T0_FLAGGED] == now and not s[at.T0_UNKNOWN] else -1
+        s[at.EE_STEP_AT] = max(int(s[at.EE_STEP_AT]) + shift, BASE - 3) if s[at.EE_STEP] else 0
+        for pin, slot in enumerate(_DRIVEN_FROM):
+            s[slot] = int(s[slot]) + shift if s[at.DRIVEN_UNKNOWN] >> pin & 1 else 0
+        s[at.CYCLE] = BASE
+        self._doubt_flags()
+        for value, mask in _BITS:
+            s[mask] &= 0x1FFF if value in (at.PINS, at.LATCH, at.RB_OLD) else 0xFF
+            s[value] &= ~int(s[mask])
+        s[at.RB_OLD] &= RB4_TO_7
+        for value, mask in _BYTES:
+            if s[mask] != unknown.PHASED:
+                s[mask] &= 0xFF
+                s[value] &= ~int(s[mask])
+        s[at.PRESCALER] &= ~int(s[at.PRESCALER_UNKNOWN])  # only high bits, or all: a carry goes upward
+        self._canonical_stack()
+        return ChipState(self._cells(), tuple(s[_REST].tolist()))
+
+    def _cells(self) -> tuple[int, ...]:
+        ram = self._s[_RAM]
+        masks = ram >> at.UNKNOWN_SHIFT & 0xFFFF
+        phased = masks == unknown.PHASED
+        masks &= 0xFF
+        cells = ram & 0xFF & ~masks | masks << CELL_MASK_SHIFT
+        if phased.any():
+            cells[phased] = ram[phased] & 0xFF | CELL_PHASED
+        return tuple(cells.tolist())
+
+    def _canonical_stack(self) -> None:
+        """Put the live levels first, and forget what was popped."""
+        s = self._s
+        depth, top = int(s[at.DEPTH]), int(s[at.SP])
+        live = [int(s[at.STACK + (top - depth + level) % 8]) for level in range(depth)]
+        s[at.STACK : at.STACK + 8] = [*live, *[0] * (8 - depth)]
+        s[at.SP] = depth % 8
+
+
+def _held(before: int, choice: Choice) -> int:
+    """Return the value that a choice made of the byte before it."""
+    return before & 0xFF & ~choice.bits | choice.value & choice.bits

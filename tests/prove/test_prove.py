@@ -1,0 +1,141 @@
+"""The proof for all inputs: what is proven, what is shown to be wrong, and that nothing wrong is proven.
+
+A counterexample counts only if a plain run of the simulator makes a wrong edge: the tests run it again and
+compare its edges with the schedule's.
+"""
+
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from servogen.edges import EdgeTrace
+from servogen.engines.board import board_of
+from servogen.pic.image import Image
+from servogen.programs import read_program, read_schedule
+from servogen.prove import Counterexample, Proof, Quantifiers, prove_for_all
+from servogen.prove.specification import Specification, Violation
+from servogen.pulse import PulseSchedule
+from servogen.pulse.expected import expected
+from servogen.pulse.schedule import Input
+from servogen.simulator import Machine, Options, parse_stimuli
+from servogen.units import Cycles
+from servogen.verify import verify
+
+ROOT = Path(__file__).parent.parent.parent
+STARTS = ROOT / "tests" / "verify" / "start_state"
+FIRMWARE = ROOT / "firmware"
+
+
+def proof_of(program: Path, schedule: PulseSchedule) -> Proof:
+    return prove_for_all(read_program(program).image, schedule)
+
+
+def is_wrong(image: Image, schedule: PulseSchedule, found: Counterexample) -> bool:
+    """Return whether a plain run, as the stimulus file and the options say, differs from the schedule."""
+    text = found.stimulus(schedule)
+    stimuli = parse_stimuli(text, "found.toml", schedule.clock) if text else None
+    machine = Machine(image, schedule.clock, found.options, stimuli)
+    span = Cycles(found.cycle + 2 * schedule.period)
+    return not verify(expected(schedule), EdgeTrace(schedule.clock, machine.stream(span), span), span).agrees
+
+
+@pytest.mark.parametrize("job", ["hexapod-ripple", "omni-square", "lab8-program", "lab9-exercise"])
+@pytest.mark.parametrize("program", ["main.hex", "main.sdcc.hex"])
+def test_the_committed_firmware_is_proven(job: str, program: str) -> None:
+    found = proof_of(FIRMWARE / job / program, read_schedule(FIRMWARE / job / "schedule.json"))
+    assert found.proven, found.reason
+
+
+def test_a_program_that_depends_on_nothing_is_proven() -> None:
+    found = proof_of(STARTS / "good.asm", read_schedule(STARTS / "schedule.json"))
+    assert found.proven, found.reason
+    assert found.states <= 4
+
+
+@pytest.mark.parametrize("name", ["floatin", "ram", "latch", "wdt_pre2"])
+def test_what_depends_on_the_start_has_a_counterexample_that_a_plain_run_shows(name: str) -> None:
+    schedule = read_schedule(STARTS / "schedule.json")
+    program = STARTS / f"{name}.asm"
+    found = proof_of(program, schedule)
+    assert not found.proven
+    assert found.counterexample is not None, found.reason
+    assert is_wrong(read_program(program).image, schedule, found.counterexample)
+
+
+def test_an_oscillator_of_any_frequency_has_one_too() -> None:
+    found = proof_of(STARTS / "rc.asm", read_schedule(STARTS / "schedule.json"))
+    assert found.counterexample is not None
+    assert found.counterexample.clock_hz == 3_600_000
+    assert "1666.7 us long instead of 1500.0" in found.counterexample.message
+
+
+def test_a_held_input_is_an_assumption() -> None:
+    schedule = read_schedule(STARTS / "schedule.json")
+    held = replace(schedule, inputs=(Input("RA2", 0),))
+    found = proof_of(STARTS / "floatin.asm", held)
+    assert found.proven, found.reason
+    assert any("RA2 is held at 0" in each for each in found.assumptions)
+    other = proof_of(STARTS / "floatin.asm", replace(schedule, inputs=(Input("RA2", 1),)))
+    assert other.counterexample is not None
+
+
+def test_one_changed_word_is_never_proven_unless_it_does_nothing() -> None:
+    """A mutant of which a plain run of the whole motion makes a wrong edge is not proven."""
+    schedule = read_schedule(FIRMWARE / "lab9-program" / "schedule.json")
+    image = read_program(FIRMWARE / "lab9-program" / "main.hex").image
+    rng = random.Random(13)
+    wrong = shown = 0
+    for _ in range(40):
+        address = rng.choice(sorted(image.program))
+        changed = image.program[address] ^ 1 << rng.randrange(14)
+        mutant = replace(image, program={**image.program, address: changed})
+        if follows(mutant, schedule):
+            continue
+        wrong += 1
+        found = prove_for_all(mutant, schedule, max_states=5000)
+        assert not found.proven, (address, changed)
+        if found.counterexample is not None and found.counterexample.clock_hz is None:
+            shown += 1
+            assert is_wrong(mutant, schedule, found.counterexample)
+    assert wrong >= 25
+    assert shown >= 20
+
+
+def follows(image: Image, schedule: PulseSchedule) -> bool:
+    """Return whether a plain run of the whole motion makes the schedule's edges."""
+    span = Cycles((schedule.lead_in_frames + 2 * schedule.loop_frames) * schedule.period)
+    machine = Machine(image, schedule.clock, board_of(schedule, Options()), tracked=True)
+    limit = Cycles(span + 50 * schedule.period)
+    verdict = verify(expected(schedule), EdgeTrace(schedule.clock, machine.stream(limit), limit), span)
+    return verdict.agrees and not machine.chip_dependent
+
+
+def test_the_specification_names_the_first_wrong_edge() -> None:
+    schedule = read_schedule(STARTS / "schedule.json")
+    spec = Specification(schedule, None)
+    state = spec.advance(spec.start(), [(100, 5, 1), (1600, 5, 0)], 5000)
+    assert state.time == 4900
+    for edges, message in (
+        ([], "the rise of RB0 is missing"),
+        ([(15_000, 5, 1)], "the rise of RB0 is not the schedule's"),
+        ([(15_101, 5, 1)], "the rise of RB0 comes 1 cycles late"),
+        ([(15_050, 6, 1), (15_100, 5, 1)], "the rise of RB1 is not the schedule's"),
+        ([(15_100, 5, 1), (15_101, 6, 1)], "the rise of RB1 is not the schedule's"),
+        ([(7, 5, 0), (15_100, 5, 1)], "the fall of RB0 is not the schedule's"),
+    ):
+        with pytest.raises(Violation) as wrong:
+            spec.advance(state, edges, 15_200)
+        assert wrong.value.message == message, edges
+    assert spec.advance(state, [(15_100, 5, 1)], 15_100 + 1).time == 1
+
+
+def test_without_its_quantifier_the_phase_of_tmr0_is_an_assumption() -> None:
+    schedule = read_schedule(FIRMWARE / "hexapod-ripple" / "schedule.json")
+    image = read_program(FIRMWARE / "hexapod-ripple" / "main.hex").image
+    found = prove_for_all(image, schedule, Quantifiers(tmr0_phase=False))
+    assert found.proven
+    assert any("TMR0 counts" in each for each in found.assumptions)
