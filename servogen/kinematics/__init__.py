@@ -1,1 +1,1 @@
-"""Kinematics: from joint positions to poses and back, for the robots of `servogen.robot`."""
+"""Kinematics: joint positions to poses and back; the kinds of robots and the catalogue."""

@@ -28,7 +28,7 @@ from servogen.kinematics.transforms import Floats, inverse, transform
 from servogen.robot.model import Arm, DHRow, Frame, Joint, Length
 
 SAME_M = 1e-9
-"""Points nearer than this are one; directions with a smaller cross product are parallel."""
+"""Points nearer than this are equal; directions with a smaller cross product are parallel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,9 @@ class JointAxis:
 
 
 def arm_of_axes(name: str, joints: Sequence[Joint], axes: Sequence[JointAxis], tool: ArrayLike) -> Arm:
-    """The arm whose joints turn about or slide along `axes`, and whose tool is at `tool` (4, 4) at zero."""
+    """Return the arm whose joints turn about or slide along `axes`, and whose tool is at `tool` (4, 4) at
+    zero.
+    """
     if not axes:
         raise InputError("no-joints", f"'{name}' has no joints that move")
     lines = [(np.asarray(axis.point, float), _unit(axis.direction)) for axis in axes]
@@ -60,7 +62,7 @@ def arm_of_axes(name: str, joints: Sequence[Joint], axes: Sequence[JointAxis], t
 
 
 def frame_of(matrix: Floats) -> Frame:
-    """A transform as a fixed frame, values below a nanometre or nanoradian taken as 0."""
+    """Return a transform as a fixed frame; values below a nanometre or nanoradian become 0."""
     rz, ry, rx = to_angles(matrix[:3, :3], "ZYX")
     values = (*matrix[:3, 3], rx, ry, rz)
     return Frame(*(0.0 if abs(value) < 1e-12 else float(value) for value in values))
@@ -75,7 +77,9 @@ def _unit(direction: Sequence[float]) -> Floats:
 
 
 def _next_frame(frame: Floats, point: Floats, z: Floats, last: bool = False) -> Floats:
-    """Frame k on the line through `point` along `z`, from frame k-1; `last`: at the tool, if that is free."""
+    """Return frame k on the line through `point` along `z`, from frame k-1; `last`: at the tool, if that is
+    free.
+    """
     x_before, z_before, origin = frame[:3, 0], frame[:3, 2], frame[:3, 3]
     across = np.cross(z_before, z)
     sine = float(np.linalg.norm(across))

@@ -22,15 +22,15 @@ from servogen.kinematics.transforms import Floats, cos_sin, exact_cos_sin, frame
 from servogen.robot.model import Arm, DHRow
 
 Part = Floats | float
-"""One component over all poses, or a number when it is the same for all."""
+"""One component over all poses, or a number if it is the same for all."""
 Vector = tuple[Part, Part, Part]
 
 BLOCK = 16_384
-"""Poses worked on at a time, so that the components stay in the processor's cache."""
+"""The number of poses computed at a time, so that the components stay in the processor's cache."""
 
 
 def joint_array(arm: Arm, q: ArrayLike) -> Floats:
-    """Joint positions as an array (..., n), or an InputError that says how many there must be."""
+    """Return joint positions as an array (..., n). Raises InputError for a wrong number of them."""
     try:
         array = np.asarray(q, float)
     except (TypeError, ValueError) as error:
@@ -45,7 +45,7 @@ def joint_array(arm: Arm, q: ArrayLike) -> Floats:
 
 
 def fk(arm: Arm, q: ArrayLike) -> Floats:
-    """The tool's pose in the base's frame, shape (..., 4, 4), for joint positions (..., n)."""
+    """Return the tool's pose in the base's frame, shape (..., 4, 4), for joint positions (..., n)."""
     q = joint_array(arm, q)
     rows = q.reshape(-1, q.shape[-1])
     out = np.zeros((4, 4, len(rows)))  # components first: each is written in one piece
@@ -60,7 +60,7 @@ def fk(arm: Arm, q: ArrayLike) -> Floats:
 
 
 def fk_position(arm: Arm, q: ArrayLike) -> Floats:
-    """The tool's position alone, shape (..., 3)."""
+    """Return the tool's position alone, shape (..., 3)."""
     q = joint_array(arm, q)
     rows = q.reshape(-1, q.shape[-1])
     out = np.empty((3, len(rows)))
@@ -82,7 +82,7 @@ class RowAxis:
 
 
 def row_axes(arm: Arm, q: ArrayLike) -> tuple[tuple[RowAxis, ...], Floats]:
-    """The axis of every row with a joint, and the tool's pose (..., 4, 4)."""
+    """Return the axis of every row with a joint, and the tool's pose (..., 4, 4)."""
     q = joint_array(arm, q)
     found = []
     joints = [q[..., joint] for joint in range(q.shape[-1])]
@@ -100,7 +100,7 @@ def row_axes(arm: Arm, q: ArrayLike) -> tuple[tuple[RowAxis, ...], Floats]:
 
 
 def link_frames(arm: Arm, q: ArrayLike) -> Floats:
-    """The frames 0 (base) to n (last row) and the tool's, shape (..., rows + 2, 4, 4)."""
+    """Return the frames 0 (base) to n (last row) and the tool's, shape (..., rows + 2, 4, 4)."""
     q = joint_array(arm, q)
     frames = np.zeros((*q.shape[:-1], len(arm.rows) + 2, 4, 4))
     frames[..., 3, 3] = 1.0
@@ -140,7 +140,7 @@ class Chain:
         self._cos_sin: tuple[Part, Part] = (1.0, 0.0)
 
     def advance(self, arm: Arm, row: DHRow, joints: list[Floats]) -> tuple[Vector, Vector]:
-        """Goes over one row; gives the axis of its variable: direction and point."""
+        """Advance over one row; return the axis of its variable: direction and point."""
         lengths = arm.length
         turning = row.joint is not None and arm.joints[row.joint].turning
         moved: Part = 0.0 if row.joint is None else _times(joints[row.joint], row.ratio)
@@ -186,13 +186,13 @@ class Chain:
         self.z = _vector_plus(_scaled(y, -sine), _scaled(z, cosine))
 
     def axes(self) -> tuple[Vector, Vector, Vector]:
-        """x, y and z after the turn."""
+        """Return x, y and z after the turn."""
         cosine, sine = self._cos_sin
         y = _vector_plus(_scaled(self.x, _times(sine, -1.0)), _scaled(self.y, cosine))
         return self._turned_x(), y, self.z
 
     def follow(self, frame: Floats) -> None:
-        """Goes on to a fixed frame, the tool's."""
+        """Advance to a fixed frame, the tool's."""
         if np.array_equal(frame, np.eye(4)):
             return
         axes = self.axes()

@@ -42,7 +42,7 @@ from servogen.robot.model import Arm, Dimensions, Joint, Limb, Mount
 from servogen.toml.file import Document, Table
 
 SAME_M = 1e-9
-"""A height nearer than this to the lowest is the lowest: what floating point adds."""
+"""A height within this of the lowest is the lowest: floating-point noise."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,7 @@ SINGULAR = 1e-9
 
 
 def with_pose(arm: Arm, q: ArrayLike) -> tuple[Floats, Floats]:
-    """The geometric Jacobian (..., 6, n) in the base's frame, and the tool's pose (..., 4, 4)."""
+    """Return the geometric Jacobian (..., 6, n) in the base's frame, and the tool's pose (..., 4, 4)."""
     axes, pose = row_axes(arm, q)
     jacobian = np.zeros((*pose.shape[:-2], 6, len(arm.joints)))
     for axis in axes:
@@ -45,7 +45,7 @@ def with_pose(arm: Arm, q: ArrayLike) -> tuple[Floats, Floats]:
 
 
 def _cross(a: Floats, b: Floats) -> Floats:
-    """a × b by components: several times faster than numpy's own on long arrays."""
+    """Return a × b by components, which is several times faster than numpy's own on long arrays."""
     return np.stack(
         [
             a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1],
@@ -57,7 +57,7 @@ def _cross(a: Floats, b: Floats) -> Floats:
 
 
 def jacobian(arm: Arm, q: ArrayLike, frame: FrameName = 0) -> Floats:
-    """The geometric Jacobian (..., 6, n), its rows in a frame: diag(ᵃR₀, ᵃR₀) J."""
+    """Return the geometric Jacobian (..., 6, n), its rows in a frame: diag(ᵃR₀, ᵃR₀) J."""
     matrix, pose = with_pose(arm, q)
     if frame == 0:
         return matrix
@@ -76,9 +76,10 @@ def jacobian(arm: Arm, q: ArrayLike, frame: FrameName = 0) -> Floats:
 
 
 def analytic_jacobian(arm: Arm, q: ArrayLike, order: str = "ZYX") -> Floats:
-    """The analytic Jacobian (..., 6, n): position rates, then the rates of the three angles of `order`.
+    """Return the analytic Jacobian (..., 6, n): position rates, then the rates of the three angles of
+    `order`.
 
-    Its upper rows are the geometric ones; the lower are B⁻¹ J_ω. Raises InputError where B is singular.
+    Its upper rows are the geometric ones; the lower are B⁻¹ J_ω. Raises InputError if B is singular.
     """
     matrix, pose = with_pose(arm, q)
     rates = rates_matrix(to_angles(pose[..., :3, :3], order), order)
@@ -93,10 +94,10 @@ def analytic_jacobian(arm: Arm, q: ArrayLike, order: str = "ZYX") -> Floats:
 
 
 def manipulability(arm: Arm, q: ArrayLike, rows: Literal["position", "all"] = "position") -> Floats:
-    """Yoshikawa's measure: the product of the singular values of J; 0 where the arm is singular.
+    """Return Yoshikawa's measure: the product of the singular values of J; 0 if the arm is singular.
 
-    It is √det(J Jᵀ) for six joints or more. An arm with fewer is measured by the directions it has: by
-    "position" the upper three rows count, by "all" all six, whose units differ.
+    It is √det(J Jᵀ) for six joints or more. For an arm with fewer, the directions it has count: by "position"
+    the upper three rows, by "all" all six, whose units differ.
     """
     matrix = jacobian(arm, q)
     values = np.linalg.svd(matrix[..., :3, :] if rows == "position" else matrix, compute_uv=False)
@@ -123,9 +124,9 @@ class Singularity:
 
 
 def singularity(arm: Arm, q: ArrayLike) -> Singularity:
-    """Whether the configuration q (n,) is singular, and which directions it loses.
+    """Return whether the configuration q (n,) is singular, and which directions it loses.
 
-    The rank to be had is that at configurations in general: the greatest of a few that are far apart.
+    The full rank is that of configurations in general: the greatest of a few that are far apart.
     """
     matrix = jacobian(arm, q)
     if matrix.ndim != 2:
@@ -153,7 +154,7 @@ def _rank(values: Floats) -> int:
 
 
 def _far_apart(arm: Arm) -> Floats:
-    """Eight configurations within the limits, at irrational parts of them, so that none is special."""
+    """Return eight configurations at irrational parts of the limits, so that none of them is special."""
     lower = np.array([joint.lower for joint in arm.joints])
     upper = np.array([joint.upper for joint in arm.joints])
     parts = np.outer(np.arange(1, 9), np.sqrt([2, 3, 5, 7, 11, 13, 17, 19, 23, 29])[: len(lower)]) % 1.0
@@ -166,7 +167,8 @@ def _general_rank(arm: Arm) -> int:
 
 
 def static_torques(arm: Arm, q: ArrayLike, force: ArrayLike, moment: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
-    """Joint loads τ = Jᵀ (F, M), shape (..., n), of a force (..., 3) N and a moment (..., 3) N·m on the tool.
+    """Return joint loads τ = Jᵀ (F, M), shape (..., n), of a force (..., 3) N and moment (..., 3) N·m on the
+    tool.
 
     Base's frame; N·m on turning joints, N on sliding ones. The motors must give the opposite to hold still.
     """
@@ -175,7 +177,7 @@ def static_torques(arm: Arm, q: ArrayLike, force: ArrayLike, moment: ArrayLike =
 
 
 def differential(d: ArrayLike, delta: ArrayLike) -> Floats:
-    """Δ (..., 4, 4) of a small translation d (..., 3) and rotation δ (..., 3)."""
+    """Return Δ (..., 4, 4) of a small translation d (..., 3) and rotation δ (..., 3)."""
     d, delta = np.broadcast_arrays(np.asarray(d, float), np.asarray(delta, float))
     matrix = np.zeros((*d.shape[:-1], 4, 4))
     matrix[..., :3, :3] = skew(delta)
@@ -184,12 +186,14 @@ def differential(d: ArrayLike, delta: ArrayLike) -> Floats:
 
 
 def change(frame: ArrayLike, d: ArrayLike, delta: ArrayLike) -> Floats:
-    """dT = Δ T (..., 4, 4): how a frame changes by a motion about the fixed axes."""
+    """Return dT = Δ T (..., 4, 4): how a frame changes by a motion about the fixed axes."""
     return np.asarray(differential(d, delta) @ np.asarray(frame, float))
 
 
 def seen_from(frame: ArrayLike, d: ArrayLike, delta: ArrayLike) -> tuple[Floats, Floats]:
-    """The same motion in the axes of T: ᵀd = (n, o, a)·(δ × p + d), ᵀδ = (δ·n, δ·o, δ·a), each (..., 3)."""
+    """Return the same motion in the axes of T: ᵀd = (n, o, a)·(δ × p + d), ᵀδ = (δ·n, δ·o, δ·a), each (...,
+    3).
+    """
     frame, d, delta = (np.asarray(value, float) for value in (frame, d, delta))
     back = np.swapaxes(frame[..., :3, :3], -1, -2)
     moved = np.cross(delta, frame[..., :3, 3]) + d
@@ -197,14 +201,14 @@ def seen_from(frame: ArrayLike, d: ArrayLike, delta: ArrayLike) -> tuple[Floats,
 
 
 def motion_of(matrix: ArrayLike, frame: ArrayLike) -> tuple[Floats, Floats]:
-    """d and δ of a change dT of T: Δ = dT T⁻¹."""
+    """Return d and δ of a change dT of T: Δ = dT T⁻¹."""
     delta = np.asarray(matrix, float) @ inverse(frame)
     turned = np.stack([delta[..., 2, 1], delta[..., 0, 2], delta[..., 1, 0]], axis=-1)
     return np.asarray(delta[..., :3, 3]), turned
 
 
 def cylindrical_jacobian(r: ArrayLike, alpha: ArrayLike) -> Floats:
-    """(ẋ, ẏ, ż) = J (ṙ, α̇, ċ), shape (..., 3, 3)."""
+    """Return J of (ẋ, ẏ, ż) = J (ṙ, α̇, ċ), shape (..., 3, 3)."""
     r, alpha = np.broadcast_arrays(np.asarray(r, float), np.asarray(alpha, float))
     cosine, sine = np.cos(alpha), np.sin(alpha)
     matrix = np.zeros((*r.shape, 3, 3))
@@ -215,7 +219,7 @@ def cylindrical_jacobian(r: ArrayLike, alpha: ArrayLike) -> Floats:
 
 
 def spherical_jacobian(r: ArrayLike, beta: ArrayLike, gamma: ArrayLike) -> Floats:
-    """(ẋ, ẏ, ż) = J (ṙ, β̇, γ̇), shape (..., 3, 3); its last row is (cos β, -r sin β, 0)."""
+    """Return J of (ẋ, ẏ, ż) = J (ṙ, β̇, γ̇), shape (..., 3, 3); its last row is (cos β, -r sin β, 0)."""
     r, beta, gamma = np.broadcast_arrays(*(np.asarray(value, float) for value in (r, beta, gamma)))
     (cb, sb), (cg, sg) = (np.cos(beta), np.sin(beta)), (np.cos(gamma), np.sin(gamma))
     rows = [

@@ -1,6 +1,6 @@
 """`Leg`: the two-joint walking leg in closed form: foot from angles, all angles from a foot, stance, torque.
 
-In: lengths in metres, angles in radians. Out: arrays with one row a pose.
+In: lengths in metres, angles in radians. Out: arrays with one row per pose.
 
              from above                          from the side, plane x'z, seen along y'
 
@@ -35,7 +35,7 @@ from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.transforms import Floats, wrapped
 
 REACH_TOLERANCE_M = 1e-9
-"""How far a foot may be from the surface to count as on it."""
+"""The distance from the surface within which a foot counts as on it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,16 +76,16 @@ class Leg:
 
     @classmethod
     def of(cls, lengths: Mapping[str, float]) -> Leg:
-        """The leg with the lengths `ab`, `bc`, `cd`, `df` of a robot file, in metres."""
+        """Return the leg with the lengths `ab`, `bc`, `cd`, `df` of a robot file, in metres."""
         return cls(lengths["ab"], lengths["bc"], lengths["cd"], lengths["df"])
 
     @property
     def r(self) -> float:
-        """The constant distance of D from the axis of α, along y'."""
+        """Return the constant distance of D from the axis of α, along y'."""
         return self.ab + self.cd
 
     def fk(self, alpha: ArrayLike, beta: ArrayLike) -> Floats:
-        """The foot, shape (..., 3), in the body joint's frame."""
+        """Return the foot, shape (..., 3), in the body joint's frame."""
         alpha, beta = np.broadcast_arrays(np.asarray(alpha, float), np.asarray(beta, float))
         s = self.bc * np.sin(beta)
         sin_a, cos_a = np.sin(alpha), np.cos(alpha)
@@ -93,7 +93,7 @@ class Leg:
         return np.stack([-self.r * sin_a - s * cos_a, self.r * cos_a - s * sin_a, z], axis=-1)
 
     def ik(self, foot: ArrayLike, tolerance_m: float = REACH_TOLERANCE_M) -> Floats:
-        """All angles for `foot` (..., 3): shape (..., 2, 2), the last axis (α, β), β ≥ 0 before β ≤ 0.
+        """Return all angles for `foot` (..., 3): shape (..., 2, 2), the last axis (α, β), β ≥ 0 before β ≤ 0.
 
         Raises `Unreachable` for the first foot farther than `tolerance_m` from the surface.
         """
@@ -105,7 +105,7 @@ class Leg:
         return angles
 
     def solve(self, foot: ArrayLike, tolerance_m: float = REACH_TOLERANCE_M) -> Floats:
-        """As `ik`, with NaN where a foot is off the surface."""
+        """Return the same as `ik`, with NaN where a foot is off the surface."""
         foot = np.asarray(foot, float)
         angles = self.at_height(foot)
         error = np.linalg.norm(self.fk(angles[..., 0], angles[..., 1]) - foot[..., None, :], axis=-1)
@@ -113,7 +113,9 @@ class Leg:
         return angles
 
     def at_height(self, foot: Floats) -> Floats:
-        """Angles (..., 2, 2) of the height and azimuth of `foot`; its distance from z is not looked at."""
+        """Return the angles (..., 2, 2) of the height and azimuth of `foot`, whatever its
+        distance from z is.
+        """
         beta = np.arccos(np.clip(-(foot[..., 2] + self.df) / self.bc, -1.0, 1.0))
         s = self.bc * np.sin(beta)
         azimuth = np.arctan2(foot[..., 1], foot[..., 0])
@@ -141,9 +143,9 @@ class Leg:
         raise Unreachable((x, y, z), reason, self.nearest((x, y, z)))
 
     def nearest(self, foot: ArrayLike) -> tuple[float, float, float]:
-        """The point of the leg's surface nearest to `foot`, any α allowed.
+        """Return the point of the leg's surface nearest to `foot`, for any α.
 
-        By symmetry it lies at the azimuth of the foot, so only β is sought: in the half plane (ρ, z).
+        By symmetry it lies at the azimuth of the foot, so only β is searched: in the half plane (ρ, z).
         """
         x, y, z = (float(value) for value in np.asarray(foot, float))
         rho = np.hypot(x, y)
@@ -163,7 +165,7 @@ class Leg:
         return (reach * scale[0], reach * scale[1], float(-self.bc * np.cos(best) - self.df))
 
     def beta_at(self, height_m: float) -> float:
-        """The β ≥ 0 at which the foot is at Z = `height_m` (-β is the other one)."""
+        """Return the β ≥ 0 at which the foot is at Z = `height_m`; -β is the other one. Raises InputError."""
         cosine = -(height_m + self.df) / self.bc
         if not -1.0 <= cosine <= 1.0:
             low, high = -self.bc - self.df, self.bc - self.df
@@ -175,7 +177,8 @@ class Leg:
         return float(np.arccos(cosine))
 
     def straight(self, stride_m: float, height_m: float, samples: int, side: int = 1) -> Floats:
-        """The straight stance path along -X (the body goes along +X), shape (samples, 3), from front to back.
+        """Return the straight stance path along -X (the body goes along +X), shape (samples, 3), front to
+        back.
 
         The line runs at the distance from the axis that halves the greatest correction: as far outside the
         foot's circle of radius ρ in the middle as inside it at the ends.
@@ -190,10 +193,11 @@ class Leg:
         return np.stack([x, y, np.full(samples, height_m)], axis=-1)
 
     def stance(self, wanted: ArrayLike, beta_sign: int = 1) -> Stance:
-        """Angles that follow the wanted foot path (n, 3) at its heights, and what is left to the spring.
+        """Return the angles that follow a foot path (n, 3) at its heights, and what remains for the spring.
 
-        At constant height β is constant and the foot goes on a circle about the axis of α: the foot is put
-        at the azimuth of the wanted point, so the correction is the shortest possible at that height, radial.
+        At constant height β is constant and the foot goes on a circle about the axis of α: the foot is put at
+        the azimuth of the wanted point, so that the correction is radial, the shortest possible at that
+        height.
         """
         wanted = np.atleast_2d(np.asarray(wanted, float))
         for height in (wanted[:, 2].min(), wanted[:, 2].max()):
@@ -206,5 +210,5 @@ class Leg:
         return Stance(alpha, angles[:, 1], wanted, foot, wanted - foot)
 
     def torque(self, beta: ArrayLike, force_n: ArrayLike) -> Floats:
-        """The static torque on joint B, in N·m, under a vertical force at the foot: F l_BC sin β."""
+        """Return the static torque on joint B, in N·m, under a vertical force at the foot: F l_BC sin β."""
         return np.asarray(np.asarray(force_n, float) * self.bc * np.sin(np.asarray(beta, float)))

@@ -1,4 +1,4 @@
-"""Mobility: how many degrees of freedom a mechanism has, by Kutzbach and Grübler.
+"""Mobility: the degrees of freedom of a mechanism, by Kutzbach and Grübler.
 
 In: the number of elements and the kinds of the joints between them, or an arm. Out: M, and M - 6.
 

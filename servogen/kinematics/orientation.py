@@ -21,11 +21,11 @@ from servogen.robot.model import Arm
 ORDERS = ("ZXZ", "XYX", "YZY", "ZYZ", "XZX", "YXY", "XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 
 _LOST = 1e-12
-"""Below this the first angle cannot be told from rounding."""
+"""Below this the first angle is lost in rounding."""
 
 
 def _order(order: str) -> tuple[int, int, int, float]:
-    """The three axes and the sign of the first two with the axis that is neither."""
+    """Return the three axes and the sign of the first two with the axis that is neither."""
     if order.upper() not in ORDERS:
         raise InputError(
             "bad-rotation", f"'{order}' is no order of three angles", hint=did_you_mean(order, ORDERS)
@@ -35,7 +35,7 @@ def _order(order: str) -> tuple[int, int, int, float]:
 
 
 def from_angles(angles: ArrayLike, order: str) -> Floats:
-    """The rotation (..., 3, 3) of the angles (..., 3) in an order of `ORDERS`."""
+    """Return the rotation (..., 3, 3) of the angles (..., 3) in an order of `ORDERS`."""
     _order(order)
     angles = np.asarray(angles, float)
     one, two, three = (rot(axis, angles[..., index]) for index, axis in enumerate(order.lower()))
@@ -43,11 +43,12 @@ def from_angles(angles: ArrayLike, order: str) -> Floats:
 
 
 def to_angles(rotation: ArrayLike, order: str, second: bool = False) -> Floats:
-    """The angles (..., 3) of a rotation in an order; `second` gives the other solution, first angle + π.
+    """Return the angles (..., 3) of a rotation in an order; `second` gives the other solution, first angle +
+    π.
 
-    The first angle comes from the column of the third axis, which the third rotation does not move; the
-    other two from what is left when the first rotation is undone, by atan2, so that the angles give the
-    rotation back to rounding, near the singular cases too.
+    The first angle comes from the column of the third axis, which the third rotation does not move; the other
+    two from what remains when the first rotation is undone, by atan2, so that the angles give the rotation
+    back to rounding, near the singular cases too.
     """
     i, j, k, sign = _order(order)
     m = 3 - i - j
@@ -70,7 +71,7 @@ def to_angles(rotation: ArrayLike, order: str, second: bool = False) -> Floats:
 
 
 def rates_matrix(angles: ArrayLike, order: str) -> Floats:
-    """B (..., 3, 3) of ω = B (rates of the three angles), ω in the fixed frame; singular with them."""
+    """Return B (..., 3, 3) of ω = B (rates of the three angles), ω in the fixed frame; singular with them."""
     i, j, k, _ = _order(order)
     angles = np.asarray(angles, float)
     unit = np.eye(3)
@@ -81,7 +82,9 @@ def rates_matrix(angles: ArrayLike, order: str) -> Floats:
 
 
 def from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> Floats:
-    """Rodrigues: R = I + sin θ K + (1 - cos θ) K², K = skew(axis); the axis (..., 3) need not be a unit."""
+    """Return Rodrigues' R = I + sin θ K + (1 - cos θ) K², K = skew(axis), for an axis (..., 3)
+    of any length.
+    """
     axis, angle = np.asarray(axis, float), np.asarray(angle, float)[..., None, None]
     length = np.linalg.norm(axis, axis=-1, keepdims=True)
     if np.any(length == 0.0):
@@ -92,7 +95,7 @@ def from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> Floats:
 
 
 def to_axis_angle(rotation: ArrayLike) -> tuple[Floats, Floats]:
-    """Axis (..., 3) and angle (...) in [0, π]; through the quaternion, so safe near 0 and π."""
+    """Return the axis (..., 3) and angle (...) in [0, π]; through the quaternion, so safe near 0 and π."""
     quaternion = to_quaternion(rotation)
     vector = quaternion[..., 1:]
     length = np.linalg.norm(vector, axis=-1)
@@ -103,10 +106,10 @@ def to_axis_angle(rotation: ArrayLike) -> tuple[Floats, Floats]:
 
 
 def to_quaternion(rotation: ArrayLike) -> Floats:
-    """The unit quaternion (..., 4), scalar first and not negative, of a rotation.
+    """Return the unit quaternion (..., 4), scalar first and not negative, of a rotation.
 
-    Four products give it, each times one of its components; the one with the largest component is used,
-    so nothing is divided by a small number.
+    Four products give it, each times one of its components; the one with the largest component is used, so
+    that nothing is divided by a small number.
     """
     r = np.asarray(rotation, float)
     d = [r[..., axis, axis] for axis in range(3)]
@@ -128,7 +131,7 @@ def to_quaternion(rotation: ArrayLike) -> Floats:
 
 
 def from_quaternion(quaternion: ArrayLike) -> Floats:
-    """The rotation (..., 3, 3) of a quaternion (..., 4), scalar first; it need not be a unit."""
+    """Return the rotation (..., 3, 3) of a quaternion (..., 4) of any length, scalar first."""
     quaternion = np.asarray(quaternion, float)
     square = np.sum(quaternion * quaternion, axis=-1)[..., None, None]
     if np.any(square == 0.0):
@@ -138,14 +141,16 @@ def from_quaternion(quaternion: ArrayLike) -> Floats:
 
 
 def _leading_sign(vectors: Floats) -> Floats:
-    """The sign of the first component of (..., n) that is not zero to rounding."""
+    """Return the sign of the first component of (..., n) that is not zero to rounding."""
     seen = np.abs(vectors) > 1e-15
     first = np.take_along_axis(vectors, np.argmax(seen, axis=-1)[..., None], axis=-1)[..., 0]
     return np.where(first < 0, -1.0, 1.0)
 
 
 def rotation_vector(rotation: ArrayLike) -> Floats:
-    """Axis times angle (..., 3): the error of an orientation that a numerical method drives to zero."""
+    """Return axis times angle (..., 3): the error of an orientation that a numerical method
+    drives to zero.
+    """
     axis, angle = to_axis_angle(rotation)
     return np.asarray(axis * angle[..., None])
 
@@ -162,13 +167,15 @@ def slerp(first: ArrayLike, last: ArrayLike, share: ArrayLike) -> Floats:
 
 
 def configuration_vector(position: ArrayLike, approach: ArrayLike, roll: ArrayLike) -> Floats:
-    """W = (p, e^{θ/π} a), shape (..., 6): position, and the approach vector scaled by the roll θ."""
+    """Return W = (p, e^{θ/π} a), shape (..., 6): position, and the approach vector scaled by the roll θ."""
     scaled = np.exp(np.asarray(roll, float) / np.pi)[..., None] * np.asarray(approach, float)
     return np.concatenate(np.broadcast_arrays(np.asarray(position, float), scaled), axis=-1)
 
 
 def from_configuration_vector(vector: ArrayLike) -> tuple[Floats, Floats, Floats]:
-    """Position (..., 3), approach (..., 3), roll (...) = π ln‖w₂‖ of a configuration vector (..., 6)."""
+    """Return position (..., 3), approach (..., 3), roll (...) = π ln‖w₂‖ of a configuration
+    vector (..., 6).
+    """
     vector = np.asarray(vector, float)
     length = np.linalg.norm(vector[..., 3:], axis=-1)
     if np.any(length == 0.0):

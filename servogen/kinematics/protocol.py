@@ -51,9 +51,9 @@ class Posture:
     """
 
     body_height: float | None = None
-    """Of the body's frame above the ground."""
+    """The height of the body's frame above the ground."""
     stance_width: float | None = None
-    """From the left feet to the right feet, in the middle of their stance."""
+    """The distance between left and right feet in the middle of their stance."""
     lift: float = 0.02
     beta_sign: int = 1
     """Which of the two β is used: with 1 a lifted foot goes towards the rear, with -1 to the front.

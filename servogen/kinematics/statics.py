@@ -1,4 +1,4 @@
-"""What gravity asks of the joints of an arm that stands still, and of the feet under a body.
+"""The static loads of gravity on the joints of an arm and on the feet under a body.
 
 In: an `Arm` with masses and its joint positions; or feet on the ground and a centre of mass. Out: torques in
 N·m (forces in N of sliding joints), and the vertical force at each foot.
@@ -27,10 +27,10 @@ GRAVITY = 9.80665
 """Standard gravity, m/s² (3rd CGPM, 1901)."""
 
 BALANCED = 1e-6
-"""Of the weight: a sum of forces and moments that is nearer to it is in balance."""
+"""The share of the weight by which forces and moments in balance may differ from it."""
 
 BLOCK = 16_384
-"""Frames worked on at a time."""
+"""The number of frames computed at a time."""
 
 
 def has_masses(arm: Arm) -> bool:

@@ -48,7 +48,7 @@ def _sympy() -> Any:
 
 @cache
 def symbolic_fk(arm: Arm) -> SymbolicKinematics:
-    """The forward kinematics of `arm` in symbols: joints q1 …, lengths l1 … by their own names."""
+    """Return the forward kinematics of `arm` in symbols: joints q1 …, lengths l1 … by their own names."""
     sympy = _sympy()
 
     joints = _joint_symbols(arm)
@@ -63,9 +63,9 @@ def symbolic_fk(arm: Arm) -> SymbolicKinematics:
 
 @cache
 def symbolic_jacobian(arm: Arm, frame: Literal["0", "n"] = "0") -> sympy.ImmutableMatrix:
-    """The geometric Jacobian, 6 × n, in the base's frame or in the tool's.
+    """Return the geometric Jacobian, 6 × n, in the base's frame or in the tool's.
 
-    In the base's frame the upper rows are the derivative of the position. In the tool's, U = [R, p] being the
+    In the base's frame the upper rows are the derivative of the position. In the tool's, with U = [R, p] the
     product of the links after the joint's axis z: upper rows Rᵀ (z × p), lower rows Rᵀ z.
     """
     sympy = _sympy()
@@ -90,7 +90,7 @@ def symbolic_jacobian(arm: Arm, frame: Literal["0", "n"] = "0") -> sympy.Immutab
 
 @cache
 def _before(arm: Arm, index: int) -> Any:
-    """The frame whose z is the axis of row `index`: the row's own if modified, the one before if standard."""
+    """Return the frame whose z is the axis of row `index`: the row's own if modified, else the one before."""
     found = symbolic_fk(arm)
     product = found.base
     for link in found.links[: index + (arm.convention == "modified")]:
@@ -100,7 +100,7 @@ def _before(arm: Arm, index: int) -> Any:
 
 @cache
 def _after(arm: Arm, index: int) -> Any:
-    """The tool's frame seen from the frame of `_before`."""
+    """Return the tool's frame seen from the frame of `_before`."""
     found = symbolic_fk(arm)
     product = found.tool
     for link in reversed(found.links[index + (arm.convention == "modified") :]):
@@ -118,7 +118,9 @@ def _column_at_tool(seen: Any, turning: bool) -> Any:
 
 
 def singular_condition(arm: Arm) -> Any:
-    """The determinant of the position Jacobian of an arm with three joints, factorised: 0 where singular."""
+    """Return the determinant of the position Jacobian of an arm with three joints, factorised: 0 where
+    singular.
+    """
     sympy = _sympy()
 
     jacobian = symbolic_jacobian(arm)[:3, :]
@@ -164,7 +166,7 @@ def _joint_symbols(arm: Arm) -> tuple[Any, ...]:
 
 
 def _angle(radians: float) -> Any:
-    """A constant angle as the fraction of π that it is to nine decimals of a degree."""
+    """Return a constant angle as a fraction of π, to nine decimals of a degree."""
     sympy = _sympy()
 
     return sympy.Rational(str(round(degrees(radians), 9))) * sympy.pi / 180
@@ -224,7 +226,7 @@ def _shift(x: Any, y: Any, z: Any) -> Any:
 
 
 def _tidy(expression: Any) -> Any:
-    """Simplified as the labs write it: sums of parallel turns in one sine or cosine, products kept.
+    """Return an expression simplified as the labs write it: sums of parallel turns in one sine or cosine.
 
     sympy's own `simplify` is slow on these products and splits them into sines of sums of unrelated joints,
     so the addition theorems are applied only where they shorten the expression.

@@ -29,7 +29,9 @@ _PARALLEL = 1e-15
 
 
 def exact_cos_sin(angle: float) -> tuple[float, float]:
-    """cos and sin of a constant angle; multiples of 90° give exactly 0 and ±1, so structure stays visible."""
+    """Return cos and sin of a constant angle; multiples of 90° give exactly 0 and ±1, so that structure is
+    visible.
+    """
     cosine, sine = np.cos(angle), np.sin(angle)
     cosine = 0.0 if abs(cosine) < _PARALLEL else cosine
     sine = 0.0 if abs(sine) < _PARALLEL else sine
@@ -39,7 +41,7 @@ def exact_cos_sin(angle: float) -> tuple[float, float]:
 
 
 def cos_sin(angle: Floats) -> tuple[Floats, Floats]:
-    """cos and sin of many angles from one tangent of the half angle, to a few 1e-16.
+    """Return cos and sin of many angles from one tangent of the half angle, to a few 1e-16.
 
     numpy has a vector tangent but only a scalar sine, so this is several times faster than the two calls.
 
@@ -51,7 +53,7 @@ def cos_sin(angle: Floats) -> tuple[Floats, Floats]:
 
 
 def rot(axis: str, angle: ArrayLike) -> Floats:
-    """The rotation (..., 3, 3) by `angle` about "x", "y" or "z"."""
+    """Return the rotation (..., 3, 3) by `angle` about "x", "y" or "z"."""
     if axis not in AXES:
         raise InputError("bad-axis", f"'{axis}' is no axis", hint="x, y or z")
     angle = np.asarray(angle, float)
@@ -65,7 +67,9 @@ def rot(axis: str, angle: ArrayLike) -> Floats:
 
 
 def transform(rotation: ArrayLike | None = None, position: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
-    """The transform (..., 4, 4) of a rotation (..., 3, 3), by default none, and a position (..., 3)."""
+    """Return the transform (..., 4, 4) of a rotation (..., 3, 3), by default none, and a
+    position (..., 3).
+    """
     position = np.asarray(position, float)
     rotation = np.eye(3) if rotation is None else np.asarray(rotation, float)
     shape = np.broadcast_shapes(rotation.shape[:-2], position.shape[:-1])
@@ -77,19 +81,19 @@ def transform(rotation: ArrayLike | None = None, position: ArrayLike = (0.0, 0.0
 
 
 def rotation(axis: str, angle: ArrayLike) -> Floats:
-    """Rot(axis, angle) as a transform (..., 4, 4)."""
+    """Return Rot(axis, angle) as a transform (..., 4, 4)."""
     matrix = rot(axis, angle)
     return transform(matrix, np.zeros((*matrix.shape[:-2], 3)))
 
 
 def translation(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Floats:
-    """Trans(x, y, z) as a transform (..., 4, 4)."""
+    """Return Trans(x, y, z) as a transform (..., 4, 4)."""
     arrays = np.broadcast_arrays(*(np.asarray(value, float) for value in (x, y, z)))
     return transform(None, np.stack(arrays, axis=-1))
 
 
 def frame_matrix(frame: Frame) -> Floats:
-    """A robot's fixed frame as a transform; right angles are exact."""
+    """Return a robot's fixed frame as a transform; right angles are exact."""
     matrices = []
     for axis, angle in (("z", frame.rz), ("y", frame.ry), ("x", frame.rx)):
         cosine, sine = exact_cos_sin(angle)
@@ -102,33 +106,35 @@ def frame_matrix(frame: Frame) -> Floats:
 
 
 def inverse(matrix: ArrayLike) -> Floats:
-    """T⁻¹ = [Rᵀ, -Rᵀp; 0, 1] of transforms (..., 4, 4)."""
+    """Return T⁻¹ = [Rᵀ, -Rᵀp; 0, 1] of transforms (..., 4, 4)."""
     matrix = np.asarray(matrix, float)
     turned = np.swapaxes(matrix[..., :3, :3], -1, -2)
     return transform(turned, -(turned @ matrix[..., :3, 3:])[..., 0])
 
 
 def apply(matrix: ArrayLike, points: ArrayLike) -> Floats:
-    """Points (..., 3) moved by transforms (..., 4, 4)."""
+    """Return points (..., 3) moved by transforms (..., 4, 4)."""
     matrix, points = np.asarray(matrix, float), np.asarray(points, float)
     return np.asarray((matrix[..., :3, :3] @ points[..., None])[..., 0] + matrix[..., :3, 3])
 
 
 def about_point(turn: ArrayLike, point: ArrayLike) -> Floats:
-    """A rotation (..., 3, 3) about an axis through `point`: T(p) R T(-p)."""
+    """Return the transform of a rotation (..., 3, 3) about an axis through `point`: T(p) R T(-p)."""
     turn, point = np.asarray(turn, float), np.asarray(point, float)
     return transform(turn, point - (turn @ point[..., None])[..., 0])
 
 
 def homogeneous(point: ArrayLike, scale: ArrayLike = 1.0) -> Floats:
-    """(X, Y, Z, W) of a point: scale 0 makes it a direction."""
+    """Return (X, Y, Z, W) of a point; scale 0 makes it a direction."""
     point, scale = np.asarray(point, float), np.asarray(scale, float)[..., None]
     whole = np.where(scale == 0.0, point, point * scale)
     return np.concatenate([whole, np.broadcast_to(scale, (*whole.shape[:-1], 1))], axis=-1)
 
 
 def point_of(vector: ArrayLike) -> Floats:
-    """The point (X, Y, Z)/W of a homogeneous vector (..., 4). W = 0 is a direction, which is no point."""
+    """Return the point (X, Y, Z)/W of a homogeneous vector (..., 4). Raises InputError for W = 0, a
+    direction.
+    """
     vector = np.asarray(vector, float)
     if np.any(vector[..., 3] == 0.0):
         raise InputError("not-a-point", "a homogeneous vector with W = 0 is a direction, not a point")
@@ -136,14 +142,14 @@ def point_of(vector: ArrayLike) -> Floats:
 
 
 def is_rotation(matrix: ArrayLike, tolerance: float = 1e-9) -> bool:
-    """Whether RᵀR = I and det R = +1 for all of (..., 3, 3)."""
+    """Return whether RᵀR = I and det R = +1 for all of (..., 3, 3)."""
     matrix = np.asarray(matrix, float)
     unit = np.abs(np.swapaxes(matrix, -1, -2) @ matrix - np.eye(3)).max(initial=0.0)
     return bool(unit <= tolerance and np.all(np.linalg.det(matrix) > 0))
 
 
 def skew(vector: ArrayLike) -> Floats:
-    """The matrix (..., 3, 3) that makes the cross product: skew(a) b = a × b."""
+    """Return the matrix (..., 3, 3) of the cross product: skew(a) b = a × b."""
     vector = np.asarray(vector, float)
     matrix = np.zeros((*vector.shape, 3))
     for axis in range(3):
@@ -154,20 +160,22 @@ def skew(vector: ArrayLike) -> Floats:
 
 
 def cylindrical(r: ArrayLike, alpha: ArrayLike, c: ArrayLike, keep_orientation: bool = False) -> Floats:
-    """T(0,0,c) Rot(z, α) T(r,0,0): position (r cos α, r sin α, c); Rot(z, -α) appended to keep the axes."""
+    """Return T(0,0,c) Rot(z, α) T(r,0,0): position (r cos α, r sin α, c); Rot(z, -α) appended to keep the
+    axes.
+    """
     r, alpha, c = np.broadcast_arrays(*(np.asarray(value, float) for value in (r, alpha, c)))
     turn = rot("z", np.zeros_like(alpha) if keep_orientation else alpha)
     return transform(turn, np.stack([r * np.cos(alpha), r * np.sin(alpha), c], axis=-1))
 
 
 def cylindrical_of(point: ArrayLike) -> Floats:
-    """(r, α, c) of points (..., 3), r ≥ 0; on the axis α is 0."""
+    """Return (r, α, c) of points (..., 3), r ≥ 0; on the axis α is 0."""
     x, y, z = np.moveaxis(np.asarray(point, float), -1, 0)
     return np.stack([np.hypot(x, y), np.arctan2(y, x), z], axis=-1)
 
 
 def spherical(r: ArrayLike, beta: ArrayLike, gamma: ArrayLike, keep_orientation: bool = False) -> Floats:
-    """Rot(z, γ) Rot(y, β) T(0,0,r): position r (sin β cos γ, sin β sin γ, cos β)."""
+    """Return Rot(z, γ) Rot(y, β) T(0,0,r): position r (sin β cos γ, sin β sin γ, cos β)."""
     r, beta, gamma = np.broadcast_arrays(*(np.asarray(value, float) for value in (r, beta, gamma)))
     turn = rot("z", gamma) @ rot("y", beta)
     kept = np.broadcast_to(np.eye(3), turn.shape) if keep_orientation else turn
@@ -175,14 +183,14 @@ def spherical(r: ArrayLike, beta: ArrayLike, gamma: ArrayLike, keep_orientation:
 
 
 def spherical_of(point: ArrayLike) -> Floats:
-    """(r, β, γ) of points (..., 3), β in [0, π]; on the axis γ is 0, at the origin β too."""
+    """Return (r, β, γ) of points (..., 3), β in [0, π]; on the axis γ is 0, at the origin β too."""
     x, y, z = np.moveaxis(np.asarray(point, float), -1, 0)
     across = np.hypot(x, y)
     return np.stack([np.hypot(across, z), np.arctan2(across, z), np.arctan2(y, x)], axis=-1)
 
 
 def wrapped(angle: ArrayLike) -> Floats:
-    """The same angles in (-π, π]."""
+    """Return the same angles in (-π, π]."""
     return np.asarray(np.pi - np.mod(np.pi - np.asarray(angle, float), 2 * np.pi))
 
 
@@ -210,11 +218,11 @@ _HINT = "Rx(deg) Ry(deg) Rz(deg) Tx(mm) Ty(mm) Tz(mm) Rot(axis, deg) Trans(x, y,
 
 
 MAX_TEXT = 10_000
-"""A thousand factors."""
+"""The longest product, about a thousand factors."""
 
 
 def parse(text: str) -> Floats:
-    """The product of the factors of `text`, from left to right. Raises InputError with the column."""
+    """Return the product of the factors of `text`, from left to right. Raises InputError with the column."""
     if len(text) > MAX_TEXT:
         raise InputError("transform-syntax", f"the product has more than {MAX_TEXT} characters")
     matrix, at = np.eye(4), 0

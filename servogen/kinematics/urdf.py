@@ -1,7 +1,7 @@
 """URDF: an `Arm` (the leg too) written as the robot description of ROS, and a serial chain read from one.
 
 In and out: URDF text, metres and radians. Reading and writing the XML is urdf_parser_py's (extra `urdf`).
-What URDF does not know is lost on the way out: the names of the lengths, home positions, the closed form.
+URDF cannot hold the names of the lengths, home positions and the closed form: they are lost.
 A row that follows another joint becomes a joint with `mimic`.
 """
 
@@ -33,10 +33,10 @@ def _library() -> Any:
 
 
 def to_urdf(arm: Arm) -> str:
-    """The arm as URDF: links base, one a row, tool; joint axes are z.
+    """Return the arm as URDF: links base, one per row, tool; joint axes are z.
 
     The turn about z and the slide along z of a row commute, so the constant part of a row follows its joint:
-    joint k stands where the constant part of row k-1 ends.
+    joint k is where the constant part of row k-1 ends.
     """
     urdf = _library()
     robot = urdf.Robot(name=arm.name, version="1.0")
@@ -58,7 +58,7 @@ def to_urdf(arm: Arm) -> str:
 
 
 def _constant_parts(arm: Arm, row: DHRow) -> tuple[Floats, Floats]:
-    """What of a row stands before its joint and what behind it."""
+    """Return the constant parts of a row before and after its joint."""
     screw = _about("z", row.theta) @ transform(None, (0.0, 0.0, row.d.value(arm.length)))
     across = transform(None, (row.a.value(arm.length), 0.0, 0.0)) @ _about("x", row.alpha)
     return (np.eye(4), screw @ across) if arm.convention == "standard" else (across, screw)
@@ -100,10 +100,10 @@ def _pose(urdf: Any, matrix: Floats) -> Any:
 
 
 def from_urdf(text: str, file: str, tip: str | None = None) -> Arm:
-    """The serial chain from the root to the link `tip`, by default the only end there is.
+    """Return the serial chain from the root to the link `tip`, by default the only end.
 
     Its rows come from the joint axes; fixed joints belong to the links. Raises InputError for a tree whose
-    tip is not named, for other kinds of joints, for a text that is not URDF.
+    tip is not named, for other kinds of joints and for a text that is not URDF.
     """
     robot = _parsed(text, file)
     chain = _chain(robot, file, tip)
@@ -129,7 +129,7 @@ def _parsed(text: str, file: str) -> Any:
     urdf = _library()
     from urdf_parser_py.xml_reflection.core import ParseError
 
-    # The library checks by assertions and conversions of its own; what it raises means a text that is wrong.
+    # The library checks by assertions and conversions: whatever it raises, the text is wrong.
     wrong = (ParseError, ValueError, AssertionError, KeyError, AttributeError, TypeError, SyntaxError)
     try:
         robot = urdf.URDF.from_xml_string(text.encode())
@@ -141,7 +141,7 @@ def _parsed(text: str, file: str) -> Any:
         )
     for joint in robot.joints:
         for number in _numbers(joint):
-            if not abs(number) <= MAX_NUMBER:  # not a number is refused, too
+            if not abs(number) <= MAX_NUMBER:  # refuses NaN, too
                 raise InputError(
                     "urdf-value",
                     f"the joint '{joint.name}' has the number {number}",
@@ -153,13 +153,13 @@ def _parsed(text: str, file: str) -> Any:
 
 MAX_JOINTS = 1000
 MAX_NUMBER = 1e6
-"""Metres, radians, and those per second."""
+"""The greatest number, in metres, radians, and those per second."""
 
 _NUMBERS = f"numbers are finite, in metres and radians, of at most {MAX_NUMBER:g}"
 
 
 def _numbers(joint: Any) -> Iterator[float]:
-    """Yields every number of a joint that is read."""
+    """Yield every number of a joint that is read."""
     if joint.origin is not None:
         yield from joint.origin.xyz or ()
         yield from joint.origin.rpy or ()

@@ -1,6 +1,7 @@
-"""The readings of a calibration as text: angles in a row, or a CSV file of widths and angles.
+"""The readings of a calibration as text: a list of angles, or a CSV file of widths and angles; the line
+fitted to them; the file that a job reads.
 
-In: text. Out: `Reading`s; InputError with the place of what is no number.
+In: text. Out: `Reading`s, `Fit`, the calibration file; InputError with its location.
 """
 
 from __future__ import annotations
@@ -85,13 +86,13 @@ def _readings(rows: csv.DictReader[str], path: Path, speed: bool) -> Sequence[Re
 
 
 MIN_WIDTHS = 3
-"""Any two readings lie on a line."""
+"""The smallest number of widths: any two readings lie on a line."""
 
 TOLERANCE_RAD = math.radians(5)
-"""How far a reading may be from the line."""
+"""The default distance allowed between a reading and the line."""
 
 OUTLIER = 4.0
-"""A reading so many times farther from the line of the others than they are is a slip of the eye."""
+"""A reading this many times farther from the line of the others than they are is a reading error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -348,7 +349,7 @@ def write_calibration(path: Path, text: str) -> Path | None:
     try:
         write_text(path, text)
     except BaseException:
-        if kept is not None:  # the old file still has its own name
+        if kept is not None:  # the old file still has its name
             kept.unlink(missing_ok=True)
         raise
     return kept

@@ -47,9 +47,9 @@ class Joint:
     home: float
     speed: float | None = None
     mass: float = 0.0
-    """Of the link that it moves, kg; 0: not stated."""
+    """The mass of the link that it moves, kg; 0: not stated."""
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Of that mass, metres, in the frame after the joint's DH row."""
+    """The centre of that mass, metres, in the frame after the joint's DH row."""
 
     @property
     def turning(self) -> bool:
@@ -130,7 +130,7 @@ class Arm:
     dimensions: Dimensions = "user"
     source: str = ""
     payload: float = 0.0
-    """What the tool carries, kg; 0: not stated."""
+    """The mass that the tool carries, kg; 0: not stated."""
 
     @property
     def length(self) -> dict[str, float]:

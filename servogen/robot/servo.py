@@ -1,8 +1,8 @@
 """A servo: pulse width as a function of shaft angle, and the facts of its model.
 
 In: a model's facts and the properties of one servo (pin, calibration, trim, mounting, limits).
-Out: `Servo`, which turns angles (radians) into widths (microseconds) and back. Of a continuous-rotation servo
-the width is the speed: wherever an angle stands here, its is a speed (radians a second, 0 is stop).
+Out: `Servo`, which turns angles (radians) into widths (microseconds) and back. For a continuous-rotation
+servo the width is the speed: every angle here is then a speed (radians per second, 0 is stop).
 
     width                                 reverse: the servo sits mirrored, so the angle
     max ┤            ╱   calibration:     counts from the other end of its travel;
@@ -101,13 +101,15 @@ class ServoModel:
     name: str
     title: str
     travel: tuple[float, float]
-    """Between the mechanical stops, radians; of a continuous-rotation servo, which has none, infinite."""
+    """The angles of the mechanical stops, radians; infinite for a continuous-rotation servo,
+    which has none.
+    """
     calibration: Calibration
-    """As the data sheet says; each servo may have its own."""
+    """The data sheet's; a servo may have its own."""
     speed: float | None
-    """Radians a second without load."""
+    """Radians per second without load."""
     acceleration: float | None
-    """Radians a second squared."""
+    """Radians per second squared."""
     torque_nm: float | None
     idle_a: float | None
     max_a: float | None
@@ -115,7 +117,7 @@ class ServoModel:
     size_m: tuple[float, float, float] | None
     source: str
     continuous: bool = False
-    """Its angles are speeds."""
+    """Whether its angles are speeds."""
 
     @property
     def unit(self) -> str:

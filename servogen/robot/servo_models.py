@@ -21,10 +21,10 @@ from servogen.toml import file as toml_file
 from servogen.toml.file import Document, Table
 
 FILE_ENDING = ".toml"
-"""A model whose name ends so is a file."""
+"""The ending of a model's name that is a file."""
 
 MIN_US, MAX_US = 100.0, 10_000.0
-"""Beyond these a width is a slip of the pen: milliseconds, or a nought too many."""
+"""Other widths are typing errors: milliseconds, or a zero too many."""
 
 
 class PointTable(Table):

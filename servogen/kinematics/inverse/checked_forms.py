@@ -25,7 +25,7 @@ from servogen.kinematics.transforms import Floats, frame_matrix, inverse
 from servogen.robot.model import Arm, Frame
 
 TOLERANCE = 1e-9
-"""How far (metres, and parts of a unit vector) forward kinematics may be from the target."""
+"""The distance (metres, and parts of a unit vector) allowed between forward kinematics and the target."""
 
 RIGHT_HANDED = 1e-6
 """How far o may be from a × n in a target whose orientation is a rotation."""
@@ -41,9 +41,9 @@ BESIDE_AXIS_M = 1e-6
 
 
 def has_closed_form(arm: Arm, oriented: bool) -> bool:
-    """Whether `arm` is solved in closed form: a tool that moves the tip needs an orientation for it.
+    """Return whether `arm` is solved in closed form; a tool that moves the tip needs an orientation for it.
 
-    Raises InputError when `arm` claims a form that is none, or that belongs to other rows than it has.
+    Raises InputError for an arm with an unknown form, or with the form of other rows than it has.
     """
     form = arm.closed_form
     if form is None:
@@ -68,7 +68,7 @@ def has_closed_form(arm: Arm, oriented: bool) -> bool:
 def closed_solutions(
     arm: Arm, position: Floats, rotation: Floats | None, tolerance: float, hard: bool
 ) -> Floats:
-    """The solutions (m, branches, n) of targets (m, 3), NaN where none; `hard` keeps the limits."""
+    """Return the solutions (m, branches, n) of targets (m, 3), NaN for none; `hard` keeps the limits."""
     position, rotation = _without_base_and_tool(arm, position, rotation)
     bare = replace(arm, base=Frame(), tool=Frame())
     blocks = []
@@ -87,7 +87,7 @@ def closed_solutions(
 
 
 def _branches(arm: Arm, target: Target, tolerance: float, hard: bool) -> Floats:
-    """The solutions of one block, components last: (branches, n, m)."""
+    """Return the solutions of one block, components last: (branches, n, m)."""
     candidates: list[Branch] = CLOSED_FORMS[arm.closed_form or ""](arm, target)
     q = np.empty((len(candidates), len(arm.joints), target.p[0].size))
     for branch, values in enumerate(candidates):
@@ -113,7 +113,9 @@ def _branches(arm: Arm, target: Target, tolerance: float, hard: bool) -> Floats:
 
 
 def _missed(arm: Arm, q: Floats, target: Target) -> Floats:
-    """How far forward kinematics is from the target (branches, m): its position or its axes, the greater."""
+    """Return the distance (branches, m) of forward kinematics from the target: of its position
+    or its axes.
+    """
     chain = whole_chain(arm, [q[:, joint] for joint in range(q.shape[1])])
     square = _square_distance(chain.origin, target.p)
     if target.n is not None and target.o is not None and target.a is not None:
@@ -125,10 +127,11 @@ def _missed(arm: Arm, q: Floats, target: Target) -> Floats:
 
 
 def _turn_on_axis(arm: Arm, q: Floats, target: Target) -> None:
-    """Turns the first joint of `q` (branches, n, m) as the orientation asks, where the position does not.
+    """Turn the first joint of `q` (branches, n, m) by the orientation where the position does not determine
+    it.
 
-    With fewer than six joints the other joints follow from the position. What is left between the orientation
-    that they give and the target is a rotation about the axis of the first joint.
+    With fewer than six joints the other joints follow from the position. The rotation that remains between
+    their orientation and the target is about the axis of the first joint.
     """
     if target.n is None or len(arm.joints) >= 6 or not arm.joints[0].turning:
         return
@@ -144,7 +147,7 @@ def _turn_on_axis(arm: Arm, q: Floats, target: Target) -> None:
 
 
 def _improve(arm: Arm, q: Floats, target: Target, which: NDArray[np.bool_], missed: Floats) -> None:
-    """Improves the candidates `which` (branches, m) of `q` numerically, in place; `missed` follows."""
+    """Improve the candidates `which` (branches, m) of `q` and their `missed` numerically, in place."""
     branch, column = np.nonzero(which)
     if not len(branch):
         return
@@ -155,7 +158,7 @@ def _improve(arm: Arm, q: Floats, target: Target, which: NDArray[np.bool_], miss
 
 
 def _part(target: Target, which: NDArray[np.intp]) -> Target:
-    """The target at some of its indices."""
+    """Return the target at some of its indices."""
     parts = (
         None if vector is None else (vector[0][which], vector[1][which], vector[2][which])
         for vector in (target.n, target.o, target.a)
@@ -165,7 +168,7 @@ def _part(target: Target, which: NDArray[np.intp]) -> Target:
 
 
 def _rotations(target: Target, which: NDArray[np.intp]) -> Floats:
-    """The rotations (k, 3, 3) of a target with an orientation at some of its indices."""
+    """Return the rotations (k, 3, 3) of a target with an orientation at some of its indices."""
     axes = [vector for vector in (target.n, target.o, target.a) if vector is not None]
     return np.stack([np.stack([each[which] for each in axis], axis=-1) for axis in axes], axis=-1)
 
@@ -183,7 +186,7 @@ def _square_distance(one: tuple[Floats | float, ...], two: tuple[Floats, ...]) -
 def _without_base_and_tool(
     arm: Arm, position: Floats, rotation: Floats | None
 ) -> tuple[Floats, Floats | None]:
-    """The target of the last row in the frame before the first: base⁻¹ T tool⁻¹."""
+    """Return the target of the last row in the frame before the first: base⁻¹ T tool⁻¹."""
     if not arm.base.identity:
         back = inverse(frame_matrix(arm.base))
         position = position @ back[:3, :3].T + back[:3, 3]

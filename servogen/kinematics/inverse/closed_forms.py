@@ -1,9 +1,9 @@
 """Inverse kinematics in closed form: every branch of each robot that has one.
 
 In: the components of many targets (position, and orientation if it is asked for) in the frame before the
-first row. Out: candidate joint positions, branch by branch. A candidate is no solution yet: `inverse` turns
-the angles into the limits and keeps only what forward kinematics gives back. So a form may clip what cannot
-be: the check drops it.
+first row. Out: candidate joint positions, branch by branch. A candidate is not a solution yet: `solve` turns
+the angles into the limits and keeps only those that forward kinematics confirms. So a form may clip what
+cannot be: the check drops it.
 
 Without an orientation, the joints that only it determines stay at home.
 """
@@ -25,7 +25,7 @@ ClosedForm = Callable[[Arm, Target], list[Branch]]
 
 
 def _two_links(x: Floats, y: Floats, first: float, second: float) -> list[tuple[Floats, Floats]]:
-    """Both angles of two links that reach (x, y) in their plane, elbow on one side and on the other.
+    """Return both angles of two links that reach (x, y) in their plane, with the elbow on either side.
 
                ● (x, y)
       second  ╱ q_b: from the direction of the first link
@@ -41,19 +41,19 @@ def _two_links(x: Floats, y: Floats, first: float, second: float) -> list[tuple[
 
 
 def _theta_r(arm: Arm, target: Target) -> list[Branch]:
-    """p = (q2 sin q1, -q2 cos q1, d1)."""
+    """Return the branches of p = (q2 sin q1, -q2 cos q1, d1)."""
     x, y, _ = target.p
     turn, out = azimuth(x, -y, arm.home[0]), np.hypot(x, y)
     return [(turn, out), (turn + np.pi, -out)]
 
 
 def _theta_theta(arm: Arm, target: Target) -> list[Branch]:
-    """p = (l1 c1 + l2 c12, l1 s1 + l2 s12, 0)."""
+    """Return the branches of p = (l1 c1 + l2 c12, l1 s1 + l2 s12, 0)."""
     return list(_two_links(target.p[0], target.p[1], arm.length["l1"], arm.length["l2"]))
 
 
 def _cylindrical(arm: Arm, target: Target) -> list[Branch]:
-    """p = (c1 (q3 + l4), s1 (q3 + l4), q2 + l1); n_z = sin q4, o_z = cos q4."""
+    """Return the branches of p = (c1 (q3 + l4), s1 (q3 + l4), q2 + l1), n_z = sin q4, o_z = cos q4."""
     x, y, z = target.p
     turn, out, up = azimuth(y, x, arm.home[0]), np.hypot(x, y), z - arm.length["l1"]
     roll: Floats | float = arm.home[3]
@@ -64,20 +64,23 @@ def _cylindrical(arm: Arm, target: Target) -> list[Branch]:
 
 
 def _cylindrical_r2p(arm: Arm, target: Target) -> list[Branch]:
-    """p = (q3 c1, q3 s1, q2)."""
+    """Return the branches of p = (q3 c1, q3 s1, q2)."""
     x, y, z = target.p
     turn, out = azimuth(y, x, arm.home[0]), np.hypot(x, y)
     return [(turn, z, out), (turn + np.pi, z, -out)]
 
 
 def _cartesian(arm: Arm, target: Target) -> list[Branch]:
-    """p = (q3, q2, q1)."""
+    """Return the branch of p = (q3, q2, q1)."""
     x, y, z = target.p
     return [(z, y, x)]
 
 
 def _scara(arm: Arm, target: Target) -> list[Branch]:
-    """p = (l1 c1 + l2 c12, l1 s1 + l2 s12, l0 - l3 - q3 - l4); the orientation's angle is q1 + q2 - q4."""
+    """Return the branches of p = (l1 c1 + l2 c12, l1 s1 + l2 s12, l0 - l3 - q3 - l4).
+
+    The orientation's angle is q1 + q2 - q4.
+    """
     x, y, z = target.p
     lengths = arm.length
     down = lengths["l0"] - lengths["l3"] - lengths["l4"] - z
@@ -91,10 +94,10 @@ def _scara(arm: Arm, target: Target) -> list[Branch]:
 
 
 def _wrist_arm(arm: Arm, target: Target) -> list[Branch]:
-    """p = (L c1 c2, L s1 c2, L s2 + l1), L = l2 + l3: a sphere; q3 turns about the arm's own direction.
+    """Return the branches of p = (L c1 c2, L s1 c2, L s2 + l1), L = l2 + l3: a sphere, with q3 about the arm.
 
-    sin q3 = s1 n_x - c1 n_y and cos q3 = s1 o_x - c1 o_y hold when the arm is upright too, where
-    the source's atan2(-a32, a31) is lost.
+    sin q3 = s1 n_x - c1 n_y and cos q3 = s1 o_x - c1 o_y hold when the arm is upright too, where the source's
+    atan2(-a32, a31) is undefined.
     """
     x, y, z = target.p
     turn, out, up = azimuth(y, x, arm.home[0]), np.hypot(x, y), z - arm.length["l1"]
@@ -105,7 +108,9 @@ def _wrist_arm(arm: Arm, target: Target) -> list[Branch]:
 
 
 def _roll_of(home: float, turn: Floats, target: Target) -> Floats | float:
-    """The last joint from n and o, seen along the horizontal normal (s1, -c1, 0) of the arm's plane."""
+    """Return the last joint from n and o, seen along the horizontal normal (s1, -c1, 0) of the
+    arm's plane.
+    """
     if target.n is None or target.o is None:
         return home
     cosine, sine = cos_sin(turn)
@@ -113,7 +118,7 @@ def _roll_of(home: float, turn: Floats, target: Target) -> Floats | float:
 
 
 def _anthropomorphic(arm: Arm, target: Target) -> list[Branch]:
-    """p = (-K s1, K c1, l2 s2 + l3 s23), K = l2 c2 + l3 c23; K of both signs, elbow up and down."""
+    """Return the branches of p = (-K s1, K c1, l2 s2 + l3 s23), K = l2 c2 + l3 c23 of either sign."""
     x, y, z = target.p
     turn, out = azimuth(-x, y, arm.home[0]), np.hypot(x, y)
     second, third = arm.length["l2"], arm.length["l3"]
@@ -125,7 +130,7 @@ def _anthropomorphic(arm: Arm, target: Target) -> list[Branch]:
 
 
 def _rv_m1(arm: Arm, target: Target) -> list[Branch]:
-    """p = (c1 K, s1 K, d1 + a2 s2 + a3 s23 - d5 c234), K = a2 c2 + a3 c23 + d5 s234.
+    """Return the branches of p = (c1 K, s1 K, d1 + a2 s2 + a3 s23 - d5 c234), K = a2 c2 + a3 c23 + d5 s234.
 
     With an orientation the wrist is d5 back along a = (c1 s234, s1 s234, -c234). Without one q4 stays at
     home, and from the elbow to the tip is one link of length √(u² + v²), u = a3 + d5 sin q4, v = -d5 cos q4,
@@ -170,7 +175,7 @@ def _leg(arm: Arm, target: Target) -> list[Branch]:
 WRIST_JOINTS: Mapping[str, int] = MappingProxyType(
     {"cylindrical": 1, "scara": 1, "wrist-arm": 1, "rv-m1": 2, "irb6400c": 3, "spherical-wrist": 3}
 )
-"""How many of the last joints stay at home when a target has no orientation."""
+"""The number of last joints that stay at home if a target has no orientation."""
 
 DIVISORS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -181,7 +186,7 @@ DIVISORS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "irb6400c": ("l1",),
     }
 )
-"""The lengths that a closed form divides by: an arm where one of them is 0 is another arm."""
+"""The lengths that a closed form divides by: if one of them is 0, the form does not apply."""
 
 CLOSED_FORMS: Mapping[str, ClosedForm] = MappingProxyType(
     {

@@ -1,8 +1,8 @@
 """Inverse kinematics by iteration, for any arm: damped least squares with hard limits and several starts.
 
 In: an `Arm` and targets (m, 3) with or without orientations (m, 3, 3). Out: the best joint positions found
-(m, n) and how far their tool is from the target. All targets are worked on at once, each with its own damping
-(Levenberg–Marquardt): a step that makes it worse is not taken.
+(m, n) and the distance of their tool from the target. All targets are solved at once, each with its own
+damping (Levenberg–Marquardt): a step that makes it worse is not taken.
 
 A joint at a limit that the step would push further out is left out of the step, so the others can still move
 along the limit. So where a target cannot be reached, what is found is the nearest reachable point around.
@@ -23,14 +23,14 @@ from servogen.robot.model import Arm
 
 ITERATIONS = 60
 FEW_ITERATIONS = 15
-"""For joint positions that are nearly right already."""
+"""The number of steps for joint positions that are nearly right."""
 STARTS = 40
 BATCH = 512
-"""Descents made at a time when only few targets are left."""
+"""The number of simultaneous descents when only few targets are left."""
 BEND = 0.1
 """The part of a step at which its curvature is measured."""
 SEED = 1984
-"""Of the starts after the first: the same targets give the same answers."""
+"""The seed of the random starts: the same targets give the same answers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,12 +42,12 @@ class Found:
     angle: Floats
 
     def within(self, tolerance: float) -> NDArray[np.bool_]:
-        """Which targets are met, to `tolerance` metres and radians."""
+        """Return which targets are met, to `tolerance` metres and radians."""
         return np.asarray((self.distance_m <= tolerance) & (self.angle <= tolerance))
 
 
 def limits(arm: Arm) -> tuple[Floats, Floats]:
-    """Lower and upper limits (n,)."""
+    """Return the lower and upper limits (n,)."""
     return np.array([joint.lower for joint in arm.joints]), np.array([joint.upper for joint in arm.joints])
 
 
@@ -59,9 +59,9 @@ def search(
     tolerance: float = 1e-10,
     starts: int = STARTS,
 ) -> Found:
-    """The best of several starts for each target: `near` or home first, then random ones.
+    """Return the best of several starts for each target: `near` or home first, then random ones.
 
-    Joints that the targets say nothing about (a last roll, without an orientation) stay where they start.
+    Joints that do not affect the targets (a last roll, without an orientation) stay where they start.
     """
     position = np.atleast_2d(np.asarray(position, float))
     rotation = None if rotation is None else np.asarray(rotation, float).reshape(-1, 3, 3)
@@ -99,12 +99,12 @@ def search(
 def improved(
     arm: Arm, q: Floats, position: Floats, rotation: Floats | None, tolerance: float = 1e-10
 ) -> Floats:
-    """Descends from joint positions (m, n): nearer to their targets, and within the limits."""
+    """Return joint positions (m, n) that have descended towards their targets, within the limits."""
     return _descend(arm, q, position, rotation, tolerance, FEW_ITERATIONS)
 
 
 def _idle(arm: Arm, oriented: bool) -> NDArray[np.bool_]:
-    """Which joints move nothing that a target gives, at any of a few configurations."""
+    """Return which joints do not affect the targets, at any of a few configurations."""
     lower, upper = limits(arm)
     some = np.random.default_rng(SEED).uniform(lower, upper, (8, len(lower)))
     matrix = with_pose(arm, some)[0][:, : 6 if oriented else 3]
@@ -121,7 +121,7 @@ def _errors(arm: Arm, q: Floats, position: Floats, rotation: Floats | None) -> F
 
 
 def _reach(arm: Arm) -> float:
-    """A length that an angle of one radian is worth: about the arm's size."""
+    """Return the length that weighs an angle of one radian: about the arm's size."""
     lengths = arm.length
     fixed = sum(abs(row.d.value(lengths)) + abs(row.a.value(lengths)) for row in arm.rows)
     sliding = sum(joint.upper - joint.lower for joint in arm.joints if not joint.turning)
@@ -152,7 +152,7 @@ def _descend(
     tolerance: float,
     iterations: int = ITERATIONS,
 ) -> Floats:
-    """Levenberg–Marquardt from `q` until each target is met or no step makes it better."""
+    """Return `q` after Levenberg–Marquardt steps, until each target is met or no step makes it better."""
     lower, upper = limits(arm)
     free = np.array([joint.turning for joint in arm.joints]) & (upper - lower >= 2 * np.pi - 1e-9)
     low, high = np.where(free, -np.inf, lower), np.where(free, np.inf, upper)
@@ -207,6 +207,6 @@ class _Step:
         self.inverse = np.linalg.inv(square)
 
     def towards(self, error: Floats) -> Floats:
-        """The step (m, n) that takes away the errors (m, k)."""
+        """Return the step (m, n) that removes the errors (m, k)."""
         gradient = np.einsum("ijk,ij->ik", self.matrix, error)
         return np.asarray((self.inverse @ gradient[..., None])[..., 0])

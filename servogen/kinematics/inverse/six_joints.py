@@ -15,7 +15,7 @@ from servogen.robot.model import Arm
 
 
 def _cosine_sine_sum(a: Floats | float, b: Floats | float, c: Floats) -> tuple[Floats, Floats]:
-    """Both x with a cos x + b sin x = c: atan2(b, a) ± acos(c / √(a² + b²))."""
+    """Return both x with a cos x + b sin x = c: atan2(b, a) ± acos(c / √(a² + b²))."""
     length = np.hypot(a, b)
     half = np.arccos(np.clip(c / np.where(length == 0.0, 1.0, length), -1.0, 1.0))
     middle = np.arctan2(b, a)
@@ -23,7 +23,8 @@ def _cosine_sine_sum(a: Floats | float, b: Floats | float, c: Floats) -> tuple[F
 
 
 def irb6400c(arm: Arm, target: Target) -> list[Branch]:
-    """Three joints place a point t = (u, v, w) of the third link, three turn the wrist (ZYZ).
+    """Return the branches: three joints place a point t = (u, v, w) of the third link, three turn the wrist
+    (ZYZ).
 
     With an orientation t is the wrist, (0, 0, l3), and its place p - l4 a; without one q4 and q5 stay
     at home and t is the tip. Seen from the frame that turns with q1, with X = s3 (u - l2) - c3 w:
@@ -66,12 +67,12 @@ def irb6400c(arm: Arm, target: Target) -> list[Branch]:
 
 
 def _turned(cosine: Floats, sine: Floats, axis: Sequence[Floats]) -> tuple[Floats, Floats, Floats]:
-    """An axis turned about z."""
+    """Return an axis turned about z."""
     return cosine * axis[0] - sine * axis[1], sine * axis[0] + cosine * axis[1], axis[2]
 
 
 def _zyz(frame: Sequence[Sequence[Floats]], target: Target, home: float) -> list[Branch]:
-    """Both (q4, q5, q6) of a wrist that turns `frame` (its x, y, z axes) into the target, ZYZ.
+    """Return both (q4, q5, q6) of a wrist that turns `frame` (its x, y, z axes) into the target, ZYZ.
 
     Stretched (sin q5 = 0) only q4 ± q6 is determined: q4 stays at home.
     """
@@ -98,7 +99,7 @@ def _dot(one: Sequence[Floats], two: Sequence[Floats]) -> Floats:
 
 
 def spherical(arm: Arm, target: Target) -> list[Branch]:
-    """p = q3 (c1 s2, s1 s2, c2): both halves of the turn, the slide forwards and backwards."""
+    """Return the branches of p = q3 (c1 s2, s1 s2, c2): both halves of the turn, the slide either way."""
     x, y, z = target.p
     turn, across = azimuth(y, x, arm.home[0]), np.hypot(x, y)
     lean, out = np.arctan2(across, z), np.hypot(across, z)
@@ -111,7 +112,7 @@ def spherical(arm: Arm, target: Target) -> list[Branch]:
 
 
 def spherical_wrist(arm: Arm, target: Target) -> list[Branch]:
-    """The spherical arm, then a wrist ZYZ whose axes meet at p."""
+    """Return the branches of the spherical arm with a wrist ZYZ whose axes meet at p."""
     branches: list[Branch] = []
     for one, two, out in spherical(arm, target):
         if target.a is None:

@@ -1,7 +1,7 @@
 """Inverse kinematics: all solutions of a target, within the limits, each checked by forward kinematics.
 
 In: targets: positions (..., 3) in metres in the base's frame, with or without rotations (..., 3, 3).
-Out: `Solutions`, or for one target its joint positions by the choice rule; `Unreachable` where there is none.
+Out: `Solutions`, or for one target its joint positions by the choice rule; `Unreachable` if there is none.
 
 Decided:
 - `Solutions.q` gives a turning joint in the turn about the middle of its limits. A joint with a full turn of
@@ -35,16 +35,16 @@ from servogen.kinematics.transforms import Floats, is_rotation
 from servogen.robot.model import Arm
 
 NUMERICAL_TOLERANCE = 1e-7
-"""How far the numerical method may be from the target: it creeps where the arm is nearly singular."""
+"""The tolerance of the numerical method, which converges slowly where the arm is nearly singular."""
 
 TURN = 2 * np.pi
 
 SAME = 1e-7
-"""Solutions whose joints are all nearer than this (radians, metres) count once."""
+"""Solutions whose joints all differ by less than this (radians, metres) count once."""
 
 
 MAX_LISTED = 10_000
-"""More solutions of one target are not listed: each joint multiplies them by its turns."""
+"""The greatest number of solutions of one target; each joint multiplies them by its turns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,11 +56,11 @@ class Solutions:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Which branches are solutions, shape (..., branches)."""
+        """Return which branches are solutions, shape (..., branches)."""
         return ~np.isnan(self.q[..., 0])
 
     def near(self, reference: ArrayLike) -> Floats:
-        """The branches (..., branches, n), each joint in the turn within its limits that is nearest."""
+        """Return the branches (..., branches, n) with each joint in the nearest turn within its limits."""
         lower, upper = limits(self.arm)
         least, most = self._turns()
         wanted = np.rint((np.asarray(reference, float)[..., None, :] - self.q) / TURN)
@@ -69,7 +69,7 @@ class Solutions:
         return np.asarray(np.clip(self.q + TURN * turns, lower, upper))
 
     def every_turn(self) -> Floats:
-        """All solutions (k, n) of one target in every turn. Raises InputError for more than 10,000."""
+        """Return all solutions (k, n) of one target in every turn. Raises InputError for more than 10,000."""
         lower, upper = limits(self.arm)
         least, most = self._turns()
         found: list[Floats] = []
@@ -89,7 +89,7 @@ class Solutions:
         return np.array(found).reshape(-1, len(lower))
 
     def choose(self, near: ArrayLike | None = None) -> Floats:
-        """The solution of each target by the choice rule, shape (..., n); NaN where there is none."""
+        """Return the solution of each target by the choice rule, shape (..., n); NaN for none."""
         reference = np.asarray(self.arm.home if near is None else near, float)
         lower, upper = limits(self.arm)
         q = self.near(reference)
@@ -99,7 +99,9 @@ class Solutions:
         return np.take_along_axis(q, best[..., None, None], axis=-2)[..., 0, :]
 
     def _turns(self) -> tuple[Floats, Floats]:
-        """The fewest and the most turns that can be added to each joint of `q` within its limits."""
+        """Return the smallest and largest number of turns that can be added to each joint of `q` within its
+        limits.
+        """
         lower, upper = limits(self.arm)
         turning = np.array([joint.turning for joint in self.arm.joints])
         least = np.ceil((lower - TOLERANCE - self.q) / TURN)
@@ -114,9 +116,9 @@ def solve(
     tolerance: float | None = None,
     near: ArrayLike | None = None,
 ) -> Solutions:
-    """All solutions of all targets in closed form.
+    """Return all solutions of all targets in closed form.
 
-    Where there is no closed form, the numerical method gives one; it looks from `near` (else home) first.
+    Without a closed form, the numerical method gives one; it searches from `near` (else home) first.
     """
     position, rotation = _checked(position, rotation)
     shape = position.shape[:-1]
@@ -150,7 +152,9 @@ def solutions_near(arm: Arm, position: ArrayLike, rotation: ArrayLike | None, ne
 def ik(
     arm: Arm, position: ArrayLike, rotation: ArrayLike | None = None, near: ArrayLike | None = None
 ) -> Floats:
-    """Joint positions (..., n) by the choice rule. Raises `Unreachable` for the first target without one."""
+    """Return joint positions (..., n) by the choice rule. Raises `Unreachable` for the first target without
+    one.
+    """
     q = solve(arm, position, rotation, near=near).choose(near)
     lost = np.isnan(q[..., 0])
     if lost.any():
@@ -167,9 +171,9 @@ def ik(
 def ik_all(
     arm: Arm, position: ArrayLike, rotation: ArrayLike | None = None, near: ArrayLike | None = None
 ) -> Floats:
-    """All solutions (k, n) of one target, every turn of each, the chosen one first.
+    """Return all solutions (k, n) of one target in every turn, the chosen one first.
 
-    Raises `Unreachable` when there is none.
+    Raises `Unreachable` if there is none.
     """
     target, turn = _checked(position, rotation)
     if target.ndim != 1:
@@ -188,7 +192,9 @@ def ik_all(
 
 
 def why_unreachable(arm: Arm, position: ArrayLike, rotation: ArrayLike | None = None) -> Unreachable:
-    """The error for one target without a solution: limits, distance or orientation, and the nearest point."""
+    """Return the error for one target without a solution: limits, distance or orientation, and the nearest
+    point.
+    """
     target, turn = _checked(position, rotation)
     if turn is not None and not is_rotation(turn, RIGHT_HANDED):
         raise InputError(
@@ -221,13 +227,13 @@ def why_unreachable(arm: Arm, position: ArrayLike, rotation: ArrayLike | None = 
 def _unreachable(
     arm: Arm, target: Floats, turn: Floats | None, reason: str, point: tuple[float, ...]
 ) -> Unreachable:
-    """The error, after a look whether the nearest point is reached as the target was asked for."""
+    """Return the error, which says whether the nearest point is reached in the requested orientation."""
     as_asked = bool(solve(arm, point, turn, NUMERICAL_TOLERANCE).valid.any())
     return Unreachable(target.tolist(), reason, point, as_asked=as_asked)
 
 
 def nearest_point(arm: Arm, position: ArrayLike) -> tuple[float, ...]:
-    """The reachable point (metres) nearest to `position`, in any orientation, within the limits."""
+    """Return the reachable point (metres) nearest to `position`, in any orientation, within the limits."""
     target = np.asarray(position, float)
     starts = np.vstack([arm.home, _spread(arm, 47)])
     found = numerical.search(arm, np.broadcast_to(target, (len(starts), 3)), None, starts, starts=1)
@@ -251,13 +257,15 @@ def _spread(arm: Arm, count: int) -> Floats:
 
 
 def _held(arm: Arm) -> list[bool]:
-    """Which joints stay at home when no orientation is given."""
+    """Return which joints stay at home if no orientation is given."""
     free = len(arm.joints) - WRIST_JOINTS.get(arm.closed_form or "", 0)
     return [index >= free for index in range(len(arm.joints))]
 
 
 def _limit_reason(arm: Arm, free: Floats) -> str:
-    """Which joint of the solution that breaks the limits least is beyond them, and by what."""
+    """Return as text which joints of the solution that exceeds the limits least exceed them, and
+    by how much.
+    """
     lower, upper = limits(arm)
     beyond = np.maximum(np.maximum(lower - free, free - upper), 0.0)
     best = int(np.argmin((beyond / (upper - lower)).max(axis=1)))

@@ -1,4 +1,4 @@
-"""What a closed form takes and gives: the components of many targets, and branches of joint positions."""
+"""The arguments and results of closed forms: components of many targets, branches of joint positions."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 from servogen.kinematics.transforms import Floats
 
 Branch = tuple[Floats | float, ...]
-"""One candidate a joint, arrays over the targets or one number for all."""
+"""One candidate per joint: an array over the targets, or one number for all."""
 
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Components over the targets: `p` three, `n`, `o`, `a` three each or None: no orientation asked for."""
+    """Components over the targets: `p` three, `n`, `o`, `a` three each, None without an orientation."""
 
     p: tuple[Floats, Floats, Floats]
     n: tuple[Floats, Floats, Floats] | None = None
@@ -27,5 +27,5 @@ ON_AXIS = 1e-12
 
 
 def azimuth(y: Floats, x: Floats, home: float) -> Floats:
-    """atan2(y, x); on the axis, where any angle will do, `home`."""
+    """Return atan2(y, x); on the axis, where any angle is right, `home`."""
     return np.where(np.hypot(x, y) < ON_AXIS, home, np.arctan2(y, x))

@@ -41,5 +41,5 @@ class Unreachable(InputError):
 
 
 def in_mm(point: Sequence[float]) -> str:
-    """A point in metres as text in millimetres."""
+    """Return a point in metres as text in millimetres."""
     return "(" + ", ".join(f"{1000 * value:z.3f}" for value in point) + ") mm"
