@@ -16,15 +16,17 @@ from servogen.errors import InputError, Location, ToolError
 from servogen.inputs import MAX_TEXT_BYTES, read_input
 from servogen.isolation import COMPILING, LimitExceeded, Limits, ProcessDied, run
 from servogen.pic.device import device
+from servogen.units import Clock
 
 if TYPE_CHECKING:
     from servogen.grade import Submission
     from servogen.pic.image import Image
     from servogen.pic.listing import Listing
     from servogen.pulse import PulseSchedule
-    from servogen.units import Clock
 
 T = TypeVar("T")
+
+DEFAULT_CLOCK_HZ = 4_000_000
 
 LIMITS_HINT = "servogen compile and servogen assemble take --timeout and --memory-mb"
 
@@ -162,6 +164,13 @@ def dialect_of(texts: list[str]) -> str:
         if any(header in text for header in headers for text in texts):
             return dialect
     return "c2c"
+
+
+def clock_of(program: Program | None, clock_hz: int | None = None) -> Clock:
+    """Return the clock that is asked for, else that of the program's C, else 4 MHz."""
+    if clock_hz is not None:
+        return Clock(clock_hz)
+    return program.clock if program and program.clock else Clock(DEFAULT_CLOCK_HZ)
 
 
 def read_schedule(path: Path) -> PulseSchedule:

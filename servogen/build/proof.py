@@ -35,10 +35,17 @@ def motion_cycles(schedule: PulseSchedule) -> Cycles:
     return whole_motion(expected(schedule), 1)
 
 
-def running(schedule: PulseSchedule, image: Image, span: Cycles) -> EdgeTrace:
-    """The edges of `image` while it runs on the simulator: `span` cycles, and the time to the first pulse."""
+def running(
+    schedule: PulseSchedule,
+    image: Image,
+    span: Cycles,
+    options: Options = Options(),  # noqa: B008 - frozen
+) -> EdgeTrace:
+    """Return the edges of `image` while it runs on the simulator, for `span` cycles and the time to the first
+    pulse.
+    """
     limit = Cycles(span + START_FRAMES * schedule.period)
-    return EdgeTrace(schedule.clock, machine_of(schedule, image).stream(limit), limit)
+    return EdgeTrace(schedule.clock, machine_of(schedule, image, options).stream(limit), limit)
 
 
 def prove_file(

@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING
 
 from servogen import programs
 from servogen.cli.compiling import warn_of_missing_limits
-from servogen.cli.options import DEFAULT_CLOCK_HZ
 from servogen.cli.show import warn
 from servogen.errors import InputError, Location
 
 if TYPE_CHECKING:
     from servogen.pic.image import Image
     from servogen.programs import Program
-    from servogen.units import Clock
 
 
 def keep_apart(inputs: Sequence[Path], *outputs: Path | None) -> None:
@@ -53,12 +51,3 @@ def read_program(path: Path, device_name: str = "PIC16F84") -> Program:
     for remark in found.remarks:
         warn(remark)
     return found
-
-
-def clock_of(program: Program | None, clock_hz: int | None) -> Clock:
-    """The clock of the command line, else that of the program's C, else 4 MHz."""
-    from servogen.units import Clock
-
-    if clock_hz is not None:
-        return Clock(clock_hz)
-    return program.clock if program and program.clock else Clock(DEFAULT_CLOCK_HZ)

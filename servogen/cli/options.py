@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import Field, dataclass, fields
 from enum import StrEnum
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
-if TYPE_CHECKING:
-    from servogen.simulator import Options
+from servogen.simulator.options import Options
 
 NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
 """Context settings of a command whose arguments may be negative numbers: -5 is no option."""
@@ -18,8 +21,6 @@ LONGEST_SECONDS = 1e9
 """Thirty years."""
 
 LONGEST_CYCLES = 10**16
-
-DEFAULT_CLOCK_HZ = 4_000_000
 
 
 def number(text: str) -> float:
@@ -61,70 +62,92 @@ CaptureRate = Annotated[
     int | None,
     typer.Option("--rate", min=1, help="A capture's samples a second, where its file does not tell."),
 ]
-Ra4PullUp = Annotated[bool, typer.Option("--ra4-pull-up", help="RA4, an open drain, has a pull-up resistor.")]
-WatchdogUs = Annotated[
-    int, typer.Option("--watchdog-us", help="The watchdog's period; of real chips 7000 to 33000.")
-]
-EepromWriteUs = Annotated[
-    int | None, typer.Option("--eeprom-write-us", help="One EEPROM write (default: typical of the device).")
-]
-PowerUp = Annotated[
-    bool, typer.Option("--power-up", help="Count the power-up and the oscillator's start-up time.")
-]
-PowerUpUs = Annotated[
-    int, typer.Option("--power-up-us", help="The power-up timer; of real chips 28000 to 132000.")
-]
-OscillatorStartUp = Annotated[
-    bool,
-    typer.Option(
-        "--oscillator-start-up/--no-oscillator-start-up",
-        help="A wake-up waits 1024 oscillator periods, unless the oscillator is RC.",
+CHIP_OPTIONS: Mapping[str, tuple[object, Any]] = {
+    # name of the simulator's option: its type and how the command line spells it
+    "ra4_pull_up": (bool, typer.Option("--ra4-pull-up", help="RA4, an open drain, has a pull-up resistor.")),
+    "watchdog_us": (
+        int,
+        typer.Option("--watchdog-us", help="The watchdog's period; of real chips 7000 to 33000."),
     ),
-]
-StartRam = Annotated[int, typer.Option("--ram", help="The byte that RAM holds at power-up, 0 to 255.")]
-Floating = Annotated[int, typer.Option("--floating", help="How a pin reads that nothing drives: 0 or 1.")]
-StartSeed = Annotated[
-    int | None,
-    typer.Option("--start-seed", help="Draw from this seed all that has no value at power-up."),
-]
-Tmr0Phase = Annotated[
-    int,
-    typer.Option(
-        "--tmr0-phase", help="Cycles, 0 to 3, that TMR0 stands still after its clock is chosen by OPTION_REG."
+    "eeprom_write_us": (
+        int | None,
+        typer.Option("--eeprom-write-us", help="One EEPROM write (default: typical of the device)."),
     ),
-]
-DEFAULT_WATCHDOG_US, DEFAULT_POWER_UP_US = 18_000, 72_000
+    "power_up": (
+        bool,
+        typer.Option("--power-up", help="Count the power-up and the oscillator's start-up time."),
+    ),
+    "power_up_us": (
+        int,
+        typer.Option("--power-up-us", help="The power-up timer; of real chips 28000 to 132000."),
+    ),
+    "oscillator_start_up": (
+        bool,
+        typer.Option(
+            "--oscillator-start-up/--no-oscillator-start-up",
+            help="A wake-up waits 1024 oscillator periods, unless the oscillator is RC.",
+        ),
+    ),
+    "ram": (int, typer.Option("--ram", help="The byte that RAM holds at power-up, 0 to 255.")),
+    "floating": (int, typer.Option("--floating", help="How a pin that nothing drives reads: 0 or 1.")),
+    "start_seed": (
+        int | None,
+        typer.Option("--start-seed", help="Draw everything that is undefined at power-up from this seed."),
+    ),
+    "tmr0_phase": (
+        int,
+        typer.Option(
+            "--tmr0-phase",
+            help="Cycles, 0 to 3, for which TMR0 stands still after OPTION_REG selects its clock.",
+        ),
+    ),
+}
+"""The options of the simulated chip and its board; their defaults are the simulator's."""
 
 
-def machine_options(
-    device: str,
-    *,
-    ra4_pull_up: bool,
-    watchdog_us: int,
-    eeprom_write_us: int | None,
-    power_up: bool,
-    power_up_us: int,
-    oscillator_start_up: bool,
-    ram: int,
-    floating: int,
-    start_seed: int | None,
-    tmr0_phase: int,
-) -> Options:
-    """Return the simulator's options as the command line gives them. Raises InputError."""
-    from servogen.simulator import Options
+@dataclass(frozen=True, slots=True)
+class ChipOptions:
+    """The options of the simulated chip as a command line gives them."""
 
-    return Options(
-        device=device,
-        ra4_pull_up=ra4_pull_up,
-        watchdog_us=watchdog_us,
-        eeprom_write_us=eeprom_write_us,
-        power_up=power_up,
-        power_up_us=power_up_us,
-        oscillator_start_up=oscillator_start_up,
-        ram=ram,
-        floating=floating,
-        start_seed=start_seed,
-        tmr0_phase=tmr0_phase,
+    values: Mapping[str, Any]
+
+    def on(self, device: str) -> Options:
+        """Return the simulator's options for a device. Raises InputError."""
+        return Options(device=device, **self.values)
+
+    @property
+    def given(self) -> bool:
+        """Return whether any differs from its default."""
+        return any(
+            self.values[each.name] != each.default for each in fields(Options) if each.name != "device"
+        )
+
+
+def takes_chip_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options of the simulated chip, in place of its parameter `chip`."""
+    signature, hints = inspect.signature(command), get_type_hints(command, include_extras=True)
+    own = [
+        parameter.replace(annotation=hints[name])
+        for name, parameter in signature.parameters.items()
+        if name != "chip"
+    ]
+    chips = [_chip_parameter(each) for each in fields(Options) if each.name != "device"]
+    where = next((index for index, each in enumerate(own) if each.name == "json"), len(own))
+
+    @wraps(command)
+    def with_chip(**values: Any) -> None:
+        chip = ChipOptions({name: values.pop(name) for name in CHIP_OPTIONS})
+        command(**values, chip=chip)
+
+    with_chip.__signature__ = signature.replace(parameters=[*own[:where], *chips, *own[where:]])  # type: ignore[attr-defined]
+    return with_chip
+
+
+def _chip_parameter(field: Field[Any]) -> inspect.Parameter:
+    kind, option = CHIP_OPTIONS[field.name]
+    annotation = Annotated[kind, option]  # type: ignore[valid-type]
+    return inspect.Parameter(
+        field.name, inspect.Parameter.POSITIONAL_OR_KEYWORD, default=field.default, annotation=annotation
     )
 
 

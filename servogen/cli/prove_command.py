@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from servogen.cli.files import clock_of, read_program
+from servogen.cli.files import read_program
 from servogen.cli.options import ClockHz, Json
 from servogen.cli.prove_schedule import Request, prove_schedule
 from servogen.cli.show import as_json
 from servogen.errors import InputError
+from servogen.programs import clock_of
 
 if TYPE_CHECKING:
     from servogen.pic.analysis.facts import Answer

@@ -8,29 +8,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from servogen.cli.files import clock_of, keep_apart, read_program
+from servogen.cli.files import keep_apart, read_program
 from servogen.cli.options import (
-    DEFAULT_POWER_UP_US,
-    DEFAULT_WATCHDOG_US,
     LONGEST_CYCLES,
+    ChipOptions,
     ClockHz,
     DeviceName,
-    EepromWriteUs,
-    Floating,
     Json,
-    OscillatorStartUp,
-    PowerUp,
-    PowerUpUs,
-    Ra4PullUp,
     Seconds,
-    StartRam,
-    StartSeed,
-    Tmr0Phase,
-    WatchdogUs,
-    machine_options,
+    takes_chip_options,
 )
 from servogen.cli.show import as_json, progress, table, warn_of_all
 from servogen.errors import InputError
+from servogen.programs import clock_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -46,11 +36,12 @@ MOST_LINES = 20
 
 
 def register(app: typer.Typer) -> None:
-    app.command()(simulate)
+    app.command()(takes_chip_options(simulate))
 
 
 def simulate(
     file: Annotated[Path, typer.Argument(help="A HEX, C or assembly file.", show_default=False)],
+    chip: ChipOptions,
     seconds: Seconds = None,
     cycles: Annotated[
         int | None, typer.Option("--cycles", min=0, max=LONGEST_CYCLES, help="How long, in cycles.")
@@ -71,16 +62,6 @@ def simulate(
     ] = None,
     clock_hz: ClockHz = None,
     device: DeviceName = "PIC16F84",
-    ra4_pull_up: Ra4PullUp = False,
-    watchdog_us: WatchdogUs = DEFAULT_WATCHDOG_US,
-    eeprom_write_us: EepromWriteUs = None,
-    power_up: PowerUp = False,
-    power_up_us: PowerUpUs = DEFAULT_POWER_UP_US,
-    oscillator_start_up: OscillatorStartUp = True,
-    ram: StartRam = 0,
-    floating: Floating = 0,
-    start_seed: StartSeed = None,
-    tmr0_phase: Tmr0Phase = 0,
     json: Json = False,
 ) -> None:
     """Run a program from reset on the simulator (default: for one second)."""
@@ -93,19 +74,7 @@ def simulate(
     program = read_program(file, device)
     clock = clock_of(program, clock_hz)
     span = _span(clock, seconds, cycles)
-    board = machine_options(
-        device,
-        ra4_pull_up=ra4_pull_up,
-        watchdog_us=watchdog_us,
-        eeprom_write_us=eeprom_write_us,
-        power_up=power_up,
-        power_up_us=power_up_us,
-        oscillator_start_up=oscillator_start_up,
-        ram=ram,
-        floating=floating,
-        start_seed=start_seed,
-        tmr0_phase=tmr0_phase,
-    )
+    board = chip.on(device)
     stimuli = load_stimuli(stimulus, clock) if stimulus else None
     machine = Machine(program.image, clock, board, stimuli)
     paths = [path for path in (edges, vcd) if path]

@@ -97,6 +97,51 @@ def test_the_default_is_the_devices_typical_time() -> None:
         Options(device="PIC16F85")
 
 
+@pytest.mark.parametrize(
+    ("options", "period_us"),
+    [((), 20_000), (("--device", "PIC16F84A"), 14_000), (("--eeprom-write-us", 4_000), 14_000)],
+)
+def test_measure_runs_the_chip_that_is_asked_for(
+    run: Run,  # noqa: F811
+    options: tuple[object, ...],
+    period_us: int,
+) -> None:
+    found = json.loads(run("measure", PROGRAM, "--seconds", 1, *options, "--json").out)
+    (pin,) = found["pins"]
+    assert pin["period_cycles"] == period_us  # at 4 MHz a cycle is a microsecond
+
+
+def test_plot_draws_the_chip_that_is_asked_for(run: Run, tmp_path: Path) -> None:  # noqa: F811
+    """Pictures of different pulses differ, and the same pulses give the same file."""
+
+    def picture(*options: object) -> bytes:
+        path = tmp_path / "pulses.svg"
+        assert run("plot", PROGRAM, "-o", path, "--seconds", 0.1, *options).code == 0
+        return path.read_bytes()
+
+    usual = picture()
+    assert picture("--device", "PIC16F84") == usual
+    assert picture("--eeprom-write-us", 4_000) != usual
+    with_schedule = picture("--against", SCHEDULE)
+    assert picture("--against", SCHEDULE, "--eeprom-write-us", 4_000) != with_schedule
+
+
+@pytest.mark.parametrize("option", [("--ram", 1), ("--device", "PIC16F84A"), ("--ra4-pull-up",)])
+@pytest.mark.parametrize("command", ["verify", "measure", "plot"])
+def test_a_recording_has_no_chip_to_choose(
+    run: Run,  # noqa: F811
+    tmp_path: Path,
+    command: str,
+    option: tuple[object, ...],
+) -> None:
+    recording = tmp_path / "edges.csv"
+    recording.write_text("cycle,pin,level\n10,RB0,1\n1510,RB0,0\n")
+    extra = {"verify": ("--against", SCHEDULE), "measure": (), "plot": ("-o", tmp_path / "a.svg")}[command]
+    ran = run(command, recording, *extra, *option)
+    assert ran.code == 2
+    assert "the simulator's options are for programs" in ran.err
+
+
 def test_another_device_than_the_schedules_is_refused(run: Run, tmp_path: Path) -> None:  # noqa: F811
     against = schedule_for(tmp_path, "PIC16F84A")
     ran = run("verify", PROGRAM, "--against", against, "--device", "PIC16F84")

@@ -1,0 +1,109 @@
+"""The pulses in a file, whatever it holds: those of a program on the simulator, or recorded edges.
+
+In: a file, perhaps the schedule that it is held against, the simulator's options. Out: an `EdgeTrace`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from servogen.build.proof import running
+from servogen.edges import EdgeTrace
+from servogen.errors import InputError, Location
+from servogen.pic.device import DEVICES
+from servogen.pic.device import device as device_named
+from servogen.programs import PROGRAM_SUFFIXES, Program, clock_of, read_program
+from servogen.pulse import PulseSchedule
+from servogen.simulator import Machine, Options
+from servogen.traces import SUFFIXES, read_edges
+from servogen.traces.captures import SUFFIXES as CAPTURE_SUFFIXES
+from servogen.units import Cycles
+
+MEASURED_SECONDS = 20.0
+"""How long a program runs if nothing says so: two rounds of the printed lab programs."""
+
+Read = Callable[[Path, str], Program]
+"""Reads a program for a device; `read_program` unless the caller shows its remarks."""
+
+
+def is_program(file: Path) -> bool:
+    """Return whether a file is run, judging by its suffix, or else holds edges. Raises InputError for
+    another suffix.
+    """
+    suffix = file.suffix.lower()
+    if suffix in PROGRAM_SUFFIXES:
+        return True
+    known = tuple(dict.fromkeys((*SUFFIXES, *CAPTURE_SUFFIXES)))
+    if suffix not in known:
+        raise InputError(
+            "unknown-suffix",
+            f"'{file.suffix}' is not the ending of a program or of edges",
+            Location(str(file)),
+            ", ".join((*PROGRAM_SUFFIXES, *known)),
+        )
+    return False
+
+
+def device_for(schedule: PulseSchedule, against: Path, asked: str | None) -> str:
+    """Return the name of the chip that a schedule was built for, or else the one that is asked for.
+
+    Raises InputError if they differ.
+    """
+    try:
+        built = None if schedule.device is None else device_named(schedule.device)
+    except InputError as error:
+        raise error.at(Location(str(against), key="device")) from error
+    chip = built or DEVICES[0] if asked is None else device_named(asked)
+    if built is not None and chip != built:
+        raise InputError(
+            "wrong-chip", f"was built for a {built.name}, --device is {chip.name}", Location(str(against))
+        )
+    return chip.name
+
+
+def program_for(schedule: PulseSchedule, file: Path, device: str, read: Read = read_program) -> Program:
+    """Return the program in `file`. Raises InputError if it names another clock than the schedule's."""
+    program = read(file, device)
+    if program.clock and program.clock != schedule.clock:
+        raise InputError(
+            "wrong-clock",
+            f"says {program.clock.hz} Hz, the schedule is for {schedule.clock.hz} Hz",
+            Location(str(file)),
+        )
+    return program
+
+
+def refuse_chip_options(file: Path) -> None:
+    """Raise InputError if options of the simulated chip are given for a recording."""
+    if not is_program(file):
+        raise InputError(
+            "conflicting-options",
+            "is a recording: --device and the simulator's options are for programs",
+            Location(str(file)),
+        )
+
+
+def scheduled_edges(
+    file: Path, schedule: PulseSchedule, span: Cycles, options: Options, read: Read = read_program
+) -> EdgeTrace:
+    """Return the edges of a program that runs for `span`, or those in a file, by the schedule's clock."""
+    if is_program(file):
+        program = program_for(schedule, file, options.device, read)
+        return running(schedule, program.image, span, options)
+    return read_edges(file, schedule.clock)
+
+
+def unscheduled_edges(
+    file: Path, seconds: float | None, clock_hz: int | None, options: Options, read: Read = read_program
+) -> EdgeTrace:
+    """Return the edges of a program or a file about which nothing is known, by default for
+    `MEASURED_SECONDS` or to the file's end.
+    """
+    if is_program(file):
+        program = read(file, options.device)
+        clock = clock_of(program, clock_hz)
+        span = clock.round_seconds(MEASURED_SECONDS if seconds is None else seconds)
+        return EdgeTrace(clock, Machine(program.image, clock, options).stream(span), span)
+    clock = clock_of(None, clock_hz)
+    return read_edges(file, clock, None if seconds is None else clock.round_seconds(seconds)).stored()
