@@ -52,6 +52,9 @@ class TimingBudget:
     between: str
     worst: Cycles | None
     room: Cycles
+    """The most cycles that the C of any compiler may take without an effect on the edges."""
+    seen: Cycles | None = None
+    """The most cycles with which an end that comes too late is recorded; None if it always is."""
 
     @property
     def left(self) -> int | None:
@@ -64,4 +67,5 @@ class TimingBudget:
             "worst_cycles": self.worst,
             "room_cycles": self.room,
             "left_cycles": self.left,
+            "late_is_seen_up_to_cycles": self.seen,
         }

@@ -201,11 +201,22 @@ def rooms_text(programs: Sequence[ProgramFacts], clock: Clock) -> Iterator[str]:
     if rows:
         yield "The C between the pulses, in cycles:"
         yield from _table(("dialect", "between", "most", "room", "left"), rows)
+        yield from any_compiler(programs)
     yield from (
         f"{program.dialect}: overrun: {program.overrun.text(clock)}"
         for program in programs
         if program.overrun
     )
+
+
+def any_compiler(programs: Sequence[ProgramFacts]) -> Iterator[str]:
+    """Yield what holds for every compiler that keeps the kernel's assembly."""
+    seen = {room.between: room for program in programs for room in program.rooms if room.seen is not None}
+    if seen:
+        most = " and ".join(f"{room.room} between {between}" for between, room in seen.items())
+        late = " and ".join(f"{room.seen} between {between}" for between, room in seen.items())
+        yield f"Any compiler that keeps the kernel's assembly: the same edges with at most {most};"
+        yield f"the same edges, or overrun is set, with at most {late}."
 
 
 def _proof(facts: BuildFacts) -> Iterator[str]:

@@ -15,6 +15,7 @@ from servogen.engines.firmware import Firmware, TimingBudget, compiled_to_fit
 from servogen.engines.player import Layout, Playing, playing, soft_start
 from servogen.engines.player.buttons import waited, waited_motion
 from servogen.engines.player.rendering import OVERRUN, render_player
+from servogen.engines.player.theorem import allowances
 from servogen.engines.protocol import Engine, EngineJob, EnginePlan
 from servogen.errors import Caution
 from servogen.motion import JointTrajectory
@@ -61,9 +62,12 @@ def rooms(listing: Listing, layout: Layout) -> tuple[TimingBudget, ...]:
     """The time that the C takes between two slots and between two frames, beside what it has."""
     program = Program({row.address: row.word for row in listing.rows}, listing.functions)
     most = partial(program.longest, listing.label(DONE), {listing.label(CHECK)})
+    slots, frames = allowances(listing, layout)
     return (
-        TimingBudget("two slots", most(without={listing.label(WIDTHS)}), layout.between_slots),
-        TimingBudget("two frames", most(), layout.between_frames),
+        TimingBudget(
+            "two slots", most(without={listing.label(WIDTHS)}), slots.same_edges, slots.late_is_seen
+        ),
+        TimingBudget("two frames", most(), frames.same_edges, frames.late_is_seen),
     )
 
 

@@ -1,0 +1,209 @@
+"""What the player's kernel guarantees with any compiler, from the kernel's words in a program.
+
+In: the listing of a program, whatever compiled the C around the kernel, and its frame layout. Out: the
+`Allowance` of the C between two slots: up to how many cycles the edges do not depend on it at all, and up to
+how many an end that comes too late sets the bit `overrun`. docs/firmware.md states the theorem.
+
+The words of the kernel are executed one by one, with every byte that they read given, for each of the five
+phases in which the loop that waits for the timer can meet its tick.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from servogen.engines.player.layout import LEAST_WIDTH, Layout, Slot
+from servogen.pic.known_values import CARRY, FSR, INDF, ZERO, Known, W, Word, execute, known_result, skipped
+from servogen.pic.known_values import word_of as decoded
+from servogen.pic.listing import Listing
+from servogen.units import Cycles
+
+KERNEL = "pulses"
+"""The function of the C that holds the kernel."""
+CHECK, POLL, DONE = "pl_check", "pl_poll", "pl_done"
+"""Labels: the look at the timer that notices C that ended late, the wait for the timer, the kernel's end."""
+TMR0, PORT = 1, 6
+POLL_CYCLES = 5
+"""The cycles of the loop that waits for the timer: as many phases has the lock to take out."""
+APART = 34
+"""Differences of two widths up to here: beyond, 8 cycles more are one turn of a loop more."""
+MAX_STEPS = 20_000
+
+
+@dataclass(frozen=True, slots=True)
+class Allowance:
+    """Of the C from the kernel's end in one slot to its look at the timer for the next."""
+
+    same_edges: Cycles
+    """The most cycles with which every edge is in the same cycle, whatever the C did."""
+    late_is_seen: Cycles
+    """The most cycles with which the edges are the same or `overrun` is set."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Pulses:
+    """One run of the kernel: cycles are counted from the timer's tick with which the slot begins."""
+
+    writes: tuple[tuple[int, int], ...]
+    """(cycle, value) of each write to the port that changes it."""
+    done: int
+
+
+class KernelChanged(Exception):
+    """Raised if the words are not those of a kernel that takes out the phase: its edges are not fixed."""
+
+
+def allowances(listing: Listing, layout: Layout) -> tuple[Allowance, Allowance]:
+    """Return the allowances between two slots and between two frames, each the smallest of its kind.
+
+    Raises KernelChanged.
+    """
+    kernel = _Kernel(listing, layout)
+    spent = kernel.spent_beside_the_pulse()
+
+    def of(slot: Slot, following: Slot) -> Allowance:
+        done = spent + slot.longest
+        ticks = following.ticks
+        seen = kernel.late_ticks_seen(ticks)
+        return Allowance(Cycles(ticks * layout.tick - 1 - done), Cycles(seen * layout.tick - 1 - done))
+
+    pairs = [of(*pair) for pair in zip(layout.slots, layout.slots[1:], strict=False)]
+    frames = of(layout.slots[-1], layout.slots[0])
+    return _smallest(pairs or [frames]), frames
+
+
+def _smallest(found: Sequence[Allowance]) -> Allowance:
+    return Allowance(min(each.same_edges for each in found), min(each.late_is_seen for each in found))
+
+
+class _Kernel:
+    """The kernel's words, and its variables' addresses."""
+
+    def __init__(self, listing: Listing, layout: Layout) -> None:
+        self._words: Mapping[int, int] = {row.address: row.word for row in listing.rows}
+        self._ram = {name: address for address, name, _ in listing.variables}
+        self._start = next(each.start for each in listing.functions if each.name == KERNEL)
+        self._check, self._poll = listing.label(CHECK), listing.label(POLL)
+        self._done = listing.label(DONE)
+        self._tick = layout.tick
+        self._stagger = layout.stagger
+
+    def spent_beside_the_pulse(self) -> int:
+        """Return the most cycles from the slot's beginning to the kernel's end without the longest pulse.
+
+        Raises KernelChanged if an edge depends on when the C had finished.
+        """
+        most = 0
+        for apart in range(APART):
+            # The shorter pulse's remainder of 8, and the phase, take every value.
+            shorter = LEAST_WIDTH + apart % 8
+            arrivals = range(POLL_CYCLES) if apart < 8 else [apart % POLL_CYCLES]
+            for one, other in ((shorter, shorter + apart), (shorter + apart, shorter)):
+                found = {self._run(one, other, arrival) for arrival in arrivals}
+                if len(found) != 1:
+                    raise KernelChanged(f"widths {one} and {other}: the edges depend on the time of the C")
+                (pulses,) = found
+                self._compare(pulses, one, other)
+                # The layout's longest pulse has the stagger in it.
+                most = max(most, pulses.done - max(one, other + self._stagger))
+        return most
+
+    def late_ticks_seen(self, ahead: int) -> int:
+        """Return the first number of ticks since the slot before, from `ahead` on, whose lateness the kernel
+        does not notice. Raises KernelChanged if it takes an earlier end for a late one.
+        """
+        for ticks in range(256):
+            late = self._is_late(ticks, ahead)
+            if ticks < ahead and late:
+                raise KernelChanged(f"{ticks} of {ahead} ticks are taken for too many")
+            if ticks >= ahead and not late:
+                return ticks
+        return 256
+
+    def _is_late(self, ticks: int, ahead: int) -> bool:
+        """Return whether the kernel sets `overrun` if it looks that many ticks after the slot before."""
+        target = 200
+        overrun = self._ram["overrun"]
+        known: Known = {
+            self._ram["target"]: target,
+            self._ram["ahead"]: ahead,
+            overrun: 0,
+            CARRY: 0,
+            W: target,
+        }
+        at = self._check
+        while at != self._poll:
+            word = decoded(self._words[at])
+            following = at + 1
+            if word.flow == "skip":
+                following += bool(skipped(word, known))
+            elif word.has_f and word.f == TMR0:
+                self._look(word, known, target - ahead + ticks & 0xFF, at)
+            else:
+                execute(word, known)
+            at = following
+        return bool(known[overrun] & 1)
+
+    def _compare(self, pulses: _Pulses, one: int, other: int) -> None:
+        """Compare the pulses with the widths that were asked for."""
+        for pin, width in ((1, one), (2, other)):
+            rise = next((cycle for cycle, value in pulses.writes if value & pin), None)
+            falls = [cycle for cycle, value in pulses.writes if not value & pin]
+            lasts = None if rise is None else next((fall - rise for fall in falls if fall > rise), None)
+            if lasts != width:
+                raise KernelChanged(f"a pulse of {width} cycles lasts {lasts}")
+
+    def _run(self, one: int, other: int, arrival: int) -> _Pulses:
+        """Run the kernel for two widths; it looks at the timer `arrival` cycles before the last moment."""
+        tick = self._tick
+        target, ahead = 200, 100
+        known: Known = dict.fromkeys((W, CARRY, ZERO, FSR, *range(0x0C, 0x50)), 0)
+        for name, value in {
+            "pulse_a_lo": one & 0xFF, "pulse_a_hi": one >> 8, "pulse_b_lo": other & 0xFF,
+            "pulse_b_hi": other >> 8, "mask_a": 1, "mask_b": 2, "both": 3, "port": PORT, "target": target,
+            "ahead": ahead,
+        }.items():  # fmt: skip
+            known[self._ram[name]] = value
+        begin = 1 << 16
+        """The cycle, from the kernel's first instruction on, of the tick that it waits for."""
+        at, now, level = self._start, 0, 0
+        writes: list[tuple[int, int]] = []
+        for _ in range(MAX_STEPS):
+            if at == self._check:
+                begin = now + 1 + arrival
+            if at == self._done:
+                return _Pulses(tuple(writes), now - begin)
+            word = decoded(self._words[at])
+            following, cycles = at + 1, 1
+            if word.flow == "jump":
+                following, cycles = word.k, 2
+            elif word.flow == "skip":
+                taken = skipped(word, known)
+                if taken is None:
+                    raise KernelChanged(f"0x{at:03X} tests what is not the kernel's")
+                following, cycles = (at + 2, 2) if taken else (at + 1, 1)
+            elif word.has_f and word.f == TMR0:
+                self._look(word, known, (target + (now - begin) // tick) & 0xFF, at)
+            elif word.f == INDF and word.writes_f and known[FSR] == PORT:
+                value = 0 if word.name == "CLRF" else known[W]
+                if value != level:
+                    writes.append((now - begin, value))
+                level = value
+                if "Z" in word.flags:
+                    known[ZERO] = int(value == 0)
+            else:
+                execute(word, known)
+            at, now = following, now + cycles
+        raise KernelChanged("it does not end")
+
+    def _look(self, word: Word, known: Known, timer: int, at: int) -> None:
+        """Execute an instruction that reads the timer into W."""
+        result, carry = known_result(word.name, known[W], timer, word.k, word.b, known[CARRY])
+        if result is None or not word.writes_w:
+            raise KernelChanged(f"0x{at:03X} writes the timer")
+        known[W] = result
+        if "C" in word.flags and carry is not None:
+            known[CARRY] = carry
+        if "Z" in word.flags:
+            known[ZERO] = int(result == 0)

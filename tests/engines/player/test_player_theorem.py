@@ -1,0 +1,231 @@
+"""The theorem of the player's kernel for every compiler: its two bounds to the cycle, and hostile builds."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from servogen.build import report
+from servogen.edges import HIGH, EdgeChunk
+from servogen.engines.board import machine_of
+from servogen.engines.player.engine import CHECK, DONE
+from servogen.engines.player.layout import Layout
+from servogen.engines.player.theorem import KERNEL, KernelChanged, allowances
+from servogen.pic.device import RAM_FIRST
+from servogen.pic.image import Image
+from servogen.pic.isa import encode
+from servogen.pic.listing import Listing
+from servogen.simulator import Machine
+from tests.engines.player.hostile import Base, _played, base, outcome, run
+from tests.engines.player.player_jobs import built, built_text, job_text, sweep
+
+LONGEST = dict.fromkeys(range(12), 127)
+"""Trims that make every pulse 127 cycles longer: the longest that the layout allows for."""
+
+
+def simple() -> Base:
+    found = base("c2c", "speed", 0)
+    assert found is not None
+    return found
+
+
+def delayed(base: Base, cycles: int) -> Image:
+    """Return the program with so many cycles more after every slot, at least 7."""
+    listing = base.compilation.listing
+    kernel = next(each for each in listing.functions if each.name == KERNEL)
+    words = dict(base.image.program)
+    assert words[kernel.end - 1] == encode("RETURN")
+    used = {at for at, _, _ in listing.variables}
+    counter = next(at for at in range(0x4F, 0x0C, -1) if at not in used)
+    at = max(words) + 1
+    words[kernel.end - 1] = encode("GOTO", k=at)
+    left = cycles - 2  # the GOTO
+    code: list[int] = []
+    while left >= 7:
+        turns = min(255, (left - 1) // 3)
+        start = at + len(code)
+        code += [encode("MOVLW", k=turns), encode("MOVWF", f=counter)]
+        code += [encode("DECFSZ", f=counter, d=1), encode("GOTO", k=start + 2)]
+        left -= 2 + 3 * turns - 1
+    code += [encode("NOP")] * left + [encode("RETURN")]
+    words |= {at + number: word for number, word in enumerate(code)}
+    return replace(base.image, program=words, eeprom=LONGEST)
+
+
+def test_n_is_what_the_layout_has_reckoned_with_from_the_same_kernel() -> None:
+    """The layout's sum is its own; the pins of a slot that do not rise one by one do so a cycle sooner."""
+    for name in ("hexapod-tripod", "scara-pick"):
+        done = built(name)
+        layout = _layout(name)
+        for program in done.programs:
+            slots, frames = program.firmware.rooms
+            assert (slots.room, frames.room) == (layout.between_slots + 1, layout.between_frames + 1)
+
+
+def _layout(name: str):  # type: ignore[no-untyped-def]
+    from servogen.engines.player.engine import play
+
+    return play(built(name).job)[1].layout
+
+
+@dataclass(frozen=True)
+class Gap:
+    """From a slot with pulses to the next one."""
+
+    slot: int
+    rise: int
+    fall: int
+    done: int
+    check: int
+    overrun: bool
+    """Whether the bit was set when the next slot had ended."""
+
+
+def gaps(found: Base, image: Image, frames: int = 3) -> list[Gap]:
+    """Return the slots with pulses of some frames, up to the first that comes too late."""
+    _, played = _played()
+    slots = played.layout.slots  # type: ignore[attr-defined]
+    machine = machine_of(played.plan.schedule, image)  # type: ignore[attr-defined]
+    listing = found.compilation.listing
+    check, done = listing.label(CHECK), listing.label(DONE)
+    bit = found.address("overrun") - RAM_FIRST
+    result: list[Gap] = []
+    last: tuple[int, int, int, int] | None = None
+    for number in range(frames * len(slots)):
+        machine.run_until(pc=check, limit=100_000)
+        looked = machine.cycles
+        edges = _edges_until(machine, done)
+        overrun = bool(machine.state().ram[bit] & 1)
+        if last is not None:
+            result.append(Gap(*last, looked, overrun))
+        if overrun:
+            return result
+        rises, falls = edges.cycle[edges.level == HIGH], edges.cycle[edges.level != HIGH]
+        last = None
+        if len(rises):
+            last = (number % len(slots), int(rises[0]), int(falls[-1]), machine.cycles)
+    return result
+
+
+def _edges_until(machine: Machine, address: int) -> EdgeChunk:
+    machine.breakpoints = {address}
+    edges = machine.run(100_000)
+    machine.breakpoints = set()
+    return edges
+
+
+def test_the_kernel_ends_as_long_after_its_pulses_as_the_theorem_reckons_with() -> None:
+    found = simple()
+    _, played = _played()
+    layout = played.layout  # type: ignore[attr-defined]
+    spent = layout.slots[1].ticks * layout.tick - 1 - layout.slots[0].longest
+    spent -= allowances(found.compilation.listing, _two_slots(layout))[0].same_edges
+    to_rise = 3 * layout.tick + 6  # docs/firmware.md: three ticks of lock, and the way to the write
+    after = [gap.done - gap.fall + to_rise for gap in gaps(found, found.image, 20)]
+    assert max(after) == spent
+
+
+def _two_slots(layout: Layout) -> Layout:
+    return replace(layout, slots=layout.slots[:2])
+
+
+def test_the_bit_is_set_from_the_first_cycle_that_is_too_late() -> None:
+    """Late is a look at the timer in the next slot's tick or after it, whatever the C did."""
+    found = simple()
+    _, played = _played()
+    layout = played.layout  # type: ignore[attr-defined]
+    to_rise = 3 * layout.tick + 6
+    reference = run(found, found.image)
+    spare = found.slots.same_edges - reference[2]
+    in_time, late = [], []
+    for more in range(spare, spare + 300):
+        for gap in gaps(found, delayed(found, more), 1):
+            following = layout.slots[(gap.slot + 1) % len(layout.slots)]
+            left = following.ticks * layout.tick - 1 - (gap.check - gap.rise + to_rise)
+            assert gap.overrun == (left < 0)
+            (late if left < 0 else in_time).append(left)
+    assert max(late) == -1
+    assert min(in_time) == 0
+
+
+def changed(listing: Listing, change: Callable[[dict[int, int]], None]) -> Listing:
+    words = {row.address: row.word for row in listing.rows}
+    change(words)
+    return replace(listing, rows=tuple(replace(row, word=words[row.address]) for row in listing.rows))
+
+
+def test_a_kernel_whose_lock_or_loops_are_changed_has_no_theorem() -> None:
+    found = simple()
+    listing = found.compilation.listing
+    _, played = _played()
+    kernel = next(each for each in listing.functions if each.name == KERNEL)
+    goto_next = {at: encode("GOTO", k=at + 1) for at in range(kernel.start, kernel.end)}
+    refused, kept = 0, []
+    for at in range(listing.label("pl_poll"), listing.label(DONE)):
+        if found.image.program[at] == goto_next[at]:  # two cycles become one
+            broken = changed(listing, lambda words, at=at: words.update({at: encode("NOP")}))  # type: ignore[misc]
+            try:
+                allowances(broken, played.layout)  # type: ignore[attr-defined]
+                kept.append(at)
+            except KernelChanged:
+                refused += 1
+    assert refused >= 10
+    # All slots begin a cycle sooner, or it is a wait between increments: still a kernel, as its edges show.
+    for at in kept:
+        edges, overrun, *_ = run(
+            found, replace(found.image, program={**found.image.program, at: encode("NOP")})
+        )
+        assert not overrun
+        assert all((one == other).all() for one, other in zip(edges, found.edges, strict=True))
+
+
+def test_every_hostile_build_of_a_sample_is_exact_or_sets_the_bit() -> None:
+    found = Counter(outcome(seed) for seed in range(40))
+    assert not [result for result in found if result.isupper() or result.startswith("FAULT")]
+    assert found["exact"] >= 10
+    assert found["overrun"] >= 5
+
+
+def test_build_prints_both_bounds() -> None:
+    done = built_text(job_text(2, sweep(2, 0.16), firmware="soft_start_s = 0.08"))
+    slots, frames = done.programs[0].firmware.rooms
+    text = " ".join(report(done).split())
+    assert (
+        f"the same edges with at most {slots.room} between two slots and {frames.room} between two frames"
+        in text
+    )
+    assert (
+        f"overrun is set, with at most {slots.seen} between two slots and {frames.seen} between two frames"
+        in text
+    )
+    assert slots.to_json()["late_is_seen_up_to_cycles"] == slots.seen
+
+
+def test_late_c_is_seen_up_to_the_second_bound_and_not_a_cycle_longer() -> None:
+    """256 ticks after the slot before, the timer looks as it did in that slot: not late."""
+    found = simple()
+    _, played = _played()
+    layout = played.layout  # type: ignore[attr-defined]
+    first = gaps(found, delayed(found, 100), 1)[0]
+    last_seen = 256 * layout.tick - 1 - (first.check - first.rise + 3 * layout.tick + 6) + 100
+    assert gaps(found, delayed(found, last_seen), 1)[0].overrun
+    assert not gaps(found, delayed(found, last_seen + 1), 1)[0].overrun
+    following, slot = layout.slots[1], layout.slots[0]
+    slots = allowances(found.compilation.listing, _two_slots(layout))[0]
+    assert slots.late_is_seen - slots.same_edges == (256 - following.ticks) * layout.tick
+    # This slot's pulses were shorter than the longest, and its end so much sooner.
+    c_of_first = first.check - first.done + last_seen - 100
+    assert 0 <= c_of_first - slots.late_is_seen <= slot.longest
+
+
+def test_a_look_at_the_timer_in_the_last_cycle_changes_no_edge() -> None:
+    """The loop that waits then reads the timer three cycles into its tick; five would be too late, unseen."""
+    found = simple()
+    _, played = _played()
+    layout = played.layout  # type: ignore[attr-defined]
+    cycles = layout.slots[1].ticks * layout.tick
+    first = gaps(found, delayed(found, 100), 1)[0]
+    left = cycles - 1 - (first.check - first.rise + 3 * layout.tick + 6) + 100
+    exact = gaps(found, delayed(found, left), 1)
+    assert not exact[0].overrun
+    assert exact[1].rise - exact[0].rise == cycles
+    assert gaps(found, delayed(found, left + 1), 1)[0].overrun
