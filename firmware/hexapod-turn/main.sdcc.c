@@ -219,15 +219,15 @@ pl_loops:
     incf    _pulse_b_hi, F
     movf    _port, W
     movwf   FSR
-// Is the beginning still to come? 1 to _ahead ticks are.
+// Is the beginning still to come? Then less than _ahead ticks have passed since the slot before: a carry.
+    movf    _target, W
 pl_check:
-    movf    TMR0, W
-    subwf   _target, W
-    addlw   0xFF
-    subwf   _ahead, W
+    subwf   TMR0, W
+    addwf   _ahead, W
     btfss   STATUS, 0
     bsf     _overrun, 0
-// The lock. The poll sees TMR0 = _target 0 to 4 cycles after it came about. A tick is 32 cycles.
+// The lock. The poll sees TMR0 = _target 0 to 4 cycles after it came about, 3 where the look above was in the
+// last cycle before it. A tick is 32 cycles.
 pl_poll:
     movf    TMR0, W             // cycle 0 to 4 of the tick
     xorwf   _target, W

@@ -198,15 +198,15 @@ void pulses(void)
     asm("    incf    _pulse_b_hi, F");
     asm("    movf    _port, W");
     asm("    movwf   FSR");
-    // Is the beginning still to come? 1 to _ahead ticks are.
+    // Is the beginning still to come? Then less than _ahead ticks have passed since the slot before: a carry.
+    asm("    movf    _target, W");
     asm("pl_check:");
-    asm("    movf    TMR0, W");
-    asm("    subwf   _target, W");
-    asm("    addlw   0xFF");
-    asm("    subwf   _ahead, W");
+    asm("    subwf   TMR0, W");
+    asm("    addwf   _ahead, W");
     asm("    btfss   STATUS, 0");
     asm("    bsf     _overrun, 0");
-    // The lock. The poll sees TMR0 = _target 0 to 4 cycles after it came about. A tick is 32 cycles.
+    // The lock. The poll sees TMR0 = _target 0 to 4 cycles after it came about, 3 where the look above was in the
+    // last cycle before it. A tick is 32 cycles.
     asm("pl_poll:");
     asm("    movf    TMR0, W");   // cycle 0 to 4 of the tick
     asm("    xorwf   _target, W");

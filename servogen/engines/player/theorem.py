@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from servogen.engines.player.layout import LEAST_WIDTH, Layout, Slot
+from servogen.engines.player.layout import MIN_WIDTH, Layout, Slot
 from servogen.pic.known_values import CARRY, FSR, INDF, ZERO, Known, W, Word, execute, known_result, skipped
 from servogen.pic.known_values import word_of as decoded
 from servogen.pic.listing import Listing
@@ -97,7 +97,7 @@ class _Kernel:
         most = 0
         for apart in range(APART):
             # The shorter pulse's remainder of 8, and the phase, take every value.
-            shorter = LEAST_WIDTH + apart % 8
+            shorter = MIN_WIDTH + apart % 8
             arrivals = range(POLL_CYCLES) if apart < 8 else [apart % POLL_CYCLES]
             for one, other in ((shorter, shorter + apart), (shorter + apart, shorter)):
                 found = {self._run(one, other, arrival) for arrival in arrivals}
