@@ -21,6 +21,7 @@ from servogen import INTERRUPTED, __version__
 from servogen.cli import (
     bench_commands,
     calibrate_commands,
+    certificate_commands,
     chip_commands,
     doctor_commands,
     drive_commands,
@@ -80,6 +81,7 @@ GROUPS = (
     bench_commands,
     drive_commands,
     calibrate_commands,
+    certificate_commands,
     gait_commands,
     grade_commands,
     report_commands,

@@ -1,0 +1,150 @@
+"""Certificates: what a proof claims, as states of the chip at certain addresses of the program.
+
+In: a compressed file. Out: a `Certificate` with one row of the chip's slots per state; docs/proof.md has the
+format. Whatever it contains is only a claim. Bounds: 4 MiB, 64 MiB unpacked, 250 000 states.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import lzma
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from servogen.checker import chip
+from servogen.checker.plan import OVER, PINS, Plan, Position
+from servogen.errors import InputError, Location
+from servogen.pic.image import Image
+
+Ints = chip.Ints
+MAX_TEXT, MAX_STATES = 64 << 20, 250_000
+RAM = [f"ram.{address:02x}" for address in range(chip.RAM, chip.RAM_END)]
+CELLS = {name: chip.RAM + n for n, name in enumerate(RAM)} | {
+    "w": chip.W, "fsr": chip.FSR, "tmr0": chip.T0, "eedata": chip.EEDATA, "eeadr": chip.EEADR
+}  # fmt: skip
+"""Columns that are bytes which may be unknown, or move with the phase."""
+MASKED = {"status": chip.STATUS, "intcon": chip.INTCON, "eecon1": chip.EECON1, "prescaler": chip.PRESCALER}
+STACK = [f"stack{level}" for level in range(8)]
+RANGES = {"pc": 1023, "pclath": 31, "option": 255, "tris": 0x1FFF, "latch": 0x1FFF, "latch_unknown": 0x1FFF,
+          "rb_old": 0x1FFF, "rb_old_unknown": 0x1FFF, "depth": 8, "tmr0_wait": 3, "tmr0_flagged": 1,
+          "watchdog_age": 1 << 40, "irq": 8, "glitch": 0x1FFF, "glitch_age": 10,
+          "sleeping": 1, "spec.phase": 2, "spec.time": 1 << 30, "spec.frame": 1 << 30, "spec.running": 1,
+          "spec.on": 1, "spec.start_seen": 255, "spec.stop_seen": 255, "spec.start_sample": 1,
+          "spec.stop_sample": 1, **dict.fromkeys(STACK, 0x1FFF)}  # fmt: skip
+"""The other columns, and their largest values; the least is 0, but for `LEAST`."""
+NO_IRQ = -1000
+LEAST = {"irq": NO_IRQ, "spec.start_sample": -1, "spec.stop_sample": -1}
+KEYS = {"format": int, "image": str, "schedule": str, "clock_hz": int, "quantified": list, "held": dict,
+        "assumptions": list, "cuts": list, "count": int, "columns": dict}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What is claimed: of which program and schedule, and the states in columns."""
+
+    image: str
+    schedule: str
+    clock_hz: int
+    held: dict[str, int]
+    cuts: frozenset[int]
+    count: int
+    columns: dict[str, Ints]
+
+
+def read_certificate(packed: bytes, file: str) -> Certificate:
+    """Return what a certificate claims. Raises InputError if it is not one."""
+    try:
+        unpacker = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=256 << 20)
+        text = unpacker.decompress(packed, MAX_TEXT + 1)
+        if len(text) > MAX_TEXT or not unpacker.eof or unpacker.unused_data:
+            raise ValueError("the file is cut short, too large, or has something after its end")
+        data = json.loads(text)
+        if {key: type(value) for key, value in data.items()} != KEYS or data["format"] != 1:
+            raise ValueError(f"it needs format 1 and the keys {', '.join(KEYS)}")
+        return _certificate(data)
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError, EOFError,
+            MemoryError, lzma.LZMAError) as error:  # fmt: skip
+        raise InputError("not-a-certificate", f"not a certificate: {error}", Location(file)) from error
+
+
+def _certificate(data: dict[str, Any]) -> Certificate:
+    count, cuts, held = data["count"], data["cuts"], data["held"]
+    if not 0 <= count <= MAX_STATES or any(type(cut) is not int or not 0 <= cut < 1024 for cut in cuts):
+        raise ValueError("count or cuts")
+    if any(pin not in PINS or level not in (0, 1) for pin, level in held.items()):
+        raise ValueError("held")
+    if data["columns"].keys() != {*CELLS, *MASKED, *RANGES}:
+        raise ValueError(f"columns {', '.join(sorted(data['columns'].keys() ^ {*CELLS, *MASKED, *RANGES}))}")
+    columns = {name: _column(name, column, count) for name, column in data["columns"].items()}
+    return Certificate(
+        data["image"], data["schedule"], data["clock_hz"], held, frozenset(cuts), count, columns
+    )
+
+
+def _column(name: str, column: dict[str, Any], count: int) -> Ints:
+    """Return the values of one column."""
+    numbers = column.get("delta", [column.get("all")])
+    if len(column) != 1 or any(type(number) is not int for number in numbers):
+        raise ValueError(f"column {name}")
+    values = np.array(numbers, dtype=np.int64)
+    values = np.cumsum(values) if "delta" in column else np.full(count, values[0])
+    least, largest = LEAST.get(name, 0), RANGES.get(name, 0x1FFFF)
+    wrong = len(values) != count or (values < least).any() or (values > largest).any()
+    if name not in RANGES:
+        mask = values >> 8 & 0xFF
+        phased = values >> 16 == 1
+        wrong = wrong or (values & mask).any() or (phased & ((mask != 0) | (name in MASKED))).any()
+    if wrong:
+        raise ValueError(f"column {name} has {len(values)} values of {count}, or one that is out of range")
+    return values
+
+
+def fingerprint(image: Image) -> str:
+    """Return the digest of a program, its configuration word and its EEPROM."""
+    config = "none" if image.config is None else f"{image.config:04x}"
+    text = "".join(f"{address:03x} {word:04x}\n" for address, word in sorted(image.program.items()))
+    cells = "".join(f"{image.eeprom.get(cell, 0xFF):02x}" for cell in range(64))
+    return hashlib.sha256(f"{text}config {config}\n{cells}\n".encode()).hexdigest()
+
+
+def chip_state(columns: dict[str, Ints], row: int, plan: Plan) -> tuple[Ints, Position, int, int] | None:
+    """Return a listed state: the chip's slots, the position in the plan, the levels of the buttons that were
+    read and which; None if the plan has no such position.
+    """
+    c = {name: int(values[row]) for name, values in columns.items()}
+    s = np.zeros(chip.SLOTS, dtype=np.int64)
+    for name, slot in (*CELLS.items(), *MASKED.items()):
+        s[slot] = c[name]
+    latch, dark, tris = c["latch"] & ~c["latch_unknown"], c["latch_unknown"], c["tris"]
+    s[chip.PORTA], s[chip.PORTB] = latch & 0x1F | (dark & 0x1F) << 8, latch >> 5 | dark >> 5 << 8
+    s[chip.TRISA], s[chip.TRISB], s[chip.OUT] = tris & 0x1F, tris >> 5, latch & ~tris
+    s[chip.PC], s[chip.DEPTH], s[chip.PCLATH], s[chip.OPTION] = c["pc"], c["depth"], c["pclath"], c["option"]
+    s[chip.STACK : chip.STACK + 8] = [c[name] & 0x3FF for name in STACK]
+    s[chip.T0_AT] = c["tmr0_wait"]
+    counted = chip.ratio(s) - 1
+    s[chip.PRESCALER] = -1 if c["prescaler"] >> 8 & counted else c["prescaler"] & counted
+    chip.plan_overflow(s)
+    s[chip.T0_DUE] += 256 * chip.ratio(s) * c["tmr0_flagged"] if chip.timer_exact(s) else 0
+    s[chip.IRQ] = c["irq"] if c["irq"] != NO_IRQ else chip.NEVER
+    s[chip.DARK] = chip.GLITCH - c["glitch_age"] if c["glitch"] else chip.NEVER
+    s[chip.WDT_CLEARED] = -c["watchdog_age"]
+    position, phase = Position(*(c[f"spec.{name}"] for name in Position._fields)), c["spec.phase"]
+    if c["sleeping"] or any(c[name] for name in STACK[c["depth"] :]):
+        return None
+    if position.frame >= plan.ends[-1] or c["spec.time"] >= (plan.period if phase == 1 else 1):
+        return None
+    if phase == 0 and position != plan.start_up():
+        return None
+    position = (plan.first(), position, OVER)[phase]
+    s[chip.FRAME] = chip.BEFORE if phase == 0 else -c["spec.time"]
+    s[chip.EDGE] = np.searchsorted(plan.due(position)[0], c["spec.time"]) if phase else 0
+    levels = sampled = 0
+    for button, name in ((plan.start, "spec.start_sample"), (plan.stop, "spec.stop_sample")):
+        if button is None and c[name] != -1:
+            return None
+        if button and c[name] != -1:
+            levels, sampled = levels | c[name] << button.pin, sampled | 1 << button.pin
+    return s, position, levels, sampled

@@ -1,0 +1,165 @@
+"""What the pins must do: the frames of a schedule, and the buttons that choose among them.
+
+In: schedule.json as bytes. Out: a `Plan`. Pins are bits of a word: RA0 to RA4 are 0 to 4, RB0 to RB7 are 5 to
+12. The buttons follow docs/firmware.md, "Start and emergency stop".
+"""
+
+from __future__ import annotations
+
+import json
+from bisect import bisect_right
+from dataclasses import dataclass
+from itertools import accumulate
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.errors import InputError, Location
+
+Ints = npt.NDArray[np.int64]
+PINS = [f"RA{n}" for n in range(5)] + [f"RB{n}" for n in range(8)]
+LARGEST = 10**9
+
+
+class Position(NamedTuple):
+    """The frame whose pulses are due, and the state of the buttons."""
+
+    frame: int
+    running: int = 1
+    on: int = 1
+    start_seen: int = 0
+    stop_seen: int = 0
+
+
+OVER = Position(-1, on=0)
+"""No pulse will follow, whatever happens."""
+
+
+class Button(NamedTuple):
+    pin: int
+    pressed: int
+    """The level while it is pressed."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    clock_hz: int
+    period: int
+    channels: int
+    """The pins with servos, as a word."""
+    ends: list[int]
+    """Of each run of equal frames, the frame after it."""
+    edges: list[tuple[Ints, Ints]]
+    """Of a frame in each run, the cycles of its edges and the levels of all pins from each on."""
+    loop: int
+    """The frame that follows the last one."""
+    start: Button | None
+    stop: Button | None
+    off: bool
+    """Whether stop ends the pulses."""
+    seen: int
+    """The frames in a row in which a button must be pressed."""
+
+    @property
+    def buttons(self) -> int:
+        return sum(1 << button.pin for button in (self.start, self.stop) if button)
+
+    @property
+    def waiting(self) -> int:
+        """Return the frame that is repeated until start is pressed; the first frames stand for its delay."""
+        return self.seen - 1 if self.start else 0
+
+    def start_up(self) -> Position:
+        """Return the position before the first pulse."""
+        return Position(self.waiting, running=int(self.start is None))
+
+    def first(self) -> Position:
+        """Return the position at the first pulse."""
+        run = next((n for n, (at, _) in enumerate(self.edges) if len(at)), 0)
+        return self.start_up()._replace(frame=max(self.waiting, self.ends[run - 1] if run else 0))
+
+    def due(self, position: Position) -> tuple[Ints, Ints]:
+        """Return the edges of the frame at `position`."""
+        return self.edges[bisect_right(self.ends, position.frame)] if position.on else NO_EDGES
+
+    def after(self, position: Position, levels: int) -> Position:
+        """Return the position of the next frame, if the buttons were read as `levels` after this one."""
+        frame, running, on, start_seen, stop_seen = position
+        if self.start:
+            before, start_seen = start_seen, self._count(self.start, start_seen, levels)
+            if start_seen == self.seen > before:
+                running = on = 1
+        if self.stop:
+            stop_seen = self._count(self.stop, stop_seen, levels)
+            if stop_seen == self.seen:
+                running, on = 0, on and not self.off
+                if self.off and self.start:
+                    frame = self.waiting
+        if running:
+            frame = frame + 1 if frame + 1 < self.ends[-1] else self.loop
+        silent = frame >= self.loop and not self.buttons and self._silent_loop
+        if silent or (not on and not self.start):
+            return OVER
+        return Position(frame, running, int(on), start_seen, stop_seen)
+
+    @property
+    def _silent_loop(self) -> bool:
+        return not any(len(at) for at, _ in self.edges[bisect_right(self.ends, self.loop) :])
+
+    def _count(self, button: Button, seen: int, levels: int) -> int:
+        return min(seen + 1, self.seen) if levels >> button.pin & 1 == button.pressed else 0
+
+
+NO_EDGES = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+
+
+def read_plan(text: bytes, file: str) -> Plan:
+    """Return the plan in a schedule. Raises InputError."""
+    try:
+        data = json.loads(text)
+        period = _number(data["period_cycles"], 1)
+        pins = [1 << PINS.index(channel["pin"]) for channel in data["channels"]]
+        runs = [*data["lead_in"], *data["loop"]]
+        frames = [_number(run["frames"], 1) for run in runs]
+        buttons = data.get("buttons") or {"start": None, "stop": None, "pulses": "hold", "pressed_frames": 1}
+        if not data["loop"] or len(set(pins)) < len(pins) or buttons["pulses"] not in ("off", "hold"):
+            raise ValueError("it needs a loop, a pin for each channel, and pulses 'off' or 'hold'")
+        return Plan(
+            clock_hz=_number(data["clock_hz"], 4),
+            period=period,
+            channels=sum(pins),
+            ends=list(accumulate(frames)),
+            edges=[_edges(run["pulses"], pins, period) for run in runs],
+            loop=sum(frames[: len(data["lead_in"])]),
+            start=_button(buttons["start"]),
+            stop=_button(buttons["stop"]),
+            off=buttons["pulses"] == "off",
+            seen=_number(buttons["pressed_frames"], 1),
+        )
+    except (ValueError, TypeError, KeyError, AttributeError, IndexError, RecursionError) as error:
+        message = f"not a schedule: {type(error).__name__}: {error}"
+        raise InputError("not-a-schedule", message, Location(file)) from error
+
+
+def _number(value: Any, least: int, largest: int = LARGEST) -> int:
+    if type(value) is not int or not least <= value <= largest:
+        raise ValueError(f"{value!r} is not a number of {least} to {largest}")
+    return value
+
+
+def _button(data: Any) -> Button | None:
+    return None if data is None else Button(PINS.index(data["pin"]), _number(data["level"], 0, 1))
+
+
+def _edges(pulses: list[Any], pins: list[int], period: int) -> tuple[Ints, Ints]:
+    """Return the edges of a frame, which all lie within it."""
+    changes: dict[int, int] = {}
+    for pin, pulse in zip(pins, pulses, strict=True):
+        if pulse is not None:
+            rise, width = _number(pulse[0], 0), _number(pulse[1], 1)
+            for cycle in (rise, _number(rise + width, 0, period - 1)):
+                changes[cycle] = changes.get(cycle, 0) ^ pin
+    at = sorted(changes)
+    levels = np.bitwise_xor.accumulate(np.array([changes[cycle] for cycle in at], dtype=np.int64))
+    return np.array(at, dtype=np.int64), levels

@@ -1,0 +1,201 @@
+"""The checker's chip beside the simulator: every state of the simulator must be within the checker's.
+
+In: an image, a seed. Out: how many instructions were compared, how many ways were split, and why it ended.
+Wherever the checker asks for an unknown bit it is told what the simulator has.
+"""
+
+from __future__ import annotations
+
+import random
+from typing import NamedTuple
+
+import numpy as np
+
+from servogen.checker import chip
+from servogen.edges import PINS
+from servogen.pic.image import Image
+from servogen.pic.isa import encode
+from servogen.simulator import Machine, Options, State, Stimuli
+from servogen.simulator import layout as at
+from servogen.simulator.sources import Levels
+from servogen.units import Clock
+from tests.simulator import programs
+
+CLOCK = Clock(4_000_000)
+REGISTERS = {
+    chip.FSR: "FSR",
+    chip.PCLATH: "PCLATH",
+    chip.PORTA: "LATA",
+    chip.PORTB: "LATB",
+    chip.INTCON: "INTCON",
+    chip.EEDATA: "EEDATA",
+    chip.EEADR: "EEADR",
+    chip.EECON1: "EECON1",
+    chip.OPTION: "OPTION_REG",
+    chip.TRISA: "TRISA",
+    chip.TRISB: "TRISB",
+}
+FILES = {0x01: "TMR0", 0x03: "STATUS", 0x04: "FSR", 0x05: "PORTA", 0x06: "PORTB", 0x08: "EEDATA",
+         0x09: "EEADR", 0x0A: "PCLATH", 0x0B: "INTCON", 0x88: "EECON1"}  # fmt: skip
+"""What the chip reads at addresses other than RAM; some alike in both banks."""
+USED = {chip.PORTA: 0x1F, chip.TRISA: 0x1F, chip.EECON1: 0x0C, chip.INTCON: 0xFF}
+NO_EDGES = np.zeros(0, dtype=np.int64)
+
+
+PIECES = [each for each in programs._PIECES if each not in (programs._sleep, programs._eeprom)]
+
+
+def program(seed: int) -> Image:
+    """A program of the pieces that the checker knows: no SLEEP, no EEPROM write, TMR0 counts cycles."""
+    rng = random.Random(seed)
+    routine = [encode("BCF", f=3, b=5), encode("BCF", f=0x0B, b=2), encode("INCF", f=0x20, d=1)]
+    words = [encode("GOTO", k=8), *[encode("NOP")] * 3, *routine, encode("RETFIE")]
+    words += [encode("CLRF", f=5), encode("CLRF", f=6), encode("BSF", f=3, b=5)]
+    for register, value in (
+        (5, rng.randrange(256)),
+        (6, rng.randrange(256)),
+        (1, rng.choice((0xC0, 0xC2, 0xC8, 0xDF, 0xE8))),
+    ):
+        words += [encode("MOVLW", k=value), encode("MOVWF", f=register)]
+    words += [encode("BCF", f=3, b=5), encode("MOVLW", k=rng.randrange(256)), encode("MOVWF", f=1)]
+    for address in rng.sample(programs._RAM, rng.randrange(7)):
+        words += [encode("MOVLW", k=rng.randrange(256)), encode("MOVWF", f=address)]
+    words += [encode("MOVLW", k=rng.choice((0, 0, 0xA0, 0x20, 0x80))), encode("MOVWF", f=0x0B)]
+    main = len(words)
+    while len(words) < main + 60:
+        words += rng.choice(PIECES)(rng, len(words))
+    words += [encode("GOTO", k=main)]
+    return Image(dict(enumerate(words)), 0x3FF1, {cell: rng.randrange(256) for cell in range(4)})
+
+
+class Compared(NamedTuple):
+    instructions: int
+    asked: int
+    reason: int
+    phased: bool
+
+
+def noise(rng: random.Random, cycles: int) -> Stimuli:
+    """Any pin at any level at any time."""
+    sources = []
+    for pin in range(len(PINS)):
+        times = sorted(rng.sample(range(cycles), rng.choice((0, 2, 40))))
+        sources.append(Levels(pin, [(time, rng.randrange(2)) for time in times]))
+    return Stimuli(sources)
+
+
+def power_up() -> chip.Ints:
+    s = np.zeros(chip.SLOTS, dtype=np.int64)
+    s[chip.RAM : chip.RAM_END] = chip.UNKNOWN
+    for slot in (chip.T0, chip.FSR, chip.PORTB, chip.EEDATA, chip.EEADR, chip.W):
+        s[slot] = chip.UNKNOWN
+    s[chip.PORTA] = s[chip.STATUS] = 0x1F00
+    s[chip.EECON1] = 0x0800
+    s[chip.OPTION], s[chip.TRISA], s[chip.TRISB], s[chip.FRAME] = 0xFF, 0x1F, 0xFF, chip.BEFORE
+    for slot in (chip.T0_DUE, chip.IRQ, chip.WDT_DUE, chip.DARK):
+        s[slot] = chip.NEVER
+    return s
+
+
+def outputs(image: Image, machine: Machine, cycles: int) -> tuple[chip.Ints, chip.Ints]:
+    """The levels of the driven pins after each change, from the first that is not all low."""
+    found: list[tuple[int, int]] = []
+    last = 0
+    while machine.cycles < cycles:
+        began = machine.cycles
+        machine.step()
+        out = int(machine._s[at.LATCH]) & ~int(machine._s[at.TRIS]) & 0x1FFF
+        if out != last:
+            found.append((began, out))
+            last = out
+    at_, out_ = zip(*found, strict=True) if found else ((), ())
+    return np.array(at_, dtype=np.int64), np.array(out_, dtype=np.int64)
+
+
+def compare(image: Image, seed: int, cycles: int = 3000) -> Compared:
+    """Run both to the first thing that the checker refuses; raises AssertionError where they differ."""
+    rng = random.Random(seed)
+    options = Options(start_seed=seed, floating=rng.random() < 0.5, ra4_pull_up=False)
+    stimulus = rng.randrange(1 << 30)
+    machine = Machine(image, CLOCK, options, noise(random.Random(stimulus), cycles))
+    edge_at, edge_out = outputs(image, machine, cycles)
+    machine = Machine(image, CLOCK, options, noise(random.Random(stimulus), cycles))
+    parameters = np.zeros(chip.PARAMETERS, dtype=np.int64)
+    parameters[chip.PERIOD], parameters[chip.EDGES] = chip.NEVER, len(edge_at)
+    parameters[chip.EEPROM :] = [image.eeprom.get(cell, 0xFF) for cell in range(64)]
+    code = chip.program_code(image, frozenset())
+    s = power_up()
+    phase, asked, instructions, stride = -1, 0, 0, rng.choice((1, 1, 7, 300))
+    while s[chip.CYCLE] < cycles:
+        parameters[chip.LIMIT] = s[chip.CYCLE] + stride
+        why = chip.run(s, code, parameters, edge_at, edge_out)
+        while machine.cycles < s[chip.CYCLE]:
+            machine.step()
+            instructions += 1
+        state = machine.state()
+        if why == chip.FORK:
+            asked += 1
+            give(s, state, image)
+            continue
+        if why != chip.TOO_LONG:
+            return Compared(instructions, asked, why, phase >= 0)
+        assert machine.cycles == s[chip.CYCLE] and state.pc & 0x3FF == s[chip.PC], f"seed {seed}"
+        contained(s, state, phase, seed)
+        if phase < 0 and chip.timer_exact(s) and not s[chip.INTCON] & 0x20 and rng.random() < 0.02:
+            phase = rng.randrange(256)
+            forget(s, rng, phase)
+    return Compared(instructions, asked, chip.TOO_LONG, phase >= 0)
+
+
+def give(s: chip.Ints, state: State, image: Image) -> None:
+    """Answer the checker's question with the simulator's value."""
+    slot, bits = int(s[chip.ASKED]), int(s[chip.ASKED_BITS])
+    if slot != chip.NOWHERE:
+        value = concrete(state, slot)
+        assert s[slot] >> 8 & bits
+        s[slot] = s[slot] & ~(bits << 8) | value & bits
+        return
+    f = image.program[int(s[chip.PC])] & 0x7F
+    address = state.registers["FSR"] if f == 0 else f | (state.status & 0x20) << 2
+    value = state.registers[FILES[address if address in FILES else address & 0x7F]]
+    s[chip.GIVEN] |= bits
+    s[chip.GIVEN_BITS] |= value & bits
+
+
+def concrete(state: State, slot: int) -> int:
+    if chip.RAM <= slot < chip.RAM_END:
+        return state.ram[slot - chip.RAM]
+    if slot == chip.W:
+        return state.w
+    return state.status if slot == chip.STATUS else state.registers[REGISTERS[slot]]
+
+
+def contained(s: chip.Ints, state: State, phase: int, seed: int) -> None:
+    """The simulator's state is one of the checker's."""
+    for slot in (*range(chip.RAM, chip.RAM_END), chip.W, chip.STATUS, *REGISTERS):
+        cell, value = int(s[slot]), concrete(state, slot)
+        used = USED.get(slot, 0xFF)
+        if slot == chip.INTCON:
+            cell |= 0x300 if chip.timer_exact(s) else 0x700
+        if cell >> 16:
+            assert (cell + phase) & 0xFF == value, f"seed {seed}: slot {slot:#x}"
+        else:
+            assert (cell ^ value) & ~(cell >> 8) & used == 0, (
+                f"seed {seed}: slot {slot:#x} {cell:#x} {value:#x}"
+            )
+    timer = int(chip.timer(s, int(s[chip.CYCLE])))
+    if timer >> 16:
+        assert (timer + phase) & 0xFF == state.registers["TMR0"], f"seed {seed}: TMR0"
+    elif timer >> 8 == 0:
+        assert timer == state.registers["TMR0"], f"seed {seed}: TMR0"
+    depth = int(s[chip.DEPTH])
+    stack = [level & 0x3FF for level in state.stack[:depth]][::-1]
+    assert s[chip.STACK : chip.STACK + depth].tolist() == stack, f"seed {seed}: stack"
+
+
+def forget(s: chip.Ints, rng: random.Random, phase: int) -> None:
+    """Let TMR0 and some bytes of RAM be known only relative to each other."""
+    for slot in (chip.T0, *rng.sample(range(chip.RAM, chip.RAM_END), 30), 0x0C, 0x0D, 0x20):
+        if s[slot] >> 8 == 0:
+            s[slot] = (s[slot] - phase) & 0xFF | 1 << 16
+    s[chip.T0_DUE] = chip.NEVER

@@ -1,0 +1,273 @@
+"""What the checker accepts, and that it refuses everything else, saying where and why."""
+
+from __future__ import annotations
+
+import json
+import lzma
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from servogen.checker import Checked, Refused, check_certificate, read_certificate
+from servogen.checker.certificate import fingerprint
+from servogen.checker.plan import OVER, Position, read_plan
+from servogen.errors import InputError
+from servogen.pic.image import Image, to_hex
+from tests.checker import certify
+from tests.checker.certify import PERIOD, STOP, WIDTH
+from tests.prove import certificate_mutants
+
+ROOT = Path(__file__).parents[2]
+FRAME = 6
+"""The address at which a frame of the test programs begins."""
+
+
+def check(packed: bytes, image: Image, schedule: bytes) -> Checked:
+    return check_certificate(read_certificate(packed, "certificate"), image, schedule, "schedule.json")
+
+
+def certified(image: Image, schedule: bytes) -> bytes:
+    """A certificate made by the tests, with cuts at the frame and at the endless loop after a stop."""
+    return certify.certify(
+        image, schedule, [FRAME, max(image.program)] if b"buttons" in schedule else [FRAME]
+    )
+
+
+def refusal(image: Image, schedule: bytes) -> str:
+    """What the checker finds wrong with a program when it lists the states itself."""
+    with pytest.raises(Refused) as refused:
+        certified(image, schedule)
+    return str(refused.value)
+
+
+def test_one_servo_is_one_state_that_repeats_each_frame() -> None:
+    image, schedule = certify.plain_program(), certify.schedule()
+    packed = certified(image, schedule)
+    assert certify.unpack(packed)["count"] == 1
+    assert check(packed, image, schedule) == Checked(states=1, frames=2, cycles=2 * PERIOD + FRAME, forks=0)
+
+
+def test_a_button_splits_every_frame_in_which_it_is_read() -> None:
+    image, schedule = certify.button_program(), certify.schedule(STOP)
+    found = check(certified(image, schedule), image, schedule)
+    assert found.forks == 4  # seen 0, 1 and 2 times in a row before this frame; and once more from power-up
+
+
+@pytest.mark.parametrize(
+    ("image", "schedule", "why"),
+    [
+        (certify.button_program(seen=2), certify.schedule(STOP), "a missing edge"),
+        (certify.button_program(seen=4), certify.schedule(STOP), "an edge that is not expected"),
+        (certify.button_program(read="btfsc 5,4"), certify.schedule(STOP), "a missing edge"),
+        (
+            certify.button_program(read="btfss 5,3"),
+            certify.schedule(STOP),
+            "a button was not read in the frame",
+        ),
+        (certify.plain_program(), certify.schedule(STOP), "a button was not read in the frame"),
+        (certify.button_program(), certify.schedule(), "a missing edge"),
+        (certify.plain_program(width=WIDTH + 1), certify.schedule(), "a missing edge"),
+        (certify.plain_program(width=WIDTH - 1), certify.schedule(), "an edge that is not expected"),
+        (certify.plain_program(config="0x3ff5"), certify.schedule(), "a watchdog that may time out"),
+        (certify.plain_program(clear="sleep"), certify.schedule(), "SLEEP"),
+        (certify.plain_program(clear="return"), certify.schedule(), "a return with an empty stack"),
+        (certify.plain_program(clear="call $"), certify.schedule(), "a stack of more than eight levels"),
+        (certify.plain_program(clear="goto 1000"), certify.schedule(), "a word that is not an instruction"),
+        (certify.plain_program(clear="movwf 6"), certify.schedule(), "an edge that is not expected"),
+        (certify.plain_program(clear="rlf 6,f"), certify.schedule(), "a pin with an unknown level"),
+        (certify.plain_program(clear="btfsc 0x30,0"), certify.schedule(), "a missing edge|an edge"),
+        (certify.plain_program(clear="btfsc 5,2"), certify.schedule(), "a missing edge|an edge"),
+        (
+            certify.plain_program(clear="bsf 0x0b,4\n bsf 0x0b,7"),
+            certify.schedule(),
+            "an interrupt that depends",
+        ),
+    ],
+    ids=range(18),
+)
+def test_a_wrong_program_has_no_certificate(image: Image, schedule: bytes, why: str) -> None:
+    assert re.search(why, refusal(image, schedule))
+
+
+def test_a_refusal_says_which_state_cycle_frame_address_and_pins() -> None:
+    """Two cycles late: the fall is due in cycle 300 of the frame, in which a taken skip begins."""
+    said = refusal(certify.plain_program(width=WIDTH + 2), certify.schedule())
+    assert re.fullmatch(
+        rf"{FRAME + WIDTH + 2} cycles after power-up, at address 0x0[0-9A-F]{{2}}, frame 0, "
+        rf"cycle {WIDTH + 2}, high pins: RB0: a missing edge",
+        said,
+    )
+
+
+def test_a_watchdog_that_is_cleared_in_every_frame_does_no_harm() -> None:
+    image, schedule = certify.plain_program(config="0x3ff5", clear="clrwdt"), certify.schedule()
+    assert check(certified(image, schedule), image, schedule).states == 1
+
+
+def test_a_certificate_of_something_else_is_refused() -> None:
+    image, schedule = certify.plain_program(), certify.schedule()
+    packed = certified(image, schedule)
+    other = replace(image, eeprom={0: 1})
+    with pytest.raises(Refused, match="another program"):
+        check(packed, other, schedule)
+    with pytest.raises(Refused, match="another schedule"):
+        check(packed, image, schedule + b" ")
+    data = certify.unpack(packed)
+    data["image"] = fingerprint(certify.plain_program(width=WIDTH + 1))
+    with pytest.raises(Refused, match="a missing edge"):
+        check(certify.pack(data), certify.plain_program(width=WIDTH + 1), schedule)
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (lambda data: data["columns"].pop("w"), "columns w"),
+        (lambda data: data.update(format=2), "format 1"),
+        (lambda data: data.update(count=True), "it needs format 1"),
+        (lambda data: data.update(count=10**9), "count or cuts"),
+        (lambda data: data.update(cuts=[1024]), "count or cuts"),
+        (lambda data: data.update(cuts=[[]]), "count or cuts"),
+        (lambda data: data.update(held={"RA9": 0}), "held"),
+        (lambda data: data["columns"].update(pc={"all": 1024}), "column pc"),
+        (lambda data: data["columns"].update(pc={"all": 1.0}), "column pc"),
+        (lambda data: data["columns"].update(pc={"delta": [6, 0]}), "column pc"),
+        (lambda data: data["columns"].update(pc={"delta": [1 << 70]}), "too large|int"),
+        (lambda data: data["columns"].update(w={"all": 0x0101}), "column w"),
+        (lambda data: data["columns"].update(w={"all": 0x1FF00}), "column w"),
+        (lambda data: data["columns"].update(status={"all": 0x10000}), "column status"),
+        (lambda data: data["columns"].update(w=[]), "column|attribute"),
+    ],
+)
+def test_what_is_not_a_certificate_is_bad_input(change: Callable[[dict[str, Any]], Any], why: str) -> None:
+    data = certify.unpack(certified(certify.plain_program(), certify.schedule()))
+    change(data)
+    with pytest.raises(InputError, match=why):
+        certify.reread(data)
+
+
+def test_broken_and_huge_files_are_bad_input() -> None:
+    good = certified(certify.plain_program(), certify.schedule())
+    huge = lzma.compress(b"0" * (65 << 20))
+    deep = lzma.compress(b"[" * 100_000)
+    for bad in (
+        b"",
+        b"no",
+        good[:-9],
+        good + b"x",
+        good + good,
+        huge,
+        deep,
+        lzma.compress(b"[]"),
+        lzma.compress(b"\xff"),
+    ):
+        with pytest.raises(InputError, match="not a certificate"):
+            read_certificate(bad, "certificate")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"",
+        b"[]",
+        b"{}",
+        b"[" * 100_000,
+        certify.schedule().replace(b"RB0", b"RC0"),
+        certify.schedule(width=PERIOD),
+    ],
+)
+def test_what_is_not_a_schedule_is_bad_input(text: bytes) -> None:
+    with pytest.raises(InputError, match="not a schedule"):
+        read_plan(text, "schedule.json")
+
+
+def test_every_mutant_of_a_certificate_is_refused_or_equivalent() -> None:
+    """Many more: `python -m tests.prove.certificate_mutants`."""
+    image, schedule = certify.button_program(), certify.schedule(STOP)
+    case = certificate_mutants.Subject(image, schedule, certify.unpack(certified(image, schedule)))
+    counts, accepted = certificate_mutants.run(case, 60, 1)
+    assert not accepted
+    assert counts["refused"] > 30
+    programs, kept = certificate_mutants.run_programs(case, 60, 1)
+    assert not kept
+    assert programs["refused"] > 40
+
+
+def test_the_state_machine_of_the_buttons() -> None:
+    """docs/firmware.md, sentence by sentence, with two frames of lead-in and a loop of one."""
+    data = json.loads(certify.schedule(STOP | {"start": {"pin": "RA3", "level": 0}}))
+    data["lead_in"] = [{"frames": 3, "pulses": [[0, 100]]}, {"frames": 1, "pulses": [[0, 200]]}]
+    released, start, stop, both = 0x18, 0x10, 0x08, 0
+    plan = read_plan(json.dumps(data).encode(), "schedule.json")
+
+    def frames(levels: list[int]) -> list[tuple[int, int]]:
+        position, found = plan.first(), []
+        for level in levels:
+            position = plan.after(position, level)
+            found.append((position.frame, position.on))
+        return found
+
+    assert plan.first() == Position(2, running=0)
+    assert frames([released] * 5) == [(2, 1)] * 5  # until start is pressed, the first frame repeats
+    assert frames([start, start, released, start, start, start]) == [(2, 1)] * 5 + [(3, 1)]
+    assert frames([start] * 6) == [(2, 1), (2, 1), (3, 1), (4, 1), (4, 1), (4, 1)]
+    # stop removes the pulses from the fourth frame on, and has priority
+    assert frames([stop] * 4) == [(2, 1), (2, 1), (2, 0), (2, 0)]
+    assert frames([both] * 4) == [(2, 1), (2, 1), (2, 0), (2, 0)]
+    # a button that stays pressed does not start again after a stop; a new press does, from the first frame
+    assert frames([stop] * 3 + [released] + [start] * 3)[-2:] == [(2, 0), (3, 1)]
+    assert frames([both] * 3 + [start] * 4)[-1] == (2, 0)
+    data["buttons"]["pulses"] = "hold"
+    plan = read_plan(json.dumps(data).encode(), "schedule.json")
+    assert frames([start] * 4 + [stop] * 5)[-3:] == [(4, 1)] * 3  # it keeps the current pulses
+    data["buttons"] |= {"start": None, "pulses": "off"}
+    plan = read_plan(json.dumps(data).encode(), "schedule.json")
+    position = plan.first()
+    for _ in range(3):
+        position = plan.after(position, stop)
+    assert position == OVER  # only a reset ends it
+
+
+def test_the_checker_is_small_and_shares_nothing_with_the_prover() -> None:
+    files = sorted((ROOT / "servogen" / "checker").glob("*.py"))
+    imported = {
+        name
+        for file in files
+        for name in re.findall(r"^ *(?:from|import) (servogen[\w.]*)", file.read_text(), re.M)
+    }
+    foreign = {name for name in imported if not name.startswith("servogen.checker")}
+    assert foreign == {"servogen.errors", "servogen.pic.image", "servogen.pic.isa", "servogen.units"}
+
+
+def test_the_command_says_valid_refused_or_bad_input(
+    tmp_path: Path, servogen: Callable[..., Any] = lambda *words: run_command(words)
+) -> None:
+    image, schedule = certify.plain_program(), certify.schedule()
+    (tmp_path / "a.hex").write_text(to_hex(image))
+    (tmp_path / "b.hex").write_text(to_hex(certify.plain_program(width=WIDTH + 1)))
+    (tmp_path / "s.json").write_bytes(schedule)
+    (tmp_path / "c.xz").write_bytes(certified(image, schedule))
+    (tmp_path / "bad.xz").write_bytes(b"bad")
+    against = ("--against", str(tmp_path / "s.json"))
+    code, text = servogen("check-certificate", str(tmp_path / "c.xz"), str(tmp_path / "a.hex"), *against)
+    assert code == 0
+    assert "c.xz: valid" in text
+    code, text = servogen(
+        "check-certificate", str(tmp_path / "c.xz"), str(tmp_path / "b.hex"), *against, "--json"
+    )
+    assert code == 1
+    assert json.loads(text)["valid"] is False
+    code, text = servogen("check-certificate", str(tmp_path / "bad.xz"), str(tmp_path / "a.hex"), *against)
+    assert code == 2
+
+
+def run_command(words: tuple[str, ...]) -> tuple[int, str]:
+    from typer.testing import CliRunner
+
+    from servogen.cli.main import app
+
+    result = CliRunner().invoke(app, list(words))
+    return getattr(result.exception, "exit_code", result.exit_code), result.output
