@@ -19,7 +19,7 @@ from servogen.engines.firmware import Firmware, ResourceError
 from servogen.errors import Caution, Location
 from servogen.job import PlannedJob
 from servogen.outputs import replaced_files, write_text
-from servogen.pic.device import RAM_FIRST
+from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, RAM_FIRST
 from servogen.pic.image import Image, to_hex
 from servogen.pic.listing import listing_text
 from servogen.pulse import PulseSchedule
@@ -55,6 +55,20 @@ class Program:
     def image(self) -> Image:
         return self.firmware.compilation.image
 
+    def to_json(self) -> dict[str, object]:
+        compilation = self.firmware.compilation
+        return {
+            "dialect": self.firmware.dialect,
+            "words": compilation.words,
+            "words_left": PROGRAM_WORDS - compilation.words,
+            "ram_bytes": compilation.ram_bytes,
+            "ram_left": RAM_BYTES - compilation.ram_bytes,
+            "c_between_pulses": [room.to_json() for room in self.firmware.rooms],
+            "overrun_cycle": self.overrun,
+            "proven": self.proven,
+            "verdict": self.verdict.to_json(),
+        }
+
 
 @dataclass(frozen=True, slots=True)
 class Build:
@@ -76,6 +90,18 @@ class Build:
         """How many frames were checked."""
         schedule = self.plan.schedule
         return schedule.lead_in_frames + LOOPS_CHECKED * schedule.loop_frames
+
+    def to_json(self) -> dict[str, object]:
+        """Return the result without the warnings."""
+        error = self.plan.schedule.plan_error
+        return {
+            "job": self.job.name,
+            "proven": self.proven,
+            "frames": self.frames,
+            "plan_error": error.to_json() if error else None,
+            "widths": [row.to_json() for row in self.plan.widths],
+            "programs": [program.to_json() for program in self.programs],
+        }
 
     @property
     def warnings(self) -> tuple[Caution, ...]:

@@ -28,6 +28,20 @@ class Planned:
     plan: PulsePlan
     make: Callable[[str], Firmware]
 
+    def to_json(self) -> dict[str, object]:
+        """Return the plan without notes and warnings."""
+        job, schedule = self.job, self.plan.schedule
+        return {
+            "job": job.name,
+            "device": job.device.name,
+            "clock_hz": job.clock.hz,
+            "period_cycles": schedule.period,
+            "lead_in_frames": schedule.lead_in_frames,
+            "loop_frames": schedule.loop_frames,
+            "plan_error": schedule.plan_error.to_json() if schedule.plan_error else None,
+            "widths": [row.to_json() for row in self.plan.widths],
+        }
+
 
 def planned(job: PlannedJob) -> Planned:
     """Return the job as its engine plays it.

@@ -41,6 +41,15 @@ class Page:
         """Whether the programs are proven, and the capture where there is one."""
         return self.programs_proven and (self.capture is None or self.capture.proven)
 
+    def to_json(self) -> dict[str, object]:
+        """Return the verdicts, without the page itself."""
+        return {
+            "proven": self.proven,
+            "plan_error": self.plan_error.to_json() if self.plan_error else None,
+            "not_built": self.message,
+            **({} if self.capture is None else {"capture": self.capture.to_json()}),
+        }
+
 
 def page_of(
     job: PlannedJob,

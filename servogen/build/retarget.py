@@ -41,6 +41,9 @@ class Added:
     theirs: int
     ours: int
 
+    def to_json(self) -> dict[str, object]:
+        return {"way": self.way, "their_cycles": self.theirs, "servogen_cycles": self.ours}
+
 
 @dataclass(frozen=True, slots=True)
 class Tuned:
@@ -49,6 +52,14 @@ class Tuned:
     verdict: Verdict
     added: tuple[Added, ...]
     source: str
+
+    def to_json(self) -> dict[str, object]:
+        """Return the result without the C to compile next."""
+        return {
+            "proven": self.verdict.proven,
+            "added": [each.to_json() for each in self.added],
+            "verdict": self.verdict.to_json(),
+        }
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from servogen.cli.gait_show import show_walk, walk_as_dict
+from servogen.cli.gait_show import show_walk
 from servogen.cli.options import Json
 from servogen.cli.show import as_json, status, warn_of_all
 
@@ -106,7 +106,7 @@ def gait(
     from servogen.motion.gait.walk import walk
     from servogen.motion.limits import Limits
     from servogen.motion.loads import loads_of
-    from servogen.report.gait_facts import facts_of
+    from servogen.report.gait_facts import facts_of, walk_to_json
     from servogen.robot.servo_models import servo_model
     from servogen.units import Clock, Cycles
 
@@ -146,7 +146,7 @@ def gait(
         )
     _write(walker, rhythm, made, facts, picture, csv, animate)
     if json:
-        as_json(walk_as_dict(walker, rhythm, made, facts, loads))
+        as_json(walk_to_json(walker, rhythm, made, facts, loads))
     else:
         show_walk(walker, rhythm, made, facts)
         upright = made.full_height()

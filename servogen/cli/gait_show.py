@@ -1,4 +1,4 @@
-"""How a walk is shown: tables for people, a dictionary for machines."""
+"""How a walk is shown to people: its tables."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from servogen.kinematics.protocol import WalkingRobot
     from servogen.motion.gait.phases import Gait
     from servogen.motion.gait.walk import Walk
-    from servogen.motion.loads import Loads
     from servogen.report.gait_facts import GaitFacts
 
 
@@ -61,67 +60,3 @@ def show_walk(robot: WalkingRobot, rhythm: Gait, made: Walk, facts: GaitFacts) -
         f"feet rise {1000 * facts.lift:z.1f} mm, body {1000 * facts.body_height:z.1f} mm above the ground, "
         f"{1000 * facts.clearance:z.1f} mm free under it and its legs"
     )
-
-
-def walk_as_dict(
-    robot: WalkingRobot, rhythm: Gait, made: Walk, facts: GaitFacts, loads: Loads | None
-) -> dict[str, object]:
-    """Return the walk in metres, radians, seconds and N·m."""
-    worst, slip = loads.worst if loads else None, made.slip
-    return {
-        "robot": robot.name,
-        "gait": rhythm.name,
-        "duty": float(rhythm.duty),
-        "lifts": {leg: float(lift) for leg, lift in rhythm.lifts},
-        "frames": len(made.trajectory.angles),
-        "loop_start": made.trajectory.loop_start,
-        "frames_per_cycle": made.frames_per_cycle,
-        "cycle_s": facts.cycle_s,
-        "phase_changes": [
-            {
-                "what": each.what,
-                "asked": float(each.asked),
-                "used": float(each.used),
-                "frames": float(each.frames),
-            }
-            for each in made.changes
-        ],
-        "stability": None
-        if facts.margin is None
-        else {
-            "least_m": facts.margin if facts.margin_feet else None,
-            "frame": facts.margin_frame,
-            "feet": list(facts.margin_feet),
-        },
-        "spring": {
-            "largest_m": facts.correction,
-            "leg": facts.correction_leg,
-            "frame": facts.correction_frame,
-        },
-        "slip": {"largest_m": slip.metres, "leg": slip.leg, "frame": slip.frame},
-        "centres_of_rotation": [None if at is None else [at.real, at.imag] for at in made.centres],
-        "held_back": [{"leg": each.leg, "angle": each.angle} for each in made.held_back],
-        "first_millimetre_m": made.first_way_m,
-        "torque": None
-        if loads is None or worst is None
-        else {
-            "largest_nm": float(loads.torques[worst[1], worst[0]]),
-            "leg": loads.legs[worst[0]],
-            "frame": worst[1],
-            "foot_n": float(loads.forces[worst[1], worst[0]]),
-        },
-        "lift_m": facts.lift,
-        "clearance_m": facts.clearance,
-        "body_height_m": facts.body_height,
-        "joints": [
-            {
-                "name": each.name,
-                "least": each.least,
-                "greatest": each.greatest,
-                "lower_limit": each.limits[0],
-                "upper_limit": each.limits[1],
-                "peak_speed": each.speed,
-            }
-            for each in facts.joints
-        ],
-    }

@@ -55,20 +55,14 @@ def check(job: JobFile, json: Json = False) -> None:
 
     loaded = plan_job(load(job))
     with status(f"{loaded.name}: planning"):
-        planned = planned_job(loaded).plan
+        found = planned_job(loaded)
+    planned = found.plan
     schedule = planned.schedule
     warnings = (*loaded.warnings, *planned.warnings)
     if json:
         as_json(
             {
-                "job": loaded.name,
-                "device": loaded.device.name,
-                "clock_hz": loaded.clock.hz,
-                "period_cycles": schedule.period,
-                "lead_in_frames": schedule.lead_in_frames,
-                "loop_frames": schedule.loop_frames,
-                "plan_error": schedule.plan_error.to_json() if schedule.plan_error else None,
-                "widths": _widths(planned.widths),
+                **found.to_json(),
                 "warnings": [{"code": warning.code, "text": str(warning)} for warning in warnings],
                 "notes": [{"code": note.code, "text": note.text} for note in loaded.notes],
             }
@@ -105,7 +99,7 @@ def build(
         done = built(loaded, lambda step: tell(f"{loaded.name}: {step}"))
         write(done, folder)
     if json:
-        as_json(_as_dict(done, folder))
+        as_json(_json(done, folder))
     else:
         _width_table(done.plan.widths)
         _program_table([done])
@@ -143,7 +137,7 @@ def demo(
                 continue
             write(done[-1], output / loaded.name)
     if json:
-        as_json({"jobs": [_as_dict(each, output / each.job.name) for each in done], "not_built": refused})
+        as_json({"jobs": [_json(each, output / each.job.name) for each in done], "not_built": refused})
     else:
         _program_table(done)
         for message in refused:
@@ -220,45 +214,6 @@ def _program_table(builds: list[Build]) -> None:
     )
 
 
-def _widths(widths: Sequence[Quantised]) -> list[dict[str, object]]:
-    return [
-        {
-            "servo": row.channel,
-            **({"pulse": row.which} if row.which else {}),
-            "requested_us": float(row.requested_us),
-            "cycles": row.cycles,
-            "achieved_us": float(row.achieved_us),
-            "error_us": float(row.error_us),
-            "frames": row.frames,
-        }
-        for row in widths
-    ]
-
-
-def _as_dict(done: Build, folder: Path) -> dict[str, object]:
-    from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
-
-    error = done.plan.schedule.plan_error
-    return {
-        "job": done.job.name,
-        "folder": str(folder),
-        "proven": done.proven,
-        "frames": done.frames,
-        "plan_error": error.to_json() if error else None,
-        "widths": _widths(done.plan.widths),
-        "programs": [
-            {
-                "dialect": program.firmware.dialect,
-                "words": program.firmware.compilation.words,
-                "words_left": PROGRAM_WORDS - program.firmware.compilation.words,
-                "ram_bytes": program.firmware.compilation.ram_bytes,
-                "ram_left": RAM_BYTES - program.firmware.compilation.ram_bytes,
-                "c_between_pulses": [room.to_json() for room in program.firmware.rooms],
-                "overrun_cycle": program.overrun,
-                "proven": program.proven,
-                "verdict": program.verdict.to_json(),
-            }
-            for program in done.programs
-        ],
-        "warnings": [{"code": warning.code, "text": str(warning)} for warning in done.warnings],
-    }
+def _json(done: Build, folder: Path) -> dict[str, object]:
+    warnings = [{"code": warning.code, "text": str(warning)} for warning in done.warnings]
+    return {"folder": str(folder), **done.to_json(), "warnings": warnings}

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,8 +12,6 @@ from servogen.cli.show import as_json, table, warn_of_all
 
 if TYPE_CHECKING:
     from servogen.movemaster import Run
-    from servogen.movemaster.memory import Pose
-    from servogen.robot.model import Arm
 
 CLOCK_HZ = 4_000_000
 """A cycle of it is a microsecond, so that a frame's microseconds are its cycles."""
@@ -48,6 +44,7 @@ def run_program(
     from servogen.kinematics.catalogue import arm
     from servogen.movemaster import Budget, input_of, manipulator, read, run
     from servogen.outputs import write_text
+    from servogen.report.motion_table import joint_lines
     from servogen.units import Clock, Cycles
 
     source, chosen = read(file), arm(robot)
@@ -61,13 +58,14 @@ def run_program(
         budget=Budget(max_commands, Fraction(max_s)),
     )
     if output:
-        write_text(output, _csv(done, chosen))
+        write_text(output, "".join(f"{line}\n" for line in joint_lines(done.trajectory, chosen)))
     if json:
-        as_json(_as_dict(done, robot))
+        warnings = [{"code": warning.code, "text": str(warning)} for warning in done.warnings]
+        as_json({"robot": robot, **done.to_json(), "warnings": warnings})
         return
     _show(done)
     frames, loop = len(done.trajectory.angles), len(done.trajectory.angles) - done.trajectory.loop_start
-    print(f"{file}: {frames} frames, {_seconds(done, frames):g} s; the last {loop} of them for ever")
+    print(f"{file}: {frames} frames, {done.seconds(frames):g} s; the last {loop} of them for ever")
     warn_of_all(done.warnings)
 
 
@@ -79,8 +77,8 @@ def _show(done: Run) -> None:
             (
                 step.statement.number or "",
                 step.statement.text,
-                f"{_seconds(done, step.frame):z.2f}",
-                f"{_seconds(done, step.frames):z.2f}",
+                f"{done.seconds(step.frame):z.2f}",
+                f"{done.seconds(step.frames):z.2f}",
                 *(f"{value:z.1f}" for value in step.pose.values),
                 "closed" if step.hand == "C" else "open",
             )
@@ -88,62 +86,5 @@ def _show(done: Run) -> None:
         ],
     )
     if done.outputs:
-        rows = [(f"{_seconds(done, each.frame):z.2f}", f"&{each.value:02X}") for each in done.outputs]
+        rows = [(f"{done.seconds(each.frame):z.2f}", f"&{each.value:02X}") for each in done.outputs]
         table("Output port", ("at s", "value"), rows)
-
-
-def _seconds(done: Run, frames: int) -> float:
-    return float(done.trajectory.clock.seconds(frames * done.trajectory.period))
-
-
-def _csv(done: Run, arm: Arm) -> str:
-    """A row a frame: time, then each joint in degrees or millimetres."""
-    from math import degrees
-
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["time_s", *(f"{joint.name}_{'deg' if joint.turning else 'mm'}" for joint in arm.joints)])
-    for frame, row in enumerate(done.trajectory.angles.tolist()):
-        shown = (
-            degrees(value) if joint.turning else 1000 * value
-            for joint, value in zip(arm.joints, row, strict=True)
-        )
-        writer.writerow([f"{_seconds(done, frame):.6g}", *(f"{value:z.6f}" for value in shown)])
-    return text.getvalue()
-
-
-def _as_dict(done: Run, robot: str) -> dict[str, object]:
-    """Metres, radians and seconds."""
-    return {
-        "robot": robot,
-        "joints": list(done.trajectory.joints),
-        "period_s": _seconds(done, 1),
-        "frames": len(done.trajectory.angles),
-        "loop_start": done.trajectory.loop_start,
-        "steps": [
-            {
-                "line": step.statement.number,
-                "command": step.statement.text,
-                "start_s": _seconds(done, step.frame),
-                "duration_s": _seconds(done, step.frames),
-                **_pose(step.pose),
-                "hand": "closed" if step.hand == "C" else "open",
-            }
-            for step in done.steps
-        ],
-        "outputs": [
-            {"time_s": _seconds(done, each.frame), "value": each.value, "strobe": each.strobe}
-            for each in done.outputs
-        ],
-        "positions": {str(number): _pose(each.pose) for number, each in done.positions.items()},
-        "counters": {str(number): value for number, value in done.counters.items()},
-        "final_joints": done.trajectory.angles[-1].tolist(),
-        "warnings": [{"code": warning.code, "text": str(warning)} for warning in done.warnings],
-    }
-
-
-def _pose(pose: Pose) -> dict[str, object]:
-    from math import radians
-
-    x, y, z, p, r = pose.values
-    return {"position_m": [x / 1000, y / 1000, z / 1000], "pitch": radians(p), "roll": radians(r)}

@@ -46,17 +46,7 @@ def report(
         page = page_of(loaded, capture, lambda step: tell(f"{loaded.name}: {step}"), rate)
     write_text(target, page.html)
     if json:
-        error = page.plan_error.to_json() if page.plan_error else None
-        seen = {} if page.capture is None else {"capture": page.capture.to_json()}
-        as_json(
-            {
-                "file": str(target),
-                "proven": page.proven,
-                "plan_error": error,
-                "not_built": page.message,
-                **seen,
-            }
-        )
+        as_json({"file": str(target), **page.to_json()})
     elif page.message:
         print(page.message)
         print(f"{target}: the plan; {plan_words(page.plan_error)}")

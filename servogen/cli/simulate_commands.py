@@ -90,7 +90,9 @@ def simulate(
         _write_eeprom(eeprom, program, state)
     found = _profiled(program, clock, board, stimuli, span) if profile else None
     if json:
-        as_json(_state_as_dict(state, changes) | ({"profile": _profile_as_dict(found)} if found else {}))
+        shown = {**state.to_json(), "edges": changes}
+        warnings = [str(warning) for warning in state.warnings]
+        as_json({**shown, "warnings": warnings, **({"profile": found.to_json()} if found else {})})
     else:
         _print_state(state, clock, changes)
         if found:
@@ -145,47 +147,12 @@ def _profiled(
     return profiled(Machine(program.image, clock, board, stimuli), span, program.listing)
 
 
-def _state_as_dict(state: State, edges: int) -> dict[str, object]:
-    return {
-        "cycles": state.cycles,
-        "pc": state.pc,
-        "w": state.w,
-        "status": state.status,
-        "ram": list(state.ram),
-        "registers": dict(state.registers),
-        "eeprom": list(state.eeprom),
-        "resets": dict(state.resets),
-        "stack_wraps": state.stack_wraps,
-        "deepest_stack": state.deepest_stack,
-        "edges": edges,
-        "sleeping": state.sleeping,
-        "warnings": [str(warning) for warning in state.warnings],
-    }
-
-
 def _print_state(state: State, clock: Clock, edges: int) -> None:
     print(f"{state.cycles} cycles, {float(clock.seconds(state.cycles)):g} s, {edges} edges")
     print(f"PC 0x{state.pc:03X}  W 0x{state.w:02X}  STATUS 0x{state.status:02X}")
     print("  ".join(f"{name} 0x{value:02X}" for name, value in state.registers.items()))
     resets = ", ".join(f"{count} {cause}" for cause, count in state.resets.items() if count)
     print(f"resets: {resets}; deepest stack {state.deepest_stack} of 8, {state.stack_wraps} wraps")
-
-
-def _profile_as_dict(profile: Profile) -> dict[str, object]:
-    return {
-        "cycles": profile.cycles,
-        "idle_cycles": profile.idle,
-        "coverage": profile.coverage,
-        "unexecuted": list(profile.unexecuted),
-        "functions": {name: spent.cycles for name, spent in profile.functions.items()},
-        "lines": [
-            {"file": file, "line": line, "cycles": spent.cycles, "executions": spent.executions}
-            for (file, line), spent in profile.lines.items()
-        ],
-        "deepest_stack": profile.deepest_stack,
-        "ram_high_water": profile.ram_high_water,
-        "read_unwritten": list(profile.read_unwritten),
-    }
 
 
 def _print_profile(profile: Profile) -> None:

@@ -60,13 +60,8 @@ def tune(
             {
                 "job": loaded.name,
                 "dialect": spoken,
-                "proven": found.verdict.proven,
                 "next_c": str(target) if found.source else None,
-                "added": [
-                    {"way": each.way, "their_cycles": each.theirs, "servogen_cycles": each.ours}
-                    for each in found.added
-                ],
-                "verdict": found.verdict.to_json(),
+                **found.to_json(),
             }
         )
     else:

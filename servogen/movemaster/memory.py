@@ -13,6 +13,7 @@ A pallet's grid (pallet i; the manufacturer's numbering, i tens and units):
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import radians
 
 from servogen.errors import InputError
 from servogen.movemaster.language import WORD
@@ -40,6 +41,11 @@ class Pose:
 
     def times(self, factor: float) -> Pose:
         return Pose(*(factor * value for value in self.values))
+
+    def to_json(self) -> dict[str, object]:
+        """Return the pose in metres and radians."""
+        position = [self.x / 1000, self.y / 1000, self.z / 1000]
+        return {"position_m": position, "pitch": radians(self.p), "roll": radians(self.r)}
 
     def __str__(self) -> str:
         x, y, z, p, r = (f"{value:z.1f}" for value in self.values)

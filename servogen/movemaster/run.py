@@ -18,7 +18,7 @@ from servogen.motion.trajectory import JointTrajectory
 from servogen.movemaster.arm import Manipulator
 from servogen.movemaster.commands import ACTIONS
 from servogen.movemaster.interpreter import Controller, Step
-from servogen.movemaster.memory import Position
+from servogen.movemaster.memory import CLOSED, Position
 from servogen.movemaster.mover import Hand, Mover
 from servogen.movemaster.parser import Source, Statement
 from servogen.movemaster.ports import Input, InputPort, Output
@@ -46,6 +46,37 @@ class Run:
     positions: dict[int, Position]
     counters: dict[int, int]
     warnings: tuple[Caution, ...]
+
+    def seconds(self, frames: int) -> float:
+        """Return how long a number of frames lasts."""
+        return float(self.trajectory.clock.seconds(frames * self.trajectory.period))
+
+    def to_json(self) -> dict[str, object]:
+        """Return the motion in metres, radians and seconds, without the warnings."""
+        return {
+            "joints": list(self.trajectory.joints),
+            "period_s": self.seconds(1),
+            "frames": len(self.trajectory.angles),
+            "loop_start": self.trajectory.loop_start,
+            "steps": [
+                {
+                    "line": step.statement.number,
+                    "command": step.statement.text,
+                    "start_s": self.seconds(step.frame),
+                    "duration_s": self.seconds(step.frames),
+                    **step.pose.to_json(),
+                    "hand": "closed" if step.hand == CLOSED else "open",
+                }
+                for step in self.steps
+            ],
+            "outputs": [
+                {"time_s": self.seconds(each.frame), "value": each.value, "strobe": each.strobe}
+                for each in self.outputs
+            ],
+            "positions": {str(number): each.pose.to_json() for number, each in self.positions.items()},
+            "counters": {str(number): value for number, value in self.counters.items()},
+            "final_joints": self.trajectory.angles[-1].tolist(),
+        }
 
 
 def run(

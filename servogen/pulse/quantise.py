@@ -44,6 +44,17 @@ class Quantised:
         """Return the achieved width minus the requested one, in µs."""
         return self.achieved_us - self.requested_us
 
+    def to_json(self) -> dict[str, object]:
+        return {
+            "servo": self.channel,
+            **({"pulse": self.which} if self.which else {}),
+            "requested_us": float(self.requested_us),
+            "cycles": self.cycles,
+            "achieved_us": float(self.achieved_us),
+            "error_us": float(self.error_us),
+            "frames": self.frames,
+        }
+
 
 def quantise(
     servo: Servo, angles: Floats, clock: Clock

@@ -5,14 +5,16 @@ In: a `PlannedJob`, its schedule and tracks. Out: lines of text, one a frame; wi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from servogen.job import PlannedJob
-from servogen.motion.trajectory import Floats
+from servogen.motion.trajectory import Floats, JointTrajectory
 from servogen.pulse import PulseSchedule
 from servogen.report.tracks import Track
+from servogen.robot.model import Arm
 
 
 def frame_lines(job: PlannedJob, schedule: PulseSchedule, tracks: Sequence[Track]) -> Iterator[str]:
@@ -45,3 +47,15 @@ def widths_us(schedule: PulseSchedule) -> Floats:
         [float(schedule.clock.us(pulse.width)) if pulse else np.nan for pulse in run.pulses] for run in runs
     ]
     return np.repeat(np.array(us), [run.frames for run in runs], axis=0)
+
+
+def joint_lines(trajectory: JointTrajectory, arm: Arm) -> Iterator[str]:
+    """Yield the header, then one line per frame: seconds, and each joint of an arm in degrees or mm."""
+    units = ["deg" if joint.turning else "mm" for joint in arm.joints]
+    yield ",".join(
+        ("time_s", *(f"{joint.name}_{unit}" for joint, unit in zip(arm.joints, units, strict=True)))
+    )
+    scale = np.array([180 / math.pi if joint.turning else 1000 for joint in arm.joints])
+    frame_s = trajectory.clock.seconds(trajectory.period)
+    for frame, row in enumerate((trajectory.angles * scale).tolist()):
+        yield ",".join((f"{float(frame * frame_s):.6g}", *(f"{value:z.6f}" for value in row)))

@@ -120,6 +120,22 @@ class Profile:
         total = len(self.words) + len(self.unexecuted)
         return len(self.words) / total if total else 1.0
 
+    def to_json(self) -> dict[str, object]:
+        return {
+            "cycles": self.cycles,
+            "idle_cycles": self.idle,
+            "coverage": self.coverage,
+            "unexecuted": list(self.unexecuted),
+            "functions": {name: spent.cycles for name, spent in self.functions.items()},
+            "lines": [
+                {"file": file, "line": line, "cycles": spent.cycles, "executions": spent.executions}
+                for (file, line), spent in self.lines.items()
+            ],
+            "deepest_stack": self.deepest_stack,
+            "ram_high_water": self.ram_high_water,
+            "read_unwritten": list(self.read_unwritten),
+        }
+
 
 def profile(machine: Machine, cycles: int, listing: Listing | None = None) -> Profile:
     """Run `machine` for `cycles` and return the counts; stack and RAM figures are those since power-up."""

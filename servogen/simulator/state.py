@@ -54,6 +54,23 @@ class State:
         """Return the number of RAM bytes ever written."""
         return len(self.ram_written)
 
+    def to_json(self) -> dict[str, object]:
+        """Return the state without the warnings."""
+        return {
+            "cycles": self.cycles,
+            "pc": self.pc,
+            "w": self.w,
+            "status": self.status,
+            "ram": list(self.ram),
+            "registers": dict(self.registers),
+            "eeprom": list(self.eeprom),
+            "resets": dict(self.resets),
+            "stack_wraps": self.stack_wraps,
+            "deepest_stack": self.deepest_stack,
+            "edges": self.edges,
+            "sleeping": self.sleeping,
+        }
+
 
 def state_of(s: npt.NDArray[np.int64], warnings: tuple[Warning, ...]) -> State:
     """Return the state in a vector."""
