@@ -25,6 +25,8 @@ Ints = chip.Ints
 SAME = np.array([chip.PC, chip.DEPTH, chip.OPTION, chip.TRISA, chip.TRISB, chip.EDGE, chip.OUT])
 MAX_PERIODS, MAX_FORKS, MAX_CYCLES = 500, 20_000, 20_000_000_000
 """Of a way between two cuts, the splits after one state, and all cycles: beyond them it is refused."""
+RC, FASTEST = 3, (200_000, 4_000_000, 20_000_000, 0)
+"""Bits of the configuration word, and the largest clocks of LP, XT, HS and RC in Hz (section 6.2)."""
 WATCHDOG_US, WATCHDOG_ON = 7_000, 4
 """The shortest period (DS35007 parameter 31) and the bit of the configuration word."""
 
@@ -209,6 +211,9 @@ def check_certificate(certificate: Certificate, image: Image, schedule: bytes, f
     plan = read_plan(schedule, file)
     if certificate.image != fingerprint(image):
         raise Refused("the certificate is of another program")
+    config = RC if image.config is None else image.config
+    if plan.clock_hz > FASTEST[config & RC]:
+        raise Refused("the oscillator that the configuration word selects has no exact frequency")
     if certificate.schedule != hashlib.sha256(schedule).hexdigest() or certificate.clock_hz != plan.clock_hz:
         raise Refused("the certificate is of another schedule")
     return Checker(image, plan, certificate).check()

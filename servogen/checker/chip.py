@@ -42,7 +42,7 @@ BYTES = np.array(
 NOWHERE = -1
 UNKNOWN = 0xFF00
 NEVER = 1 << 60
-BEFORE = -1
+BEFORE = -NEVER
 """`FRAME`, the cycle in which the frame began, before the first pulse."""
 
 # The parameters, beside the state: they do not change in a run.

@@ -17,6 +17,7 @@ from servogen.checker.certificate import fingerprint
 from servogen.checker.plan import OVER, Position, read_plan
 from servogen.errors import InputError
 from servogen.pic.image import Image, to_hex
+from servogen.pic.isa import encode
 from tests.checker import certify
 from tests.checker.certify import PERIOD, STOP, WIDTH
 from tests.prove import certificate_mutants
@@ -49,6 +50,26 @@ def test_one_servo_is_one_state_that_repeats_each_frame() -> None:
     packed = certified(image, schedule)
     assert certify.unpack(packed)["count"] == 1
     assert check(packed, image, schedule) == Checked(states=1, frames=2, cycles=2 * PERIOD + FRAME, forks=0)
+
+
+@pytest.mark.parametrize("cycle", [1, 2, WIDTH])
+def test_a_cut_may_be_anywhere_in_the_frame(cycle: int) -> None:
+    """The rise is in cycle 0 of the frame; the delay begins in cycle 1, and the fall is in cycle 300."""
+    image, schedule = certify.plain_program(), certify.schedule()
+    fall = next(address for address, word in image.program.items() if word == encode("BCF", f=6))
+    packed = certify.certify(image, schedule, [FRAME + cycle if cycle < WIDTH else fall])
+    assert check(packed, image, schedule).states <= 2
+    assert certify.unpack(packed)["columns"]["spec.time"]["delta"][0] == cycle
+
+
+@pytest.mark.parametrize(
+    ("config", "clock_hz"), [("0x3ff3", 4_000_000), ("0x3ff1", 4_000_001), ("0x3ff0", 200_001)]
+)
+def test_an_oscillator_without_an_exact_frequency_is_refused(config: str, clock_hz: int) -> None:
+    image = certify.plain_program(config=config)
+    schedule = certify.schedule().replace(b"4000000", str(clock_hz).encode())
+    with pytest.raises(Refused, match="no exact frequency"):
+        check(certified(image, schedule), image, schedule)
 
 
 def test_a_button_splits_every_frame_in_which_it_is_read() -> None:
