@@ -177,7 +177,7 @@ def hidden(case: Target, image: Image, rng: random.Random) -> Environment | None
 
 
 def attack(names: list[str], count: int, seed: int, max_states: int) -> tuple[Counter[str], list[str]]:
-    """Counts of the prover's answers to `count` hidden faults, and of the mutants tried; the wrong answers."""
+    """Counts of mutants tried, hidden faults and the prover's answers to them; the wrong answers."""
     rng = random.Random(seed)
     cases = [target(name) for name in names]
     for case in cases:
