@@ -18,12 +18,12 @@ def machine_of(
     *,
     tracked: bool = False,
 ) -> Machine:
-    """Return the chip with `image` on the board of `schedule`, its inputs held as that says."""
+    """Return the chip with `image` on the board of `schedule`, its inputs at the schedule's levels."""
     return Machine(image, schedule.clock, board_of(schedule, options), inputs_of(schedule), tracked=tracked)
 
 
 def inputs_of(schedule: PulseSchedule) -> Stimuli | None:
-    """The levels at which a schedule's inputs are held from power-up on."""
+    """Return the levels at which a schedule's inputs are held from power-up on."""
     held = [Levels(pin_number(each.pin), ((0, each.level),)) for each in schedule.inputs]
     return Stimuli(held) if held else None
 

@@ -23,11 +23,11 @@ SUFFIXES = (".j2", ".asm")
 
 
 class RenderError(ServogenError):
-    """A template is wrong: its name and line."""
+    """An error in a template, with its name and line."""
 
 
 def filled(template: str, **values: object) -> str:
-    """The text of a template. Raises RenderError, with the template's name and line."""
+    """Return the text of a template. Raises RenderError with the template's name and line."""
     try:
         return _environment().get_template(template).render(**values)
     except TemplateError as error:
@@ -37,7 +37,7 @@ def filled(template: str, **values: object) -> str:
 
 
 def _template_place(error: TemplateError) -> Location:
-    """The template and line of an error: its own, or the last template line that was running."""
+    """Return the template and line of an error: its own, or the last template line that was running."""
     if isinstance(error, TemplateSyntaxError):
         return Location(error.name, error.lineno)
     lines = [
@@ -58,14 +58,14 @@ class AsmLine:
 
 
 def assembly(text: str) -> Iterator[AsmLine]:
-    """The lines of assembly, whose comments each dialect writes in its own way."""
+    """Yield the lines of assembly, whose comments each dialect writes in its own form."""
     for line in text.splitlines():
         code, _, comment = line.partition(";")
         yield AsmLine(code, comment.strip())
 
 
 def template_folder() -> Path:
-    """`templates/`: inside the package when installed from a wheel, beside it in a checkout."""
+    """Return `templates/`: inside the package when installed from a wheel, beside it in a checkout."""
     package = Path(__file__).parent.parent
     inside = package / "templates"
     return inside if inside.is_dir() else package.parent / "templates"
@@ -89,7 +89,7 @@ DIALECTS = ("c2c", "xc8", "sdcc")
 
 @dataclass(frozen=True, slots=True)
 class ChannelText:
-    """A channel of the C file's head."""
+    """A channel in the header of the C file."""
 
     name: str
     pin: str
@@ -105,7 +105,7 @@ class PortText:
 
 
 def ports_of(schedule: PulseSchedule) -> Iterator[PortText]:
-    """The ports in use; their other pins stay inputs, as reset leaves them."""
+    """Yield the ports in use; their other pins stay inputs, as after a reset."""
     for port, inputs in (("A", 0x1F), ("B", 0xFF)):
         pins = [int(channel.pin[2]) for channel in schedule.channels if channel.pin[1] == port]
         if pins:
@@ -113,5 +113,5 @@ def ports_of(schedule: PulseSchedule) -> Iterator[PortText]:
 
 
 def decimal(value: Fraction) -> str:
-    """A number as people write it: whole, or with the decimals it needs, three at most."""
+    """Return a number as text: whole, or with the decimals it needs, up to three."""
     return f"{float(value):.3f}".rstrip("0").rstrip(".")

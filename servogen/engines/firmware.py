@@ -11,13 +11,13 @@ from servogen.units import Cycles
 
 
 class ResourceError(InputError):
-    """The job's motion is more than its engine can put on the chip: planned, but not built."""
+    """A motion that its engine cannot fit on the chip: planned, but not built."""
 
 
 def compiled_to_fit(
     text: str, file: str, options: Options, title: str, engine: str, hint: str
 ) -> Compilation:
-    """What the compiler makes of an engine's C. Raises ResourceError where the chip is too small for it."""
+    """Return the compiled C of an engine. Raises ResourceError if the chip is too small for it."""
     try:
         return compile_sources([Source(text, file)], options)
     except CompileError as error:
@@ -30,7 +30,7 @@ def compiled_to_fit(
 
 @dataclass(frozen=True, slots=True)
 class Firmware:
-    """One dialect's C file and what the compiler made of it."""
+    """One dialect's C file and its compilation."""
 
     dialect: str
     file: str
@@ -39,7 +39,7 @@ class Firmware:
     rooms: tuple[TimingBudget, ...] = ()
     """What the C between the pulses takes at most, of what it has."""
     overrun: int | None = None
-    """The address of the byte whose bit 0 says that it took longer, once; None: this engine has none."""
+    """The address of the byte whose bit 0 is set once the C takes too long; None: the engine has none."""
     warnings: tuple[Caution, ...] = ()
     overheads: Overheads = field(default_factory=Overheads)
     """What the sequence engine took off its delays."""
@@ -47,7 +47,9 @@ class Firmware:
 
 @dataclass(frozen=True, slots=True)
 class TimingBudget:
-    """`between`: in words; `worst` is None where no bound is known."""
+    """The time that the C has between two moments, named by `between`; `worst` is None if no
+    bound is known.
+    """
 
     between: str
     worst: Cycles | None
@@ -58,10 +60,11 @@ class TimingBudget:
 
     @property
     def left(self) -> int | None:
-        """Cycles; below 0 where the C may come too late."""
+        """Return the cycles to spare; below 0 if the C may come too late."""
         return None if self.worst is None else self.room - self.worst
 
     def to_json(self) -> dict[str, object]:
+        """Return the budget as a value that JSON can hold."""
         return {
             "between": self.between,
             "worst_cycles": self.worst,

@@ -24,7 +24,7 @@ from servogen.units import Clock
 
 
 class FirmwareChoice(Protocol):
-    """What the job says of its program."""
+    """The job's choice of its program."""
 
     @property
     def soft_start_s(self) -> Fraction: ...
@@ -38,7 +38,7 @@ class FirmwareChoice(Protocol):
 
 
 class EngineJob(Protocol):
-    """A job, as far as an engine reads it."""
+    """The part of a job that an engine reads."""
 
     @property
     def name(self) -> str: ...
@@ -83,7 +83,7 @@ class Engine(Protocol):
 
     @property
     def title(self) -> str:
-        """Its name in a sentence: "the player"."""
+        """Return its name in a sentence: "the player"."""
 
     def plan(self, job: EngineJob) -> EnginePlan:
-        """Plans the job's pulses. Raises InputError where this engine cannot play it."""
+        """Return the job's pulses. Raises InputError if this engine cannot play it."""

@@ -81,7 +81,7 @@ def _wheels(
             raise document.error(
                 "wrong-servo-kind",
                 key,
-                f"'{name}' does not turn for ever",
+                f"'{name}' is not a continuous-rotation servo",
                 'a wheel needs model = "continuous" or the like',
             )
     for index, servo in enumerate(servos):

@@ -156,7 +156,7 @@ class _Reader:
                     "pose-incomplete",
                     key,
                     f"the first pose does not say where {servo.name} is",
-                    f"add {_key_of(servo)} = … (later poses may leave it away: it stays)",
+                    f"add {_key_of(servo)} = … (later poses may omit it: it stays)",
                 )
         return [_State({**before.angles, **each}, orientation) for each in choices]
 
@@ -176,7 +176,7 @@ class _Reader:
                     "pose-timing",
                     (*key, name),
                     "a pose that is passed has no hold and no pause",
-                    "take via = true away",
+                    "remove via = true",
                 )
         law = row.law or table.law
         timeless = law is not None or row.via or row.path != "joint"

@@ -73,7 +73,7 @@ def _hand(
     if name in [binding.servo for binding in bindings]:
         raise document.error("servo-bound-twice", key, f"'{name}' turns a joint of the arm already")
     if by_name[name].model.continuous:
-        raise document.error("wrong-servo-kind", key, f"'{name}' turns for ever: a hand needs angles")
+        raise document.error("wrong-servo-kind", key, f"'{name}' turns continuously: a hand needs angles")
     opened, closed = math.radians(table.hand.open_deg), math.radians(table.hand.closed_deg)
     for end, angle in (("open_deg", opened), ("closed_deg", closed)):
         by_name[name].width_us(angle, document.place("program", "hand", end))

@@ -92,7 +92,7 @@ def _section(document: Document, table: JobTable, needed: bool) -> Section | Non
             "endless-motion",
             (part, "end"),
             "a motion that repeats has no end",
-            "write repeat = false, or leave end away",
+            "write repeat = false, or omit end",
         )
     section: Section = getattr(table, part)
     return section

@@ -37,7 +37,7 @@ def rig_of(document: Document, table: JobTable, servos: tuple[Servo, ...]) -> Ri
     if table.leg is not None:
         if table.robot is not None:
             raise document.error(
-                "conflicting-keys", ("robot",), "[leg] is a robot of its own", "take one of the two away"
+                "conflicting-keys", ("robot",), "[leg] is a robot of its own", "remove one of the two"
             )
         bindings_of(document, table.servo, {})
         tip = _leg(document, table.leg, servos)

@@ -56,7 +56,7 @@ def servos_of(document: Document, rows: tuple[ServoTable, ...]) -> tuple[Servo, 
             raise document.error(
                 "open-drain",
                 ("servo", index, "open_drain"),
-                f"{row.pin} is no open drain: only {OPEN_DRAIN_PIN} is",
+                f"{row.pin} is not an open drain: only {OPEN_DRAIN_PIN} is",
             )
         by_name[row.name], by_pin[row.pin] = index, row.name
     return tuple(_servo(document, index, row) for index, row in enumerate(rows))
@@ -75,7 +75,7 @@ def _servo(document: Document, index: int, row: ServoTable) -> Servo:
             raise document.error(
                 "wrong-servo-kind",
                 ("servo", index, name),
-                f"{row.name} turns for ever: it has no angle that {name} could mean",
+                f"{row.name} turns continuously: it has no angle that {name} could mean",
             )
     return servo(
         row.name,
@@ -121,7 +121,10 @@ def bindings_of(
         key = ("servo", index, "joint")
         if not sliding:
             raise document.error(
-                "missing-robot", key, "there is no robot whose joint it could be", "add [robot] name = …"
+                "missing-robot",
+                key,
+                "there is no robot to whose joints it could belong",
+                "add [robot] name = …",
             )
         if row.joint not in sliding:
             raise document.error(

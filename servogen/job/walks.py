@@ -90,13 +90,13 @@ def _gait(document: Document, table: WalkTable, whole: WalkingRobot, robot: Walk
         if table.lifts is not None:
             if table.duty is None:
                 raise InputError(
-                    "gait-incomplete", "a gait of your own has a duty factor, too", hint="add duty = …"
+                    "gait-incomplete", "your own gait needs a duty factor, too", hint="add duty = …"
                 )
             return custom("own", table.duty, table.lifts, robot)
         if table.duty is not None:
             raise InputError(
                 "gait-incomplete",
-                "a gait of your own says when each leg lifts, too",
+                "your own gait needs the phase of each leg, too",
                 hint="add lifts = { L1 = 0.0, … }",
             )
         named = gait(table.gait, whole)

@@ -48,7 +48,7 @@ def arm(name: str) -> Arm:
         raise InputError(
             "wrong-robot-kind",
             f"'{name}' drives on wheels: it has no joints",
-            hint="its [drive] says how it moves",
+            hint="[drive] moves it",
         )
     raise InputError(
         "wrong-robot-kind",

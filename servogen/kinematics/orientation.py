@@ -28,7 +28,7 @@ def _order(order: str) -> tuple[int, int, int, float]:
     """Return the three axes and the sign of the first two with the axis that is neither."""
     if order.upper() not in ORDERS:
         raise InputError(
-            "bad-rotation", f"'{order}' is no order of three angles", hint=did_you_mean(order, ORDERS)
+            "bad-rotation", f"'{order}' is not an order of three angles", hint=did_you_mean(order, ORDERS)
         )
     first, second, third = (AXES[letter] for letter in order.lower())
     return first, second, third, 1.0 if (second - first) % 3 == 1 else -1.0
@@ -135,7 +135,7 @@ def from_quaternion(quaternion: ArrayLike) -> Floats:
     quaternion = np.asarray(quaternion, float)
     square = np.sum(quaternion * quaternion, axis=-1)[..., None, None]
     if np.any(square == 0.0):
-        raise InputError("bad-rotation", "a quaternion of length 0 is no rotation")
+        raise InputError("bad-rotation", "a quaternion of length 0 is not a rotation")
     scalar, cross = quaternion[..., 0, None, None], skew(quaternion[..., 1:])
     return np.asarray(np.eye(3) + 2 / square * (scalar * cross + cross @ cross))
 

@@ -132,7 +132,7 @@ def singular_condition(arm: Arm) -> Any:
 
 
 def text_of(matrix: Any, style: Style = "text", name: str = "T") -> str:
-    """A sympy matrix or expression as text, as LaTeX, or as C assignments name[row][column] = …;"""
+    """Return a sympy matrix or expression as text, LaTeX, or C assignments name[row][column] = …;"""
     sympy = _sympy()
 
     if style == "latex":
@@ -142,7 +142,7 @@ def text_of(matrix: Any, style: Style = "text", name: str = "T") -> str:
             return str(matrix)
         return _table([[str(matrix[i, j]) for j in range(matrix.cols)] for i in range(matrix.rows)])
     if style != "c":
-        raise InputError("bad-option", f"'{style}' is no style", hint="text, latex or c")
+        raise InputError("bad-option", f"'{style}' is not a style", hint="text, latex or c")
     if not isinstance(matrix, sympy.MatrixBase):
         return f"{name} = {sympy.ccode(matrix)};"
     vector = matrix.cols == 1

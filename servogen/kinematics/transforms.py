@@ -55,7 +55,7 @@ def cos_sin(angle: Floats) -> tuple[Floats, Floats]:
 def rot(axis: str, angle: ArrayLike) -> Floats:
     """Return the rotation (..., 3, 3) by `angle` about "x", "y" or "z"."""
     if axis not in AXES:
-        raise InputError("bad-axis", f"'{axis}' is no axis", hint="x, y or z")
+        raise InputError("bad-axis", f"'{axis}' is not an axis", hint="x, y or z")
     angle = np.asarray(angle, float)
     first, second = (AXES[axis] + 1) % 3, (AXES[axis] + 2) % 3
     matrix = np.zeros((*angle.shape, 3, 3))
@@ -232,7 +232,7 @@ def parse(text: str) -> Floats:
             break
         found = _FACTOR.match(text, at)
         if not found:
-            raise _error(at, f"'{text[at:].split()[0]}' is no transform")
+            raise _error(at, f"'{text[at:].split()[0]}' is not a transform")
         matrix = matrix @ _factor(found["word"], found["inside"].split(","), at)
         at = found.end()
     if not text.strip():
@@ -259,7 +259,7 @@ def _factor(name: str, inside: list[str], at: int) -> Floats:
         if word[0] == "r":
             return _turn(word[1], value)
         return translation(*(value if axis == word[1] else 0.0 for axis in "xyz"))
-    raise _error(at, f"'{name}({','.join(inside)})' is no transform")
+    raise _error(at, f"'{name}({','.join(inside)})' is not a transform")
 
 
 def _turn(axis: str, degrees: float) -> Floats:

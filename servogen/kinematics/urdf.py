@@ -177,7 +177,7 @@ def _chain(robot: Any, file: str, tip: str | None) -> list[Any]:
     if tip is None and len(ends) != 1:
         raise InputError(
             "urdf-chain",
-            f"'{robot.name}' is no serial chain: it ends in {', '.join(ends) or 'nothing'}",
+            f"'{robot.name}' is not a serial chain: it ends in {', '.join(ends) or 'nothing'}",
             Location(file),
             "name the tip",
         )
@@ -219,7 +219,7 @@ def _joint(joint: Any, file: str) -> Joint:
         lower, upper, speed = joint.limit.lower or 0.0, joint.limit.upper or 0.0, joint.limit.velocity
     if not lower < upper:
         raise InputError(
-            "urdf-value", f"the limits of '{joint.name}' leave no room: {lower} to {upper}", Location(file)
+            "urdf-value", f"the limits of '{joint.name}' are not in order: {lower} to {upper}", Location(file)
         )
     home = min(max(0.0, lower), upper) if kind == "turning" else lower
     return Joint(joint.name, "turning" if kind == "turning" else "sliding", lower, upper, home, speed or None)

@@ -53,7 +53,7 @@ def fastest(name: str, travel: Sequence[float], limits: Sequence[Limits]) -> Tim
     if math.isinf(speed) and math.isinf(acceleration):
         raise InputError(
             "no-speed",
-            "nothing says how fast this move may be",
+            "the speed of this move is not known",
             hint="give it a time, or a servo with a stated speed, or an acceleration limit",
         )
     shaped = _shaped(name, speed, acceleration, jerk)

@@ -147,7 +147,7 @@ class _Sampler:
                     "pose-timing",
                     "a motion cannot begin or end with a pose that it only passes",
                     pose.place,
-                    "take via = true away, or give it to all poses of a motion that repeats",
+                    "remove via = true, or give it to all poses of a motion that repeats",
                 )
 
     def _stand(self, pose: Pose) -> None:
@@ -215,7 +215,7 @@ class _Sampler:
                     "pose-timing",
                     "poses that are passed take a time each, or none of them does",
                     pose.place,
-                    "give move_s to all of them, and no path, or take it away from all",
+                    "give move_s to all of them, and no path, or remove it from all",
                 )
         if timed[0] is None:
             limits, frame_s = self.motion.limits, float(self.period_s)

@@ -166,7 +166,7 @@ def with_lengths(document: Document, lengths_mm: LengthsMm, arm: Arm) -> Arm:
         if name not in arm.length:
             where, bare = ("lengths_mm", name), name.removesuffix("_mm")
             hint = (
-                f"lengths_mm says the unit: write {bare}"
+                f"the unit is in lengths_mm: write {bare}"
                 if bare in arm.length
                 else did_you_mean(name, arm.length)
             )
@@ -265,7 +265,7 @@ def _joint(document: Document, index: int, table: JointTable, model: Joint | Non
         )
     if lower >= upper:
         raise document.error(
-            "joint-limits", ("joint", index), f"the limits of '{table.name}' leave no room: lower < upper"
+            "joint-limits", ("joint", index), f"the limits of '{table.name}' are not in order: lower < upper"
         )
     rest = min(max(0.0, lower), upper) if kind == "turning" else lower
     home = given("home", model.home if model and lower <= model.home <= upper else rest)

@@ -35,7 +35,9 @@ def angle_of(text: str, what: str = "") -> float:
     except ValueError:
         degrees = math.nan
     if not math.isfinite(degrees):
-        raise InputError("bad-angle", f"{what}'{text.strip()}' is no number of degrees", hint="90, or 92.5")
+        raise InputError(
+            "bad-angle", f"{what}'{text.strip()}' is not a number of degrees", hint="90, or 92.5"
+        )
     return math.radians(degrees)
 
 
@@ -164,7 +166,7 @@ def fit(readings: Sequence[Reading], tolerance: float = TOLERANCE_RAD, speed: bo
         _check_order(readings, made.us_per_rad > 0, unit)
         raise InputError(
             "not-straight",
-            f"the readings are no straight line: {_named(readings, made.worst, unit)} is "
+            f"the readings are not on a straight line: {_named(readings, made.worst, unit)} is "
             f"{math.degrees(off):z.1f}{unit} off it, {math.degrees(tolerance):zg}{unit} is allowed",
             hint="calibrate a shorter range, or allow more with --tolerance-deg",
         )

@@ -138,7 +138,9 @@ def _travel(
     """
     if table.kind == "continuous":
         if travel_deg is not None:
-            raise InputError("wrong-servo-kind", f"{table.title}: it turns for ever and has no travel", place)
+            raise InputError(
+                "wrong-servo-kind", f"{table.title}: it turns continuously and has no travel", place
+            )
         return -math.inf, math.inf
     if travel_deg is None:
         return curve.angles

@@ -99,7 +99,7 @@ def test_a_drive_may_end_stopped_or_released() -> None:
     [
         ('"wheel2", "wheel3"]', '"wheel2", "wheel4"]', "drive.wheels[3]: there is no servo 'wheel4'"),
         ('"wheel2", "wheel3"]', '"wheel2", "wheel2"]', "drive.wheels[3]: 'wheel2' is two wheels' servo"),
-        ('model = "continuous" #', 'model = "futaba-s3001" #', "'wheel1' does not turn for ever"),
+        ('model = "continuous" #', 'model = "futaba-s3001" #', "'wheel1' is not a continuous-rotation servo"),
         ('name = "omni"', 'name = "rv-m1"', "drive: a drive needs a robot on wheels"),
         ("[[0, 0], [300, 0], [300, 300], [0, 300]]", "[[0, 0], [0, 0]]", "the contour has no length"),
         (
@@ -110,7 +110,7 @@ def test_a_drive_may_end_stopped_or_released() -> None:
         (
             'model = "continuous" #',
             'model = "continuous"\nmin_deg = 0 #',
-            "wheel1 turns for ever: it has no angle",
+            "wheel1 turns continuously: it has no angle",
         ),
     ],
 )

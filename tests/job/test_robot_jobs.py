@@ -216,7 +216,7 @@ def test_one_leg_walks_on_two_servos() -> None:
     ("old", "new", "says"),
     [
         ('"tripod"', '"tripot"', "walk.gait: unknown gait 'tripot'\n  did you mean 'tripod'?"),
-        ('"tripod"', '"tripod"\nduty = 0.5', "a gait of your own says when each leg lifts, too"),
+        ('"tripod"', '"tripod"\nduty = 0.5', "your own gait needs the phase of each leg, too"),
         ('"tripod"', '"tripod"\nlifts = { L1 = 0 }', "walk.lifts"),
         ("forward_mm = 40", "forward = 40", "'forward' has no unit: write forward_mm"),
         ("forward_mm = 40", "forward_mm = 400", "walk: L1_alpha would have to turn"),

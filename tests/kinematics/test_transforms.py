@@ -104,5 +104,5 @@ def test_wrapped_angles_are_above_minus_pi_and_up_to_pi() -> None:
 
 
 def test_an_axis_that_is_none_is_refused() -> None:
-    with pytest.raises(InputError, match="'w' is no axis"):
+    with pytest.raises(InputError, match="'w' is not an axis"):
         t.rot("w", 1.0)

@@ -70,7 +70,7 @@ def test_a_joint_that_mimics_becomes_a_row_with_a_ratio() -> None:
         (robot('<link name="base"/>'), "no joints that move"),
         (robot(LINKS, SHOULDER), "ends in upper, hand"),
         (robot(LINKS, SHOULDER, SLIDE.replace("prismatic", "floating")), "is floating"),
-        (robot(LINKS, SHOULDER.replace('upper="2"', 'upper="-2"'), SLIDE), "leave no room"),
+        (robot(LINKS, SHOULDER.replace('upper="2"', 'upper="-2"'), SLIDE), "are not in order"),
     ],
 )
 def test_what_is_no_serial_arm_is_refused(text: str, message: str) -> None:

@@ -86,7 +86,7 @@ def test_rms_of_the_residuals_estimates_the_noise() -> None:
             [(1000, 0), (1250, 54), (1500, 90), (1750, 135), (2000, 180)],
             r"reading 2 \(54° at 1250 µs\) is 9.0° off the line of the others",
         ),
-        ([(w, (w - 1000) ** 2 / 5555) for w in (1000, 1250, 1500, 1750, 2000)], "no straight line"),
+        ([(w, (w - 1000) ** 2 / 5555) for w in (1000, 1250, 1500, 1750, 2000)], "not on a straight line"),
     ],
 )
 def test_bad_readings_are_named(pairs: list[tuple[float, float]], said: str) -> None:

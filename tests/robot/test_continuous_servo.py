@@ -59,7 +59,7 @@ def test_points_of_the_other_kind_are_refused(continuous: bool) -> None:
 
 
 def test_it_has_no_travel() -> None:
-    with pytest.raises(InputError, match="it turns for ever and has no travel"):
+    with pytest.raises(InputError, match="it turns continuously and has no travel"):
         servo_model("continuous", own=FactTable(travel_deg=(0, 180)))
 
 

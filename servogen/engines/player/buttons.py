@@ -32,7 +32,7 @@ class Button:
     place: Location | None = None
 
     def text(self) -> str:
-        """What is to be wired to the pin."""
+        """Return the wiring of the pin."""
         rails = ("ground", "VDD")
         pull = ("pull-up to VDD", "pull-down to ground")
         return f"button to {rails[self.level]}, 10 kOhm {pull[self.level]}"
@@ -40,7 +40,7 @@ class Button:
 
 @dataclass(frozen=True, slots=True)
 class Buttons:
-    """`off`: the emergency stop takes the pulses away; else it holds the pulses of that moment."""
+    """A start button and an emergency stop, which switches the pulses off if `off`, else holds them."""
 
     start: Button | None = None
     stop: Button | None = None
@@ -48,11 +48,12 @@ class Buttons:
 
     @property
     def any(self) -> bool:
+        """Return whether there is a button."""
         return self.start is not None or self.stop is not None
 
     @property
     def inputs(self) -> tuple[Input, ...]:
-        """The levels at which the motion runs from power-up on."""
+        """Return the levels at which the motion runs from power-up on."""
         start = [Input(self.start.pin, self.start.level)] if self.start else []
         stop = [Input(self.stop.pin, 1 - self.stop.level)] if self.stop else []
         return (*start, *stop)
@@ -65,11 +66,11 @@ class Buttons:
 
     @property
     def waiting(self) -> int:
-        """How many times the first frame comes again before the motion, if start is pressed at power-up."""
+        """Return how often the first frame is repeated before the motion if start is pressed at power-up."""
         return PRESSED_FRAMES - 1 if self.start else 0
 
     def text(self) -> Iterator[str]:
-        """What the buttons do, for whoever wires them."""
+        """Yield the effects of the buttons, for the person who wires them."""
         seen = f"pressed for {PRESSED_FRAMES} frames"
         if self.start:
             yield f"{self.start.pin}: start, {seen}: {self.start.text()}."
@@ -81,7 +82,7 @@ class Buttons:
 
 
 def waited(schedule: PulseSchedule, frames: int) -> PulseSchedule:
-    """The schedule with its first frame `frames` times more."""
+    """Return the schedule with its first frame repeated `frames` times more."""
     first = (*schedule.lead_in, *schedule.loop)[0]
     if not frames:
         return schedule
@@ -92,7 +93,7 @@ def waited(schedule: PulseSchedule, frames: int) -> PulseSchedule:
 
 
 def waited_motion(trajectory: JointTrajectory, frames: int) -> JointTrajectory:
-    """The trajectory with its first frame `frames` times more."""
+    """Return the trajectory with its first frame repeated `frames` times more."""
     return replace(
         trajectory,
         angles=np.vstack((np.tile(trajectory.angles[0], (frames, 1)), trajectory.angles)),

@@ -31,7 +31,7 @@ HINT = "fewer parts: let more of the motion repeat"
 
 
 def play(job: EngineJob) -> tuple[JointTrajectory, Playing]:
-    """The motion with its lead-in, and as the player plays it. Raises InputError."""
+    """Return the motion with its lead-in, and how the player plays it. Raises InputError."""
     frames = round(job.firmware.soft_start_s / job.clock.seconds(job.trajectory.period))
     begun = soft_start(job.trajectory, job.servos, frames)
     soft = len(begun.angles) - len(job.trajectory.angles)
@@ -44,13 +44,13 @@ def play(job: EngineJob) -> tuple[JointTrajectory, Playing]:
 
 
 def compiled(job: EngineJob, played: Playing, dialect: str) -> Firmware:
-    """The firmware in `dialect`. Raises ResourceError where the chip is too small."""
+    """Return the firmware in `dialect`. Raises ResourceError if the chip is too small."""
     text = render_player(played, job.firmware.buttons, dialect, job.device, job.name)
     return firmware(text, job, played.layout, dialect)
 
 
 def firmware(text: str, job: EngineJob, layout: Layout, dialect: str) -> Firmware:
-    """What the compiler makes of a player's C, and how long that takes at most. Raises ResourceError."""
+    """Return the compiled C of a player with its timing budgets. Raises ResourceError."""
     file = f"main.{dialect}.c"
     options = Options(dialect=dialect, device=job.device)
     made = compiled_to_fit(text, file, options, job.name, TITLE, HINT)
@@ -59,7 +59,7 @@ def firmware(text: str, job: EngineJob, layout: Layout, dialect: str) -> Firmwar
 
 
 def rooms(listing: Listing, layout: Layout) -> tuple[TimingBudget, ...]:
-    """The time that the C takes between two slots and between two frames, beside what it has."""
+    """Return the timing budgets of the C between two slots and between two frames."""
     program = Program({row.address: row.word for row in listing.rows}, listing.functions)
     most = partial(program.longest, listing.label(DONE), {listing.label(CHECK)})
     slots, frames = allowances(listing, layout)
@@ -72,7 +72,7 @@ def rooms(listing: Listing, layout: Layout) -> tuple[TimingBudget, ...]:
 
 
 def cautions(found: tuple[TimingBudget, ...]) -> Iterator[Caution]:
-    """Of C that may take longer than it has: the simulated motion may still be exact, another may not."""
+    """Yield a warning for C that may take too long: the simulated motion may be exact, another may not."""
     for room in found:
         if room.left is None:
             yield Caution("player-room", f"the C between {room.between}: its longest time is not known")
@@ -89,7 +89,7 @@ class PlayerEngine:
     title = TITLE
 
     def plan(self, job: EngineJob) -> EnginePlan:
-        """Plans the job's frames; a dialect's C is compiled when its firmware is made."""
+        """Plan the job's frames; a dialect's C is compiled when its firmware is requested."""
         motion, played = play(job)
         make = cache(lambda dialect: compiled(job, played, dialect))
         return EnginePlan(motion, played.plan, make)

@@ -1,7 +1,11 @@
 """Widths -> keyframes: bytes on a scale, as few as the table holds, as near to the plan as those allow.
 
 In: the ideal widths of each part, in cycles. Out: `Made`: each part's keyframes and the widths that the chip
-makes of them; `pooled`: the table that all share.
+makes of them; `pooled`: the table that all parts share. The chip's arithmetic, in whole numbers, bit for bit:
+
+    between:  eight times: (value + the keyframe that the next bit of the time selects) / 2
+              = (p (256 - t) + q t) / 256, with eight bits of fraction, if t has no more bits than n
+    width:    base ± (between · step), whole cycles, rounded down
 """
 
 from __future__ import annotations
@@ -20,27 +24,48 @@ from servogen.motion.trajectory import Floats
 from servogen.units import Clock
 
 BEST_US, WORST_US = 1, 35
-"""How far a width may be from the planned one: as little as the table of keyframes allows, never more."""
+"""The distance from the planned width: as small as the table of keyframes allows, and the limit."""
 
 LOOP_WEIGHT = 4
-"""How much more an error counts in what is repeated for ever than in what is played once."""
+"""The weight of an error in the loop, relative to one in what is played once."""
 
 NO_WRAP = 255
-"""`Part.wrap` of a part whose tracks do not go round."""
+"""`Part.wrap` of a part whose tracks are not cyclic."""
 
 SURELY_TOO_MANY = 2 * MAX_BYTES
-"""Bytes: when the fewest keyframes of all parts are more, which parts share keyframes does not matter."""
+"""Bytes beyond which the keyframes do not fit, however many of them parts share."""
 
 MAX_BITS = 8
 LAST_STEP = 7
 
 
+Whole = npt.NDArray[np.int64]
+
+FRACTION = 8
+
+
+def between(one: npt.ArrayLike, other: npt.ArrayLike, time: int) -> Whole:
+    """Return 256 times the value at `time`/256 of the way from `one` to `other` (bytes)."""
+    first, second = np.asarray(one, dtype=np.int64), np.asarray(other, dtype=np.int64)
+    value = first << FRACTION
+    for bit in range(FRACTION):
+        chosen = second if time >> bit & 1 else first
+        value = value + (chosen << FRACTION) >> 1
+    return value
+
+
+def excursion(value: npt.ArrayLike, shift: int) -> Whole:
+    """Return the cycles from the channel's base, for keyframes in steps of 2**shift cycles."""
+    return np.asarray(value, dtype=np.int64) << shift >> FRACTION
+
+
 @dataclass(frozen=True, slots=True)
 class Part:
-    """`repeats` times `frames` frames, 256 at most; `speed` 256ths of a keyframe a frame, 0 for a whole one.
+    """`repeats` times `frames` frames, up to 256; `speed` in 256ths of a keyframe per frame, 0 for a whole
+    one.
 
-    `tracks`: for each channel where its keyframes begin and by how many it is ahead. After keyframe
-    `wrap` - 1 comes the first again.
+    `tracks` has for each channel where its keyframes begin and by how many it is ahead. The first keyframe
+    follows keyframe `wrap` - 1.
     """
 
     frames: int
@@ -53,7 +78,7 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """How widths become bytes."""
+    """The conversion of widths to bytes."""
 
     first: Floats
     lowest: int
@@ -61,13 +86,16 @@ class Scale:
     signs: Whole
 
     def keys(self, rows: Floats) -> Whole:
+        """Return the bytes of widths (frames, channels)."""
         above = (rows - self.first) * self.signs - self.lowest
         return np.clip(np.floor(above / (1 << self.shift) + 0.5 + ALIKE / 2), 0, 255).astype(np.int64)
 
     def bases(self) -> Whole:
+        """Return the width in cycles of each channel's byte 0."""
         return np.round(self.first).astype(np.int64) + self.signs * self.lowest
 
     def widths(self, value: Whole) -> Whole:
+        """Return the widths in cycles of values between keyframes."""
         return self.bases() + self.signs * excursion(value, self.shift)
 
 
@@ -87,7 +115,7 @@ Section = tuple[Stretch, Floats]
 
 
 def sections(rows: Floats, following: Floats) -> list[Section]:
-    """The parts of `rows` (frames, channels); `following` is the row of the frame after them."""
+    """Return the parts of `rows` (frames, channels); `following` is the row of the frame after them."""
     if not len(rows):
         return []
     found = []
@@ -101,7 +129,7 @@ def sections(rows: Floats, following: Floats) -> list[Section]:
 
 
 def scale_of(pulsed: Floats, parts: Sequence[Section]) -> Scale:
-    """The least steps with which all `pulsed` rows are bytes, and a sign for each channel."""
+    """Return the smallest steps with which all `pulsed` rows are bytes, and a sign for each channel."""
     first = np.round(pulsed[0])
     every = pulsed - first
     cycles = [
@@ -121,10 +149,10 @@ def scale_of(pulsed: Floats, parts: Sequence[Section]) -> Scale:
 
 
 def fitting(parts: Sequence[Section], scale: Scale, clock: Clock, loop: int) -> list[Made]:
-    """The parts, as near to the plan as their keyframes fit the table; those from `loop` on are for ever.
+    """Return the parts as near to the plan as their keyframes fit the table; those from `loop` on repeat.
 
-    Each part begins with as many keyframes as it needs. While all are too many, that part gets fewer whose
-    error grows least for the bytes that it saves.
+    Each part begins with as many keyframes as it needs. While there are too many, the part gets fewer whose
+    error grows least for the bytes that it saves. Raises InputError if they do not fit.
     """
     best, worst = (float(us / clock.cycle_us) for us in (BEST_US, WORST_US))
     choices = [_choices(section, scale, best, worst) for section in parts]
@@ -149,7 +177,7 @@ def fitting(parts: Sequence[Section], scale: Scale, clock: Clock, loop: int) -> 
 
 
 def _check_size(made: list[Made], most: int) -> None:
-    """Refuse parts whose keyframes are more than `most` bytes."""
+    """Raise InputError for parts whose keyframes are more than `most` bytes."""
     size = len(pooled(made)[0].data)
     if size > most:
         raise InputError(
@@ -161,7 +189,7 @@ def _check_size(made: list[Made], most: int) -> None:
 
 
 def _choices(section: Section, scale: Scale, best: float, worst: float) -> list[tuple[Made, float]]:
-    """A part with fewer and fewer keyframes, and its error in cycles, which is at most `worst`."""
+    """Return a part with fewer and fewer keyframes, and its error in cycles, up to `worst`."""
     stretch, rows = section
     if stretch.silent:
         keys = np.zeros((1, rows.shape[1]), dtype=np.int64)
@@ -184,7 +212,9 @@ def _held(rows: Floats) -> bool:
 
 
 def _sampled(stretch: Stretch, rows: Floats, scale: Scale, bits: int) -> Made:
-    """A keyframe every 2**bits frames: those whose interpolation is nearest to the rows, in least squares."""
+    """Return the keyframes, every 2**bits frames, whose interpolation is nearest to the rows in least
+    squares.
+    """
     frames, apart = stretch.frames, 1 << bits
     segments = -(-frames // apart)
     same = _held(rows)
@@ -209,7 +239,7 @@ def _sampled(stretch: Stretch, rows: Floats, scale: Scale, bits: int) -> Made:
 
 
 def pooled(made: list[Made]) -> tuple[Pool, tuple[Part, ...]]:
-    """The tracks of all parts; those that go round first, since others may be found in them."""
+    """Return the tracks of all parts, placing cyclic ones first, since others may be found in them."""
     pool = Pool()
     columns = [[bytes(column) for column in each.keys.T.tolist()] for each in made]
     pairs = list(zip(made, columns, strict=True))
@@ -230,23 +260,3 @@ def pooled(made: list[Made]) -> tuple[Pool, tuple[Part, ...]]:
         for number, each in enumerate(made)
     )
     return pool, parts
-
-
-Whole = npt.NDArray[np.int64]
-
-FRACTION = 8
-
-
-def between(one: npt.ArrayLike, other: npt.ArrayLike, time: int) -> Whole:
-    """256 times the value at `time`/256 of the way from `one` to `other` (bytes)."""
-    first, second = np.asarray(one, dtype=np.int64), np.asarray(other, dtype=np.int64)
-    value = first << FRACTION
-    for bit in range(FRACTION):
-        chosen = second if time >> bit & 1 else first
-        value = value + (chosen << FRACTION) >> 1
-    return value
-
-
-def excursion(value: npt.ArrayLike, shift: int) -> Whole:
-    """Cycles from the channel's base, for keyframes in steps of 2**shift cycles."""
-    return np.asarray(value, dtype=np.int64) << shift >> FRACTION

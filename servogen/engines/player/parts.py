@@ -1,7 +1,7 @@
-"""A motion cut into parts: what is repeated is kept once.
+"""A motion cut into parts: what repeats is stored once.
 
-In: the ideal widths, one row a frame. Out: `Stretch`es that follow one another: a number of frames, and how
-often they are played.
+In: the ideal widths, one row per frame. Out: successive `Stretch`es: a number of frames, and how often they
+are played.
 
     start │ cycle │ cycle │ cycle │ stop        becomes        start, 3 × cycle, stop
 """
@@ -19,20 +19,20 @@ from servogen.motion.trajectory import Floats
 from servogen.pic.device import PROGRAM_WORDS
 
 ALIKE = 0.01
-"""Widths, in cycles, that are nearer than this are the same."""
+"""Widths that differ by less than this, in cycles, are equal."""
 
 WORTH = 12
-"""Frames that a repetition must save: a part of its own costs words too."""
+"""Frames that a repetition must save, since a part costs words too."""
 
 MAX_COUNT = 250
 """Repetitions and their frames are counted in bytes."""
 
 MAX_FRAMES_PER_PART = 256
-"""What does not repeat is cut here: in a byte 0, and whole keyframes however far they are apart."""
+"""Frames at which what does not repeat is cut: 0 in a byte, and a multiple of every keyframe distance."""
 
 
 MAX_PARTS = PROGRAM_WORDS // 5
-"""Each part takes a word in each of five tables: more do not fit, whatever else the program needs."""
+"""More do not fit: each part takes a word in each of five tables."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class Stretch:
 def stretches(rows: Floats, following: Floats) -> tuple[Stretch, ...]:
     """Return the parts of `rows` (frames, channels); `following` is the row of the frame after them.
 
-    Raises InputError where they are more than `MAX_PARTS`.
+    Raises InputError for more than `MAX_PARTS`.
     """
     silent = np.asarray(np.isnan(rows).all(axis=1))
     found: list[Stretch] = []
@@ -74,7 +74,7 @@ def stretches(rows: Floats, following: Floats) -> tuple[Stretch, ...]:
 
 
 def _cut(rows: Floats, offset: int) -> Iterator[Stretch]:
-    """The parts of all rows but the last, which is the frame after them."""
+    """Yield the parts of all rows but the last, which is the frame after them."""
     frames = len(rows) - 1
     if frames <= 0:
         return
@@ -102,7 +102,7 @@ def _held(first: int, frames: int, *, silent: bool) -> Iterator[Stretch]:
 
 
 def _repetition(rows: Floats) -> tuple[int, int, int, int]:
-    """What saves most: (frames saved, period, first frame, times), all 0 where nothing repeats."""
+    """Return what saves most: (frames saved, period, first frame, times), all 0 if nothing repeats."""
     best = (0, 0, 0, 0)
     for period in range(1, min(MAX_COUNT, (len(rows) - 1) // 2) + 1):
         same = (np.abs(rows[period:] - rows[:-period]) < ALIKE).all(axis=1)

@@ -50,7 +50,7 @@ def playing(
     frame: Frame,
     soft_frames: int = 0,
 ) -> Playing:
-    """The player's parts of `trajectory`; `servos` are its joints, in its order. Raises InputError.
+    """Return the player's parts of `trajectory`, whose joints are `servos`, in its order. Raises InputError.
 
     Its first `soft_frames` frames are parts of their own.
     """
@@ -102,7 +102,7 @@ def playing(
 
 
 def ideal_widths(trajectory: JointTrajectory, servos: Sequence[Servo], clock: Clock) -> Floats:
-    """Widths in cycles as planned, (frames, servos); NaN without a pulse."""
+    """Return the planned widths in cycles, (frames, servos); NaN for no pulse."""
     angles = trajectory.angles
     silent = np.isnan(angles)
     if (silent.any(axis=1) & ~silent.all(axis=1)).any():
@@ -134,7 +134,7 @@ def _plan_error(
 
 
 def _runs(widths: Whole, heard: np.ndarray, rises: Sequence[Cycles]) -> Iterator[Run]:
-    """Equal frames in a row as one run."""
+    """Return the frames with equal successive ones joined to runs."""
     if not len(widths):
         return
     table = np.where(heard[:, None], widths, 0)
@@ -148,9 +148,9 @@ def _runs(widths: Whole, heard: np.ndarray, rises: Sequence[Cycles]) -> Iterator
 
 
 def rows_of(servos: Sequence[Servo], made: Whole, ideal: Floats, clock: Clock) -> Iterator[Quantised]:
-    """Of each servo the first pulse, the shortest, the longest, and the one furthest from what was planned.
+    """Yield for each servo the first pulse, the shortest, the longest, and the one farthest from the plan.
 
-    `made` and `ideal`: cycles, (frames, servos); NaN in `ideal` is a frame without pulses.
+    `made` and `ideal` are cycles, (frames, servos); NaN in `ideal` is a frame without pulses.
     """
     for index, servo in enumerate(servos):
         pulsed = np.flatnonzero(~np.isnan(ideal[:, index]))
@@ -172,7 +172,7 @@ def rows_of(servos: Sequence[Servo], made: Whole, ideal: Floats, clock: Clock) -
 def warnings_of(
     trajectory: JointTrajectory, servos: Sequence[Servo], frame: Frame, slots: Layout
 ) -> tuple[Caution, ...]:
-    """Of the period, the servos' calibrations and how fast they are asked to turn."""
+    """Return the warnings about the period, the servos' calibrations and their speeds."""
     clock = trajectory.clock
     found = [*check_period(frame.period, frame.place)]
     if slots.period != frame.period.cycles:

@@ -24,7 +24,7 @@ WAY = 32
 
 
 OVERRUN = "overrun"
-"""The variable whose bit 0 says that the C between two slots once took too long."""
+"""The variable whose bit 0 is set once the C between two slots takes too long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ class _Pad:
 
 
 def render_player(played: Playing, buttons: Buttons, dialect: str, device: Device, title: str) -> str:
-    """The C file of `played` in `dialect`. Raises RenderError."""
+    """Return the C file of `played` in `dialect`. Raises RenderError."""
     schedule, order = played.plan.schedule, played.layout.order
     tick = played.layout.tick
     clock = schedule.clock
@@ -121,7 +121,8 @@ def render_player(played: Playing, buttons: Buttons, dialect: str, device: Devic
 
 
 def kernel(tick: Cycles, stagger: Cycles) -> str:
-    """The kernel's assembly: TMR0 counts every `tick` cycles, a slot's second servo rises `stagger` later.
+    """Return the kernel's assembly: TMR0 counts every `tick` cycles, a slot's second servo rises `stagger`
+    later.
 
     The timer's next three increments are read at the cycles `reads` after the beginning.
     """
@@ -151,7 +152,7 @@ def _channel(played: Playing, channel: int) -> ChannelText:
 
 
 def _slots(played: Playing) -> Iterator[_SlotText]:
-    """The masks of each slot's pins; `channel` counts in the order of the slots."""
+    """Yield the masks of each slot's pins; `channel` counts in the order of the slots."""
     first = 0
     for slot in played.layout.slots:
         masks = [1 << int(played.plan.schedule.channels[channel].pin[2]) for channel in slot.channels]

@@ -16,7 +16,9 @@ SAME_RAD = 1e-3
 
 
 def soft_start(trajectory: JointTrajectory, servos: Sequence[Servo], frames: int) -> JointTrajectory:
-    """`frames` frames in the neutral pose and, where the motion begins elsewhere, as many to go there."""
+    """Return the trajectory after `frames` frames in the neutral pose and, if it begins elsewhere, as many to
+    it.
+    """
     angles = trajectory.angles
     pulsed = angles[~np.isnan(angles).any(axis=1)]
     if not frames or not len(pulsed):

@@ -1,7 +1,7 @@
 """Keyframes in few bytes: channels that do the same, also mirrored or some keyframes later, share a track.
 
-In: keyframes of every part, one byte a channel. Out: the bytes of all tracks, and for every part and channel
-where its track begins and by how many keyframes it is ahead.
+In: keyframes of every part, one byte per channel. Out: the bytes of all tracks, and for every part and
+channel where its track begins and by how many keyframes it is ahead.
 
     L1  a b c d e f        one track  a b c d e f
     L2  d e f a b c        the same, 3 keyframes ahead
@@ -18,7 +18,7 @@ from servogen.engines.player.parts import ALIKE
 from servogen.motion.trajectory import Floats
 
 MAX_BYTES = 256
-"""A table is read with an index of one byte."""
+"""The size of a table whose index is one byte."""
 
 MAX_AHEAD = 127
 
@@ -29,12 +29,13 @@ class Pool:
 
     data: bytes = b""
     rings: list[tuple[int, int]] = field(default_factory=list)
-    """(start, keyframes) of the tracks that go round."""
+    """(start, keyframes) of the cyclic tracks."""
 
     def place(self, keys: bytes, *, ring: bool) -> tuple[int, int]:
-        """(start, ahead) of a track with these keyframes; new bytes only where there is none yet.
+        """Return (start, ahead) of a track with these keyframes; new bytes are added only if it is not there
+        yet.
 
-        A track that goes round may be found at any of its keyframes.
+        A cyclic track may be found at any of its keyframes.
         """
         start = self.data.find(keys)
         if start >= 0:
@@ -53,13 +54,13 @@ class Pool:
         return start, 0
 
     def place_all(self, tracks: set[bytes]) -> None:
-        """Place tracks that do not go round: always the one next that has most in common with the end."""
+        """Place tracks that are not cyclic, each time the one that overlaps the end most."""
         while tracks := {keys for keys in tracks if keys not in self.data}:
             keys = max(tracks, key=lambda keys: (self._common(keys), len(keys), keys))
             self.place(keys, ring=False)
 
     def _common(self, keys: bytes) -> int:
-        """How many keyframes the end of the data and the beginning of a track have in common."""
+        """Return by how many keyframes the end of the data and the beginning of a track overlap."""
         at = max(0, len(self.data) - len(keys))
         while (at := self.data.find(keys[:1], at)) >= 0:
             if keys.startswith(self.data[at:]):
@@ -69,10 +70,10 @@ class Pool:
 
 
 def signs(excursions: Floats, rings: list[tuple[int, int]]) -> tuple[int, ...]:
-    """The sign of each channel, for which most channels do the same at some time of a cycle.
+    """Return the sign of each channel with which most channels do the same at some time of a cycle.
 
-    `excursions` (frames, channels) from the first pose, `rings` the (first frame, frames) of what
-    is repeated.
+    `excursions` (frames, channels) are from the first pose, `rings` the (first frame, frames) of what
+    repeats.
     """
     found: list[int] = []
     for channel in range(excursions.shape[1]):
@@ -89,7 +90,7 @@ def signs(excursions: Floats, rings: list[tuple[int, int]]) -> tuple[int, ...]:
 
 
 def _alike(one: Floats, other: Floats) -> int:
-    """1 where `other` is `one` turned round by some frames, -1 where it is mirrored too."""
+    """Return 1 if `other` is `one` rotated by some frames, -1 if it is mirrored too, else 0."""
     turned = np.stack([np.roll(one, -ahead) for ahead in range(len(one))])
     for sign in (1, -1):
         if (np.abs(turned - sign * other) < ALIKE).all(axis=1).any():

@@ -15,7 +15,7 @@ class SequenceEngine:
     title = "the sequence engine"
 
     def plan(self, job: EngineJob) -> EnginePlan:
-        """Plans the pulses and tunes a dialect's delays when its firmware is made."""
+        """Plan the pulses; a dialect's delays are tuned when its firmware is requested."""
         made = plan(job.trajectory, job.servos, job.frame)
         make = cache(lambda dialect: tune(made.schedule, dialect, job.device, job.name))
         return EnginePlan(job.trajectory, made, make)

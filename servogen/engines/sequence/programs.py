@@ -1,6 +1,6 @@
 """The `sequence` engine's program as values: frame functions, steps that call them, every delay in cycles.
 
-`Sequence.walk` says which delays lie between any two edges, so that a compiler's overheads can be measured.
+`Sequence.walk` yields the delays between any two edges, so that a compiler's overheads can be measured.
 
     position(frames)          main
     ┌─ edge, wait, edge …      ┌─ position_1(100), wait
@@ -99,7 +99,9 @@ class Sequence:
     loop: tuple[Step, ...]
 
     def walk(self) -> Iterator[tuple[Path, Cycles]]:
-        """For each edge in turn, for ever: the path that ends in it and the delays asked for on that path."""
+        """Yield for each edge in turn, without an end, the path that ends in it and the requested delays on
+        it.
+        """
         path, asked = START, self.start
         for step in self._steps():
             if isinstance(step, Pause):
@@ -124,5 +126,5 @@ class Sequence:
 
 
 def _owner(step: Hold) -> int:
-    """Positions are numbered from 1; a frame of its own goes by its step's number, below 0."""
+    """Return a position's number from 1, or for a frame of its own its step's number, below 0."""
     return step.position.number if step.position else -step.number

@@ -19,7 +19,10 @@ from servogen.units import Clock, Cycles
 
 
 def render(program: Sequence, dialect: str, device: Device, title: str) -> str:
-    """The C file of `program` in `dialect`. Raises RenderError, or InputError for a delay it cannot say."""
+    """Return the C file of `program` in `dialect`.
+
+    Raises RenderError, and InputError for a delay that the dialect cannot express.
+    """
     clock = program.schedule.clock
     return filled(
         "sequence/main.c.j2",

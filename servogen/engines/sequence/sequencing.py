@@ -1,6 +1,6 @@
 """A schedule as the program that a lab would write.
 
-In: a `PulseSchedule` and the `Overheads` of a compiler. Out: a `Sequence`, every delay reckoned.
+In: a `PulseSchedule` and the `Overheads` of a compiler. Out: a `Sequence` with every delay computed.
 
 The way back to the same frame and the way on to the next step differ in cycles; a position's `gap` stops
 short of both by `MARGIN`, and `again` and the step's own wait make up what is left of each. A run that is
@@ -30,7 +30,7 @@ FEW_FRAMES_A_CALL = 100
 
 
 def sequence(schedule: PulseSchedule, overheads: Overheads) -> Sequence:
-    """The program of a schedule. Raises InputError where the schedule leaves a delay no time."""
+    """Return the program of a schedule. Raises InputError if the schedule leaves a delay no time."""
     lead_in, loop = _split(schedule.lead_in), _split(schedule.loop)
     parts = (*lead_in, *loop)
     runs = tuple(part.run for part in parts)
@@ -68,7 +68,7 @@ class _Part:
 
 
 def _split(runs: tuple[Run, ...]) -> tuple[_Part, ...]:
-    """The same frames in parts whose frames and turns one byte each can count."""
+    """Return the same frames in parts whose frames and turns are counted in one byte each."""
     parts: list[_Part] = []
     for run in runs:
         if not _pulsed(run):
@@ -84,7 +84,7 @@ def _split(runs: tuple[Run, ...]) -> tuple[_Part, ...]:
 
 
 def _equal_calls(frames: int) -> tuple[int, int]:
-    """(frames a call, calls) for all of `frames`, or for as many as that can do."""
+    """Return (frames per call, calls) for all of `frames`, or for as many as possible."""
     for size in range(MAX_COUNTED, FEW_FRAMES_A_CALL, -1):
         if frames % size == 0 and frames // size <= MAX_COUNTED:
             return size, frames // size
@@ -96,7 +96,7 @@ def _pulsed(run: Run) -> bool:
 
 
 def _frame(schedule: PulseSchedule, run: Run, owner: int, overheads: Overheads) -> Frame:
-    """The port writes of one frame and the delays between them."""
+    """Return the port writes of one frame and the delays between them."""
     changes: dict[int, list[tuple[int, int]]] = {}
     for channel, pulse in enumerate(run.pulses):
         if pulse:
@@ -126,9 +126,10 @@ def _frame(schedule: PulseSchedule, run: Run, owner: int, overheads: Overheads) 
 
 
 def _exits(schedule: PulseSchedule, frames: list[Frame | None], lead_in: int) -> dict[int, Cycles | None]:
-    """For each step with pulses: cycles from its last edge to the next step's first, pauses left out.
+    """Return for each step with pulses the cycles from its last edge to the next step's first, without
+    pauses.
 
-    None where no pulse follows.
+    None if no pulse follows.
     """
     order = [step for step, frame in enumerate(frames) if frame]
     following = dict(pairwise(order))
@@ -162,7 +163,7 @@ def _position(
 
 
 def _around(schedule: PulseSchedule, frame: Frame) -> Cycles:
-    """From a frame's last edge to the first of the same frame again."""
+    """Return the cycles from a frame's last edge to the first edge of the same frame repeated."""
     return Cycles(schedule.period - frame.last + frame.first)
 
 

@@ -36,14 +36,14 @@ SHORTER = "fewer positions, shorter moves between them, or holds in place of mov
 
 
 class TuningError(ServogenError):
-    """The compiler's code does not take the same cycles each time: the delays cannot make up for it."""
+    """Compiled code whose cycles vary, so that delays cannot compensate for them."""
 
 
 def tune(schedule: PulseSchedule, dialect: str, device: Device, title: str) -> Firmware:
-    """The firmware of a schedule with every delay corrected.
+    """Return the firmware of a schedule with every delay corrected.
 
-    Raises InputError where a delay has no time left, ResourceError where the chip is too small, TuningError
-    where the overheads do not settle.
+    Raises InputError if a delay has no time left, ResourceError if the chip is too small, TuningError if the
+    overheads do not settle.
     """
     overheads = Overheads()
     for _ in range(ROUNDS):
@@ -62,7 +62,7 @@ def tune(schedule: PulseSchedule, dialect: str, device: Device, title: str) -> F
 
 
 def measure(program: Sequence, compilation: Compilation) -> Overheads:
-    """The cycles of each path of `program` beyond the delays asked for, over its lead-in and one loop."""
+    """Return the cycles of each path of `program` beyond its delays, over its lead-in and one loop."""
     schedule = program.schedule
     frames = sum(run.frames for run in (*schedule.lead_in, *schedule.loop))
     wanted = edges_to_watch(program)
@@ -89,7 +89,7 @@ def measure(program: Sequence, compilation: Compilation) -> Overheads:
 
 
 def edges_to_watch(program: Sequence) -> int:
-    """The port writes of the lead-in, of one loop and the first of the next."""
+    """Return the number of port writes of the lead-in, of one loop and the first of the next."""
     schedule = program.schedule
     writes = sum(
         run.frames
@@ -101,7 +101,7 @@ def edges_to_watch(program: Sequence) -> int:
 
 
 def _times(chunks: Iterable[EdgeChunk], wanted: int) -> list[int]:
-    """The cycles of the first `wanted` port writes that change a pin."""
+    """Return the cycles of the first `wanted` port writes that change a pin."""
     times: list[int] = []
     for chunk in chunks:
         new = np.unique(chunk.cycle).tolist()

@@ -30,7 +30,7 @@ SDCC_LONG, SDCC_LONG_MIN, SDCC_LONG_MAX = 200_000, 5, 255
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """`times` times the same statement."""
+    """The same statement, repeated `times` times."""
 
     text: str
     times: int = 1
@@ -40,14 +40,14 @@ class Call:
 
 
 def xc8_calls(cycles: Cycles, clock: Clock) -> tuple[Call, ...]:
-    """`cycles` as `_delay` calls."""
+    """Return `cycles` as `_delay` calls."""
     whole, rest = divmod(cycles, XC8_MAX)
     calls = [Call(f"_delay({XC8_MAX})", whole)] if whole else []
     return (*calls, *([Call(f"_delay({rest})")] if rest else []))
 
 
 def c2c_calls(cycles: Cycles, clock: Clock) -> tuple[Call, ...]:
-    """`cycles` as C2C delays and `nop()`: first in whole cycles, then in steps that C2C rounds."""
+    """Return `cycles` as C2C delays and `nop()`: first in whole cycles, then in steps that C2C rounds."""
     calls: list[Call] = []
     rest = int(cycles)
     for whole_only in (True, False):
@@ -59,7 +59,7 @@ def c2c_calls(cycles: Cycles, clock: Clock) -> tuple[Call, ...]:
 
 
 def _most(cycles: int, step_us: int, clock: Clock, whole_only: bool) -> int:
-    """The largest argument of a step that lasts no longer than `cycles`; 0 where there is none."""
+    """Return the largest argument of a step that lasts no longer than `cycles`; 0 if there is none."""
     multiple = (step_us / clock.cycle_us).denominator if whole_only else 1
     count = min(C2C_MAX, int(clock.us(cycles) / step_us)) // multiple * multiple
     while count and not 0 < clock.round_us(count * step_us).cycles <= cycles:
@@ -68,12 +68,12 @@ def _most(cycles: int, step_us: int, clock: Clock, whole_only: bool) -> int:
 
 
 def _merged(calls: list[Call]) -> list[Call]:
-    """The same call several times in a row as one."""
+    """Return equal successive calls as one."""
     return [Call(text, len(list(same))) for text, same in groupby(call.text for call in calls)]
 
 
 def sdcc_calls(cycles: Cycles, clock: Clock) -> tuple[Call, ...]:
-    """`cycles` as `wait_long`, `wait` and `nop()`."""
+    """Return `cycles` as `wait_long`, `wait` and `nop()`."""
     calls: list[Call] = []
     rest = int(cycles)
     while rest > SDCC_MAX:

@@ -26,7 +26,9 @@ HINT = "fewer servos, or none on the other port"
 
 
 def stream(job: EngineJob) -> tuple[JointTrajectory, Streaming]:
-    """What the firmware does for itself, the neutral pose, and what it is made of. Raises InputError."""
+    """Return the motion of the firmware without commands, the neutral pose, and its parts.
+    Raises InputError.
+    """
     if job.stream is None:
         raise InputError("no-serial-line", f"{job.name} has no serial line", hint="add a table [stream]")
     made = streaming(
@@ -43,7 +45,7 @@ def stream(job: EngineJob) -> tuple[JointTrajectory, Streaming]:
 
 
 def _idle(job: EngineJob, schedule: PulseSchedule) -> JointTrajectory:
-    """The neutral pose frame by frame; NaN where the fail-safe takes the pulses away."""
+    """Return the neutral pose frame by frame; NaN where the fail-safe switches the pulses off."""
     runs = (*schedule.lead_in, *schedule.loop)
     rows = [
         [servo.neutral if pulse else math.nan for servo, pulse in zip(job.servos, run.pulses, strict=True)]
@@ -55,12 +57,12 @@ def _idle(job: EngineJob, schedule: PulseSchedule) -> JointTrajectory:
 
 
 def compiled(job: EngineJob, streamed: Streaming, dialect: str) -> Firmware:
-    """The firmware in `dialect`. Raises ResourceError where the chip is too small."""
+    """Return the firmware in `dialect`. Raises ResourceError if the chip is too small."""
     return firmware(render_stream(streamed, dialect, job.device, job.name), job, dialect)
 
 
 def firmware(text: str, job: EngineJob, dialect: str) -> Firmware:
-    """What the compiler makes of a stream's C. Raises ResourceError where the chip is too small."""
+    """Return the compiled C of a stream. Raises ResourceError if the chip is too small."""
     file = f"main.{dialect}.c"
     options = Options(dialect=dialect, device=job.device)
     made = compiled_to_fit(text, file, options, job.name, TITLE, HINT)
@@ -73,7 +75,7 @@ class StreamEngine:
     title = TITLE
 
     def plan(self, job: EngineJob) -> EnginePlan:
-        """Plans the job's frames; a dialect's C is compiled when its firmware is made."""
+        """Plan the job's frames; a dialect's C is compiled when its firmware is requested."""
         idle, streamed = stream(job)
         make = cache(lambda dialect: compiled(job, streamed, dialect))
         return EnginePlan(idle, streamed.plan, make)

@@ -42,15 +42,16 @@ class Layout:
 
     @property
     def period(self) -> Cycles:
+        """Return the frame's length in cycles."""
         return Cycles(self.slots * self.rounds * ROUND)
 
     def rise(self, servo: int) -> Cycles:
-        """From the first servo's rise."""
+        """Return the cycles from the first servo's rise to this servo's."""
         return Cycles(servo * self.rounds * ROUND)
 
 
 def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, baud: int) -> Layout:
-    """The longest frame that is no longer than the one asked for. Raises InputError."""
+    """Return the longest frame that does not exceed the requested one. Raises InputError."""
     widths = [travel(servo, clock) for servo in servos]
     for servo, each in zip(servos, widths, strict=True):
         if each.least < MIN_WIDTH:
@@ -87,13 +88,15 @@ def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, baud: int) -> La
 
 
 def _most_rounds(clock: Clock, baud: int) -> int:
-    """Of a slot: a command must be done before the next one is there, and count soon enough."""
+    """Return the longest slot in rounds: a command is done before the next one is there, and counts soon
+    enough.
+    """
     command = clock.cycles_per_second / baud * BITS * BYTES * (1 - BAUD_ERROR)
     soon = clock.cycles_per_second * REACTION_S / 2
     return int(min(command - C_ROUNDS * ROUND, soon) // ROUND)
 
 
 def _rounds(widths: Sequence[Travel]) -> int:
-    """Of the shortest slot that holds the longest pulse and its trim."""
+    """Return the rounds of the shortest slot that holds the longest pulse and its trim."""
     longest = max(each.most for each in widths) + MAX_TRIM
     return -(-(longest - LATEST) // ROUND) + 1

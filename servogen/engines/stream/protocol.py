@@ -1,16 +1,16 @@
-"""The stream engine's protocol: what three bytes mean, as data and pure functions.
+"""The stream engine's protocol: the meaning of three bytes, as data and pure functions.
 
 In: servo numbers (0 to 7, a job's order), widths in cycles, times in frames. Out: the bytes of a command; and
-back: what a command is, which width a position byte asks for.
+back: which command the bytes are, which width a position commands.
 
     FF n     p      position p of servo n                    width = min + p (max - min) / 254
-    FF 40+n  s      at most s cycles a frame; 0: no limit
+    FF 40+n  s      up to s cycles per frame; 0: no limit
     FF 80    0      a group begins: positions that follow wait, and their servos with them
     FF 80    t      the group goes: all of it starts in one frame, and is there t frames later
     FF C0+n  127+c  trim c of servo n, to the EEPROM
     FF F0    q      the high byte of servo q's width, in cycles, is sent back; of q - 8's the low one
 
-FF never stands for anything but the beginning, so that a receiver that lost its place finds it with the next.
+FF occurs only at the beginning, so that a receiver that has lost its place finds it with the next command.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from servogen.units import Clock, Cycles
 
 SYNC = 0xFF
 MAX_VALUE = 254
-"""The greatest third byte."""
+"""The greatest third byte: positions, frames, trims."""
 MAX_SERVOS = 8
 
 BYTES = 3
@@ -34,15 +34,15 @@ BITS = 10
 MAX_TRIM = 127
 TRIM_ZERO = 127
 NO_TRIM = 0xFF
-"""An erased byte of the EEPROM; as two's complement it is -1, which therefore cannot be said."""
+"""An erased byte of the EEPROM; as two's complement it is -1, which therefore is not a trim."""
 
 SCALE_BITS = 8
 ASK_LOW = 8
-"""What is added to a servo's number to ask for the low byte of its width."""
+"""Added to a servo's number to query the low byte of its width."""
 
 
 class Kind(Enum):
-    """What a command's second byte says; its value is that byte, for servo 0."""
+    """The kind of a command; its value is the second byte, for servo 0."""
 
     POSITION = 0x00
     SPEED = 0x40
@@ -52,26 +52,27 @@ class Kind(Enum):
 
     @property
     def of_a_servo(self) -> bool:
-        """Whether a servo's number is added to it."""
+        """Return whether a servo's number is added to it."""
         return self in (Kind.POSITION, Kind.SPEED, Kind.TRIM)
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """`servo` is 0 where the kind is of all servos; `value` is the third byte."""
+    """A command; `servo` is 0 for kinds that concern all servos, `value` is the third byte."""
 
     kind: Kind
     servo: int
     value: int
 
     def to_bytes(self) -> bytes:
+        """Return the three bytes of the command."""
         return bytes((SYNC, self.kind.value + self.servo, self.value))
 
 
 def command_of(second: int, third: int, servos: int = MAX_SERVOS, *, answers: bool = True) -> Command | None:
-    """The command that two bytes behind SYNC are; None for what a chip with `servos` servos ignores.
+    """Return the command of the two bytes after SYNC; None if a chip with `servos` servos ignores it.
 
-    `answers`: it has a pin to send on.
+    `answers`: whether the chip has a pin to send on.
     """
     if not 0 <= third <= MAX_VALUE:
         return None
@@ -85,39 +86,42 @@ def command_of(second: int, third: int, servos: int = MAX_SERVOS, *, answers: bo
 
 
 def position_command(servo: int, p: int) -> bytes:
+    """Return the command of a servo's position."""
     return _command(Kind.POSITION, servo, p)
 
 
 def speed_command(servo: int, cycles_a_frame: int) -> bytes:
-    """At most so many cycles of width a frame; 0: no limit."""
+    """Return the command of a servo's speed limit in cycles of width per frame; 0: no limit."""
     return _command(Kind.SPEED, servo, cycles_a_frame)
 
 
 def group_begins() -> bytes:
-    """Positions from here on wait for `group_goes`."""
+    """Return the command after which positions wait for `group_goes`."""
     return _command(Kind.GROUP, 0, 0)
 
 
 def group_goes(frames: int) -> bytes:
-    """Those that wait start in one frame and arrive together after `frames` frames."""
+    """Return the command that starts all waiting positions in one frame, to arrive after `frames` frames."""
     if frames < 1:
         raise InputError("bad-command", "a group's time is at least one frame")
     return _command(Kind.GROUP, 0, frames)
 
 
 def trim_command(servo: int, cycles: int) -> bytes:
-    """`cycles` from -127 to 127, but not -1: its byte in the EEPROM would be the erased one."""
+    """Return the command of a trim from -127 to 127 cycles, but not -1, whose byte is that of
+    erased EEPROM.
+    """
     if not -MAX_TRIM <= cycles <= MAX_TRIM or trim_byte(cycles) == NO_TRIM:
         raise InputError(
-            "bad-command", f"a trim of {cycles} cycles cannot be said", hint="-127 to 127 cycles, but not -1"
+            "bad-command", f"a trim of {cycles} cycles cannot be sent", hint="-127 to 127 cycles, but not -1"
         )
     return _command(Kind.TRIM, servo, TRIM_ZERO + cycles)
 
 
 def query_command(servo: int, *, low: bool = False) -> bytes:
-    """The answer is one byte of the width of the servo's pulses in cycles, its trim included.
+    """Return the command that asks for one byte of a servo's width in cycles, its trim included.
 
-    The chip hears nothing until it has answered, which is at most three slots and a byte later.
+    The chip receives nothing until it has answered, which takes up to three slots and a byte.
     """
     if not 0 <= servo < MAX_SERVOS:
         raise InputError(
@@ -132,17 +136,17 @@ def _command(kind: Kind, servo: int, value: int) -> bytes:
             "unknown-servo", f"there is no servo {servo}", hint=f"servos are 0 to {MAX_SERVOS - 1}"
         )
     if not 0 <= value <= MAX_VALUE:
-        raise InputError("bad-command", f"{value} is no third byte of a command", hint=f"0 to {MAX_VALUE}")
+        raise InputError("bad-command", f"{value} is not a third byte of a command", hint=f"0 to {MAX_VALUE}")
     return Command(kind, servo, value).to_bytes()
 
 
 def trim_byte(cycles: int) -> int:
-    """A trim's byte in the EEPROM: two's complement."""
+    """Return a trim's byte in the EEPROM: two's complement."""
     return cycles & 0xFF
 
 
 def trim_cycles(byte: int) -> int:
-    """The trim that a byte of the EEPROM is."""
+    """Return the trim of a byte of the EEPROM."""
     return 0 if byte == NO_TRIM else (byte ^ 0x80) - 0x80
 
 
@@ -155,21 +159,21 @@ class Travel:
 
     @property
     def scale(self) -> int:
-        """256ths of a cycle a position step, rounded: what the chip multiplies p with."""
+        """Return 256ths of a cycle per position, rounded: the factor with which the chip multiplies p."""
         return (2 * (self.most - self.least << SCALE_BITS) + MAX_VALUE) // (2 * MAX_VALUE)
 
     def width(self, p: int) -> Cycles:
-        """min + p (max - min) / 254, within a cycle of it; exact at 0 and 254."""
+        """Return min + p (max - min) / 254 to within a cycle; exact at 0 and 254."""
         if not 0 <= p <= MAX_VALUE:
-            raise InputError("bad-command", f"{p} is no position", hint=f"0 to {MAX_VALUE}")
+            raise InputError("bad-command", f"{p} is not a position", hint=f"0 to {MAX_VALUE}")
         return Cycles(self.least + (p * self.scale + (1 << SCALE_BITS - 1) >> SCALE_BITS))
 
     def nearest(self, width: float) -> int:
-        """The p whose width is nearest, the smaller of two; the end for a width beyond it."""
+        """Return the p whose width is nearest, the smaller of two; the end for a width beyond it."""
         return min(range(MAX_VALUE + 1), key=lambda p: (abs(self.width(p) - width), p))
 
 
 def travel(servo: Servo, clock: Clock) -> Travel:
-    """The widths of p = 0 and p = 254: the ends of what the servo may be told, its own trim included."""
+    """Return the widths of p = 0 and p = 254: the limits of the servo, its own trim included."""
     low, high = (clock.round_us(width).cycles for width in servo.widths_us)
     return Travel(low, high)

@@ -30,7 +30,7 @@ READ_LATE = 24
 
 
 OVERRUN = "due"
-"""The variable whose bit 0 says that a pulse was once not prepared in time."""
+"""The variable whose bit 0 is set once a pulse is not prepared in time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class _Out:
 
 
 def render_stream(streamed: Streaming, dialect: str, device: Device, title: str) -> str:
-    """The C file of `streamed` in `dialect`. Raises RenderError."""
+    """Return the C file of `streamed` in `dialect`. Raises RenderError."""
     schedule, stream = streamed.plan.schedule, streamed.stream
     clock = schedule.clock
     pins = [channel.pin for channel in schedule.channels]
@@ -84,7 +84,7 @@ def render_stream(streamed: Streaming, dialect: str, device: Device, title: str)
 
 
 def tick(streamed: Streaming) -> str:
-    """The assembly of the interrupt."""
+    """Return the assembly of the interrupt."""
     pins = [channel.pin for channel in streamed.plan.schedule.channels]
     ports = sorted({f"PORT{pin[1]}" for pin in pins})
     line, out = streamed.stream.receive_pin, streamed.stream.transmit_pin
@@ -117,7 +117,7 @@ def _channels(streamed: Streaming) -> Iterator[ChannelText]:
 
 
 def _out(pin: str | None) -> _Out | None:
-    """No servo is on its port: its other pins stay inputs."""
+    """Return the registers of the transmit pin. No servo is on its port: its other pins stay inputs."""
     if pin is None:
         return None
     mask = 1 << int(pin[2])
@@ -126,7 +126,7 @@ def _out(pin: str | None) -> _Out | None:
 
 
 def _facts(streamed: Streaming, two_ports: bool) -> list[int]:
-    """The rows of the table, a number a servo in each; two rows are looked up at a time."""
+    """Return the rows of the table, one number per servo in each; two rows are looked up at a time."""
     pins = [channel.pin for channel in streamed.plan.schedule.channels]
     masks = [1 << int(pin[2]) for pin in pins]
     rows = [
@@ -146,6 +146,6 @@ def _facts(streamed: Streaming, two_ports: bool) -> list[int]:
 
 
 def _everybody(pins: list[str], two_ports: bool) -> str:
-    """All servos' bits: by number, or by pin where one port has them all."""
+    """Return all servos' bits: by number, or by pin if one port has them all."""
     bits = range(len(pins)) if two_ports else [int(pin[2]) for pin in pins]
     return f"0x{sum(1 << bit for bit in bits):02X}"

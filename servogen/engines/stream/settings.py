@@ -1,6 +1,6 @@
-"""What a job says of its serial line, and whether the chip can receive it at its clock.
+"""The settings of a serial line, and whether the chip can receive it at its clock.
 
-In: [stream]'s values. Out: `Stream`; InputError for a baud rate that does not go with the clock.
+In: the values of [stream]. Out: `Stream`; InputError for a baud rate that does not go with the clock.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ USUAL = (300, 600, 1200, 2400, 4800, 9600, 14_400, 19_200, 38_400)
 
 
 def bit_units(stream: Stream, clock: Clock) -> int:
-    """A bit in units of 4 cycles, rounded. Raises InputError where the line cannot be received.
+    """Return a bit in units of 4 cycles, rounded. Raises InputError if the line cannot be received.
 
-    A bit is looked at in its middle, give or take half the time between two looks, for the start bit as for
-    itself; until the stop bit the rounding to units has come nine times, and a sender that is 2 % off has
-    drifted by 0.19 bits. Together it must stay below half a bit.
+    A bit is sampled in its middle, give or take half the time between two samples, both for the start bit and
+    for itself; up to the stop bit the rounding to units adds up nine times, and a sender that is 2 % off
+    drifts by 0.19 bits. Together it must stay below half a bit.
     """
     bit = clock.cycles_per_second / stream.baud
     units, rounding, drift = _off(bit)
@@ -75,13 +75,13 @@ def bit_units(stream: Stream, clock: Clock) -> int:
 
 
 def _off(bit: Fraction) -> tuple[int, Fraction, Fraction]:
-    """A bit's units; how far rounding and the sender's error move the stop bit, in cycles."""
+    """Return a bit's units, and how far rounding and the sender's error move the stop bit, in cycles."""
     units = round(bit / UNIT)
     return units, abs(units * UNIT - bit) * (BITS - 1), bit * BAUD_ERROR * (2 * BITS - 1) / 2
 
 
 def _rates(clock: Clock) -> str:
-    """The usual rates that this clock can receive."""
+    """Return the usual rates that this clock can receive, as text."""
     found = []
     for baud in USUAL:
         bit = clock.cycles_per_second / baud

@@ -1,7 +1,7 @@
 """A stream job as numbers: frame, widths, fail-safe, and the schedule of an idle line.
 
-In: the servos, the frame, the line. Out: `Streaming`, whose schedule is what the chip does when nothing
-comes: the neutral pose, then what the fail-safe says.
+In: the servos, the frame, the line. Out: `Streaming`, whose schedule is what the chip does without commands:
+the neutral pose, then the fail-safe's action.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ MIN_SILENCE = 5
 
 @dataclass(frozen=True, slots=True)
 class Streaming:
-    """What the firmware is made of; `travels` and `neutral` in the order of the servos."""
+    """The parts of the firmware; `travels` and `neutral` are in the order of the servos."""
 
     plan: PulsePlan
     layout: Layout
@@ -50,7 +50,7 @@ def streaming(
     soft_start_s: Fraction,
     soft_start_place: Location | None = None,
 ) -> Streaming:
-    """The stream engine of these servos. Raises InputError."""
+    """Return the stream engine of these servos. Raises InputError."""
     units = bit_units(stream, clock)
     slots = layout(servos, frame, clock, stream.baud)
     period_s = clock.seconds(slots.period)
@@ -107,7 +107,7 @@ def _schedule(
     soft: int,
     fail_safe: str,
 ) -> PulseSchedule:
-    """The neutral pose until after the fail-safe has come, and then what it leaves."""
+    """Return the neutral pose until after the fail-safe has acted, and then its result."""
     channels = tuple(Channel(servo.name, servo.pin, servo.model.name) for servo in servos)
     pulses = tuple(Pulse(slots.rise(number), width) for number, width in enumerate(neutral))
     if fail_safe == OFF:

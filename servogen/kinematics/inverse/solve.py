@@ -199,7 +199,7 @@ def why_unreachable(arm: Arm, position: ArrayLike, rotation: ArrayLike | None = 
     if turn is not None and not is_rotation(turn, RIGHT_HANDED):
         raise InputError(
             "bad-rotation",
-            "the orientation of the target is no rotation: its columns are no right-handed axes",
+            "the orientation of the target is not a rotation: its columns are not right-handed axes",
         )
     if has_closed_form(arm, turn is not None):
         free = closed_solutions(

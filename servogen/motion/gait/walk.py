@@ -184,7 +184,7 @@ def walk(
     limits = limits or Limits()
     if frames_per_cycle is None and math.isinf(limits.speed):
         raise InputError(
-            "no-speed", "nothing says how fast the cycle may be", hint="give its time, or a speed limit"
+            "no-speed", "the speed of the cycle is not known", hint="give its time, or a speed limit"
         )
     plan = footwork(robot, gait, posture, (*segments, *others))
     names = plan.legs
