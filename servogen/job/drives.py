@@ -118,9 +118,9 @@ def _routines(document: Document, made: Drive) -> list[Caution]:
     """Return a note for each stretch: its direction, how far the wheels turn, its time."""
     period_s = float(made.trajectory.clock.seconds(made.trajectory.period))
     notes = []
-    for index, (each, frames) in enumerate(zip(made.stretches, made.frames, strict=True)):
-        text = f"stretch {index + 1}: {each.text}, {frames} frames, {frames * period_s:g} s"
-        text += f"; {each.remark}" if each.remark else ""
+    for index, (stretch, frames) in enumerate(zip(made.stretches, made.frames, strict=True)):
+        text = f"stretch {index + 1}: {stretch.text}, {frames} frames, {frames * period_s:g} s"
+        text += f"; {stretch.remark}" if stretch.remark else ""
         notes.append(Caution("stretch", text, document.place("drive", "corners_mm")))
     return notes
 

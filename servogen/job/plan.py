@@ -104,11 +104,11 @@ def _joint_limits(job: Job, limits: tuple[Limits, ...]) -> tuple[Limits, ...]:
     """Return the limits of each bound joint. Raises InputError for a servo that turns no joint."""
     by_name = dict(zip([servo.name for servo in job.servos], limits, strict=True))
     joints = tuple(
-        Limits(limit.speed / abs(each.ratio), limit.acceleration / abs(each.ratio))
-        for each in job.bindings
-        for limit in (by_name[each.servo],)
+        Limits(limit.speed / abs(binding.ratio), limit.acceleration / abs(binding.ratio))
+        for binding in job.bindings
+        for limit in (by_name[binding.servo],)
     )
-    order = [each.servo for each in job.bindings]
+    order = [binding.servo for binding in job.bindings]
     for index, servo in enumerate(job.servos):
         if servo.name not in order:
             raise job.document.error(

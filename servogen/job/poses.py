@@ -146,8 +146,8 @@ class _Reader:
             place = self.document.place(*key, name)
             found = tip.choices(np.array(point) / 1000, turn, near, place).tolist()
             choices = [
-                each | {servo.name: angle for servo, angle in zip(tip.servos, solution, strict=True)}
-                for each in choices
+                choice | {servo.name: angle for servo, angle in zip(tip.servos, solution, strict=True)}
+                for choice in choices
                 for solution in found
             ]
         for servo in self.servos:
@@ -158,7 +158,7 @@ class _Reader:
                     f"the first pose does not say where {servo.name} is",
                     f"add {_key_of(servo)} = … (later poses may omit it: it stays)",
                 )
-        return [_State({**before.angles, **each}, orientation) for each in choices]
+        return [_State({**before.angles, **choice}, orientation) for choice in choices]
 
     def pose(self, index: int, table: MotionTable, state: _State, way: _Way | None) -> Pose:
         """Return the pose, with how the servos get there from the one before."""

@@ -104,14 +104,17 @@ class LegTip:
         return _within(found, self.servos)
 
     def where(self, angles: Floats) -> Floats:
-        alpha, beta = (each.position(column) for each, column in zip(self.bindings, angles.T, strict=True))
+        alpha, beta = (
+            binding.position(column) for binding, column in zip(self.bindings, angles.T, strict=True)
+        )
         return self.leg.fk(alpha, beta)
 
     def _of(self, points: Floats) -> Floats:
         joints = self.leg.solve(points, NEAR_SURFACE_M)
         joints[self.beta_sign * joints[..., 1] < 0] = np.nan
         return np.stack(
-            [each.servo_angle(joints[..., column]) for column, each in enumerate(self.bindings)], axis=-1
+            [binding.servo_angle(joints[..., column]) for column, binding in enumerate(self.bindings)],
+            axis=-1,
         )
 
 
@@ -159,7 +162,7 @@ class ArmTip:
 
     def _positions(self, angles: Floats) -> Floats:
         """Return the joint positions (n, k) at servo angles (n, k)."""
-        columns = [each.position(column) for each, column in zip(self.bindings, angles.T, strict=True)]
+        columns = [binding.position(column) for binding, column in zip(self.bindings, angles.T, strict=True)]
         return np.stack(columns, axis=1)
 
     def _on_servos(self) -> Arm:
@@ -178,7 +181,8 @@ class ArmTip:
 
     def _bound(self, joints: Floats) -> Floats:
         return np.stack(
-            [each.servo_angle(joints[..., column]) for column, each in enumerate(self.bindings)], axis=-1
+            [binding.servo_angle(joints[..., column]) for column, binding in enumerate(self.bindings)],
+            axis=-1,
         )
 
 

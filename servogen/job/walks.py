@@ -103,7 +103,7 @@ def _gait(document: Document, table: WalkTable, whole: WalkingRobot, robot: Walk
     except InputError as error:
         raise error.at(document.place("walk", key)) from error
     mine = {mount.name for mount in mounts_of(robot)}
-    return Gait(named.name, named.duty, tuple(each for each in named.lifts if each[0] in mine))
+    return Gait(named.name, named.duty, tuple(lift for lift in named.lifts if lift[0] in mine))
 
 
 def _frames(table: WalkTable, period: Cycles, clock: Clock) -> int | None:
@@ -132,7 +132,7 @@ def _least(limits: tuple[Limits, ...]) -> Limits:
 
 
 def _bound(document: Document, trajectory: JointTrajectory, bindings: tuple[Binding, ...]) -> JointTrajectory:
-    missing = [joint for joint in trajectory.joints if joint not in [each.joint for each in bindings]]
+    missing = [joint for joint in trajectory.joints if joint not in [binding.joint for binding in bindings]]
     if missing:
         raise document.error(
             "joint-unbound",
@@ -162,7 +162,7 @@ def _notes(document: Document, made: Walk, table: WalkTable) -> list[Caution]:
     seconds = float(made.trajectory.clock.seconds(made.trajectory.period)) * made.frames_per_cycle
     notes = [
         Caution("cycle", f"a cycle takes {made.frames_per_cycle} frames, {seconds:.6g} s", place),
-        *(Caution("phase", each.text(), place) for each in made.changes),
+        *(Caution("phase", change.text(), place) for change in made.changes),
         *_turns(document, made),
         Caution("spring", f"the legs' springs give up to {1000 * made.largest_correction_m:z.2f} mm", place),
         Caution("slip", made.slip.text(), place),

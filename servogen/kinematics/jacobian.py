@@ -163,7 +163,7 @@ def _far_apart(arm: Arm) -> Floats:
 
 def _general_rank(arm: Arm) -> int:
     values = np.linalg.svd(jacobian(arm, _far_apart(arm)), compute_uv=False)
-    return max(_rank(each) for each in values)
+    return max(_rank(value) for value in values)
 
 
 def static_torques(arm: Arm, q: ArrayLike, force: ArrayLike, moment: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:

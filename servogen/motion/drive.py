@@ -50,7 +50,7 @@ def drive(
     pause, ramp = (round(seconds / period_s) for seconds in (pause_s, ramp_s))
     if not speed * float(period_s) > 0:
         raise InputError("out-of-range", f"the speed must be more than 0, not {speed:g} m/s")
-    asked = [each.length / (speed * float(period_s)) for each in stretches]
+    asked = [stretch.length / (speed * float(period_s)) for stretch in stretches]
     if sum(asked) + len(asked) * (2 * ramp + pause + 1) > MAX_FRAMES:
         raise InputError(
             "too-many-frames", f"the drive is more than {MAX_FRAMES} frames long", hint="raise its speed"

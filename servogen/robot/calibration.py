@@ -121,7 +121,7 @@ class Fit:
         """Return the root mean square of the residuals, allowing for the two degrees of freedom of the
         line.
         """
-        return math.sqrt(sum(each**2 for each in self.residuals) / max(1, len(self.residuals) - 2))
+        return math.sqrt(sum(residual**2 for residual in self.residuals) / max(1, len(self.residuals) - 2))
 
     @property
     def worst(self) -> int:
@@ -218,7 +218,7 @@ def _check_outlier(readings: Sequence[Reading], tolerance: float, unit: str) -> 
     found: list[tuple[float, float, int]] = []
     for index, reading in enumerate(readings):
         others = [*readings[:index], *readings[index + 1 :]]
-        if len({each.width_us for each in others}) < MIN_WIDTHS:
+        if len({other.width_us for other in others}) < MIN_WIDTHS:
             continue
         line = _line(others)
         if math.isinf(line.us_per_rad) or line.us_per_rad == 0:

@@ -157,9 +157,9 @@ def fitting(parts: Sequence[Section], scale: Scale, clock: Clock, loop: int) -> 
     best, worst = (float(us / clock.cycle_us) for us in (BEST_US, WORST_US))
     choices = [_choices(section, scale, best, worst) for section in parts]
     taken = [0] * len(choices)
-    _check_size([each[-1][0] for each in choices], SURELY_TOO_MANY)
+    _check_size([choice[-1][0] for choice in choices], SURELY_TOO_MANY)
     while True:
-        made = [each[number][0] for each, number in zip(choices, taken, strict=True)]
+        made = [choice[number][0] for choice, number in zip(choices, taken, strict=True)]
         size = len(pooled(made)[0].data)
         if size <= MAX_BYTES:
             return made

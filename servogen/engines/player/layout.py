@@ -31,7 +31,7 @@ TICKS = (Cycles(32), Cycles(64), Cycles(128), Cycles(256))
 MAX_TICKS = 255
 
 STAGGER = Cycles(32)
-"""By how much the second servo of a slot rises later, where no two may start together."""
+"""The delay of a slot's second servo if no two may start together."""
 
 TAIL = Cycles(19)
 """The kernel's cycles after the later fall."""
@@ -42,7 +42,7 @@ addition, there for each channel, and for each doubling of a channel's step. Wha
 is compiled."""
 
 BUTTONS_C = Cycles(40)
-"""What looking at the buttons takes, where a pin is left for one."""
+"""The cycles that reading the buttons takes, if a pin is free for one."""
 
 EASES = ((3, 3), (2, 2), (2, 1), (1, 1))
 """How many times that the C gets between slots and between frames, as far as there is room: other compilers'
@@ -52,7 +52,7 @@ WATCHDOG_US = Fraction(6900)
 """A watchdog that was left on must be cleared within 7 ms (DS35007 section 9, parameter 31)."""
 
 MAX_TRIM = Cycles(127)
-"""What the trim in the EEPROM can add to a pulse."""
+"""The longest trim of a pulse in the EEPROM."""
 
 MARGIN_US = Fraction(20)
 """What a slot has left beyond the motion's longest pulse and its trim, as far as the servo's limits allow:
@@ -85,10 +85,11 @@ class Layout:
 
     @property
     def period(self) -> Cycles:
+        """Return the frame's length in cycles."""
         return Cycles(self.tick * sum(slot.ticks for slot in self.slots))
 
     def rise(self, channel: int) -> Cycles:
-        """The cycle of the frame in which that channel's pulse begins."""
+        """Return the cycle of the frame in which that channel's pulse begins."""
         at = 0
         for number, slot in enumerate(self.slots):
             at += self.tick * slot.ticks if number else 0
@@ -98,12 +99,12 @@ class Layout:
 
     @property
     def order(self) -> tuple[int, ...]:
-        """The channels slot by slot."""
+        """Return the channels slot by slot."""
         return tuple(channel for slot in self.slots for channel in slot.channels)
 
     @property
     def between_slots(self) -> Cycles:
-        """The least time from the kernel's end in a slot to the last moment for the next slot's beginning."""
+        """Return the shortest time from the kernel's end in a slot to the last moment for the next slot."""
         pairs = zip(self.slots, self.slots[1:], strict=False)
         return Cycles(
             min((_room(one, other, self.tick) for one, other in pairs), default=self.between_frames)
@@ -111,12 +112,12 @@ class Layout:
 
     @property
     def between_frames(self) -> Cycles:
-        """The same from a frame's last slot to the next frame's first one."""
+        """Return the same from a frame's last slot to the next frame's first one."""
         return _room(self.slots[-1], self.slots[0], self.tick)
 
 
 def to_rise(tick: Cycles) -> Cycles:
-    """The kernel's cycles from a slot's beginning to the rise of its pins, staggered ones' cycle more."""
+    """Return the kernel's cycles from a slot's beginning to the rise of its pins."""
     return Cycles(3 * tick + 7)
 
 
@@ -186,7 +187,7 @@ def layout(
 
 
 def _pairs(servos: Sequence[Servo]) -> list[tuple[str, tuple[int, ...]]]:
-    """(port, channels) of each slot."""
+    """Return (port, channels) of each slot."""
     return [
         (port, tuple(mine[first : first + 2]))
         for port in ("B", "A")
@@ -198,13 +199,13 @@ def _pairs(servos: Sequence[Servo]) -> list[tuple[str, tuple[int, ...]]]:
 
 
 def _slot(longest: int, c: int, tick: int) -> int:
-    """The cycles from a slot's beginning to the next one's, if the C takes `c` between them."""
+    """Return the cycles from a slot's beginning to the next one's, if the C takes `c` between them."""
     return to_rise(Cycles(tick)) + longest + TAIL + c + 1
 
 
 @dataclass(frozen=True, slots=True)
 class _Frame:
-    """What a frame's ticks are made of, in cycles: each slot's longest pulse, the time that the C gets."""
+    """The parts of a frame in cycles: each slot's longest pulse, and the time reserved for the C."""
 
     longest: tuple[int, ...]
     slot_c: int
@@ -213,14 +214,14 @@ class _Frame:
     period: int
 
     def whole(self, pulse: int, c: int) -> int:
-        """The ticks of a slot with that pulse and that C after it."""
+        """Return the ticks of a slot with that pulse and that C after it."""
         return -(-_slot(pulse, c, self.tick) // self.tick)
 
     @property
     def least(self) -> int:
-        """The ticks of the shortest frame."""
+        """Return the ticks of the shortest frame."""
         *others, last = self.longest
-        return sum(self.whole(each, self.slot_c) for each in others) + self.whole(
+        return sum(self.whole(other, self.slot_c) for other in others) + self.whole(
             last, self.slot_c + self.frame_c
         )
 
@@ -246,7 +247,9 @@ class _Frame:
         return None
 
     def _most(self, least: int, pulse: int, fed: int | None) -> int:
-        """The ticks of a part at most: in its waiting and the pulse after it nothing clears the watchdog."""
+        """Return the maximum ticks of a part; during its wait and the pulse after it nothing clears the
+        watchdog.
+        """
         return max(least, self._limit(pulse, fed))
 
     def _limit(self, pulse: int, fed: int | None) -> int:
@@ -255,7 +258,7 @@ class _Frame:
 
 
 def _filled(least: list[int], most: list[int], whole: int) -> list[int]:
-    """Parts that make up `whole`, the later ones as long as they may be."""
+    """Return parts that add up to `whole`, the later ones as long as possible."""
     parts, spare = list(least), whole - sum(least)
     for number in reversed(range(len(parts))):
         more = min(spare, most[number] - parts[number])

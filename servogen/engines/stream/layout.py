@@ -53,11 +53,11 @@ class Layout:
 def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, baud: int) -> Layout:
     """Return the longest frame that does not exceed the requested one. Raises InputError."""
     widths = [travel(servo, clock) for servo in servos]
-    for servo, each in zip(servos, widths, strict=True):
-        if each.least < MIN_WIDTH:
+    for servo, width in zip(servos, widths, strict=True):
+        if width.least < MIN_WIDTH:
             raise InputError(
                 "pulse-too-short",
-                f"{servo.name}: a pulse of {each.least} cycles is shorter than {MIN_WIDTH}",
+                f"{servo.name}: a pulse of {width.least} cycles is shorter than {MIN_WIDTH}",
                 servo.place,
                 "take a faster clock, or narrow the servo's limits",
             )
@@ -84,7 +84,7 @@ def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, baud: int) -> La
             frame.place,
             f"period_us = {float(clock.us(len(servos) * least * ROUND)):g}, or narrow the servos' limits",
         )
-    return max(fits, key=lambda each: (each.period, -each.slots))
+    return max(fits, key=lambda candidate: (candidate.period, -candidate.slots))
 
 
 def _most_rounds(clock: Clock, baud: int) -> int:
@@ -98,5 +98,5 @@ def _most_rounds(clock: Clock, baud: int) -> int:
 
 def _rounds(widths: Sequence[Travel]) -> int:
     """Return the rounds of the shortest slot that holds the longest pulse and its trim."""
-    longest = max(each.most for each in widths) + MAX_TRIM
+    longest = max(width.most for width in widths) + MAX_TRIM
     return -(-(longest - LATEST) // ROUND) + 1

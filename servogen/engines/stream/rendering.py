@@ -111,8 +111,8 @@ def tick(streamed: Streaming) -> str:
 
 def _channels(streamed: Streaming) -> Iterator[ChannelText]:
     schedule = streamed.plan.schedule
-    for channel, each in zip(schedule.channels, streamed.travels, strict=True):
-        ends = (decimal(schedule.clock.us(width)) for width in (each.least, each.most))
+    for channel, travel in zip(schedule.channels, streamed.travels, strict=True):
+        ends = (decimal(schedule.clock.us(width)) for width in (travel.least, travel.most))
         yield ChannelText(channel.name, channel.pin, " to ".join(ends))
 
 
@@ -132,8 +132,8 @@ def _facts(streamed: Streaming, two_ports: bool) -> list[int]:
     rows = [
         half
         for widths in (
-            [each.least for each in streamed.travels],
-            [each.scale for each in streamed.travels],
+            [travel.least for travel in streamed.travels],
+            [travel.scale for travel in streamed.travels],
             streamed.neutral,
         )
         for half in ([width & 0xFF for width in widths], [width >> 8 for width in widths])

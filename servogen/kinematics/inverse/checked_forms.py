@@ -170,7 +170,7 @@ def _part(target: Target, which: NDArray[np.intp]) -> Target:
 def _rotations(target: Target, which: NDArray[np.intp]) -> Floats:
     """Return the rotations (k, 3, 3) of a target with an orientation at some of its indices."""
     axes = [vector for vector in (target.n, target.o, target.a) if vector is not None]
-    return np.stack([np.stack([each[which] for each in axis], axis=-1) for axis in axes], axis=-1)
+    return np.stack([np.stack([point[which] for point in axis], axis=-1) for axis in axes], axis=-1)
 
 
 def _cross(one: tuple[Floats, ...], two: tuple[Floats, ...]) -> tuple[Floats, Floats, Floats]:
