@@ -63,7 +63,7 @@ class Program:
             "words_left": PROGRAM_WORDS - compilation.words,
             "ram_bytes": compilation.ram_bytes,
             "ram_left": RAM_BYTES - compilation.ram_bytes,
-            "c_between_pulses": [room.to_json() for room in self.firmware.rooms],
+            "c_between_pulses": [room.to_json() for room in self.firmware.timing_budgets],
             "overrun_cycle": self.overrun,
             "proven": self.proven,
             "verdict": self.verdict.to_json(),
@@ -219,7 +219,7 @@ def program_facts(done: Build) -> tuple[ProgramFacts, ...]:
             program.firmware.compilation.words,
             program.firmware.compilation.ram_bytes,
             program.verdict,
-            program.firmware.rooms,
+            program.firmware.timing_budgets,
             None if program.firmware.overrun is None else Overrun(program.overrun),
         )
         for program in done.programs

@@ -91,7 +91,7 @@ def build(
     from servogen.build.build import program_facts
     from servogen.job import load, plan_job
     from servogen.plan_error import plan_words
-    from servogen.report import rooms_text
+    from servogen.report import timing_budgets_text
 
     loaded = plan_job(load(job))
     folder = output or Path("build") / loaded.name
@@ -103,7 +103,7 @@ def build(
     else:
         _width_table(done.plan.widths)
         _program_table([done])
-        print("\n".join(rooms_text(program_facts(done), done.job.clock)))
+        print("\n".join(timing_budgets_text(program_facts(done), done.job.clock)))
         plan = plan_words(done.plan.schedule.plan_error)
         print(f"{folder}: {'proven' if done.proven else 'NOT PROVEN'}; {plan}; all of it in report.txt")
     warn_of_all(done.warnings)

@@ -84,13 +84,13 @@ class ServoController:
         """Return (index, position) of each servo whose position differs from the one sent; NaN changes
         nothing.
         """
-        found = []
+        changed = []
         for index, (channel, before, angle) in enumerate(
             zip(self.channels, sent, angles.tolist(), strict=True)
         ):
             if not math.isnan(angle) and (position := channel.position(angle)) != before:
-                found.append((index, position))
-        return found
+                changed.append((index, position))
+        return changed
 
     def command(self, index: int, position: int) -> bytes:
         """Return the bytes that command a position."""

@@ -36,7 +36,7 @@ class Firmware:
     file: str
     text: str
     compilation: Compilation
-    rooms: tuple[TimingBudget, ...] = ()
+    timing_budgets: tuple[TimingBudget, ...] = ()
     """What the C between the pulses takes at most, of what it has."""
     overrun: int | None = None
     """The address of the byte whose bit 0 is set once the C takes too long; None: the engine has none."""

@@ -36,7 +36,7 @@ def drive_of(
         )
     wheels = _wheels(document, table, robot, servos)
     try:
-        made = drive(
+        planned = drive(
             robot.route([(x / 1000, y / 1000) for x, y in table.corners_mm], table.directions),
             table.speed_mm_s / 1000,
             period,
@@ -48,14 +48,14 @@ def drive_of(
         )
     except InputError as error:
         raise error.at(document.place("drive", "corners_mm")) from error
-    _check_speeds(document, table, made, wheels)
-    notes = (*_routines(document, made), _closing(document, robot, made, wheels, clock))
+    _check_speeds(document, table, planned, wheels)
+    notes = (*_routines(document, planned), _closing(document, robot, planned, wheels, clock))
     order = [table.wheels.index(servo.name) for servo in servos]
-    angles = made.trajectory.angles[:, order]
+    angles = planned.trajectory.angles[:, order]
     if table.end == "release":
         angles[-1] = np.nan
     names = tuple(servo.name for servo in servos)
-    return Planned(JointTrajectory(names, clock, period, angles, made.trajectory.loop_start), notes=notes)
+    return Planned(JointTrajectory(names, clock, period, angles, planned.trajectory.loop_start), notes=notes)
 
 
 def _wheels(
@@ -94,11 +94,11 @@ def _wheels(
     return tuple(by_name[name] for name in table.wheels)
 
 
-def _check_speeds(document: Document, table: DriveTable, made: Drive, wheels: Sequence[Servo]) -> None:
+def _check_speeds(document: Document, table: DriveTable, planned: Drive, wheels: Sequence[Servo]) -> None:
     """Raise InputError if a wheel is faster than its servo, naming the wheel that exceeds its limit most."""
     asked = [
         (servo, speed, servo.limits[0 if speed < 0 else 1])
-        for servo, column in zip(wheels, made.trajectory.angles.T, strict=True)
+        for servo, column in zip(wheels, planned.trajectory.angles.T, strict=True)
         for speed in (float(column.min()), float(column.max()))
         if not servo.allows(speed)
     ]
@@ -114,11 +114,11 @@ def _check_speeds(document: Document, table: DriveTable, made: Drive, wheels: Se
     )
 
 
-def _routines(document: Document, made: Drive) -> list[Caution]:
+def _routines(document: Document, planned: Drive) -> list[Caution]:
     """Return a note for each stretch: its direction, how far the wheels turn, its time."""
-    period_s = float(made.trajectory.clock.seconds(made.trajectory.period))
+    period_s = float(planned.trajectory.clock.seconds(planned.trajectory.period))
     notes = []
-    for index, (stretch, frames) in enumerate(zip(made.stretches, made.frames, strict=True)):
+    for index, (stretch, frames) in enumerate(zip(planned.stretches, planned.frames, strict=True)):
         text = f"stretch {index + 1}: {stretch.text}, {frames} frames, {frames * period_s:g} s"
         text += f"; {stretch.remark}" if stretch.remark else ""
         notes.append(Caution("stretch", text, document.place("drive", "corners_mm")))
@@ -126,12 +126,12 @@ def _routines(document: Document, made: Drive) -> list[Caution]:
 
 
 def _closing(
-    document: Document, base: DrivingRobot, made: Drive, wheels: Sequence[Servo], clock: Clock
+    document: Document, base: DrivingRobot, planned: Drive, wheels: Sequence[Servo], clock: Clock
 ) -> Caution:
     """Return a note of how far from its beginning one round ends when every pulse is whole cycles."""
-    columns = zip(wheels, made.trajectory.angles.T, strict=True)
+    columns = zip(wheels, planned.trajectory.angles.T, strict=True)
     speeds = np.stack([_achieved(servo, column, clock) for servo, column in columns], axis=1)
-    period_s = float(clock.seconds(made.trajectory.period))
+    period_s = float(clock.seconds(planned.trajectory.period))
     x, y, turn = positions(base, speeds, period_s)[-1].tolist()
     return Caution(
         "closing",

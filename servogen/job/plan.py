@@ -125,15 +125,15 @@ def _limits(job: Job) -> tuple[Limits, ...]:
     limbs = job.robot.limbs if job.robot else ()
     joints = {name: joint.speed for limb in limbs for name, joint in limb.joints.items()}
     bound = {each.servo: each for each in job.bindings}
-    found = []
+    limits = []
     for servo in job.servos:
         speed = math.inf if servo.model.speed is None else servo.model.speed
         binding = bound.get(servo.name)
         top = joints.get(binding.joint) if binding else None
         if binding and top is not None:
             speed = min(speed, top * abs(binding.ratio))
-        found.append(Limits(speed, servo.model.acceleration or math.inf))
-    return tuple(found)
+        limits.append(Limits(speed, servo.model.acceleration or math.inf))
+    return tuple(limits)
 
 
 def _heavy(job: Job, planned: Planned) -> tuple[Caution, ...]:

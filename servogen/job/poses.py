@@ -57,18 +57,18 @@ def poses_of(
                 "duplicate-name", (*_key(index), "name"), f"two poses have the name '{row.name}'"
             )
     states: list[_State] = []
-    ways: list[_Way | None] = []
+    paths: list[_Way | None] = []
     while len(states) < len(table.poses):
         end = len(states) + 1
         while end < len(table.poses) and table.poses[end].path != "joint":
             end += 1
-        for state, way in reader.run(len(states), end, states[-1] if states else _State({})):
+        for state, path in reader.run(len(states), end, states[-1] if states else _State({})):
             states.append(state)
-            ways.append(way)
-    ways[0] = reader.way(0, states[-1], states[0])
+            paths.append(path)
+    paths[0] = reader.way(0, states[-1], states[0])
     return tuple(
-        reader.pose(index, table, state, way)
-        for index, (state, way) in enumerate(zip(states, ways, strict=True))
+        reader.pose(index, table, state, path)
+        for index, (state, path) in enumerate(zip(states, paths, strict=True))
     )
 
 
@@ -93,21 +93,21 @@ class _Reader:
         """
         refused: list[InputError] = []
         for state in self.states(first, before)[:MAX_CHOICES]:
-            found: list[tuple[_State, _Way | None]] = [(state, None)]
+            states: list[tuple[_State, _Way | None]] = [(state, None)]
             try:
                 for index in range(first + 1, end):
-                    found.append(self._arrived(index, found[-1][0]))
+                    states.append(self._arrived(index, states[-1][0]))
             except (ChangesBranch, LeavesReach) as error:
                 refused.append(error)
             else:
-                return found
+                return states
         raise refused[0]
 
     def _arrived(self, index: int, before: _State) -> tuple[_State, _Way | None]:
         """Return the state of a pose that is reached on a path, and the path."""
         state = self.states(index, before)[0]
-        way = self.way(index, before, state)
-        return way.arrival(state) if way else state, way
+        path = self.way(index, before, state)
+        return path.arrival(state) if path else state, path
 
     def states(self, index: int, before: _State) -> list[_State]:
         """Return the states of a pose, one for each solution, those nearest to the pose before first."""
@@ -144,11 +144,11 @@ class _Reader:
             near = np.array([before.angles.get(servo.name, math.pi / 2) for servo in tip.servos])
             turn = None if orientation is None else np.array(orientation)
             place = self.document.place(*key, name)
-            found = tip.choices(np.array(point) / 1000, turn, near, place).tolist()
+            solutions = tip.choices(np.array(point) / 1000, turn, near, place).tolist()
             choices = [
                 choice | {servo.name: angle for servo, angle in zip(tip.servos, solution, strict=True)}
                 for choice in choices
-                for solution in found
+                for solution in solutions
             ]
         for servo in self.servos:
             if servo.name not in {**before.angles, **choices[0]}:
@@ -160,7 +160,7 @@ class _Reader:
                 )
         return [_State({**before.angles, **choice}, orientation) for choice in choices]
 
-    def pose(self, index: int, table: MotionTable, state: _State, way: _Way | None) -> Pose:
+    def pose(self, index: int, table: MotionTable, state: _State, path: _Way | None) -> Pose:
         """Return the pose, with how the servos get there from the one before."""
         key, row = _key(index), self.rows[index]
         if row.release and not row.pause_s:
@@ -189,7 +189,7 @@ class _Reader:
             row.release,
             law or "linear",
             row.via,
-            way,
+            path,
             self.document.place(*key),
         )
 
@@ -283,10 +283,10 @@ class _Way:
             here, there = self._shown(branch.end), self._shown(self.end[columns])
             point = _triple(self.path.point(np.array([1.0]))[0])
             raise ChangesBranch(1.0, point, (here, there), self.place, OFF_THE_PATH)
-        made = branch.followed(shares, self.tip.where)
+        followed = branch.followed(shares, self.tip.where)
         angles = self.start + shares[:, None] * (self.end - self.start)
-        angles[:, columns] = made.angles
-        return replace(made, angles=angles)
+        angles[:, columns] = followed.angles
+        return replace(followed, angles=angles)
 
     def arrival(self, state: _State) -> _State:
         """Return the state of the pose at the end of the path, on the branch on which the path arrives."""

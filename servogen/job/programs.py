@@ -142,10 +142,10 @@ def _on_servos(
                 f"{servo.name} turns no joint of the arm",
                 'say which: joint = …, or make it the hand: [program] hand = { servo = "…", … }',
             )
-    made = bound(done.trajectory, [by_servo[servo.name] for servo in servos])
+    motion = bound(done.trajectory, [by_servo[servo.name] for servo in servos])
     if table.end == "release":
-        made.angles[-1] = np.nan
-    return made
+        motion.angles[-1] = np.nan
+    return motion
 
 
 def _notes(document: Document, done: Run) -> tuple[Caution, ...]:

@@ -114,7 +114,7 @@ def bindings_of(
     """Return the joints that servos turn, in the order of the servos; `sliding` has the robot's joints by
     name.
     """
-    found: list[Binding] = []
+    bindings: list[Binding] = []
     for index, row in enumerate(rows):
         if row.joint is None:
             continue
@@ -133,7 +133,7 @@ def bindings_of(
                 f"the robot has no joint '{row.joint}'",
                 did_you_mean(row.joint, sliding),
             )
-        if row.joint in [binding.joint for binding in found]:
+        if row.joint in [binding.joint for binding in bindings]:
             raise document.error("servo-bound-twice", key, f"two servos turn the joint '{row.joint}'")
         if sliding[row.joint] != (row.deg_per_mm is not None):
             kind, wanted = ("slides", "deg_per_mm") if sliding[row.joint] else ("turns", "ratio")
@@ -143,5 +143,5 @@ def bindings_of(
         ratio = row.ratio if row.deg_per_mm is None else math.radians(row.deg_per_mm) * 1000
         if not ratio:
             raise document.error("out-of-range", key, "a ratio of 0 moves nothing")
-        found.append(Binding(row.joint, row.name, math.radians(row.zero_deg), ratio))
-    return tuple(found)
+        bindings.append(Binding(row.joint, row.name, math.radians(row.zero_deg), ratio))
+    return tuple(bindings)

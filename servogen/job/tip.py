@@ -99,9 +99,9 @@ class LegTip:
         self, points: Floats, shares: Floats, turn: tuple[Floats, Floats] | None, near: Floats
     ) -> Floats:
         reached = np.array([self.leg.nearest(point) for point in points])
-        found = self._of(reached)
-        found[np.linalg.norm(reached - points, axis=1) > self.tolerance] = np.nan
-        return _within(found, self.servos)
+        angles = self._of(reached)
+        angles[np.linalg.norm(reached - points, axis=1) > self.tolerance] = np.nan
+        return _within(angles, self.servos)
 
     def where(self, angles: Floats) -> Floats:
         alpha, beta = (
@@ -154,8 +154,8 @@ class ArmTip:
         self, points: Floats, shares: Floats, turn: tuple[Floats, Floats] | None, near: Floats
     ) -> Floats:
         rotations = None if turn is None else rotations_between(self.arm, points, *turn, shares)
-        found = solutions_near(self._on_servos(), points, rotations, self._positions(near))
-        return _within(self._bound(found), self.servos)
+        angles = solutions_near(self._on_servos(), points, rotations, self._positions(near))
+        return _within(self._bound(angles), self.servos)
 
     def where(self, angles: Floats) -> Floats:
         return fk_position(self.arm, self._positions(angles))
@@ -186,24 +186,26 @@ class ArmTip:
         )
 
 
-def _within(found: Floats, servos: Sequence[Servo]) -> Floats:
-    """Return `found` (…, k) with NaN where a servo's limits do not allow it."""
-    allowed = np.ones(found.shape[:-1], dtype=bool)
+def _within(angles: Floats, servos: Sequence[Servo]) -> Floats:
+    """Return `angles` (…, k) with NaN where a servo's limits do not allow it."""
+    allowed = np.ones(angles.shape[:-1], dtype=bool)
     for column, servo in enumerate(servos):
-        allowed &= servo.allows_each(found[..., column])
-    return np.where(allowed[..., None], found, np.nan)
+        allowed &= servo.allows_each(angles[..., column])
+    return np.where(allowed[..., None], angles, np.nan)
 
 
-def _sorted(found: Floats, servos: Sequence[Servo], before: Floats, point: Floats, place: Location) -> Floats:
+def _sorted(
+    angles: Floats, servos: Sequence[Servo], before: Floats, point: Floats, place: Location
+) -> Floats:
     """Return the solutions (s, k) that the servos allow, by the angle of the servo that moves farthest."""
-    allowed = _within(found, servos)
+    allowed = _within(angles, servos)
     allowed = allowed[~np.isnan(allowed).any(axis=1)]
     if not len(allowed):
         shown = " or ".join(
             ", ".join(
                 f"{servo.name} {math.degrees(angle):z.1f}°" for servo, angle in zip(servos, row, strict=True)
             )
-            for row in found[~np.isnan(found).any(axis=1)].tolist()
+            for row in angles[~np.isnan(angles).any(axis=1)].tolist()
         )
         raise InputError(
             "out-of-travel",

@@ -45,10 +45,10 @@ def arm_torques(tip: Tip, angles: Floats, servos: Sequence[Servo]) -> Iterator[C
 
 
 def walk_torques(
-    robot: WalkingRobot, made: Walk, bindings: Sequence[Binding], servos: Sequence[Servo]
+    robot: WalkingRobot, walk: Walk, bindings: Sequence[Binding], servos: Sequence[Servo]
 ) -> Iterator[Caution]:
     """Yield a warning for each servo of a walking robot whose weight needs more than its torque."""
-    loads = loads_of(robot, made)
+    loads = loads_of(robot, walk)
     if loads is None:
         return
     by_joint = {binding.joint: binding for binding in bindings}
@@ -56,7 +56,7 @@ def walk_torques(
     for index, leg in enumerate(loads.legs):
         binding = by_joint[f"{leg}_{robot.lifting_joint}"]
         torque = loads.torques[:, index] / abs(binding.ratio)
-        found = check_torque(by_name[binding.servo], binding.joint, torque)
-        for caution in found:
+        warnings = check_torque(by_name[binding.servo], binding.joint, torque)
+        for caution in warnings:
             frame = int(np.nanargmax(np.round(torque, SAME_DIGITS)))
             yield Caution(caution.code, f"{caution.text}; {loads.detail(index, frame)}", caution.place)

@@ -59,12 +59,12 @@ def walk_of(
             "a way without an end never ends",
             "give its last part cycles = …",
         )
-    rhythm = _gait(document, table, whole, robot)
+    chosen_gait = _gait(document, table, whole, robot)
     frames = _frames(table, period, clock)
     try:
-        made = walk(
+        planned = walk(
             robot,
-            rhythm,
+            chosen_gait,
             [_segment(row.forward_mm, row.left_mm, row.turn_deg, row.cycles) for row in table.way],
             _posture(table),
             period,
@@ -77,10 +77,12 @@ def walk_of(
         )
     except InputError as error:
         raise error.at(document.place("walk")) from error
-    trajectory = _ended(_bound(document, made.trajectory, job.bindings), table)
-    heavy = tuple(walk_torques(robot, made, job.bindings, job.servos))
+    trajectory = _ended(_bound(document, planned.trajectory, job.bindings), table)
+    heavy = tuple(walk_torques(robot, planned, job.bindings, job.servos))
     return Planned(
-        trajectory, warnings=(*heavy, *_upright(document, made)), notes=tuple(_notes(document, made, table))
+        trajectory,
+        warnings=(*heavy, *_upright(document, planned)),
+        notes=tuple(_notes(document, planned, table)),
     )
 
 
@@ -157,34 +159,36 @@ def _ended(trajectory: JointTrajectory, table: WalkTable) -> JointTrajectory:
     )
 
 
-def _notes(document: Document, made: Walk, table: WalkTable) -> list[Caution]:
+def _notes(document: Document, planned: Walk, table: WalkTable) -> list[Caution]:
     place = document.place("walk")
-    seconds = float(made.trajectory.clock.seconds(made.trajectory.period)) * made.frames_per_cycle
+    seconds = float(planned.trajectory.clock.seconds(planned.trajectory.period)) * planned.frames_per_cycle
     notes = [
-        Caution("cycle", f"a cycle takes {made.frames_per_cycle} frames, {seconds:.6g} s", place),
-        *(Caution("phase", change.text(), place) for change in made.changes),
-        *_turns(document, made),
-        Caution("spring", f"the legs' springs give up to {1000 * made.largest_correction_m:z.2f} mm", place),
-        Caution("slip", made.slip.text(), place),
-        Caution("lift", f"the feet rise {1000 * made.lift_m:z.1f} mm", place),
+        Caution("cycle", f"a cycle takes {planned.frames_per_cycle} frames, {seconds:.6g} s", place),
+        *(Caution("phase", change.text(), place) for change in planned.changes),
+        *_turns(document, planned),
+        Caution(
+            "spring", f"the legs' springs give up to {1000 * planned.largest_correction_m:z.2f} mm", place
+        ),
+        Caution("slip", planned.slip.text(), place),
+        Caution("lift", f"the feet rise {1000 * planned.lift_m:z.1f} mm", place),
     ]
-    if math.isfinite(made.least_margin_m):
-        text = f"the centre of mass is always {1000 * made.least_margin_m:z.1f} mm inside of the feet"
-        if made.least_margin_m < 0:
-            text = f"the robot falls: {-1000 * made.least_margin_m:z.1f} mm outside of its feet at worst"
+    if math.isfinite(planned.least_margin_m):
+        text = f"the centre of mass is always {1000 * planned.least_margin_m:z.1f} mm inside of the feet"
+        if planned.least_margin_m < 0:
+            text = f"the robot falls: {-1000 * planned.least_margin_m:z.1f} mm outside of its feet at worst"
         notes.append(Caution("stability", text, place))
     return notes
 
 
-def _turns(document: Document, made: Walk) -> Iterator[Caution]:
+def _turns(document: Document, planned: Walk) -> Iterator[Caution]:
     """Return each turn's centre of rotation, and the feet that limits of joints keep off its line."""
-    texts = [*made.centre_texts(), *((each.segment, each.text()) for each in made.held_back)]
+    texts = [*planned.centre_texts(), *((each.segment, each.text()) for each in planned.held_back)]
     for index, text in sorted(texts):
         yield Caution("turn", f"way {index + 1}: {text}", document.place("walk", "way", index))
 
 
-def _upright(document: Document, made: Walk) -> Iterator[Caution]:
+def _upright(document: Document, planned: Walk) -> Iterator[Caution]:
     """Return a warning where the robot stands at its legs' full height."""
-    text = made.full_height()
+    text = planned.full_height()
     if text is not None:
         yield Caution("full-height", text, document.place("walk", "body_height_mm"))

@@ -40,10 +40,10 @@ def robot(name: str) -> Robot:
 
 def arm(name: str) -> Arm:
     """Return the same as `robot` for an arm or a single leg. Raises InputError for other kinds."""
-    found = robot(name)
-    if isinstance(found, Arm):
-        return found
-    parts = {limb.arm.name: None for limb in found.limbs}
+    named = robot(name)
+    if isinstance(named, Arm):
+        return named
+    parts = {limb.arm.name: None for limb in named.limbs}
     if not parts:
         raise InputError(
             "wrong-robot-kind",
@@ -52,7 +52,7 @@ def arm(name: str) -> Arm:
         )
     raise InputError(
         "wrong-robot-kind",
-        f"'{name}' has {len(found.limbs)} legs, each a robot of its own",
+        f"'{name}' has {len(named.limbs)} legs, each a robot of its own",
         hint=f"use '{next(iter(parts))}'",
     )
 

@@ -317,8 +317,8 @@ def angles_of(robot: Hexapod, points: ArrayLike) -> Floats:
     """Return all angles (..., legs, 2, 2) for feet (..., legs, 3) in the body frame. Raises `Unreachable`."""
     points = np.asarray(points, float)
     leg = Leg.of(robot.leg.length)
-    found = [leg.ik(to_leg(mount, points[..., index, :])) for index, mount in enumerate(robot.mounts)]
-    return np.stack(found, axis=-3)
+    angles = [leg.ik(to_leg(mount, points[..., index, :])) for index, mount in enumerate(robot.mounts)]
+    return np.stack(angles, axis=-3)
 
 
 class MountTable(Table):
@@ -345,12 +345,15 @@ class HexapodTable(RobotTable):
 
 def _read(document: Document, table: HexapodTable, find: Find) -> Hexapod:
     key = "like" if table.like else "leg"
-    found = find_robot(document, key, table.like or table.leg, find)
-    model = found if isinstance(found, Hexapod) else None
-    leg = found.leg if isinstance(found, Hexapod) else found
+    template = find_robot(document, key, table.like or table.leg, find)
+    model = template if isinstance(template, Hexapod) else None
+    leg = template.leg if isinstance(template, Hexapod) else template
     if not isinstance(leg, Arm) or leg.closed_form != "leg":
         raise document.error(
-            "wrong-robot-kind", (key,), f"'{found.name}' is not a leg", 'a two-joint leg, such as leg = "leg"'
+            "wrong-robot-kind",
+            (key,),
+            f"'{template.name}' is not a leg",
+            'a two-joint leg, such as leg = "leg"',
         )
     mounts = tuple(_mount(mount) for mount in table.mount) or (model.mounts if model else ())
     if not mounts:

@@ -192,22 +192,22 @@ class Leg:
         y = np.full(samples, side * (rho - stride_m**2 / (16 * rho)))
         return np.stack([x, y, np.full(samples, height_m)], axis=-1)
 
-    def stance(self, wanted: ArrayLike, beta_sign: int = 1) -> Stance:
+    def stance(self, path: ArrayLike, beta_sign: int = 1) -> Stance:
         """Return the angles that follow a foot path (n, 3) at its heights, and what remains for the spring.
 
         At constant height β is constant and the foot goes on a circle about the axis of α: the foot is put at
         the azimuth of the wanted point, so that the correction is radial, the shortest possible at that
         height.
         """
-        wanted = np.atleast_2d(np.asarray(wanted, float))
-        for height in (wanted[:, 2].min(), wanted[:, 2].max()):
+        path = np.atleast_2d(np.asarray(path, float))
+        for height in (path[:, 2].min(), path[:, 2].max()):
             self.beta_at(float(height))
         if beta_sign not in (1, -1):
             raise InputError("out-of-range", f"the sign of β is 1 or -1, not {beta_sign}")
-        angles = self.at_height(wanted)[:, 0 if beta_sign == 1 else 1, :]
+        angles = self.at_height(path)[:, 0 if beta_sign == 1 else 1, :]
         alpha = np.unwrap(angles[:, 0])
         foot = self.fk(alpha, angles[:, 1])
-        return Stance(alpha, angles[:, 1], wanted, foot, wanted - foot)
+        return Stance(alpha, angles[:, 1], path, foot, path - foot)
 
     def torque(self, beta: ArrayLike, force_n: ArrayLike) -> Floats:
         """Return the static torque on joint B, in N·m, under a vertical force at the foot: F l_BC sin β."""

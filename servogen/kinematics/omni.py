@@ -154,8 +154,8 @@ def table() -> tuple[OmniMotion, ...]:
 @cache
 def directions() -> Mapping[int, tuple[int, int, int]]:
     """Return the six directions in degrees in which the base moves without turning, and the wheels' signs."""
-    found = {row.direction_deg: row.signs for row in table() if row.kind == "translation"}
-    return MappingProxyType({angle: signs for angle, signs in sorted(found.items()) if angle is not None})
+    signs_of = {row.direction_deg: row.signs for row in table() if row.kind == "translation"}
+    return MappingProxyType({angle: signs for angle, signs in sorted(signs_of.items()) if angle is not None})
 
 
 @dataclass(frozen=True, slots=True)

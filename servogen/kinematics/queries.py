@@ -122,11 +122,11 @@ def _beyond(arm: Arm, q: Floats) -> list[str]:
 def fk_symbolic(name: str, style: str = "text") -> Answer:
     """Return the link matrices, their product and the position in symbols, as text, LaTeX or C."""
     chosen = _style(style)
-    found = symbolic_fk(catalogue.arm(name))
+    symbols = symbolic_fk(catalogue.arm(name))
     return {
-        "links": [text_of(link, chosen, f"A{index}") for index, link in enumerate(found.links, 1)],
-        "product": text_of(found.product, chosen, "T"),
-        "position": text_of(found.position, chosen, "p"),
+        "links": [text_of(link, chosen, f"A{index}") for index, link in enumerate(symbols.links, 1)],
+        "product": text_of(symbols.product, chosen, "T"),
+        "position": text_of(symbols.position, chosen, "p"),
     }
 
 
@@ -158,15 +158,15 @@ def ik_answer(name: str, values: Sequence[float], everything: bool = False) -> A
 def mobility_answer(name: str) -> Answer:
     """Return the elements, joints, mobility M and manoeuvrability M - 6 of a robot."""
     robot = catalogue.robot(name)
-    found = KINDS[robot.kind].mobility(robot)
+    mobility = KINDS[robot.kind].mobility(robot)
     return {
-        "elements": found.elements,
-        "joints": list(found.joints),
-        "passive_joints": found.passive,
-        "mobility": found.mobility,
-        "manoeuvrability": found.manoeuvrability,
-        "verdict": found.verdict,
-        "note": found.note,
+        "elements": mobility.elements,
+        "joints": list(mobility.joints),
+        "passive_joints": mobility.passive,
+        "mobility": mobility.mobility,
+        "manoeuvrability": mobility.manoeuvrability,
+        "verdict": mobility.verdict,
+        "note": mobility.note,
     }
 
 
@@ -185,14 +185,14 @@ def jacobian_answer(name: str, values: Sequence[float], frame: FrameName = 0) ->
     """Return the geometric Jacobian at positions in degrees and mm, and how well the arm moves there."""
     arm = catalogue.arm(name)
     q = joint_values(arm, values)
-    found = singularity(arm, q)
+    singular = singularity(arm, q)
     return {
         "frame": frame,
         "jacobian": _plain(jacobian(arm, q, frame)),
         "manipulability": float(manipulability(arm, q)),
-        "rank": found.rank,
-        "singular": found.singular,
-        "lost_directions": [list(each) for each in found.lost],
+        "rank": singular.rank,
+        "singular": singular.singular,
+        "lost_directions": [list(each) for each in singular.lost],
     }
 
 

@@ -44,15 +44,15 @@ def gravity_torques(arm: Arm, q: ArrayLike) -> Floats:
     The base's frame stands with its z upwards.
     """
     q = joint_array(arm, q)
-    found = np.zeros(q.shape)
+    torques = np.zeros(q.shape)
     for index, joint in enumerate(arm.joints):
         if joint.mass > 0:
             last = next(number for number, row in enumerate(arm.rows) if row.joint == index)
             link = replace(arm, rows=arm.rows[: last + 1], tool=Frame(*joint.centre))
-            found += joint.mass * GRAVITY * jacobian(link, q)[..., 2, :]
+            torques += joint.mass * GRAVITY * jacobian(link, q)[..., 2, :]
     if arm.payload > 0:
-        found += arm.payload * GRAVITY * jacobian(arm, q)[..., 2, :]
-    return found
+        torques += arm.payload * GRAVITY * jacobian(arm, q)[..., 2, :]
+    return torques
 
 
 def foot_forces(feet: Floats, ground: npt.NDArray[np.bool_], centre: Floats, weight_n: float) -> Floats:

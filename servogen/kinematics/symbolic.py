@@ -70,7 +70,7 @@ def symbolic_jacobian(arm: Arm, frame: Literal["0", "n"] = "0") -> sympy.Immutab
     """
     sympy = _sympy()
 
-    found = symbolic_fk(arm)
+    chain = symbolic_fk(arm)
     columns = [sympy.zeros(6, 1) for _ in arm.joints]
     for index, row in enumerate(arm.rows):
         if row.joint is None:
@@ -83,17 +83,17 @@ def symbolic_jacobian(arm: Arm, frame: Literal["0", "n"] = "0") -> sympy.Immutab
             column = sympy.Matrix.vstack(sympy.zeros(3, 1), axis)
         columns[row.joint] += _metres(row.ratio) * column
     if frame == "0":
-        for column, joint in zip(columns, found.joints, strict=True):
-            column[:3, 0] = found.position.diff(joint)
+        for column, joint in zip(columns, chain.joints, strict=True):
+            column[:3, 0] = chain.position.diff(joint)
     return sympy.ImmutableMatrix(sympy.Matrix.hstack(*columns).applyfunc(_tidy))
 
 
 @cache
 def _before(arm: Arm, index: int) -> Any:
     """Return the frame whose z is the axis of row `index`: the row's own if modified, else the one before."""
-    found = symbolic_fk(arm)
-    product = found.base
-    for link in found.links[: index + (arm.convention == "modified")]:
+    chain = symbolic_fk(arm)
+    product = chain.base
+    for link in chain.links[: index + (arm.convention == "modified")]:
         product = (product * link).applyfunc(_tidy)
     return product
 
@@ -101,9 +101,9 @@ def _before(arm: Arm, index: int) -> Any:
 @cache
 def _after(arm: Arm, index: int) -> Any:
     """Return the tool's frame seen from the frame of `_before`."""
-    found = symbolic_fk(arm)
-    product = found.tool
-    for link in reversed(found.links[index + (arm.convention == "modified") :]):
+    chain = symbolic_fk(arm)
+    product = chain.tool
+    for link in reversed(chain.links[index + (arm.convention == "modified") :]):
         product = (link * product).applyfunc(_tidy)
     return product
 

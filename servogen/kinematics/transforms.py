@@ -225,41 +225,43 @@ def parse(text: str) -> Floats:
     """Return the product of the factors of `text`, from left to right. Raises InputError with the column."""
     if len(text) > MAX_TEXT:
         raise InputError("transform-syntax", f"the product has more than {MAX_TEXT} characters")
-    matrix, at = np.eye(4), 0
+    matrix, position = np.eye(4), 0
     while True:
-        at = _end_of(_BETWEEN.match(text, at), at)
-        if at == len(text):
+        position = _end_of(_BETWEEN.match(text, position), position)
+        if position == len(text):
             break
-        found = _FACTOR.match(text, at)
-        if not found:
-            raise _error(at, f"'{text[at:].split()[0]}' is not a transform")
-        matrix = matrix @ _factor(found["word"], found["inside"].split(","), at)
-        at = found.end()
+        factor = _FACTOR.match(text, position)
+        if not factor:
+            raise _error(position, f"'{text[position:].split()[0]}' is not a transform")
+        matrix = matrix @ _factor(factor["word"], factor["inside"].split(","), position)
+        position = factor.end()
     if not text.strip():
         raise InputError("transform-syntax", "there is no transform", hint=_HINT)
     return np.asarray(matrix)
 
 
-def _end_of(found: re.Match[str] | None, at: int) -> int:
-    return found.end() if found else at
+def _end_of(match: re.Match[str] | None, position: int) -> int:
+    return match.end() if match else position
 
 
-def _error(at: int, message: str) -> InputError:
-    return InputError("transform-syntax", message, Location(column=at + 1, key=f"column {at + 1}"), _HINT)
+def _error(position: int, message: str) -> InputError:
+    return InputError(
+        "transform-syntax", message, Location(column=position + 1, key=f"column {position + 1}"), _HINT
+    )
 
 
-def _factor(name: str, inside: list[str], at: int) -> Floats:
+def _factor(name: str, inside: list[str], position: int) -> Floats:
     word = name.lower()
     if word == "rot" and len(inside) == 2 and inside[0].strip().lower() in ("x", "y", "z"):
-        return _turn(inside[0].strip().lower(), _number(inside[1], at))
+        return _turn(inside[0].strip().lower(), _number(inside[1], position))
     if word == "trans" and len(inside) == 3:
-        return translation(*(_number(each, at) for each in inside))
+        return translation(*(_number(each, position) for each in inside))
     if len(word) == 2 and word[0] in "rt" and word[1] in "xyz" and len(inside) == 1:
-        value = _number(inside[0], at)
+        value = _number(inside[0], position)
         if word[0] == "r":
             return _turn(word[1], value)
         return translation(*(value if axis == word[1] else 0.0 for axis in "xyz"))
-    raise _error(at, f"'{name}({','.join(inside)})' is not a transform")
+    raise _error(position, f"'{name}({','.join(inside)})' is not a transform")
 
 
 def _turn(axis: str, degrees: float) -> Floats:
@@ -267,11 +269,11 @@ def _turn(axis: str, degrees: float) -> Floats:
     return frame_matrix({"x": Frame(rx=angle), "y": Frame(ry=angle), "z": Frame(rz=angle)}[axis])
 
 
-def _number(text: str, at: int) -> float:
+def _number(text: str, position: int) -> float:
     try:
         value = float(text)
     except ValueError:
-        raise _error(at, f"'{text.strip()}' is not a number") from None
+        raise _error(position, f"'{text.strip()}' is not a number") from None
     if not np.isfinite(value):
-        raise _error(at, f"'{text.strip()}' is not a finite number")
+        raise _error(position, f"'{text.strip()}' is not a finite number")
     return value

@@ -52,19 +52,19 @@ class Loads:
         )
 
 
-def loads_of(robot: WalkingRobot, made: Walk) -> Loads | None:
+def loads_of(robot: WalkingRobot, walk: Walk) -> Loads | None:
     """Return the loads of a walk; None for a robot without a stated mass or with too few legs."""
     if robot.mass is None or len(robot.limbs) < MIN_LEGS:
         return None
     weight = robot.mass * GRAVITY
-    stand = (made.feet + made.corrections)[:, :, :2]
-    forces = foot_forces(stand, made.ground, np.array(robot.centre_of_mass[:2]), weight)
-    angles = made.leg_angles
-    standing = np.maximum(made.ground.sum(axis=1, keepdims=True), 1)
+    stand = (walk.feet + walk.corrections)[:, :, :2]
+    forces = foot_forces(stand, walk.ground, np.array(robot.centre_of_mass[:2]), weight)
+    angles = walk.leg_angles
+    standing = np.maximum(walk.ground.sum(axis=1, keepdims=True), 1)
     return Loads(
-        made.legs,
+        walk.legs,
         weight,
         forces,
         robot.torques(angles, forces),
-        robot.torques(angles, np.where(made.ground, weight / standing, 0.0)),
+        robot.torques(angles, np.where(walk.ground, weight / standing, 0.0)),
     )

@@ -40,25 +40,25 @@ def fastest_straight(
     return np.where(share >= 1, end, start + share * (end - start))
 
 
-def along(way: Way, name: str, frames: int) -> Followed:
+def along(follow: Way, name: str, frames: int) -> Followed:
     """Return a move along a path in so many frames; the first sample is its start."""
-    return way(law(name).share(np.concatenate(([0.0], _shares(frames)))))
+    return follow(law(name).share(np.concatenate(([0.0], _shares(frames)))))
 
 
 MAX_PATH_FRAMES = 1 << 15
 """A path without a time takes no more frames: 11 minutes at 50 frames a second."""
 
 
-def fastest_along(way: Way, name: str, limits: Sequence[Limits], frame_s: float) -> Followed | None:
+def fastest_along(follow: Way, name: str, limits: Sequence[Limits], frame_s: float) -> Followed | None:
     """Return the same as `along` in as few frames as the limits allow, None for more than
     `MAX_PATH_FRAMES`.
     """
     frames = 1
     while frames <= MAX_PATH_FRAMES:
-        made = along(way, name, frames)
-        slower = stretch(made.angles, frame_s, limits)
+        move = along(follow, name, frames)
+        slower = stretch(move.angles, frame_s, limits)
         if slower <= 1 + EXACT:
-            return made
+            return move
         frames = max(frames + 1, math.floor(frames * min(slower, 2.0)))
     return None
 
@@ -73,9 +73,9 @@ def through(points: Floats, frames: Sequence[int], closed: bool) -> Floats:
 
 def fastest_through(points: Floats, limits: Sequence[Limits], frame_s: float, closed: bool) -> Floats:
     """Return the same as `through` in as few frames as the limits allow."""
-    made = fastest_spline(points, limits, closed)
-    frames = max(1, math.ceil(made.duration / frame_s - EXACT))
-    return made.at(np.arange(1, frames + 1) * (made.duration / frames))
+    curve = fastest_spline(points, limits, closed)
+    frames = max(1, math.ceil(curve.duration / frame_s - EXACT))
+    return curve.at(np.arange(1, frames + 1) * (curve.duration / frames))
 
 
 def _shares(frames: int) -> Floats:

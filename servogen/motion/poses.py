@@ -89,8 +89,8 @@ def trajectory(motion: Motion, period: Cycles, clock: Clock) -> Planned:
         before_loop = len(angles)
         end = np.array(motion.poses[-1].angles)
         angles = np.concatenate((angles, _still(end * np.nan if motion.release_at_end else end, 1)))
-    made = JointTrajectory(motion.joints, clock, period, angles, before_loop)
-    return Planned(made, tuple(sampler.warnings), tuple(sampler.notes))
+    joints = JointTrajectory(motion.joints, clock, period, angles, before_loop)
+    return Planned(joints, tuple(sampler.warnings), tuple(sampler.notes))
 
 
 def _still(angles: Floats, frames: int) -> Floats:
@@ -185,12 +185,12 @@ class _Sampler:
     def _along(self, pose: Pose, way: moves.Way) -> None:
         frame_s, limits = float(self.period_s), self.motion.limits
         number = next(number for number, each in enumerate(self.motion.poses, 1) if each is pose)
-        made: Followed | None
+        move: Followed | None
         if pose.move_s is None:
-            made = moves.fastest_along(way, pose.law, limits, frame_s)
+            move = moves.fastest_along(way, pose.law, limits, frame_s)
         else:
-            made = moves.along(way, pose.law, self._count(pose.move_s, "move_s", pose))
-        if made is None:
+            move = moves.along(way, pose.law, self._count(pose.move_s, "move_s", pose))
+        if move is None:
             raise InputError(
                 "path-too-fast",
                 f"the path to pose {number} cannot be followed within the joints' limits: "
@@ -198,12 +198,12 @@ class _Sampler:
                 pose.place,
                 "give it a time: move_s = … is kept, and what is then too fast is a warning",
             )
-        self._add(made.angles[1:], pose)
-        followed = f"the path to pose {number} is followed within {1000 * made.chord_error_m:z.3f} mm"
-        if made.chord_error_m <= made.missed_m + OFF_THE_PATH_M:
+        self._add(move.angles[1:], pose)
+        followed = f"the path to pose {number} is followed within {1000 * move.chord_error_m:z.3f} mm"
+        if move.chord_error_m <= move.missed_m + OFF_THE_PATH_M:
             self.notes.append(Caution("chord-error", followed, pose.place))
         else:
-            followed += _slower(pose, way, len(made.angles) - 1, frame_s)
+            followed += _slower(pose, way, len(move.angles) - 1, frame_s)
             self.warnings.append(Caution("off-the-path", followed, pose.place))
 
     def _through(self, chain: Sequence[Pose], closed: bool) -> None:
@@ -264,8 +264,8 @@ def _slower(pose: Pose, way: moves.Way, frames: int, frame_s: float) -> str:
     """
     for longer in (2 * frames, 4 * frames, 8 * frames, 16 * frames):
         if longer <= moves.MAX_PATH_FRAMES:
-            made = moves.along(way, pose.law, longer)
-            if made.chord_error_m <= made.missed_m + OFF_THE_PATH_M:
-                error_mm = 1000 * made.chord_error_m
+            move = moves.along(way, pose.law, longer)
+            if move.chord_error_m <= move.missed_m + OFF_THE_PATH_M:
+                error_mm = 1000 * move.chord_error_m
                 return f"; move_s = {longer * frame_s:g} keeps it within {error_mm:z.3f} mm"
     return ""

@@ -43,9 +43,9 @@ WIDTH_TOLERANCE_US = 2.0
 
 def check_period(period: Rounded, place: Location | None = None) -> tuple[Caution, ...]:
     """Return the warnings about a stated period: not whole cycles, or outside the recommended range."""
-    found = []
+    warnings = []
     if not period.exact:
-        found.append(
+        warnings.append(
             Caution(
                 "period-rounded",
                 f"a period of {_us(period.requested_us)} is not whole cycles: "
@@ -53,7 +53,7 @@ def check_period(period: Rounded, place: Location | None = None) -> tuple[Cautio
                 place,
             )
         )
-    return (*found, *check_periods([float(period.requested_us)], place=place))
+    return (*warnings, *check_periods([float(period.requested_us)], place=place))
 
 
 def check_periods(
@@ -64,9 +64,9 @@ def check_periods(
         return ()
     who = f"{name}: " if name else ""
     low, high = min(periods_us), max(periods_us)
-    found = []
+    warnings = []
     if high - low > 0:
-        found.append(
+        warnings.append(
             Caution(
                 "period-varies",
                 f"{who}frames differ by {_us(high - low)}: periods of {_us(low)} to {_us(high)}",
@@ -75,10 +75,10 @@ def check_periods(
         )
     for period in dict.fromkeys((low, high)):
         if not PERIOD_US[0] <= period <= PERIOD_US[1]:
-            found.append(
+            warnings.append(
                 Caution("period-range", f"{who}a period of {_us(period)} is outside of 18 to 20 ms", place)
             )
-    return tuple(found)
+    return tuple(warnings)
 
 
 def check_widths(
@@ -86,11 +86,11 @@ def check_widths(
 ) -> tuple[Caution, ...]:
     """Return the warnings about the distinct widths of one channel that its servo does not take."""
     low, high = servo.widths_us
-    found = []
+    warnings = []
     for width in sorted(set(widths_us)):
         if low - tolerance_us <= width <= high + tolerance_us:
             continue
-        found.append(
+        warnings.append(
             Caution(
                 "width-range",
                 f"{servo.name}: a pulse of {_us(width)} is outside of the servo's {_us(low)} to {_us(high)}",
@@ -99,7 +99,7 @@ def check_widths(
         )
         ends = " to ".join(servo.model.shown(limit) for limit in servo.limits)
         angle = math.degrees(servo.angle(width))
-        found.append(
+        warnings.append(
             Caution(
                 "angle-range",
                 f"{servo.name}: {_us(width)} would be {angle:z.0f}{servo.model.unit}, "
@@ -107,7 +107,7 @@ def check_widths(
                 servo.place,
             )
         )
-    return tuple(found)
+    return tuple(warnings)
 
 
 def check_calibration(servo: Servo) -> tuple[Caution, ...]:

@@ -17,14 +17,14 @@ from servogen.pulse.quantise import Quantised
 from servogen.robot.servo import Servo
 
 
-def channel_error(servo: Servo, angles: Floats, planned_us: Floats, made_us: Floats) -> PlanError:
+def channel_error(servo: Servo, angles: Floats, planned_us: Floats, achieved_us: Floats) -> PlanError:
     """Return the error of one servo; the arrays have one entry for each frame, or for each distinct width."""
     if not len(angles):
         return PlanError(0.0)
-    distinct, back = np.unique(made_us, return_inverse=True)
-    made = np.array([servo.angle(width) for width in distinct.tolist()])[back]
-    width = float(np.abs(made_us - planned_us).max())
-    away = math.degrees(float(np.abs(made - angles).max()))
+    distinct, back = np.unique(achieved_us, return_inverse=True)
+    achieved = np.array([servo.angle(width) for width in distinct.tolist()])[back]
+    width = float(np.abs(achieved_us - planned_us).max())
+    away = math.degrees(float(np.abs(achieved - angles).max()))
     if servo.model.continuous:
         return PlanError(width, speed_deg_s=away)
     return PlanError(width, angle_deg=away)
@@ -42,11 +42,11 @@ def error_of_rows(servo: Servo, rows: Sequence[Quantised]) -> PlanError:
 
 def largest(errors: Iterable[PlanError]) -> PlanError:
     """Return the largest of each kind, rounded for files."""
-    found = list(errors)
+    all_errors = list(errors)
     return PlanError(
-        round(max((each.width_us for each in found), default=0.0), DECIMALS),
-        _largest(each.angle_deg for each in found),
-        _largest(each.speed_deg_s for each in found),
+        round(max((each.width_us for each in all_errors), default=0.0), DECIMALS),
+        _largest(each.angle_deg for each in all_errors),
+        _largest(each.speed_deg_s for each in all_errors),
     )
 
 

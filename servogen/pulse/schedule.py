@@ -357,10 +357,10 @@ class _Reader:
             raise self._error("json-value", key, "is not an array")
         return data
 
-    def _whole(self, data: Any, key: str, least: int) -> int:
-        if not isinstance(data, int) or isinstance(data, bool) or not least <= data <= MAX_NUMBER:
+    def _whole(self, data: Any, key: str, minimum: int) -> int:
+        if not isinstance(data, int) or isinstance(data, bool) or not minimum <= data <= MAX_NUMBER:
             raise self._error(
-                "json-value", key, f"is not a whole number of {least} to {MAX_NUMBER}: {_shown(data)}"
+                "json-value", key, f"is not a whole number of {minimum} to {MAX_NUMBER}: {_shown(data)}"
             )
         return data
 

@@ -40,7 +40,7 @@ def program_values(program: ProgramFacts) -> dict[str, object]:
                 f"{program.dialect}, {program.words} words, {program.ram_bytes} bytes of RAM",
                 *(
                     f"the C between {room.between} at most {room.worst} of {room.room} cycles"
-                    for room in program.rooms
+                    for room in program.timing_budgets
                 ),
             )
         ),

@@ -54,7 +54,7 @@ class ProgramFacts:
     words: int
     ram_bytes: int
     verdict: Verdict
-    rooms: tuple[TimingBudget, ...] = ()
+    timing_budgets: tuple[TimingBudget, ...] = ()
     overrun: Overrun | None = None
     """None: the engine keeps no such bit."""
 
@@ -179,13 +179,13 @@ def _programs(facts: BuildFacts) -> Iterator[str]:
         ],
     )
     yield ""
-    yield from rooms_text(facts.programs, facts.job.clock)
+    yield from timing_budgets_text(facts.programs, facts.job.clock)
     yield "With another compiler, whose own cycles `servogen tune` and `servogen verify` tell:"
     chip = facts.job.device.name.removeprefix("PIC").lower()
     yield from _table(("compiler", "command"), [(name, text.format(chip=chip)) for name, text in COMMANDS])
 
 
-def rooms_text(programs: Sequence[ProgramFacts], clock: Clock) -> Iterator[str]:
+def timing_budgets_text(programs: Sequence[ProgramFacts], clock: Clock) -> Iterator[str]:
     """What the C between the pulses takes at most, over all its paths, and what is left of its time."""
     rows = [
         (
@@ -196,7 +196,7 @@ def rooms_text(programs: Sequence[ProgramFacts], clock: Clock) -> Iterator[str]:
             "?" if room.left is None else f"{room.left} ({_number(clock.us(room.left))} µs)",
         )
         for program in programs
-        for room in program.rooms
+        for room in program.timing_budgets
     ]
     if rows:
         yield "The C between the pulses, in cycles:"
@@ -211,7 +211,9 @@ def rooms_text(programs: Sequence[ProgramFacts], clock: Clock) -> Iterator[str]:
 
 def any_compiler(programs: Sequence[ProgramFacts]) -> Iterator[str]:
     """Yield what holds for every compiler that keeps the kernel's assembly."""
-    seen = {room.between: room for program in programs for room in program.rooms if room.seen is not None}
+    seen = {
+        room.between: room for program in programs for room in program.timing_budgets if room.seen is not None
+    }
     if seen:
         most = " and ".join(f"{room.room} between {between}" for between, room in seen.items())
         late = " and ".join(f"{room.seen} between {between}" for between, room in seen.items())

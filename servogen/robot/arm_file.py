@@ -327,24 +327,24 @@ _TERM = re.compile(r"\s*([+-]?)\s*(?:(\d+(?:\.\d*)?(?:e[+-]?\d+)?)|([A-Za-z]\w*)
 
 def _length(document: Document, key: tuple[str, int, str], text: str, lengths: Mapping[str, float]) -> Length:
     terms: list[tuple[str, float]] = []
-    constant, at = 0.0, 0
-    while at < len(text):
-        found = _TERM.match(text, at)
-        if not found or (at > 0 and not found[1]):
+    constant, position = 0.0, 0
+    while position < len(text):
+        term = _TERM.match(text, position)
+        if not term or (position > 0 and not term[1]):
             raise document.error(
                 "bad-length", key, f'"{text}" is not a length', 'millimetres or names: 40, "l2 + l3", "-l2"'
             )
-        sign = -1.0 if found[1] == "-" else 1.0
-        if found[2]:
-            constant += sign * float(found[2]) / 1000
-        elif found[3] in lengths:
-            terms.append((found[3], sign))
+        sign = -1.0 if term[1] == "-" else 1.0
+        if term[2]:
+            constant += sign * float(term[2]) / 1000
+        elif term[3] in lengths:
+            terms.append((term[3], sign))
         else:
             raise document.error(
                 "unknown-length",
                 key,
-                f"no length '{found[3]}' in [lengths_mm]",
-                did_you_mean(found[3], lengths),
+                f"no length '{term[3]}' in [lengths_mm]",
+                did_you_mean(term[3], lengths),
             )
-        at = found.end()
+        position = term.end()
     return Length(tuple(terms), constant)

@@ -72,7 +72,7 @@ def _readings(rows: csv.DictReader[str], path: Path, speed: bool) -> Sequence[Re
             raise InputError(
                 "csv-column", f"there is no column {column}", Location(str(path), 1), f"{WIDTH},{wanted}"
             )
-    found = []
+    readings = []
     for row in rows:
         place = Location(str(path), rows.line_num)
         try:
@@ -81,10 +81,10 @@ def _readings(rows: csv.DictReader[str], path: Path, speed: bool) -> Sequence[Re
             raise InputError("csv-row", f"a reading is two numbers, {WIDTH} and {wanted}", place) from error
         if not (0 < width_us <= MAX_WIDTH_US and abs(degrees) <= MAX_DEGREES):
             raise InputError("csv-row", f"{width_us:g}, {degrees:g} is not a reading of a servo", place)
-        found.append(Reading(width_us, math.radians(degrees)))
-        if len(found) > MAX_READINGS:
+        readings.append(Reading(width_us, math.radians(degrees)))
+        if len(readings) > MAX_READINGS:
             raise InputError("too-many-readings", "has too many readings", place, f"at most {MAX_READINGS}")
-    return found
+    return readings
 
 
 MIN_WIDTHS = 3
@@ -159,18 +159,18 @@ def fit(readings: Sequence[Reading], tolerance: float = TOLERANCE_RAD, speed: bo
     """
     unit = "°/s" if speed else "°"
     _check_each(readings, unit)
-    made = _line(readings)
-    off = abs(made.residuals[made.worst])
+    line = _line(readings)
+    off = abs(line.residuals[line.worst])
     if off > tolerance:
         _check_outlier(readings, tolerance, unit)
-        _check_order(readings, made.us_per_rad > 0, unit)
+        _check_order(readings, line.us_per_rad > 0, unit)
         raise InputError(
             "not-straight",
-            f"the readings are not on a straight line: {_named(readings, made.worst, unit)} is "
+            f"the readings are not on a straight line: {_named(readings, line.worst, unit)} is "
             f"{math.degrees(off):z.1f}{unit} off it, {math.degrees(tolerance):zg}{unit} is allowed",
             hint="calibrate a shorter range, or allow more with --tolerance-deg",
         )
-    return made
+    return line
 
 
 def _check_each(readings: Sequence[Reading], unit: str) -> None:
@@ -215,7 +215,7 @@ def _check_outlier(readings: Sequence[Reading], tolerance: float, unit: str) -> 
     """Raise InputError if one reading is off the line on which all others agree."""
     if len(readings) <= MIN_WIDTHS:
         return
-    found: list[tuple[float, float, int]] = []
+    outliers: list[tuple[float, float, int]] = []
     for index, reading in enumerate(readings):
         others = [*readings[:index], *readings[index + 1 :]]
         if len({other.width_us for other in others}) < MIN_WIDTHS:
@@ -226,10 +226,10 @@ def _check_outlier(readings: Sequence[Reading], tolerance: float, unit: str) -> 
         off = abs(reading.angle - line.angle(reading.width_us))
         spread = abs(line.residuals[line.worst])
         if off > tolerance and spread <= tolerance and off > OUTLIER * spread:
-            found.append((off / max(spread, 1e-12), off, index))
-    if not found:
+            outliers.append((off / max(spread, 1e-12), off, index))
+    if not outliers:
         return
-    _, off, index = max(found)
+    _, off, index = max(outliers)
     raise InputError(
         "reading-outlier",
         f"{_named(readings, index, unit)} is {math.degrees(off):z.1f}{unit} off the line of the others",

@@ -244,12 +244,12 @@ def servo(
             limits_place or place,
             "calibrate it at angles that are further apart, or set min_deg and max_deg inside",
         )
-    made = Servo(name, pin, model, curve, chosen, trim_us, reverse, place)
-    if made.widths_us[0] <= 0:
+    result = Servo(name, pin, model, curve, chosen, trim_us, reverse, place)
+    if result.widths_us[0] <= 0:
         raise InputError(
             "servo-range",
-            f"{name}'s shortest pulse would be {made.widths_us[0]:g} µs: its trim is {trim_us:zg} µs",
+            f"{name}'s shortest pulse would be {result.widths_us[0]:g} µs: its trim is {trim_us:zg} µs",
             trim_place or place,
             "a trim is a small correction of every pulse",
         )
-    return made
+    return result

@@ -79,16 +79,19 @@ def names() -> tuple[str, ...]:
 
 
 def servo_model(
-    name: str, supply_v: float | None = None, own: FactTable | None = None, place: Location | None = None
+    name: str,
+    supply_v: float | None = None,
+    overrides: FactTable | None = None,
+    place: Location | None = None,
 ) -> ServoModel:
-    """Return the model at `supply_v` (its lowest if None), with `own` facts taking precedence; `name` may be
-    the path of a file.
+    """Return the model at `supply_v` (its lowest if None), with `overrides` facts taking precedence; `name`
+    may be the path of a file.
 
     Raises InputError located at `place` for the request, and in the file for errors in a user's file.
     """
     document, table = _model(name, place)
-    own = own or FactTable()
-    facts = table.model_copy(update=own.model_dump(exclude_none=True, exclude={"points"}))
+    overrides = overrides or FactTable()
+    facts = table.model_copy(update=overrides.model_dump(exclude_none=True, exclude={"points"}))
     speed, torque_ncm = _at(table, supply_v, place)
     continuous = table.kind == "continuous"
     curve = points_of(table.points, document.place("points"), continuous)
@@ -96,7 +99,7 @@ def servo_model(
         name=Path(name).stem if name.endswith(FILE_ENDING) else name,
         title=table.title,
         travel=_travel(
-            facts.travel_deg, table, curve, place if own.travel_deg else document.place("travel_deg")
+            facts.travel_deg, table, curve, place if overrides.travel_deg else document.place("travel_deg")
         ),
         calibration=curve,
         speed=speed if facts.speed_deg_s is None else math.radians(facts.speed_deg_s),

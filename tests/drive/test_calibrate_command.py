@@ -117,7 +117,7 @@ def test_an_old_file_is_kept(run: Run, job: Path) -> None:
     ("options", "says"),
     [
         ((*RANGE, "--points", 3, "--angles-deg", "1,90"), "2 angles for 3 points"),
-        ((*RANGE, "--points", 3, "--angles-deg", "1,ninety,179"), "reading 2: 'ninety' is no number"),
+        ((*RANGE, "--points", 3, "--angles-deg", "1,ninety,179"), "reading 2: 'ninety' is not a number"),
         ((*RANGE, "--points", 3, "--angles-deg", "1,90,80"), "does not rise from reading 2"),
         (
             (*RANGE, "--points", 5, "--angles-deg", "0,45,120,135,180"),

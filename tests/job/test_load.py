@@ -112,7 +112,11 @@ def test_facts_of_a_servo_can_be_given_in_the_job() -> None:
         ('pin = "RB1"', 'pin = "RB0"', "12:1: servo[2].pin: two servos are on pin RB0: arm and hand"),
         ('pin = "RB1"', 'pin = "RB8"', "12:1: servo[2].pin: unknown pin 'RB8'\n  did you mean"),
         ('pin = "RB1"', 'pin = "RA4"', "12:1: servo[2].pin: RA4 is an open drain"),
-        ('pin = "RB1"', 'pin = "RB1"\nopen_drain = true', "13:1: servo[2].open_drain: RB1 is no open drain"),
+        (
+            'pin = "RB1"',
+            'pin = "RB1"\nopen_drain = true',
+            "13:1: servo[2].open_drain: RB1 is not an open drain",
+        ),
         ('name = "hand"', 'name = "arm"', "11:1: servo[2].name: two servos have the name 'arm'"),
         ('name = "hand"', 'name = "2nd"', '11:1: servo[2].name: "2nd" is not a name'),
         ("mpx-tiny-s", "mpx-tinys", "13:1: servo[2].model: unknown servo model 'mpx-tinys'\n  did you mean"),

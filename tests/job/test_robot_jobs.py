@@ -232,7 +232,7 @@ def test_one_leg_walks_on_two_servos() -> None:
         ("lift_mm = 20", 'lift_mm = 20\nend = "hold"', "a motion that repeats has no end"),
         ("lift_mm = 20", 'lift_mm = 20\nleg = "L9"', "walk.leg: hexapod has no leg 'L9'"),
         ('joint = "L1_alpha"\n', "", "servo[1]: L1-turn turns no joint of the robot"),
-        ('name = "hexapod"', 'name = "omni"', "no robot whose joint it could be"),
+        ('name = "hexapod"', 'name = "omni"', "no robot to whose joints it could belong"),
         (
             "[walk]",
             "[motion]\nposes = [{ L1-turn_deg = 90, hold_s = 1 }]\n[walk]",

@@ -160,9 +160,9 @@ def test_the_configuration_vector_keeps_the_roll_in_the_length_of_the_approach()
 def test_what_has_no_direction_or_no_order_is_refused() -> None:
     with pytest.raises(InputError, match="no direction"):
         o.from_axis_angle([0, 0, 0], 1.0)
-    with pytest.raises(InputError, match="length 0 is no rotation"):
+    with pytest.raises(InputError, match="length 0 is not a rotation"):
         o.from_quaternion([0, 0, 0, 0])
     with pytest.raises(InputError, match="not zero"):
         o.from_configuration_vector([1, 2, 3, 0, 0, 0])
-    with pytest.raises(InputError, match="'ZZX' is no order"):
+    with pytest.raises(InputError, match="'ZZX' is not an order"):
         o.from_angles([1, 2, 3], "ZZX")

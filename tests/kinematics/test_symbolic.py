@@ -132,5 +132,5 @@ def test_text_latex_and_c() -> None:
     product = symbolic_fk(arm("theta-r")).product
     assert text_of(product, "c").splitlines()[1] == "T[0][1] = -cos(q1);"
     assert text_of(position[0], "c", "x") == "x = q2*sin(q1);"
-    with pytest.raises(InputError, match="no style"):
+    with pytest.raises(InputError, match="is not a style"):
         text_of(position, "html")

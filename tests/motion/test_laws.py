@@ -145,7 +145,7 @@ def test_synchronised_joints_all_keep_their_limits_and_one_is_at_its_limit(
 
 
 def test_a_move_that_nothing_limits_is_refused() -> None:
-    with pytest.raises(InputError, match="nothing says how fast"):
+    with pytest.raises(InputError, match="the speed of this move is not known"):
         fastest("quintic", [1.0], [Limits()])
 
 

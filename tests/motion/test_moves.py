@@ -151,7 +151,7 @@ def test_a_move_that_nothing_limits_is_refused_at_its_pose() -> None:
         (Pose((0.0,), hold_s=HOLD), Pose((1.0,), move_s=None)),
         limits=(Limits(),),
     )
-    with pytest.raises(InputError, match="nothing says how fast"):
+    with pytest.raises(InputError, match="the speed of this move is not known"):
         trajectory(motion, PERIOD, CLOCK)
 
 

@@ -222,7 +222,7 @@ def test_mounts_turn_and_mirror_legs() -> None:
             {"spring_m": 0.0005},
             "the springs would have to give 0.8. mm: they give 0.5 mm",
         ),
-        ((FOREVER,), {"frames": None}, "nothing says how fast"),
+        ((FOREVER,), {"frames": None}, "the speed of the cycle is not known"),
         ((FOREVER,), {"frames": 6}, "a cycle of 6 frames is too short for the gait 'tripod'"),
         ((FOREVER,), {"posture": Posture(body_height=0.2)}, "the legs cannot stand "),
         ((FOREVER,), {"posture": Posture(lift=0.5)}, "the legs cannot stand "),

@@ -107,7 +107,7 @@ def test_frames_without_pulses_give_a_servo_no_time() -> None:
 
 
 def test_a_model_without_a_stated_speed_is_not_judged() -> None:
-    own = servo("x", "RB0", servo_model("mpx-tiny-s", own=FactTable(speed_deg_s=1.0)))
+    own = servo("x", "RB0", servo_model("mpx-tiny-s", overrides=FactTable(speed_deg_s=1.0)))
     assert codes(check_motion(own, steps((0.0, 2), (90.0, 2)), 0, FRAME_S)) == ["frames-few"]
 
 

@@ -60,7 +60,7 @@ def test_points_of_the_other_kind_are_refused(continuous: bool) -> None:
 
 def test_it_has_no_travel() -> None:
     with pytest.raises(InputError, match="it turns continuously and has no travel"):
-        servo_model("continuous", own=FactTable(travel_deg=(0, 180)))
+        servo_model("continuous", overrides=FactTable(travel_deg=(0, 180)))
 
 
 def test_the_catalogue_says_that_its_speeds_are_an_example() -> None:

@@ -62,7 +62,7 @@ def test_an_unknown_model_is_refused_with_the_nearest() -> None:
 
 def test_own_facts_go_before_the_catalogues() -> None:
     own = FactTable(travel_deg=(10.0, 170.0), speed_deg_s=90.0, max_ma=500.0)
-    model = servo_model("futaba-s3001", own=own)
+    model = servo_model("futaba-s3001", overrides=own)
     assert model.travel == pytest.approx((math.radians(10), math.radians(170)))
     assert model.speed == pytest.approx(math.pi / 2)
     assert (model.max_a, model.idle_a) == (0.5, 0.008)

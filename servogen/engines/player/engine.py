@@ -53,12 +53,20 @@ def firmware(text: str, job: EngineJob, layout: Layout, dialect: str) -> Firmwar
     """Return the compiled C of a player with its timing budgets. Raises ResourceError."""
     file = f"main.{dialect}.c"
     options = Options(dialect=dialect, device=job.device)
-    made = compiled_to_fit(text, file, options, job.name, TITLE, HINT)
-    found = rooms(made.listing, layout)
-    return Firmware(dialect, file, text, made, found, made.listing.variable(OVERRUN), tuple(cautions(found)))
+    compilation = compiled_to_fit(text, file, options, job.name, TITLE, HINT)
+    budgets = timing_budgets(compilation.listing, layout)
+    return Firmware(
+        dialect,
+        file,
+        text,
+        compilation,
+        budgets,
+        compilation.listing.variable(OVERRUN),
+        tuple(cautions(budgets)),
+    )
 
 
-def rooms(listing: Listing, layout: Layout) -> tuple[TimingBudget, ...]:
+def timing_budgets(listing: Listing, layout: Layout) -> tuple[TimingBudget, ...]:
     """Return the timing budgets of the C between two slots and between two frames."""
     program = Program({row.address: row.word for row in listing.rows}, listing.functions)
     most = partial(program.longest, listing.label(DONE), {listing.label(CHECK)})
@@ -71,15 +79,16 @@ def rooms(listing: Listing, layout: Layout) -> tuple[TimingBudget, ...]:
     )
 
 
-def cautions(found: tuple[TimingBudget, ...]) -> Iterator[Caution]:
+def cautions(budgets: tuple[TimingBudget, ...]) -> Iterator[Caution]:
     """Yield a warning for C that may take too long: the simulated motion may be exact, another may not."""
-    for room in found:
-        if room.left is None:
-            yield Caution("player-room", f"the C between {room.between}: its longest time is not known")
-        elif room.left < 0:
+    for budget in budgets:
+        if budget.left is None:
+            yield Caution("player-room", f"the C between {budget.between}: its longest time is not known")
+        elif budget.left < 0:
             yield Caution(
                 "player-room",
-                f"the C between {room.between} may take {room.worst} cycles, {-room.left} more than it has",
+                f"the C between {budget.between} may take {budget.worst} cycles, "
+                f"{-budget.left} more than it has",
             )
 
 

@@ -1,7 +1,8 @@
 """Widths -> keyframes: bytes on a scale, as few as the table holds, as near to the plan as those allow.
 
-In: the ideal widths of each part, in cycles. Out: `Made`: each part's keyframes and the widths that the chip
-makes of them; `pooled`: the table that all parts share. The chip's arithmetic, in whole numbers, bit for bit:
+In: the ideal widths of each part, in cycles. Out: `FittedPart`: each part's keyframes and the widths that the
+chip makes of them; `pooled`: the table that all parts share. The chip's arithmetic, in whole numbers, bit for
+bit:
 
     between:  eight times: (value + the keyframe that the next bit of the time selects) / 2
               = (p (256 - t) + q t) / 256, with eight bits of fraction, if t has no more bits than n
@@ -100,7 +101,7 @@ class Scale:
 
 
 @dataclass(frozen=True, slots=True)
-class Made:
+class FittedPart:
     """A part's keyframes and the widths that they give."""
 
     stretch: Stretch
@@ -118,14 +119,14 @@ def sections(rows: Floats, following: Floats) -> list[Section]:
     """Return the parts of `rows` (frames, channels); `following` is the row of the frame after them."""
     if not len(rows):
         return []
-    found = []
+    parts = []
     for each in stretches(rows, following):
         mine = rows[each.first : each.first + each.frames]
         end = each.first + each.frames
         after = rows[end] if end < len(rows) else following
         after = mine[-1] if np.isnan(after).any() else after
-        found.append((each, np.vstack((mine, after))))
-    return found
+        parts.append((each, np.vstack((mine, after))))
+    return parts
 
 
 def scale_of(pulsed: Floats, parts: Sequence[Section]) -> Scale:
@@ -148,7 +149,7 @@ def scale_of(pulsed: Floats, parts: Sequence[Section]) -> Scale:
     raise InputError("motion-too-large", "the servos' widths are too far apart for the player")
 
 
-def fitting(parts: Sequence[Section], scale: Scale, clock: Clock, loop: int) -> list[Made]:
+def fitting(parts: Sequence[Section], scale: Scale, clock: Clock, loop: int) -> list[FittedPart]:
     """Return the parts as near to the plan as their keyframes fit the table; those from `loop` on repeat.
 
     Each part begins with as many keyframes as it needs. While there are too many, the part gets fewer whose
@@ -159,27 +160,27 @@ def fitting(parts: Sequence[Section], scale: Scale, clock: Clock, loop: int) -> 
     taken = [0] * len(choices)
     _check_size([choice[-1][0] for choice in choices], SURELY_TOO_MANY)
     while True:
-        made = [choice[number][0] for choice, number in zip(choices, taken, strict=True)]
-        size = len(pooled(made)[0].data)
+        fitted = [choice[number][0] for choice, number in zip(choices, taken, strict=True)]
+        size = len(pooled(fitted)[0].data)
         if size <= MAX_BYTES:
-            return made
-        ways = []
+            return fitted
+        options = []
         for part, each in enumerate(choices):
             for number in range(taken[part] + 1, len(each)):
-                other = [*made[:part], each[number][0], *made[part + 1 :]]
+                other = [*fitted[:part], each[number][0], *fitted[part + 1 :]]
                 saved = size - len(pooled(other)[0].data)
                 grown = (each[number][1] - best / 2) * (LOOP_WEIGHT if part >= loop else 1)
                 if saved > 0:
-                    ways.append((grown / saved, part, number))
-        if not ways:
-            _check_size(made, MAX_BYTES)
-        _, part, taken[part] = min(ways)
+                    options.append((grown / saved, part, number))
+        if not options:
+            _check_size(fitted, MAX_BYTES)
+        _, part, taken[part] = min(options)
 
 
-def _check_size(made: list[Made], most: int) -> None:
-    """Raise InputError for parts whose keyframes are more than `most` bytes."""
-    size = len(pooled(made)[0].data)
-    if size > most:
+def _check_size(parts: list[FittedPart], limit: int) -> None:
+    """Raise InputError for parts whose keyframes are more than `limit` bytes."""
+    size = len(pooled(parts)[0].data)
+    if size > limit:
         raise InputError(
             "motion-too-large",
             f"within {WORST_US} µs of the plan the motion has {size} bytes of keyframes: "
@@ -188,12 +189,14 @@ def _check_size(made: list[Made], most: int) -> None:
         )
 
 
-def _choices(section: Section, scale: Scale, best: float, worst: float) -> list[tuple[Made, float]]:
+def _choices(section: Section, scale: Scale, best: float, worst: float) -> list[tuple[FittedPart, float]]:
     """Return a part with fewer and fewer keyframes, and its error in cycles, up to `worst`."""
     stretch, rows = section
     if stretch.silent:
         keys = np.zeros((1, rows.shape[1]), dtype=np.int64)
-        return [(Made(stretch, 1, True, keys, np.repeat(scale.widths(keys), stretch.frames, axis=0)), 0.0)]
+        return [
+            (FittedPart(stretch, 1, True, keys, np.repeat(scale.widths(keys), stretch.frames, axis=0)), 0.0)
+        ]
     # A pose that is held has one keyframe, and no frame of it may be on the way to a second.
     spacings = (MAX_BITS,) if _held(rows) else range(MAX_BITS + 1)
     every = [_sampled(stretch, rows, scale, bits) for bits in spacings]
@@ -211,7 +214,7 @@ def _held(rows: Floats) -> bool:
     return bool((np.abs(rows - rows[0]) < ALIKE).all())
 
 
-def _sampled(stretch: Stretch, rows: Floats, scale: Scale, bits: int) -> Made:
+def _sampled(stretch: Stretch, rows: Floats, scale: Scale, bits: int) -> FittedPart:
     """Return the keyframes, every 2**bits frames, whose interpolation is nearest to the rows in least
     squares.
     """
@@ -235,14 +238,14 @@ def _sampled(stretch: Stretch, rows: Floats, scale: Scale, bits: int) -> Made:
             for time, a, b in zip(times[:frames], one, other, strict=False)
         ]
     )
-    return Made(stretch, 256 >> bits & 0xFF, ring, keys, widths)
+    return FittedPart(stretch, 256 >> bits & 0xFF, ring, keys, widths)
 
 
-def pooled(made: list[Made]) -> tuple[Pool, tuple[Part, ...]]:
+def pooled(fitted: list[FittedPart]) -> tuple[Pool, tuple[Part, ...]]:
     """Return the tracks of all parts, placing cyclic ones first, since others may be found in them."""
     pool = Pool()
-    columns = [[bytes(column) for column in each.keys.T.tolist()] for each in made]
-    pairs = list(zip(made, columns, strict=True))
+    columns = [[bytes(column) for column in each.keys.T.tolist()] for each in fitted]
+    pairs = list(zip(fitted, columns, strict=True))
     rings = sorted((keys for each, mine in pairs if each.ring for keys in mine), key=len, reverse=True)
     for keys in rings:
         pool.place(keys, ring=True)
@@ -257,6 +260,6 @@ def pooled(made: list[Made]) -> tuple[Pool, tuple[Part, ...]]:
             each.stretch.silent,
             tracks[number],
         )
-        for number, each in enumerate(made)
+        for number, each in enumerate(fitted)
     )
     return pool, parts

@@ -170,10 +170,10 @@ def layout(
         ticks = size.ticks(most, exceed=ease == EASES[-1])
         if ticks is not None:
             waits = [Slot("B", (), wait) for wait in ticks[len(pairs) :]]
-            found = [
+            occupied = [
                 Slot(port, pair, ticks[number], longest[number]) for number, (port, pair) in enumerate(pairs)
             ]
-            return Layout((*found, *waits), tick, stagger)
+            return Layout((*occupied, *waits), tick, stagger)
     size = _Frame(longest, SLOT_C, motion_c, TICKS[0], frame.period.cycles)
     least = size.least * TICKS[0]
     raise InputError(

@@ -51,7 +51,7 @@ def stretches(rows: Floats, following: Floats) -> tuple[Stretch, ...]:
     Raises InputError for more than `MAX_PARTS`.
     """
     silent = np.asarray(np.isnan(rows).all(axis=1))
-    found: list[Stretch] = []
+    found_parts: list[Stretch] = []
     bounds = [0, *(np.flatnonzero(silent[1:] != silent[:-1]) + 1).tolist(), len(rows)]
     for first, end in pairwise(bounds):
         after = rows[end] if end < len(rows) else following
@@ -63,14 +63,14 @@ def stretches(rows: Floats, following: Floats) -> tuple[Stretch, ...]:
             else _cut(np.vstack((rows[first:end], after)), first)
         )
         for part in parts:
-            found.append(part)
-            if len(found) > MAX_PARTS:
+            found_parts.append(part)
+            if len(found_parts) > MAX_PARTS:
                 raise InputError(
                     "motion-too-large",
                     f"the motion has more than {MAX_PARTS} parts, which no program can hold",
                     hint="shorten the motion, or let more of it repeat",
                 )
-    return tuple(found)
+    return tuple(found_parts)
 
 
 def _cut(rows: Floats, offset: int) -> Iterator[Stretch]:

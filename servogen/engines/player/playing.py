@@ -66,13 +66,13 @@ def playing(
     ]
     loop = sections(rows[start:], rows[start])
     scale = scale_of(pulsed, [*lead, *loop])
-    made = fitting((*lead, *loop), scale, clock, len(lead))
-    pool, parts = pooled(made)
-    every = np.concatenate([np.tile(each.widths, (each.stretch.repeats, 1)) for each in made])
+    fitted = fitting((*lead, *loop), scale, clock, len(lead))
+    pool, parts = pooled(fitted)
+    every = np.concatenate([np.tile(each.widths, (each.stretch.repeats, 1)) for each in fitted])
     heard = np.concatenate(
-        [np.full(each.stretch.frames * each.stretch.repeats, not each.stretch.silent) for each in made]
+        [np.full(each.stretch.frames * each.stretch.repeats, not each.stretch.silent) for each in fitted]
     )
-    first_loop = sum(each.stretch.frames * each.stretch.repeats for each in made[: len(lead)])
+    first_loop = sum(each.stretch.frames * each.stretch.repeats for each in fitted[: len(lead)])
     used = [Used(Cycles(int(each.min())), Cycles(int(each.max()))) for each in every[heard].T]
     slots = layout(servos, used, frame, clock, scale.shift)
     channels = tuple(Channel(servo.name, servo.pin, servo.model.name) for servo in servos)
@@ -121,14 +121,16 @@ def ideal_widths(trajectory: JointTrajectory, servos: Sequence[Servo], clock: Cl
 
 
 def _plan_error(
-    trajectory: JointTrajectory, servos: Sequence[Servo], made: Whole, ideal: Floats, clock: Clock
+    trajectory: JointTrajectory, servos: Sequence[Servo], achieved: Whole, ideal: Floats, clock: Clock
 ) -> PlanError:
-    """Return the largest distance between the widths `made` and `ideal`, cycles of each frame and servo."""
+    """Return the largest distance between the widths `achieved` and `ideal`, cycles of each
+    frame and servo.
+    """
     cycle_us = float(clock.cycle_us)
     errors = []
     for index, servo in enumerate(servos):
         pulsed = ~np.isnan(ideal[:, index])
-        widths = [cycle_us * each[pulsed, index] for each in (ideal, made)]
+        widths = [cycle_us * each[pulsed, index] for each in (ideal, achieved)]
         errors.append(channel_error(servo, trajectory.angles[pulsed, index], *widths))
     return largest(errors)
 
@@ -147,14 +149,14 @@ def _runs(widths: Whole, heard: np.ndarray, rises: Sequence[Cycles]) -> Iterator
         yield Run(end - first, pulses)
 
 
-def rows_of(servos: Sequence[Servo], made: Whole, ideal: Floats, clock: Clock) -> Iterator[Quantised]:
+def rows_of(servos: Sequence[Servo], achieved: Whole, ideal: Floats, clock: Clock) -> Iterator[Quantised]:
     """Yield for each servo the first pulse, the shortest, the longest, and the one farthest from the plan.
 
-    `made` and `ideal` are cycles, (frames, servos); NaN in `ideal` is a frame without pulses.
+    `achieved` and `ideal` are cycles, (frames, servos); NaN in `ideal` is a frame without pulses.
     """
     for index, servo in enumerate(servos):
         pulsed = np.flatnonzero(~np.isnan(ideal[:, index]))
-        widths, planned = made[pulsed, index], ideal[pulsed, index]
+        widths, planned = achieved[pulsed, index], ideal[pulsed, index]
         frames = {
             "first": 0,
             "shortest": int(np.argmin(widths)),
@@ -174,9 +176,9 @@ def warnings_of(
 ) -> tuple[Caution, ...]:
     """Return the warnings about the period, the servos' calibrations and their speeds."""
     clock = trajectory.clock
-    found = [*check_period(frame.period, frame.place)]
+    warnings = [*check_period(frame.period, frame.place)]
     if slots.period != frame.period.cycles:
-        found.append(
+        warnings.append(
             Caution(
                 "period-rounded",
                 f"the player's period is {slots.period} cycles, a multiple of {slots.tick}: "
@@ -185,8 +187,8 @@ def warnings_of(
             )
         )
     for index, servo in enumerate(servos):
-        found += check_calibration(servo)
-        found += check_motion(
+        warnings += check_calibration(servo)
+        warnings += check_motion(
             servo, trajectory.angles[:, index], trajectory.loop_start, float(clock.seconds(slots.period))
         )
-    return tuple(found)
+    return tuple(warnings)

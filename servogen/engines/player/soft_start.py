@@ -27,8 +27,8 @@ def soft_start(trajectory: JointTrajectory, servos: Sequence[Servo], frames: int
     if np.abs(first - neutral).max() < SAME_RAD:
         before = np.tile(first, (frames, 1))
     else:
-        way: Floats = np.arange(frames)[:, None] / frames
-        before = np.vstack((np.tile(neutral, (frames, 1)), neutral + (first - neutral) * way))
+        shares: Floats = np.arange(frames)[:, None] / frames
+        before = np.vstack((np.tile(neutral, (frames, 1)), neutral + (first - neutral) * shares))
     return JointTrajectory(
         trajectory.joints,
         trajectory.clock,

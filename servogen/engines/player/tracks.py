@@ -75,18 +75,18 @@ def signs(excursions: Floats, rings: list[tuple[int, int]]) -> tuple[int, ...]:
     `excursions` (frames, channels) are from the first pose, `rings` the (first frame, frames) of what
     repeats.
     """
-    found: list[int] = []
+    chosen: list[int] = []
     for channel in range(excursions.shape[1]):
         column = excursions[:, channel]
         votes = sum(
-            found[other] * _alike(excursions[a : a + n, other], column[a : a + n])
+            chosen[other] * _alike(excursions[a : a + n, other], column[a : a + n])
             for other in range(channel)
             for a, n in rings
         )
         if not votes and not rings:
-            votes = sum(found[other] * _same(excursions[:, other], column) for other in range(channel))
-        found.append(int(np.sign(votes)) or (1 if column.max() >= -column.min() else -1))
-    return tuple(found)
+            votes = sum(chosen[other] * _same(excursions[:, other], column) for other in range(channel))
+        chosen.append(int(np.sign(votes)) or (1 if column.max() >= -column.min() else -1))
+    return tuple(chosen)
 
 
 def _alike(one: Floats, other: Floats) -> int:

@@ -16,9 +16,9 @@ class SequenceEngine:
 
     def plan(self, job: EngineJob) -> EnginePlan:
         """Plan the pulses; a dialect's delays are tuned when its firmware is requested."""
-        made = plan(job.trajectory, job.servos, job.frame)
-        make = cache(lambda dialect: tune(made.schedule, dialect, job.device, job.name))
-        return EnginePlan(job.trajectory, made, make)
+        planned = plan(job.trajectory, job.servos, job.frame)
+        make = cache(lambda dialect: tune(planned.schedule, dialect, job.device, job.name))
+        return EnginePlan(job.trajectory, planned, make)
 
 
 ENGINE: Engine = SequenceEngine()

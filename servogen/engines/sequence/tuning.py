@@ -100,12 +100,12 @@ def edges_to_watch(program: Sequence) -> int:
     return writes + int(repeats)
 
 
-def _times(chunks: Iterable[EdgeChunk], wanted: int) -> list[int]:
-    """Return the cycles of the first `wanted` port writes that change a pin."""
+def _times(chunks: Iterable[EdgeChunk], count: int) -> list[int]:
+    """Return the cycles of the first `count` port writes that change a pin."""
     times: list[int] = []
     for chunk in chunks:
         new = np.unique(chunk.cycle).tolist()
         times += new[1:] if times and new and new[0] == times[-1] else new
-        if len(times) > wanted:
+        if len(times) > count:
             break
-    return times[:wanted]
+    return times[:count]

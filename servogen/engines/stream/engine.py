@@ -31,7 +31,7 @@ def stream(job: EngineJob) -> tuple[JointTrajectory, Streaming]:
     """
     if job.stream is None:
         raise InputError("no-serial-line", f"{job.name} has no serial line", hint="add a table [stream]")
-    made = streaming(
+    streamed = streaming(
         job.servos,
         job.frame,
         job.clock,
@@ -39,9 +39,9 @@ def stream(job: EngineJob) -> tuple[JointTrajectory, Streaming]:
         job.firmware.soft_start_s,
         job.firmware.soft_start_place,
     )
-    idle = replace(made.plan.schedule, inputs=(Input(job.stream.receive_pin, 1),))
-    plan = replace(made.plan, schedule=idle)
-    return _idle(job, idle), replace(made, plan=plan)
+    idle = replace(streamed.plan.schedule, inputs=(Input(job.stream.receive_pin, 1),))
+    plan = replace(streamed.plan, schedule=idle)
+    return _idle(job, idle), replace(streamed, plan=plan)
 
 
 def _idle(job: EngineJob, schedule: PulseSchedule) -> JointTrajectory:
@@ -65,8 +65,8 @@ def firmware(text: str, job: EngineJob, dialect: str) -> Firmware:
     """Return the compiled C of a stream. Raises ResourceError if the chip is too small."""
     file = f"main.{dialect}.c"
     options = Options(dialect=dialect, device=job.device)
-    made = compiled_to_fit(text, file, options, job.name, TITLE, HINT)
-    return Firmware(dialect, file, text, made, overrun=made.listing.variable(OVERRUN))
+    compilation = compiled_to_fit(text, file, options, job.name, TITLE, HINT)
+    return Firmware(dialect, file, text, compilation, overrun=compilation.listing.variable(OVERRUN))
 
 
 class StreamEngine:

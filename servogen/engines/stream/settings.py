@@ -82,14 +82,14 @@ def _off(bit: Fraction) -> tuple[int, Fraction, Fraction]:
 
 def _rates(clock: Clock) -> str:
     """Return the usual rates that this clock can receive, as text."""
-    found = []
+    rates = []
     for baud in USUAL:
         bit = clock.cycles_per_second / baud
         units, rounding, drift = _off(bit)
         if SAMPLE_GAP + rounding + drift < bit / 2 and units <= MAX_UNITS:
-            found.append(str(baud))
+            rates.append(str(baud))
     return (
-        f"at this clock: {', '.join(found)} baud"
-        if found
+        f"at this clock: {', '.join(rates)} baud"
+        if rates
         else "no usual rate goes with this clock: take another"
     )

@@ -122,9 +122,9 @@ def _quantised(servo: Servo, width: Cycles, clock: Clock, frames: int) -> Quanti
 
 
 def _warnings(servos: Sequence[Servo], frame: Frame, slots: Layout, clock: Clock) -> tuple[Caution, ...]:
-    found = [*check_period(clock.round_us(clock.us(slots.period)), frame.place)]
+    warnings = [*check_period(clock.round_us(clock.us(slots.period)), frame.place)]
     if slots.period != frame.period.cycles:
-        found.append(
+        warnings.append(
             Caution(
                 "period-rounded",
                 f"the frame takes {float(clock.us(slots.period)):g} µs, "
@@ -133,4 +133,4 @@ def _warnings(servos: Sequence[Servo], frame: Frame, slots: Layout, clock: Clock
                 frame.place,
             )
         )
-    return (*found, *(caution for servo in servos for caution in check_calibration(servo)))
+    return (*warnings, *(caution for servo in servos for caution in check_calibration(servo)))

@@ -72,12 +72,12 @@ class Solutions:
         """Return all solutions (k, n) of one target in every turn. Raises InputError for more than 10,000."""
         lower, upper = limits(self.arm)
         least, most = self._turns()
-        found: list[Floats] = []
+        solutions: list[Floats] = []
         for row, first, last in zip(self.q, np.minimum(least, 0.0), np.maximum(most, 0.0), strict=True):
             if np.isnan(row[0]):
                 continue
             count = float(np.prod(last - first + 1))
-            if len(found) + count > MAX_LISTED:
+            if len(solutions) + count > MAX_LISTED:
                 raise InputError(
                     "too-many-solutions",
                     f"{self.arm.name} reaches this target in more than {MAX_LISTED} ways: "
@@ -85,8 +85,8 @@ class Solutions:
                     hint="narrow the limits of its joints",
                 )
             turns = [np.arange(low, high + 1) for low, high in zip(first, last, strict=True)]
-            found += [np.clip(row + TURN * np.array(each), lower, upper) for each in product(*turns)]
-        return np.array(found).reshape(-1, len(lower))
+            solutions += [np.clip(row + TURN * np.array(each), lower, upper) for each in product(*turns)]
+        return np.array(solutions).reshape(-1, len(lower))
 
     def choose(self, near: ArrayLike | None = None) -> Floats:
         """Return the solution of each target by the choice rule, shape (..., n); NaN for none."""
@@ -179,13 +179,13 @@ def ik_all(
     if target.ndim != 1:
         raise InputError("wrong-count", "one target at a time: give x, y, z")
     if has_closed_form(arm, turn is not None):
-        found = solve(arm, target, turn)
+        solutions = solve(arm, target, turn)
     else:
         starts = np.vstack([arm.home if near is None else np.asarray(near, float), _spread(arm, 31)])
         turns = None if turn is None else np.broadcast_to(turn, (len(starts), 3, 3))
         met = numerical.search(arm, np.broadcast_to(target, (len(starts), 3)), turns, starts, starts=1)
-        found = Solutions(arm, met.q[met.within(NUMERICAL_TOLERANCE)])
-    q = found.every_turn()
+        solutions = Solutions(arm, met.q[met.within(NUMERICAL_TOLERANCE)])
+    q = solutions.every_turn()
     if not len(q):
         raise why_unreachable(arm, target, turn)
     return _sorted_without_doubles(arm, q, near)

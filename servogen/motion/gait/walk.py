@@ -205,8 +205,8 @@ def walk(
                 f"the walk is more than {MAX_FRAMES} frames long",
                 hint="walk fewer cycles, or faster ones",
             )
-        rhythm = gait.on_frames(count)
-        parts = replace(plan, gait=rhythm).frames_of_way(segments, count)
+        rounded = gait.on_frames(count)
+        parts = replace(plan, gait=rounded).frames_of_way(segments, count)
         frames, loop_start = _round(parts, segments[-1].cycles is None, count)
         angles = frames.angles.reshape(len(frames.angles), -1)
         _check_limits(joints, angles)
@@ -223,8 +223,8 @@ def walk(
             )
     trajectory = JointTrajectory(tuple(joints), clock, period, angles, loop_start)
     margins = _margins(robot, frames)
-    changes = rhythm.changes_from(gait, count)
-    made = Walk(
+    changes = rounded.changes_from(gait, count)
+    result = Walk(
         trajectory=trajectory,
         legs=names,
         feet=frames.feet,
@@ -237,8 +237,8 @@ def walk(
         first_way_m=plan.first_way_m(FIRST_M),
         changes=changes,
     )
-    _refuse(made, spring_m, allow_falling)
-    return made
+    _refuse(result, spring_m, allow_falling)
+    return result
 
 
 def _whole(gait: Gait, frames: int) -> int:
@@ -287,18 +287,18 @@ def _check_limits(joints: Mapping[str, Joint], angles: Floats) -> None:
             )
 
 
-def _refuse(made: Walk, spring_m: float | None, allow_falling: bool) -> None:
-    worst = made.largest_correction_m
+def _refuse(walk: Walk, spring_m: float | None, allow_falling: bool) -> None:
+    worst = walk.largest_correction_m
     if spring_m is not None and worst > spring_m:
         raise InputError(
             "springs",
             f"the springs would have to give {1000 * worst:.2f} mm: they give {1000 * spring_m:g} mm at most",
             hint="shorten the stride or the turn: two joints follow a straight line only roughly",
         )
-    if made.least_margin_m < 0 and not allow_falling:
-        frame = int(np.argmin(made.margins))
-        feet = ", ".join(leg for leg, down in zip(made.legs, made.ground[frame], strict=True) if down)
-        outside = f"its centre of mass is {-1000 * made.least_margin_m:z.1f} mm outside of the feet {feet}"
+    if walk.least_margin_m < 0 and not allow_falling:
+        frame = int(np.argmin(walk.margins))
+        feet = ", ".join(leg for leg, down in zip(walk.legs, walk.ground[frame], strict=True) if down)
+        outside = f"its centre of mass is {-1000 * walk.least_margin_m:z.1f} mm outside of the feet {feet}"
         raise InputError(
             "falls-over",
             f"the robot falls over in frame {frame}: {outside if feet else 'no foot is on the ground'}",

@@ -44,7 +44,7 @@ def test_every_edge_is_exact(mhz: int, servos: int, tick: int) -> None:
     assert played.layout.tick == tick
     for program in done.programs:
         assert program.proven and program.verdict.worst_edge_error == 0
-        for room in program.firmware.rooms:
+        for room in program.firmware.timing_budgets:
             assert room.left is not None and room.left >= 0
     # The period is the nearest whole number of ticks; what that costs is said.
     clock = Clock(mhz * 1_000_000)

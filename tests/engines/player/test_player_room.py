@@ -55,7 +55,7 @@ def test_no_slot_and_no_frame_takes_longer_than_the_bound(name: str) -> None:
             assert machine.pc == check
             worst[frame] = max(worst[frame], machine.cycles - since)
             machine.run_until(pc=end, limit=100_000)
-        for room, took in zip(program.firmware.rooms, (worst[False], worst[True]), strict=True):
+        for room, took in zip(program.firmware.timing_budgets, (worst[False], worst[True]), strict=True):
             assert room.worst is not None and took <= room.worst
             # The bound is no fancy: a path of nearly that length is run.
             assert room.worst - took < 0.12 * room.worst
@@ -86,7 +86,7 @@ def test_the_kernel_in_every_program_is_the_one_whose_cycles_are_counted(name: s
 def test_every_kept_job_has_time_left_in_every_dialect() -> None:
     for name in ("hexapod-tripod", "hexapod-ripple", "hexapod-wave", "hexapod-turn", "scara-pick"):
         for program in built(name).programs:
-            assert all(room.left is not None and room.left >= 0 for room in program.firmware.rooms)
+            assert all(room.left is not None and room.left >= 0 for room in program.firmware.timing_budgets)
             assert program.overrun is None
             assert not program.firmware.warnings
 
@@ -99,31 +99,31 @@ def test_the_tightest_frames_have_time_for_buttons_and_pauses_too(mhz: int, serv
         plan_job(loads(job_text(servos, motion, clock_hz=mhz * 1_000_000, firmware=firmware), "job.toml"))
     )
     for dialect in DIALECTS:
-        assert all((room.left or 0) > 0 for room in made.make(dialect).rooms)
+        assert all((room.left or 0) > 0 for room in made.make(dialect).timing_budgets)
 
 
 def test_the_report_says_what_the_c_takes_and_that_it_never_came_too_late() -> None:
     done = built_text(SMALL)
     text = report(done)
     for program in done.programs:
-        for room in program.firmware.rooms:
+        for room in program.firmware.timing_budgets:
             assert f"{room.worst}" in text and f"{room.left} ({room.left} µs)" in text
     assert text.count("overrun: never") == len(done.programs)
 
 
 def test_all_of_the_time_left_can_be_used_and_not_a_cycle_more() -> None:
-    left = built_text(SMALL).programs[0].firmware.rooms[0].left
+    left = built_text(SMALL).programs[0].firmware.timing_budgets[0].left
     assert left is not None and left > 0
     used = slower(left).programs[0]
-    assert used.firmware.rooms[0].left == 0 and not used.firmware.warnings
+    assert used.firmware.timing_budgets[0].left == 0 and not used.firmware.warnings
     assert used.proven and used.overrun is None
     more = slower(left + 1).programs[0]
-    assert more.firmware.rooms[0].left == -1
+    assert more.firmware.timing_budgets[0].left == -1
     assert "1 more than it has" in more.firmware.warnings[0].text
 
 
 def test_c_that_comes_too_late_is_seen_in_the_bit_in_the_edges_and_in_the_report() -> None:
-    left = built_text(SMALL).programs[0].firmware.rooms[0].left
+    left = built_text(SMALL).programs[0].firmware.timing_budgets[0].left
     assert left is not None
     done = slower(left + 200)
     late = done.programs[0]

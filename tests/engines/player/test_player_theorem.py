@@ -57,7 +57,7 @@ def test_n_is_what_the_layout_has_reckoned_with_from_the_same_kernel() -> None:
         done = built(name)
         layout = _layout(name)
         for program in done.programs:
-            slots, frames = program.firmware.rooms
+            slots, frames = program.firmware.timing_budgets
             assert (slots.room, frames.room) == (layout.between_slots + 1, layout.between_frames + 1)
 
 
@@ -187,7 +187,7 @@ def test_every_hostile_build_of_a_sample_is_exact_or_sets_the_bit() -> None:
 
 def test_build_prints_both_bounds() -> None:
     done = built_text(job_text(2, sweep(2, 0.16), firmware="soft_start_s = 0.08"))
-    slots, frames = done.programs[0].firmware.rooms
+    slots, frames = done.programs[0].firmware.timing_budgets
     text = " ".join(report(done).split())
     assert (
         f"the same edges with at most {slots.room} between two slots and {frames.room} between two frames"
