@@ -177,7 +177,7 @@ def write(done: Build, folder: Path) -> None:
     """Writes the files of a build. They take the place of those of an earlier one all at once."""
     own = done.programs[0]
     servos = {servo.pin: servo.name for servo in done.job.servos}
-    texts = {"schedule.json": done.plan.schedule.to_json()}
+    texts = {"schedule.json": done.plan.schedule.json_text()}
     for program in done.programs:
         texts |= {
             program.firmware.file: program.firmware.text,

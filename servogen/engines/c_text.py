@@ -26,7 +26,7 @@ class RenderError(ServogenError):
     """An error in a template, with its name and line."""
 
 
-def filled(template: str, **values: object) -> str:
+def render_template(template: str, **values: object) -> str:
     """Return the text of a template. Raises RenderError with the template's name and line."""
     try:
         return _environment().get_template(template).render(**values)

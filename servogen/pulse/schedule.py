@@ -126,7 +126,7 @@ class PulseSchedule:
         """Return the number of frames in the loop."""
         return sum(run.frames for run in self.loop)
 
-    def to_json(self) -> str:
+    def json_text(self) -> str:
         """Return the schedule as text with one run per line; equal schedules give equal texts."""
         channels = ",\n".join(
             "    " + json.dumps({"name": channel.name, "pin": channel.pin, "servo": channel.servo})

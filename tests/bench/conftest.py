@@ -84,7 +84,7 @@ def shorter_in(folder: Path, frame: int) -> str:
     assert pulse is not None
     pulses = (replace(pulse, width=Cycles(pulse.width - 2)), *runs[inside].pulses[1:])
     runs[inside] = replace(runs[inside], pulses=pulses)
-    return replace(schedule, loop=tuple(runs)).to_json()
+    return replace(schedule, loop=tuple(runs)).json_text()
 
 
 @contextmanager

@@ -189,7 +189,7 @@ def test_a_players_hex_is_exact_whatever_the_c_costs(
     found = player(tmp_path, 6)
     text = found.make("xc8").text
     schedule = tmp_path / "schedule.json"
-    schedule.write_text(found.plan.schedule.to_json())
+    schedule.write_text(found.plan.schedule.json_text())
     right, wrong = tmp_path / "right.hex", tmp_path / "wrong.hex"
     right.write_text(to_hex(player_made_by_another(text, seed)))
     wrong.write_text(to_hex(player_made_by_another(text, seed, '    asm("nop");')))

@@ -46,4 +46,4 @@ def test_a_mutated_job_is_planned_or_refused(seed: int) -> None:
             assert error.place is not None
             assert error.place.file == "job.toml"
         else:
-            assert from_json(schedule.to_json(), "schedule.json") == schedule
+            assert from_json(schedule.json_text(), "schedule.json") == schedule

@@ -69,7 +69,7 @@ def target(name: str) -> Target:
     done = built_text(job_text(3, sweep(3, 0.32), firmware="soft_start_s = 0.16\n" + JOBS[name]))
     program = done.programs[0]
     assert program.verdict.start is not None
-    text = done.plan.schedule.to_json().encode()
+    text = done.plan.schedule.json_text().encode()
     plan = read_plan(text, "schedule.json")
     return Target(name, program.image, done.plan.schedule, text, plan, int(program.verdict.start))
 

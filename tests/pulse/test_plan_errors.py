@@ -93,11 +93,11 @@ def test_the_numbers_survive_the_file() -> None:
     schedule = schedule_of("hexapod-tripod")
     assert schedule.plan_error is not None
     assert schedule.device == "PIC16F84"
-    assert from_json(schedule.to_json(), "schedule.json") == schedule
+    assert from_json(schedule.json_text(), "schedule.json") == schedule
 
 
 def test_a_schedule_without_a_plan_says_so() -> None:
-    data = json.loads(schedule_of("lab8-exercise").to_json())
+    data = json.loads(schedule_of("lab8-exercise").json_text())
     del data["plan_error"], data["device"]
     read = from_json(json.dumps(data), "schedule.json")
     assert read.plan_error is None
@@ -118,7 +118,7 @@ def test_a_schedule_without_a_plan_says_so() -> None:
     ],
 )
 def test_a_wrong_plan_error_is_refused_with_its_key(key: str, value: object, words: str) -> None:
-    data = json.loads(schedule_of("lab8-exercise").to_json())
+    data = json.loads(schedule_of("lab8-exercise").json_text())
     data["plan_error"][key] = value
     if key == "end" and value == 5:
         data["plan_error"]["end_mm"] = 1.0
@@ -127,7 +127,7 @@ def test_a_wrong_plan_error_is_refused_with_its_key(key: str, value: object, wor
 
 
 def test_a_device_that_is_not_a_text_is_refused() -> None:
-    data = json.loads(schedule_of("lab8-exercise").to_json())
+    data = json.loads(schedule_of("lab8-exercise").json_text())
     data["device"] = 84
     with pytest.raises(InputError, match="device: is not a text"):
         from_json(json.dumps(data), "schedule.json")

@@ -41,7 +41,7 @@ TEXT = """{
 
 
 def test_the_text_is_this_one() -> None:
-    assert SCHEDULE.to_json() == TEXT
+    assert SCHEDULE.json_text() == TEXT
 
 
 def test_reading_undoes_writing() -> None:
@@ -119,16 +119,16 @@ def schedules(draw: st.DrawFn) -> PulseSchedule:
 @settings(derandomize=True, max_examples=100)
 @given(schedule=schedules())
 def test_every_schedule_comes_back(schedule: PulseSchedule) -> None:
-    assert from_json(schedule.to_json(), "s.json") == schedule
+    assert from_json(schedule.json_text(), "s.json") == schedule
 
 
 HELD = replace(SCHEDULE, inputs=(Input("RB7", 0), Input("RA3", 1)))
 
 
 def test_the_levels_of_inputs_are_kept_and_nothing_is_written_where_there_are_none() -> None:
-    assert '"inputs": [{"pin": "RB7", "level": 0}, {"pin": "RA3", "level": 1}]' in HELD.to_json()
-    assert from_json(HELD.to_json(), "schedule.json") == HELD
-    assert "inputs" not in SCHEDULE.to_json()
+    assert '"inputs": [{"pin": "RB7", "level": 0}, {"pin": "RA3", "level": 1}]' in HELD.json_text()
+    assert from_json(HELD.json_text(), "schedule.json") == HELD
+    assert "inputs" not in SCHEDULE.json_text()
 
 
 @pytest.mark.parametrize(
@@ -142,5 +142,5 @@ def test_the_levels_of_inputs_are_kept_and_nothing_is_written_where_there_are_no
 )
 def test_an_input_that_cannot_be_is_refused(old: str, new: str, message: str) -> None:
     with pytest.raises(InputError, match=message) as refused:
-        from_json(HELD.to_json().replace(old, new), "schedule.json")
+        from_json(HELD.json_text().replace(old, new), "schedule.json")
     assert "inputs[0]" in str(refused.value)

@@ -32,7 +32,7 @@ Run = Callable[..., Ran]
 
 def schedule_for(folder: Path, device: str | None) -> Path:
     path = folder / "schedule.json"
-    path.write_text(replace(read_schedule(SCHEDULE), device=device).to_json())
+    path.write_text(replace(read_schedule(SCHEDULE), device=device).json_text())
     return path
 
 

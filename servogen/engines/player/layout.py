@@ -239,7 +239,7 @@ class _Frame:
             most.append(self._most(least[-1], self.longest[0], fed))
             late = not exceed and any(part > self._limit(0, fed) for part in least)
             if not late and sum(least) <= rest <= sum(most) and max(*slots, *most) <= MAX_TICKS:
-                parts = _filled(least, most, rest)
+                parts = _stretched(least, most, rest)
                 # Ticks are counted from the slot before: the first slot's are the last of the rest.
                 return [parts[-1], *slots[:-1], *parts[:-1]]
             waits = [self.whole(0, self.slot_c)] * (len(least) - 1)
@@ -257,7 +257,7 @@ class _Frame:
         return min(MAX_TICKS, cycles // self.tick)
 
 
-def _filled(least: list[int], most: list[int], whole: int) -> list[int]:
+def _stretched(least: list[int], most: list[int], whole: int) -> list[int]:
     """Return parts that add up to `whole`, the later ones as long as possible."""
     parts, spare = list(least), whole - sum(least)
     for number in reversed(range(len(parts))):

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-from servogen.engines.c_text import AsmLine, ChannelText, assembly, decimal, filled, ports_of
+from servogen.engines.c_text import AsmLine, ChannelText, assembly, decimal, ports_of, render_template
 from servogen.engines.player import Playing
 from servogen.engines.player.buttons import PRESSED_FRAMES, Button, Buttons
 from servogen.engines.player.layout import TICKS
@@ -70,7 +70,7 @@ def render_player(played: Playing, buttons: Buttons, dialect: str, device: Devic
     tracks = [row[channel] for row in rows for channel in order]
     mirrored = [played.signs[channel] < 0 for _ in rows for channel in order]
     bases = [played.bases[channel] for channel in order]
-    return filled(
+    return render_template(
         "player/main.c.j2",
         overrun=OVERRUN,
         dialect=dialect,
@@ -111,11 +111,11 @@ def render_player(played: Playing, buttons: Buttons, dialect: str, device: Devic
         pressed_frames=PRESSED_FRAMES,
         buttons_text=list(buttons.text()),
         kernel=list(assembly(kernel(tick, played.layout.stagger))),
-        trim=list(assembly(filled("player/trim.asm"))),
+        trim=list(assembly(render_template("player/trim.asm"))),
         between=[
-            *assembly(filled("player/between.asm")),
+            *assembly(render_template("player/between.asm")),
             AsmLine("    clrf    _value_high", ""),
-            *(line for _ in range(played.shift) for line in assembly(filled("player/scale.asm"))),
+            *(line for _ in range(played.shift) for line in assembly(render_template("player/scale.asm"))),
         ],
     )
 
@@ -128,7 +128,9 @@ def kernel(tick: Cycles, stagger: Cycles) -> str:
     """
     reads = (tick - 2, 2 * tick - 1, 3 * tick - 1)
     pads = (_pad(tick - 9), _pad(tick - 9), _pad(tick - 7))
-    return filled("player/kernel.asm", tick=tick, reads=reads, pads=pads, stagger=stagger, way=WAY + stagger)
+    return render_template(
+        "player/kernel.asm", tick=tick, reads=reads, pads=pads, stagger=stagger, way=WAY + stagger
+    )
 
 
 def _pad(cycles: int) -> _Pad:

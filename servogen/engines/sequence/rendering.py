@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-from servogen.engines.c_text import ChannelText, decimal, filled, ports_of
+from servogen.engines.c_text import ChannelText, decimal, ports_of, render_template
 from servogen.engines.sequence.programs import Frame, Hold, Pause, Sequence, Step
 from servogen.engines.sequence.waits import CALLS
 from servogen.pic.device import Device, oscillator_for
@@ -24,7 +24,7 @@ def render(program: Sequence, dialect: str, device: Device, title: str) -> str:
     Raises RenderError, and InputError for a delay that the dialect cannot express.
     """
     clock = program.schedule.clock
-    return filled(
+    return render_template(
         "sequence/main.c.j2",
         dialect=dialect,
         title=title,

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-from servogen.engines.c_text import ChannelText, assembly, decimal, filled, ports_of
+from servogen.engines.c_text import ChannelText, assembly, decimal, ports_of, render_template
 from servogen.engines.stream.layout import RISE
 from servogen.engines.stream.protocol import TRIM_ZERO
 from servogen.engines.stream.settings import SAMPLE_GAP, UNIT
@@ -48,7 +48,7 @@ def render_stream(streamed: Streaming, dialect: str, device: Device, title: str)
     clock = schedule.clock
     pins = [channel.pin for channel in schedule.channels]
     two_ports = len({pin[1] for pin in pins}) > 1
-    return filled(
+    return render_template(
         "stream/main.c.j2",
         overrun=OVERRUN,
         dialect=dialect,
@@ -77,7 +77,7 @@ def render_stream(streamed: Streaming, dialect: str, device: Device, title: str)
         trim_zero=TRIM_ZERO,
         tick=list(assembly(tick(streamed))),
         **{
-            name: list(assembly(filled(f"stream/{name}.asm")))
+            name: list(assembly(render_template(f"stream/{name}.asm")))
             for name in ("extend", "trim", "keep", "ready", "multiply", "add", "way", "step", "divide")
         },
     )
@@ -89,7 +89,7 @@ def tick(streamed: Streaming) -> str:
     ports = sorted({f"PORT{pin[1]}" for pin in pins})
     line, out = streamed.stream.receive_pin, streamed.stream.transmit_pin
     bit = streamed.plan.schedule.clock.cycles_per_second / streamed.stream.baud
-    return filled(
+    return render_template(
         "stream/tick.asm",
         rise=RISE,
         last=LAST,

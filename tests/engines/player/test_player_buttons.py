@@ -68,7 +68,7 @@ def test_what_build_proves_has_start_pressed_and_stop_released_at_power_up() -> 
     assert done.proven
     schedule = done.plan.schedule
     assert schedule.inputs == (Input("RA4", LOW), Input("RB7", HIGH))
-    assert from_json(schedule.to_json(), "schedule.json") == schedule
+    assert from_json(schedule.json_text(), "schedule.json") == schedule
     # Two more frames of the first one than without a button: it counts at the end of the third.
     plain = built_text(text("")).plan.schedule
     assert schedule.lead_in_frames == plain.lead_in_frames + 2

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 from servogen.compiler import Options
-from servogen.engines.c_text import filled, ports_of
+from servogen.engines.c_text import ports_of, render_template
 from servogen.engines.firmware import Firmware, compiled_to_fit
 from servogen.engines.protocol import Engine, EngineJob, EnginePlan
 from servogen.engines.sequence.waits import CALLS
@@ -39,7 +39,7 @@ class ToyEngine:
         def make(dialect: str) -> Firmware:
             pin = job.servos[0].pin
             file = f"main.{dialect}.c"
-            text = filled(
+            text = render_template(
                 "toy/main.c.j2",
                 dialect=dialect,
                 device=job.device.name,
