@@ -16,10 +16,12 @@ from servogen.prove.explore import Finding, Node
 from servogen.prove.specification import BEFORE, START_FRAMES, Edge, Specification, Violation
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Levels, Machine, Options, Stimuli
+from servogen.simulator.unknown import INTF, RBIF
 
 SEEDS = 64
 """Start states that are tried."""
 SHORTEST_WATCHDOG_US = 7000
+RB0, RB7 = PINS.index("RB0"), PINS.index("RB7")
 
 Sample = tuple[int, int, int]
 """(cycle, pin, level): the program reads the pin in that cycle."""
@@ -128,10 +130,22 @@ def _way(nodes: Sequence[Node], finding: Finding) -> tuple[list[Sample], int, in
                 if choice.field == "PINS":
                     pin = choice.bits.bit_length() - 1
                     samples.append((begun + decision.cycle, pin, int(choice.value != 0)))
+                elif choice.field.startswith("INTCON") and choice.value:
+                    late = int(choice.field == "INTCON_LATE")
+                    samples += _flag_set(choice.value, begun + decision.cycle + late)
                 elif choice.field == "TMR0_PHASE":
                     phase = choice.value
         begun += cycles
     return samples, phase, begun
+
+
+def _flag_set(flags: int, cycle: int) -> list[Sample]:
+    """Return the levels of pins that set INTF or RBIF in a cycle."""
+    if flags & INTF:
+        return [(0, RB0, 0), (cycle, RB0, 1), (cycle + 1, RB0, 0)]
+    if flags & RBIF:
+        return [(0, RB7, 0), (cycle, RB7, 1)]
+    return []
 
 
 def _levels(
@@ -139,7 +153,7 @@ def _levels(
 ) -> tuple[tuple[str, tuple[tuple[int, int], ...]], ...]:
     """Return the pins' levels: each from the cycle of its reading on, the first from the beginning."""
     found: dict[int, list[tuple[int, int]]] = {pin: [(0, level)] for pin, level in held.items()}
-    for cycle, pin, level in samples:
+    for cycle, pin, level in sorted(samples):
         changes = found.setdefault(pin, [(0, level)])
         if changes[-1][1] != level:
             changes.append((cycle, level))
@@ -173,7 +187,7 @@ def _judge(spec: Specification, edges: list[Edge], samples: Sequence[Sample], en
     """Follow one run. Raises Violation, whose cycle counts from reset."""
     state = spec.start()
     begun, place = 0, 0
-    for cycle, pin, level in [*samples, (end, -1, 0)]:
+    for cycle, pin, level in [*sorted(samples), (end, -1, 0)]:
         part = []
         while place < len(edges) and edges[place][0] < cycle:
             part.append((edges[place][0] - begun, edges[place][1], edges[place][2]))

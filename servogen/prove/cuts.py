@@ -31,6 +31,8 @@ TRIED = 24
 """Candidates for the cut point that are looked at closely."""
 TRIED_FRAMES = 12
 WALKED_FRAMES = 400
+STEPS_PER_CUT = 30
+"""Runs between two cuts: a program whose every instruction an interrupt may follow has more."""
 ALL_PLACES = frozenset(range(68))
 
 
@@ -138,8 +140,9 @@ def _walk(
     walk = _Walk([], [], [], [])
     use: Use | None = None
     chosen: Choices = ()
-    spent = 0
-    while len(walk.reads) <= count and spent < (START_FRAMES + 2 * count) * 2:
+    steps = STEPS_PER_CUT * (count + 2)
+    while len(walk.reads) <= count and steps:
+        steps -= 1
         state = ChipState(ram, transitions.rest(rest))
         ways = ways_of(program, state, use, chosen) if use else None
         if use is None:
@@ -159,7 +162,6 @@ def _walk(
             walk.writes[-1] |= frozenset(place for place, _ in outcome.written)
         ram, rest = applied(ram, outcome), transitions.number(outcome.rest)
         use, chosen = outcome.use, ()
-        spent += outcome.reason is Reason.LIMIT
         if outcome.reason in (Reason.WARNING, Reason.LIMIT):
             break
         if transitions.pc(rest) in cuts and use is None:

@@ -20,6 +20,8 @@ from servogen.simulator.abstract import ChipState, Reason, Use
 
 MAX_POINTS = 20_000
 """Points between two cuts on the ways from one state: more are an explosion, not a program of this kind."""
+WORK_PER_STATE = 20
+"""Points in all, for each state that may be stored."""
 
 
 class Answer(Enum):
@@ -82,6 +84,22 @@ class Search:
     """The ways between states before the first pulse, which must not form a circle."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Trail:
+    """The decisions since the last cut, the latest first."""
+
+    decision: Decision
+    before: _Trail | None
+
+
+def _decisions(trail: _Trail | None) -> tuple[Decision, ...]:
+    found = []
+    while trail is not None:
+        found.append(trail.decision)
+        trail = trail.before
+    return tuple(reversed(found))
+
+
 @dataclass(slots=True)
 class _Point:
     """Between two cuts."""
@@ -90,7 +108,7 @@ class _Point:
     rest: int
     spec: SpecState
     cycle: int
-    decisions: tuple[Decision, ...]
+    trail: _Trail | None = None
     chosen: Choices = ()
     use: Use | None = None
 
@@ -118,6 +136,7 @@ class Explorer:
         self._nodes: list[Node] = []
         self._known: dict[tuple[Ram, int, SpecState], int] = {}
         self._queue: deque[int] = deque()
+        self._work = 0
         self._waits: list[tuple[int, int]] = []
 
     def search(self) -> Search:
@@ -158,24 +177,16 @@ class Explorer:
 
     def _expand(self, number: int) -> Search | None:
         node = self._nodes[number]
-        points = [_Point(node.ram, node.rest, node.spec, 0, ())]
+        points = [_Point(node.ram, node.rest, node.spec, 0)]
         count = 0
         while points:
             point = points.pop()
             count += 1
-            if count > MAX_POINTS:
+            self._work += 1
+            if count > MAX_POINTS or self._work > WORK_PER_STATE * self._max_states:
                 return self._stuck(number, point, "too many ways between two frames")
             if point.use is not None and not point.chosen and self._blamed(number, point, point.use):
-                finding = Finding(
-                    number,
-                    point.decisions,
-                    point.cycle,
-                    "",
-                    False,
-                    self._transitions.pc(point.rest),
-                    point.use,
-                )
-                return self._ended(Answer.REFINE, finding)
+                return self._ended(Answer.REFINE, None)
             ways = self._ways(point)
             if ways is None:
                 return self._stuck(number, point, "what decides is not known", point.use)
@@ -199,10 +210,10 @@ class Explorer:
         outcome = transitions.run(point.ram, point.rest, choices)
         if outcome.reason is Reason.USE and outcome.cycles == 0:
             points.append(
-                _Point(point.ram, point.rest, point.spec, point.cycle, point.decisions, choices, outcome.use)
+                _Point(point.ram, point.rest, point.spec, point.cycle, point.trail, choices, outcome.use)
             )
             return None
-        decisions = (*point.decisions, Decision(point.cycle, choices)) if choices else point.decisions
+        trail = _Trail(Decision(point.cycle, choices), point.trail) if choices else point.trail
         try:
             spec = point.spec
             for choice in choices:
@@ -213,7 +224,7 @@ class Explorer:
         except Violation as violation:
             finding = Finding(
                 number,
-                decisions,
+                _decisions(trail),
                 point.cycle + violation.cycle,
                 violation.message,
                 violation.certain,
@@ -223,29 +234,31 @@ class Explorer:
         cycle = point.cycle + outcome.cycles
         if outcome.reason is Reason.WARNING:
             pc = transitions.pc(transitions.number(outcome.rest))
-            finding = Finding(number, decisions, cycle, "; ".join(outcome.warnings), True, pc)
+            finding = Finding(number, _decisions(trail), cycle, "; ".join(outcome.warnings), True, pc)
             return self._ended(Answer.VIOLATED, finding)
         rest = transitions.number(outcome.rest)
         ram = applied(point.ram, outcome)
         if outcome.reason is Reason.LIMIT:
             if spec.phase == BEFORE and cycle >= START_FRAMES * self._spec.period:
-                finding = Finding(number, decisions, cycle, "no pulse comes", True, transitions.pc(rest))
+                finding = Finding(
+                    number, _decisions(trail), cycle, "no pulse comes", True, transitions.pc(rest)
+                )
                 return self._ended(Answer.VIOLATED, finding)
             return self._ended(Answer.CUT, None, transitions.pc(rest))
         if outcome.reason is Reason.STOP and transitions.pc(rest) in self._generaliser.cuts:
-            self._store(ram, rest, spec, number, cycle, decisions)
+            self._store(ram, rest, spec, number, cycle, _decisions(trail))
             return None
-        points.append(_Point(ram, rest, spec, cycle, decisions, (), outcome.use))
+        points.append(_Point(ram, rest, spec, cycle, trail, (), outcome.use))
         return None
 
     def _blamed(self, number: int, point: _Point, use: Use) -> bool:
         """Return whether what was generalised at the last cut made the use; it is kept from now on then."""
         if number == 0:
             return False
-        return self._generaliser.blamed(self._nodes[number], point.decisions, point.cycle, use)
+        return self._generaliser.blamed(self._nodes[number], _decisions(point.trail), point.cycle, use)
 
     def _stuck(self, number: int, point: _Point, why: str, use: Use | None = None) -> Search:
         finding = Finding(
-            number, point.decisions, point.cycle, why, False, self._transitions.pc(point.rest), use
+            number, _decisions(point.trail), point.cycle, why, False, self._transitions.pc(point.rest), use
         )
         return self._ended(Answer.UNDECIDED, finding)

@@ -115,7 +115,7 @@ def ways_of(program: Program, state: ChipState, use: Use, chosen: Choices) -> li
     if use.kind == unknown.USE_INTERRUPT:
         flags = [1 << bit for bit in range(3) if use.subject >> bit & 1]
         ways = [Choice(field, flag, flag) for flag in flags for field in ("INTCON", "INTCON_LATE")]
-        return [(*chosen, way) for way in (*ways, Choice("INTCON", use.subject, 0))]
+        return [(*chosen, way) for way in (Choice("INTCON", use.subject, 0), *ways)]
     decoded = program.at(state["PC"])
     if decoded is None or use.kind == unknown.USE_WAKE:
         return None

@@ -33,6 +33,8 @@ T0IE, T0IF, T0CS, PSA, PS = 0x20, 0x04, 0x20, 0x08, 0x07
 FLAGS = 0x07
 PATIENCE = 5
 """How often a use at one address is looked into without finding anything to blame."""
+MAX_ADDRESSES = 60
+"""Addresses at which there was nothing to blame: from then on uses are not what was generalised."""
 
 
 @dataclass(slots=True)
@@ -134,7 +136,7 @@ class Generaliser:
 
     def blamed(self, node: Node, decisions: tuple[Decision, ...], cycle: int, use: Use) -> bool:
         """Return whether something general at `node` decides at `use`, `cycle` cycles later; keep it then."""
-        if self._innocent.get(use.address, 0) >= PATIENCE:
+        if self._innocent.get(use.address, 0) >= PATIENCE or len(self._innocent) > MAX_ADDRESSES:
             return False
         guess = self.guesses[self._transitions.pc(node.rest)]
         suspects = [*self._suspects(node, guess)]

@@ -1,0 +1,204 @@
+"""Programs that read their inputs: what they do after every press is specified; nothing wrong is proven."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from servogen.build.build import Program
+from servogen.edges import EdgeChunk
+from servogen.pic.assembler import assemble
+from servogen.pic.device import device
+from servogen.pic.image import Image
+from servogen.programs import compile_program
+from servogen.prove import Counterexample, Quantifiers, prove_for_all
+from servogen.pulse import PulseSchedule
+from servogen.pulse.schedule import Channel, Pulse, Run
+from servogen.simulator import Machine, parse_stimuli
+from servogen.units import Clock, Cycles
+from tests.engines.player.player_jobs import built_text, job_text, sweep
+
+SOFT = "soft_start_s = 0.16\n"
+START, STOP = 'start_pin = "RA4"\n', 'stop_pin = "RB7"\n'
+HOLD = 'stop_pulses = "hold"\n'
+CLOCK = Clock(4_000_000)
+
+
+@cache
+def built(firmware: str) -> tuple[PulseSchedule, Program]:
+    done = built_text(job_text(3, sweep(3, 0.24), firmware=SOFT + firmware))
+    return done.plan.schedule, done.programs[0]
+
+
+@pytest.mark.parametrize("firmware", [STOP, STOP + HOLD, START, START + STOP, START + STOP + HOLD])
+def test_a_player_with_buttons_is_proven_for_every_press(firmware: str) -> None:
+    schedule, program = built(firmware)
+    assert schedule.buttons is not None
+    found = prove_for_all(program.image, schedule)
+    assert found.proven, found.reason
+    assert found.states > 2 * (schedule.lead_in_frames + schedule.loop_frames)
+
+
+def test_held_as_the_schedule_says_there_are_fewer_states() -> None:
+    schedule, program = built(START + STOP)
+    every, held = (prove_for_all(program.image, schedule, Quantifiers(inputs=each)) for each in (True, False))
+    assert held.proven
+    assert held.states < every.states / 4
+    assert any("RB7 is held at 1" in each for each in held.assumptions)
+
+
+def changed(program: Program, old: str, new: str, tmp_path: Path) -> Image:
+    text = program.firmware.text
+    assert text.count(old) == 1, old
+    file = tmp_path / "changed.c"
+    file.write_text(text.replace(old, new))
+    return compile_program(file).image
+
+
+@pytest.mark.parametrize(
+    ("firmware", "old", "new"),
+    [
+        # only a press that counts in one frame of one part
+        (STOP + HOLD, "running = 0;", "running = 0; if (frames == 3) time += 7;"),
+        (START + STOP, " " * 12 + "pins = 0xFF;", "if (part == 1) pins = 0xFE; else pins = 0xFF;"),
+        # pressed for two frames is not pressed
+        (STOP + HOLD, "if (stop_seen == 3) {", "if (stop_seen >= 2) {"),
+        # start goes on where it was, instead of at the beginning
+        (START + STOP, "        rewind();\n    }\n    if", "    }\n    if"),
+    ],
+)
+def test_a_fault_that_needs_a_press_at_the_right_time_is_found(
+    firmware: str, old: str, new: str, tmp_path: Path
+) -> None:
+    schedule, program = built(firmware)
+    image = changed(program, old, new, tmp_path)
+    held = prove_for_all(image, schedule, Quantifiers(inputs=False))
+    assert held.proven, "nothing is wrong unless somebody presses"
+    found = prove_for_all(image, schedule)
+    assert not found.proven
+    assert found.counterexample is not None, found.reason
+    assert edges(image, schedule, found.counterexample) != edges(
+        program.image, schedule, found.counterexample
+    )
+
+
+def edges(image: Image, schedule: PulseSchedule, found: Counterexample) -> list[tuple[int, ...]]:
+    """Return the edges of an image with a counterexample's stimulus, from the first rise on."""
+    stimuli = parse_stimuli(found.stimulus(schedule), "found.toml", schedule.clock)
+    machine = Machine(image, schedule.clock, found.options, stimuli)
+    return driven(machine.run(found.cycle + schedule.period))
+
+
+def driven(chunk: EdgeChunk) -> list[tuple[int, ...]]:
+    rows = [tuple(row) for row in zip(*(column.tolist() for column in chunk), strict=True)]
+    first = next(cycle for cycle, _, level in rows if level == 1)
+    return [(cycle - first, pin, level) for cycle, pin, level in rows if cycle >= first]
+
+
+def schedule_of(period: int, width: int, frames: int = 1) -> PulseSchedule:
+    run = Run(frames, (Pulse(Cycles(0), Cycles(width)),))
+    return PulseSchedule(CLOCK, Cycles(period), (Channel("arm", "RB1", "futaba-s3001"),), (), (run,))
+
+
+HEAD = """
+        list p=16f84
+        include "p16f84.inc"
+        radix dec
+        __config _XT_OSC & _WDT_OFF & _PWRTE_OFF
+        org 0
+        goto start
+        org 4
+{isr}
+start   clrf PORTB
+        bsf STATUS, RP0
+        movlw 0xFD
+        movwf TRISB
+        movlw 0x84
+        movwf OPTION_REG
+        bcf STATUS, RP0
+        clrf TMR0
+"""
+
+
+def assembled(text: str, isr: str = "        retfie") -> Image:
+    source = HEAD.format(isr=isr) + text + "        end\n"
+    return assemble(source, "test.asm", device("PIC16F84")).image
+
+
+def test_a_program_that_polls_tmr0_absolutely_is_not_reduced() -> None:
+    """Its phase counts: a pulse that is a cycle longer when TMR0 is 65 is found; without it, it is proven.
+
+    A frame is 14 ticks of 32 cycles: TMR0 is 65 once in 128 frames.
+    """
+    body = """
+        bcf PORTB, 1
+        movlw 3
+        movwf 0x20
+frame   movlw 100
+        movwf 0x21
+wait    decfsz 0x21, f
+        goto wait
+        bsf PORTB, 1
+{odd}
+        bcf PORTB, 1
+        movlw 33
+        movwf 0x21
+rest    decfsz 0x21, f
+        goto rest
+{pad}
+        goto frame
+"""
+    fixed = "        nop\n        nop\n        nop\n        nop\n"
+    odd = """
+        movf TMR0, w
+        xorlw 65
+        btfsc STATUS, Z
+        goto $+1
+"""
+    frame = 2 + 299 + 1 + 4 + 1 + 2 + 98 + 2
+    pad = (-frame) % 32 + 32
+    text = "        nop\n" * pad
+    schedule = schedule_of(frame + pad, 5)
+    good = prove_for_all(assembled(body.format(odd=fixed, pad=text)), schedule)
+    assert good.proven, good.reason
+    bad_image = assembled(body.format(odd=odd, pad=text))
+    bad = prove_for_all(bad_image, schedule)
+    assert not bad.proven
+    assert bad.counterexample is not None, bad.reason
+    never = assembled(body.format(odd=odd.replace("65", "64"), pad=text))
+    assert prove_for_all(never, schedule).proven, "TMR0 is odd there"
+
+
+@pytest.mark.parametrize(("enable", "isr"), [("0x90", "INTF"), ("0x88", "RBIF")])
+def test_an_interrupt_that_moves_an_edge_is_found(enable: str, isr: str) -> None:
+    body = """
+        movlw {enable}
+        movwf INTCON
+frame   bsf PORTB, 1
+        movlw 100
+        movwf 0x21
+wide    decfsz 0x21, f
+        goto wide
+        bcf PORTB, 1
+        movlw 250
+        movwf 0x21
+rest    decfsz 0x21, f
+        goto rest
+        goto frame
+"""
+    handler = f"        movf PORTB, w\n        bcf INTCON, {isr}\n        retfie"
+    schedule = schedule_of(1 + 2 + 299 + 1 + 2 + 749 + 2, 302)
+    quiet = prove_for_all(assembled(body.format(enable="0"), handler), schedule)
+    assert quiet.proven, quiet.reason
+    found = prove_for_all(assembled(body.format(enable=enable), handler), schedule, max_states=500)
+    assert not found.proven
+
+
+def test_a_pin_that_is_read_twice_in_a_frame_is_not_decided_but_never_proven() -> None:
+    schedule, program = built(STOP)
+    rule = replace(schedule.buttons, pressed_frames=4) if schedule.buttons else None
+    found = prove_for_all(program.image, replace(schedule, buttons=rule))
+    assert not found.proven
