@@ -27,7 +27,7 @@ REFRESH_S = 0.5
 """How often a robot at rest is sent one position, each servo's in turn, so that a lost byte is corrected."""
 
 REFRESHES_PER_SILENCE = 4
-"""How many positions are sent in the time after which a chip takes its line for dead."""
+"""The number of positions sent in the time after which a chip takes its line for dead."""
 
 TINY_US = 1e-6
 """Rounding noise of a width."""

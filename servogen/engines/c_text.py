@@ -1,7 +1,7 @@
-"""What every engine's C is written with: the dialects, the files of `templates/`, the head of a C file.
+"""The rendering of every engine's C: the dialects, the files of `templates/`, the header of a C file.
 
-A template is rendered from the values that it uses. Nothing is computed in the templates; a name that they
-use and that is not given is an error.
+A template is rendered from the values that it uses. Nothing is computed in the templates; an undefined name
+is an error.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from servogen.errors import Location, ServogenError
 from servogen.pulse import PulseSchedule
 
 SUFFIXES = (".j2", ".asm")
-"""Of templates: bodies and dialects, and the engines' assembly."""
+"""The endings of templates: bodies and dialects, and the engines' assembly."""
 
 
 class RenderError(ServogenError):
@@ -84,7 +84,7 @@ def _environment() -> Environment:
 
 
 DIALECTS = ("c2c", "xc8", "sdcc")
-"""The C dialects that every engine writes."""
+"""The C dialects that every engine generates."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""`Firmware`: one dialect's C and what the compiler made of it; `ResourceError` where it does not fit."""
+"""`Firmware`: one dialect's C and its compilation; `TimingBudget`; `ResourceError` if it does not fit."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ class Firmware:
     text: str
     compilation: Compilation
     timing_budgets: tuple[TimingBudget, ...] = ()
-    """What the C between the pulses takes at most, of what it has."""
+    """The budgets of the C between the pulses."""
     overrun: int | None = None
     """The address of the byte whose bit 0 is set once the C takes too long; None: the engine has none."""
     warnings: tuple[Caution, ...] = ()
     overheads: Overheads = field(default_factory=Overheads)
-    """What the sequence engine took off its delays."""
+    """The cycles that the sequence engine subtracted from its delays."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,5 @@
-"""`Engine`: what every engine is; `EngineJob`: what it reads of a job; `EnginePlan`: what it returns.
+"""`Engine`: the protocol of engines; `EngineJob`: the part of a job that they read; `EnginePlan`: their
+result.
 
 A job imports the settings of the engines (a player's buttons, a stream's serial line), so an engine cannot
 import `PlannedJob`, which has the attributes listed here.

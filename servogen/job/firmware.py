@@ -1,4 +1,4 @@
-"""[firmware] and [stream] of a job -> which program is wanted, its buttons and its serial line.
+"""[firmware] and [stream] of a job -> the choice of its program, its buttons and its serial line.
 
 In: the validated tables, the servos, the clock. Out: `Firmware`, `Stream`; InputError for pins that do not
 exist or are in use, a rate that the chip cannot receive at its clock, and what no engine does.

@@ -1,4 +1,6 @@
-"""`Job`: what a job file says, validated and in internal units; `PlannedJob`: the motion of its servos."""
+"""`Job`: the content of a job file, validated and in internal units; `PlannedJob`: the motion of
+its servos.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """A `Job` -> `PlannedJob`: the poses, walk, program or drive of its servos, frame by frame.
 
 In: the validated values of a job file; for a walk also another way. Out: the servos' trajectory.
-The job file is not read again. Every error names the line and the key that asked for what cannot be done.
+The job file is not read again. Every error names the line and the key that cannot be fulfilled.
 """
 
 from __future__ import annotations

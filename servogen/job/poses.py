@@ -1,6 +1,7 @@
 """[motion] poses of a job -> `motion.Pose` values: servo angles from `<servo>_deg`, `foot_mm` and `tip_mm`.
 
-In: the checked table, the servos and what they move. Out: one pose each, with every servo's angle in radians.
+In: the validated table, the servos and what they move. Out: one pose each, with every servo's angle in
+radians.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """[program] of a job -> the servos' trajectory: an arm, its hand, and a file of the arm command language.
 
-In: the job, its checked table, what each servo can do. Out: `Planned`. The arm's joints stay
-where their servos can turn them, so that a position out of a servo's reach is refused at its program line.
+In: the job, its validated table, the limits of each servo. Out: `Planned`. The arm's joints are limited to
+what their servos can turn, so that a position out of a servo's reach is refused at its program line.
 """
 
 from __future__ import annotations

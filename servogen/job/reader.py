@@ -1,6 +1,6 @@
 """A job file -> `Job`. Every error names the line, the key, the value and what is allowed.
 
-In: the path (or the text) of a job file. Out: the frozen `Job`; what its servos do is planned by `plan`.
+In: the path (or the text) of a job file. Out: the frozen `Job`; `plan` plans the motion of its servos.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """[leg] and [robot] of a job -> the joints that servos turn, and the end of the leg or arm.
 
-In: the checked tables and the servos. Out: `Rig`.
+In: the validated tables and the servos. Out: `Rig`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """[[servo]] tables -> `Servo` values and the joints that they turn.
 
-In: the checked tables. Out: one servo each; InputError for two on a pin, an open drain, limits beyond travel.
+In: the validated tables. Out: one servo each; InputError for two on a pin, an open drain, limits beyond
+travel.
 """
 
 from __future__ import annotations

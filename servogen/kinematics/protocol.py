@@ -1,7 +1,7 @@
-"""What a kind of robot must offer: its file and facts (`Kind`), and how it walks or drives.
+"""The protocol of the kinds of robots: their file and facts (`Kind`), and how they walk or drive.
 
 A kind is one module and one line in `registry`. Its robots are frozen values that satisfy `robot.model.Robot`
-and, if they walk or drive, `WalkingRobot` or `DrivingRobot`; planning, reports and steering ask for no more.
+and, if they walk or drive, `WalkingRobot` or `DrivingRobot`; planning, reports and steering use nothing else.
 
     limbs ──▶ joints that servos turn, forward kinematics, stick figures, error at the foot or tool
     WalkingRobot.stance ──▶ motion.gait: joint angles of a walk        mass, torques ──▶ loads

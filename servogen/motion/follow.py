@@ -28,7 +28,7 @@ from servogen.motion.trajectory import Floats
 
 Inverse = Callable[[Floats, Floats], Floats]
 """Shares (n,) of the path and the joint angles expected there (n, joints) -> the solutions (n, solutions,
-joints), NaN where there is none. What is expected decides the turn; a numerical method starts from it."""
+joints), NaN for none. The expected angles decide between whole turns; a numerical method starts there."""
 
 Forward = Callable[[Floats], Floats]
 """Joint angles (n, joints) -> points (n, 3)."""

@@ -1,6 +1,6 @@
 """Limits of the joints, and the shortest time in which a law keeps them.
 
-In: what each joint travels and its limits. Out: a law and a duration for all joints together. The joints are
+In: the travel of each joint and its limits. Out: a law and a duration for all joints together. The joints are
 synchronised: all follow the same law in the same time, so that they begin and end together on a straight way
 through joint space.
 """
@@ -18,7 +18,7 @@ from servogen.motion.laws import BEND, Law, law
 from servogen.motion.trajectory import Floats
 
 STILL = 1e-9
-"""A joint that travels less (radians, metres) takes no time."""
+"""A travel below this (radians, metres) takes no time."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,6 @@
 """One move as frames: between two poses, along a path, through via points.
 
-In: where from and where to, a law, a number of frames or the joints' limits. Out: the angles of each frame of
+In: start and end, a law, a number of frames or the joints' limits. Out: the angles of each frame of
 the move, the start exclusive and the end inclusive.
 """
 
@@ -18,10 +18,10 @@ from servogen.motion.splines import fastest_spline, spline
 from servogen.motion.trajectory import Floats
 
 Way = Callable[[Floats], Followed]
-"""Shares of a path (n,) -> the angles of all joints there (n, joints), and how far they stray."""
+"""Shares of a path (n,) -> the angles of all joints there (n, joints), and their distance from the path."""
 
 EXACT = 1e-9
-"""A duration this little above whole frames is whole frames."""
+"""A duration above whole frames by less than this is whole frames."""
 
 
 def straight(start: Floats, end: Floats, name: str, frames: int) -> Floats:
@@ -46,7 +46,7 @@ def along(follow: Way, name: str, frames: int) -> Followed:
 
 
 MAX_PATH_FRAMES = 1 << 15
-"""A path without a time takes no more frames: 11 minutes at 50 frames a second."""
+"""The most frames of a path without a time: 11 minutes at 50 frames per second."""
 
 
 def fastest_along(follow: Way, name: str, limits: Sequence[Limits], frame_s: float) -> Followed | None:

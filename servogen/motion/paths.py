@@ -1,7 +1,7 @@
 """Paths of a point in space: the straight line and the arc.
 
-In: points in metres. Out: a path whose `point` takes the share of the way, 0 to 1, and whose `distance` says
-how far other points are from it.
+In: points in metres. Out: a path whose `point` takes the share of the way, 0 to 1, and whose `distance` is
+that of other points from it.
 
                                    through
     start ●───────────● end      ╭────●────╮        the arc goes from start through the second
@@ -20,7 +20,7 @@ from servogen.errors import InputError, Location
 from servogen.motion.trajectory import Floats
 
 STRAIGHT_M = 1e-9
-"""Three points within this of one line have no circle."""
+"""Three points within this distance of a line have no circle."""
 
 
 class Path(Protocol):

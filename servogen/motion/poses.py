@@ -1,4 +1,4 @@
-"""Poses with holds, pauses and moves between them -> `JointTrajectory`, one sample a frame.
+"""Poses with holds, pauses and moves between them -> `JointTrajectory`, one sample per frame.
 
 In: `Motion`, times in seconds as exact fractions. Out: the angles of every frame and the frame at which the
 repeat begins, warnings of what was rounded, notes.
@@ -40,12 +40,12 @@ class Pose:
     hold_s: Fraction = Fraction(0)
     pause_s: Fraction = Fraction(0)
     release: bool = False
-    """No pulses in the pause; otherwise they hold the position."""
+    """Whether there are no pulses in the pause; otherwise they hold the position."""
     law: str = "linear"
     via: bool = False
     """Whether it is passed without stopping or holding."""
     way: moves.Way | None = None
-    """The path of the move; without, straight through joint space."""
+    """The path of the move; None: straight through joint space."""
     place: Location | None = None
 
 

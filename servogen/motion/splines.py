@@ -1,4 +1,4 @@
-"""Through via points without stopping: cubic splines over all joints at once.
+"""Cubic splines through via points without stopping, over all joints at once.
 
 In: positions (n, joints) and the times at which they are passed. Out: `Spline`, with continuous speed and
 acceleration; at rest at both ends, or closed, so that a loop never stops.

@@ -1,4 +1,4 @@
-"""The player: two servos a slot, keyframes in flash, interpolation on the chip; as numbers."""
+"""The player: two servos per slot, keyframes in flash, interpolation on the chip; as numbers."""
 
 from servogen.engines.player.fitting import Part
 from servogen.engines.player.layout import Layout, Slot

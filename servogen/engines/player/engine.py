@@ -23,11 +23,13 @@ from servogen.pic.listing import Listing
 from servogen.pic.wcet import Program
 
 CHECK, DONE, WIDTHS = "pl_check", "pl_done", "pl_between"
-"""Labels of the assembly: the kernel's look at the timer, its end; what is only run between two frames."""
+"""Labels of the assembly: where the kernel reads the timer, its end, the part that runs only between two
+frames.
+"""
 
 TITLE = "the player"
 HINT = "fewer parts: let more of the motion repeat"
-"""What helps where the chip is too small."""
+"""The hint if the chip is too small."""
 
 
 def play(job: EngineJob) -> tuple[JointTrajectory, Playing]:

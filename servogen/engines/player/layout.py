@@ -37,16 +37,16 @@ TAIL = Cycles(19)
 """The kernel's cycles after the later fall."""
 
 SLOT_C, FRAME_C, CHANNEL_C, DOUBLING_C = Cycles(200), Cycles(85), Cycles(249), Cycles(4)
-"""What the C gets at least: between two slots (with the kernel's own preparation), between two frames in
-addition, there for each channel, and for each doubling of a channel's step. What it takes is counted once it
-is compiled."""
+"""The cycles reserved for the C: between two slots (with the kernel's own preparation), between two frames in
+addition, there for each channel, and for each doubling of a channel's step. Its actual cycles are counted
+after it is compiled."""
 
 BUTTONS_C = Cycles(40)
 """The cycles that reading the buttons takes, if a pin is free for one."""
 
 EASES = ((3, 3), (2, 2), (2, 1), (1, 1))
-"""How many times that the C gets between slots and between frames, as far as there is room: other compilers'
-code is longer."""
+"""Multiples of that reserved between slots and between frames, the largest that fits: other compilers' code
+is longer."""
 
 WATCHDOG_US = Fraction(6900)
 """A watchdog that was left on must be cleared within 7 ms (DS35007 section 9, parameter 31)."""
@@ -55,11 +55,11 @@ MAX_TRIM = Cycles(127)
 """The longest trim of a pulse in the EEPROM."""
 
 MARGIN_US = Fraction(20)
-"""What a slot has left beyond the motion's longest pulse and its trim, as far as the servo's limits allow:
-a stance or a pose that is changed by so little keeps every slot where it is."""
+"""The margin of a slot beyond the motion's longest pulse and its trim, within the servo's limits: a small
+change of a stance or a pose keeps every slot where it is."""
 
 MIN_WIDTH = Cycles(192)
-"""The kernel's way from the rise to the first fall, a stagger, and the shortest trim."""
+"""The kernel's path from the rise to the first fall, a stagger, and the shortest trim."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
-"""`JointTrajectory` -> what the player plays: parts, keyframes, and the schedule that comes of them.
+"""`JointTrajectory` -> the player's data: parts, keyframes, and the schedule that follows from them.
 
 In: a trajectory whose joints are the servos, and the frame. Out: `Playing`. Its schedule is what the chip
-does, cycle for cycle; how far that is from the trajectory is in the rows of its plan.
+does, cycle for cycle; its distance from the trajectory is in the rows of its plan.
 """
 
 from __future__ import annotations

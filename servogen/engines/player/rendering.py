@@ -1,6 +1,6 @@
 """The `player` engine as C: `templates/player/main.c.j2` is the body, `player/*.asm` are its assembly.
 
-In: what is played and a dialect. Out: the text of one C file.
+In: the plan and a dialect. Out: the text of one C file.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from servogen.pic.device import Device, oscillator_for, registers
 from servogen.units import Cycles
 
 PRESCALER = 0x84
-"""OPTION_REG: TMR0 counts cycles, 1:32; one more for each doubling; no pull-ups (DS35007 section 2.3.2)."""
+"""OPTION_REG: TMR0 counts cycles, 1:32, plus one for each doubling; no pull-ups (DS35007 section 2.3.2)."""
 
 WAY = 32
-"""The kernel's cycles from the rise to the first fall beside its counted loops."""
+"""The kernel's cycles from the rise to the first fall without its counted loops."""
 
 
 OVERRUN = "overrun"

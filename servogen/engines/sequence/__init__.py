@@ -1,1 +1,3 @@
-"""The `sequence` engine: every edge a port write, every delay in cycles, overheads measured and taken off."""
+"""The `sequence` engine: every edge is a port write; the overheads of the code are measured and subtracted
+from the delays.
+"""

@@ -1,6 +1,7 @@
-"""`Overheads`: the cycles that a compiler's code takes between two edges beside the delays asked for.
+"""`Overheads`: the cycles that a compiler's code takes between two edges in addition to the delays.
 
-In: what was measured on one rendering. Out: a frozen table that the next rendering takes off its delays.
+In: the cycles measured on one rendering. Out: a frozen table that the next rendering subtracts from its
+delays.
 """
 
 from __future__ import annotations

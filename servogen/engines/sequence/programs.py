@@ -28,7 +28,7 @@ class Edge:
     value: int
     changes: tuple[tuple[int, int], ...]
     wait: Cycles
-    """The delay after it; the frame's last edge has none of its own."""
+    """The delay after it; the frame's last edge has none."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,5 @@
 """A `Sequence` as C: `templates/sequence/main.c.j2` is the body, `c2c.j2`, `xc8.j2` and `sdcc.j2` are the
-dialects' words.
+dialects.
 
 In: the program and a dialect. Out: the text of one C file.
 """

@@ -1,10 +1,10 @@
-"""A schedule as the program that a lab would write.
+"""A schedule as a program of port writes and delays.
 
 In: a `PulseSchedule` and the `Overheads` of a compiler. Out: a `Sequence` with every delay computed.
 
-The way back to the same frame and the way on to the next step differ in cycles; a position's `gap` stops
-short of both by `MARGIN`, and `again` and the step's own wait make up what is left of each. A run that is
-longer than a byte counts is a loop of calls, whose way back has a wait of its own (`turn`).
+The paths back to the same frame and on to the next step differ in cycles; a position's `gap` ends `MARGIN`
+before the shorter one, and `again` and the step's own wait make up the rest of each. A run longer than a byte
+counts is a loop of calls, whose path back has its own wait (`turn`).
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from servogen.pulse import PulseSchedule, Run
 from servogen.units import Cycles
 
 MARGIN = Cycles(64)
-"""More than any compiler's loop, return and call take between two frames."""
+"""More cycles than any compiler's loop, return and call take between two frames."""
 
 MAX_COUNTED = 255
-"""A counter of frames or calls is one byte: its cycles do not depend on its value."""
+"""The greatest count of frames or calls: in one byte, so that its cycles do not depend on its value."""
 
 FEW_FRAMES_A_CALL = 100
-"""A long run is made of equal calls of no fewer frames, if it can be."""
+"""The smallest number of frames per call of a long run, if it can be divided into equal calls."""
 
 
 def sequence(schedule: PulseSchedule, overheads: Overheads) -> Sequence:

@@ -1,8 +1,8 @@
-"""Measures what a compiler adds between two edges and renders the C again without it.
+"""Measures the cycles that a compiler adds between two edges and renders the C again without them.
 
-In: a schedule, a dialect, a device. Out: `Firmware`: C text and HEX image whose every delay makes up for the
-statements around it. The overheads are measured on the simulator, never assumed: render, compile, simulate,
-render, until what is measured is what the rendering took into account.
+In: a schedule, a dialect, a device. Out: `Firmware`: C text and HEX image in which every delay compensates
+for the statements around it. The overheads are measured on the simulator, never assumed: render, compile,
+simulate, render, until the measured overheads are those of the rendering.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from servogen.simulator import Machine
 from servogen.units import Cycles
 
 ROUNDS = 3
-"""One to measure, one to confirm; a third where the first delays were too short to be waited."""
+"""Renderings: one to measure, one to confirm, a third if the first delays were too short to wait."""
 
 SLACK_FRAMES = 4
 
 SHORTER = "fewer positions, shorter moves between them, or holds in place of moves"
-"""What helps a sequence that does not fit."""
+"""The hint for a sequence that does not fit."""
 
 
 class TuningError(ServogenError):

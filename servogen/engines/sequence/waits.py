@@ -1,9 +1,9 @@
-"""A delay in cycles as the calls of a dialect, each of which the dialect's compiler knows exactly.
+"""A delay in cycles as calls of a dialect, whose times its compiler knows exactly.
 
 In: cycles and the clock. Out: call texts. XC8's `_delay` counts cycles (XC8 User's Guide, library functions,
 "_delay"). C2C counts time in steps of 1 s, 1 ms, 10 us and 1 us, each argument a byte; what is not whole
 cycles at the clock is rounded to them; single cycles are `nop()`. SDCC has no delays: `templates/sdcc.j2`
-makes them of assembly, whose cycles are the same whoever compiles it.
+implements them in assembly, whose cycles do not depend on the compiler.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ XC8_MAX = 50_463_240
 
 C2C_MAX = 255
 C2C_STEPS = (("delay_s", 1_000_000), ("delay_ms", 1000), ("delay_10us", 10), ("delay_us", 1))
-"""Built-in and its step in microseconds."""
+"""Built-in functions and their steps in microseconds."""
 
 SDCC_MIN, SDCC_STEP, SDCC_MAX = 14, 4, 250_000
 """The arguments that `wait` of `templates/sdcc.j2` takes."""

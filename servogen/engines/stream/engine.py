@@ -1,6 +1,6 @@
 """The stream engine of a job: planned and compiled.
 
-In: a job with a serial line, and a dialect. Out: what it streams, and the firmware.
+In: a job with a serial line, and a dialect. Out: its plan and the firmware.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from servogen.pulse.schedule import Input, PulseSchedule
 
 TITLE = "the stream engine"
 HINT = "fewer servos, or none on the other port"
-"""What helps where the chip is too small."""
+"""The hint if the chip is too small."""
 
 
 def stream(job: EngineJob) -> tuple[JointTrajectory, Streaming]:

@@ -1,6 +1,6 @@
 """The stream engine's frame: a slot for each servo, one after the other, all of as many rounds of TMR0.
 
-In: the servos and the frame asked for. Out: `Layout`; InputError where the pulses do not fit.
+In: the servos and the requested frame. Out: `Layout`; InputError if the pulses do not fit.
 
     |<------- slot: whole rounds of 256 cycles ------->|
     |    ▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▔▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁|
@@ -24,12 +24,12 @@ ROUND = 256
 RISE = 152
 """TMR0 when a pulse begins."""
 LATEST = 80
-"""A fall may be so many cycles after TMR0 = RISE in the last round of its slot but one."""
+"""The latest fall, in cycles after TMR0 = RISE in the last round but one of its slot."""
 MIN_WIDTH = Cycles(ROUND + MAX_TRIM + 1)
 REACTION_S = Fraction(10, 1000)
-"""A command counts in the first frame that begins so long after it: two slots may pass until its pulse."""
+"""The time after which a command counts in the next frame; two slots may pass before its pulse."""
 C_ROUNDS = 9
-"""What the C may take to prepare a pulse and do a command."""
+"""The rounds that the C may take to prepare a pulse and carry out a command."""
 MAX_SLOTS = 60
 
 

@@ -17,16 +17,18 @@ from servogen.engines.stream.streaming import Streaming
 from servogen.pic.device import Device, oscillator_for, registers
 
 NONE = 0xFE
-"""In the place of a command: there is none. No command begins with this byte."""
+"""Stands for no command: no command begins with this byte."""
 
 LAST = 84
-"""Cycles from the last look before an edge to the edge: the longest look and the way to st_exactly fit."""
+"""Cycles from the last sample before an edge to the edge: the longest sample and the path to
+st_exactly fit.
+"""
 
 SECOND, THIRD = 84, 152
-"""TMR0 at the second and third look of a round without an edge."""
+"""TMR0 at the second and third sample of a round without an edge."""
 
 READ_LATE = 24
-"""Cycles from the time stamps to the looks that they belong to, the start bit's and a bit's together."""
+"""Cycles from the time stamps to their samples, those of the start bit and of a bit added."""
 
 
 OVERRUN = "due"

@@ -1,6 +1,7 @@
 """The settings of a serial line, and whether the chip can receive it at its clock.
 
-In: the values of [stream]. Out: `Stream`; InputError for a baud rate that does not go with the clock.
+In: the values of [stream]. Out: `Stream`; InputError for a baud rate that the chip cannot receive at its
+clock.
 """
 
 from __future__ import annotations
@@ -13,15 +14,15 @@ from servogen.errors import InputError, Location
 from servogen.units import Clock
 
 UNIT = 4
-"""Cycles of the receiver's clock: a bit's time is counted in one byte of these."""
+"""Cycles per unit of the receiver's clock; a bit's time is one byte of these."""
 MAX_UNITS = 255 - 32
-"""What is left of a byte when the longest time between two samples is taken off."""
+"""A byte minus the longest time between two samples."""
 
 SAMPLE_GAP = 120
-"""Cycles between two looks at the line: three in a round of the timer, as far apart as can be."""
+"""The greatest number of cycles between two of the three samples of the line in a round of the timer."""
 
 BAUD_ERROR = Fraction(2, 100)
-"""How wrong a sender's rate may be."""
+"""The error allowed of a sender's rate."""
 
 HOLD, NEUTRAL, OFF = "hold", "neutral", "off"
 
@@ -35,12 +36,12 @@ class Stream:
     transmit_pin: str | None = None
     silence_s: Fraction = Fraction(1)
     fail_safe: str = NEUTRAL
-    """HOLD: as they are; NEUTRAL: to the neutral pose; OFF: no more pulses."""
+    """HOLD: positions are held; NEUTRAL: to the neutral pose; OFF: no more pulses."""
     place: Location | None = None
 
 
 USUAL = (300, 600, 1200, 2400, 4800, 9600, 14_400, 19_200, 38_400)
-"""Rates that are named where another is refused."""
+"""The rates that are suggested when another is refused."""
 
 
 def bit_units(stream: Stream, clock: Clock) -> int:

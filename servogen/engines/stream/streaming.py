@@ -24,7 +24,7 @@ from servogen.robot.servo import Servo
 from servogen.units import Clock, Cycles
 
 MIN_SILENCE = 5
-"""Frames: the silence must outlast a write to the EEPROM and the time between two commands."""
+"""The shortest silence in frames: longer than a write to the EEPROM and the time between two commands."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Streaming:
     neutral: tuple[Cycles, ...]
     silence_frames: int
     soft_frames: int
-    """How many frames the way to the neutral pose takes."""
+    """The number of frames of the way to the neutral pose."""
 
 
 def streaming(

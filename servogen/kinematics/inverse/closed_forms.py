@@ -1,9 +1,9 @@
 """Inverse kinematics in closed form: every branch of each robot that has one.
 
-In: the components of many targets (position, and orientation if it is asked for) in the frame before the
+In: the components of many targets (position, and orientation if it is given) in the frame before the
 first row. Out: candidate joint positions, branch by branch. A candidate is not a solution yet: `solve` turns
-the angles into the limits and keeps only those that forward kinematics confirms. So a form may clip what
-cannot be: the check drops it.
+the angles into the limits and keeps only those that forward kinematics confirms. So a form may clip
+impossible values: the check rejects them.
 
 Without an orientation, the joints that only it determines stay at home.
 """

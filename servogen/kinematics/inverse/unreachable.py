@@ -1,4 +1,4 @@
-"""`Unreachable`: a target that no joint position reaches; it says why and which point is nearest."""
+"""`Unreachable`: a target that no joint position reaches, with the reason and the nearest point."""
 
 from __future__ import annotations
 

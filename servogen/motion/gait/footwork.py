@@ -30,7 +30,7 @@ RISE_SAMPLES = 2001
 """Of a foot's rise to the top of its lift, for the way that it moves sideways meanwhile."""
 
 MAX_CYCLES = 8
-"""By then a walk without an end is steady, or it never will be."""
+"""The cycles after which a walk without an end is steady, or never will be."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,7 +1,7 @@
 """Gaits: which leg is in the air at which share of the cycle.
 
 In: a name, or a duty factor and a phase table. Out: `Gait`. Each leg is on the ground (stance) for the
-share `duty` of the cycle and in the air (swing) for the rest; `lifts` says when each leg leaves the ground.
+share `duty` of the cycle and in the air (swing) for the rest; `lifts` is when each leg leaves the ground.
 
           tripod, duty 1/2    ripple, duty 2/3    wave, duty 5/6
     L1      ▔▔▔▁▁▁              ▁▁▁▁▔▔              ▁▁▔▁▁▁
@@ -25,10 +25,10 @@ from servogen.kinematics.protocol import WalkingRobot, mounts_of
 SIXTH = Fraction(1, 6)
 
 MIN_SHARE = Fraction(1, 24)
-"""Of a cycle, for a stance and for a swing: a shorter one is a mistake."""
+"""The shortest stance and swing as a share of the cycle: a shorter one is a mistake."""
 
 THREE_DIGITS = Fraction(1, 1000)
-"""How far a simple fraction may be from the number that stands for it."""
+"""The distance of a number from the simple fraction that it stands for."""
 
 
 @dataclass(frozen=True, slots=True)

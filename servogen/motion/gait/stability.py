@@ -1,6 +1,6 @@
 """Static stability: how far the centre of mass is inside the polygon of the feet on the ground.
 
-In: points of the ground plane. Out: the margin in metres, below 0 outside of the polygon.
+In: points of the ground plane. Out: the margin in metres, below 0 outside the polygon.
 """
 
 from __future__ import annotations

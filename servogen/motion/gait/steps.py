@@ -23,7 +23,7 @@ from servogen.motion.trajectory import Floats
 Points = npt.NDArray[np.complex128]
 
 SAME_M = 1e-9
-"""A foot that would step less than this stays on the ground."""
+"""A foot whose step would be shorter than this stays on the ground."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +123,7 @@ class Steps:
 
 
 SAME_TIME = 1e-9
-"""Times (in cycles) nearer than this are one: a frame falls on a landing in spite of floating point."""
+"""Times (in cycles) closer than this are equal, so that rounding does not move a landing off its frame."""
 
 
 def steps(

@@ -1,6 +1,6 @@
-"""A walking robot: gait, way and posture -> joint angles at each frame, with what is to be known of them.
+"""A walking robot: gait, way and posture -> joint angles at each frame, with the facts about them.
 
-In: a `Hexapod` (any number of legs), a gait, the segments of the way, the posture. Out: `Walk`: the
+In: a `WalkingRobot`, a gait, the segments of the way, the posture. Out: `Walk`: the
 trajectory; at each frame the feet, the corrections that the legs' springs must give, the stability margin.
 """
 
@@ -25,19 +25,19 @@ from servogen.robot.model import Joint
 from servogen.units import Clock, Cycles
 
 SAME_RAD = 1e-7
-"""Angles of two rounds of a loop that are nearer than this are the same: far less than a pulse can show."""
+"""Angles of two rounds of a loop that differ by less than this are equal: far less than a pulse can show."""
 
 
 MIN_SWING = 4
-"""Frames of a swing; with fewer the foot would hardly be seen in the air."""
+"""The fewest frames of a swing; with fewer the foot would hardly leave the ground."""
 
 
 MAX_GRAIN = 24
-"""Frames: a cycle is not made longer to be a multiple of more."""
+"""The largest grain, in frames, to a multiple of which a cycle is lengthened."""
 
 
 MAX_FRAMES_PER_CYCLE = 3000
-"""A minute of 20 ms; slower than that is a mistake."""
+"""The longest cycle, a minute at 20 ms; a slower one is a mistake."""
 
 
 FIRST_M = 0.001
