@@ -105,7 +105,7 @@ def _lines(proof: Proof, file: Path, request: Request, schedule: PulseSchedule) 
     size = f"{proof.states} states, {proof.runs} runs of {proof.cycles} cycles together"
     if not proof.proven:
         return [f"not decided: {proof.reason}", f"  {size}"]
-    over = "every power-up, input and chip" if proof.quantifiers.inputs else "every power-up and chip"
+    over = "every power-up and chip" if proof.held else "every power-up, input and chip"
     return [
         f"proven for {over}: every edge of all pins is the schedule's",
         f"  {size}",

@@ -230,10 +230,11 @@ class AbstractChip:
             self._go(state, stops, cycle, choices)
             if self._used() is not None or self._s[at.CYCLE] != cycle:
                 return self._outcome(Reason.WARNING, None, ("an interrupt inside an instruction",))
-            return self._outcome(Reason.USE, used, ())
         warnings = self._warnings(choices)
         if warnings:
             return self._outcome(Reason.WARNING, None, warnings)
+        if used is not None:
+            return self._outcome(Reason.USE, used, ())
         pending = self._interrupt_in_doubt()
         if pending is not None:
             return self._outcome(Reason.USE, pending, ())

@@ -202,3 +202,28 @@ def test_a_pin_that_is_read_twice_in_a_frame_is_not_decided_but_never_proven() -
     rule = replace(schedule.buttons, pressed_frames=4) if schedule.buttons else None
     found = prove_for_all(program.image, replace(schedule, buttons=rule))
     assert not found.proven
+
+
+def test_what_chips_differ_in_is_found_before_an_instruction_that_an_unknown_bit_decides() -> None:
+    """A word that no data sheet defines stands just before a skip on unknown RAM: neither hides the other."""
+    body = """
+{odd}
+        btfss 0x30, 7
+        goto $+1
+        nop
+frame   bsf PORTB, 1
+        movlw 100
+        movwf 0x21
+wide    decfsz 0x21, f
+        goto wide
+        bcf PORTB, 1
+        movlw 250
+        movwf 0x21
+rest    decfsz 0x21, f
+        goto rest
+        goto frame
+"""
+    schedule = schedule_of(1 + 2 + 299 + 1 + 2 + 749 + 2, 302)
+    assert prove_for_all(assembled(body.format(odd=" nop")), schedule).proven
+    assert not prove_for_all(assembled(body.format(odd=" dw 0x0001")), schedule).proven
+    assert not prove_for_all(assembled(body.format(odd=" btfss 0x31, 6\n dw 0x0001")), schedule).proven
