@@ -21,7 +21,7 @@ from servogen.drive.controller import ServoController
 from servogen.drive.motions import Motion
 from servogen.drive.serial_link import SerialLink, Time
 from servogen.engines.stream.protocol import MAX_VALUE, group_begins, group_goes, speed_command
-from servogen.errors import InputError, ToolError
+from servogen.errors import InputError, Location, ToolError
 from servogen.motion.trajectory import Floats
 
 Log = Callable[[dict[str, object]], None]
@@ -77,6 +77,7 @@ class Session:
     """The time of a stream engine's way to the first pose."""
     summary: Summary = field(default_factory=Summary)
     _sent: list[int | None] = field(init=False)
+    _arrive_frames: int = 0
     _turn: int = 0
     _begun: float = 0.0
     _last: float = 0.0
@@ -88,6 +89,15 @@ class Session:
 
     def __post_init__(self) -> None:
         self._sent = [None] * len(self.controller.channels)
+        frame_s = self.controller.frame_s
+        self._arrive_frames = round(self.arrive_s / frame_s) if frame_s else 0
+        if frame_s and self._arrive_frames > MAX_VALUE:
+            raise InputError(
+                "out-of-range",
+                f"{self.arrive_s:g} s to the first pose are {self._arrive_frames} frames",
+                Location(key="--arrive-s"),
+                f"the stream engine counts up to {MAX_VALUE} frames, {MAX_VALUE * frame_s:.4g} s",
+            )
 
     def run(self, motion: Motion) -> Summary:
         """Drive until the motion is over or `quit` is given, then stop the robot, also after any error.
@@ -124,17 +134,16 @@ class Session:
 
     def _arrive(self, angles: Floats) -> None:
         """Send the whole pose to a robot that may be anywhere; the motion waits until it is there."""
-        frame_s, begin = self.controller.frame_s, self.time.now()
+        begin, frames = self.time.now(), self._arrive_frames
         changed = self.controller.changes([None] * len(self._sent), angles)
-        frames = round(self.arrive_s / frame_s) if frame_s else 0
         if not frames:
             self._pose(changed)
         else:
             self._in_group = True
             self._bytes(group_begins())
             self._pose(changed)
-            self._group_goes(min(frames, MAX_VALUE))
-            ends = self._last + min(frames, MAX_VALUE) * (frame_s or 0.0)
+            self._group_goes(frames)
+            ends = self._last + frames * (self.controller.frame_s or 0.0)
             while (left := ends - self.time.now()) > 0:
                 self.time.sleep(min(left, self.controller.refresh_s))
                 self._bytes(speed_command(0, 0))  # changes nothing, but shows the chip that its line is alive

@@ -233,7 +233,7 @@ def _follow(
     if short:
         yield Caution(
             "frames-few",
-            f"{servo.name} is told to leave a position {short} frame{'s' if short > 1 else ''} before it can "
+            f"{servo.name} has to leave a position {short} frame{'s' if short > 1 else ''} before it can "
             f"have reached it: the travel takes {needed} frames at {limit:z.0f}°/s",
             servo.place,
         )

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from servogen.drive.commands import script
 from servogen.drive.controller import REFRESH_S, Channel, ServoController, controller_of
 from servogen.drive.motions import Limited, Motion, Played, Still, pose_of
-from servogen.drive.serial_link import SerialLink
+from servogen.drive.serial_link import NullWire, SerialLink, VirtualTime
 from servogen.drive.session import Session, Summary
 from servogen.errors import InputError, ToolError
 from servogen.job import PlannedJob, load, loads, plan_job
@@ -284,3 +285,16 @@ def test_a_pose_is_called_by_number_name_or_angles() -> None:
 def test_commands_are_sync_number_position() -> None:
     controller = ServoController(tuple(Channel(servo, 5, WIDTHS) for servo in servos(1).servos))
     assert controller.command(0, 127) == b"\xff\x05\x7f"
+
+
+def test_a_way_to_the_first_pose_longer_than_a_group_counts_is_refused_and_not_shortened() -> None:
+    """The time of a group is one byte of frames, 254 at most: 2.54 s of 10 ms each."""
+    controller = ServoController((), frame_s=0.01)
+    time = VirtualTime().time()
+    with SerialLink(lambda: nullcontext(NullWire()), 2400, time, 0.0) as line:
+        Session(controller, line, time, lambda entry: None, arrive_s=2.54)
+        with pytest.raises(
+            InputError, match=r"--arrive-s: 2\.55 s to the first pose are 255 frames"
+        ) as found:
+            Session(controller, line, time, lambda entry: None, arrive_s=2.55)
+    assert found.value.hint == "the stream engine counts up to 254 frames, 2.54 s"
