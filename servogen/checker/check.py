@@ -23,8 +23,8 @@ from servogen.units import Clock
 
 Ints = chip.Ints
 SAME = np.array([chip.PC, chip.DEPTH, chip.OPTION, chip.TRISA, chip.TRISB, chip.EDGE, chip.OUT])
-MAX_PERIODS, MAX_FORKS, MAX_CYCLES = 500, 20_000, 20_000_000_000
-"""Of a way between two cuts, the splits after one state, and all cycles: beyond them it is refused."""
+MAX_PERIODS, MAX_FORKS, MAX_CYCLES, MAX_COMPARED = 500, 20_000, 20_000_000_000, 50_000_000
+"""Of a way between two cuts, the splits after one state, all cycles, and all comparisons of states."""
 RC, FASTEST = 3, (200_000, 4_000_000, 20_000_000, 0)
 """Bits of the configuration word, and the largest clocks of LP, XT, HS and RC in Hz (section 6.2)."""
 WATCHDOG_US, WATCHDOG_ON = 7_000, 4
@@ -75,7 +75,7 @@ class Checker:
             self._parameters[chip.WATCHDOG] = int(WATCHDOG_US / Clock(plan.clock_hz).cycle_us)
         self._states: list[Run] = []
         self._at: dict[tuple[object, ...], list[Ints]] = defaultdict(list)
-        self._frames = self._cycles = self._forks = 0
+        self._frames = self._cycles = self._forks = self._compared = 0
 
     def check(self) -> Checked:
         """Run from power-up and from each listed state. Raises Refused."""
@@ -84,6 +84,8 @@ class Checker:
             if found is None:
                 raise Refused(f"state {number}: the schedule has no such position, or the chip no such state")
             run = Run(*found)
+            if chip.sample(run.state.copy(), 0) != chip.GOES_ON:
+                raise Refused(f"state {number}: {chip.REASONS[chip.INTERRUPT]}")
             run.state[chip.WDT_DUE] = chip.NEVER
             chip.plan_time_out(run.state, self._parameters, 0, 0)
             self._states.append(run)
@@ -115,16 +117,17 @@ class Checker:
             if why == chip.FORK or (why == chip.BUTTON and not run.sampled & button):
                 self._forks += 1
                 runs += self._both(run, button)
-                many = self._forks - forks > MAX_FORKS or self._cycles > MAX_CYCLES
-                reason = "more ways than can be followed" if many else ""
+                reason = "more ways than can be followed" if self._forks - forks > MAX_FORKS else ""
             elif why == chip.CUT and self._covered(run):
-                reason = "more cycles than can be followed" if self._cycles > MAX_CYCLES else ""
+                reason = ""
             elif why == chip.CUT:
                 reason = "the state is within no listed one"
             elif why == chip.NEW_FRAME:
                 reason = "a button was not read in the frame"
             else:
                 reason = "a button is read again" if why == chip.BUTTON else chip.REASONS[why]
+            if self._cycles > MAX_CYCLES or self._compared > MAX_COMPARED:
+                reason = "more cycles, or comparisons of states, than are allowed"
             if reason:
                 raise Refused(self._place(name, run, reason))
 
@@ -196,7 +199,11 @@ class Checker:
         """Return whether a listed state contains every chip of the run's."""
         s = run.state.copy()
         chip.settle(s)
-        return any(chip.within(s, listed, chip.BYTES) for listed in self._at.get(self._key(run), ()))
+        for listed in self._at.get(self._key(run), ()):
+            self._compared += 1
+            if chip.within(s, listed, chip.BYTES):
+                return True
+        return False
 
 
 def _until(s: Ints, slot: int) -> int:

@@ -24,8 +24,11 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def compiled(function: F) -> F:
-    """Mark `function` to be compiled; the machine code is kept beside the source."""
-    return cast(F, njit(cache=True, error_model="numpy")(function))
+    """Mark `function` to be compiled; the machine code is kept beside the source, or in the user's cache."""
+    try:
+        return cast(F, njit(cache=True, error_model="numpy")(function))
+    except RuntimeError:  # neither can be written
+        return cast(F, njit(error_model="numpy")(function))
 
 
 # Slots of the state: a register of bank 0 at its address (ports: the latch), one of bank 1 at 0x50 + address.
@@ -372,7 +375,7 @@ def write(s: Ints, parameters: Ints, slot: int, at: int, r: int) -> int:
             known = s[EEADR] < 64
             s[EEDATA] = parameters[EEPROM + s[EEADR]] if known else UNKNOWN
     elif slot == PCLATH:
-        s[PCLATH] = r & 0x1F | (m & 0x1F) << 8
+        s[PCLATH] = r & ~m & 0x1F | (m & 0x1F) << 8
     elif slot != NOWHERE:
         s[slot] = r
     return GOES_ON
@@ -516,8 +519,7 @@ def run(s: Ints, code: Ints, parameters: Ints, edge_at: Ints, edge_out: Ints) ->
             elif slot == STATUS:
                 keep = TO_PD | (7 if flags else 0)
                 keep |= keep << 8
-                r = r | 0xFF00 if m >> 8 else r
-                s[STATUS] = (s[STATUS] & keep) | (r & 0xFFFF & ~keep)
+                s[STATUS] = (s[STATUS] & keep) | ((UNKNOWN if m >> 8 else r) & ~keep)
             elif slot == PORTA or slot == PORTB or slot == TRISA or slot == TRISB:
                 if m and (m >> 8 or slot >= TRISA):
                     return REGISTER

@@ -170,6 +170,37 @@ def test_what_is_not_a_certificate_is_bad_input(change: Callable[[dict[str, Any]
         certify.reread(data)
 
 
+def test_a_listed_state_in_which_an_interrupt_may_come_at_any_time_is_refused() -> None:
+    """TMR0 is unknown there, so that the run from this state could not know when the interrupt comes."""
+    image, schedule = certify.plain_program(), certify.schedule()
+    data = certify.unpack(certified(image, schedule))
+    for enabled in (0xA0, 0x90, 0x88):
+        data["columns"]["intcon"] = {"all": enabled}
+        with pytest.raises(Refused, match="state 0: an interrupt that depends on unknown values"):
+            check(certify.pack(data), image, schedule)
+
+
+def test_a_held_input_is_part_of_the_claim() -> None:
+    image, schedule = certify.plain_program(clear="btfsc 5,2"), certify.schedule()
+    data = certify.unpack(certified(certify.plain_program(), schedule)) | {"image": fingerprint(image)}
+    data["held"] = {"RA2": 1}
+    assert certify.reread(data).held == {"RA2": 1}
+    assert check(certify.pack(data), image, schedule).states == 1
+    for held in ({"RA2": 0}, {"RA3": 1}, {}):  # the skip shortens the frame
+        data["held"] = held
+        with pytest.raises(Refused, match="no listed|missing"):
+            check(certify.pack(data), image, schedule)
+
+
+@pytest.mark.parametrize("limit", ["MAX_CYCLES", "MAX_COMPARED", "MAX_FORKS"])
+def test_the_work_is_bounded(limit: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    image, schedule = certify.button_program(), certify.schedule(STOP)
+    packed = certified(image, schedule)
+    monkeypatch.setattr("servogen.checker.check." + limit, 0)
+    with pytest.raises(Refused, match="than"):
+        check(packed, image, schedule)
+
+
 def test_broken_and_huge_files_are_bad_input() -> None:
     good = certified(certify.plain_program(), certify.schedule())
     huge = lzma.compress(b"0" * (65 << 20))
