@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from difflib import get_close_matches
 from typing import Literal, Self
 
@@ -20,22 +20,36 @@ PROGRAM = "servogen"
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """Where: a file (or port), a line and column counted from 1, or a key of a file."""
+    """Where: a file (or port), a line and column counted from 1, a key of the file, and of a running program
+    the instruction cycle since reset and the address of the instruction.
+    """
 
     file: str | None = None
     line: int | None = None
     column: int | None = None
     key: str | None = None
+    cycle: int | None = None
+    address: int | None = None
+
+    @property
+    def in_file(self) -> str:
+        """Return `file:line:column` as far as it is known; empty without a file."""
+        numbers = (str(number) for number in (self.line, self.column) if number is not None)
+        return ":".join([self.file, *numbers]) if self.file else ""
+
+    @property
+    def beside(self) -> str:
+        """Return what `in_file` leaves out: the key, or the cycle and the address."""
+        parts = [self.key] if self.key else []
+        if not self.file:
+            named = (("line", self.line), ("column", self.column))
+            parts[:0] = [f"{word} {number}" for word, number in named if number is not None]
+        parts += [] if self.cycle is None else [f"cycle {self.cycle}"]
+        parts += [] if self.address is None else [f"address 0x{self.address:03X}"]
+        return ", ".join(parts)
 
     def __str__(self) -> str:
-        numbers = [number for number in (self.line, self.column) if number is not None]
-        if self.file:
-            where = ":".join([self.file, *map(str, numbers)])
-        else:
-            where = ", ".join(
-                f"{word} {number}" for word, number in zip(("line", "column"), numbers, strict=False)
-            )
-        return ": ".join(part for part in (where, self.key) if part)
+        return ": ".join(part for part in (self.in_file, self.beside) if part)
 
 
 SourceLines = Mapping[tuple[str, int], str]
@@ -53,17 +67,13 @@ class Diagnostic:
     hint: str | None = None
 
     def __str__(self) -> str:
-        return self.text()
+        return self.render()
 
-    def text(self, lines: SourceLines | None = None) -> str:
+    def render(self, lines: SourceLines | None = None) -> str:
         """Return the diagnostic as it is shown, with its source line and a caret if `lines` has the line."""
         location = self.location or Location()
-        if location.file:
-            head, rest = str(replace(location, key=None)), location.key
-        else:
-            head, rest = PROGRAM, str(location)
-        about = f"{rest}: " if rest else ""
-        shown = [f"{head}: {self.severity}: {about}{self.message} [{self.code}]"]
+        about = f"{location.beside}: " if location.beside else ""
+        shown = [f"{location.in_file or PROGRAM}: {self.severity}: {about}{self.message} [{self.code}]"]
         line = (lines or {}).get((location.file or "", location.line or 0))
         if line is not None:
             shown.append(f"    {line}")
@@ -74,16 +84,18 @@ class Diagnostic:
             shown.append(f"  {self.hint}")
         return "\n".join(shown)
 
+    @property
+    def sentence(self) -> str:
+        """Return location and message alone, for a report."""
+        return ": ".join(part for part in (str(self.location or ""), self.message) if part)
+
     def to_json(self) -> dict[str, object]:
-        location = self.location or Location()
+        """Return plain values for a JSON file."""
         return {
             "severity": self.severity,
             "code": self.code,
             "message": self.message,
-            "file": location.file,
-            "line": location.line,
-            "column": location.column,
-            "key": location.key,
+            **asdict(self.location or Location()),
             "hint": self.hint,
         }
 
@@ -97,21 +109,8 @@ class ServogenError(Exception):
     exit_code = 2
 
     def __init__(
-        self,
-        code: str,
-        message: str | Location | None = None,
-        location: Location | str | None = None,
-        hint: str | None = None,
-        place: Location | None = None,
+        self, code: str, message: str, location: Location | None = None, hint: str | None = None
     ) -> None:
-        if not isinstance(message, str):  # not converted yet: message, location, hint
-            code, message, location, hint = (
-                "",
-                code,
-                message or place,
-                hint or (location if isinstance(location, str) else None),
-            )
-        location = location if isinstance(location, Location) else place
         super().__init__(message)
         self.diagnostics: tuple[Diagnostic, ...] = (Diagnostic("error", code, message, location, hint),)
         self.source_lines: SourceLines = {}
@@ -145,10 +144,6 @@ class ServogenError(Exception):
         return self.first.location
 
     @property
-    def place(self) -> Location | None:
-        return self.first.location
-
-    @property
     def hint(self) -> str | None:
         return self.first.hint
 
@@ -159,11 +154,7 @@ class ServogenError(Exception):
         return moved
 
     def __str__(self) -> str:
-        if len(self.diagnostics) == 1:  # until every test expects the new form
-            where = str(self.location) if self.location else ""
-            first = f"{where}: {self.message}" if where else self.message
-            return f"{first}\n  {self.hint}" if self.hint else first
-        return "\n".join(each.text(self.source_lines) for each in self.diagnostics)
+        return "\n".join(each.render(self.source_lines) for each in self.diagnostics)
 
     def __reduce__(self) -> tuple[object, ...]:
         """Return how to rebuild the error in another process, whatever a subclass is constructed from."""
@@ -202,20 +193,3 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
         return f"did you mean '{lower[close[0]]}'?"
     more = ", …" if len(names) > MAX_LISTED else ""
     return f"known: {', '.join(names[:MAX_LISTED])}{more}"
-
-
-# Names that the packages not converted yet use.
-
-
-@dataclass(frozen=True, slots=True)
-class Caution:
-    code: str
-    text: str
-    place: Location | None = None
-
-    def __str__(self) -> str:
-        return f"{self.place}: {self.text}" if self.place else self.text
-
-
-Place = Location
-nearest = did_you_mean

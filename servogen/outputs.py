@@ -61,7 +61,7 @@ def make_folder(path: str | Path) -> Path:
     except (FileExistsError, NotADirectoryError) as error:
         what = "is a file" if folder.exists() else "is below a file"
         raise InputError(
-            "not-a-directory", f"{what}, where a folder is to be made", Location(str(path))
+            "not-a-file", f"{what}, where a folder is to be made", Location(str(path))
         ) from error
     except OSError as error:
         raise InputError(
@@ -341,7 +341,7 @@ def _target(path: Path) -> Path:
         path = path.resolve()
     if not path.parent.is_dir():
         raise InputError(
-            "missing-directory",
+            "unwritable-file",
             "cannot be written: there is no such directory",
             Location(str(path)),
             f"make {path.parent}",

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from servogen.errors import InputError, Location, ToolError
+from servogen.errors import Diagnostic, InputError, Location, ToolError
 from servogen.inputs import MAX_TEXT_BYTES, read_input
 from servogen.isolation import COMPILING, LimitExceeded, Limits, ProcessDied, run
 from servogen.pic.device import device
@@ -49,7 +49,7 @@ class Program:
     image: Image
     listing: Listing | None = None
     clock: Clock | None = None
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Diagnostic, ...] = ()
     """What is odd about a HEX file that can be read all the same."""
 
 
@@ -120,7 +120,7 @@ def compile_program(path: Path, device_name: str = "PIC16F84", included: Include
     from servogen.pic.image import read_hex
 
     file = read_hex(read_source(path), str(path))
-    return Program(file.image, remarks=tuple(str(remark) for remark in file.remarks))
+    return Program(file.image, remarks=file.remarks)
 
 
 def read_submission(submission: Submission) -> Program:

@@ -48,11 +48,11 @@ def test_a_result_comes_back() -> None:
 
 def test_an_error_comes_back_with_its_place_and_hint() -> None:
     def work() -> None:
-        raise InputError("is wrong", Location("a.c", 3, 4), "mend it")
+        raise InputError("wrong", "is wrong", Location("a.c", 3, 4), "mend it")
 
     with pytest.raises(InputError) as caught:
         run(work, Limits())
-    assert str(caught.value) == "a.c:3:4: is wrong\n  mend it"
+    assert str(caught.value) == "a.c:3:4: error: is wrong [wrong]\n  mend it"
 
 
 @pytest.mark.parametrize("work", [spin, swallow, deaf, lambda: time.sleep(100)])

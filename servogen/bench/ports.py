@@ -232,7 +232,7 @@ def held(path: str) -> Iterator[None]:
         except OSError as error:
             refuse(path, error)
         if not os.isatty(handle):
-            raise PortError("not-a-port", "is not a serial port", Location(path))
+            raise PortError("no-such-port", "is not a serial port", Location(path))
         yield
     finally:
         os.close(handle)
@@ -261,4 +261,4 @@ def refuse(path: str, error: Exception) -> NoReturn:
     if code in (errno.EACCES, errno.EPERM):
         hint = "join the group that owns it, as: sudo usermod -aG dialout $USER, and log in again"
         raise PortError("port-denied", "may not be opened: permission denied", place, hint) from error
-    raise PortError("not-a-port", f"cannot be opened as a serial port: {error}", place) from error
+    raise PortError("no-such-port", f"cannot be opened as a serial port: {error}", place) from error

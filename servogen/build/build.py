@@ -7,7 +7,7 @@ depend on day, host or path.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from servogen.build.engines import planned
@@ -16,7 +16,7 @@ from servogen.edges import EdgeTrace
 from servogen.engines.board import inputs_of, machine_of
 from servogen.engines.c_text import DIALECTS
 from servogen.engines.firmware import Firmware, ResourceError
-from servogen.errors import Caution, Location
+from servogen.errors import Diagnostic, Location
 from servogen.job import PlannedJob
 from servogen.outputs import replaced_files, write_text
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, RAM_FIRST
@@ -25,14 +25,16 @@ from servogen.pic.listing import listing_text
 from servogen.pulse import PulseSchedule
 from servogen.pulse.plan import PulsePlan
 from servogen.report import BuildFacts, Overrun, ProgramFacts, report_text
-from servogen.simulator import Machine
+from servogen.simulator import CHIP_DEPENDENT, Machine
 from servogen.simulator.stimulus import file_inputs
 from servogen.traces import write_edges
 from servogen.units import Cycles
 from servogen.verify import Verdict
 
-ROUNDED = "is not a whole number of cycles"
-"""The C states cycles as times; that the compiler rounds them back is meant, and proven with every edge."""
+MEANT = "delay-rounded"
+"""The code of a warning that is left out: the C states cycles as times; that the compiler rounds them back is
+intended, and proven with every edge.
+"""
 
 Progress = Callable[[str], None]
 """Is told what is being done."""
@@ -78,7 +80,7 @@ class Build:
     engine: str
     plan: PulsePlan
     programs: tuple[Program, ...]
-    left_out: tuple[Caution, ...] = ()
+    left_out: tuple[Diagnostic, ...] = ()
     """The dialects whose program does not fit the chip, though the job's own does."""
 
     @property
@@ -104,15 +106,15 @@ class Build:
         }
 
     @property
-    def warnings(self) -> tuple[Caution, ...]:
+    def warnings(self) -> tuple[Diagnostic, ...]:
         compiler = [
-            Caution("compiler", str(diagnostic), Location(program.firmware.file))
+            diagnostic
             for program in self.programs
             for diagnostic in program.firmware.compilation.diagnostics
-            if ROUNDED not in diagnostic.message
+            if diagnostic.code != MEANT
         ]
         engine = [
-            Caution(each.code, each.text, Location(program.firmware.file))
+            replace(each, location=Location(program.firmware.file))
             for program in self.programs
             for each in program.firmware.warnings
         ]
@@ -126,7 +128,7 @@ def build(job: PlannedJob, progress: Progress = lambda step: None) -> Build:
     schedule = found.plan.schedule
     own = job.firmware.dialect
     programs: list[Program] = []
-    left_out: list[Caution] = []
+    left_out: list[Diagnostic] = []
     for dialect in (own, *(other for other in DIALECTS if other != own)):
         progress(f"compiling {dialect}")
         try:
@@ -134,7 +136,9 @@ def build(job: PlannedJob, progress: Progress = lambda step: None) -> Build:
         except ResourceError as error:
             if dialect == own:
                 raise
-            left_out.append(Caution("dialect", f"no program for {dialect}: {error.message}"))
+            left_out.append(
+                Diagnostic("warning", "dialect-left-out", f"no program for {dialect}: {error.message}")
+            )
             continue
         progress(f"proving {dialect}")
         span = checked_cycles(schedule)
@@ -149,7 +153,7 @@ def proven(schedule: PulseSchedule, firmware: Firmware, span: Cycles) -> Program
     limit = Cycles(span + START_FRAMES * schedule.period)
     verdict = prove(schedule, EdgeTrace(schedule.clock, machine.stream(limit), limit), span)
     found = chip_warnings(machine, end_of(verdict), firmware.compilation.listing)
-    verdict = verdict.with_warnings(found)
+    verdict = verdict.with_warnings(found, CHIP_DEPENDENT)
     late = None
     if firmware.overrun is not None and _overrun(machine, firmware.overrun):
         late = machine_of(schedule, image)

@@ -150,7 +150,7 @@ def capture(
     )
     if seen.missing is not None:
         raise ToolError(
-            "capture-incomplete",
+            "capture-failed",
             seen.missing,
             Location(port),
             f"what came is kept, marked as not whole, in {path}",

@@ -23,7 +23,7 @@ from importlib import import_module
 from typing import Any, Protocol
 
 from servogen.edges import PINS, EdgeTrace
-from servogen.errors import InputError, ToolError
+from servogen.errors import Diagnostic, InputError, ServogenError, ToolError
 from servogen.grade import ChipFacts, Grade, Lab, Submission, judge, message, refused
 from servogen.grade.watch import watch
 from servogen.isolation import COMPILING, LimitExceeded, Limits, Resource, can_fork, run_each
@@ -64,7 +64,7 @@ class Runnable(Protocol):
     def clock(self) -> Clock | None: ...
 
     @property
-    def remarks(self) -> tuple[str, ...]: ...
+    def remarks(self) -> tuple[Diagnostic, ...]: ...
 
 
 Read = Callable[[Submission], Runnable]
@@ -77,7 +77,7 @@ class Compiled:
 
     image: Image
     clock: Clock | None
-    remarks: tuple[str, ...]
+    remarks: tuple[Diagnostic, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,8 +149,11 @@ def grade_program(lab: Lab, program: Runnable) -> Grade:
         return grade
     pin = PINS.index(grade.pins[0][1])
     repeat = find_repeat(program.image, lab.clock, pin=pin, limit=span, options=BOARD)
-    dependent = (warning for warning in machine.state().warnings if warning.chip_dependent)
-    remarks = (*grade.remarks, *(f"other chips may do otherwise: {warning}" for warning in dependent))
+    dependent = (
+        replace(warning, message=f"other chips may do otherwise: {warning.message}")
+        for warning in machine.chip_dependent
+    )
+    remarks = (*grade.remarks, *dependent)
     return replace(grade, for_ever=isinstance(repeat, Repeat), remarks=remarks)
 
 
@@ -179,7 +182,7 @@ def _in_forks(submissions: Sequence[Submission], task: Task, at_once: int) -> It
 def _compile(read: Read, submission: Submission) -> Compiled:
     submission.require_readable()
     program = read(submission)
-    return Compiled(program.image, program.clock, tuple(message(each) for each in program.remarks))
+    return Compiled(program.image, program.clock, program.remarks)
 
 
 def _failed(submission: Submission, lab: Lab, what: str, error: Exception) -> Graded:
@@ -188,7 +191,8 @@ def _failed(submission: Submission, lab: Lab, what: str, error: Exception) -> Gr
         return Graded(submission, refused(lab.name, message(f"the program cannot be run:\n{error}")))
     if isinstance(error, LimitExceeded):
         return Graded(submission, refused(lab.name, f"{what} {error}"))
-    text = message(f"{type(error).__name__}: {error}")
+    shown = str(error) if isinstance(error, ServogenError) else f"{type(error).__name__}: {error}"
+    text = message(shown)
     return Graded(submission, refused(lab.name, f"servogen failed on it: {text}"), text)
 
 
@@ -242,7 +246,7 @@ def grade_in_fresh_process(submissions: Sequence[Submission], task: Task) -> lis
         why = f"its process had not ended after {error.timeout:g} s"
     if len(submissions) > 1:
         return [graded for each in submissions for graded in grade_in_fresh_process([each], task)]
-    return [_failed(submissions[0], task.lab, "", ToolError("grader-failed", why))]
+    return [_failed(submissions[0], task.lab, "", ToolError("grading-failed", why))]
 
 
 def serve() -> None:
@@ -284,15 +288,15 @@ def _on_cluster(
 
 def _results(future: Future[list[Graded]], batch: Sequence[Submission], task: Task) -> list[Graded]:
     if not future.done():
-        error: BaseException | None = ToolError("cluster-failed", "the cluster has no worker any more")
+        error: BaseException | None = ToolError("grading-failed", "the cluster has no worker any more")
     else:
         try:
             error = future.exception()
         except CancelledError:
-            error = ToolError("cluster-failed", "the connection to the cluster was lost")
+            error = ToolError("grading-failed", "the connection to the cluster was lost")
     if error is None:
         return future.result()
-    lost = ToolError("cluster-failed", f"its worker ended: {type(error).__name__}: {error}")
+    lost = ToolError("grading-failed", f"its worker ended: {type(error).__name__}: {error}")
     return [_failed(each, task.lab, "", lost) for each in batch]
 
 
@@ -310,13 +314,13 @@ def _client(scheduler: str) -> Iterator[Any]:
     try:
         client = distributed.Client(scheduler, timeout=CONNECT_S)
     except (OSError, ValueError) as error:
-        raise ToolError("cluster-failed", f"there is no Dask scheduler at {scheduler}: {error}") from error
+        raise ToolError("grading-failed", f"there is no Dask scheduler at {scheduler}: {error}") from error
     with client:
         try:
             client.wait_for_workers(1, timeout=CONNECT_S)
         except TimeoutError as error:
             raise ToolError(
-                "cluster-failed",
+                "grading-failed",
                 f"the Dask scheduler at {scheduler} has no worker",
                 hint=f"start one: dask worker {scheduler}",
             ) from error
@@ -337,7 +341,7 @@ def _facts(state: State, program: Runnable) -> ChipFacts:
         watchdog_resets=state.resets["watchdog"],
         configured=program.image.config is not None,
         sleeping=state.sleeping,
-        lost=any(warning.kind == "erased-word" for warning in state.warnings),
+        lost=any(warning.code == "erased-word" for warning in state.warnings),
         stack_wraps=state.stack_wraps,
         written_for_hz=program.clock.hz if program.clock else None,
     )

@@ -1,6 +1,6 @@
 """The checks of planned pulses, held against measured ones.
 
-In: a `Measurement` and the servos' models by pin. Out: cautions, pin by pin.
+In: a `Measurement` and the servos' models by pin. Out: warnings, pin by pin.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from servogen.edges import PINS
-from servogen.errors import Caution, InputError, Location, did_you_mean
+from servogen.errors import Diagnostic, InputError, Location, did_you_mean
 from servogen.pulse.lint import check_measured, check_periods, check_unknown
 from servogen.robot.servo import ServoModel, servo
 from servogen.robot.servo_models import servo_model
@@ -29,16 +29,18 @@ def servos_named(texts: Sequence[str]) -> dict[str, ServoModel]:
     return models
 
 
-def cautions(measurement: Measurement, models: Mapping[str, ServoModel]) -> tuple[Caution, ...]:
-    """What is doubtful; a pin without a model is judged by what every servo takes."""
-    found: list[Caution] = []
+def measured_warnings(measurement: Measurement, models: Mapping[str, ServoModel]) -> tuple[Diagnostic, ...]:
+    """Return the warnings; a pin without a model is judged by what every servo takes."""
+    found: list[Diagnostic] = []
     for pin in measurement.pins:
         model = models.get(PINS[pin.pin])
         found += _of_pin(measurement, pin, model)
     return tuple(found)
 
 
-def _of_pin(measurement: Measurement, pin: PinMeasurement, model: ServoModel | None) -> tuple[Caution, ...]:
+def _of_pin(
+    measurement: Measurement, pin: PinMeasurement, model: ServoModel | None
+) -> tuple[Diagnostic, ...]:
     name = PINS[pin.pin]
     periods = [float(measurement.us(each)) for each in _periods(pin)]
     if model is None:

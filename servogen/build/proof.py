@@ -5,17 +5,20 @@ In: a `PulseSchedule` and an `Image`, or a trace from elsewhere. Out: the `Verdi
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from servogen.edges import EdgeTrace, Expected
 from servogen.engines.board import machine_of
+from servogen.errors import Diagnostic, Location
 from servogen.pic.image import Image
 from servogen.pic.listing import Listing
 from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
-from servogen.simulator import Machine, Options
+from servogen.simulator import CHIP_DEPENDENT, Machine, Options
 from servogen.units import Cycles
-from servogen.verify import ChipWarning, Verdict, channel_pins, find_start, verify, whole_motion
+from servogen.verify import Verdict, channel_pins, find_start, verify, whole_motion
 from servogen.verify.reasons import unseen_motion_reason
 
 LOOPS_CHECKED = 3
@@ -117,7 +120,7 @@ def prove_image(
     machine = machine_of(schedule, image, options, tracked=True)
     limit = Cycles(span + START_FRAMES * schedule.period)
     verdict = prove(schedule, EdgeTrace(schedule.clock, machine.stream(limit), limit), span)
-    return verdict.with_warnings(chip_warnings(machine, end_of(verdict), listing))
+    return verdict.with_warnings(chip_warnings(machine, end_of(verdict), listing), CHIP_DEPENDENT)
 
 
 def end_of(verdict: Verdict) -> Cycles | None:
@@ -125,25 +128,23 @@ def end_of(verdict: Verdict) -> Cycles | None:
     return None if verdict.start is None else Cycles(verdict.start + verdict.span.compared)
 
 
+def cycle_of(warning: Diagnostic) -> int:
+    """Return the cycle since reset in which a chip did what is warned of."""
+    return (warning.location.cycle if warning.location else None) or 0
+
+
 def chip_warnings(
     machine: Machine, end: Cycles | None = None, listing: Listing | None = None
-) -> tuple[ChipWarning, ...]:
+) -> tuple[Diagnostic, ...]:
     """Return what `machine` warns of before cycle `end`, with source lines where a listing has them."""
     rows = {row.address: row for row in listing.rows} if listing else {}
     found = []
     for warning in machine.state().warnings:
-        if end is not None and warning.cycle >= end:
+        if end is not None and cycle_of(warning) >= end:
             continue
-        row = None if warning.address is None else rows.get(warning.address)
-        found.append(
-            ChipWarning(
-                warning.kind,
-                warning.message,
-                warning.cycle,
-                warning.address,
-                warning.chip_dependent,
-                row.file if row else None,
-                row.line if row else None,
-            )
-        )
+        where = warning.location or Location()
+        row = rows.get(where.address) if where.address is not None else None
+        if row is not None:
+            warning = replace(warning, location=replace(where, file=row.file, line=row.line))
+        found.append(warning)
     return tuple(found)

@@ -81,7 +81,7 @@ def tune_to(
     found = planned(job)
     if found.engine != "sequence":
         raise InputError(
-            "nothing-to-tune",
+            "engine-unsupported",
             f"{job.name}: its pulses come from the {found.engine}, exact whoever compiles it",
             hint=f"there is nothing to tune: servogen verify {hex_file} --against schedule.json",
         )
@@ -121,7 +121,7 @@ def _overheads(
         cost = taken - delays
         if path != START and not 0 <= cost <= MARGIN:
             raise InputError(
-                "foreign-delays",
+                "foreign-program",
                 f"is not {files[1]} compiled: {ways[path]} it takes {taken} cycles up to cycle {at}, "
                 f"where the C's delays are {delays}",
                 Location(files[0]),
@@ -129,7 +129,7 @@ def _overheads(
             )
         if costs.setdefault(path, cost) != cost:
             raise InputError(
-                "foreign-delays",
+                "foreign-program",
                 f"{ways[path]} its statements take {cost} cycles up to cycle {at}, before that {costs[path]}",
                 Location(files[0]),
                 "a delay makes up for what is always the same: let the compiler optimise, or use the player",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +13,7 @@ from servogen.cli.capture_command import capture
 from servogen.cli.files import read_image
 from servogen.cli.options import Json
 from servogen.cli.show import as_json, status, warn
+from servogen.errors import Diagnostic
 from servogen.programs import read_schedule
 
 if TYPE_CHECKING:
@@ -68,11 +70,9 @@ def flash(
     command = shlex.join(command_of(found, order))
     against_it = (*objections(image), *wrong_chip, *_unproven(image, path, schedule))
     if against_it and not force:
-        raise InputError(
-            "wrong-chip", "; ".join(against_it), Location(str(file)), "--force programs it all the same"
-        )
-    for text in (*against_it, *remarks(image, order.device)):
-        warn(text)
+        raise InputError.of(replace(each, location=Location(str(file)), hint=FORCE) for each in against_it)
+    for each in (*against_it, *remarks(image, order.device)):
+        warn(replace(each, severity="warning", location=Location(str(file))))
     if dry_run:
         if json:
             as_json({"command": list(command_of(found, order)), "programmer": found.programmer.name})
@@ -93,13 +93,18 @@ def flash(
     print(f"{file}: {image.words} words on the {order.device.name}, {how}")
 
 
+FORCE = "--force programs it all the same"
+
+
 def _beside(file: Path) -> Path | None:
     """The schedule that a build left beside the image."""
     path = file.parent / "schedule.json"
     return path if path.exists() else None
 
 
-def _chip(file: Path, asked: str | None, schedule: PulseSchedule | None) -> tuple[str, tuple[str, ...]]:
+def _chip(
+    file: Path, asked: str | None, schedule: PulseSchedule | None
+) -> tuple[str, tuple[Diagnostic, ...]]:
     """Return the device's name, and what speaks against it. Raises InputError where nothing names one."""
     from servogen.errors import InputError, Location
     from servogen.pic.device import device
@@ -114,19 +119,22 @@ def _chip(file: Path, asked: str | None, schedule: PulseSchedule | None) -> tupl
         )
     if asked is None or built is None or device(asked) == device(built):
         return asked or built or "", ()
-    return asked, (f"it was built for a {device(built).name}, --device is {device(asked).name}",)
+    text = f"it was built for a {device(built).name}, --device is {device(asked).name}"
+    return asked, (Diagnostic("error", "wrong-chip", text),)
 
 
-def _unproven(image: Image, path: Path | None, schedule: PulseSchedule | None) -> tuple[str, ...]:
+def _unproven(image: Image, path: Path | None, schedule: PulseSchedule | None) -> tuple[Diagnostic, ...]:
     """Return why nothing shows that the image's pulses are the schedule's; empty where they are."""
     from servogen.build import prove_image
 
     if schedule is None:
-        return ("there is no schedule.json beside it: nothing shows what its pulses are (--against)",)
+        text = "there is no schedule.json beside it: nothing shows what its pulses are (--against)"
+        return (Diagnostic("error", "not-proven", text),)
     verdict = prove_image(schedule, image)
-    return (
-        () if verdict.proven else (f"its pulses are not proven to be those of {path}: {verdict.reasons[0]}",)
-    )
+    if verdict.proven:
+        return ()
+    text = f"its pulses are not proven to be those of {path}: {verdict.reasons[0]}"
+    return (Diagnostic("error", "not-proven", text),)
 
 
 def rig(

@@ -6,6 +6,7 @@ import math
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,6 +15,7 @@ import typer
 from servogen.cli.drive_commands import Baud, First, Port, RangeUs
 from servogen.cli.options import Json
 from servogen.cli.show import as_json, table, warn
+from servogen.errors import Diagnostic
 
 if TYPE_CHECKING:
     from servogen.drive.controller import Channel
@@ -103,7 +105,7 @@ def _index(job: Job, name: str | None) -> int:
     if name not in names:
         said = "which servo is not said" if name is None else f"there is no servo '{name}'"
         raise InputError(
-            "ambiguous-servo", said, Location(job.file), f"--servo: {did_you_mean(name or '', names)}"
+            "missing-option", said, Location(job.file), f"--servo: {did_you_mean(name or '', names)}"
         )
     return names.index(name)
 
@@ -160,30 +162,35 @@ def _asking(channel: Channel, count: int) -> Ask:
             text = sweep.wait_for(next_answer)
             if text == QUIT:
                 raise InputError(
-                    "too-few-readings", f"ended after {point} of {count} readings: nothing is written"
+                    "bad-readings", f"ended after {point} of {count} readings: nothing is written"
                 )
             try:
                 return angle_of(text)
             except InputError as error:
-                print(f"{error.message}; {QUIT} ends", file=sys.stderr)
+                print(f"{error.message}; '{QUIT}' ends the calibration", file=sys.stderr)
 
     return ask
 
 
-def _refused(job: Job, servo: str, target: Path) -> str:
-    """Why the job cannot do its motion with the new calibration; empty where it can."""
+def _refused(job: Job, servo: str, target: Path) -> tuple[Diagnostic, ...]:
+    """Return why the job cannot do its motion with the new calibration, as warnings."""
     from servogen.errors import InputError
     from servogen.job import calibrated, plan_job
 
     try:
         plan_job(calibrated(job, servo, str(target.resolve())))
     except InputError as error:
-        return str(error)
-    return ""
+        return tuple(replace(each, severity="warning") for each in error.diagnostics)
+    return ()
 
 
 def _show(
-    job: Path, servo: Servo, made: Fit, files: tuple[Path, Path | None], refused: str, json: bool
+    job: Path,
+    servo: Servo,
+    made: Fit,
+    files: tuple[Path, Path | None],
+    refused: tuple[Diagnostic, ...],
+    json: bool,
 ) -> None:
     """What was found, where it is written, which file was kept, and why the job does not take it."""
     (target, kept), unit = files, servo.model.unit
@@ -199,8 +206,9 @@ def _show(
                 "rms_deg": rms,
                 "worst_deg": worst,
                 "residuals_deg": [math.degrees(each) for each in made.residuals],
-                "refused": refused,
-            }
+                "taken_by_job": not refused,
+            },
+            refused,
         )
         return
     rows = [
@@ -214,7 +222,9 @@ def _show(
     )
     print(f"{target}: written" + (f"; {kept} is the file that was there" if kept else ""))
     if refused:
-        warn(f"the job cannot do its motion with it: {refused}")
+        print("the job cannot do its motion with it:", file=sys.stderr)
+        for each in refused:
+            warn(each)
         return
     beside = target.resolve().parent == job.resolve().parent
     print(f'the job takes it with calibration = "{target.name if beside else target.resolve()}"')

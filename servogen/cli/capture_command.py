@@ -9,7 +9,7 @@ import typer
 
 from servogen.cli.options import Json
 from servogen.cli.show import as_json, progress, status, warn
-from servogen.errors import InputError
+from servogen.errors import Diagnostic, InputError, Location
 from servogen.programs import read_schedule
 from servogen.units import counted
 
@@ -85,7 +85,8 @@ def capture(
     done = captured(output, port, schedule, seconds, looking, progress)
     if done.seen.unseen and seconds is None:
         looks = len(done.seen.records)
-        warn(f"{done.seen.unseen} of the loop's different frames were not seen whole in {looks} captures")
+        text = f"{done.seen.unseen} of the loop's different frames were not seen whole in {looks} captures"
+        warn(Diagnostic("warning", "frames-unseen", text, Location(str(output))))
     _tell(done, output, against, json)
 
 

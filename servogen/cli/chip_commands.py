@@ -101,10 +101,10 @@ def compile_c(
                 "words": compilation.words,
                 "ram_bytes": compilation.ram_bytes,
                 "clock_hz": compilation.clock.hz if compilation.clock else None,
-                "warnings": [str(diagnostic) for diagnostic in compilation.diagnostics],
                 "saved_by_pass": dict(compilation.saved),
                 **({"ir": compilation.ir} if dump else {}),
-            }
+            },
+            compilation.diagnostics,
         )
     else:
         if dump:
@@ -114,7 +114,7 @@ def compile_c(
             ]
             print("\n".join(savings) or "; no pass saved a word")
         print(f"{target}: {compilation.words} words of 1024, {compilation.ram_bytes} bytes of 68, {spoken}")
-    warn_of_all(compilation.diagnostics)
+    warn_of_all(compilation.diagnostics, compilation.source_lines)
 
 
 def _pass_to_dump(asked: str | None) -> str | None:
@@ -160,7 +160,7 @@ def assemble(
     keep_apart([source], target, listing)
     _write(target, assembly.image, listing, assembly.listing)
     print(f"{target}: {assembly.image.words} words of 1024")
-    warn_of_all(assembly.warnings)
+    warn_of_all(assembly.warnings, assembly.source_lines)
 
 
 def disassemble(

@@ -14,6 +14,7 @@ import typer
 
 from servogen import programs
 from servogen.cli.show import warn
+from servogen.errors import Diagnostic
 from servogen.isolation import COMPILING, Limits, missing_limits
 
 T = TypeVar("T")
@@ -41,4 +42,4 @@ def within_limits(
 def warn_of_missing_limits() -> None:
     """Warn once where this system has no limits."""
     if sentence := missing_limits():
-        warn(sentence)
+        warn(Diagnostic("warning", "no-limits", sentence))

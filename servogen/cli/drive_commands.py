@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from servogen.cli.options import Json, duration
-from servogen.cli.show import as_json, warn
+from servogen.cli.show import as_json, json_line, warn
+from servogen.errors import Diagnostic
 
 if TYPE_CHECKING:
     from servogen.drive.commands import CommandSource
@@ -195,12 +196,13 @@ def _log(json: bool, dry_run: bool) -> Log:
 
     def show(entry: dict[str, object]) -> None:
         if json:
-            as_json(entry)
+            json_line(entry)
         elif "bytes" in entry and dry_run:
             said = f"{entry['servo']} {entry['width_us']} µs" if "servo" in entry else "group"
             print(f"{entry['s']:>9} s  {entry['bytes']}  {said}")
         elif "event" in entry and entry["event"] != "stopped":
-            warn(f"{entry['event']}: {entry.get('text', '')}".rstrip(": "))
+            text = f"{entry['event']}: {entry.get('text', '')}".rstrip(": ")
+            warn(Diagnostic("warning", "drive-event", text))
 
     return log
 

@@ -24,7 +24,7 @@ def keep_apart(inputs: Sequence[Path], *outputs: Path | None) -> None:
             continue
         if output.resolve() in taken:
             raise InputError(
-                "output-conflict",
+                "output-exists",
                 f"{taken[output.resolve()]}: give the output another name",
                 Location(str(output)),
             )
@@ -39,7 +39,7 @@ def read_image(path: Path) -> Image:
 
     file = read_hex(programs.read_source(path), str(path))
     for remark in file.remarks:
-        warn(str(remark))
+        warn(remark)
     return file.image
 
 

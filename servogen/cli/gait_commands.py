@@ -11,6 +11,7 @@ import typer
 from servogen.cli.gait_show import show_walk
 from servogen.cli.options import Json
 from servogen.cli.show import as_json, status, warn_of_all
+from servogen.errors import Diagnostic
 
 if TYPE_CHECKING:
     from servogen.kinematics.protocol import WalkingRobot
@@ -139,7 +140,7 @@ def gait(
     facts, loads = facts_of(walker, made), loads_of(walker, made)
     if clearance_mm is not None and 1000 * facts.clearance < clearance_mm:
         raise InputError(
-            "clearance",
+            "out-of-reach",
             f"{1000 * facts.clearance:z.1f} mm are free under the robot, not {clearance_mm:g} mm",
             Location(key="--clearance-mm"),
             "raise the body, or take legs with a longer foot part",
@@ -153,12 +154,12 @@ def gait(
         warn_of_all(
             [
                 *_too_heavy(loads, walker.lifting_joint, model),
-                *([f"full-height: {upright}"] if upright else []),
+                *([Diagnostic("warning", "full-height", upright)] if upright else []),
             ]
         )
 
 
-def _too_heavy(loads: Loads | None, joint: str, model: ServoModel) -> list[str]:
+def _too_heavy(loads: Loads | None, joint: str, model: ServoModel) -> list[Diagnostic]:
     """Return a warning where standing asks the servo for more than its torque."""
     if loads is None or loads.worst is None or model.torque_nm is None:
         return []
@@ -166,10 +167,11 @@ def _too_heavy(loads: Loads | None, joint: str, model: ServoModel) -> list[str]:
     asked = float(loads.torques[frame, leg])
     if asked <= model.torque_nm:
         return []
-    return [
-        f"too-heavy: holding {loads.legs[leg]}_{joint} still asks for {asked:z.2f} N·m in frame {frame}, "
+    text = (
+        f"holding {loads.legs[leg]}_{joint} still asks for {asked:z.2f} N·m in frame {frame}, "
         f"a {model.title} is rated {model.torque_nm:g} N·m; {loads.detail(leg, frame)}"
-    ]
+    )
+    return [Diagnostic("warning", "too-heavy", text)]
 
 
 def _metres(millimetres: float | None) -> float | None:
@@ -184,7 +186,7 @@ def _robot(name: str) -> WalkingRobot:
     found = robot(name)
     if not isinstance(found, WalkingRobot):
         raise InputError(
-            "not-a-walker",
+            "wrong-robot-kind",
             f"{found.name} does not walk",
             hint='hexapod does, and a file with kind = "hexapod"',
         )

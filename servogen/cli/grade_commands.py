@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,7 +11,7 @@ import typer
 from servogen.cli.compiling import MemoryLimit
 from servogen.cli.options import Json
 from servogen.cli.show import as_json, progress, table, warn
-from servogen.errors import ServogenError
+from servogen.errors import Diagnostic, Location, ServogenError
 from servogen.isolation import COMPILING, missing_limits
 from servogen.programs import HEX_SUFFIXES, PROGRAM_SUFFIXES, read_submission
 
@@ -74,10 +75,17 @@ def grade(
 
     task = Task.of(load_lab(lab), read_submission, timeout, memory_mb)
     if sentence := missing_limits():
-        warn(sentence)
+        warn(Diagnostic("warning", "no-limits", sentence))
     found = find_submissions(files, SOURCES, IMAGES, level)
     for warning in found.warnings:
-        warn(visible(warning))
+        warn(
+            replace(
+                warning,
+                location=Location(visible(warning.location.file))
+                if warning.location and warning.location.file
+                else None,
+            )
+        )
     with progress(task.lab.title, len(found.submissions)) as tell:
         graded = grade_submissions(found.submissions, task, scheduler, tell)
     names = page_names([each.submission.name for each in graded]) if pages else []
@@ -135,7 +143,7 @@ def _show(lab: Lab, graded: Sequence[Graded]) -> None:
 
     rows = []
     for each in graded:
-        says = each.grade.reasons or each.grade.remarks
+        says = each.grade.reasons or [remark.sentence for remark in each.grade.remarks]
         text = "\n".join(" ".join(line.strip() for line in one.splitlines()[:2]) for one in says)
         verdict = "passed" if each.grade.passed else "NOT PASSED"
         rows.append((shown_name(each.submission.name), verdict, text))

@@ -11,6 +11,7 @@ import typer
 
 from servogen.cli.options import Json
 from servogen.cli.show import as_json, status, table, warn_of_all
+from servogen.errors import Diagnostic
 from servogen.units import counted
 
 if TYPE_CHECKING:
@@ -60,17 +61,11 @@ def check(job: JobFile, json: Json = False) -> None:
     schedule = planned.schedule
     warnings = (*loaded.warnings, *planned.warnings)
     if json:
-        as_json(
-            {
-                **found.to_json(),
-                "warnings": [{"code": warning.code, "text": str(warning)} for warning in warnings],
-                "notes": [{"code": note.code, "text": note.text} for note in loaded.notes],
-            }
-        )
+        as_json(found.to_json(), (*warnings, *loaded.notes))
         return
     _width_table(planned.widths)
     for note in loaded.notes:
-        print(note.text)
+        print(note.message)
     seconds = float(schedule.clock.seconds(schedule.loop_frames * schedule.period))
     loop = f"loop of {counted(schedule.loop_frames, 'frame')}, {seconds:g} s"
     print(f"{job}: {counted(len(loaded.servos), 'servo')}, {loop}; {plan_words(schedule.plan_error)}")
@@ -99,7 +94,7 @@ def build(
         done = built(loaded, lambda step: tell(f"{loaded.name}: {step}"))
         write(done, folder)
     if json:
-        as_json(_json(done, folder))
+        as_json(_json(done, folder), done.warnings)
     else:
         _width_table(done.plan.widths)
         _program_table([done])
@@ -123,7 +118,7 @@ def demo(
     from servogen.job import load, plan_job
 
     done: list[Build] = []
-    refused: list[str] = []
+    refused: list[Diagnostic] = []
     with status("reading") as tell:
         for loaded in [plan_job(load(job)) for job in jobs]:
 
@@ -133,15 +128,16 @@ def demo(
             try:
                 done.append(built(loaded, progress))
             except ResourceError as error:
-                refused.append(error.message)
+                refused.append(error.first)
                 continue
             write(done[-1], output / loaded.name)
     if json:
-        as_json({"jobs": [_json(each, output / each.job.name) for each in done], "not_built": refused})
+        found = [warning for each in done for warning in each.warnings]
+        as_json({"jobs": [_json(each, output / each.job.name) for each in done]}, (*found, *refused))
     else:
         _program_table(done)
-        for message in refused:
-            print(message)
+        for refusal in refused:
+            print(refusal.message)
         for each in done:
             if each.warnings:
                 print(f"{each.job.name}: {counted(len(each.warnings), 'warning')} in its report.txt")
@@ -215,5 +211,4 @@ def _program_table(builds: list[Build]) -> None:
 
 
 def _json(done: Build, folder: Path) -> dict[str, object]:
-    warnings = [{"code": warning.code, "text": str(warning)} for warning in done.warnings]
-    return {"folder": str(folder), **done.to_json(), "warnings": warnings}
+    return {"folder": str(folder), **done.to_json()}

@@ -16,6 +16,7 @@ from contextlib import contextmanager, suppress
 from typing import Annotated, TextIO
 
 import typer
+from typer.exceptions import TyperException
 
 from servogen import INTERRUPTED, __version__
 from servogen.cli import (
@@ -37,6 +38,7 @@ from servogen.cli import (
     simulate_commands,
     tune_commands,
 )
+from servogen.cli.show import begin, show_error
 from servogen.errors import InputError, Location, ServogenError, ToolError
 
 NOBODY_READS = 141
@@ -150,6 +152,7 @@ def main() -> None:
     for each in (sys.stdout, sys.stderr):
         if isinstance(each, io.TextIOWrapper):
             each.reconfigure(errors="replace")  # a locale without µ gets a question mark, not a traceback
+    begin()
     stream = sys.stdout
     output = _Output(stream, stdout_closed)
     sys.stdout, sys.stderr = output, _Messages(sys.stderr)
@@ -162,7 +165,7 @@ def main() -> None:
     except BrokenPipeError:
         code = NOBODY_READS
     except ToolError as error:
-        _say(str(error))
+        print(error, file=sys.stderr)  # not as JSON: it is standard output that cannot be written
         code = error.exit_code
         _discard_output(stream)  # Python flushes once more at the end, and would exit with 120
     if output.unread or code == NOBODY_READS:
@@ -211,29 +214,45 @@ def _show_log() -> None:
 def _run() -> int:
     """Runs one command and returns its exit code; shows errors without a traceback."""
     try:
-        app(prog_name="servogen")
+        code = app(sys.argv[1:] or ["--help"], prog_name="servogen", standalone_mode=False)
+        return code if isinstance(code, int) else 0
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else int(end.code is not None)
+    except TyperException as error:  # the command line is wrong
+        text = error.format_message().rstrip(".")
+        show_error(InputError("usage", text, hint=f"see: {_command_of(error)} --help"), sys.argv[1:])
+        return InputError.exit_code
+    except typer.Abort:
+        return INTERRUPTED
     except ServogenError as error:
-        _say(str(error))
+        show_error(error, sys.argv[1:])
         return error.exit_code
     except KeyboardInterrupt:  # before or after the command itself
         return INTERRUPTED
     except BrokenPipeError:  # of standard output, or of a file that is a pipe
         return NOBODY_READS
     except OSError as error:
-        _say(f"{error.filename}: {error.strerror}" if error.filename else str(error))
+        where = Location(str(error.filename)) if error.filename else None
+        show_error(InputError("unreadable-file", error.strerror or str(error), where), sys.argv[1:])
         return InputError.exit_code
     except MemoryError:
-        _say("out of memory: the input is too large for this machine")
+        text = "out of memory: the input is too large for this machine"
+        show_error(ToolError("out-of-memory", text), sys.argv[1:])
         return ToolError.exit_code
     except Exception:  # a defect of servogen: never the exit code of a verdict
         import traceback
 
         traceback.print_exc()
-        _say("this is a defect of servogen itself; please report it with the lines above")
+        text = "this is a defect of servogen itself; please report it with the lines above"
+        show_error(ToolError("internal-error", text), sys.argv[1:])
         return ToolError.exit_code
     return 0
+
+
+def _command_of(error: TyperException) -> str:
+    """Return the command whose arguments are wrong, as it is typed."""
+    context = getattr(error, "ctx", None)
+    return str(context.command_path) if context else "servogen"
 
 
 def _say(text: str) -> None:

@@ -60,8 +60,7 @@ def run_program(
     if output:
         write_text(output, "".join(f"{line}\n" for line in joint_lines(done.trajectory, chosen)))
     if json:
-        warnings = [{"code": warning.code, "text": str(warning)} for warning in done.warnings]
-        as_json({"robot": robot, **done.to_json(), "warnings": warnings})
+        as_json({"robot": robot, **done.to_json()}, done.warnings)
         return
     _show(done)
     frames, loop = len(done.trajectory.angles), len(done.trajectory.angles) - done.trajectory.loop_start

@@ -58,16 +58,7 @@ def plan(
         with status(f"filming {animate}"):
             film(job_scene(loaded), animate)
     if json:
-        as_json(
-            {
-                **facts.to_json(),
-                "notes": [{"code": note.code, "text": note.text} for note in loaded.notes],
-                "warnings": [
-                    {"code": warning.code, "text": str(warning)}
-                    for warning in (*loaded.warnings, *made.warnings)
-                ],
-            }
-        )
+        as_json(facts.to_json(), (*loaded.warnings, *made.warnings, *loaded.notes))
     else:
         _show_plan(facts)
 
@@ -78,7 +69,7 @@ def _show_plan(facts: PlanFacts) -> None:
     if facts.ends:
         _show_ends(facts)
     for note in job.notes:
-        print(note.text)
+        print(note.message)
     if facts.worst is not None:
         worst = facts.worst
         print(

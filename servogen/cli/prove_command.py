@@ -117,7 +117,7 @@ def _marks(starts: list[str], ends: list[str]) -> list[tuple[str, str]]:
     """Return the pairs of --from and --to. Raises InputError."""
     if len(starts) != len(ends):
         raise InputError(
-            "unpaired-mark",
+            "missing-option",
             f"{len(starts)} --from and {len(ends)} --to: every time needs both",
             hint="--from MARK --to MARK",
         )

@@ -49,7 +49,7 @@ def robots(
     elif name is None:
         found = queries.robot_list()
         if json:
-            as_json(found)
+            as_json({"robots": found})
         else:
             rows = [(each["name"], each["kind"], each["joints"], each["title"]) for each in found]
             table("Robots", ("name", "kind", "joints", "title"), rows)

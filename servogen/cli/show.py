@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
+from servogen.errors import Diagnostic, ServogenError, SourceLines
 from servogen.units import counted
 
 WIDE = 200
@@ -32,8 +33,34 @@ def _numeric(cell: object) -> bool:
     return str(cell).replace(".", "", 1).replace("-", "", 1).strip().isdigit()
 
 
-def as_json(value: object) -> None:
-    """Print one JSON document on standard output, on one line; in ASCII, for every locale."""
+JSON = "--json"
+
+_warned: list[Diagnostic] = []
+"""What the command has warned of so far."""
+
+
+def begin() -> None:
+    """Forget what an earlier command of this process has warned of."""
+    _warned.clear()
+
+
+def wants_json(arguments: Sequence[str]) -> bool:
+    """Return whether a command line asks for JSON, even if it is wrong otherwise."""
+    options = arguments[: arguments.index("--")] if "--" in arguments else arguments
+    return JSON in options
+
+
+def as_json(value: Mapping[str, object], diagnostics: Iterable[Diagnostic] = ()) -> None:
+    """Print one JSON document on standard output, on one line; in ASCII, for every locale.
+
+    It begins with `diagnostics`: all that the command has warned of, then those given here.
+    """
+    found = [each.to_json() for each in dict.fromkeys((*_warned, *diagnostics))]
+    json_line({"diagnostics": found, **value})
+
+
+def json_line(value: object) -> None:
+    """Print a JSON value alone on one line: an entry of a log."""
     print(json.dumps(_without_negative_zeros(value)))
 
 
@@ -50,19 +77,27 @@ def _without_negative_zeros(value: object) -> object:
             return value
 
 
-def warn(text: str) -> None:
-    """Print one warning on standard error."""
-    print(f"warning: {text}", file=sys.stderr)
+def warn(diagnostic: Diagnostic) -> None:
+    """Print one diagnostic on standard error, and keep it for `as_json`."""
+    _warned.append(diagnostic)
+    print(diagnostic, file=sys.stderr)
 
 
-def warn_of_all(warnings: Sequence[object]) -> None:
-    """Print all warnings behind their number; call it last, so that no table scrolls them away."""
+def warn_of_all(warnings: Sequence[Diagnostic], lines: SourceLines | None = None) -> None:
+    """Print all warnings after their number; call it last, so that no table scrolls them away."""
     if not warnings:
         return
     sys.stdout.flush()  # on a terminal both streams go to one screen
     print(f"{counted(len(warnings), 'warning')}:", file=sys.stderr)
     for warning in warnings:
-        warn(str(warning))
+        print(warning.render(lines), file=sys.stderr)
+
+
+def show_error(error: ServogenError, arguments: Sequence[str]) -> None:
+    """Print an error on standard error and, if the command line asks for it, as JSON on standard output."""
+    if wants_json(arguments):
+        as_json({}, error.diagnostics)
+    print(error, file=sys.stderr)
 
 
 @contextmanager

@@ -83,7 +83,7 @@ def verify(
     span = None if seconds is None else schedule.clock.round_seconds(seconds)
     if span is not None and span < schedule.period:
         raise InputError(
-            "span-too-short",
+            "out-of-range",
             f"--seconds {seconds:g} is less than one frame of {schedule.period} cycles: it proves nothing",
         )
     with status("comparing every edge"):
@@ -155,7 +155,7 @@ def measure(
     json: Json = False,
 ) -> None:
     """Say what pulses a program makes in 20 s, or recorded edges, and what is doubtful about them."""
-    from servogen.build.measuring import cautions, servos_named
+    from servogen.build.measuring import measured_warnings, servos_named
     from servogen.build.signals import refuse_chip_options, unscheduled_edges
     from servogen.pic.device import DEVICES
     from servogen.verify import measure as measured
@@ -168,10 +168,9 @@ def measure(
     trace = unscheduled_edges(file, seconds, clock_hz, board, read_program)
     with status("measuring"):
         measurement = measured(trace)
-    found = cautions(measurement, models)
+    found = measured_warnings(measurement, models)
     if json:
-        warnings = [{"code": each.code, "text": each.text} for each in found]
-        as_json({**measurement.to_json(), "warnings": warnings})
+        as_json(measurement.to_json(), found)
         return
     print("\n".join(measurement_lines(measurement)))
     warn_of_all(found)

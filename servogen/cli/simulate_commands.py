@@ -91,8 +91,7 @@ def simulate(
     found = _profiled(program, clock, board, stimuli, span) if profile else None
     if json:
         shown = {**state.to_json(), "edges": changes}
-        warnings = [str(warning) for warning in state.warnings]
-        as_json({**shown, "warnings": warnings, **({"profile": found.to_json()} if found else {})})
+        as_json({**shown, **({"profile": found.to_json()} if found else {})}, state.warnings)
     else:
         _print_state(state, clock, changes)
         if found:

@@ -1,4 +1,4 @@
-"""Errors and warnings about a program, with a location, the source line and a caret.
+"""Errors and warnings about a program, and the source lines that they point to.
 
 In: messages from every stage. Out: `Diagnostic` values, and one `CompileError` that carries them all.
 """
@@ -6,51 +6,13 @@ In: messages from every stage. Out: `Diagnostic` values, and one `CompileError` 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from servogen.compiler.limits import ERRORS
-from servogen.errors import InputError, Location
-
-
-@dataclass(frozen=True, slots=True)
-class Diagnostic:
-    """One error or warning. `source_line` is the text of the line that it points to, if there is one."""
-
-    severity: str
-    """ "error" or "warning"."""
-    message: str
-    place: Location
-    source_line: str | None = None
-    hint: str | None = None
-    too_large: bool = False
-    """An error of a program that is larger than the chip, or than the compiler takes."""
-
-    def __str__(self) -> str:
-        where = str(self.place)
-        lines = [f"{where}: {self.severity}: {self.message}" if where else f"{self.severity}: {self.message}"]
-        if self.source_line is not None:
-            lines.append(f"    {self.source_line}")
-            if self.place.column is not None:
-                before = self.source_line[: self.place.column - 1]
-                lines.append("    " + "".join("\t" if sign == "\t" else " " for sign in before) + "^")
-        if self.hint:
-            lines.append(f"  {self.hint}")
-        return "\n".join(lines)
+from servogen.errors import Diagnostic, InputError, Location, Severity, SourceLines
 
 
 class CompileError(InputError):
     """Raised when the program cannot be compiled; `diagnostics` holds errors and warnings in source order."""
-
-    def __init__(self, diagnostics: tuple[Diagnostic, ...]) -> None:
-        errors = [each for each in diagnostics if each.severity == "error"]
-        first = errors[0]
-        super().__init__(first.message, first.place, first.hint)
-        self.diagnostics = diagnostics  # type: ignore[assignment]
-        self.too_large = first.too_large
-        """Whether the first error is that the program is too large."""
-
-    def __str__(self) -> str:
-        return "\n".join(str(each) for each in self.diagnostics)
 
 
 class Fatal(Exception):
@@ -79,31 +41,24 @@ class Reporter:
         lines = self._lines.get(place.file or "", [])
         return lines[place.line - 1] if place.line and place.line <= len(lines) else None
 
-    def _add(
-        self, severity: str, message: str, place: Location, hint: str | None, *, too_large: bool = False
-    ) -> None:
+    def _add(self, severity: Severity, code: str, message: str, place: Location, hint: str | None) -> None:
         line = self._line(place)
         if line is not None and place.column is None:  # a directive or a line of assembly: its first word
             place = Location(place.file, place.line, len(line) - len(line.lstrip()) + 1)
-        self._found[Diagnostic(severity, message, place, line, hint, too_large)] = None
+        self._found[Diagnostic(severity, code, message, place, hint)] = None
 
-    def error(self, message: str, place: Location, hint: str | None = None) -> None:
-        self._add("error", message, place, hint)
+    def error(self, code: str, message: str, place: Location, hint: str | None = None) -> None:
+        self._add("error", code, message, place, hint)
         self._errors += 1
         if self._errors >= ERRORS:
-            raise CompileError(self.ordered())
+            raise self.failure()
 
-    def warn(self, message: str, place: Location, hint: str | None = None) -> None:
-        self._add("warning", message, place, hint)
+    def warn(self, code: str, message: str, place: Location, hint: str | None = None) -> None:
+        self._add("warning", code, message, place, hint)
 
-    def fatal(self, message: str, place: Location, hint: str | None = None) -> Fatal:
+    def fatal(self, code: str, message: str, place: Location, hint: str | None = None) -> Fatal:
         """Report an error; the caller raises the exception that is returned."""
-        self.error(message, place, hint)
-        return Fatal(message)
-
-    def too_large(self, message: str, place: Location, hint: str | None = None) -> Fatal:
-        """Report that the program is too large; the caller raises the exception that is returned."""
-        self._add("error", message, place, hint, too_large=True)
+        self.error(code, message, place, hint)
         return Fatal(message)
 
     def too_deep(self, place: Location) -> Fatal:
@@ -111,6 +66,7 @@ class Reporter:
         returned.
         """
         return self.fatal(
+            "nested-too-deeply",
             "something in the program is nested too deeply",
             place,
             hint="look for parentheses or braces that are never closed, or divide the expression",
@@ -121,13 +77,26 @@ class Reporter:
         files: Mapping[str, int] = {file: number for number, file in enumerate(self.texts)}
 
         def key(each: Diagnostic) -> tuple[int, int, int]:
-            place = each.place
+            place = each.location or Location()
             return files.get(place.file or "", len(files)), place.line or 0, place.column or 0
 
         return tuple(sorted(self._found, key=key))
 
+    def source_lines(self) -> SourceLines:
+        """Return the source lines that the diagnostics point to."""
+        found = {}
+        for each in self._found:
+            place = each.location or Location()
+            line = self._line(place)
+            if line is not None:
+                found[place.file or "", place.line or 0] = line
+        return found
+
+    def failure(self) -> CompileError:
+        """Return the error that carries everything reported."""
+        return CompileError.of(self.ordered(), self.source_lines())
+
     def stop_on_error(self) -> None:
         """Raise CompileError if an error was reported."""
-        found = self.ordered()
-        if any(each.severity == "error" for each in found):
-            raise CompileError(found)
+        if any(each.severity == "error" for each in self._found):
+            raise self.failure()

@@ -11,7 +11,7 @@ from typing import Any
 
 from servogen.compiler.codegen.program import ProgramGenerator
 from servogen.compiler.codegen.startup import RESET, arrange
-from servogen.compiler.diagnostics import CompileError, Diagnostic, Fatal, Reporter
+from servogen.compiler.diagnostics import Fatal, Reporter
 from servogen.compiler.emit.delays import expand_delays
 from servogen.compiler.emit.layout import allocate, lay_out
 from servogen.compiler.emit.listing import make_listing
@@ -31,7 +31,7 @@ from servogen.compiler.passes.outlining import outline
 from servogen.compiler.sema.call_graph import CallGraph, call_graph, check_calls, globals_of
 from servogen.compiler.sema.checks import check_program
 from servogen.compiler.sema.translation_unit import analyse
-from servogen.errors import InputError, Location, did_you_mean
+from servogen.errors import Diagnostic, InputError, Location, SourceLines, did_you_mean
 from servogen.pic.image import Image
 from servogen.pic.listing import Listing
 from servogen.units import Clock
@@ -49,6 +49,8 @@ class Compilation:
     words: int
     ram_bytes: int
     diagnostics: tuple[Diagnostic, ...]
+    source_lines: SourceLines
+    """The lines that the diagnostics point to."""
     saved: Mapping[str, int]
     """Instructions that each pass has removed."""
     ir: str
@@ -78,10 +80,10 @@ def compile_sources(sources: Sequence[Source], options: Options | None = None) -
     try:
         return _compile(sources, options, reporter)
     except Fatal:
-        raise CompileError(reporter.ordered()) from None
+        raise reporter.failure() from None
     except RecursionError:
         reporter.too_deep(Location(sources[0].file))
-        raise CompileError(reporter.ordered()) from None
+        raise reporter.failure() from None
 
 
 def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) -> Compilation:
@@ -134,6 +136,7 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
         words=len(layout.words),
         ram_bytes=memory.used,
         diagnostics=reporter.ordered(),
+        source_lines=reporter.source_lines(),
         saved=dict(+manager.saved),
         ir=dump.text(functions),
     )

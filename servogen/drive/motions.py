@@ -84,14 +84,14 @@ def pose_of(job: PlannedJob, text: str) -> Floats:
         return _angles(job.servos, text)
     place = Location(job.file)
     if not job.poses:
-        raise InputError("unknown-pose", "the job has no poses", place, "give angles: --pose arm=90,hand=45")
+        raise InputError("unknown-name", "the job has no poses", place, "give angles: --pose arm=90,hand=45")
     names = {pose.name: index for index, pose in enumerate(job.poses) if pose.name}
     if text in names:
         return np.array(job.poses[names[text]].angles)
     if text.isdecimal() and 1 <= int(text) <= len(job.poses):
         return np.array(job.poses[int(text) - 1].angles)
     raise InputError(
-        "unknown-pose",
+        "unknown-name",
         f"the job has no pose '{text}'",
         place,
         f"1 to {len(job.poses)}" + (", or a name" if names else ""),

@@ -104,7 +104,7 @@ def _stop_pose(job: PlannedJob, text: str | None) -> Floats | None:
         return np.where(wheels, neutral, np.nan)
     if text == OFF and (job.stream is None or job.stream.fail_safe != OFF):
         raise InputError(
-            "drive-unsupported",
+            "engine-unsupported",
             "Mini SSC cannot switch pulses off: only the stream engine's fail-safe does",
             Location(job.file),
             'write fail_safe = "off" in [stream]',

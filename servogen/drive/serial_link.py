@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from servogen.bench.ports import PortError, open_port
-from servogen.errors import ToolError
+from servogen.errors import Diagnostic, ToolError
 
 BITS_PER_BYTE = 10
 """A start bit, eight bits of data, a stop bit."""
@@ -112,7 +112,7 @@ class SerialLink:
         """
         begin = self._time.now()
         self.close()
-        reason = ""
+        reason: Diagnostic | None = None
         while True:
             try:
                 self._wire = self._held.enter_context(self._opener())
@@ -122,12 +122,12 @@ class SerialLink:
                     raise ToolError(
                         "port-lost",
                         f"the port did not come back within {self._patience_s:g} s: {error.message}",
-                        error.place,
+                        error.location,
                         error.hint,
                     ) from error
-                if error.message != reason:
+                if error.first != reason:
                     waiting(error)
-                    reason = error.message
+                    reason = error.first
                 self._time.sleep(RETRY_S)
                 continue
             self._free_at = self._time.now()

@@ -78,7 +78,7 @@ def steering_of(job: PlannedJob, rates: Rates) -> Steering:
 
 
 def _unknown(command: str, known: Iterable[str]) -> InputError:
-    return InputError("unknown-command", f"unknown command '{command}'", hint=did_you_mean(command, known))
+    return InputError("bad-command", f"unknown command '{command}'", hint=did_you_mean(command, known))
 
 
 DEFAULT_SPEED_RAD_S = 1.0
@@ -242,7 +242,7 @@ def _gait(job: PlannedJob, way: Mapping[str, float], others: Sequence[Segment]) 
         if len(whole) > len(angles) and np.allclose(whole[: len(angles)], angles, atol=SAME_RAD):
             return Gait(angles[:loop], angles[loop:], whole[len(angles) :])
     raise InputError(
-        "endless-walk", "the walk cannot be stopped: its gait leaves a leg behind", Location(job.file)
+        "endless-motion", "the walk cannot be stopped: its gait leaves a leg behind", Location(job.file)
     )
 
 

@@ -45,7 +45,7 @@ def positions(channel: Channel, from_us: float | None, to_us: float | None, coun
     ]
     if count < MIN_POINTS or len(inside) < count:
         raise InputError(
-            "too-few-points",
+            "bad-readings",
             f"{count} points from {low:g} to {high:g} µs: the controller produces {len(inside)} widths there",
             hint=f"{MIN_POINTS} points or more, over a longer range",
         )
@@ -118,7 +118,7 @@ def ask_from(angles: Sequence[float], stops: Sequence[int]) -> Ask:
     """
     if len(angles) != len(stops):
         raise InputError(
-            "reading-count", f"{len(angles)} angles for {len(stops)} points", hint=f"--points {len(angles)}"
+            "wrong-count", f"{len(angles)} angles for {len(stops)} points", hint=f"--points {len(angles)}"
         )
     return lambda sweep, point: angles[point]
 

@@ -32,7 +32,7 @@ def render_template(template: str, **values: object) -> str:
         return _environment().get_template(template).render(**values)
     except TemplateError as error:
         raise RenderError(
-            "template-error", error.message or "the template is wrong", _template_place(error)
+            "internal-error", error.message or "the template is wrong", _template_place(error)
         ) from error
 
 

@@ -6,8 +6,11 @@ from dataclasses import dataclass, field
 
 from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
 from servogen.engines.sequence.overheads import Overheads
-from servogen.errors import Caution, InputError
+from servogen.errors import Diagnostic, InputError
 from servogen.units import Cycles
+
+TOO_LARGE = "program-too-large"
+"""The compiler's code for a program that the chip cannot hold."""
 
 
 class ResourceError(InputError):
@@ -21,7 +24,7 @@ def compiled_to_fit(
     try:
         return compile_sources([Source(text, file)], options)
     except CompileError as error:
-        if not error.too_large:  # a fault of the templates
+        if error.code != TOO_LARGE:  # a fault of the templates
             raise
         raise ResourceError(
             "does-not-fit", f"{title}: planned, but more than {engine} can hold: {error.message}", hint=hint
@@ -40,7 +43,7 @@ class Firmware:
     """The budgets of the C between the pulses."""
     overrun: int | None = None
     """The address of the byte whose bit 0 is set once the C takes too long; None: the engine has none."""
-    warnings: tuple[Caution, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
     overheads: Overheads = field(default_factory=Overheads)
     """The cycles that the sequence engine subtracted from its delays."""
 

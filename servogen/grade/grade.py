@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from servogen.errors import Diagnostic
+
 
 @dataclass(frozen=True, slots=True)
 class Row:
@@ -43,7 +45,7 @@ class Grade:
     passed: bool
     reasons: tuple[str, ...]
     """Why it is not right, the most helpful first."""
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Diagnostic, ...] = ()
     """What is right, but good to know."""
     pins: tuple[tuple[str, str], ...] = ()
     """(servo, the pin that its pulses are on)."""
@@ -60,7 +62,7 @@ class Grade:
             "lab": self.lab,
             "passed": self.passed,
             "reasons": list(self.reasons),
-            "remarks": list(self.remarks),
+            "remarks": [each.to_json() for each in self.remarks],
             "pins": dict(self.pins),
             "positions": [row.to_json() for row in self.rows],
             "seen": self.seen,

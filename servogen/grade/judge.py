@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from itertools import product
 
 from servogen.edges import PINS
+from servogen.errors import Diagnostic
 from servogen.grade.chip import ChipFacts, cause, clock_words, silent_reasons
 from servogen.grade.grade import Grade, Row
 from servogen.grade.lab import Lab, Way
@@ -92,23 +93,31 @@ def _judge_way(lab: Lab, way: Way, watched: Watched, numbers: tuple[int, ...], c
 
 def _remarks(
     lab: Lab, way: Way, watched: Watched, numbers: Sequence[int], pins: Sequence[PinPulses], chip: ChipFacts
-) -> Iterator[str]:
+) -> Iterator[Diagnostic]:
     for each, number in zip(lab.servos, numbers, strict=True):
         if PINS[number] != each.pins[0]:
-            yield (
+            yield Diagnostic(
+                "note",
+                "other-pin",
                 f"the servo '{each.servo.name}' is on {PINS[number]}, not on the lab's {each.pins[0]}: "
-                "wire it there"
+                "wire it there",
             )
     others = [PINS[pin] for pin in sorted(watched.pins) if pin not in numbers]
     if others:
-        yield f"there are pulses on {', '.join(others)}, too, where no servo is"
+        yield Diagnostic(
+            "note", "other-pin", f"there are also pulses on {', '.join(others)}, where no servo is"
+        )
     if len(lab.ways) > 1 and way.name:
-        yield f"held to: {way.name}"
+        yield Diagnostic("note", "graded-as", f"graded as: {way.name}")
     period = period_remark(watched, pins)
     if period:
-        yield period
+        yield Diagnostic("note", "period-range", period)
     if not chip.configured:
-        yield "the program has no configuration word: an erased chip has its watchdog on"
+        yield Diagnostic(
+            "note",
+            "no-configuration",
+            "the program has no configuration word: an erased chip has its watchdog on",
+        )
 
 
 def _rows(

@@ -129,7 +129,7 @@ def load_lab(name: str) -> Lab:
         return _lab(Path(name).stem, *toml_file.load(name, LabTable))
     if name not in names():
         hint = f"{did_you_mean(name, names())} A lab of your own is a file that ends in .toml"
-        raise InputError("unknown-lab", f"unknown lab '{name}'", Location(key="LAB"), hint)
+        raise InputError("unknown-name", f"unknown lab '{name}'", Location(key="LAB"), hint)
     with as_file(_folder() / f"{name}.toml") as path:
         return _lab(name, *toml_file.load(path, LabTable))
 

@@ -29,7 +29,7 @@ def _lines(lab: Lab, student: str, grade: Grade) -> Iterator[str]:
     if grade.remarks:
         yield from ("", "## Good to know", "")
         for remark in grade.remarks:
-            yield from _item(remark)
+            yield from _item(remark.sentence)
     if grade.rows:
         yield from ("", "## What was measured", "")
         yield f"Order: {markdown(grade.seen)}"

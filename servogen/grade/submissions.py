@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 
-from servogen.errors import InputError, Location
+from servogen.errors import Diagnostic, InputError, Location
 
 MAX_PROGRAMS = 200
 MAX_FOLDERS = 1000
@@ -76,7 +76,7 @@ class Found:
     """The programs to grade, and a warning for each file and folder that is left out."""
 
     submissions: list[Submission] = field(default_factory=list)
-    warnings: list[str] = field(default_factory=list)
+    warnings: list[Diagnostic] = field(default_factory=list)
 
 
 def find_submissions(
@@ -118,7 +118,7 @@ class _Search:
     folder: Path
     suffixes: frozenset[str]
     level: int
-    warnings: list[str]
+    warnings: list[Diagnostic]
 
     def programs(self) -> list[Submission]:
         """Returns every program in the folder, by path."""
@@ -135,6 +135,9 @@ class _Search:
         found += [self._submission(file, self.folder.resolve() if alone else None) for file in above]
         return sorted(found, key=lambda each: each.file)
 
+    def _warn(self, path: Path, text: str) -> None:
+        self.warnings.append(Diagnostic("warning", "not-searched", text, Location(str(path))))
+
     def _submission(self, file: Path, owner: Path | None) -> Submission:
         return Submission(file.relative_to(self.folder).as_posix(), file, owner)
 
@@ -144,16 +147,14 @@ class _Search:
         waiting, searched = [student], 0
         while waiting:
             if searched == MAX_FOLDERS:
-                self.warnings.append(f"{student}: only the first {MAX_FOLDERS} folders were searched")
+                self._warn(student, f"only the first {MAX_FOLDERS} folders were searched")
                 break
             files, folders = self._entries(waiting.pop(), MAX_ENTRIES)
             searched += 1
             found += files
             waiting += reversed(folders)
         if len(found) > MAX_PROGRAMS:
-            self.warnings.append(
-                f"{student}: only the first {MAX_PROGRAMS} of {len(found)} programs are graded"
-            )
+            self._warn(student, f"only the first {MAX_PROGRAMS} of {len(found)} programs are graded")
         return found[:MAX_PROGRAMS]
 
     def _entries(self, folder: Path, limit: int | None) -> tuple[list[Path], list[Path]]:
@@ -162,10 +163,10 @@ class _Search:
             with os.scandir(folder) as scan:
                 entries = list(islice(scan, None if limit is None else limit + 1))
         except OSError as error:
-            self.warnings.append(f"{folder}: not searched: {error.strerror}")
+            self._warn(folder, f"not searched: {error.strerror}")
             return [], []
         if limit is not None and len(entries) > limit:
-            self.warnings.append(f"{folder}: not searched: it holds more than {limit} files")
+            self._warn(folder, f"not searched: it holds more than {limit} files")
             return [], []
         files, folders = [], []
         for entry in sorted(entries, key=lambda each: each.name):
@@ -173,20 +174,21 @@ class _Search:
             if entry.is_dir(follow_symlinks=False):
                 folders.append(path)
             elif entry.is_symlink() and _leads_to_folder(path):
-                self.warnings.append(f"{path}: not searched: it is a link to a folder")
+                self._warn(path, "not searched: it is a link to a folder")
             elif path.suffix.lower() in self.suffixes:
                 files.append(path)
         return files, folders
 
 
 def _sources_first(
-    found: Sequence[Submission], images: Collection[str], warnings: list[str]
+    found: Sequence[Submission], images: Collection[str], warnings: list[Diagnostic]
 ) -> Iterator[Submission]:
     """Without the images that lie beside a source of the same name."""
     sources = {each.file.with_suffix("") for each in found if each.file.suffix.lower() not in images}
     for each in found:
         if each.file.suffix.lower() in images and each.file.with_suffix("") in sources:
-            warnings.append(f"{each.file}: not graded, as its source lies beside it")
+            text = "not graded, as its source lies beside it"
+            warnings.append(Diagnostic("warning", "not-searched", text, Location(str(each.file))))
         else:
             yield each
 

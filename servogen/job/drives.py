@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from servogen.errors import Caution, InputError, did_you_mean
+from servogen.errors import Diagnostic, InputError, did_you_mean
 from servogen.job.job import Job
 from servogen.job.schema import DriveTable
 from servogen.kinematics.protocol import DrivingRobot
@@ -76,7 +76,7 @@ def _wheels(
                 "unknown-servo", key, f"there is no servo '{name}'", did_you_mean(name, by_name)
             )
         if name in table.wheels[:index]:
-            raise document.error("servo-bound-twice", key, f"'{name}' is two wheels' servo")
+            raise document.error("joint-binding", key, f"'{name}' is two wheels' servo")
         if not by_name[name].model.continuous:
             raise document.error(
                 "wrong-servo-kind",
@@ -87,7 +87,7 @@ def _wheels(
     for index, servo in enumerate(servos):
         if servo.name not in table.wheels:
             raise document.error(
-                "servo-unbound",
+                "joint-binding",
                 ("servo", index),
                 f"{servo.name} turns no wheel: {robot.name} has {robot.wheel_count}",
             )
@@ -114,26 +114,27 @@ def _check_speeds(document: Document, table: DriveTable, planned: Drive, wheels:
     )
 
 
-def _routines(document: Document, planned: Drive) -> list[Caution]:
+def _routines(document: Document, planned: Drive) -> list[Diagnostic]:
     """Return a note for each stretch: its direction, how far the wheels turn, its time."""
     period_s = float(planned.trajectory.clock.seconds(planned.trajectory.period))
     notes = []
     for index, (stretch, frames) in enumerate(zip(planned.stretches, planned.frames, strict=True)):
         text = f"stretch {index + 1}: {stretch.text}, {frames} frames, {frames * period_s:g} s"
         text += f"; {stretch.remark}" if stretch.remark else ""
-        notes.append(Caution("stretch", text, document.place("drive", "corners_mm")))
+        notes.append(Diagnostic("note", "stretch", text, document.place("drive", "corners_mm")))
     return notes
 
 
 def _closing(
     document: Document, base: DrivingRobot, planned: Drive, wheels: Sequence[Servo], clock: Clock
-) -> Caution:
+) -> Diagnostic:
     """Return a note of how far from its beginning one round ends when every pulse is whole cycles."""
     columns = zip(wheels, planned.trajectory.angles.T, strict=True)
     speeds = np.stack([_achieved(servo, column, clock) for servo, column in columns], axis=1)
     period_s = float(clock.seconds(planned.trajectory.period))
     x, y, turn = positions(base, speeds, period_s)[-1].tolist()
-    return Caution(
+    return Diagnostic(
+        "note",
         "closing",
         f"with pulses of whole cycles a round ends {1000 * math.hypot(x, y):z.2f} mm and "
         f"{math.degrees(turn):z.3f}° from its beginning",

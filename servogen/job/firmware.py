@@ -101,7 +101,7 @@ def _stream(document: Document, table: JobTable, servos: Sequence[Servo], clock:
     given = table.stream or StreamTable()
     if len(servos) > MAX_SERVOS:
         raise document.error(
-            "too-many-servos",
+            "does-not-fit",
             ("servo", MAX_SERVOS),
             f"the stream engine drives up to {MAX_SERVOS} servos, not {len(servos)}",
         )

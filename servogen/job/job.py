@@ -9,7 +9,7 @@ from fractions import Fraction
 
 from servogen.engines.player.buttons import Buttons
 from servogen.engines.stream.settings import Stream
-from servogen.errors import Caution, Location
+from servogen.errors import Diagnostic, Location
 from servogen.job.schema import Section
 from servogen.job.tip import Tip
 from servogen.kinematics.protocol import DrivingRobot
@@ -103,5 +103,5 @@ class PlannedJob(Job):
 
     trajectory: JointTrajectory
     poses: tuple[NamedPose, ...]
-    warnings: tuple[Caution, ...]
-    notes: tuple[Caution, ...]
+    warnings: tuple[Diagnostic, ...]
+    notes: tuple[Diagnostic, ...]

@@ -12,7 +12,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from servogen.errors import Caution
+from servogen.errors import Diagnostic
 from servogen.job.drives import drive_of
 from servogen.job.job import Job, NamedPose, PlannedJob
 from servogen.job.poses import poses_of
@@ -112,7 +112,7 @@ def _joint_limits(job: Job, limits: tuple[Limits, ...]) -> tuple[Limits, ...]:
     for index, servo in enumerate(job.servos):
         if servo.name not in order:
             raise job.document.error(
-                "servo-unbound",
+                "joint-binding",
                 ("servo", index),
                 f"{servo.name} turns no joint of the robot",
                 "say which: joint = …",
@@ -136,7 +136,7 @@ def _limits(job: Job) -> tuple[Limits, ...]:
     return tuple(limits)
 
 
-def _heavy(job: Job, planned: Planned) -> tuple[Caution, ...]:
+def _heavy(job: Job, planned: Planned) -> tuple[Diagnostic, ...]:
     """Return warnings about servos of an arm that cannot carry its weight."""
     if job.tip is None:
         return ()

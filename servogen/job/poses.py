@@ -115,14 +115,14 @@ class _Reader:
         key, row = _key(index), self.rows[index]
         if row.through_mm is not None and row.path != "arc":
             raise self.document.error(
-                "pose-path", (*key, "through_mm"), "only an arc goes through a point", 'add path = "arc"'
+                "pose-keys", (*key, "through_mm"), "only an arc goes through a point", 'add path = "arc"'
             )
         named = self._named(key, row)
         orientation = before.orientation
         if row.orientation_deg is not None:
             if row.tip_mm is None:
                 raise self.document.error(
-                    "pose-orientation",
+                    "pose-keys",
                     (*key, "orientation_deg"),
                     "an orientation needs a position",
                     "add tip_mm = [x, y, z]",
@@ -137,7 +137,7 @@ class _Reader:
             for servo in tip.servos:
                 if servo.name in named:
                     raise self.document.error(
-                        "pose-conflict",
+                        "conflicting-keys",
                         (*key, _key_of(servo)),
                         f"{servo.name}'s angle follows from {name} already",
                         "give one of the two",
@@ -154,7 +154,7 @@ class _Reader:
         for servo in self.servos:
             if servo.name not in {**before.angles, **choices[0]}:
                 raise self.document.error(
-                    "pose-incomplete",
+                    "pose-keys",
                     key,
                     f"the first pose does not say where {servo.name} is",
                     f"add {_key_of(servo)} = … (later poses may omit it: it stays)",
@@ -166,7 +166,7 @@ class _Reader:
         key, row = _key(index), self.rows[index]
         if row.release and not row.pause_s:
             raise self.document.error(
-                "pose-timing",
+                "pose-keys",
                 (*key, "release"),
                 "release = true without a pause",
                 "say how long: pause_s = …",
@@ -174,7 +174,7 @@ class _Reader:
         for name in ("hold_s", "pause_s"):
             if row.via and getattr(row, name):
                 raise self.document.error(
-                    "pose-timing",
+                    "pose-keys",
                     (*key, name),
                     "a pose that is passed has no hold and no pause",
                     "remove via = true",
@@ -242,7 +242,7 @@ class _Reader:
         here = (*key, "path")
         if row.foot_mm is None and row.tip_mm is None:
             raise self.document.error(
-                "pose-path", here, f'path = "{row.path}" needs a position', "give foot_mm or tip_mm"
+                "pose-keys", here, f'path = "{row.path}" needs a position', "give foot_mm or tip_mm"
             )
         tip = self._tip((*key, "foot_mm" if row.foot_mm is not None else "tip_mm"))
         columns = [[each.name for each in self.servos].index(servo.name) for servo in tip.servos]
@@ -253,7 +253,7 @@ class _Reader:
             path = Line(_triple(a), _triple(b))
         elif row.through_mm is None:
             raise self.document.error(
-                "pose-path", here, "an arc needs a point to go through", "add through_mm = [x, y, z]"
+                "pose-keys", here, "an arc needs a point to go through", "add through_mm = [x, y, z]"
             )
         else:
             path = arc(a, np.array(row.through_mm) / 1000, b, self.document.place(*key, "through_mm"))

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from servogen.errors import Caution, InputError, did_you_mean
+from servogen.errors import Diagnostic, InputError, did_you_mean
 from servogen.job.job import Job
 from servogen.job.schema import ProgramTable
 from servogen.motion import JointTrajectory, Planned, bound
@@ -71,7 +71,7 @@ def _hand(
     if name not in by_name:
         raise document.error("unknown-servo", key, f"there is no servo '{name}'", did_you_mean(name, by_name))
     if name in [binding.servo for binding in bindings]:
-        raise document.error("servo-bound-twice", key, f"'{name}' turns a joint of the arm already")
+        raise document.error("joint-binding", key, f"'{name}' turns a joint of the arm already")
     if by_name[name].model.continuous:
         raise document.error("wrong-servo-kind", key, f"'{name}' turns continuously: a hand needs angles")
     opened, closed = math.radians(table.hand.open_deg), math.radians(table.hand.closed_deg)
@@ -88,7 +88,7 @@ def _reachable(document: Document, arm: Arm, bindings: Sequence[Binding], servos
     for joint in arm.joints:
         if joint.name not in by_joint:
             raise document.error(
-                "joint-unbound",
+                "joint-binding",
                 ("program",),
                 f"no servo turns the joint '{joint.name}'",
                 f'give one joint = "{joint.name}"',
@@ -100,7 +100,7 @@ def _reachable(document: Document, arm: Arm, bindings: Sequence[Binding], servos
         if not lower - slack <= joint.home <= upper + slack:
             factor, unit = (math.degrees(1), "°") if joint.turning else (1000, " mm")
             raise document.error(
-                "home-out-of-reach",
+                "servo-limit",
                 ("servo", list(by_name).index(binding.servo), "zero_deg"),
                 f"{binding.servo} cannot bring {joint.name} to its home of {joint.home * factor:zg}{unit}: "
                 f"it reaches {ends[0] * factor:zg}{unit} to {ends[1] * factor:zg}{unit}",
@@ -137,7 +137,7 @@ def _on_servos(
     for index, servo in enumerate(servos):
         if servo.name not in by_servo:
             raise document.error(
-                "servo-unbound",
+                "joint-binding",
                 ("servo", index),
                 f"{servo.name} turns no joint of the arm",
                 'say which: joint = …, or make it the hand: [program] hand = { servo = "…", … }',
@@ -148,12 +148,16 @@ def _on_servos(
     return motion
 
 
-def _notes(document: Document, done: Run) -> tuple[Caution, ...]:
+def _notes(document: Document, done: Run) -> tuple[Diagnostic, ...]:
     place = document.place("program")
     trajectory = done.trajectory
     seconds = float(trajectory.clock.seconds(len(trajectory.angles) * trajectory.period))
-    notes = [Caution("program", f"the program takes {len(trajectory.angles)} frames, {seconds:g} s", place)]
+    notes = [
+        Diagnostic(
+            "note", "program", f"the program takes {len(trajectory.angles)} frames, {seconds:g} s", place
+        )
+    ]
     if done.outputs:
         text = f"the program writes its output port {len(done.outputs)} times: firmware makes pulses only"
-        notes.append(Caution("output-port", text, place))
+        notes.append(Diagnostic("note", "output-port", text, place))
     return tuple(notes)

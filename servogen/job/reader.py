@@ -103,7 +103,7 @@ def _name(document: Document) -> str:
     name = Path(document.file).stem
     if name in (".", "..") or any(ord(sign) < ord(" ") for sign in name):
         raise InputError(
-            "job-name",
+            "unwritable-file",
             f"the file's name makes the job's name {name!r}, which cannot be a folder",
             Location(document.file),
             "name the file after the job, as arm.toml",
@@ -118,14 +118,14 @@ def _chip(document: Document, table: JobTable) -> tuple[Device, Clock]:
         raise error.at(document.place("chip", "device")) from error
     if table.chip.clock_hz > chip.max_clock_hz:
         raise document.error(
-            "clock-limit",
+            "wrong-clock",
             ("chip", "clock_hz"),
             f"{table.chip.clock_hz} Hz is above the {chip.name}'s limit of {chip.max_clock_hz} Hz",
             "the PIC16F84 runs at up to 10 MHz, the PIC16F84A at up to 20 MHz",
         )
     if table.chip.clock_hz < MIN_CLOCK_HZ:
         raise document.error(
-            "clock-limit",
+            "wrong-clock",
             ("chip", "clock_hz"),
             f"{table.chip.clock_hz} Hz is slower than any crystal: at least {MIN_CLOCK_HZ} Hz",
             "4 MHz are 4_000_000",

@@ -58,7 +58,7 @@ def _robot(document: Document, name: str) -> Robot:
     try:
         return catalogue.robot(str(beside) if own else name)
     except InputError as error:
-        if error.place is not None and error.place.file and error.place.file != document.file:
+        if error.location is not None and error.location.file and error.location.file != document.file:
             raise
         raise error.at(document.place("robot", "name")) from error
 
@@ -84,7 +84,7 @@ def _leg(document: Document, table: LegTable, servos: tuple[Servo, ...]) -> LegT
                 "unknown-servo", ("leg", key), f"there is no servo '{name}'", did_you_mean(name, by_name)
             )
     if table.alpha == table.beta:
-        raise document.error("servo-bound-twice", ("leg", "beta"), f"'{table.beta}' is both joints' servo")
+        raise document.error("joint-binding", ("leg", "beta"), f"'{table.beta}' is both joints' servo")
     if table.ab_mm + table.cd_mm <= 0:
         raise document.error("bad-length", ("leg", "cd_mm"), "ab_mm and cd_mm are both 0: a leg has a reach")
     lengths = (table.ab_mm, table.bc_mm, table.cd_mm, table.df_mm)

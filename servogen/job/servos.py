@@ -135,7 +135,7 @@ def bindings_of(
                 did_you_mean(row.joint, sliding),
             )
         if row.joint in [binding.joint for binding in bindings]:
-            raise document.error("servo-bound-twice", key, f"two servos turn the joint '{row.joint}'")
+            raise document.error("joint-binding", key, f"two servos turn the joint '{row.joint}'")
         if sliding[row.joint] != (row.deg_per_mm is not None):
             kind, wanted = ("slides", "deg_per_mm") if sliding[row.joint] else ("turns", "ratio")
             raise document.error(

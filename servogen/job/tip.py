@@ -208,7 +208,7 @@ def _sorted(
             for row in angles[~np.isnan(angles).any(axis=1)].tolist()
         )
         raise InputError(
-            "out-of-travel",
+            "servo-limit",
             f"the position {in_mm(point.tolist())} needs angles outside of the servos' travel: {shown}",
             place,
             "move it, or change the servos' angles at which the joints are 0 to how they are mounted",

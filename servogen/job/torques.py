@@ -9,10 +9,11 @@ masses, and a servo without a stated torque, are not checked.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from servogen.errors import Caution
+from servogen.errors import Diagnostic
 from servogen.job.tip import Tip
 from servogen.kinematics.protocol import WalkingRobot
 from servogen.kinematics.statics import gravity_torques, has_masses
@@ -24,7 +25,7 @@ from servogen.robot.binding import Binding
 from servogen.robot.servo import Servo
 
 
-def arm_torques(tip: Tip, angles: Floats, servos: Sequence[Servo]) -> Iterator[Caution]:
+def arm_torques(tip: Tip, angles: Floats, servos: Sequence[Servo]) -> Iterator[Diagnostic]:
     """Yield a warning for each servo of an arm whose links and payload need more than its torque.
 
     `angles` (frames, servos): NaN where there is no pulse; such a frame needs no torque.
@@ -46,7 +47,7 @@ def arm_torques(tip: Tip, angles: Floats, servos: Sequence[Servo]) -> Iterator[C
 
 def walk_torques(
     robot: WalkingRobot, walk: Walk, bindings: Sequence[Binding], servos: Sequence[Servo]
-) -> Iterator[Caution]:
+) -> Iterator[Diagnostic]:
     """Yield a warning for each servo of a walking robot whose weight needs more than its torque."""
     loads = loads_of(robot, walk)
     if loads is None:
@@ -57,6 +58,6 @@ def walk_torques(
         binding = by_joint[f"{leg}_{robot.lifting_joint}"]
         torque = loads.torques[:, index] / abs(binding.ratio)
         warnings = check_torque(by_name[binding.servo], binding.joint, torque)
-        for caution in warnings:
+        for warning in warnings:
             frame = int(np.nanargmax(np.round(torque, SAME_DIGITS)))
-            yield Caution(caution.code, f"{caution.text}; {loads.detail(index, frame)}", caution.place)
+            yield replace(warning, message=f"{warning.message}; {loads.detail(index, frame)}")

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from servogen.errors import Caution, InputError, did_you_mean
+from servogen.errors import Diagnostic, InputError, did_you_mean
 from servogen.job.job import Job
 from servogen.job.schema import WalkTable
 from servogen.job.torques import walk_torques
@@ -45,7 +45,7 @@ def walk_of(
         names = [mount.name for mount in mounts_of(robot)]
         if table.leg not in names:
             raise document.error(
-                "unknown-leg",
+                "unknown-name",
                 ("walk", "leg"),
                 f"{robot.name} has no leg '{table.leg}'",
                 did_you_mean(table.leg, names),
@@ -91,13 +91,11 @@ def _gait(document: Document, table: WalkTable, whole: WalkingRobot, robot: Walk
     try:
         if table.lifts is not None:
             if table.duty is None:
-                raise InputError(
-                    "gait-incomplete", "your own gait needs a duty factor, too", hint="add duty = …"
-                )
+                raise InputError("missing-key", "your own gait needs a duty factor, too", hint="add duty = …")
             return custom("own", table.duty, table.lifts, robot)
         if table.duty is not None:
             raise InputError(
-                "gait-incomplete",
+                "missing-key",
                 "your own gait needs the phase of each leg, too",
                 hint="add lifts = { L1 = 0.0, … }",
             )
@@ -137,7 +135,7 @@ def _bound(document: Document, trajectory: JointTrajectory, bindings: tuple[Bind
     missing = [joint for joint in trajectory.joints if joint not in [binding.joint for binding in bindings]]
     if missing:
         raise document.error(
-            "joint-unbound",
+            "joint-binding",
             ("walk",),
             f"no servo turns the joint '{missing[0]}'",
             f'give one joint = "{missing[0]}"',
@@ -159,36 +157,41 @@ def _ended(trajectory: JointTrajectory, table: WalkTable) -> JointTrajectory:
     )
 
 
-def _notes(document: Document, planned: Walk, table: WalkTable) -> list[Caution]:
+def _notes(document: Document, planned: Walk, table: WalkTable) -> list[Diagnostic]:
     place = document.place("walk")
     seconds = float(planned.trajectory.clock.seconds(planned.trajectory.period)) * planned.frames_per_cycle
     notes = [
-        Caution("cycle", f"a cycle takes {planned.frames_per_cycle} frames, {seconds:.6g} s", place),
-        *(Caution("phase", change.text(), place) for change in planned.changes),
-        *_turns(document, planned),
-        Caution(
-            "spring", f"the legs' springs give up to {1000 * planned.largest_correction_m:z.2f} mm", place
+        Diagnostic(
+            "note", "cycle", f"a cycle takes {planned.frames_per_cycle} frames, {seconds:.6g} s", place
         ),
-        Caution("slip", planned.slip.text(), place),
-        Caution("lift", f"the feet rise {1000 * planned.lift_m:z.1f} mm", place),
+        *(Diagnostic("note", "phase", change.text(), place) for change in planned.changes),
+        *_turns(document, planned),
+        Diagnostic(
+            "note",
+            "spring",
+            f"the legs' springs give up to {1000 * planned.largest_correction_m:z.2f} mm",
+            place,
+        ),
+        Diagnostic("note", "slip", planned.slip.text(), place),
+        Diagnostic("note", "lift", f"the feet rise {1000 * planned.lift_m:z.1f} mm", place),
     ]
     if math.isfinite(planned.least_margin_m):
         text = f"the centre of mass is always {1000 * planned.least_margin_m:z.1f} mm inside of the feet"
         if planned.least_margin_m < 0:
             text = f"the robot falls: {-1000 * planned.least_margin_m:z.1f} mm outside of its feet at worst"
-        notes.append(Caution("stability", text, place))
+        notes.append(Diagnostic("note", "stability", text, place))
     return notes
 
 
-def _turns(document: Document, planned: Walk) -> Iterator[Caution]:
+def _turns(document: Document, planned: Walk) -> Iterator[Diagnostic]:
     """Return each turn's centre of rotation, and the feet that limits of joints keep off its line."""
     texts = [*planned.centre_texts(), *((each.segment, each.text()) for each in planned.held_back)]
     for index, text in sorted(texts):
-        yield Caution("turn", f"way {index + 1}: {text}", document.place("walk", "way", index))
+        yield Diagnostic("note", "turn", f"way {index + 1}: {text}", document.place("walk", "way", index))
 
 
-def _upright(document: Document, planned: Walk) -> Iterator[Caution]:
+def _upright(document: Document, planned: Walk) -> Iterator[Diagnostic]:
     """Return a warning where the robot stands at its legs' full height."""
     text = planned.full_height()
     if text is not None:
-        yield Caution("full-height", text, document.place("walk", "body_height_mm"))
+        yield Diagnostic("warning", "full-height", text, document.place("walk", "body_height_mm"))

@@ -47,7 +47,7 @@ def arm_of_axes(name: str, joints: Sequence[Joint], axes: Sequence[JointAxis], t
     zero.
     """
     if not axes:
-        raise InputError("no-joints", f"'{name}' has no joints that move")
+        raise InputError("wrong-robot-kind", f"'{name}' has no joints that move")
     lines = [(np.asarray(axis.point, float), _unit(axis.direction)) for axis in axes]
     tool = np.asarray(tool, float)
     frame = _next_frame(np.eye(4), *lines[0])
@@ -72,7 +72,7 @@ def _unit(direction: Sequence[float]) -> Floats:
     vector = np.asarray(direction, float)
     length = np.linalg.norm(vector)
     if length == 0.0:
-        raise InputError("bad-axis", "the axis of a joint has no direction (0, 0, 0)")
+        raise InputError("bad-rotation", "the axis of a joint has no direction (0, 0, 0)")
     return np.asarray(vector / length)
 
 

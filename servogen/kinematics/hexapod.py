@@ -82,7 +82,7 @@ class Hexapod:
             if mount.name == name:
                 return mount
         raise InputError(
-            "unknown-leg",
+            "unknown-name",
             f"{self.name} has no leg '{name}'",
             hint=did_you_mean(name, [mount.name for mount in self.mounts]),
         )
@@ -100,7 +100,7 @@ class Hexapod:
         heights = {mount.z for mount in self.mounts}
         if len(heights) > 1:
             raise InputError(
-                "mounting-heights",
+                "wrong-robot-kind",
                 f"{self.name}'s legs are mounted at different heights: one β cannot serve them all",
             )
         foot = -leg.bc - leg.df if posture.body_height is None else -posture.body_height - heights.pop()

@@ -67,7 +67,7 @@ def jacobian(arm: Arm, q: ArrayLike, frame: FrameName = 0) -> Floats:
         turn = link_frames(arm, q)[..., frame, :3, :3]
     else:
         raise InputError(
-            "unknown-frame",
+            "unknown-name",
             f"{arm.name} has no frame '{frame}'",
             hint=f"0 to {len(arm.rows)}, or n for the tool",
         )
@@ -85,7 +85,7 @@ def analytic_jacobian(arm: Arm, q: ArrayLike, order: str = "ZYX") -> Floats:
     rates = rates_matrix(to_angles(pose[..., :3, :3], order), order)
     if np.any(np.abs(np.linalg.det(rates)) < SINGULAR):
         raise InputError(
-            "singular-pose",
+            "bad-rotation",
             f"the angles {order} are singular at this pose: their rates are not determined",
             hint="take another order, or the geometric Jacobian",
         )

@@ -57,7 +57,7 @@ def _mobility(freedom: int, elements: int, joints: Sequence[str]) -> int:
     for kind in joints:
         if kind not in JOINT_MOBILITY:
             raise InputError(
-                "unknown-joint-kind",
+                "unknown-name",
                 f"unknown kind of joint '{kind}'",
                 hint=did_you_mean(kind, JOINT_MOBILITY),
             )

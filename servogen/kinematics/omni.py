@@ -233,7 +233,7 @@ def routine(base: OmniBase, direction_deg: int, distance: float) -> Translation:
     if direction_deg not in directions():
         known = [str(direction) for direction in directions()]
         raise InputError(
-            "unknown-direction",
+            "unknown-name",
             f"{direction_deg}° is not one of the six directions",
             hint=did_you_mean(str(direction_deg), known),
         )
@@ -274,7 +274,7 @@ def contour(
     displacements = [(end[0] - start[0], end[1] - start[1]) for start, end in pairwise(closed)]
     moving = [displacement for displacement in displacements if math.hypot(*displacement) > 0]
     if not moving:
-        raise InputError("no-motion", "the contour has no length", hint="give at least two different corners")
+        raise InputError("no-pulses", "the contour has no length", hint="give at least two different corners")
     if using == "any":
         return tuple(translation(base, displacement) for displacement in moving)
     return tuple(part for displacement in moving for part in decomposed(base, displacement))

@@ -88,7 +88,7 @@ def from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> Floats:
     axis, angle = np.asarray(axis, float), np.asarray(angle, float)[..., None, None]
     length = np.linalg.norm(axis, axis=-1, keepdims=True)
     if np.any(length == 0.0):
-        raise InputError("bad-axis", "an axis of length 0 has no direction")
+        raise InputError("bad-rotation", "an axis of length 0 has no direction")
     cross = skew(axis / length)
     # 2 sin²(θ/2) is 1 - cos θ without its cancellation near 0
     return np.asarray(np.eye(3) + np.sin(angle) * cross + 2 * np.sin(angle / 2) ** 2 * (cross @ cross))

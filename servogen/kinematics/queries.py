@@ -200,7 +200,7 @@ def jacobian_symbolic(name: str, frame: FrameName = 0, style: str = "text") -> A
     """Return the geometric Jacobian in symbols, in the frame of the base (0) or the tool ("n")."""
     if frame not in (0, "n"):
         raise InputError(
-            "unknown-frame",
+            "unknown-name",
             f"the symbolic Jacobian is in the frame 0 or n, not {frame}",
             Location(key="frame"),
         )

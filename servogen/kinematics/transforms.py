@@ -55,7 +55,7 @@ def cos_sin(angle: Floats) -> tuple[Floats, Floats]:
 def rot(axis: str, angle: ArrayLike) -> Floats:
     """Return the rotation (..., 3, 3) by `angle` about "x", "y" or "z"."""
     if axis not in AXES:
-        raise InputError("bad-axis", f"'{axis}' is not an axis", hint="x, y or z")
+        raise InputError("bad-rotation", f"'{axis}' is not an axis", hint="x, y or z")
     angle = np.asarray(angle, float)
     first, second = (AXES[axis] + 1) % 3, (AXES[axis] + 2) % 3
     matrix = np.zeros((*angle.shape, 3, 3))
@@ -137,7 +137,7 @@ def point_of(vector: ArrayLike) -> Floats:
     """
     vector = np.asarray(vector, float)
     if np.any(vector[..., 3] == 0.0):
-        raise InputError("not-a-point", "a homogeneous vector with W = 0 is a direction, not a point")
+        raise InputError("transform-syntax", "a homogeneous vector with W = 0 is a direction, not a point")
     return np.asarray(vector[..., :3] / vector[..., 3:])
 
 

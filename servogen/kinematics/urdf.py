@@ -143,7 +143,7 @@ def _parsed(text: str, file: str) -> Any:
         for number in _numbers(joint):
             if not abs(number) <= MAX_NUMBER:  # refuses NaN, too
                 raise InputError(
-                    "urdf-value",
+                    "urdf-syntax",
                     f"the joint '{joint.name}' has the number {number}",
                     Location(file),
                     _NUMBERS,
@@ -176,7 +176,7 @@ def _chain(robot: Any, file: str, tip: str | None) -> list[Any]:
     ends = [link.name for link in robot.links if link.name not in inner]
     if tip is None and len(ends) != 1:
         raise InputError(
-            "urdf-chain",
+            "urdf-unsupported",
             f"'{robot.name}' is not a serial chain: it ends in {', '.join(ends) or 'nothing'}",
             Location(file),
             "name the tip",
@@ -184,7 +184,7 @@ def _chain(robot: Any, file: str, tip: str | None) -> list[Any]:
     link = tip or ends[0]
     if link not in {each.name for each in robot.links}:
         raise InputError(
-            "urdf-chain",
+            "urdf-unsupported",
             f"no link '{link}'",
             Location(file),
             did_you_mean(link, [each.name for each in robot.links]),
@@ -194,7 +194,7 @@ def _chain(robot: Any, file: str, tip: str | None) -> list[Any]:
         joint = parents[link]
         if joint in chain:
             raise InputError(
-                "urdf-chain",
+                "urdf-unsupported",
                 f"the joint '{joint.name}' closes a loop",
                 Location(file),
                 "URDF describes trees",
@@ -209,7 +209,7 @@ def _joint(joint: Any, file: str) -> Joint:
     if joint.type == "continuous" or joint.limit is None:
         if kind == "sliding":
             raise InputError(
-                "urdf-value",
+                "urdf-syntax",
                 f"the sliding joint '{joint.name}' has no limits",
                 Location(file),
                 "add <limit …/>",
@@ -219,7 +219,9 @@ def _joint(joint: Any, file: str) -> Joint:
         lower, upper, speed = joint.limit.lower or 0.0, joint.limit.upper or 0.0, joint.limit.velocity
     if not lower < upper:
         raise InputError(
-            "urdf-value", f"the limits of '{joint.name}' are not in order: {lower} to {upper}", Location(file)
+            "urdf-syntax",
+            f"the limits of '{joint.name}' are not in order: {lower} to {upper}",
+            Location(file),
         )
     home = min(max(0.0, lower), upper) if kind == "turning" else lower
     return Joint(joint.name, "turning" if kind == "turning" else "sliding", lower, upper, home, speed or None)
@@ -233,7 +235,7 @@ def _axis(joint: Any, frame: Floats, numbers: dict[str, int], file: str) -> Join
         return JointAxis((x, y, z), (a, b, c), numbers[joint.name])
     if joint.mimic.joint not in numbers:
         raise InputError(
-            "urdf-chain",
+            "urdf-unsupported",
             f"'{joint.name}' mimics '{joint.mimic.joint}', which is not in the chain",
             Location(file),
         )

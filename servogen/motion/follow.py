@@ -90,7 +90,7 @@ class ChangesBranch(InputError):
     ) -> None:
         ends = "at its start, " if share < SAME else "at its end, " if share > 1 - SAME else "at "
         super().__init__(
-            "changes-branch",
+            "leaves-reach",
             f"the path would change the branch of the inverse kinematics {ends}{in_mm(point)}: "
             f"from {branches[0]} to {branches[1]}",
             place,
@@ -258,7 +258,7 @@ class _Tracer:
         if self.samples > MAX_SAMPLES:
             share = self.shares[-1]
             raise InputError(
-                "path-too-steep",
+                "path-too-fast",
                 f"the path cannot be followed beyond {in_mm(_point(self.path, share))}, {100 * share:.3g} % "
                 f"of it: the joints' way there is too steep for {MAX_SAMPLES} samples",
                 self.place,

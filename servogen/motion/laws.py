@@ -90,7 +90,7 @@ def law(name: str, ramp: float = RAMP, bend: float = BEND) -> Law:
         back, home = (0.0, -1 / rise), (-1.0, 1 / rise)
         ramps = ((rise, up), (level, (1.0,)), (rise, down), (1 - 2 * ramp, (0.0,)))
         return _integrated(name, (*ramps, (rise, back), (level, (-1.0,)), (rise, home)))
-    raise InputError("unknown-law", f"unknown law of motion '{name}'", hint=did_you_mean(name, NAMES))
+    raise InputError("unknown-name", f"unknown law of motion '{name}'", hint=did_you_mean(name, NAMES))
 
 
 def _integrated(name: str, pieces: tuple[tuple[float, tuple[float, ...]], ...]) -> Law:

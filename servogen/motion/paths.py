@@ -102,7 +102,7 @@ def arc(start: ArrayLike, through: ArrayLike, end: ArrayLike, place: Location | 
     longest = max(float(np.linalg.norm(each)) for each in (u, v, c - b))
     if np.sqrt(area2) <= STRAIGHT_M * longest or longest <= STRAIGHT_M:
         raise InputError(
-            "pose-path",
+            "pose-keys",
             "the three points of the arc are on one line",
             place,
             "a line needs no point to go through",

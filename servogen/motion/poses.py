@@ -17,7 +17,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from servogen.errors import Caution, InputError, Location
+from servogen.errors import Diagnostic, InputError, Location
 from servogen.motion import moves
 from servogen.motion.follow import Followed
 from servogen.motion.limits import Limits
@@ -68,8 +68,8 @@ class Planned:
     """A trajectory, the warnings that the user should act on or accept, and notes about it."""
 
     trajectory: JointTrajectory
-    warnings: tuple[Caution, ...] = ()
-    notes: tuple[Caution, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
+    notes: tuple[Diagnostic, ...] = ()
 
 
 def trajectory(motion: Motion, period: Cycles, clock: Clock) -> Planned:
@@ -105,8 +105,8 @@ class _Sampler:
         self.motion = motion
         self.period_s = period_s
         self.blocks: list[Floats] = []
-        self.warnings: list[Caution] = []
-        self.notes: list[Caution] = []
+        self.warnings: list[Diagnostic] = []
+        self.notes: list[Diagnostic] = []
         self._frames = 0
 
     def run(self) -> None:
@@ -129,7 +129,8 @@ class _Sampler:
             at = end
         if not repeat and poses[0].move_s:
             self.warnings.append(
-                Caution(
+                Diagnostic(
+                    "warning",
                     "move-unused",
                     "the first pose's move is not made: the motion does not repeat, and where the servos are "
                     "before it is not known",
@@ -144,7 +145,7 @@ class _Sampler:
         for pose in (poses[0], *(() if self.motion.repeat else poses[-1:])):
             if pose.via:
                 raise InputError(
-                    "pose-timing",
+                    "pose-keys",
                     "a motion cannot begin or end with a pose that it only passes",
                     pose.place,
                     "remove via = true, or give it to all poses of a motion that repeats",
@@ -160,7 +161,7 @@ class _Sampler:
             self._add(_still(target * np.nan if pose.release else target, pause), pose)
         if not hold and not pause and pose.move_s == 0:
             raise InputError(
-                "pose-timing", "a pose takes no time", pose.place, "give it hold_s, move_s or pause_s"
+                "pose-keys", "a pose takes no time", pose.place, "give it hold_s, move_s or pause_s"
             )
 
     def _go(self, chain: Sequence[Pose]) -> None:
@@ -201,10 +202,10 @@ class _Sampler:
         self._add(move.angles[1:], pose)
         followed = f"the path to pose {number} is followed within {1000 * move.chord_error_m:z.3f} mm"
         if move.chord_error_m <= move.missed_m + OFF_THE_PATH_M:
-            self.notes.append(Caution("chord-error", followed, pose.place))
+            self.notes.append(Diagnostic("note", "off-the-path", followed, pose.place))
         else:
             followed += _slower(pose, way, len(move.angles) - 1, frame_s)
-            self.warnings.append(Caution("off-the-path", followed, pose.place))
+            self.warnings.append(Diagnostic("warning", "off-the-path", followed, pose.place))
 
     def _through(self, chain: Sequence[Pose], closed: bool) -> None:
         points = np.array([pose.angles for pose in chain])
@@ -212,7 +213,7 @@ class _Sampler:
         for pose in chain[1:]:
             if (pose.move_s is None) != (timed[0] is None) or pose.move_s == 0 or pose.way is not None:
                 raise InputError(
-                    "pose-timing",
+                    "pose-keys",
                     "poses that are passed take a time each, or none of them does",
                     pose.place,
                     "give move_s to all of them, and no path, or remove it from all",
@@ -248,7 +249,8 @@ class _Sampler:
             raise self._too_long(f"with {name} = {float(seconds):g}", pose)
         if count != asked:
             self.warnings.append(
-                Caution(
+                Diagnostic(
+                    "warning",
                     "frames-rounded",
                     f"{name} = {float(seconds):g} is not a whole number of frames: "
                     f"{count} frame{'s' if count > 1 else ''} last {float(count * self.period_s):.6g} s",

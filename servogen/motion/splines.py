@@ -77,7 +77,7 @@ def spline(points: ArrayLike, times: ArrayLike, closed: bool = False) -> Spline:
     """Return the spline through `points` at rising `times`; if closed, the last point is the first again."""
     points, times = np.asarray(points, float), np.asarray(times, float)
     if len(points) < 2 or len(times) != len(points) or not (np.diff(times) > 0).all():
-        raise InputError("pose-timing", "a spline needs two points or more, and a later time for each")
+        raise InputError("pose-keys", "a spline needs two points or more, and a later time for each")
     h = np.diff(times)
     pull = np.diff(points, axis=0) / (h**2)[:, None]
     n = len(points)
@@ -108,7 +108,7 @@ def fastest_spline(points: ArrayLike, limits: Sequence[Limits], closed: bool = F
         raise InputError("no-speed", "via points without a time need a speed limit of every joint that moves")
     h = (np.abs(np.diff(points, axis=0)) / most).max(axis=1)
     if not (h > 0).all():
-        raise InputError("pose-timing", "two via points in a row are the same")
+        raise InputError("pose-keys", "two via points in a row are the same")
     first = spline(points, np.concatenate(([0.0], np.cumsum(h))), closed)
     speed, acceleration = first.peaks()
     bound = np.array([limit.acceleration for limit in limits])

@@ -92,7 +92,7 @@ class Manipulator:
     def approach(self, pose: Pose) -> Floats:
         """Return the unit vector along the tool."""
         if not self.arm.orientation:
-            raise InputError("no-tool-direction", f"{self.arm.name} has no direction of its tool of its own")
+            raise InputError("wrong-robot-kind", f"{self.arm.name} has no direction of its tool of its own")
         return np.asarray(self._rotation(pose)[:, 2])
 
     def _rotation(self, pose: Pose) -> Floats:
@@ -135,6 +135,6 @@ def manipulator(arm: Arm, speeds: tuple[float | None, ...] | None = None) -> Man
         known.append(speed)
     if (arm.tool.x, arm.tool.y, arm.tool.rx, arm.tool.ry) != (0.0, 0.0, 0.0, 0.0):
         raise InputError(
-            "no-tool-direction", f"{arm.name}'s tool is not on its approach axis: TL sets a length along it"
+            "wrong-robot-kind", f"{arm.name}'s tool is not on its approach axis: TL sets a length along it"
         )
     return Manipulator(arm, tuple(known))

@@ -11,7 +11,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from servogen.errors import Caution, InputError
+from servogen.errors import Diagnostic, InputError
 from servogen.movemaster.interpreter import Action, Controller
 from servogen.movemaster.language import POSITIONS
 from servogen.movemaster.memory import CLOSED, OPEN, Pose, Position
@@ -270,8 +270,13 @@ def _gf(controller: Controller, statement: Statement) -> None:
 
 def _gp(controller: Controller, statement: Statement) -> None:
     controller.mover.grip_tenths = statement.whole(2)
-    controller.caution(
-        Caution("grip-force", "a servo's hand has no grip force: of GP only the time counts", statement.place)
+    controller.warn(
+        Diagnostic(
+            "warning",
+            "grip-force",
+            "a servo's hand has no grip force: of GP only the time counts",
+            statement.place,
+        )
     )
 
 
@@ -283,7 +288,7 @@ def _in(controller: Controller, _: Statement) -> None:
     strobe = controller.inputs.strobe()
     if strobe is None:
         raise InputError(
-            "no-strobe",
+            "program-argument",
             "IN waits for a strobe that never comes",
             hint="each input of the stimulus is one: seconds=value",
         )

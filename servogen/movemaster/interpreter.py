@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
-from servogen.errors import Caution, InputError
+from servogen.errors import Diagnostic, InputError
 from servogen.movemaster.language import DEEPEST
 from servogen.movemaster.memory import OPEN, Memory, Pose
 from servogen.movemaster.mover import Mover
@@ -50,7 +50,7 @@ class Controller:
         self.output = 0
         self.outputs: list[Output] = []
         self.steps: list[Step] = []
-        self.cautions: list[Caution] = []
+        self.warnings: list[Diagnostic] = []
         self.commands = 0
         self._flow: Flow | None = None
 
@@ -68,7 +68,7 @@ class Controller:
         if statement.number in self.program:
             other = self.program[statement.number].place
             raise statement.error(
-                "duplicate-line",
+                "duplicate-name",
                 f"program line {statement.number} is given twice",
                 f"the other one is at {other}",
             )
@@ -87,10 +87,10 @@ class Controller:
         self.output = value
         self.outputs.append(Output(self.mover.frame, value, strobe))
 
-    def caution(self, caution: Caution) -> None:
-        """Report a caution, once per kind and place."""
-        if caution not in self.cautions:
-            self.cautions.append(caution)
+    def warn(self, warning: Diagnostic) -> None:
+        """Report a warning, once per kind and location."""
+        if warning not in self.warnings:
+            self.warnings.append(warning)
 
     def kept(self) -> tuple[object, ...]:
         """Return everything that determines what happens next, for comparison."""
@@ -110,16 +110,16 @@ class Controller:
     def _carry_out(self, statement: Statement) -> None:
         if statement.command is None:
             return
-        before, said = self.mover.frame, len(self.mover.cautions)
+        before, said = self.mover.frame, len(self.mover.warnings)
         try:
             self.actions[statement.command.mnemonic](self, statement)
         except InputError as error:
             if error.location is None:
                 raise error.at(statement.place) from error
             raise
-        for caution in self.mover.cautions[said:]:
-            if caution.place is None:
-                self.caution(replace(caution, place=statement.place))
+        for warning in self.mover.warnings[said:]:
+            if warning.location is None:
+                self.warn(replace(warning, location=statement.place))
         if self.mover.frame > before and statement.command.mnemonic != "RN":
             frames = self.mover.frame - before
             self.steps.append(Step(statement, before, frames, self.mover.pose, self.mover.hand_state))
@@ -188,7 +188,7 @@ class Flow:
         if len(self._levels) > DEEPEST:
             raise InputError(
                 "program-nesting",
-                f"subroutines are called {len(self._levels)} deep: {DEEPEST} is the most",
+                f"subroutines are called {len(self._levels)} deep: {DEEPEST} is the maximum",
                 hint="a subroutine ends with RT; GT does not leave it",
             )
         self._levels.append(_Level(self._next))

@@ -115,7 +115,7 @@ class Memory:
         value = self.counters.get(number, 0) + step
         if not WORD[0] <= value <= WORD[1]:
             raise InputError(
-                "counter-overflow", f"counter {number} would be {value}", hint=f"{WORD[0]} to {WORD[1]}"
+                "program-argument", f"counter {number} would be {value}", hint=f"{WORD[0]} to {WORD[1]}"
             )
         self.counters[number] = value
 
@@ -125,7 +125,7 @@ class Memory:
         """
         if pallet not in self.pallets:
             raise InputError(
-                "undefined-pallet",
+                "undefined-position",
                 f"pallet {pallet} has no grid",
                 hint=f"PA {pallet}, columns, rows defines it",
             )
@@ -135,7 +135,7 @@ class Memory:
             index = self.counters.get(counter, 0)
             if not 1 <= index <= size:
                 raise InputError(
-                    "undefined-pallet",
+                    "undefined-position",
                     f"pallet {pallet}: counter {counter} names {name} {index} of {size}",
                     hint=f"SC {counter}, 1 sets it; {name}s count from 1",
                 )

@@ -14,7 +14,7 @@ from functools import cache
 
 import numpy as np
 
-from servogen.errors import Caution, InputError
+from servogen.errors import Diagnostic, InputError
 from servogen.kinematics.forward import fk_position
 from servogen.kinematics.inverse.unreachable import Unreachable, in_mm
 from servogen.kinematics.orientation import short_way
@@ -104,7 +104,7 @@ class Mover:
         self.hand_state = OPEN
         self.speed = FIRST_SPEED
         self.grip_tenths = FIRST_GRIP_TENTHS
-        self.cautions: list[Caution] = []
+        self.warnings: list[Diagnostic] = []
         self.frame = 0
         self._blocks: list[Floats] = []
         self.stand(1)
@@ -131,7 +131,7 @@ class Mover:
             if not joint.lower - 1e-9 <= value <= joint.upper + 1e-9:
                 factor, unit = (180 / math.pi, "°") if joint.turning else (1000.0, " mm")
                 raise InputError(
-                    "joint-limit",
+                    "servo-limit",
                     f"joint {joint.name} would turn to {value * factor:zg}{unit}",
                     hint=f"its limits are {joint.lower * factor:zg}{unit} to {joint.upper * factor:zg}{unit}",
                 )
@@ -230,7 +230,7 @@ class Mover:
             return trace(line, inverse, self.q, shown)
         except ChangesBranch as error:
             raise InputError(
-                "changes-branch",
+                "leaves-reach",
                 f"the straight line to {what} would change the branch of the inverse kinematics at "
                 f"{in_mm(error.point)}: from {error.branches[0]} to {error.branches[1]}",
                 hint=f"MO goes to {what} through joint space",
@@ -261,8 +261,9 @@ class Mover:
             return
         text = f"on its way to {what} the tool is up to {worst:z.1f} mm off the straight line"
         enough = self._enough(branch, intermediate)
-        self.cautions.append(
-            Caution(
+        self.warnings.append(
+            Diagnostic(
+                "warning",
                 "off-the-line",
                 f"{text}: {enough} intermediate points keep it within {OFF_THE_LINE_MM:g} mm"
                 if enough

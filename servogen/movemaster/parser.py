@@ -110,7 +110,7 @@ def parse(text: str, file: str) -> Source:
     long = next((index for index, line in enumerate(text.split("\n"), 1) if len(line) > MAX_LINE), None)
     if long is not None:
         raise InputError(
-            "line-too-long", f"the line has more than {MAX_LINE} characters", Location(file, long)
+            "file-too-large", f"the line has more than {MAX_LINE} characters", Location(file, long)
         )
     statements = tuple(
         statement
@@ -160,7 +160,7 @@ def _no_command(wrong: str, number: str, place: Location) -> InputError:
     if wrong in MISPRINTS:
         real = MISPRINTS[wrong]
         return InputError(
-            "unknown-command",
+            "bad-command",
             f"'{wrong}' is no command",
             place,
             f"a misprint in the source's table: write {real}",
@@ -180,9 +180,9 @@ def _number(text: str, file: str, row: int, column: int) -> int:
 
 def _command(word: str, number: int | None, place: Location) -> Command:
     if word in NOT_HERE:
-        raise InputError("unknown-command", f"{word} is not offered: {NOT_HERE[word]}", place)
+        raise InputError("bad-command", f"{word} is not offered: {NOT_HERE[word]}", place)
     if word not in COMMANDS:
-        raise InputError("unknown-command", f"unknown command '{word}'", place, _nearest_command(word))
+        raise InputError("bad-command", f"unknown command '{word}'", place, _nearest_command(word))
     command = COMMANDS[word]
     if number is not None and command.where is Where.DIRECT:
         raise InputError(

@@ -13,7 +13,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from servogen.errors import Caution, InputError, Location
+from servogen.errors import Diagnostic, InputError, Location
 from servogen.motion.trajectory import JointTrajectory
 from servogen.movemaster.arm import Manipulator
 from servogen.movemaster.commands import ACTIONS
@@ -45,7 +45,7 @@ class Run:
     outputs: tuple[Output, ...]
     positions: dict[int, Position]
     counters: dict[int, int]
-    warnings: tuple[Caution, ...]
+    warnings: tuple[Diagnostic, ...]
 
     def seconds(self, frames: int) -> float:
         """Return how long a number of frames lasts."""
@@ -113,7 +113,7 @@ def run(
         tuple(replace(each, frame=each.frame - first) for each in controller.outputs if each.frame >= first),
         dict(sorted(controller.memory.positions.items())),
         dict(sorted(controller.memory.counters.items())),
-        tuple(controller.cautions),
+        tuple(controller.warnings),
     )
 
 
@@ -140,8 +140,10 @@ def _once(controller: Controller, source: Source) -> _Start | None:
             waiting = waiting or statement
         controller.take(statement)
     if waiting is not None and start is not None:
-        controller.caution(
-            Caution("lines-not-run", "the program lines from here on stand after RN", waiting.place)
+        controller.warn(
+            Diagnostic(
+                "warning", "lines-not-run", "the program lines from here on stand after RN", waiting.place
+            )
         )
     if start is None and controller.program:
         start = _Start(controller.kept(), controller.mover.frame, None)

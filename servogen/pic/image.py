@@ -16,7 +16,7 @@ from types import MappingProxyType
 
 from intelhex import IntelHex, IntelHexError
 
-from servogen.errors import InputError, Location
+from servogen.errors import Diagnostic, InputError, Location
 from servogen.pic.device import (
     CONFIG_ADDRESS,
     EEPROM_ADDRESS,
@@ -95,7 +95,7 @@ class HexFile:
     """The contents of a HEX file, and harmless but unusual findings as sentences with their lines."""
 
     image: Image
-    remarks: tuple[str, ...]
+    remarks: tuple[Diagnostic, ...]
 
 
 def from_hex(text: str, file: str | None = None) -> Image:
@@ -113,27 +113,29 @@ def read_hex(text: str, file: str | None = None) -> HexFile:
     word is ignored (DS30262 section 3). Lines that begin with `;` are comments, even after the end. Raises
     InputError.
     """
-    remarks: list[str] = []
+    remarks: list[Diagnostic] = []
     found: dict[str, dict[int, int]] = {region.name: {} for region in REGIONS}
     for address, halves in sorted(_words(_records(text, file), file).items()):
         place = Location(file, halves.line)
         if address in RESERVED:
-            remarks.append(f"{place}: word 0x{address:04X} is reserved and left out")
+            text = f"word 0x{address:04X} is reserved and omitted"
+            remarks.append(Diagnostic("warning", "hex-word", text, place))
             continue
         region = _region(address, place)
         if halves.low is None or halves.high is None:
             which = "low" if halves.low is None else "high"
-            raise InputError("hex-damaged", f"word 0x{address:04X} has no {which} byte", place)
+            raise InputError("hex-syntax", f"word 0x{address:04X} has no {which} byte", place)
         value = halves.low | halves.high << 8
         if value > region.largest and region.name != "eeprom":
             if value != 0xFFFF and (region.name != "config" or value < 0xC000):
                 raise InputError(
-                    "hex-range",
+                    "hex-syntax",
                     f"word 0x{address:04X} is 0x{value:04X}; the {region.name} area holds at most "
                     f"0x{region.largest:04X}",
                     place,
                 )
-            remarks.append(f"{place}: word 0x{address:04X} is 0x{value:04X}: its upper two bits are left out")
+            text = f"word 0x{address:04X} is 0x{value:04X}: its upper two bits are omitted"
+            remarks.append(Diagnostic("warning", "hex-word", text, place))
         found[region.name][address - region.start] = value & region.largest
     image = Image(found["program"], found["config"].get(0), found["eeprom"], found["ids"])
     return HexFile(image, tuple(remarks))
@@ -200,7 +202,7 @@ def _records(text: str, file: str | None) -> list[_Record]:
             )
         defect = _defect(line)
         if defect:
-            raise InputError("hex-damaged", defect, place)
+            raise InputError("hex-syntax", defect, place)
         memory = IntelHex()
         kind = line[7:9]
         try:
@@ -215,7 +217,7 @@ def _records(text: str, file: str | None) -> list[_Record]:
             base = line + "\n"
     if not ended:
         raise InputError(
-            "hex-damaged", "the file is truncated: it has no end-of-file record", Location(file), HEX_HINT
+            "hex-syntax", "the file is truncated: it has no end-of-file record", Location(file), HEX_HINT
         )
     return records
 
@@ -260,7 +262,7 @@ def _words(records: list[_Record], file: str | None) -> dict[int, _Halves]:
             half = "high" if byte % 2 else "low"
             if getattr(halves, half) is not None:
                 raise InputError(
-                    "hex-damaged", f"word 0x{byte // 2:04X} is given twice", Location(file, record.line)
+                    "hex-syntax", f"word 0x{byte // 2:04X} is given twice", Location(file, record.line)
                 )
             setattr(halves, half, record.memory[byte])
             halves.line = record.line
@@ -272,7 +274,7 @@ def _region(address: int, place: Location) -> Region:
         if region.start <= address < region.start + region.length:
             return region
     raise InputError(
-        "hex-range",
+        "hex-syntax",
         f"word address 0x{address:04X} is beyond the chip",
         place,
         hint="allowed: " + ", ".join(f"{each.name} {each.span}" for each in REGIONS),

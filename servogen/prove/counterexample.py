@@ -80,7 +80,7 @@ def concrete(
 ) -> Counterexample | None:
     """Return a run of one chip along the way of `finding`, or like it, that is wrong."""
     samples, phase, end = _way(nodes, finding)
-    end += START_FRAMES * spec.period if finding.message == "no pulse comes" else 2 * spec.period
+    end += START_FRAMES * spec.period if finding.silent else 2 * spec.period
     levels = _levels(samples, held)
     stimuli = Stimuli([Levels(PINS.index(pin), changes) for pin, changes in levels]) if levels else None
     for options in _chips(replace(board, tmr0_phase=phase)):

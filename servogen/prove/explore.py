@@ -69,6 +69,8 @@ class Finding:
     certain: bool
     pc: int
     use: Use | None = None
+    silent: bool = False
+    """Whether it is that no pulse comes."""
 
 
 @dataclass(slots=True)

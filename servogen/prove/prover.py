@@ -152,9 +152,8 @@ class _Prover:
             idle = _waits_for_ever(search)
             if idle is None:
                 return self._result(search, None, "")
-            finding = Finding(
-                idle, (), 0, "no pulse comes", True, self._transitions.pc(search.nodes[idle].rest)
-            )
+            pc = self._transitions.pc(search.nodes[idle].rest)
+            finding = Finding(idle, (), 0, "no pulse comes", True, pc, silent=True)
             search = Search(Answer.VIOLATED, search.nodes, finding)
         finding = search.finding or Finding(0, (), 0, "the cut points do not suffice", False, 0)
         if search.answer is Answer.VIOLATED and finding.certain:

@@ -1,6 +1,6 @@
 """Warnings about planned motions and measured pulses.
 
-In: a servo and its widths or angles, frame by frame. Out: `Caution` values; with these codes.
+In: a servo and its widths or angles, frame by frame. Out: `Diagnostic` values; with these codes.
 
     period-range   the period is outside 18 to 20 ms
     period-varies  measured frames differ in length
@@ -20,7 +20,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from servogen.errors import Caution, Location
+from servogen.errors import Diagnostic, Location
 from servogen.motion.trajectory import Floats
 from servogen.robot.servo import Servo
 from servogen.units import Rounded
@@ -41,12 +41,13 @@ WIDTH_TOLERANCE_US = 2.0
 """How far a width may be outside a servo's range without a warning: rounding, or a statement's cycles."""
 
 
-def check_period(period: Rounded, place: Location | None = None) -> tuple[Caution, ...]:
+def check_period(period: Rounded, place: Location | None = None) -> tuple[Diagnostic, ...]:
     """Return the warnings about a stated period: not whole cycles, or outside the recommended range."""
     warnings = []
     if not period.exact:
         warnings.append(
-            Caution(
+            Diagnostic(
+                "warning",
                 "period-rounded",
                 f"a period of {_us(period.requested_us)} is not whole cycles: "
                 f"{period.cycles} cycles are {_us(period.achieved_us)}",
@@ -58,7 +59,7 @@ def check_period(period: Rounded, place: Location | None = None) -> tuple[Cautio
 
 def check_periods(
     periods_us: Sequence[float], name: str = "", place: Location | None = None
-) -> tuple[Caution, ...]:
+) -> tuple[Diagnostic, ...]:
     """Return the warnings about the times from rise to rise, planned or measured, of one channel (`name`)."""
     if not len(periods_us):
         return ()
@@ -67,7 +68,8 @@ def check_periods(
     warnings = []
     if high - low > 0:
         warnings.append(
-            Caution(
+            Diagnostic(
+                "warning",
                 "period-varies",
                 f"{who}frames differ by {_us(high - low)}: periods of {_us(low)} to {_us(high)}",
                 place,
@@ -76,14 +78,19 @@ def check_periods(
     for period in dict.fromkeys((low, high)):
         if not PERIOD_US[0] <= period <= PERIOD_US[1]:
             warnings.append(
-                Caution("period-range", f"{who}a period of {_us(period)} is outside of 18 to 20 ms", place)
+                Diagnostic(
+                    "warning",
+                    "period-range",
+                    f"{who}a period of {_us(period)} is outside of 18 to 20 ms",
+                    place,
+                )
             )
     return tuple(warnings)
 
 
 def check_widths(
     servo: Servo, widths_us: Sequence[float], tolerance_us: float = WIDTH_TOLERANCE_US
-) -> tuple[Caution, ...]:
+) -> tuple[Diagnostic, ...]:
     """Return the warnings about the distinct widths of one channel that its servo does not take."""
     low, high = servo.widths_us
     warnings = []
@@ -91,7 +98,8 @@ def check_widths(
         if low - tolerance_us <= width <= high + tolerance_us:
             continue
         warnings.append(
-            Caution(
+            Diagnostic(
+                "warning",
                 "width-range",
                 f"{servo.name}: a pulse of {_us(width)} is outside of the servo's {_us(low)} to {_us(high)}",
                 servo.place,
@@ -100,7 +108,8 @@ def check_widths(
         ends = " to ".join(servo.model.shown(limit) for limit in servo.limits)
         angle = math.degrees(servo.angle(width))
         warnings.append(
-            Caution(
+            Diagnostic(
+                "warning",
                 "angle-range",
                 f"{servo.name}: {_us(width)} would be {angle:z.0f}{servo.model.unit}, "
                 f"outside of its {'speeds' if servo.model.continuous else 'travel'} of {ends}",
@@ -110,7 +119,7 @@ def check_widths(
     return tuple(warnings)
 
 
-def check_calibration(servo: Servo) -> tuple[Caution, ...]:
+def check_calibration(servo: Servo) -> tuple[Diagnostic, ...]:
     """Return the warnings about a servo's own calibration and trim that go beyond its model's data sheet."""
     low, high = servo.model.calibration.widths_us
     spare = CALIBRATION_SPREAD * (high - low)
@@ -118,7 +127,8 @@ def check_calibration(servo: Servo) -> tuple[Caution, ...]:
     if low - spare <= shortest and longest <= high + spare:
         return ()
     return (
-        Caution(
+        Diagnostic(
+            "warning",
             "width-range",
             f"{servo.name}: pulses of {_us(shortest)} to {_us(longest)} go beyond a {servo.model.title}'s "
             f"{_us(low)} to {_us(high)}",
@@ -127,17 +137,17 @@ def check_calibration(servo: Servo) -> tuple[Caution, ...]:
     )
 
 
-def check_unknown(name: str, widths_us: Sequence[float]) -> tuple[Caution, ...]:
+def check_unknown(name: str, widths_us: Sequence[float]) -> tuple[Diagnostic, ...]:
     """Return the warnings about the distinct widths of a channel whose servo is not known."""
     low, high = ANY_SERVO_US
     return tuple(
-        Caution("width-range", f"{name}: a pulse of {_us(width)} is outside of 1 to 2 ms")
+        Diagnostic("warning", "width-range", f"{name}: a pulse of {_us(width)} is outside of 1 to 2 ms")
         for width in sorted(set(widths_us))
         if not low - WIDTH_TOLERANCE_US <= width <= high + WIDTH_TOLERANCE_US
     )
 
 
-def check_motion(servo: Servo, angles: Floats, loop_start: int, period_s: float) -> tuple[Caution, ...]:
+def check_motion(servo: Servo, angles: Floats, loop_start: int, period_s: float) -> tuple[Diagnostic, ...]:
     """Return the warnings about a channel's angles, one per frame (NaN: no pulse), that the servo cannot
     follow.
 
@@ -153,7 +163,7 @@ def check_motion(servo: Servo, angles: Floats, loop_start: int, period_s: float)
     return tuple(_follow(servo, runs, reach, period_s))
 
 
-def check_torque(servo: Servo, joint: str, torque_nm: Floats) -> tuple[Caution, ...]:
+def check_torque(servo: Servo, joint: str, torque_nm: Floats) -> tuple[Diagnostic, ...]:
     """Return a warning if the static torque (frames,) of a joint exceeds its servo's, for the worst frame.
 
     NaN: no torque is needed. A model without a stated torque is not checked.
@@ -166,7 +176,8 @@ def check_torque(servo: Servo, joint: str, torque_nm: Floats) -> tuple[Caution, 
     if asked <= rated * (1 + 1e-9):
         return ()
     return (
-        Caution(
+        Diagnostic(
+            "warning",
             "too-heavy",
             f"{servo.name}: holding {joint} still asks for {asked:z.2f} N·m in frame {frame} of the motion, "
             f"the servo is rated {rated:g} N·m",
@@ -177,7 +188,7 @@ def check_torque(servo: Servo, joint: str, torque_nm: Floats) -> tuple[Caution, 
 
 def check_measured(
     servo: Servo, widths_us: npt.ArrayLike, periods_us: Sequence[float]
-) -> tuple[Caution, ...]:
+) -> tuple[Diagnostic, ...]:
     """Return the warnings about one measured channel: its widths, one per frame, and its times from rise to
     rise.
     """
@@ -203,7 +214,7 @@ def _constant(angles: Floats) -> Iterator[tuple[float, int]]:
 
 def _follow(
     servo: Servo, runs: Sequence[tuple[float, int]], reach: float, period_s: float
-) -> Iterator[Caution]:
+) -> Iterator[Diagnostic]:
     """Yield the warnings about angles that a servo cannot follow which turns by up to `reach` per frame.
 
     A position that lasts several frames is a step: the servo must reach it before it leaves it. One that
@@ -225,13 +236,15 @@ def _follow(
     limit = math.degrees(reach / period_s)
     if steepest > reach * (1 + 1e-9):
         asked = math.degrees(steepest / period_s)
-        yield Caution(
+        yield Diagnostic(
+            "warning",
             "too-fast",
             f"{servo.name} is asked for {asked:z.0f}°/s: it turns at {limit:z.0f}°/s at most",
             servo.place,
         )
     if short:
-        yield Caution(
+        yield Diagnostic(
+            "warning",
             "frames-few",
             f"{servo.name} has to leave a position {short} frame{'s' if short > 1 else ''} before it can "
             f"have reached it: the travel takes {needed} frames at {limit:z.0f}°/s",

@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from servogen.errors import Caution
+from servogen.errors import Diagnostic
 from servogen.motion.trajectory import JointTrajectory
 from servogen.plan_error import PlanError
 from servogen.pulse.lint import check_calibration, check_motion, check_period
@@ -30,7 +30,7 @@ class PulsePlan:
 
     schedule: PulseSchedule
     widths: tuple[Quantised, ...]
-    warnings: tuple[Caution, ...]
+    warnings: tuple[Diagnostic, ...]
 
 
 def plan(trajectory: JointTrajectory, servos: Sequence[Servo], frame: Frame) -> PulsePlan:

@@ -213,9 +213,7 @@ class _Reader:
             known, "", keys
         )
         if self._whole(version, "version", 0) != VERSION:
-            raise self._error(
-                "schedule-version", "version", f"is {version}, this servogen reads version {VERSION}"
-            )
+            raise self._error("json-value", "version", f"is {version}, this servogen reads version {VERSION}")
         cycles = self._whole(period, "period_cycles", 1)
         read = tuple(
             self._channel(each, f"channels[{index}]")

@@ -44,7 +44,7 @@ def rises(servos: Sequence[Servo], frame: Frame, clock: Clock) -> tuple[Cycles, 
     """
     if frame.max_together is not None and frame.per_slot > frame.max_together:
         raise InputError(
-            "slot-conflict",
+            "frame-too-short",
             f"per_slot = {frame.per_slot} servos start together, max_together allows {frame.max_together}",
             frame.place,
             f"write per_slot = {frame.max_together}",
@@ -61,7 +61,7 @@ def rises(servos: Sequence[Servo], frame: Frame, clock: Clock) -> tuple[Cycles, 
             slot = clock.round_us(frame.slot_us).cycles
             if slot < width + MIN_GAP:
                 raise InputError(
-                    "slot-too-short",
+                    "frame-too-short",
                     f"a slot of {float(frame.slot_us):g} µs is too short for {longest.name}",
                     frame.place,
                     f"its longest pulse and the least gap take {float(clock.us(width + MIN_GAP)):g} µs",

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 
 import numpy as np
 from jinja2 import Environment, StrictUndefined, TemplateError
 
 from servogen.edges import EdgeTrace
 from servogen.engines.c_text import RenderError, template_folder
-from servogen.errors import Caution, Location
+from servogen.errors import Diagnostic, Location
 from servogen.job import PlannedJob
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, oscillator_for
 from servogen.pic.listing import Listing, listing_text
@@ -25,7 +24,7 @@ from servogen.pulse import PulsePlan
 from servogen.report.plan_charts import angle_chart, path_charts, rounding, width_chart
 from servogen.report.result_tables import CaptureFacts, capture_values, costs, memory, program_values
 from servogen.report.signals import captured, planned, pose_frames, scopes, shown_us, simulated
-from servogen.report.text import ProgramFacts
+from servogen.report.text import ProgramFacts, sentence
 from servogen.report.tool_error import error_rows, errors_of
 from servogen.report.tracks import tracks_of
 from servogen.report.wiring import open_drain, package, remarks, wires
@@ -47,7 +46,7 @@ class PageFacts:
 
     job: PlannedJob
     plan: PulsePlan
-    warnings: tuple[Caution, ...]
+    warnings: tuple[Diagnostic, ...]
     programs: tuple[ProgramFacts, ...] = ()
     listing: Listing | None = None
     trace: EdgeTrace | None = None
@@ -66,7 +65,7 @@ def html_page(facts: PageFacts) -> str:
         return template.render(_values(facts))
     except TemplateError as error:
         raise RenderError(
-            "template-error", error.message or "the template is wrong", Location(TEMPLATE)
+            "internal-error", error.message or "the template is wrong", Location(TEMPLATE)
         ) from error
 
 
@@ -98,7 +97,7 @@ def _values(facts: PageFacts) -> dict[str, object]:
         "memory": memory(facts.programs),
         "listing": listing_text(facts.listing) if facts.listing else "",
         "notes": [*([ALONE] if job.stream else []), *(_with_key(note) for note in job.notes)],
-        "warnings": [_without_folder(warning) for warning in facts.warnings],
+        "warnings": [sentence(warning) for warning in facts.warnings],
     }
 
 
@@ -185,11 +184,6 @@ def _signal_values(facts: PageFacts) -> dict[str, object]:
     }
 
 
-def _without_folder(warning: Caution) -> str:
-    place = warning.place
-    return str(replace(warning, place=replace(place, file=Path(place.file or "").name) if place else None))
-
-
-def _with_key(note: Caution) -> str:
-    key = note.place.key if note.place else None
-    return f"{key}: {note.text}" if key else note.text
+def _with_key(note: Diagnostic) -> str:
+    key = note.location.key if note.location else None
+    return f"{key}: {note.message}" if key else note.message

@@ -12,7 +12,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from servogen.engines.firmware import TimingBudget
-from servogen.errors import Caution
+from servogen.errors import Diagnostic
 from servogen.job import PlannedJob
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, oscillator_for
 from servogen.pulse.plan import PulsePlan
@@ -70,7 +70,7 @@ class BuildFacts:
     job: PlannedJob
     plan: PulsePlan
     programs: tuple[ProgramFacts, ...]
-    warnings: tuple[Caution, ...]
+    warnings: tuple[Diagnostic, ...]
 
 
 def report_text(facts: BuildFacts) -> str:
@@ -148,7 +148,7 @@ def _motion(facts: BuildFacts) -> Iterator[str]:
         if frames:
             seconds = _number(schedule.clock.seconds(frames * schedule.period))
             yield f"{name}: {frames} frames, {seconds} s"
-    yield from (note.text for note in facts.job.notes)
+    yield from (note.message for note in facts.job.notes)
 
 
 def _paths(facts: BuildFacts) -> Iterator[str]:
@@ -228,12 +228,16 @@ def _proof(facts: BuildFacts) -> Iterator[str]:
 
 
 def _warnings(facts: BuildFacts) -> Iterator[str]:
-    for warning in facts.warnings:
-        # Without the folder: the report does not depend on where it was made.
-        place = replace(warning.place, file=Path(warning.place.file or "").name) if warning.place else None
-        yield str(replace(warning, place=place))
+    yield from (sentence(warning) for warning in facts.warnings)
     if not facts.warnings:
         yield "none"
+
+
+def sentence(warning: Diagnostic) -> str:
+    """Return a warning without the folder of its file: the report does not depend on where it was made."""
+    location = warning.location
+    where = replace(location, file=Path(location.file or "").name) if location else ""
+    return ": ".join(part for part in (str(where), warning.message) if part)
 
 
 def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:

@@ -170,7 +170,7 @@ def with_lengths(document: Document, lengths_mm: LengthsMm, arm: Arm) -> Arm:
                 if bare in arm.length
                 else did_you_mean(name, arm.length)
             )
-            raise document.error("unknown-length", where, f"'{arm.name}' has no length '{name}'", hint)
+            raise document.error("unknown-name", where, f"'{arm.name}' has no length '{name}'", hint)
     changed = {name: value / 1000 for name, value in lengths_mm.items()}
     return arm.with_lengths(**changed) if changed else arm
 
@@ -189,7 +189,7 @@ def _arm(document: Document, table: ArmTable) -> Arm:
     for index, name in enumerate(names):
         if all(row.joint != index for row in rows):
             raise document.error(
-                "joint-unused",
+                "joint-binding",
                 ("joint", index),
                 f"no row uses the joint '{name}'",
                 "add joint = … to a [[row]]",
@@ -239,7 +239,7 @@ def _joint(document: Document, index: int, table: JointTable, model: Joint | Non
     kind = table.kind or (model.kind if model else "turning")
     if model and kind != model.kind:
         raise document.error(
-            "unknown-joint-kind", ("joint", index, "kind"), f"the joint '{model.name}' is {model.kind}"
+            "unknown-name", ("joint", index, "kind"), f"the joint '{model.name}' is {model.kind}"
         )
     unit, factor, full = _JOINT_UNITS[kind]
     other = "mm" if unit == "deg" else "deg"
@@ -265,12 +265,12 @@ def _joint(document: Document, index: int, table: JointTable, model: Joint | Non
         )
     if lower >= upper:
         raise document.error(
-            "joint-limits", ("joint", index), f"the limits of '{table.name}' are not in order: lower < upper"
+            "out-of-range", ("joint", index), f"the limits of '{table.name}' are not in order: lower < upper"
         )
     rest = min(max(0.0, lower), upper) if kind == "turning" else lower
     home = given("home", model.home if model and lower <= model.home <= upper else rest)
     if home is None or not lower <= home <= upper:
-        raise document.error("joint-limits", ("joint", index, f"home_{unit}"), "home is outside the limits")
+        raise document.error("out-of-range", ("joint", index, f"home_{unit}"), "home is outside the limits")
     centre = table.centre_of_mass_mm
     mass = kilograms(table.mass_g, model.mass if model else None) or 0.0
     if centre is not None and not mass:
@@ -341,7 +341,7 @@ def _length(document: Document, key: tuple[str, int, str], text: str, lengths: M
             terms.append((term[3], sign))
         else:
             raise document.error(
-                "unknown-length",
+                "unknown-name",
                 key,
                 f"no length '{term[3]}' in [lengths_mm]",
                 did_you_mean(term[3], lengths),

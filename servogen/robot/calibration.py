@@ -70,7 +70,7 @@ def _readings(rows: csv.DictReader[str], path: Path, speed: bool) -> Sequence[Re
     for column in (WIDTH, wanted):
         if column not in (rows.fieldnames or ()):
             raise InputError(
-                "csv-column", f"there is no column {column}", Location(str(path), 1), f"{WIDTH},{wanted}"
+                "csv-syntax", f"there is no column {column}", Location(str(path), 1), f"{WIDTH},{wanted}"
             )
     readings = []
     for row in rows:
@@ -78,12 +78,14 @@ def _readings(rows: csv.DictReader[str], path: Path, speed: bool) -> Sequence[Re
         try:
             width_us, degrees = float(row[WIDTH]), float(row[wanted])
         except (TypeError, ValueError) as error:
-            raise InputError("csv-row", f"a reading is two numbers, {WIDTH} and {wanted}", place) from error
+            raise InputError(
+                "csv-syntax", f"a reading is two numbers, {WIDTH} and {wanted}", place
+            ) from error
         if not (0 < width_us <= MAX_WIDTH_US and abs(degrees) <= MAX_DEGREES):
-            raise InputError("csv-row", f"{width_us:g}, {degrees:g} is not a reading of a servo", place)
+            raise InputError("csv-syntax", f"{width_us:g}, {degrees:g} is not a reading of a servo", place)
         readings.append(Reading(width_us, math.radians(degrees)))
         if len(readings) > MAX_READINGS:
-            raise InputError("too-many-readings", "has too many readings", place, f"at most {MAX_READINGS}")
+            raise InputError("bad-readings", "has too many readings", place, f"at most {MAX_READINGS}")
     return readings
 
 
@@ -146,7 +148,7 @@ class Fit:
         first, last = sorted((self.angle(min(widths)), self.angle(max(widths))))
         low, high = max(first, limits[0]), min(last, limits[1])
         if low >= high:
-            raise InputError("reading-range", "all that was read lies outside of the servo's travel")
+            raise InputError("bad-readings", "all that was read lies outside of the servo's travel")
         return (low, self.width_us(low)), (high, self.width_us(high))
 
 
@@ -165,7 +167,7 @@ def fit(readings: Sequence[Reading], tolerance: float = TOLERANCE_RAD, speed: bo
         _check_outlier(readings, tolerance, unit)
         _check_order(readings, line.us_per_rad > 0, unit)
         raise InputError(
-            "not-straight",
+            "bad-readings",
             f"the readings are not on a straight line: {_named(readings, line.worst, unit)} is "
             f"{math.degrees(off):z.1f}{unit} off it, {math.degrees(tolerance):zg}{unit} is allowed",
             hint="calibrate a shorter range, or allow more with --tolerance-deg",
@@ -180,14 +182,14 @@ def _check_each(readings: Sequence[Reading], unit: str) -> None:
     widths = {reading.width_us for reading in readings}
     if len(widths) < MIN_WIDTHS:
         raise InputError(
-            "too-few-readings",
+            "bad-readings",
             f"{len(widths)} widths were read: a line needs {MIN_WIDTHS} or more to show its error",
             hint="take more points",
         )
     angles = [reading.angle for reading in readings]
     if max(angles) == min(angles):
         raise InputError(
-            "servo-not-moving",
+            "bad-readings",
             f"the servo did not move: all readings are {math.degrees(angles[0]):zg}{unit}",
             hint="is it powered, and on that pin?",
         )
@@ -204,7 +206,7 @@ def _check_order(readings: Sequence[Reading], rising: bool, unit: str) -> None:
     for before, after, step in steps:
         if step == 0 or (step > 0) != rising:
             raise InputError(
-                "not-monotonic",
+                "bad-readings",
                 f"{_named(readings, after, unit)} does not {'rise' if rising else 'fall'} from "
                 f"{_named(readings, before, unit)}, as the others do",
                 hint="read both again: did the servo reach its stop, or slip on its horn?",
@@ -231,7 +233,7 @@ def _check_outlier(readings: Sequence[Reading], tolerance: float, unit: str) -> 
         return
     _, off, index = max(outliers)
     raise InputError(
-        "reading-outlier",
+        "bad-readings",
         f"{_named(readings, index, unit)} is {math.degrees(off):z.1f}{unit} off the line of the others",
         hint="read it again",
     )
@@ -300,7 +302,7 @@ def read_calibration(path: Path, servo: str, model: str, continuous: bool, place
         given = getattr(table, key)
         if given != mine:
             raise document.error(
-                "wrong-calibration",
+                "bad-calibration",
                 (key,),
                 f"this calibrates the {key} '{given}', the job's is '{mine}'",
                 "calibrate it anew",

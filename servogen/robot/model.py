@@ -156,7 +156,7 @@ class Arm:
         for name in lengths:
             if name not in self.length:
                 raise InputError(
-                    "unknown-length",
+                    "unknown-name",
                     f"{self.name} has no length '{name}'",
                     hint=did_you_mean(name, self.length),
                 )

@@ -163,7 +163,7 @@ def _at(
     volts = rows[0].supply_v if supply_v is None else supply_v
     if not rows[0].supply_v <= volts <= rows[-1].supply_v:
         raise InputError(
-            "supply-voltage",
+            "out-of-range",
             f"{volts:g} V is outside the servo's supply",
             place,
             f"{table.title}: {rows[0].supply_v:g} to {rows[-1].supply_v:g} V",

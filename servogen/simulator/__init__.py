@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from servogen.simulator.state import State
     from servogen.simulator.stimulus import Recorded, Stimuli, Wired, record
     from servogen.simulator.stimulus_file import load_stimuli, parse_stimuli
-    from servogen.simulator.warnings import Warning
+    from servogen.simulator.warnings import CHIP_DEPENDENT
 
 _HOMES = {
     "recurrence": ("NoRepeat", "Repeat", "find_repeat"),
@@ -32,11 +32,12 @@ _HOMES = {
     "state": ("State",),
     "stimulus": ("Recorded", "Stimuli", "Wired", "record"),
     "stimulus_file": ("load_stimuli", "parse_stimuli"),
-    "warnings": ("Warning",),
+    "warnings": ("CHIP_DEPENDENT",),
 }
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
+    "CHIP_DEPENDENT",
     "Button",
     "Change",
     "Levels",
@@ -59,7 +60,6 @@ __all__ = [
     "Stimuli",
     "Stimulus",
     "TraceRow",
-    "Warning",
     "Wired",
     "find_repeat",
     "load_stimuli",

@@ -27,7 +27,7 @@ from servogen.simulator.block_cache import fast_code, marked_code
 from servogen.simulator.options import Options
 from servogen.simulator.program import Code, program_code
 from servogen.simulator.reset_state import power_up
-from servogen.simulator.warnings import noted, warnings_of
+from servogen.simulator.warnings import CHIP_DEPENDENT, noted, warnings_of
 from servogen.units import Clock
 
 Packed = npt.NDArray[np.int64]
@@ -389,7 +389,11 @@ class AbstractChip:
         found: list[str] = []
         if (s[at.WARN_COUNT] or s[at.DRIVEN_UNKNOWN]) and noted(s):
             every = warnings_of(s, self.image, self.clock)
-            found += [each.message for each in every if each.chip_dependent and each.cycle > 0]
+            found += [
+                each.message
+                for each in every
+                if each.code in CHIP_DEPENDENT and each.location is not None and each.location.cycle
+            ]
         expected = sum(choice.field == "TMR0_PHASE" for choice in choices)
         if s[at.OPTION_WRITES] > expected:
             found.append("OPTION_REG is written through INDF")

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.edges import PINS, EdgeChunk, edge_chunk, join
-from servogen.errors import InputError
+from servogen.errors import Diagnostic, InputError
 from servogen.pic.device import PROGRAM_WORDS
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
@@ -27,7 +27,7 @@ from servogen.simulator.options import Options
 from servogen.simulator.program import Code, program_code
 from servogen.simulator.reset_state import power_up
 from servogen.simulator.state import State, read_unwritten, state_of
-from servogen.simulator.warnings import Warning, warnings_of
+from servogen.simulator.warnings import CHIP_DEPENDENT, warnings_of
 from servogen.units import Clock, Cycles
 
 EDGE_ROOM = 1 << 16
@@ -178,10 +178,10 @@ class Machine:
         return read_unwritten(self._s)
 
     @property
-    def chip_dependent(self) -> tuple[Warning, ...]:
+    def chip_dependent(self) -> tuple[Diagnostic, ...]:
         """Return the warnings that other chips may behave differently, in order of cycles."""
         found = warnings_of(self._s, self.image, self.clock)
-        return tuple(warning for warning in found if warning.chip_dependent)
+        return tuple(warning for warning in found if warning.code in CHIP_DEPENDENT)
 
     def state(self) -> State:
         return state_of(self._s, warnings_of(self._s, self.image, self.clock))

@@ -65,7 +65,7 @@ def find_repeat(
             return NoRepeat(reason, walk.machine.cycles)
         dependent = walk.machine.chip_dependent
         if dependent:
-            return NoRepeat(f"other chips may make other edges: {dependent[0]}", walk.machine.cycles)
+            return NoRepeat(f"other chips may make other edges: {dependent[0].sentence}", walk.machine.cycles)
         digest = blake2b(walk.state(), digest_size=16).digest()
         first = seen.setdefault(digest, walk.frames)
         if first == walk.frames:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from servogen.edges import EdgeTrace
+from servogen.errors import Diagnostic
 from servogen.pic.image import Image
 from servogen.simulator.machine import Machine, Stimulus
 from servogen.simulator.options import Options
 from servogen.simulator.state import State
-from servogen.simulator.warnings import Warning
 from servogen.units import Clock, Cycles
 
 
@@ -19,7 +19,7 @@ class Simulation:
 
     edges: EdgeTrace
     state: State
-    warnings: tuple[Warning, ...]
+    warnings: tuple[Diagnostic, ...]
 
 
 def simulate(

@@ -9,9 +9,10 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
+from servogen.errors import Diagnostic
 from servogen.pic.device import EEPROM_BYTES, RAM_BYTES, RAM_FIRST, RAM_LAST, STACK_LEVELS
 from servogen.simulator import layout as at
-from servogen.simulator.warnings import Warning, subjects
+from servogen.simulator.warnings import subjects
 from servogen.units import Cycles
 
 
@@ -47,7 +48,7 @@ class State:
     """Addresses of the RAM bytes that were read before they were ever written."""
     undefined_words: tuple[int, ...]
     """Addresses of executed words that no data sheet defines."""
-    warnings: tuple[Warning, ...]
+    warnings: tuple[Diagnostic, ...]
 
     @property
     def ram_high_water(self) -> int:
@@ -72,7 +73,7 @@ class State:
         }
 
 
-def state_of(s: npt.NDArray[np.int64], warnings: tuple[Warning, ...]) -> State:
+def state_of(s: npt.NDArray[np.int64], warnings: tuple[Diagnostic, ...]) -> State:
     """Return the state in a vector."""
     ram = s[RAM_FIRST : RAM_LAST + 1]
     top = int(s[at.SP])

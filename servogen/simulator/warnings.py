@@ -1,17 +1,16 @@
 """Warnings: noteworthy actions of the program, in words.
 
 In: what the instruction loop recorded in the state vector (`warn.py`, `unknown.py`), the configuration word
-and the clock. Out: frozen values, in order of cycles.
+and the clock. Out: diagnostics with cycle and address, in order of cycles.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from servogen.edges import PINS
+from servogen.errors import Diagnostic, Location
 from servogen.pic.device import (
     CONFIG_ADDRESS,
     CONFIG_OSCILLATOR_MASK,
@@ -26,62 +25,53 @@ from servogen.pic.image import Image
 from servogen.simulator import layout as at
 from servogen.simulator import unknown
 from servogen.simulator.layout import GLITCH
-from servogen.units import Clock, Cycles
-
-
-@dataclass(frozen=True, slots=True)
-class Warning:
-    """An action that the program first performed in `cycle`, by the instruction at `address`."""
-
-    cycle: Cycles
-    kind: str
-    message: str
-    address: int | None = None
-    chip_dependent: bool = False
-    """Whether another chip, or the same one at its next power-up, may behave differently."""
-
-    def __str__(self) -> str:
-        place = "" if self.address is None else f", address 0x{self.address:03X}"
-        return f"cycle {self.cycle}{place}: {self.message}"
-
+from servogen.units import Clock
 
 _WORDS = {
     at.WARN_DRIVEN_UNWRITTEN: (
         "driven-before-written",
         "{pins}: an output while its latch holds no known level, and not written low within 10 cycles",
-        True,
     ),
-    at.WARN_CONTENTION: ("contention", "{pins}: an output, and driven the other way from outside", True),
+    at.WARN_CONTENTION: ("contention", "{pins}: an output, and driven the other way from outside"),
     at.WARN_UNDEFINED: (
         "undefined-word",
         "the word at {address} is not an instruction of the data sheet; it was executed as NOP",
-        True,
     ),
     at.WARN_ERASED: (
         "erased-word",
         "the program ran into the unprogrammed word at {address} (ADDLW 0xFF)",
-        False,
     ),
-    at.WARN_STACK_OVERFLOW: ("stack-overflow", "a ninth return address was pushed: the stack wrapped", False),
+    at.WARN_STACK_OVERFLOW: ("stack-overflow", "a ninth return address was pushed: the stack wrapped"),
     at.WARN_STACK_UNDERFLOW: (
         "stack-underflow",
         "a return with an empty stack: where it goes is unknown at power-up",
-        True,
     ),
     at.WARN_EE_SEQUENCE: (
         "eeprom-sequence",
         "WR was set without WREN or without the sequence 55h, AAh, WR just before: nothing is written",
-        False,
     ),
-    at.WARN_EE_ADDRESS: ("eeprom-address", "EEADR is {address}; the EEPROM ends at 0x03F", False),
+    at.WARN_EE_ADDRESS: ("eeprom-address", "EEADR is {address}; the EEPROM ends at 0x03F"),
     at.WARN_WATCHDOG: (
         "watchdog-margin",
         "the watchdog was not cleared within its shortest period (7 ms of 7 to 33 ms, times the postscaler): "
         "some chips time out here",
-        True,
     ),
 }
-"""Kind, text, and whether chips differ in it."""
+"""Code and text."""
+
+CHIP_DEPENDENT = frozenset(
+    (
+        "driven-before-written",
+        "contention",
+        "undefined-word",
+        "stack-underflow",
+        "watchdog-margin",
+        "unknown-start",
+        "no-configuration",
+        "oscillator",
+    )
+)
+"""Warnings of what another chip, or the same one at its next power-up, may do differently."""
 _OF_PINS = (at.WARN_DRIVEN_UNWRITTEN, at.WARN_CONTENTION)
 
 _USES = {
@@ -108,7 +98,7 @@ _SOURCES = {
 }
 
 
-def warnings_of(s: npt.NDArray[np.int64], image: Image, clock: Clock) -> tuple[Warning, ...]:
+def warnings_of(s: npt.NDArray[np.int64], image: Image, clock: Clock) -> tuple[Diagnostic, ...]:
     """Return the warnings in a state vector; pins affected by the same instruction share one warning."""
     told: dict[tuple[int, int, int, int], list[str]] = {}
     for code, subject, cycle, place in noted(s):
@@ -116,12 +106,17 @@ def warnings_of(s: npt.NDArray[np.int64], image: Image, clock: Clock) -> tuple[W
             told.setdefault((code, cycle, place, 0), []).append(PINS[subject])
         else:
             told[code, cycle, place, subject] = []
-    found = [*_oscillator(image, clock), *_first_use(s)]
+    found = [(0, each) for each in _oscillator(image, clock)]
+    found += [(int(s[at.USE_CYCLE]), each) for each in _first_use(s)]
     for (code, cycle, place, subject), pins in told.items():
-        kind, text, chip_dependent = _WORDS[code]
+        kind, text = _WORDS[code]
         message = text.format(pins=", ".join(sorted(pins)), address=f"0x{subject:03X}")
-        found.append(Warning(Cycles(cycle), kind, message, place & 0x3FF, chip_dependent))
-    return tuple(sorted(found, key=lambda warning: warning.cycle))
+        found.append((cycle, Diagnostic("warning", kind, message, _at(cycle, place))))
+    return tuple(diagnostic for _, diagnostic in sorted(found, key=lambda each: each[0]))
+
+
+def _at(cycle: int, address: int) -> Location:
+    return Location(cycle=cycle, address=address & 0x3FF)
 
 
 def noted(s: npt.NDArray[np.int64]) -> list[tuple[int, int, int, int]]:
@@ -145,7 +140,7 @@ def subjects(s: npt.NDArray[np.int64], code: int) -> tuple[int, ...]:
     return tuple(sorted(subject for noted_code, subject, _, _ in noted(s) if noted_code == code))
 
 
-def _first_use(s: npt.NDArray[np.int64]) -> list[Warning]:
+def _first_use(s: npt.NDArray[np.int64]) -> list[Diagnostic]:
     kind = int(s[at.USE_KIND])
     if not kind:
         return []
@@ -155,9 +150,8 @@ def _first_use(s: npt.NDArray[np.int64]) -> list[Warning]:
         register=_register(subject) if kind == unknown.USE_REGISTER else "",
     )
     message = f"{_source(int(s[at.USE_SOURCE]))}, and {how}"
-    return [
-        Warning(Cycles(int(s[at.USE_CYCLE])), "unknown-start", message, int(s[at.USE_PLACE]) & 0x3FF, True)
-    ]
+    where = _at(int(s[at.USE_CYCLE]), int(s[at.USE_PLACE]))
+    return [Diagnostic("warning", "unknown-start", message, where)]
 
 
 def _register(address: int) -> str:
@@ -182,14 +176,17 @@ def _source(source: int) -> str:
     return f"{_SOURCES[source]} has no value at power-up"
 
 
-def _oscillator(image: Image, clock: Clock) -> list[Warning]:
+CONFIGURED = Location(cycle=0, address=CONFIG_ADDRESS)
+
+
+def _oscillator(image: Image, clock: Clock) -> list[Diagnostic]:
     """Return a warning if the configuration's oscillator does not suit this clock (DS35007 section 6.2)."""
     if image.config is None:
         text = (
             "the image has no configuration word: as on an erased chip the oscillator is RC and the "
             "watchdog is on"
         )
-        return [Warning(Cycles(0), "no-configuration", text, CONFIG_ADDRESS, True)]
+        return [Diagnostic("warning", "no-configuration", text, CONFIGURED)]
     chosen = image.config & CONFIG_OSCILLATOR_MASK
     name = next(name for name, code in OSCILLATORS.items() if code == chosen)
     limit = {"LP": LP_MAX_HZ, "XT": XT_MAX_HZ}.get(name, clock.hz)
@@ -200,4 +197,4 @@ def _oscillator(image: Image, clock: Clock) -> list[Warning]:
     else:
         return []
     text = f"the configuration word chooses the {name} oscillator, {fault}"
-    return [Warning(Cycles(0), "oscillator", text, CONFIG_ADDRESS, True)]
+    return [Diagnostic("warning", "oscillator", text, CONFIGURED)]

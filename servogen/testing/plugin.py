@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from servogen.errors import InputError, Location
+from servogen.errors import Diagnostic, InputError, Location
 
 if TYPE_CHECKING:
     from servogen.pic.image import Image
@@ -150,7 +150,7 @@ def servogen_image(request: pytest.FixtureRequest) -> Image:
     _property(request.node, "servogen_program", path)
     program = read_program(path)
     for remark in program.remarks:
-        request.node.warn(pytest.PytestWarning(remark))
+        request.node.warn(pytest.PytestWarning(str(remark)))
     return program.image
 
 
@@ -294,9 +294,10 @@ class Bench:
         against_it = objections(image)
         chip = self.device or self.built_for
         if chip is None:
-            against_it += ("nothing says which chip it is for: --servogen-device=PIC16F84",)
+            text = "nothing says which chip it is for"
+            against_it += (Diagnostic("error", "missing-option", text, hint="--servogen-device=PIC16F84"),)
         if against_it or chip is None:
-            raise InputError("wrong-chip", "; ".join(against_it))
+            raise InputError.of(against_it)
         self.on_chip = None
         path = self.folder / "image.hex"
         write_text(path, to_hex(image))

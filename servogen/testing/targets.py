@@ -12,20 +12,29 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
-from servogen.build.proof import START_FRAMES, checked_cycles, chip_warnings, end_of, prove, prove_file
+from servogen.build.proof import (
+    START_FRAMES,
+    checked_cycles,
+    chip_warnings,
+    cycle_of,
+    end_of,
+    prove,
+    prove_file,
+)
 from servogen.build.proof_of_capture import prove_capture
 from servogen.edges import PINS, EdgeTrace
 from servogen.engines.board import machine_of
-from servogen.errors import InputError, Location
+from servogen.errors import Diagnostic, InputError, Location
 from servogen.pic.image import Image
 from servogen.plan_error import NO_PLAN, PlanError
 from servogen.pulse import PulseSchedule
+from servogen.simulator import CHIP_DEPENDENT
 from servogen.traces import SUFFIXES as EDGE_SUFFIXES
 from servogen.traces import read_edges, write_edges
 from servogen.traces.captures import SUFFIXES as CAPTURE_SUFFIXES
 from servogen.traces.captures import Capture, is_capture, read_capture
 from servogen.units import Cycles
-from servogen.verify import CaptureVerdict, ChipWarning, Tolerances, Verdict, capture_lines, verdict_lines
+from servogen.verify import CaptureVerdict, Tolerances, Verdict, capture_lines, verdict_lines
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +50,7 @@ class Seen:
     """How much of it is to be judged; None: all of it."""
     file: Path | None = None
     """Where it is recorded already."""
-    warnings: tuple[ChipWarning, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
     """Of the program, where it was simulated."""
 
 
@@ -112,7 +121,7 @@ class Replay:
         path = next((path for path in paths if path.is_file()), None)
         if path is None:
             raise InputError(
-                "no-recording",
+                "unreadable-file",
                 "there is no recording of this test",
                 Location(str(self.folder / self.test)),
                 f"record it with --servogen-record={self.folder}; it ends in one of {', '.join(suffixes)}",
@@ -141,8 +150,8 @@ def check(seen: Seen, schedule: PulseSchedule, tolerances: Tolerances | None = N
     else:
         verdict = prove(schedule, seen.trace, seen.span)
     end = end_of(verdict)
-    counted = (warning for warning in seen.warnings if end is None or warning.cycle < end)
-    verdict = verdict.with_warnings(tuple(counted))
+    counted = (warning for warning in seen.warnings if end is None or cycle_of(warning) < end)
+    verdict = verdict.with_warnings(tuple(counted), CHIP_DEPENDENT)
     return Checked(verdict.proven, verdict.agrees, tuple(verdict_lines(verdict)), tuple(_of_edges(verdict)))
 
 

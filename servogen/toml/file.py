@@ -90,17 +90,17 @@ def parse(text: str, file: str) -> Document:
         raise InputError("toml-syntax", message, Location(file, line), _WHOLE_RANGE) from error
     except RecursionError as error:
         raise InputError(
-            "toml-too-large", "tables or arrays are nested too deeply", Location(file)
+            "file-too-large", "tables or arrays are nested too deeply", Location(file)
         ) from error
     try:
         document = Document(file, _frozen(data), places_of(text))
         _check_range(document, document.data, ())
         return document
     except TooMuch as error:
-        raise InputError("toml-too-large", error.message, Location(file, error.line), error.hint) from error
+        raise InputError("file-too-large", error.message, Location(file, error.line), error.hint) from error
     except RecursionError as error:
         raise InputError(
-            "toml-too-large", "tables or arrays are nested too deeply", Location(file)
+            "file-too-large", "tables or arrays are nested too deeply", Location(file)
         ) from error
 
 
@@ -129,7 +129,7 @@ def unknown_key(document: Document, key: Key, known: Iterable[str]) -> InputErro
         if other_unit and other_stem == stem:
             if unit:
                 return document.error("wrong-unit", key, f"'{word}' is not taken in {unit}: write {name}")
-            return document.error("missing-unit", key, f"'{word}' has no unit: write {name}")
+            return document.error("wrong-unit", key, f"'{word}' has no unit: write {name}")
     return document.error("unknown-key", key, f"unknown key '{word}'", did_you_mean(word, names))
 
 
@@ -235,7 +235,7 @@ def _input_error(document: Document, model: type[Table], root: Key, detail: Mapp
     if kind == "missing":
         if where and isinstance(where[-1], int):
             return document.error(
-                "array-length", key[:-1], f"has too few values: number {where[-1] + 1} is missing"
+                "wrong-type", key[:-1], f"has too few values: number {where[-1] + 1} is missing"
             )
         return document.error(
             "missing-key", key[:-1], f"'{key[-1]}' is missing", f"add {_added(model, key, where)}"
@@ -255,7 +255,7 @@ def _input_error(document: Document, model: type[Table], root: Key, detail: Mapp
     if kind in ("too_short", "too_long"):
         count = context["actual_length"]
         return document.error(
-            "array-length", key, f"has {count} value{'s' if count != 1 else ''}", _length_hint(kind, context)
+            "wrong-type", key, f"has {count} value{'s' if count != 1 else ''}", _length_hint(kind, context)
         )
     if kind in _ALLOWED:
         return document.error(

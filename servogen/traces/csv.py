@@ -177,19 +177,19 @@ def _complain(block: bytes, last: int, path: Path, line: int) -> NoReturn:
         fields = text.split(",")
         if len(fields) != 3:
             raise InputError(
-                "csv-row", f"'{text[:40]}' is not a row of an edge file", place, f"expected: {HEADER}"
+                "csv-syntax", f"'{text[:40]}' is not a row of an edge file", place, f"expected: {HEADER}"
             )
         cycle, pin, level = fields
         if not _is_plain(cycle):
             hint = f"instruction cycles since reset: at most {MOST_DIGITS} digits, no leading zeros"
-            raise InputError("csv-row", f"cycle '{cycle[:40]}' is not allowed", place, hint)
+            raise InputError("csv-syntax", f"cycle '{cycle[:40]}' is not allowed", place, hint)
         if pin not in PINS:
             raise InputError(
-                "csv-row", f"pin '{pin[:40]}' is not allowed", place, f"allowed: {', '.join(PINS)}"
+                "csv-syntax", f"pin '{pin[:40]}' is not allowed", place, f"allowed: {', '.join(PINS)}"
             )
         if level not in ("0", "1"):
             raise InputError(
-                "csv-row", f"level '{level[:40]}' is not allowed", place, "allowed: 0, 1 (undriven is 0)"
+                "csv-syntax", f"level '{level[:40]}' is not allowed", place, "allowed: 0, 1 (undriven is 0)"
             )
         if int(cycle) < last:
             raise InputError(

@@ -68,5 +68,5 @@ def first_lines(path: Path, count: int) -> list[bytes]:
 def _too_long(path: Path, line: int | None) -> InputError:
     which = "the last line" if line is None else "the line"
     return InputError(
-        "line-too-long", f"{which} is longer than {size_text(MAX_LINE_BYTES)}", Location(str(path), line)
+        "file-too-large", f"{which} is longer than {size_text(MAX_LINE_BYTES)}", Location(str(path), line)
     )

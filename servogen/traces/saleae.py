@@ -90,7 +90,7 @@ def _nanoseconds(line: bytes, path: Path, number: int | None) -> int:
     if not _SECONDS.fullmatch(text) or not _is_time(text.encode()):
         place = Location(str(path), number)
         raise InputError(
-            "csv-row", f"time '{text[:40]}' is not a number of seconds", place, "export times in seconds"
+            "csv-syntax", f"time '{text[:40]}' is not a number of seconds", place, "export times in seconds"
         )
     return round(Fraction(text) * NANOSECONDS)
 
@@ -102,15 +102,15 @@ def _complain(lines: list[bytes], number: int, path: Path, columns: int) -> NoRe
         time, *levels = (field.strip() for field in line.split(b","))
         if len(levels) != columns - 1:
             shown = line[:40].decode("utf-8", "replace")
-            raise InputError("csv-row", f"'{shown}' has not {columns} fields as the header has", place)
+            raise InputError("csv-syntax", f"'{shown}' has not {columns} fields as the header has", place)
         for level in levels:
             if level not in LEVELS:
                 shown = level[:40].decode("utf-8", "replace")
-                raise InputError("csv-row", f"level '{shown}' is not allowed", place, "allowed: 0, 1, X")
+                raise InputError("csv-syntax", f"level '{shown}' is not allowed", place, "allowed: 0, 1, X")
         if not _is_time(time):
             shown = time[:40].decode("utf-8", "replace")
             raise InputError(
-                "csv-row", f"time '{shown}' is not a number of seconds", place, "export times in seconds"
+                "csv-syntax", f"time '{shown}' is not a number of seconds", place, "export times in seconds"
             )
     raise InputError("csv-syntax", "is not a digital CSV file of Saleae's", Location(str(path), number))
 

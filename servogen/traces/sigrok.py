@@ -97,7 +97,7 @@ class _Session:
         try:
             yield from self._unpacked()
         except _DAMAGED as error:
-            raise InputError("sigrok-damaged", f"is damaged: {error}", Location(str(self.path))) from error
+            raise InputError("sigrok-syntax", f"is damaged: {error}", Location(str(self.path))) from error
 
     def _unpacked(self) -> Iterator[npt.NDArray[np.uint64]]:
         with zipfile.ZipFile(self.path) as archive:

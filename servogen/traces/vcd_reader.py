@@ -115,7 +115,7 @@ def read_header(path: Path, wires: Mapping[str, str] | None = None) -> VcdHeader
         raise InputError("vcd-syntax", message, place, "wires have at most a few thousand bits") from error
     if not step:
         raise InputError(
-            "vcd-timescale",
+            "vcd-syntax",
             "has no $timescale, or one of 0",
             place,
             "it must say how long one time step is, as `$timescale 1 us $end`",
@@ -132,7 +132,7 @@ def _end(path: Path, start: int, cycles_per_step: Fraction) -> Cycles:
     last = np.array(_last_times(path, start), dtype=np.int64)
     if int(last[-1]) * cycles_per_step > MOST_CYCLES:
         raise InputError(
-            "time-range",
+            "time-order",
             f"time #{last[-1]} is too late",
             Location(str(path)),
             f"below 10^17 instruction cycles; a step of this file is {float(cycles_per_step):g}",
@@ -158,15 +158,15 @@ def _last_times(path: Path, start: int) -> list[int]:
                 late = next((time for time in times if len(time) > MOST_DIGITS), None)
                 if late:
                     raise InputError(
-                        "time-range", f"time #{late.decode()} is too late", place, "below 10^18 steps"
+                        "time-order", f"time #{late.decode()} is too late", place, "below 10^18 steps"
                     )
                 return [int(time) for time in times]
             if at == start:
                 raise InputError(
-                    "vcd-damaged", "is not a whole VCD file: no time stamp follows the declarations", place
+                    "vcd-syntax", "is not a whole VCD file: no time stamp follows the declarations", place
                 )
             if wanted > MAX_TAIL_BYTES:
-                raise InputError("vcd-damaged", f"has no time stamp in its last {size_text(wanted)}", place)
+                raise InputError("vcd-syntax", f"has no time stamp in its last {size_text(wanted)}", place)
             wanted *= 8
 
 

@@ -30,12 +30,12 @@ def pins_of(
     if not named:
         shown = ", ".join(known[:20]) or "none"
         hint = f"its 1-bit wires: {shown}; {_HINT}"
-        raise InputError("vcd-wires", "has no wire that is named by a pin (RA0 … RB7)", place, hint)
+        raise InputError("bad-wiring", "has no wire that is named by a pin (RA0 … RB7)", place, hint)
     first: dict[int, tuple[str, Key]] = {}
     for name, key, pin in named:
         other, other_key = first.setdefault(pin, (name, key))
         if other_key != key:
-            raise InputError("vcd-wires", f"wires '{other}' and '{name}' are both {PINS[pin]}", place, _HINT)
+            raise InputError("bad-wiring", f"wires '{other}' and '{name}' are both {PINS[pin]}", place, _HINT)
     return {key: pin for _, key, pin in named}
 
 
@@ -53,7 +53,7 @@ def _as_chosen(
         if pin not in PINS:
             raise InputError("unknown-pin", f"'{pin}' is no pin", place, did_you_mean(pin, PINS))
         if name not in keys:
-            raise InputError("vcd-wires", f"has no 1-bit wire '{name}'", place, did_you_mean(name, keys))
+            raise InputError("bad-wiring", f"has no 1-bit wire '{name}'", place, did_you_mean(name, keys))
         named.append((name, keys[name], PINS.index(pin)))
     return named
 

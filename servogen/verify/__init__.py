@@ -2,7 +2,7 @@
 
 from servogen.verify.capture.check import verify_capture
 from servogen.verify.capture.text import capture_lines
-from servogen.verify.capture.verdict import CapturedChannel, CaptureVerdict, Problem, Tolerances
+from servogen.verify.capture.verdict import CapturedChannel, CaptureVerdict, Mismatch, Tolerances
 from servogen.verify.compare import GLITCH, verify, whole_motion
 from servogen.verify.measure.measure import measure
 from servogen.verify.measure.measurement import Measurement, PinMeasurement
@@ -12,7 +12,6 @@ from servogen.verify.start import channel_pins, find_start
 from servogen.verify.text import verdict_lines
 from servogen.verify.verdict import (
     ChannelVerdict,
-    ChipWarning,
     Difference,
     Overlap,
     Span,
@@ -26,12 +25,11 @@ __all__ = [
     "CaptureVerdict",
     "CapturedChannel",
     "ChannelVerdict",
-    "ChipWarning",
     "Difference",
     "Measurement",
+    "Mismatch",
     "Overlap",
     "PinMeasurement",
-    "Problem",
     "Sampling",
     "Span",
     "StrayPin",

@@ -21,7 +21,9 @@ def verdict_lines(verdict: Verdict) -> list[str]:
         lines.append(f"first edge {counted(verdict.start, 'cycle')} ({start:g} µs) after reset")
     lines += [_channel_line(channel) for channel in verdict.channels]
     lines += [f"- {reason}" for reason in verdict.reasons]
-    return lines + [f"warning: {each}" for each in verdict.warnings if not each.chip_dependent]
+    return lines + [
+        f"warning: {each.sentence}" for each in verdict.warnings if each not in verdict.chip_dependent
+    ]
 
 
 def _headline(verdict: Verdict) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from servogen.edges import PINS
+from servogen.errors import Diagnostic
 from servogen.plan_error import PlanError
 from servogen.units import Clock, Cycles
 from servogen.verify.coverage import Coverage
@@ -148,41 +149,10 @@ class StrayPin:
 
 
 @dataclass(frozen=True, slots=True)
-class ChipWarning:
-    """A noteworthy action or requirement of a program, and its place in the program."""
-
-    kind: str
-    message: str
-    cycle: Cycles
-    address: int | None
-    chip_dependent: bool
-    """Whether other chips, or the same one at its next power-up, may make other edges."""
-    file: str | None = None
-    line: int | None = None
-
-    def __str__(self) -> str:
-        parts = [f"cycle {self.cycle}"]
-        parts += [] if self.address is None else [f"address 0x{self.address:03X}"]
-        parts += [] if self.file is None else [f"{self.file}:{self.line}"]
-        return f"{', '.join(parts)}: {self.message}"
-
-    def to_json(self) -> dict[str, object]:
-        return {
-            "kind": self.kind,
-            "message": self.message,
-            "cycle": self.cycle,
-            "address": self.address,
-            "file": self.file,
-            "line": self.line,
-            "chip_dependent": self.chip_dependent,
-        }
-
-
-@dataclass(frozen=True, slots=True)
 class Verdict:
     """`proven`: from reset to the end of the asked span the driven edges are the schedule's, on all pins.
 
-    For a program, it also means that no chip warning is `chip_dependent`.
+    For a program, it also means that no warning is `chip_dependent`.
 
     `start` is the cycle of the first scheduled edge: reported, not judged; None when no scheduled pin rises.
     After a difference, the channels' errors cover the trace up to `span.compared`, which is then shortened if
@@ -223,22 +193,32 @@ class Verdict:
         unseen = (*self.unseen, reason) if self.agrees else self.unseen
         return replace(self, proven=False, reasons=(*self.reasons, reason), unseen=unseen)
 
-    warnings: tuple[ChipWarning, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
     """Of the program that ran; edges alone have none."""
+    chip_dependent: tuple[Diagnostic, ...] = ()
+    """Those of the warnings by which other chips, or the same one at its next power-up, may make other edges.
+    """
 
     @property
     def edges_agree(self) -> bool:
         """Return whether the observed edges are the schedule's, regardless of warnings."""
-        others = sum(warning.chip_dependent for warning in self.warnings) + len(self.unseen)
+        others = len(self.chip_dependent) + len(self.unseen)
         return len(self.reasons) == others
 
-    def with_warnings(self, warnings: tuple[ChipWarning, ...]) -> Verdict:
-        """Return this verdict for a program that ran with `warnings`; a chip-dependent one refutes it."""
-        reasons = tuple(
-            f"other chips may make other edges: {warning}" for warning in warnings if warning.chip_dependent
-        )
+    def with_warnings(
+        self, warnings: tuple[Diagnostic, ...], chip_dependent: frozenset[str] = frozenset()
+    ) -> Verdict:
+        """Return this verdict for a program that ran with `warnings`; one whose code is among
+        `chip_dependent` refutes it.
+        """
+        refuting = tuple(warning for warning in warnings if warning.code in chip_dependent)
+        reasons = tuple(f"other chips may make other edges: {warning.sentence}" for warning in refuting)
         return replace(
-            self, proven=self.proven and not reasons, reasons=self.reasons + reasons, warnings=warnings
+            self,
+            proven=self.proven and not reasons,
+            reasons=self.reasons + reasons,
+            warnings=warnings,
+            chip_dependent=refuting,
         )
 
     @property
@@ -260,6 +240,9 @@ class Verdict:
             "first_difference": self.difference.to_json() if self.difference else None,
             "overlap": self.overlap.to_json() if self.overlap else None,
             "stray_pins": [stray.to_json() for stray in self.stray],
-            "warnings": [warning.to_json() for warning in self.warnings],
+            "warnings": [
+                {**warning.to_json(), "chip_dependent": warning in self.chip_dependent}
+                for warning in self.warnings
+            ],
             "plan_error": self.plan_error.to_json() if self.plan_error else None,
         }

@@ -98,8 +98,8 @@ def test_a_word_that_is_not_taken_is_found_and_named(run: Run, program: Path, se
     done = run("flash", program, "--programmer", "picpro", "--port", port)
     assert done.code == 1
     assert (
-        f"{port}: the program memory differs from the file, first in the program memory at address 0x012: "
-        in done.err
+        f"{port}: error: the program memory differs from the file, first in the program memory at "
+        "address 0x012: " in done.err
     )
 
 
@@ -148,7 +148,10 @@ def test_a_silent_programmer_is_told(run: Run, program: Path, serve: Serve) -> N
     port = serve({"programmer": programmer(silent=True)}).paths["programmer"]
     done = run("flash", program, "--programmer", "picpro", "--port", port, "--timeout", 2)
     assert done.code == 3
-    assert f"{port}: picpro did not end within 2 s and said nothing: does the programmer answer?" in done.err
+    assert (
+        f"{port}: error: picpro did not end within 2 s and said nothing: does the programmer answer?"
+        in done.err
+    )
 
 
 @picpro
@@ -186,7 +189,7 @@ def test_a_port_that_another_servogen_has_is_busy(run: Run, program: Path, serve
 def test_a_missing_port_is_named(run: Run, program: Path) -> None:
     done = run("flash", program, "--programmer", "picpro", "--port", "/dev/ttyNONE")
     assert done.code == 3
-    assert "/dev/ttyNONE: there is no such port" in done.err
+    assert "/dev/ttyNONE: error: there is no such port" in done.err
 
 
 # What the others say, as far as it is published, else assumed.

@@ -146,7 +146,7 @@ def test_a_look_that_fails_leaves_those_before_it() -> None:
 
     def look(planned: Plan, number: int) -> Seen:
         if number == 2:
-            raise ToolError("nothing rose on channel 0")
+            raise ToolError("no-answer", "nothing rose on channel 0")
         return Seen(silence)
 
     found = stitch(look, plan(SMALL, 1_000_000, True, one), 50, False, expected(schedule), {0: 5})

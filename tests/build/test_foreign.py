@@ -121,7 +121,7 @@ def test_the_hex_of_another_job_is_refused_with_what_differs() -> None:
 def test_a_c_of_another_job_is_refused_too() -> None:
     source = Source(firmware("lab9-program", "xc8").text, "wrong.c")
     image = firmware("lab8-exercise", "xc8").compilation.image
-    with pytest.raises(InputError, match=r"wrong\.c: is not a program of lab8-exercise"):
+    with pytest.raises(InputError, match=r"wrong\.c: error: is not a program of lab8-exercise"):
         tune_to(job("lab8-exercise"), image, "theirs.hex", "xc8", source)
 
 

@@ -208,7 +208,7 @@ def test_a_dialect_whose_program_does_not_fit_is_left_out_and_told(tmp_path: Pat
     done = build(plan_job(load(tmp_path / "many.toml")))
     assert [program.firmware.dialect for program in done.programs] == ["c2c", "xc8"]
     assert done.proven
-    assert [each.code for each in done.left_out] == ["dialect"]
+    assert [each.code for each in done.left_out] == ["dialect-left-out"]
     assert any("no program for sdcc" in str(warning) for warning in done.warnings)
 
 

@@ -94,7 +94,7 @@ def test_warnings_come_last_with_their_number(
     monkeypatch.setattr("sys.stderr", screen)
     job_commands.check(job)
     lines = "".join(written).splitlines()
-    warnings = [line for line in lines if line.startswith("warning: ")]
+    warnings = [line for line in lines if ": warning: " in line]
     assert len(warnings) >= 2
     assert lines[-len(warnings) - 1] == f"{len(warnings)} warnings:"
     assert lines[-len(warnings) :] == warnings
@@ -111,10 +111,12 @@ def test_work_that_nobody_asked_for_is_said_on_standard_error(
 
     def load(path: Path) -> None:
         logging.getLogger("servogen.simulator.aot_cache").info("compiling, ten seconds")
-        raise ServogenError("and no more")
+        raise ServogenError("no-more", "and no more")
 
     monkeypatch.setattr("servogen.job.load", load)
-    assert run("check", "job.toml").err == "servogen: compiling, ten seconds\nservogen: and no more\n"
+    assert run("check", "job.toml").err == (
+        "servogen: compiling, ten seconds\nservogen: error: and no more [no-more]\n"
+    )
     assert run("check", "job.toml").err.count("ten seconds") == 1  # also when it runs again
 
 
@@ -125,7 +127,7 @@ def test_other_commands_say_the_number_before_their_warnings(run: Run, tmp_path:
     (tmp_path / "x.asm").write_text(" list p=16f84\n org 0\n bsf 3, 5\n bcf 6, 0\n bcf 3, 5\n goto $\n end\n")
     file = tmp_path / ("x.c" if command == "compile" else "x.asm")
     lines = run(command, file).err.splitlines()
-    warnings = [line for line in lines if line.startswith("warning: ")]
+    warnings = [line for line in lines if ": warning: " in line]
     number = f"{len(warnings)} warning" + ("s:" if len(warnings) != 1 else ":")
     assert warnings
     assert lines[:2] == [number, warnings[0]]

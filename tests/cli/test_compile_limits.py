@@ -68,7 +68,7 @@ def test_a_source_without_end_is_bad_input(
     replace_tool(monkeypatch, work)
     done = run(command, source, *options)
     assert done.code == 2
-    assert f"{source}: {words}\n  --timeout and --memory-mb allow more" in done.err
+    assert f"{source}: error: {words} [compile-failed]\n  --timeout and --memory-mb allow more" in done.err
     assert not source.with_suffix(".hex").exists()
 
 
@@ -99,7 +99,10 @@ def test_every_command_that_reads_a_program_has_the_limits(
     replace_tool(monkeypatch, hoard)
     done = run("simulate", tmp_path / name)
     assert done.code == 2
-    assert "needed more than 300 MB of memory\n  servogen compile and servogen assemble take" in done.err
+    assert (
+        "needed more than 300 MB of memory [compile-failed]\n  servogen compile and servogen assemble take"
+        in done.err
+    )
 
 
 def test_the_limits_change_nothing_of_what_is_compiled(
@@ -144,4 +147,4 @@ def test_a_system_without_limits_is_said_to_be_one(
     done = run("compile", source)
     compiling.warn_of_missing_limits.cache_clear()
     assert done.code == 0
-    assert "warning: linux cannot limit the memory and the open files of a process" in done.err
+    assert "servogen: warning: linux cannot limit the memory and the open files of a process" in done.err

@@ -45,7 +45,7 @@ def test_a_hex_file_beside_its_source_is_not_graded_twice(run: Run, tmp_path: Pa
     (tmp_path / "ana.hex").write_text(":00000001FF\n")
     ran = run("grade", "lab8-exercise", tmp_path, "--json")
     assert ran.code == 0
-    assert "ana.hex: not graded, as its source lies beside it" in ran.err
+    assert "ana.hex: warning: not graded, as its source lies beside it" in ran.err
 
 
 def test_an_empty_folder_and_an_unknown_lab_are_bad_input(run: Run, tmp_path: Path) -> None:

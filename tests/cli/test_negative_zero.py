@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from servogen.cli.show import as_json
+from servogen.cli.show import as_json, begin, json_line
 from servogen.errors import InputError
 from servogen.kinematics.catalogue import arm, names
 
@@ -40,11 +40,12 @@ def test_the_pattern_finds_what_it_should() -> None:
 
 
 def test_json_has_none(capsys: pytest.CaptureFixture[str]) -> None:
+    begin()
     as_json({"a": -0.0, "b": [-0.0, (1, -0.0)], "c": None, "d": True, "e": "-0.0", "f": -0.5})
     assert json.loads(capsys.readouterr().out) == {
-        "a": 0, "b": [0, [1, 0]], "c": None, "d": True, "e": "-0.0", "f": -0.5
+        "diagnostics": [], "a": 0, "b": [0, [1, 0]], "c": None, "d": True, "e": "-0.0", "f": -0.5
     }  # fmt: skip
-    as_json([-0.0])
+    json_line([-0.0])
     assert capsys.readouterr().out == "[0.0]\n"
 
 

@@ -42,7 +42,7 @@ def test_mobility_of_the_scara(run: Run) -> None:
 
 
 def test_each_robot_of_the_list_can_be_shown(run: Run) -> None:
-    names = [row["name"] for row in json.loads(run("robots", "--json").out)]
+    names = [row["name"] for row in json.loads(run("robots", "--json").out)["robots"]]
     assert {"scara", "rv-m1", "irb6400c", "theta-r", "leg", "hexapod", "omni"} <= set(names)
     assert all(run("robots", name).code == 0 for name in names)
 

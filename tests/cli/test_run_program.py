@@ -58,7 +58,7 @@ def test_csv_has_a_row_a_frame_in_degrees(app: typer.Typer, program: str, tmp_pa
 def test_an_error_has_the_program_s_place(app: typer.Typer, program: str) -> None:
     result = CliRunner().invoke(app, [program])
     assert isinstance(result.exception, InputError)
-    assert str(result.exception).startswith(f"{program}:5:4: program line 40: IN waits for a strobe")
+    assert str(result.exception).startswith(f"{program}:5:4: error: program line 40: IN waits for a strobe")
 
 
 def test_a_program_that_does_not_end_is_stopped(app: typer.Typer, tmp_path: Path) -> None:

@@ -90,8 +90,8 @@ def test_a_source_without_measure_is_refused(case: str) -> None:
         compile_sources([Source(text, "main.c")])
     errors = [each for each in caught.value.diagnostics if each.severity == "error"]
     assert message is None or errors[0].message == message
-    assert errors[0].place.file == "main.c"
-    assert line is None or errors[0].place.line == line
+    assert errors[0].location.file == "main.c"
+    assert line is None or errors[0].location.line == line
 
 
 def test_a_shift_of_the_preprocessor_makes_no_huge_number() -> None:
@@ -125,7 +125,7 @@ def test_a_file_is_not_included_without_end() -> None:
             [Source('#include "a.h"\n' * 300, "main.c")], Options(include=lambda name, _: (name, ";\n"))
         )
     assert caught.value.diagnostics[0].message == "more than 200 files are included"
-    assert caught.value.diagnostics[0].place.line == 201
+    assert caught.value.diagnostics[0].location.line == 201
 
 
 def test_the_compiler_stops_after_fifty_errors() -> None:
@@ -142,7 +142,7 @@ def test_what_is_opened_again_and_again_is_read_once(opened: str) -> None:
     try:
         assert compile_sources([Source(text, "main.c")]).words
     except CompileError as error:
-        assert error.diagnostics[0].place.line
+        assert error.diagnostics[0].location.line
 
 
 def test_what_the_chip_holds_is_not_refused() -> None:

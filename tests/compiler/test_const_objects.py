@@ -213,4 +213,4 @@ def test_what_contradicts_is_an_error(text: str, message: str) -> None:
     with pytest.raises(CompileError) as caught:
         compile_sources([Source(text + "\nvoid main(void) { }", "main.c")])
     assert [each.message for each in caught.value.diagnostics if each.severity == "error"] == [message]
-    assert caught.value.diagnostics[0].place.line
+    assert caught.value.diagnostics[0].location.line

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import pytest
 
-from servogen.compiler import CompileError, Diagnostic, Options, Source, compile_sources
+from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
+from servogen.errors import Diagnostic
 
 CARET = "‸"
 
 
-def diagnostics(dialect: str, text: str) -> tuple[Diagnostic, ...]:
+def reported(dialect: str, text: str) -> Compilation | CompileError:
     try:
-        return compile_sources([Source(text, "main.c")], Options(dialect=dialect)).diagnostics
+        return compile_sources([Source(text, "main.c")], Options(dialect=dialect))
     except CompileError as error:
-        return error.diagnostics
+        return error
+
+
+def diagnostics(dialect: str, text: str) -> tuple[Diagnostic, ...]:
+    return reported(dialect, text).diagnostics
 
 
 SERIAL = "#pragma CLOCK_FREQ 4000000\n#pragma RS232_TXPORT PORTB\n"
@@ -442,10 +447,11 @@ ROWS = [
 def test_a_diagnostic_says_what_and_where(dialect: str, marked: str, severity: str, message: str) -> None:
     before, _, _ = marked.partition(CARET)
     line, column = before.count("\n") + 1, len(before) - (before.rfind("\n") + 1) + 1
-    (found,) = diagnostics(dialect, marked.replace(CARET, ""))
+    report = reported(dialect, marked.replace(CARET, ""))
+    (found,) = report.diagnostics
     assert (found.severity, found.message) == (severity, message)
-    assert (found.place.line, found.place.column) == (line, column)
-    shown = str(found).splitlines()
+    assert (found.location.line, found.location.column) == (line, column)
+    shown = found.render(report.source_lines).splitlines()
     caret = next(number for number, each in enumerate(shown) if each.strip() == "^")
     assert shown[caret].index("^") - 4 == column - 1
     assert shown[caret - 1][4:] == marked.replace(CARET, "").splitlines()[line - 1]
@@ -463,7 +469,7 @@ BRACKETS = [
 def test_brackets_that_do_not_match_are_shown(text: str, place: tuple[int, int], hint: str) -> None:
     (found,) = diagnostics("xc8", text)
     assert found.message.startswith("syntax error before")
-    assert ((found.place.line, found.place.column), found.hint) == (place, hint)
+    assert ((found.location.line, found.location.column), found.hint) == (place, hint)
 
 
 @pytest.mark.parametrize(
@@ -473,7 +479,7 @@ def test_brackets_that_do_not_match_are_shown(text: str, place: tuple[int, int],
 def test_a_declaration_without_an_end_is_told_where_it_stands(declaration: str, end: str) -> None:
     (found,) = diagnostics("xc8", f"{declaration}\nvoid main(void) {{ }}")
     assert found.message == f"syntax error: ';' is missing after '{end}'"
-    assert (found.place.line, found.place.column) == (1, len(declaration) + 1)
+    assert (found.location.line, found.location.column) == (1, len(declaration) + 1)
 
 
 def test_what_is_nested_too_deeply_is_said() -> None:
@@ -487,7 +493,7 @@ def test_errors_of_several_functions_are_found_in_one_run() -> None:
         "void f(void) {\n x = ; }\nvoid g(void) {\n y = 1;\n delay_ms(300); }\nvoid main(void) { f(); g(); }"
     )
     found = diagnostics("c2c", "#pragma CLOCK_FREQ 4000000\n" + text)
-    assert [(each.place.line, each.message) for each in found] == [
+    assert [(each.location.line, each.message) for each in found] == [
         (3, "syntax error before ';' (invalid expression)"),
         (5, "'y' is not declared"),
         (6, "'delay_ms' takes 0 to 255, not 300"),

@@ -1,7 +1,8 @@
 """Every message of the compiler has a test with its exact text.
 
-The messages are read from the compiler's own source: the first argument of each call that reports. The texts
-that tests state are the `// error:` and `// warning:` comments of the C files beside this module.
+The messages are read from the compiler's own source: the second argument, after the code, of each call that
+reports. The texts that tests state are the `// error:` and `// warning:` comments of the C files beside this
+module.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ HERE = Path(__file__).parent
 PACKAGE = Path(servogen.compiler.__file__).parent
 UNFORESEEN = frozenset(("this type is not supported",))
 """Stands behind all that the parser is known to give."""
-REPORTS = frozenset(("error", "warn", "fatal", "fail", "too_large", "AsmError"))
+REPORTS = frozenset(("error", "warn", "fatal", "fail", "SourceError"))
 
 
 def pattern(node: ast.expr) -> str | None:
@@ -40,13 +41,13 @@ def messages() -> dict[str, str]:
     found: dict[str, str] = {}
     for path in sorted(PACKAGE.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text())):
-            if not isinstance(node, ast.Call) or not node.args:
+            if not isinstance(node, ast.Call) or len(node.args) < 2:
                 continue
             name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
             if name not in REPORTS:
                 continue
-            text = pattern(node.args[0])
-            if name == "AsmError" and text is not None:
+            text = pattern(node.args[1])
+            if name == "SourceError" and text is not None:
                 text = "assembly: " + text
             if text is not None and text.strip(".*") and text.replace("\\", "") not in UNFORESEEN:
                 found[text] = f"{path.name}:{node.lineno}"

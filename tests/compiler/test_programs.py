@@ -23,8 +23,9 @@ from pathlib import Path
 
 import pytest
 
-from servogen.compiler import Compilation, CompileError, Diagnostic, Options, Source, compile_sources
+from servogen.compiler import Compilation, CompileError, Options, Source, compile_sources
 from servogen.edges import PINS
+from servogen.errors import Diagnostic
 from servogen.pic.device import RAM_FIRST
 from servogen.simulator import Machine
 from servogen.units import Clock
@@ -89,10 +90,10 @@ def said(diagnostics: tuple[Diagnostic, ...], wanted: Stated) -> list[tuple[str,
     return [
         (
             each.severity,
-            each.place.line or wanted.first,
+            each.location.line or wanted.first,
             each.message,
             each.hint
-            if (each.severity, each.place.line or wanted.first, each.message) in with_hint
+            if (each.severity, each.location.line or wanted.first, each.message) in with_hint
             else None,
         )
         for each in diagnostics

@@ -116,7 +116,7 @@ def test_calls_that_go_too_deep_show_their_path() -> None:
     with pytest.raises(CompileError) as caught:
         build(text)
     (found,) = caught.value.diagnostics
-    assert str(found.place) == "main.c:10:6"
+    assert str(found.location) == "main.c:10:6"
     assert found.message.startswith("calls go 9 levels deep, the chip's stack has 8: main → f1 → f2")
 
 

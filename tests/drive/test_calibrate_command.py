@@ -138,7 +138,7 @@ def test_an_old_file_is_kept(run: Run, job: Path) -> None:
         (RANGE, "there is no line to move it on"),
         (("--angles-deg", "1,2,3"), "the widths of positions 0 and 254"),
         ((*RANGE, "--servo", "leg", "--angles-deg", "1"), "there is no servo 'leg'"),
-        (("--readings", "gone.csv"), "gone.csv: cannot be read"),
+        (("--readings", "gone.csv"), "gone.csv: error: cannot be read"),
     ],
 )
 def test_what_cannot_be_is_refused_and_nothing_is_written(
@@ -153,9 +153,9 @@ def test_what_cannot_be_is_refused_and_nothing_is_written(
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("width_us,angle\n1000,1\n", "seen.csv:1: there is no column angle_deg"),
-        ("width_us,angle_deg\n1000,1\n1500,\n", "seen.csv:3: a reading is two numbers"),
-        ("width_us,angle_deg\n1000,1\n1500\n", "seen.csv:3: a reading is two numbers"),
+        ("width_us,angle\n1000,1\n", "seen.csv:1: error: there is no column angle_deg"),
+        ("width_us,angle_deg\n1000,1\n1500,\n", "seen.csv:3: error: a reading is two numbers"),
+        ("width_us,angle_deg\n1000,1\n1500\n", "seen.csv:3: error: a reading is two numbers"),
     ],
 )
 def test_a_wrong_file_of_readings_is_refused_with_its_line(run: Run, job: Path, text: str, says: str) -> None:
@@ -226,7 +226,7 @@ def test_a_sweep_that_is_given_up_goes_back_to_rest_too() -> None:
 
     def give_up(sweep: Sweep, point: int) -> float:
         if point == 1:
-            raise InputError("too-few-readings", "enough")
+            raise InputError("bad-readings", "enough")
         return 0.0
 
     with SerialLink(robot.open, 9600, robot.time(), 0) as line, pytest.raises(InputError, match="enough"):

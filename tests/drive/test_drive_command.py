@@ -176,7 +176,7 @@ def test_a_dry_run_shows_the_bytes_and_needs_no_port(run: Run) -> None:
 @pytest.mark.parametrize(
     ("options", "code", "says"),
     [
-        (("--port", "/dev/not-there", *RANGE), 3, "/dev/not-there: there is no such port"),
+        (("--port", "/dev/not-there", *RANGE), 3, "/dev/not-there: error: there is no such port"),
         (RANGE, 2, "there is no line to send on"),
         (("--dry-run",), 2, "the widths of positions 0 and 254"),
         (("--dry-run", *RANGE, "--pose", "8"), 2, "the job has no pose '8'"),

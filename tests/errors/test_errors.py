@@ -48,7 +48,7 @@ def test_a_diagnostic_reads_as_gcc_writes_it(diagnostic: Diagnostic, text: str) 
 
 def test_a_source_line_stands_below_with_a_caret_under_the_column() -> None:
     diagnostic = Diagnostic("error", "x-y", "no", Location("a.c", 2, 3), "try")
-    assert diagnostic.text({("a.c", 2): "\tx = y;"}).splitlines() == [
+    assert diagnostic.render({("a.c", 2): "\tx = y;"}).splitlines() == [
         "a.c:2:3: error: no [x-y]",
         "    \tx = y;",
         "    \t ^",
@@ -66,17 +66,19 @@ def test_an_error_carries_all_diagnostics_and_the_first_error_is_its_own() -> No
 def test_an_error_moved_to_a_location_keeps_its_class_code_and_hint() -> None:
     moved = ToolError("no-port", "it is gone", hint="plug it in").at(Location("job.toml", 4))
     assert isinstance(moved, ToolError)
-    assert str(moved.first) == "job.toml:4: error: it is gone [no-port]\n  plug it in"
+    assert str(moved) == "job.toml:4: error: it is gone [no-port]\n  plug it in"
 
 
 def test_an_error_reads_place_message_hint() -> None:
-    error = InputError("the angle is out of travel", Location("job.toml", 3), "allowed: 0 to 180")
-    assert str(error) == "job.toml:3: the angle is out of travel\n  allowed: 0 to 180"
-    assert str(InputError("no poses")) == "no poses"
+    error = InputError(
+        "bad-angle", "the angle is out of travel", Location("job.toml", 3), "allowed: 0 to 180"
+    )
+    assert str(error) == "job.toml:3: error: the angle is out of travel [bad-angle]\n  allowed: 0 to 180"
+    assert str(InputError("no-poses", "no poses")) == "servogen: error: no poses [no-poses]"
 
 
 def test_bad_input_ends_with_2_and_a_missing_tool_with_3() -> None:
-    assert (InputError("x").exit_code, ToolError("x").exit_code) == (2, 3)
+    assert (InputError("x", "y").exit_code, ToolError("x", "y").exit_code) == (2, 3)
     assert issubclass(InputError, ServogenError)
     assert issubclass(ToolError, ServogenError)
 

@@ -47,7 +47,7 @@ def recurse() -> None:
 
 
 def stutter() -> None:
-    raise InputError("x" * 100_000 + "\n" + "y\n" * 1_000_000)
+    raise InputError("wrong", "x" * 100_000 + "\n" + "y\n" * 1_000_000)
 
 
 def fail() -> None:
@@ -55,7 +55,7 @@ def fail() -> None:
 
 
 def need_a_tool() -> None:
-    raise ToolError("a tool is missing")
+    raise ToolError("tool-missing", "a tool is missing")
 
 
 def flood() -> None:
@@ -73,8 +73,8 @@ EVIL: dict[str, tuple[Callable[[], object], str, bool]] = {
     "exit.c": (lambda: os._exit(7), "exit code 7", True),
     "recurse.c": (recurse, "RecursionError", True),
     "fail.c": (fail, "RuntimeError: a defect", True),
-    "tool.c": (need_a_tool, "ToolError: a tool is missing", True),
-    "stutter.c": (stutter, "the program cannot be run:\nxxx", False),
+    "tool.c": (need_a_tool, "servogen: error: a tool is missing [tool-missing]", True),
+    "stutter.c": (stutter, "the program cannot be run:\nservogen: error: xxx", False),
 }
 """What reading a file of this name does; the reason that its page gives; whether that is servogen's fault."""
 

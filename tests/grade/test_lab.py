@@ -65,7 +65,7 @@ def test_what_is_wrong_in_a_lab_file_is_named(
     with pytest.raises(InputError) as caught:
         load_lab(str(path))
     assert message in str(caught.value)
-    assert caught.value.place is not None and caught.value.place.line == line
+    assert caught.value.location is not None and caught.value.location.line == line
 
 
 def test_a_lab_of_ones_own_is_loaded_by_its_path(tmp_path: Path) -> None:

@@ -108,8 +108,10 @@ def test_servogens_own_firmware_passes(lab: str, hex_file: str) -> None:
 def test_another_pin_is_right_and_remarked() -> None:
     grade = graded("lab8-exercise", PROGRAMS / "lab8-right" / "other_pin.c")
     assert grade.pins == (("arm", "RB3"),)
-    assert grade.remarks[0] == "the servo 'arm' is on RB3, not on the lab's RB0: wire it there"
-    assert grade.remarks[1].startswith("other chips may do otherwise: cycle 1, address 0x001: RB0, RB1")
+    assert grade.remarks[0].message == "the servo 'arm' is on RB3, not on the lab's RB0: wire it there"
+    assert str(grade.remarks[1]).startswith(
+        "servogen: warning: cycle 1, address 0x001: other chips may do otherwise: RB0, RB1"
+    )
 
 
 def test_what_is_measured_is_what_the_program_does() -> None:

@@ -46,7 +46,7 @@ def test_what_is_not_a_regular_file_is_refused_unread(
         link = tmp_path / "link"
         link.symlink_to(path)
         path = link
-    with pytest.raises(InputError, match=f"{path}: is {kind}: only regular files are read"):
+    with pytest.raises(InputError, match=f"{path}: error: is {kind}: only regular files are read"):
         open_input(path)
 
 

@@ -59,8 +59,10 @@ def test_notes_say_the_routines_and_the_closing_error() -> None:
     assert "300.0 mm at 90.0°, three wheels, 150 frames, 3 s" in notes[1][1]
     # along y -48, -48 and +95 µs add up to -1 µs, 1.5°/s: r · 1.5°/s / 3l for 3 s turn the base by 0.444°,
     # so that the side of 83 µs, 0.301 m, ends 2.3 mm beside where it began
-    assert notes[4][1].endswith(
-        "with pulses of whole cycles a round ends 2.34 mm and 0.000° from its beginning"
+    assert (
+        notes[4][1]
+        .removesuffix(" [closing]")
+        .endswith("with pulses of whole cycles a round ends 2.34 mm and 0.000° from its beginning")
     )
 
 
@@ -121,7 +123,8 @@ def test_what_is_wrong_is_said_with_its_key(old: str, new: str, message: str) ->
 def test_a_drive_that_is_too_fast_says_how_fast_it_may_be() -> None:
     # along y wheel 3 turns at v / r: 300 mm/s are 7.5 rad/s, and 300°/s allow 0.04 · 5.236 = 209 mm/s
     assert error_of(("speed_mm_s = 100", "speed_mm_s = 300")).endswith(
-        "drive.speed_mm_s: wheel3 would have to turn at -430°/s: its speeds are -300°/s to 300°/s\n"
+        "drive.speed_mm_s: wheel3 would have to turn at -430°/s: its speeds are -300°/s to 300°/s "
+        "[servo-limit]\n"
         "  at most 209 mm/s on this contour"
     )
 

@@ -43,7 +43,7 @@ def test_a_mutated_job_is_planned_or_refused(seed: int) -> None:
             job = plan_job(loads(mutated(random_), "job.toml"))
             schedule = plan(job.trajectory, job.servos, job.frame).schedule
         except InputError as error:
-            assert error.place is not None
-            assert error.place.file == "job.toml"
+            assert error.location is not None
+            assert error.location.file == "job.toml"
         else:
             assert from_json(schedule.json_text(), "schedule.json") == schedule

@@ -91,8 +91,8 @@ def test_a_first_pose_takes_the_nearest_solution_from_which_its_lines_can_be_fol
     job = plan_job(load(FILES / "ir.toml"))
     servos = np.degrees(job.trajectory.angles[:200])
     assert np.abs(np.diff(servos, axis=0)).max() < 0.2
-    (note,) = (each for each in job.notes if each.code == "chord-error")
-    assert note.text == "the path to pose 2 is followed within 0.000 mm"
+    (note,) = (each for each in job.notes if each.code == "off-the-path")
+    assert note.message == "the path to pose 2 is followed within 0.000 mm"
     assert not job.warnings
 
 
@@ -166,7 +166,8 @@ def test_a_path_too_steep_for_the_joints_limits_is_given_up_with_a_true_hint(
         f"poses = [{{ tip_mm = [200, 0.01, 100] }}, {move} }}]\n"
     )
     assert (
-        "the path to pose 2 cannot be followed within the joints' limits: not even in 2048 frames, 40.96 s\n"
+        "the path to pose 2 cannot be followed within the joints' limits: not even in 2048 frames, "
+        "40.96 s [path-too-fast]\n"
         "  give it a time: move_s" in error_of(text)
     )
     made(text.replace(move, f"{move}, move_s = 2"))
@@ -175,11 +176,11 @@ def test_a_path_too_steep_for_the_joints_limits_is_given_up_with_a_true_hint(
 def test_a_path_in_too_few_frames_is_warned_of_with_a_time_that_is_enough() -> None:
     text = read("ir.toml", ("move_s = 4", "move_s = 0.04"), ("[1000, 600,", "[1000, 1200,"))
     (warning,) = (each for each in made(text).warnings if each.code == "off-the-path")
-    told = warning.text.split("; move_s = ")
+    told = warning.message.split("; move_s = ")
     assert float(told[0].split()[-2]) > 1
     seconds, _, millimetres = told[1].partition(" keeps it within ")
     job = made(text.replace("move_s = 0.04", f"move_s = {seconds}"))
-    assert f"is followed within {millimetres}" in job.notes[0].text
+    assert f"is followed within {millimetres}" in job.notes[0].message
     assert float(millimetres.removesuffix(" mm")) <= 1
 
 

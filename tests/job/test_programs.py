@@ -85,20 +85,22 @@ def test_outputs_are_said_not_to_be_in_the_firmware(tmp_path: Path) -> None:
 
 
 def test_errors_of_the_program_have_the_program_s_place(tmp_path: Path) -> None:
-    assert error_of(tmp_path, "10 NT\n20 MOVE 1").startswith("rvm1-program.rvm:2:4: program line 20: unknown")
+    assert error_of(tmp_path, "10 NT\n20 MOVE 1").startswith(
+        "rvm1-program.rvm:2:4: error: program line 20: unknown"
+    )
     said = error_of(tmp_path, "PD 5, 0, -300, 300, -90, 90\n10 MO 5")
-    assert said.startswith("rvm1-program.rvm:2:4: program line 10: position 5 (0.0, -300.0, 300.0) mm")
+    assert said.startswith("rvm1-program.rvm:2:4: error: program line 10: position 5 (0.0, -300.0, 300.0) mm")
     assert "cannot be reached" in said
 
 
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('file = "rvm1-program.rvm"', 'file = "none.rvm"', "none.rvm: cannot be read: No such file"),
+        ('file = "rvm1-program.rvm"', 'file = "none.rvm"', "none.rvm: error: cannot be read: No such file"),
         (
             'servo = "hand"',
             'servo = "hnd"',
-            "program.hand.servo: there is no servo 'hnd'\n  did you mean 'hand'",
+            "program.hand.servo: there is no servo 'hnd' [unknown-servo]\n  did you mean 'hand'",
         ),
         ('servo = "hand"', 'servo = "roll"', "program.hand.servo: 'roll' turns a joint of the arm already"),
         ("closed_deg = 110", "closed_deg = 210", "program.hand.closed_deg: hand cannot go to 210°"),
@@ -135,4 +137,4 @@ def test_a_job_has_one_kind_of_motion(tmp_path: Path) -> None:
 
 def test_an_endless_program_is_stopped(tmp_path: Path) -> None:
     said = error_of(tmp_path, "10 TI 5\n20 GT 10", ("repeat = true # ", "max_s = 60\nrepeat = true # "))
-    assert "rvm1-program.rvm:1:4: program line 10: the program would take longer than 60 s" in said
+    assert "rvm1-program.rvm:1:4: error: program line 10: the program would take longer than 60 s" in said

@@ -74,8 +74,10 @@ def test_no_servo_and_no_joint_is_faster_than_it_can_be() -> None:
 
 def test_the_chord_error_of_each_path_is_noted() -> None:
     notes = plan_job(load(FILES / "scara-pick.toml")).notes
-    assert [note.code for note in notes] == ["chord-error"] * 5
-    assert [note.text.split()[:5] for note in notes] == [f"the path to pose {n}".split() for n in range(2, 7)]
+    assert [note.code for note in notes] == ["off-the-path"] * 5
+    assert [note.message.split()[:5] for note in notes] == [
+        f"the path to pose {n}".split() for n in range(2, 7)
+    ]
 
 
 DOWN = '{ tip_mm = [500, 200, 300], path = "line", hold_s = 0.5 }'
@@ -108,18 +110,22 @@ def test_via_points_are_passed() -> None:
         (
             'name = "scara"',
             'name = "scarra"',
-            "9:1: robot.name: unknown robot 'scarra'\n  did you mean 'scara'?",
+            "9:1: error: robot.name: unknown robot 'scarra' [unknown-robot]\n  did you mean 'scara'?",
         ),
         ('name = "scara"', 'name = "x.toml"', "there is no robot file 'x.toml'"),
-        ('joint = "q1"', 'joint = "q9"', "15:1: servo[1].joint: the robot has no joint 'q9'"),
+        ('joint = "q1"', 'joint = "q9"', "15:1: error: servo[1].joint: the robot has no joint 'q9'"),
         ('joint = "q1"', 'joint = "q2"', "servo[2].joint: two servos turn the joint 'q2'"),
         ('joint = "q1"\n', "", "a position needs an arm"),
         (
             "deg_per_mm = 0.9",
             "ratio = 0.9",
-            "servo[3].joint: the joint 'q3' slides\n  give the servo's deg_per_mm",
+            "servo[3].joint: the joint 'q3' slides [wrong-unit]\n  give the servo's deg_per_mm",
         ),
-        ("ratio = 0.75", "deg_per_mm = 1", "servo[1].joint: the joint 'q1' turns\n  give the servo's ratio"),
+        (
+            "ratio = 0.75",
+            "deg_per_mm = 1",
+            "servo[1].joint: the joint 'q1' turns [wrong-unit]\n  give the servo's ratio",
+        ),
         ("ratio = 0.75", "ratio = 0", "a ratio of 0 moves nothing"),
         ("ratio = 0.75", "ratio = 3", "needs angles outside of the servos' travel"),
         (
@@ -215,7 +221,7 @@ def test_one_leg_walks_on_two_servos() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ('"tripod"', '"tripot"', "walk.gait: unknown gait 'tripot'\n  did you mean 'tripod'?"),
+        ('"tripod"', '"tripot"', "walk.gait: unknown gait 'tripot' [unknown-name]\n  did you mean 'tripod'?"),
         ('"tripod"', '"tripod"\nduty = 0.5', "your own gait needs the phase of each leg, too"),
         ('"tripod"', '"tripod"\nlifts = { L1 = 0 }', "walk.lifts"),
         ("forward_mm = 40", "forward = 40", "'forward' has no unit: write forward_mm"),
@@ -226,7 +232,7 @@ def test_one_leg_walks_on_two_servos() -> None:
         (
             "lift_mm = 20",
             "lift_mm = 20\nbody_height_mm = 500",
-            "the legs cannot stand 500 mm high and lift their feet by 20 mm\n  their feet are",
+            "the legs cannot stand 500 mm high and lift their feet by 20 mm [out-of-reach]\n  their feet are",
         ),
         ("lift_mm = 20", "lift_mm = 20\nrepeat = false", "a way without an end never ends"),
         ("lift_mm = 20", 'lift_mm = 20\nend = "hold"', "a motion that repeats has no end"),

@@ -27,7 +27,7 @@ def walker(folder: Path, mass_g: float, height_mm: float = 120) -> PlannedJob:
 
 
 def heavy(job: PlannedJob) -> list[str]:
-    return [each.text for each in job.warnings if each.code == "too-heavy"]
+    return [each.message for each in job.warnings if each.code == "too-heavy"]
 
 
 def test_a_hexapod_of_2240_g_is_too_heavy_at_120_mm(tmp_path: Path) -> None:

@@ -124,7 +124,7 @@ def lines(text: str) -> Iterator[dict[str, Any]]:
 
 
 def test_their_facts_and_mobility_are_shown(folder: Path) -> None:
-    listed = {robot["name"]: (robot["kind"], robot["joints"]) for robot in answer(folder, "robots")}
+    listed = {robot["name"]: (robot["kind"], robot["joints"]) for robot in answer(folder, "robots")["robots"]}
     assert listed["rover"] == ("rover", 2)
     assert listed["dog"] == ("dog", 12)
     assert answer(folder, "robots", "rover")["track_m"] == 0.12

@@ -43,8 +43,8 @@ def test_other_ways_to_write_the_same(text: str) -> None:
 def test_what_is_no_transform_is_refused_with_its_column(text: str, column: int) -> None:
     with pytest.raises(InputError, match=f"column {column}") as caught:
         parse(text)
-    assert caught.value.place is not None
-    assert caught.value.place.column == column
+    assert caught.value.location is not None
+    assert caught.value.location.column == column
 
 
 def test_no_transform_at_all_is_refused() -> None:

@@ -139,10 +139,10 @@ def test_a_path_says_its_chord_error_and_keeps_the_limits() -> None:
     assert line.distance(forward(angles)).max() < 1e-12
     assert 0.9 < stretch(angles, FRAME_S, LIMITS) <= 1 + 1e-9
     (note,) = made.notes
-    assert note.code == "chord-error"
+    assert note.code == "off-the-path"
     between = (angles[:-1] + angles[1:]) / 2
     worst = 1000 * line.distance(forward(between)).max()
-    assert f"within {worst:.3f} mm" in note.text
+    assert f"within {worst:.3f} mm" in note.message
 
 
 def test_a_move_that_nothing_limits_is_refused_at_its_pose() -> None:

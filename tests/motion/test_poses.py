@@ -79,9 +79,9 @@ def test_what_is_not_whole_frames_is_rounded_and_said() -> None:
     motion = Motion(("arm",), (pose(0.0, hold_s="0.055"),))
     made = trajectory(motion, PERIOD, CLOCK)
     assert len(made.trajectory.angles) == 3
-    (caution,) = made.warnings
-    assert caution.code == "frames-rounded"
-    assert "hold_s = 0.055 is not a whole number of frames: 3 frames last 0.06 s" in caution.text
+    (warning,) = made.warnings
+    assert warning.code == "frames-rounded"
+    assert "hold_s = 0.055 is not a whole number of frames: 3 frames last 0.06 s" in warning.message
 
 
 def test_a_time_shorter_than_half_a_frame_is_one_frame() -> None:

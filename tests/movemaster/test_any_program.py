@@ -52,7 +52,7 @@ def test_a_program_runs_or_is_refused_with_a_place(lines: list[str], repeat: boo
     try:
         made = _run(lines, repeat).trajectory
     except InputError as error:
-        assert error.place is not None, error
+        assert error.location is not None, error
         return
     assert 0 <= made.loop_start < len(made.angles)
     tops = np.array(ROBOT.speeds) * (1 + 1e-9) * 0.02

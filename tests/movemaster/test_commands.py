@@ -54,7 +54,7 @@ def test_mo_brings_the_tool_to_the_pose_that_pd_defined(ran: Ran) -> None:
 
 def test_mo_without_a_position_is_refused(refused: Refused) -> None:
     assert refused("10 MO 7") == (
-        "a.rvm:1:4: program line 10: position 7 is not defined\n"
+        "a.rvm:1:4: error: program line 10: position 7 is not defined [undefined-position]\n"
         "  PD, HE, PL or PT defines it before it is used"
     )
 
@@ -70,7 +70,7 @@ def test_mj_turns_each_joint_by_degrees(ran: Ran) -> None:
 
 def test_mj_beyond_a_limit_names_the_joint(refused: Refused) -> None:
     assert refused("MJ 151, 0, 0, 0, 0") == (
-        "a.rvm:1:1: joint q1 would turn to 241°\n  its limits are -60° to 240°"
+        "a.rvm:1:1: error: joint q1 would turn to 241° [servo-limit]\n  its limits are -60° to 240°"
     )
 
 
@@ -124,11 +124,11 @@ def test_ms_with_few_points_warns_and_says_how_many_are_enough(ran: Ran) -> None
     run = ran(P_FAR + "10 MO 1\n20 MS 2, 1")
     (warning,) = run.warnings
     assert warning.code == "off-the-line"
-    assert str(warning.place) == "a.rvm:4:4: program line 20"
+    assert str(warning.location) == "a.rvm:4:4: error: program line 20"
     found = re.fullmatch(
         r"on its way to position 2 the tool is up to ([\d.]+) mm off the straight line: "
         r"(\d+) intermediate points keep it within 1 mm",
-        warning.text,
+        warning.message,
     )
     assert found
     assert float(found[1]) == pytest.approx(off_the_line_mm(run, -1), abs=0.06)
@@ -144,7 +144,9 @@ def test_where_no_number_of_points_is_enough_none_is_advised(
 ) -> None:
     monkeypatch.setattr(mover, "OFF_THE_LINE_MM", 1e-3)
     (warning,) = ran(P_FAR + "10 MO 1\n20 MS 2, 99").warnings
-    assert warning.text.endswith("99 intermediate points, the most there are, do not keep it within 0.001 mm")
+    assert warning.message.endswith(
+        "99 intermediate points, the most there are, do not keep it within 0.001 mm"
+    )
 
 
 def test_ms_names_the_point_of_the_line_that_is_out_of_reach(refused: Refused) -> None:
@@ -155,7 +157,7 @@ def test_ms_names_the_point_of_the_line_that_is_out_of_reach(refused: Refused) -
     # The wrist is 72 mm behind the tool, 50 mm above the shoulder, and at least 250 - 160 = 90 mm from it:
     # 72 + √(90² - 50²) = 146.833
     assert said.startswith(
-        "a.rvm:4:4: program line 20: the straight line to position 2 leaves what the arm reaches at "
+        "a.rvm:4:4: error: program line 20: the straight line to position 2 leaves what the arm reaches at "
         "(0.000, 146.833, 350.000) mm: "
     )
 
@@ -167,7 +169,8 @@ def test_ms_that_would_change_the_branch_is_refused_at_the_place(refused: Refuse
     said = refused(text, robot=full_turns(arm("rv-m1")))
     q2 = acos(40 / 250)
     assert said.startswith(
-        "a.rvm:10:4: program line 50: the straight line to position 5 would change the branch of the inverse "
+        "a.rvm:10:4: error: program line 50: the straight line to position 5 would change the branch "
+        "of the inverse "
         f"kinematics at (0.000, 120.000, {300 + 250 * sin(q2) - 72:.3f}) mm: "
         f"from q1 -90.000°, q2 {degrees(q2):.3f}°, q3 {180 - degrees(q2):.3f}°, q4 -180.000°, q5 -90.000° "
         "to q1 90.000°, q2 "
@@ -179,7 +182,8 @@ def test_ms_that_would_turn_the_hand_past_its_limit_is_refused_where_it_is_reach
     # From roll 170° to -170° the short way is 20°, over 180° half way: there q5 is at its end.
     said = refused((CASES / "ms.rvm").read_text("utf-8"), robot=full_turns(arm("rv-m1")))
     assert said.startswith(
-        "a.rvm:8:4: program line 30: the straight line to position 2 would change the branch of the inverse "
+        "a.rvm:8:4: error: program line 30: the straight line to position 2 would change the branch "
+        "of the inverse "
         "kinematics at (100.000, 275.000, 250.000) mm: from q1 70.017°, "
     )
     here, there = said.split(" mm: from ")[1].split("\n")[0].split(" to ")

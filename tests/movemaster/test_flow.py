@@ -23,7 +23,8 @@ def test_counters_are_set_and_counted(ran: Ran) -> None:
 @pytest.mark.parametrize(("value", "command", "result"), [(32767, "IC", 32768), (-32767, "DC", -32768)])
 def test_a_counter_does_not_overflow(refused: Refused, value: int, command: str, result: int) -> None:
     assert refused(f"10 SC 1, {value}\n20 {command} 1") == (
-        f"a.rvm:2:4: program line 20: counter 1 would be {result}\n  -32767 to 32767"
+        f"a.rvm:2:4: error: program line 20: counter 1 would be {result} [program-argument]\n  "
+        f"-32767 to 32767"
     )
 
 
@@ -97,7 +98,8 @@ def test_a_loop_left_open_in_a_subroutine_ends_with_it(ran: Ran) -> None:
 def test_rc_without_nx_is_refused_before_anything_moves(refused: Refused, text: str, line: int) -> None:
     at = [each.split()[0] for each in text.splitlines()].index(str(line)) + 1
     said = (
-        f"a.rvm:{at}:{len(str(line)) + 2}: program line {line}: RC without an NX: nothing closes this loop\n"
+        f"a.rvm:{at}:{len(str(line)) + 2}: error: program line {line}: RC without an NX: nothing closes this "
+        "loop [program-nesting]\n"
     )
     assert refused(text).startswith(said)
 
@@ -149,25 +151,46 @@ def test_direct_lines_are_carried_out_in_order(ran: Ran) -> None:
 def test_program_lines_behind_rn_are_not_run_and_it_is_said(ran: Ran) -> None:
     run = ran("10 IC 1\nRN 10\n20 IC 2\n30 IC 2")
     assert run.counters == {1: 1}
-    assert [(each.code, str(each.place)) for each in run.warnings] == [
-        ("lines-not-run", "a.rvm:3:4: program line 20")
+    assert [(each.code, str(each.location)) for each in run.warnings] == [
+        ("lines-not-run", "a.rvm:3:4: error: program line 20")
     ]
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("10 GT 30\n20 ED", "a.rvm:1:4: program line 10: there is no program line 30 to go to"),
-        ("10 ED\n20 EQ 1, 33", "a.rvm:2:4: program line 20: there is no program line 33 to go to"),
-        ("10 ED\nRN 11", "a.rvm:2:1: there is no program line 11\n  near it are the lines 10"),
-        ("10 ED\nRN 10, 5", "a.rvm:2:1: there is no program line 5\n"),
-        ("RN 10\n10 ED", "a.rvm:1:1: there is no program line 10\n  the program stands before RN"),
-        ("10 RT", "a.rvm:1:4: program line 10: RT without a GS\n"),
-        ("10 NX", "a.rvm:1:4: program line 10: NX without an RC\n"),
-        ("10 GS 10", "a.rvm:1:4: program line 10: subroutines are called 10 deep: 9 is the most\n"),
-        ("10 IC 1\n10 IC 2", "a.rvm:2:4: program line 10: program line 10 is given twice\n  the other one"),
-        ("10 CP 1\n20 PT 3", "a.rvm:2:4: program line 20: pallet 3 has no grid\n  PA 3, columns, rows"),
-        ("10 IN", "a.rvm:1:4: program line 10: IN waits for a strobe that never comes\n"),
+        ("10 GT 30\n20 ED", "a.rvm:1:4: error: program line 10: there is no program line 30 to go to"),
+        ("10 ED\n20 EQ 1, 33", "a.rvm:2:4: error: program line 20: there is no program line 33 to go to"),
+        (
+            "10 ED\nRN 11",
+            "a.rvm:2:1: error: there is no program line 11 [unknown-line]\n  near it are the lines 10",
+        ),
+        ("10 ED\nRN 10, 5", "a.rvm:2:1: error: there is no program line 5 [unknown-line]\n"),
+        (
+            "RN 10\n10 ED",
+            "a.rvm:1:1: error: there is no program line 10 [unknown-line]\n  the program stands before RN",
+        ),
+        ("10 RT", "a.rvm:1:4: error: program line 10: RT without a GS [program-nesting]\n"),
+        ("10 NX", "a.rvm:1:4: error: program line 10: NX without an RC [program-nesting]\n"),
+        (
+            "10 GS 10",
+            "a.rvm:1:4: error: program line 10: subroutines are called 10 deep: 9 is the maximum "
+            "[program-nesting]\n",
+        ),
+        (
+            "10 IC 1\n10 IC 2",
+            "a.rvm:2:4: error: program line 10: program line 10 is given twice [duplicate-name]\n  "
+            "the other one",
+        ),
+        (
+            "10 CP 1\n20 PT 3",
+            "a.rvm:2:4: error: program line 20: pallet 3 has no grid [undefined-position]\n  PA 3, "
+            "columns, rows",
+        ),
+        (
+            "10 IN",
+            "a.rvm:1:4: error: program line 10: IN waits for a strobe that never comes [program-argument]\n",
+        ),
     ],
 )
 def test_what_cannot_run_is_refused_at_its_line(refused: Refused, text: str, message: str) -> None:
@@ -182,13 +205,15 @@ def test_loops_deeper_than_nine_are_refused(refused: Refused) -> None:
 @pytest.mark.parametrize("text", ["10 GT 10", "10 IC 1\n20 DC 1\n30 GT 10"])
 def test_a_program_that_does_not_end_is_stopped_after_so_many_commands(refused: Refused, text: str) -> None:
     said = refused(text, budget=Budget(commands=500))
-    assert "the program has not ended after 500 commands\n  end it with ED" in said
+    assert "the program has not ended after 500 commands [program-too-long]\n  end it with ED" in said
     assert said.startswith("a.rvm:")
 
 
 def test_a_program_that_does_not_end_is_stopped_after_so_much_time(refused: Refused) -> None:
     said = refused("10 TI 10\n20 GT 10", budget=Budget(seconds=Fraction(60)))
-    assert said.startswith("a.rvm:1:4: program line 10: the program would take longer than 60 s\n")
+    assert said.startswith(
+        "a.rvm:1:4: error: program line 10: the program would take longer than 60 s [program-too-long]\n"
+    )
 
 
 @pytest.mark.parametrize("repeat", [False, True])
@@ -198,7 +223,7 @@ def test_a_program_may_take_all_of_its_time_and_commands(ran: Ran, refused: Refu
     assert "would take longer than 1 s" in refused("10 TI 11", budget=budget, repeat=repeat)
     assert "after 3 commands" in refused("10 IC 1\n20 IC 1\n30 IC 1\n40 IC 1", budget=budget, repeat=repeat)
     tiny = Budget(seconds=Fraction(1, 1000))
-    assert refused("10 TI 1", budget=tiny).startswith("a.rvm:1:4: program line 10: ")
+    assert refused("10 TI 1", budget=tiny).startswith("a.rvm:1:4: error: program line 10: ")
 
 
 # Pallets -------------------------------------------------------------------------------------------------

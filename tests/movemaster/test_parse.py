@@ -68,75 +68,140 @@ def test_a_numbered_comment_is_a_line_that_can_be_jumped_to() -> None:
 
 def test_a_statement_knows_its_place() -> None:
     place = parse("' x\n  10 MO 1\n", "a.rvm").statements[0].place
-    assert str(place) == "a.rvm:2:6: program line 10"
+    assert str(place) == "a.rvm:2:6: error: program line 10"
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("10 MOVE 1", "a.rvm:1:4: program line 10: unknown command 'MOVE'\n  did you mean 'MO'?"),
-        ("MV 1", "a.rvm:1:1: unknown command 'MV'\n  commands that begin with M: MA, MC, MJ, MO, MP, MS, MT"),
+        (
+            "10 MOVE 1",
+            "a.rvm:1:4: error: program line 10: unknown command 'MOVE' [bad-command]\n  did you mean 'MO'?",
+        ),
+        (
+            "MV 1",
+            "a.rvm:1:1: error: unknown command 'MV' [bad-command]\n  commands that begin with M: "
+            "MA, MC, MJ, MO, MP, MS, MT",
+        ),
         (
             "10 RN 5",
-            "a.rvm:1:4: program line 10: RN is not allowed in a program\n"
+            "a.rvm:1:4: error: program line 10: RN is not allowed in a program [program-syntax]\n"
             "  write it without a line number, before the program: it is then carried out at once",
         ),
-        ("GT 5", "a.rvm:1:1: GT is allowed in a program only\n  give it a line number: 10 GT"),
-        ("10 MO 630", "a.rvm:1:7: program line 10: MO: a cannot be 630\n  allowed: 1 to 629"),
-        ("10 MO 0", "a.rvm:1:7: program line 10: MO: a cannot be 0\n  allowed: 1 to 629"),
-        ("10 MO x", "a.rvm:1:7: program line 10: MO: a: 'x' is not a number\n  allowed: 1 to 629"),
-        ("10 MO 1 2", "a.rvm:1:7: program line 10: MO: a: '1 2' is not a number\n  allowed: 1 to 629"),
-        ("10 SP 1.5", "a.rvm:1:7: program line 10: SP: n is not whole: 1.5\n  allowed: 0 to 9"),
+        (
+            "GT 5",
+            "a.rvm:1:1: error: GT is allowed in a program only [program-syntax]\n  give it a line "
+            "number: 10 GT",
+        ),
+        (
+            "10 MO 630",
+            "a.rvm:1:7: error: program line 10: MO: a cannot be 630 [program-argument]\n  allowed: 1 to 629",
+        ),
+        (
+            "10 MO 0",
+            "a.rvm:1:7: error: program line 10: MO: a cannot be 0 [program-argument]\n  allowed: 1 to 629",
+        ),
+        (
+            "10 MO x",
+            "a.rvm:1:7: error: program line 10: MO: a: 'x' is not a number [program-argument]\n  "
+            "allowed: 1 to 629",
+        ),
+        (
+            "10 MO 1 2",
+            "a.rvm:1:7: error: program line 10: MO: a: '1 2' is not a number [program-argument]\n  "
+            "allowed: 1 to 629",
+        ),
+        (
+            "10 SP 1.5",
+            "a.rvm:1:7: error: program line 10: SP: n is not whole: 1.5 [program-argument]\n  "
+            "allowed: 0 to 9",
+        ),
         (
             "10 MO 1, X",
-            "a.rvm:1:10: program line 10: MO: hand cannot be 'X'\n"
+            "a.rvm:1:10: error: program line 10: MO: hand cannot be 'X' [program-argument]\n"
             "  allowed: O (hand open) or C (hand closed)",
         ),
         (
             "10 MS 1",
-            "a.rvm:1:4: program line 10: MS takes 2 to 3 arguments, not 1\n  it is written: MS a, n [, O/C]",
+            "a.rvm:1:4: error: program line 10: MS takes 2 to 3 arguments, not 1 "
+            "[program-argument]\n  it is written: MS a, n [, O/C]",
         ),
         (
             "10 MO 1, O, 3",
-            "a.rvm:1:13: program line 10: MO takes 1 to 2 arguments, not 3\n  it is written: MO a [, O/C]",
+            "a.rvm:1:13: error: program line 10: MO takes 1 to 2 arguments, not 3 "
+            "[program-argument]\n  it is written: MO a [, O/C]",
         ),
-        ("10 GO 3", "a.rvm:1:7: program line 10: GO takes no arguments, not 1\n  it is written: GO"),
-        ("10 HE", "a.rvm:1:4: program line 10: HE takes 1 argument, not 0\n  it is written: HE a"),
-        ("10 MO , O", "a.rvm:1:7: program line 10: MO: a is missing\n  allowed: 1 to 629"),
+        (
+            "10 GO 3",
+            "a.rvm:1:7: error: program line 10: GO takes no arguments, not 1 [program-argument]\n  "
+            "it is written: GO",
+        ),
+        (
+            "10 HE",
+            "a.rvm:1:4: error: program line 10: HE takes 1 argument, not 0 [program-argument]\n  it "
+            "is written: HE a",
+        ),
+        (
+            "10 MO , O",
+            "a.rvm:1:7: error: program line 10: MO: a is missing [program-argument]\n  allowed: 1 to 629",
+        ),
         (
             "10 TB -8, 3",
-            "a.rvm:1:7: program line 10: TB: a cannot be '-8'\n"
+            "a.rvm:1:7: error: program line 10: TB: a cannot be '-8' [program-argument]\n"
             "  allowed: +0 to +7 (bit on) or -0 to -7 (bit off)",
         ),
         (
             "10 EQ &8000, 3",
-            "a.rvm:1:7: program line 10: EQ: a1 cannot be &8000\n"
+            "a.rvm:1:7: error: program line 10: EQ: a1 cannot be &8000 [program-argument]\n"
             "  allowed: -32767 to 32767 or &8001 to &7FFF",
         ),
         (
             "10 EQ &12345, 3",
-            "a.rvm:1:7: program line 10: EQ: a1: '&12345' is no hexadecimal number\n"
+            "a.rvm:1:7: error: program line 10: EQ: a1: '&12345' is no hexadecimal number "
+            "[program-argument]\n"
             "  & and up to four of 0-9 A-F; allowed: -32767 to 32767 or &8001 to &7FFF",
         ),
-        ("10 OD &100", "a.rvm:1:7: program line 10: OD: a cannot be &100\n  allowed: 0 to 255 or &0 to &FF"),
+        (
+            "10 OD &100",
+            "a.rvm:1:7: error: program line 10: OD: a cannot be &100 [program-argument]\n  allowed: "
+            "0 to 255 or &0 to &FF",
+        ),
         (
             "10 MO &1",
-            "a.rvm:1:7: program line 10: MO: a takes no hexadecimal number, not '&1'\n  allowed: 1 to 629",
+            "a.rvm:1:7: error: program line 10: MO: a takes no hexadecimal number, not '&1' "
+            "[program-argument]\n  allowed: 1 to 629",
         ),
-        ("2049 NT", "a.rvm:1:1: 2049 is not a line number\n  1 to 2048"),
+        ("2049 NT", "a.rvm:1:1: error: 2049 is not a line number [program-syntax]\n  1 to 2048"),
         pytest.param(
-            "9" * 900 + " NT", f"a.rvm:1:1: {'9' * 40} is not a line number\n  1 to 2048", id="900 digits"
+            "9" * 900 + " NT",
+            f"a.rvm:1:1: error: {'9' * 40} is not a line number [program-syntax]\n  1 to 2048",
+            id="900 digits",
         ),
-        pytest.param("NT " + "9" * 5000, "a.rvm:1: the line has more than 1000 characters", id="5000 digits"),
-        ("0 NT", "a.rvm:1:1: 0 is not a line number\n  1 to 2048"),
-        ("-5 NT", "a.rvm:1:1: -5 is not a line number\n  1 to 2048"),
-        ("20", "a.rvm:1:3: program line 20: line 20 has no command\n  write one, or a comment: 10 ' start"),
+        pytest.param(
+            "NT " + "9" * 5000,
+            "a.rvm:1: error: the line has more than 1000 characters [file-too-large]",
+            id="5000 digits",
+        ),
+        ("0 NT", "a.rvm:1:1: error: 0 is not a line number [program-syntax]\n  1 to 2048"),
+        ("-5 NT", "a.rvm:1:1: error: -5 is not a line number [program-syntax]\n  1 to 2048"),
+        (
+            "20",
+            "a.rvm:1:3: error: program line 20: line 20 has no command [program-syntax]\n  write "
+            "one, or a comment: 10 ' start",
+        ),
         (
             "10 ! 3",
-            "a.rvm:1:4: program line 10: a command is missing before '!'\n  two letters, such as MO 1",
+            "a.rvm:1:4: error: program line 10: a command is missing before '!' [program-syntax]\n  "
+            "two letters, such as MO 1",
         ),
-        ("?", "a.rvm:1:1: a command is missing before '?'\n  two letters, such as MO 1"),
-        ("' nothing\n", "a.rvm: has no command\n  a program: 10 NT, 20 ED, each on a line of its own"),
+        (
+            "?",
+            "a.rvm:1:1: error: a command is missing before '?' [program-syntax]\n  two letters, such as MO 1",
+        ),
+        (
+            "' nothing\n",
+            "a.rvm: error: has no command [no-program]\n  a program: 10 NT, 20 ED, each on a line of its own",
+        ),
     ],
 )
 def test_what_is_wrong_is_said_with_its_place(text: str, message: str) -> None:
@@ -144,7 +209,7 @@ def test_what_is_wrong_is_said_with_its_place(text: str, message: str) -> None:
 
 
 def test_the_line_of_an_error_is_the_file_s() -> None:
-    assert refusal("NT\n\n10 MO 1\n20 MO 999\n").startswith("a.rvm:4:7: program line 20: ")
+    assert refusal("NT\n\n10 MO 1\n20 MO 999\n").startswith("a.rvm:4:7: error: program line 20: ")
 
 
 # Errata: the source's table prints RV for row 40 and 52 for row 41.
@@ -173,7 +238,7 @@ def test_a_missing_file_and_a_binary_one_are_refused(tmp_path: Path) -> None:
         read(tmp_path / "none.rvm")
     file = tmp_path / "p.rvm"
     file.write_bytes(b"10 NT\n20 \xff\n")
-    with pytest.raises(InputError, match=r"p\.rvm:2: is not UTF-8 text"):
+    with pytest.raises(InputError, match=r"p\.rvm:2: error: is not UTF-8 text"):
         read(file)
 
 
@@ -183,4 +248,4 @@ def test_any_text_is_read_or_refused_with_a_place(text: str) -> None:
     try:
         parse(text, "a.rvm")
     except InputError as error:
-        assert error.place is not None
+        assert error.location is not None

@@ -81,7 +81,7 @@ def test_joints_stay_within_their_limits_always(ran: Ran) -> None:
 def test_a_position_out_of_reach_is_named_with_line_and_reason(refused: Refused) -> None:
     said = refused("PD 5, 900, 0, 300, 0, 0\n10 NT\n20 MO 5")
     assert said.startswith(
-        "a.rvm:3:4: program line 20: position 5 (900.0, 0.0, 300.0) mm, pitch 0.0°, roll 0.0° "
+        "a.rvm:3:4: error: program line 20: position 5 (900.0, 0.0, 300.0) mm, pitch 0.0°, roll 0.0° "
         "cannot be reached: "
     )
     assert "the nearest reachable point is (" in said

@@ -52,7 +52,7 @@ MACROS = "m{this} macro\n m{before}\n m{before}\n endm\n"
 def test_what_grows_without_end_is_an_error(source: str, says: str) -> None:
     with pytest.raises(InputError, match=says) as caught:
         assemble(source, "grows.asm")
-    assert caught.value.place is not None and caught.value.place.line is not None
+    assert caught.value.location is not None and caught.value.location.line is not None
 
 
 def test_a_range_of_bad_ram_of_any_size_takes_no_memory() -> None:
@@ -72,6 +72,8 @@ def test_deep_nesting_that_is_allowed_does_not_exhaust_the_stack() -> None:
 
 def test_hex_records_without_number_are_refused() -> None:
     text = ":00000000" + "00\n"
-    with pytest.raises(InputError, match=rf"b\.hex:{MAX_RECORDS + 1}: the file has more than 10000 records"):
+    with pytest.raises(
+        InputError, match=rf"b\.hex:{MAX_RECORDS + 1}: error: the file has more than 10000 records"
+    ):
         read_hex(text * (MAX_RECORDS + 1) + ":00000001FF\n", "b.hex")
     assert read_hex(text * (MAX_RECORDS - 1) + ":00000001FF\n", "b.hex").image.words == 0

@@ -252,7 +252,7 @@ def test_every_error_of_a_source_is_reported(asm: Any) -> None:
 
 def test_a_source_without_end_is_warned_of() -> None:
     assembly = assemble(" nop\n", "t.asm", DEVICES[0])
-    assert [each.number for each in assembly.warnings] == [205]
+    assert [each.code for each in assembly.warnings] == ["asm-no-end"]
 
 
 def test_what_follows_end_is_not_read(asm: Any) -> None:
@@ -274,7 +274,11 @@ def test_errorlevel_chooses_what_is_said(asm: Any) -> None:
 
 def test_messg_says_and_error_stops(asm: Any) -> None:
     (message,) = asm.assembled(' messg "built for the lab"').warnings
-    assert (message.level, message.number, message.text) == ("message", 301, "built for the lab")
+    assert (message.severity, message.code, message.message) == (
+        "note",
+        "asm-user-message",
+        "built for the lab",
+    )
     assert asm.errors(' error "no clock"\n end') == ["1:2 100 no clock"]
 
 
@@ -287,7 +291,7 @@ def test_the_source_names_its_device() -> None:
 def test_the_caller_may_have_asked_for_another_device() -> None:
     assembly = assemble(" list p=16f84a\n end", "t.asm", device("16F84"))
     assert assembly.device == device("16F84")
-    assert [each.number for each in assembly.warnings] == [215]
+    assert [each.code for each in assembly.warnings] == ["asm-processor"]
 
 
 def test_a_device_that_is_not_known_is_an_error_with_the_known_ones(asm: Any) -> None:

@@ -123,7 +123,7 @@ def test_dollar_is_the_address_of_the_instruction(asm: Any) -> None:
     [
         ("1+", "1:10 128 an operand is missing here"),
         ("(1+2", "1:8 107 unmatched ("),
-        ("1)", "1:9 108 ')' is not expected here"),
+        ("1)", "1:9 101 ')' is not expected here"),
         ("1 2", "1:10 101 '2' is not expected here"),
         ("1/0", "1:9 114 divide by zero"),
         ("1%0", "1:9 114 divide by zero"),

@@ -274,10 +274,13 @@ def test_dollar_stays_symbolic() -> None:
 def test_an_unknown_instruction_names_the_nearest_with_its_place() -> None:
     with pytest.raises(InputError) as error:
         parse_line(" mvlw 3", PLACE)
-    assert str(error.value) == "main.c:12:11: unknown instruction 'mvlw'\n  did you mean 'MOVLW'?"
+    assert (
+        str(error.value)
+        == "main.c:12:11: error: unknown instruction 'mvlw' [asm-syntax]\n  did you mean 'MOVLW'?"
+    )
 
 
 def test_a_defect_in_an_operand_has_its_column() -> None:
     with pytest.raises(InputError) as error:
         parse_line("movlw (1", PLACE)
-    assert error.value.place == Location("main.c", 12, 16)
+    assert error.value.location == Location("main.c", 12, 16)

@@ -73,7 +73,7 @@ def check(source: str) -> None:
         assembly = assemble(source, "t.asm")
     except AssemblyError as error:
         assert error.diagnostics
-        assert all(each.place.line is not None for each in error.diagnostics)
+        assert all(each.location.line is not None for each in error.diagnostics)
     else:
         assert all(0 <= word <= 0x3FFF for word in assembly.image.program.values())
 
@@ -94,8 +94,8 @@ def test_deep_brackets_are_an_error_with_a_column() -> None:
     try:
         assemble(f" movlw {'(' * 5000}1\n end")
     except AssemblyError as error:
-        assert error.place is not None
-        assert error.place.column is not None
+        assert error.location is not None
+        assert error.location.column is not None
 
 
 # -- docs/assembler.md ---------------------------------------------------------------------------------
@@ -108,7 +108,7 @@ def test_the_example_of_the_page_assembles() -> None:
     assert example is not None
     assembly = assemble(example[1])
     assert assembly.image.words == 8
-    assert {each.number for each in assembly.warnings} == {302}
+    assert {each.code for each in assembly.warnings} == {"asm-bank"}
 
 
 def test_every_directive_and_mnemonic_is_on_the_page() -> None:

@@ -16,6 +16,7 @@ from servogen.pic.assembler import AssemblyError, assemble
 from servogen.pic.device import PIC16C84, device
 from servogen.pic.image import Image, from_hex
 from tests.cli.conftest import Run, run  # noqa: F401 - a fixture
+from tests.pic.conftest import MPASM
 
 ELSE_IF: dict[str, tuple[str, list[int] | None]] = {
     # body, and its words; None: an error
@@ -94,7 +95,9 @@ def test_gpasm_has_elif_so(name: str, tmp_path: Path) -> None:
 
 def test_an_elif_that_is_left_out_is_warned_of_once_at_the_if_that_it_looks_like_a_part_of() -> None:
     def remarks(name: str) -> list[tuple[int | None, int]]:
-        return [(each.place.line, each.number) for each in assemble(source(ELSE_IF[name][0])).warnings]
+        return [
+            (each.location.line, MPASM[each.code]) for each in assemble(source(ELSE_IF[name][0])).warnings
+        ]
 
     assert remarks("in lines left out it is left out") == [(4, 122)]
     assert remarks("several") == [(4, 122), (6, 122)]
@@ -110,7 +113,7 @@ def test_a_source_for_the_16c84_has_its_own_include_memory_and_fuses() -> None:
 
 def test_beyond_its_36_bytes_of_ram_there_is_no_register() -> None:
     text = OLD_CHIP.replace("0x2f", "0x30")
-    assert [each.number for each in assemble(text).warnings] == [219]
+    assert [each.code for each in assemble(text).warnings] == ["asm-no-register"]
     assert assemble(text.replace("16c84", "16f84")).warnings == ()
 
 
@@ -122,7 +125,7 @@ def test_config_is_refused_as_gpasm_refuses_it() -> None:
     with pytest.raises(AssemblyError) as caught:
         assemble(" list p=16c84\n config FOSC=XT\n end\n")
     (error,) = caught.value.diagnostics
-    assert (error.number, error.place.line) == (181, 2)
+    assert (error.code, error.location.line) == ("asm-config", 2)
     assert "__config" in (error.hint or "")
 
 

@@ -92,7 +92,9 @@ def test_the_upper_byte_of_an_eeprom_word_means_nothing(upper: int) -> None:
 def test_a_configuration_word_with_its_upper_bits_set_is_read_and_remarked() -> None:
     read = read_hex(record(0x400E, 0xF1, 0xFF) + END, "a.hex")
     assert read.image.config == 0x3FF1
-    assert read.remarks == ("a.hex:1: word 0x2007 is 0xFFF1: its upper two bits are left out",)
+    assert [str(each) for each in read.remarks] == [
+        "a.hex:1: warning: word 0x2007 is 0xFFF1: its upper two bits are omitted [hex-word]"
+    ]
 
 
 def test_an_erased_word_as_ffff_is_read_and_remarked() -> None:
@@ -104,7 +106,7 @@ def test_an_erased_word_as_ffff_is_read_and_remarked() -> None:
 def test_the_device_id_of_a_readout_is_left_out_and_remarked() -> None:
     read = read_hex(record(0, 1, 0) + record(0x400C, 0x60, 0x05) + END)
     assert read.image == Image({0: 1})
-    assert "0x2006" in read.remarks[0]
+    assert "0x2006" in read.remarks[0].message
 
 
 def test_a_plain_file_has_no_remarks() -> None:
@@ -148,8 +150,8 @@ def test_each_defect_is_named_with_its_line(text: str, line: int | None, message
     with pytest.raises(InputError) as defect:
         from_hex(text, "x.hex")
     assert message in defect.value.message
-    assert defect.value.place is not None
-    assert (defect.value.place.file, defect.value.place.line) == ("x.hex", line)
+    assert defect.value.location is not None
+    assert (defect.value.location.file, defect.value.location.line) == ("x.hex", line)
     assert defect.value.exit_code == 2
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from servogen.errors import Caution
+from servogen.errors import Diagnostic
 from servogen.pulse import check_calibration, check_measured, check_motion, check_period, check_periods
 from servogen.pulse import check_widths as check
 from servogen.pulse.lint import check_torque
@@ -19,7 +19,7 @@ TINY_S = servo("leg", "RB0", servo_model("mpx-tiny-s"))
 FRAME_S = 0.02
 
 
-def codes(found: tuple[Caution, ...]) -> list[str]:
+def codes(found: tuple[Diagnostic, ...]) -> list[str]:
     return [each.code for each in found]
 
 
@@ -36,20 +36,20 @@ def test_other_periods_warn(period_us: int) -> None:
 def test_a_period_that_is_not_whole_cycles_says_what_it_became() -> None:
     (found,) = check_period(Clock(32_768).round_us(20_000))
     assert found.code == "period-rounded"
-    assert "164 cycles" in found.text
+    assert "164 cycles" in found.message
 
 
 def test_the_150_microseconds_of_lab_9_are_named() -> None:
     found = check_periods([42_750.0, 42_750.0, 42_900.0], "RB0")
     assert codes(found) == ["period-varies", "period-range", "period-range"]
-    assert "RB0: frames differ by 150 µs" in found[0].text
+    assert "RB0: frames differ by 150 µs" in found[0].message
 
 
 def test_the_500_microsecond_pulse_of_lab_9_is_named_with_both_its_faults() -> None:
     found = check(TINY_S, [500.0, 1500.0])
     assert codes(found) == ["width-range", "angle-range"]
-    assert "500 µs is outside of the servo's 1250 µs to 1750 µs" in found[0].text
-    assert "-270°" in found[1].text
+    assert "500 µs is outside of the servo's 1250 µs to 1750 µs" in found[0].message
+    assert "-270°" in found[1].message
 
 
 def test_a_microsecond_beyond_the_range_is_not_worth_a_word() -> None:
@@ -81,8 +81,8 @@ def test_180_degrees_of_the_s3001_take_88_frames_of_20_ms() -> None:
     assert check_motion(S3001, steps((0.0, 88), (180.0, 88)), 0, FRAME_S) == ()
     (found,) = check_motion(S3001, steps((0.0, 88), (180.0, 87)), 0, FRAME_S)
     assert found.code == "frames-few"
-    assert "1 frame before" in found.text
-    assert "takes 88 frames" in found.text
+    assert "1 frame before" in found.message
+    assert "takes 88 frames" in found.message
 
 
 def test_the_travel_back_at_the_end_of_the_loop_is_looked_at() -> None:
@@ -96,8 +96,8 @@ def test_a_slow_ramp_passes_and_a_fast_one_warns() -> None:
     fast = np.radians(np.concatenate((np.arange(0, 90, 3.0), np.arange(90, 0, -3.0))))
     (found,) = check_motion(S3001, fast, 0, FRAME_S)
     assert found.code == "too-fast"
-    assert "150°/s" in found.text
-    assert "103°/s" in found.text
+    assert "150°/s" in found.message
+    assert "103°/s" in found.message
 
 
 def test_frames_without_pulses_give_a_servo_no_time() -> None:
@@ -123,8 +123,8 @@ def test_a_torque_beyond_the_rated_one_is_said_with_its_worst_frame() -> None:
     """A Futaba S3001 gives 34 N·cm."""
     (found,) = check_torque(S3001, "shoulder", np.array([0.1, np.nan, 0.36, 0.35]))
     assert found.code == "too-heavy"
-    assert "holding shoulder still asks for 0.36 N·m in frame 2 of the motion" in found.text
-    assert "rated 0.34 N·m" in found.text
+    assert "holding shoulder still asks for 0.36 N·m in frame 2 of the motion" in found.message
+    assert "rated 0.34 N·m" in found.message
 
 
 @pytest.mark.parametrize("torque", [[0.34, 0.1], [np.nan, np.nan], [0.0]])

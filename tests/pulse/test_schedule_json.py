@@ -60,7 +60,7 @@ def changed(*path: Any, to: Any) -> str:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("{", "s.json:1:2: JSON syntax"),
+        ("{", "s.json:1:2: error: JSON syntax"),
         ("[]", "schedule: is not an object with version"),
         (changed("version", to=2), "version: is 2, this servogen reads version 1"),
         (changed("clock_hz", to=0), "clock_hz: is not a whole number of 1 to 1000000000: 0"),
@@ -82,7 +82,7 @@ def changed(*path: Any, to: Any) -> str:
         (changed("loop", 0, "pulses", 0, to=[-1, 5]), "loop[0].pulses[0][0]: is not a whole number"),
         (changed("loop", 0, "pulses", 0, to=[0, 0]), "loop[0].pulses[0][1]: is not a whole number"),
         (changed("loop", 0, "pulses", 0, to=[19000, 1000]), "its frame has only 20000"),
-        (changed("loops", to=[]), "loops: unknown key\n  did you mean 'loop'?"),
+        (changed("loops", to=[]), "loops: unknown key [unknown-key]\n  did you mean 'loop'?"),
         (TEXT.replace('"version": 1,', ""), "schedule: 'version' is missing"),
         ("[" * 100_000, "JSON syntax"),
     ],

@@ -119,7 +119,7 @@ def test_servos_that_move_no_robot_have_no_track() -> None:
 def test_the_base_ends_its_square_where_the_drive_says() -> None:
     """The job's note has the closing error from its own integration of the wheels' achieved speeds."""
     job, _, (track,) = planned("omni-square")
-    closing = next(note.text for note in job.notes if note.code == "closing")
+    closing = next(note.message for note in job.notes if note.code == "closing")
     assert f"{1000 * math.hypot(*track.made[-1, :2]):.2f} mm" in closing
     assert track.planned[-1] == pytest.approx([0, 0, 0], abs=1e-12)
     assert 1000 * track.planned[149] == pytest.approx([300, 0, 0], abs=1e-9)

@@ -136,7 +136,7 @@ def test_the_line_ends_at_the_mechanical_stops(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (('servo = "arm"', 'servo = "leg"'), r"arm.toml:2:1: servo: this calibrates the servo 'leg'"),
+        (('servo = "arm"', 'servo = "leg"'), r"arm.toml:2:1: error: servo: this calibrates the servo 'leg'"),
         (("futaba-s3001", "mpx-tiny-s"), "this calibrates the model 'mpx-tiny-s'"),
         (("angle_deg", "speed_deg_s"), "a calibration point of this servo is"),
         (("width_us =", "width_ms ="), "width_us"),

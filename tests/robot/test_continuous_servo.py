@@ -40,7 +40,7 @@ def test_a_speed_beyond_the_calibration_is_refused_as_a_speed() -> None:
     with pytest.raises(InputError) as caught:
         wheel().width_us(math.radians(301))
     assert str(caught.value) == (
-        "wheel cannot turn at 301°/s: its speeds are -300°/s to 300°/s\n"
+        "servogen: error: wheel cannot turn at 301°/s: its speeds are -300°/s to 300°/s [servo-limit]\n"
         "  the servo's calibration points set it"
     )
 
@@ -72,5 +72,8 @@ def test_checks_speak_of_speeds() -> None:
     import numpy as np
 
     texts = [str(each) for each in check_widths(wheel(), [1800.0])]
-    assert texts[1] == "wheel: 1800 µs would be 450°/s, outside of its speeds of -300°/s to 300°/s"
+    assert (
+        texts[1] == "servogen: warning: wheel: 1800 µs would be 450°/s, outside of its speeds of -300°/s to "
+        "300°/s [angle-range]"
+    )
     assert check_motion(wheel(), np.array([0.0, 5.0, -5.0]), 0, 0.02) == ()

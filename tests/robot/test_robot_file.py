@@ -112,8 +112,8 @@ def test_a_mistake_is_refused_at_its_line(before: str, after: str, line: int, me
             else text
         )
     assert message in str(caught.value)
-    assert caught.value.place is not None
-    assert (caught.value.place.file, caught.value.place.line) == ("mine.toml", line)
+    assert caught.value.location is not None
+    assert (caught.value.location.file, caught.value.location.line) == ("mine.toml", line)
 
 
 def test_an_arm_without_rows_is_told_what_is_missing() -> None:
@@ -162,8 +162,8 @@ def test_a_mistake_in_a_robot_like_another(before: str, after: str, line: int, m
     with pytest.raises(InputError) as caught:
         read(LIKE.replace(before, after, 1))
     assert message in str(caught.value)
-    assert caught.value.place is not None
-    assert caught.value.place.line == line
+    assert caught.value.location is not None
+    assert caught.value.location.line == line
 
 
 def test_home_goes_back_within_limits_that_leave_it_out() -> None:
@@ -197,7 +197,7 @@ def test_a_users_hexapod_has_its_own_mounts_and_leg_lengths() -> None:
 def test_a_leg_without_a_thigh_or_a_reach_is_none(lengths: str, says: str) -> None:
     with pytest.raises(InputError, match=says) as caught:
         read(f'name = "six"\nkind = "hexapod"\nlike = "hexapod"\n[lengths_mm]\n{lengths}\n')
-    assert caught.value.place is not None and caught.value.place.line == 5
+    assert caught.value.location is not None and caught.value.location.line == 5
 
 
 def test_an_omni_base_needs_its_wheels() -> None:

@@ -39,8 +39,8 @@ def written(folder: Path, servo: str = SERVO, job: str = JOB) -> Path:
 def error_of(path: Path) -> tuple[str, Location]:
     with pytest.raises(InputError) as caught:
         plan_job(load(path))
-    assert caught.value.place is not None
-    return caught.value.message, caught.value.place
+    assert caught.value.location is not None
+    return caught.value.message, caught.value.location
 
 
 def test_a_job_takes_the_file_beside_it(tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ def test_an_instruction_more_in_the_sequence_prevents_the_write_section_3_2(line
     chip.run(10_000)
     written = line in (6, 7)  # before the first key nothing is wrong yet
     assert (chip.state().eeprom[5] == 0x3C) == written
-    assert ("eeprom-sequence" in {w.kind for w in chip.state().warnings}) == (not written)
+    assert ("eeprom-sequence" in {w.code for w in chip.state().warnings}) == (not written)
 
 
 def test_without_wren_wr_cannot_be_set_section_3() -> None:
@@ -105,7 +105,7 @@ def test_addresses_beyond_63_reach_nothing_section_3() -> None:
     chip = machine(write(address=0x45))
     chip.run(10_000)
     assert chip.state().eeprom == bytes([0xFF] * 64)
-    assert "eeprom-address" in {w.kind for w in chip.state().warnings}
+    assert "eeprom-address" in {w.code for w in chip.state().warnings}
 
 
 def test_what_the_program_wrote_is_in_the_chips_contents_and_goes_into_a_file() -> None:

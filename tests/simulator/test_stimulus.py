@@ -213,9 +213,9 @@ def test_a_file_says_the_same_in_microseconds() -> None:
 def test_mistakes_in_a_file_are_told_with_their_place(text: str, message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
         parse_stimuli(text, "stimulus.toml", CLOCK)
-    assert caught.value.place is not None
-    assert caught.value.place.file == "stimulus.toml"
-    assert caught.value.place.line is not None
+    assert caught.value.location is not None
+    assert caught.value.location.file == "stimulus.toml"
+    assert caught.value.location.line is not None
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ OUTPUTS = " bsf STATUS, RP0\n clrf TRISA\n clrf TRISB\n bcf STATUS, RP0\n"
 
 
 def kinds(chip: object) -> set[str]:
-    return {warning.kind for warning in chip.state().warnings}  # type: ignore[attr-defined]
+    return {warning.code for warning in chip.state().warnings}  # type: ignore[attr-defined]
 
 
 # Ports: DS35007 section 4 --------------------------------------------------------------------------

@@ -13,10 +13,10 @@ import random
 import pytest
 
 from servogen.edges import PINS
+from servogen.errors import Diagnostic
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
 from servogen.simulator import Change, Machine, Options, Recorded, Stimuli, layout
-from servogen.simulator.warnings import Warning
 from tests.simulator.helpers import CLOCK, image
 from tests.simulator.programs import tame_image
 from tests.simulator.test_exact import Edges, rows
@@ -33,7 +33,7 @@ def found(
     cycles: int = 2000,
     config: str = " __config _XT_OSC & _WDT_OFF & _PWRTE_OFF\n",
     **options: int,
-) -> list[Warning]:
+) -> list[Diagnostic]:
     """Return what depends on the chip in the run of a program that then stands still."""
     program = image(f"{source}\nstand goto stand\n", config)
     chip = Machine(program, CLOCK, Options(**options), tracked=True)  # type: ignore[arg-type]
@@ -143,14 +143,14 @@ def test_what_is_copied_or_masked_is_no_use(name: str) -> None:
 def test_a_use_is_found_with_its_source(name: str) -> None:
     source, what, how = USES[name]
     (use,) = found(OUTPUTS + source)
-    assert use.kind == "unknown-start"
+    assert use.code == "unknown-start"
     assert what in use.message
     assert how in use.message
 
 
 def test_the_first_use_is_named_by_address_and_cycle() -> None:
     (use,) = found(OUTPUTS + " btfsc 0x30, 0\n nop\n btfsc 0x31, 0\n nop\n")
-    assert (use.address, use.cycle) == (5, 5)
+    assert (use.location.address, use.location.cycle) == (5, 5)
     assert "0x30" in use.message
 
 
@@ -171,7 +171,7 @@ def test_a_pin_driven_before_it_was_written_is_forgiven_ten_cycles_if_then_writt
     assert found(drive + " clrf PORTB\n") == []
     assert found(drive + " nop\n" * 8 + " clrf PORTB\n") == []  # CLRF in cycle 11, TRIS in cycle 1
     (late,) = found(drive + " nop\n" * 9 + " clrf PORTB\n")
-    assert (late.kind, late.cycle, late.address) == ("driven-before-written", 1, 1)
+    assert (late.code, late.location.cycle, late.location.address) == ("driven-before-written", 1, 1)
     (high,) = found(drive + " movlw 4\n movwf PORTB\n")
     assert high.message.startswith("RB2:")
     (never,) = found(drive)
@@ -184,7 +184,7 @@ def test_a_port_that_is_only_read_and_modified_is_never_written() -> None:
 
 
 def test_an_empty_stack_has_nothing_to_return_to() -> None:
-    assert "stack-underflow" in {warning.kind for warning in found(" return\n")}
+    assert "stack-underflow" in {warning.code for warning in found(" return\n")}
 
 
 WATCHDOG = " __config _XT_OSC & _WDT_ON & _PWRTE_OFF\n"
@@ -223,18 +223,18 @@ def test_the_watchdog_must_hold_on_the_chip_with_the_shortest_period(
 ) -> None:
     """7 ms (DS35007 parameter 31), times the postscaler: option 0x09 is 1:2, 0x0C is 1:16."""
     warnings = found(held_for(milliseconds, option), 200_000, WATCHDOG)
-    assert [warning.kind for warning in warnings] == ([] if certain else ["watchdog-margin"])
+    assert [warning.code for warning in warnings] == ([] if certain else ["watchdog-margin"])
     if not certain:
-        assert abs(warnings[0].cycle - 7000 * (2 if option & 8 else 1)) < 10
+        assert abs(warnings[0].location.cycle - 7000 * (2 if option & 8 else 1)) < 10
 
 
 def test_an_oscillator_that_is_not_for_the_clock_is_named() -> None:
     def kinds(oscillator: str) -> list[str]:
-        return [each.kind for each in found("", 10, f" __config _{oscillator}_OSC & _WDT_OFF\n")]
+        return [each.code for each in found("", 10, f" __config _{oscillator}_OSC & _WDT_OFF\n")]
 
     assert kinds("XT") == kinds("HS") == []
     assert kinds("RC") == kinds("LP") == ["oscillator"]
-    assert [each.kind for each in found("", 10, "")] == ["no-configuration"]
+    assert [each.code for each in found("", 10, "")] == ["no-configuration"]
 
 
 def prepared_image(seed: int) -> Image:
@@ -270,7 +270,7 @@ def test_until_the_first_use_every_start_makes_the_same_edges() -> None:
         program = prepared_image(seed)
         tracked = Machine(program, CLOCK, tracked=True)
         edges = rows(tracked.run(CYCLES))
-        uses = [warning.cycle for warning in tracked.chip_dependent]
+        uses = [warning.location.cycle for warning in tracked.chip_dependent]
         end = min(uses, default=CYCLES)
         undisturbed += not uses
         same = [edge for edge in edges if edge[0] < end]
@@ -290,7 +290,7 @@ def test_noise_on_floating_pins_changes_nothing_before_the_first_use() -> None:
         program = prepared_image(seed)
         tracked = Machine(program, CLOCK, tracked=True)
         edges = rows(tracked.run(CYCLES))
-        end = min((warning.cycle for warning in tracked.chip_dependent), default=CYCLES)
+        end = min((warning.location.cycle for warning in tracked.chip_dependent), default=CYCLES)
         rng = random.Random(seed)
         cycles = sorted(rng.randrange(CYCLES) for _ in range(300))
         pins = 5 if pulls_up(program, end) else len(PINS)

@@ -16,14 +16,14 @@ from servogen.toml.locations import MAX_DEPTH, MAX_ENTRIES
         pytest.param(f"a = {'[' * 200}{']' * 200}", "nested too deeply", id="brackets"),
         pytest.param(".".join("a" * 3000) + " = 1", "nested too deeply", id="a dotted key"),
         pytest.param(f"a = {'9' * 5000}", "thousands of digits", id="5000 digits"),
-        pytest.param(f"a = [1, {2**63}]", "too large\n  whole numbers are those of 64 bits", id="2^63"),
+        pytest.param(f"a = [1, {2**63}]", "too large.*\n  whole numbers are those of 64 bits", id="2^63"),
     ],
 )
 def test_what_is_too_much_is_refused_with_its_line(text: str, says: str) -> None:
     with pytest.raises(InputError, match=says) as caught:
         parse(f"# a comment\n{text}\n", "big.toml")
-    assert caught.value.place is not None
-    assert caught.value.place.file == "big.toml"
+    assert caught.value.location is not None
+    assert caught.value.location.file == "big.toml"
 
 
 def test_the_largest_that_is_allowed_is_read() -> None:
@@ -42,5 +42,5 @@ class Empty(Table):
 
 def test_of_many_unknown_keys_the_first_is_named() -> None:
     document = parse("".join(f"k{number} = 1\n" for number in range(20_000)), "many.toml")
-    with pytest.raises(InputError, match=r"many\.toml:1:1: k0: unknown key 'k0'"):
+    with pytest.raises(InputError, match=r"many\.toml:1:1: error: k0: unknown key 'k0'"):
         validate(document, Empty)

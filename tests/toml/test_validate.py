@@ -39,37 +39,49 @@ def test_a_good_file_is_its_model() -> None:
 
 
 @pytest.mark.parametrize(
-    ("line", "says"),
+    ("line", "says", "code"),
     [
-        ("trim_us = true", "true is not a number"),
-        ('trim_us = "3"', '"3" is not a number'),
-        ("trim_us = nan", "nan is not a finite number"),
-        ("trim_us = -inf", "-inf is not a finite number"),
-        ("trim_us = 101", "101 is out of range: at most 100 is allowed"),
-        ("trim_us = -101", "-101 is out of range: at least -100 is allowed"),
-        ("trim_us = [3]", "[3] is not a number"),
-        ("count = 1.5", "1.5 is not a whole number"),
-        ("count = 4e6", "4000000.0 is not a whole number\n  without a point and an exponent: 4_000_000"),
-        ("count = true", "true is not a whole number"),
-        ("reverse = 1", "1 is not true or false"),
-        ('kind = "c"', "\"c\" is not allowed here\n  allowed: 'a' or 'b'"),
-        ("size_mm = 4", "4 is not an array [ … ]"),
-        ("size_mm = [4]", "has too few values: number 2 is missing"),
-        ("size_mm = [4, 5, 6]", "has 3 values\n  at most 2"),
-        ("trim = 3", "'trim' has no unit: write trim_us"),
-        ("trim_ms = 3", "'trim_ms' is not taken in ms: write trim_us"),
-        ("revers = true", "unknown key 'revers'\n  did you mean 'reverse'?"),
-        ("colour = 1", "unknown key 'colour'\n  known: count, kind, name, reverse, size_mm, trim_us"),
+        ("trim_us = true", "true is not a number", "wrong-type"),
+        ('trim_us = "3"', '"3" is not a number', "wrong-type"),
+        ("trim_us = nan", "nan is not a finite number", "wrong-type"),
+        ("trim_us = -inf", "-inf is not a finite number", "wrong-type"),
+        ("trim_us = 101", "101 is out of range: at most 100 is allowed", "out-of-range"),
+        ("trim_us = -101", "-101 is out of range: at least -100 is allowed", "out-of-range"),
+        ("trim_us = [3]", "[3] is not a number", "wrong-type"),
+        ("count = 1.5", "1.5 is not a whole number", "wrong-type"),
+        (
+            "count = 4e6",
+            "4000000.0 is not a whole number\n  without a point and an exponent: 4_000_000",
+            "wrong-type",
+        ),
+        ("count = true", "true is not a whole number", "wrong-type"),
+        ("reverse = 1", "1 is not true or false", "wrong-type"),
+        ('kind = "c"', "\"c\" is not allowed here\n  allowed: 'a' or 'b'", "not-allowed"),
+        ("size_mm = 4", "4 is not an array [ … ]", "wrong-type"),
+        ("size_mm = [4]", "has too few values: number 2 is missing", "wrong-type"),
+        ("size_mm = [4, 5, 6]", "has 3 values\n  at most 2", "wrong-type"),
+        ("trim = 3", "'trim' has no unit: write trim_us", "wrong-unit"),
+        ("trim_ms = 3", "'trim_ms' is not taken in ms: write trim_us", "wrong-unit"),
+        ("revers = true", "unknown key 'revers'\n  did you mean 'reverse'?", "unknown-key"),
+        (
+            "colour = 1",
+            "unknown key 'colour'\n  known: count, kind, name, reverse, size_mm, trim_us",
+            "unknown-key",
+        ),
     ],
 )
-def test_what_is_wrong_is_said_with_its_line(line: str, says: str) -> None:
+def test_what_is_wrong_is_said_with_its_line(line: str, says: str, code: str) -> None:
     error = error_of(GOOD + line + "\n")
-    assert str(error) == f"x.toml:3:1: servo[1].{line.split()[0]}: {says}"
+    message, _, hint = says.partition("\n  ")
+    text = f"x.toml:3:1: error: servo[1].{line.split()[0]}: {message} [{code}]"
+    assert str(error) == (f"{text}\n  {hint}" if hint else text)
 
 
 def test_a_missing_key_is_named_at_its_table() -> None:
     error = error_of("[[servo]]\ntrim_us = 1\n")
-    assert str(error) == "x.toml:1:1: servo[1]: 'name' is missing\n  add servo[1].name = …"
+    assert (
+        str(error) == "x.toml:1:1: error: servo[1]: 'name' is missing [missing-key]\n  add servo[1].name = …"
+    )
 
 
 def test_a_missing_table_is_written_with_its_brackets() -> None:
@@ -99,8 +111,8 @@ def test_a_misspelt_key_is_told_rather_than_the_one_that_is_missing_for_it() -> 
 
 def test_the_first_error_of_the_file_is_the_one_that_is_told() -> None:
     error = error_of(GOOD + "trim_us = true\ncount = 1.5\n")
-    assert error.place is not None
-    assert error.place.line == 3
+    assert error.location is not None
+    assert error.location.line == 3
 
 
 @pytest.mark.parametrize(
@@ -110,19 +122,19 @@ def test_the_first_error_of_the_file_is_the_one_that_is_told() -> None:
 def test_a_syntax_error_has_its_line_and_column(text: str, line: int, column: int) -> None:
     with pytest.raises(InputError, match="TOML syntax") as caught:
         parse(text, "x.toml")
-    assert caught.value.place is not None
-    assert (caught.value.place.line, caught.value.place.column) == (line, column)
+    assert caught.value.location is not None
+    assert (caught.value.location.line, caught.value.location.column) == (line, column)
 
 
 def test_a_file_that_is_not_there_is_an_input_error(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"missing\.toml: cannot be read: No such file"):
+    with pytest.raises(InputError, match=r"missing\.toml: error: cannot be read: No such file"):
         load(tmp_path / "missing.toml", File)
 
 
 def test_a_file_that_is_not_text_is_an_input_error_with_its_line(tmp_path: Path) -> None:
     file = tmp_path / "x.toml"
     file.write_bytes(b"a = 1\nb = '\xff'\n")
-    with pytest.raises(InputError, match=r"x\.toml:2: is not UTF-8"):
+    with pytest.raises(InputError, match=r"x\.toml:2: error: is not UTF-8"):
         load(file, File)
 
 

@@ -135,15 +135,18 @@ def test_the_older_header_unknown_levels_and_other_names_are_read(tmp_path: Path
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("cycle,pin,level\n1,RB0,1\n", r"a\.csv:1: is not a digital CSV file of Saleae's"),
-        ("", r"a\.csv:1: is not a digital CSV file"),
-        (SALEAE.replace("RB", "D"), r"a\.csv:1: has no wire"),
-        (SALEAE + "0.0017,0,0\n", r"a\.csv:6: '0.0017,0,0' has not 4 fields"),
-        (SALEAE + "0.0017,0,2,0\n", r"a\.csv:6: level '2' is not allowed\n.*0, 1, X"),
-        (SALEAE.replace("0.001500500", "soon"), r"a\.csv:4: time 'soon' is not a number"),
-        (SALEAE + "0.0001,0,0,0\n", r"a\.csv:6: a time lies before"),
-        ("Time [s],RB0\n", r"a\.csv:2: time '' is not a number"),
-        ("Time [s],RB0\n2026-11-21T08:00:00Z,0\n", r"a\.csv:2: time '2026-11-21T08:00:00Z' is not a number"),
+        ("cycle,pin,level\n1,RB0,1\n", r"a\.csv:1: error: is not a digital CSV file of Saleae's"),
+        ("", r"a\.csv:1: error: is not a digital CSV file"),
+        (SALEAE.replace("RB", "D"), r"a\.csv:1: error: has no wire"),
+        (SALEAE + "0.0017,0,0\n", r"a\.csv:6: error: '0.0017,0,0' has not 4 fields"),
+        (SALEAE + "0.0017,0,2,0\n", r"a\.csv:6: error: level '2' is not allowed.*\n.*0, 1, X"),
+        (SALEAE.replace("0.001500500", "soon"), r"a\.csv:4: error: time 'soon' is not a number"),
+        (SALEAE + "0.0001,0,0,0\n", r"a\.csv:6: error: a time lies before"),
+        ("Time [s],RB0\n", r"a\.csv:2: error: time '' is not a number"),
+        (
+            "Time [s],RB0\n2026-11-21T08:00:00Z,0\n",
+            r"a\.csv:2: error: time '2026-11-21T08:00:00Z' is not a number",
+        ),
     ],
 )
 def test_each_defect_of_a_saleae_file_has_its_place_and_message(

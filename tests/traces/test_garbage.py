@@ -68,8 +68,8 @@ def read_or_refuse(read: Callable[[Path], EdgeTrace], name: str, data: bytes) ->
             trace = read(path)
             edges = join(trace.chunks)
         except InputError as error:
-            assert error.place is not None
-            assert error.place.file == str(path)
+            assert error.location is not None
+            assert error.location.file == str(path)
             return
         assert edges.cycle.tolist() == sorted(edges.cycle.tolist())
         assert not len(edges.cycle) or 0 <= edges.cycle[0] <= edges.cycle[-1] < trace.end

@@ -127,8 +127,8 @@ def test_one_pulse_that_is_2_us_too_wide_is_caught_at_1_mhz_with_its_frame(frame
     arm, leg = verdict.channels
     assert (arm.width.wrong, leg.width.wrong) == (1, 0)
     assert 1 < arm.width.worst_us < 3
-    assert verdict.problem is not None
-    assert (verdict.problem.pin, verdict.problem.frame) == (RB0, frame)
+    assert verdict.first_mismatch is not None
+    assert (verdict.first_mismatch.pin, verdict.first_mismatch.frame) == (RB0, frame)
 
 
 def test_a_constant_that_is_2_us_off_in_every_repeat_is_caught() -> None:
@@ -141,9 +141,9 @@ def test_a_constant_that_is_2_us_off_in_every_repeat_is_caught() -> None:
 def test_a_missing_an_extra_pulse_and_a_glitch_are_counted_and_placed() -> None:
     missing = verdict_on(without(30))
     assert [channel.missing for channel in missing.channels] == [1, 0]
-    assert missing.problem is not None
-    assert (missing.problem.frame, missing.problem.pin) == (30, RB0)
-    assert missing.problem.time_us == pytest.approx(30 * PERIOD + 12_345.6, abs=2)
+    assert missing.first_mismatch is not None
+    assert (missing.first_mismatch.frame, missing.first_mismatch.pin) == (30, RB0)
+    assert missing.first_mismatch.time_us == pytest.approx(30 * PERIOD + 12_345.6, abs=2)
     extra = verdict_on([*pulses(), (30 * PERIOD + 9000, 1500, RB1)])
     assert [channel.extra for channel in extra.channels] == [0, 1]
     glitch = verdict_on([*pulses(), (30 * PERIOD + 9000, 4, RB1)])
@@ -158,8 +158,8 @@ def test_a_servo_that_is_shifted_in_every_frame_has_wrong_edges_and_no_missing_p
     arm, leg = verdict.channels
     assert (arm.missing, leg.missing) == (0, 0)
     assert any("wrong edges, worst" in reason for reason in verdict.reasons)
-    assert verdict.problem is not None
-    assert "an edge that is not where it is scheduled" in verdict.problem.text
+    assert verdict.first_mismatch is not None
+    assert "an edge that is not where it is scheduled" in verdict.first_mismatch.diagnostic.message
 
 
 def test_a_wrong_first_pulse_does_not_mislead_the_search() -> None:
@@ -325,10 +325,12 @@ def test_errors_are_microseconds_whatever_the_chips_clock(mhz: int) -> None:
     assert (arm.width.wrong, leg.width.wrong, arm.period.wrong) == (1, 0, 0)
     assert arm.width.worst_us == pytest.approx(30, abs=1.01)
     assert arm.edge.worst_us == pytest.approx(30, abs=2)
-    assert wrong.problem is not None
-    assert wrong.problem.frame == 5
-    assert wrong.problem.time_us == pytest.approx(5 * PERIOD + 12_345.6, abs=2)
-    found = re.search(r"a pulse of ([\d.]+) µs where ([\d.]+) µs are scheduled", wrong.problem.text)
+    assert wrong.first_mismatch is not None
+    assert wrong.first_mismatch.frame == 5
+    assert wrong.first_mismatch.time_us == pytest.approx(5 * PERIOD + 12_345.6, abs=2)
+    found = re.search(
+        r"a pulse of ([\d.]+) µs where ([\d.]+) µs are scheduled", wrong.first_mismatch.diagnostic.message
+    )
     assert found is not None
     assert float(found[1]) == pytest.approx(1212, abs=1.5)
     assert float(found[2]) == 1182

@@ -42,7 +42,7 @@ def test_a_program_right_on_some_chips_is_not_proven_and_the_place_is_named(run:
     assert (ran.code, verdict["proven"]) == (1, False)
     (warning,) = verdict["warnings"]
     kind, address, line, cycle = WRONG[name]
-    assert warning["kind"] == kind
+    assert warning["code"] == kind
     if address is not None:
         assert (warning["address"], warning["line"], warning["cycle"]) == (address, line, cycle)
     assert warning["message"] in verdict["reasons"][0]
@@ -57,8 +57,10 @@ def test_the_watchdog_is_named_where_it_would_bite() -> None:
     verdict = prove_image(read_schedule(SCHEDULE), program.image, None, program.listing)
     (warning,) = verdict.warnings
     assert verdict.start is not None
-    assert warning.cycle == verdict.start + 1500 + 1 + 1 + 14_000  # BCF, CLRWDT, and two periods after it
-    assert warning.line is not None
+    assert (
+        warning.location.cycle == verdict.start + 1500 + 1 + 1 + 14_000
+    )  # BCF, CLRWDT, and two periods after it
+    assert warning.location.line is not None
 
 
 @pytest.mark.parametrize("name", WRONG)
@@ -117,4 +119,4 @@ def test_a_warning_that_does_not_depend_on_the_chip_is_shown_and_proves_nothing_
     shutil.copy(CASES / "frame.inc", tmp_path)
     ran = run("verify", program, "--against", SCHEDULE)
     assert ran.code == 0
-    assert "warning: cycle 5, address 0x005" in ran.out
+    assert "warning: " in ran.out and "cycle 5, address 0x005: " in ran.out

@@ -74,7 +74,7 @@ def plan(memory: int, rate: int, rle: bool, wanted: Wanted, several: bool = Fals
     if sump.BASE_HZ % rate or sump.BASE_HZ // rate > 1 << 24:
         below = sump.BASE_HZ // ceil(Fraction(sump.BASE_HZ, rate))
         raise InputError(
-            "rate-unavailable",
+            "bad-rate",
             f"{rate} samples a second do not divide the analyser's {sump.BASE_HZ}",
             hint=f"as {below}",
         )

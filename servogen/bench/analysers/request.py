@@ -60,7 +60,7 @@ def check_name(path: Path) -> None:
             SUFFIX,
         )
     if not path.parent.is_dir():
-        raise InputError("missing-directory", "there is no such directory", Location(str(path.parent)))
+        raise InputError("unwritable-file", "there is no such directory", Location(str(path.parent)))
 
 
 def partial_name(path: Path) -> Path:

@@ -141,7 +141,7 @@ def capture(port: Port, look: Look, progress: Callable[[int], None] = lambda wor
             progress(len(data) // 2)
         if missing is None and port.read(1, SILENCE_S):
             raise ToolError(
-                "analyser-protocol",
+                "wrong-device",
                 f"the analyser sent more than the {wanted} bytes that were asked for",
                 Location(port.path),
             )
@@ -157,7 +157,7 @@ def _never(port: Port, look: Look) -> ToolError:
     if look.channel is None:
         return ToolError("no-answer", f"the analyser sent nothing for {waited}", Location(port.path))
     return ToolError(
-        "no-trigger",
+        "no-answer",
         f"nothing rose on channel {look.channel} for {waited}, or too little followed to fill the memory",
         Location(port.path),
         "does the chip run, is that channel's wire on its pin, is ground connected?",

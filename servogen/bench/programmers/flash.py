@@ -1,4 +1,4 @@
-"""Objections to programming an image, and remarks for its owner beforehand."""
+"""Programming a chip: what speaks against it beforehand, and what shows that it worked."""
 
 from __future__ import annotations
 
@@ -14,33 +14,35 @@ from pathlib import Path
 from servogen.bench.ports import held
 from servogen.bench.programmers.readback import Contents, difference
 from servogen.bench.programmers.table import Found, Order, Programmer
-from servogen.errors import InputError, Location, ServogenError, ToolError
+from servogen.errors import Diagnostic, InputError, Location, ServogenError, ToolError
 from servogen.pic.device import CONFIG_WATCHDOG_ON, Device
 from servogen.pic.image import Image
 from servogen.pic.isa import decode
 
 
-def objections(image: Image) -> tuple[str, ...]:
-    """Return reasons not to program `image`."""
+def objections(image: Image) -> tuple[Diagnostic, ...]:
+    """Return the errors that speak against programming `image`."""
     found = []
     if not image.words:
-        found.append("the image has no program")
+        found.append(Diagnostic("error", "no-program", "the image has no program"))
     if image.config is None:
-        found.append("the image has no configuration word: oscillator and watchdog would be left to chance")
+        text = "the image has no configuration word: oscillator and watchdog would be left to chance"
+        found.append(Diagnostic("error", "no-configuration", text))
     elif image.config & CONFIG_WATCHDOG_ON and not _clears_watchdog(image):
-        found.append("the watchdog is on, and the program never clears it: the chip would be reset for ever")
+        text = "the watchdog is on, and the program never clears it: the chip would be reset again and again"
+        found.append(Diagnostic("error", "watchdog-on", text))
     return tuple(found)
 
 
-def remarks(image: Image, device: Device) -> tuple[str, ...]:
-    """Return the consequences of programming it."""
+def remarks(image: Image, device: Device) -> tuple[Diagnostic, ...]:
+    """Return warnings of the consequences of programming it."""
     found = []
     if device.name == "PIC16F84":
-        found.append(
-            "the PIC16F84 has no device ID: no programmer can tell whether this is the chip in the socket"
-        )
+        text = "the PIC16F84 has no device ID: no programmer can tell whether this is the chip in the socket"
+        found.append(Diagnostic("warning", "no-device-id", text))
     if protected(image, device):
-        found.append("code protection is on: the chip cannot be read again, only erased")
+        text = "code protection is on: the chip cannot be read again, only erased"
+        found.append(Diagnostic("warning", "code-protected", text))
     return tuple(found)
 
 
@@ -130,7 +132,7 @@ def _judge(programmer: Programmer, code: int, output: str, port: str | None) -> 
         )
     if missing:
         raise ToolError(
-            "not-verified",
+            "tool-failed",
             f"{programmer.name} did not say '{missing[0]}': nothing proves that the chip is programmed",
             _place(port),
             _last(output),
@@ -146,7 +148,7 @@ def _with_place(error: Differs, found: Found, order: Order, image: Image, timeou
     return (
         error
         if at is None
-        else Differs("chip-differs", f"{error.message}, first {at}", error.place, error.hint)
+        else Differs("chip-differs", f"{error.message}, first {at}", error.location, error.hint)
     )
 
 

@@ -15,7 +15,7 @@ from servogen.compiler.ast.nodes import AddressByte, Symbol
 from servogen.compiler.frontend.asm_numbers import RADIX, binary_constants
 from servogen.compiler.ir.function import Line
 from servogen.compiler.ir.instruction import Byte, Instruction, Label, Loc, Reg
-from servogen.errors import InputError, Location
+from servogen.errors import Diagnostic, InputError, Location
 from servogen.pic.assembler.expressions import (
     Binary,
     Expression,
@@ -56,7 +56,7 @@ def assemble_line(text: str, place: Location, names: Names, label: Labels) -> li
     try:
         return [*lines, *(_instruction(each, names, label) for each in parsed.instructions)]
     except SourceError as error:
-        raise InputError("assembly", error.text, place, error.hint) from error
+        raise InputError.of([Diagnostic("error", error.code, error.text, place, error.hint)]) from error
 
 
 def _instruction(parsed: ParsedInstruction, names: Names, label: Labels) -> Instruction:
@@ -145,7 +145,7 @@ def _target(expression: Expression, label: Labels) -> str:
             distance = _constant(right, _ChipNames())
             if distance is not None:
                 return f"${distance if sign == '+' else -distance:+d}"
-    raise SourceError(f"'{spelling(expression)}' is not a label")
+    raise SourceError("c-asm", f"'{spelling(expression)}' is not a label")
 
 
 def _file(expression: Expression, names: Names) -> Loc:
@@ -153,30 +153,30 @@ def _file(expression: Expression, names: Names) -> Loc:
     if found is not None:
         symbol, offset = _used(found[0]), found[1]
         if symbol.kind == "flash":
-            raise SourceError(f"'{symbol.name}' is in flash and has no RAM address")
+            raise SourceError("c-asm", f"'{symbol.name}' is in flash and has no RAM address")
         if symbol.kind == "fixed" and symbol.address is not None:
             address = symbol.address + offset
             return Byte(symbol, offset) if RAM_FIRST <= address & 0x7F <= RAM_LAST else Reg(address)
         return Byte(symbol, offset)
     value = _constant(expression, _ChipNames())
     if value is None:
-        raise SourceError(f"'{spelling(expression)}' is neither a register nor a variable")
+        raise SourceError("c-asm", f"'{spelling(expression)}' is neither a register nor a variable")
     if not 0 <= value <= 0xFF:
-        raise SourceError(f"the register address {_computed(expression, value)} not 0 to 0xFF")
+        raise SourceError("c-asm", f"the register address {_computed(expression, value)} not 0 to 0xFF")
     return Reg(value)
 
 
 def _destination(expression: Expression) -> int:
     value = _constant(expression, _ChipNames(registers=False))
     if value not in (0, 1):
-        raise SourceError(f"the destination is W or F, not '{spelling(expression)}'")
+        raise SourceError("c-asm", f"the destination is W or F, not '{spelling(expression)}'")
     return value
 
 
 def _bit(expression: Expression) -> int:
     value = _constant(expression, _ChipNames(registers=False, bits=True))
     if value is None or not 0 <= value <= 7:
-        raise SourceError(f"'{spelling(expression)}' is not a bit, 0 to 7")
+        raise SourceError("c-asm", f"'{spelling(expression)}' is not a bit, 0 to 7")
     return value
 
 
@@ -190,9 +190,9 @@ def _literal(expression: Expression, names: Names) -> int | AddressByte:
         return AddressByte(_used(found[0]), found[1], part)
     value = _constant(expression, _ChipNames(bits=True))
     if value is None:
-        raise SourceError(f"'{spelling(expression)}' is not a number from 0 to 255")
+        raise SourceError("c-asm", f"'{spelling(expression)}' is not a number from 0 to 255")
     if not -128 <= value <= 255:
-        raise SourceError(f"the literal {_computed(expression, value)} not 0 to 255")
+        raise SourceError("c-asm", f"the literal {_computed(expression, value)} not 0 to 255")
     return value & 0xFF
 
 

@@ -60,7 +60,8 @@ class ProgramGenerator:
             raise self.reporter.too_deep(generator.place or definition.place) from None
         made = sum(each.size for each in self.functions.values())
         if made > INSTRUCTIONS:
-            raise self.reporter.too_large(
+            raise self.reporter.fatal(
+                "program-too-large",
                 f"the program has {made} instructions up to here, the chip has {PROGRAM_WORDS} words",
                 definition.place,
             )

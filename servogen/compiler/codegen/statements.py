@@ -237,7 +237,7 @@ def _stmt_asm(gen: FunctionGenerator, node: Asm) -> None:
         try:
             found = assemble_line(text, place, _asm_name(gen, node), _asm_label(gen, node, labels))
         except InputError as error:
-            gen.context.reporter.error(f"assembly: {error.message}", place, error.hint)
+            gen.context.reporter.error(error.code, f"assembly: {error.message}", place, error.hint)
             continue
         for line in found:
             line.place, line.fixed = place, True

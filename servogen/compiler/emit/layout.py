@@ -83,7 +83,8 @@ def allocate(
     memory.used = needed
     if needed > RAM_BYTES or top > RAM_LAST + 1:
         file = next(iter(reporter.texts), None)
-        raise reporter.too_large(
+        raise reporter.fatal(
+            "program-too-large",
             f"the program needs {max(needed, top - RAM_FIRST)} bytes of RAM, the chip has {RAM_BYTES}",
             Location(file),
         )
@@ -123,7 +124,8 @@ def lay_out(
     assert found is not None
     if found.end > PROGRAM_WORDS:
         file = next(iter(reporter.texts), None)
-        raise reporter.too_large(
+        raise reporter.fatal(
+            "program-too-large",
             f"the program needs {found.end} words of flash, the chip has {PROGRAM_WORDS}",
             Location(file),
             "optimise for size (-Os): equal code is shared" if not small else None,
@@ -194,7 +196,7 @@ def _literal(
             return word.address + int(ins.target[1:] or 0)
         if ins.target not in labels:
             name = ins.target.rsplit(".", 1)[-1]
-            raise reporter.fatal(f"assembly: there is no label '{name}'", ins.place or Location())
+            raise reporter.fatal("c-asm", f"assembly: there is no label '{name}'", ins.place or Location())
         return labels[ins.target]
     if isinstance(ins.k, AddressByte):
         return address_byte(ins.k, labels, memory, tables)

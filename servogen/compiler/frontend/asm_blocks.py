@@ -59,7 +59,7 @@ def rewrite(text: str, file: str, blocks: list[AsmBlock], reporter: Reporter) ->
         position = match.end()
         comment = match["comment"]
         if comment and comment.startswith("/*") and (len(comment) < 4 or not comment.endswith("*/")):
-            reporter.error("the comment is not closed", Location(file, lines.at(match.start())))
+            reporter.error("c-syntax", "the comment is not closed", Location(file, lines.at(match.start())))
             out.append("\n" * comment.count("\n"))
         elif match["binary"]:
             out.append(_hexadecimal(match["binary"]))

@@ -111,7 +111,7 @@ class _Rewriter:
                 else:
                     total, sign = total + sign * int(word, 8 if re.fullmatch("0[0-7]+", word) else 0), 1
         except ValueError:
-            self.reporter.error("a fixed address must be a number", place)
+            self.reporter.error("c-address", "a fixed address must be a number", place)
             return 0
         return total
 
@@ -205,6 +205,7 @@ def _asm_call(self: _Rewriter, token: PToken) -> bool:
     strings = self.arguments()
     if (other := next((each for each in strings if each.text[0] != '"'), None)) is not None:
         self.reporter.error(
+            "c-unsupported",
             "assembly with operands is not supported: only strings stand in the parentheses",
             other.place,
             hint="the global variable v is _v in assembly",

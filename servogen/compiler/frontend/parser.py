@@ -174,18 +174,20 @@ def _token(token: PToken, reporter: Reporter) -> c_lexer.Token:
         elif match := _INTEGER.fullmatch(text):
             kind = "INT_CONST_DEC"
             if match[1].lower() not in ("", "u", "l", "ul", "lu", "ll", "ull", "llu"):
-                reporter.error(f"'{text}' is not a number: unknown suffix '{match[1]}'", token.place)
+                reporter.error(
+                    "c-number", f"'{text}' is not a number: unknown suffix '{match[1]}'", token.place
+                )
                 text = "0"
             elif text[0] == "0" and text[1:2] not in ("x", "X") and re.search("[89]", text):
-                reporter.error(f"'{text}' is not a number: octal digits are 0 to 7", token.place)
+                reporter.error("c-number", f"'{text}' is not a number: octal digits are 0 to 7", token.place)
                 text = "0"
         elif re.fullmatch(r"(\d+\.\d*|\.\d+|\d+)([eE][+-]?\d+)?[fFlL]?", text):
             kind = "FLOAT_CONST"
         elif text[0].isdigit():
-            reporter.error(f"'{text}' is not a number", token.place)
+            reporter.error("c-number", f"'{text}' is not a number", token.place)
             kind, text = "INT_CONST_DEC", "0"
         else:
-            reporter.error(f"the character {text!r} has no meaning in C", token.place)
+            reporter.error("c-syntax", f"the character {text!r} has no meaning in C", token.place)
             kind, text = "SEMI", ";"
     place = token.place
     return c_lexer.Token(kind, text, place.line or 0, place.column or 0, place.file or "")

@@ -105,7 +105,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
     def on_error(self, file: str, line: int, msg: str) -> None:
         if len(msg) > _LONGEST_MESSAGE:
             msg = msg[:_LONGEST_MESSAGE] + "…"
-        self.reporter.error(f"preprocessor: {msg}", Location(file or None, line or None))
+        self.reporter.error("c-preprocessor", f"preprocessor: {msg}", Location(file or None, line or None))
 
     def on_directive_unknown(self, directive: Any, toks: Any, ifpassthru: bool, precedingtoks: Any) -> bool:
         words = "".join(tok.value for tok in toks)
@@ -115,13 +115,15 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
             rest = "".join(tok.value for tok in expanded)
             self.pragmas.append(Pragma((toks[0].value + rest) if toks else "", place))
         elif directive.value == "error":
-            self.reporter.error(f"#error {words}", place)
+            self.reporter.error("c-user-message", f"#error {words}", place)
         elif directive.value == "warning":
-            self.reporter.warn(f"#warning {words}", place)
+            self.reporter.warn("c-user-message", f"#warning {words}", place)
         elif directive.value == "line":
-            self.reporter.error("#line is not supported: messages name the lines of the file itself", place)
+            self.reporter.error(
+                "c-preprocessor", "#line is not supported: messages name the lines of the file itself", place
+            )
         else:
-            self.reporter.error(f"unknown preprocessor directive #{directive.value}", place)
+            self.reporter.error("c-preprocessor", f"unknown preprocessor directive #{directive.value}", place)
         raise OutputDirective(Action.IgnoreAndRemove)
 
     def on_comment(self, tok: Any) -> bool:
@@ -133,7 +135,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         place = Location(original_line[0].source, original_line[0].lineno)
         match = re.fullmatch(r'<([^>]+)>|"([^"]+)"', written.strip())
         if not match:
-            self.reporter.error("#include needs a name in <…> or quotes", place)
+            self.reporter.error("c-preprocessor", "#include needs a name in <…> or quotes", place)
             return
         name = match[1] or match[2]
         if name in self.headers:
@@ -142,21 +144,26 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
             try:
                 found = self.resolver(name, place.file or "") if self.resolver else None
             except InputError as refusal:
-                self.reporter.error(f"include file '{name}' {refusal.message}", place, hint=refusal.hint)
+                self.reporter.error(
+                    "c-include", f"include file '{name}' {refusal.message}", place, hint=refusal.hint
+                )
                 return
         if found is None:
             known = ", ".join(sorted(self.headers))
             self.reporter.error(
-                f"include file '{name}' was not found", place, hint=f"the compiler's own headers: {known}"
+                "c-include",
+                f"include file '{name}' was not found",
+                place,
+                hint=f"the compiler's own headers: {known}",
             )
             return
         if found[0] in self.include_once:
             return
         self.included += 1
         if self.included > limits.INCLUDES:
-            raise self.reporter.fatal(f"more than {limits.INCLUDES} files are included", place)
+            raise self.reporter.fatal("c-include", f"more than {limits.INCLUDES} files are included", place)
         if self.depth > 20:
-            self.reporter.error("#include nested more than 20 deep", place)
+            self.reporter.error("c-include", "#include nested more than 20 deep", place)
             return
         self.depth += 1
         yield from self.parsegen(self.prepare(found[1], found[0], place), found[0], found[0])
@@ -180,8 +187,10 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
             self.expanded += sum(len(each.value) for each in found)
         if self.expanded > limits.EXPANDED_CHARACTERS:
             place = Location(self.outer, self.linemacro or None)
-            raise self.reporter.too_large(
-                f"the macros expand to more than {limits.EXPANDED_CHARACTERS} characters", place
+            raise self.reporter.fatal(
+                "program-too-large",
+                f"the macros expand to more than {limits.EXPANDED_CHARACTERS} characters",
+                place,
             )
         return found
 
@@ -189,13 +198,16 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         """Register a source text that is included at a location, and return it as the lexer must see it."""
         self.read += len(text)
         if len(text) > limits.SOURCE_CHARACTERS:
-            raise self.reporter.too_large(
+            raise self.reporter.fatal(
+                "program-too-large",
                 f"'{file}' has {len(text)} characters, a source file has at most {limits.SOURCE_CHARACTERS}",
                 place,
             )
         if self.read > limits.ALL_CHARACTERS:
-            raise self.reporter.too_large(
-                f"the source files have more than {limits.ALL_CHARACTERS} characters together", place
+            raise self.reporter.fatal(
+                "program-too-large",
+                f"the source files have more than {limits.ALL_CHARACTERS} characters together",
+                place,
             )
         text = text.replace("\r\n", "\n").replace("\r", "\n")
         self.reporter.add_source(file, text)
@@ -203,7 +215,8 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         lines = [line.rstrip() for line in rewrite(clean, file, self.blocks, self.reporter).splitlines()]
         if sum(len(block.lines) for block in self.blocks) > limits.ASSEMBLY_LINES:
             last = self.blocks[-1].lines
-            raise self.reporter.too_large(
+            raise self.reporter.fatal(
+                "program-too-large",
                 f"the program has more than {limits.ASSEMBLY_LINES} lines of assembly",
                 Location(file, last[-1][0] if last else None),
             )
@@ -236,16 +249,18 @@ def preprocess(
         for token in _placed(stream, reporter, pcpp.starts):
             tokens.append(token)
             if len(tokens) > limits.TOKENS:
-                raise reporter.too_large(
-                    f"the program has more than {limits.TOKENS} words and signs", token.place
+                raise reporter.fatal(
+                    "program-too-large",
+                    f"the program has more than {limits.TOKENS} words and signs",
+                    token.place,
                 )
     except RecursionError:
-        reporter.error("macros are nested too deeply", Location(file))
+        reporter.error("nested-too-deeply", "macros are nested too deeply", Location(file))
     except (IndexError, AttributeError, ValueError, TypeError, StopIteration, RuntimeError):
         # pcpp trips over malformed directives (an #if or #define without operands) in these ways.
         where = pcpp.lastdirective
         place = Location(where.source, where.lineno) if where is not None else Location(file)
-        reporter.error("malformed preprocessor directive", place)
+        reporter.error("c-preprocessor", "malformed preprocessor directive", place)
     macros = {
         name: ("".join(tok.value for tok in macro.value).strip(), Location(macro.source, macro.lineno))
         for name, macro in pcpp.macros.items()

@@ -53,7 +53,9 @@ class Settings:
                 value = number(rest)
                 if value is None or value <= 0:
                     self.reporter.error(
-                        f"#pragma CLOCK_FREQ needs a frequency in hertz, not '{rest}'", pragma.place
+                        "c-clock",
+                        f"#pragma CLOCK_FREQ needs a frequency in hertz, not '{rest}'",
+                        pragma.place,
                     )
                 else:
                     self.clock_pragma = (value, pragma.place)
@@ -64,27 +66,37 @@ class Settings:
             case "TRUE_RS232":
                 self.serial["TRUE"] = rest
             case _ if (macro := name.partition("(")[0]) in ("push_macro", "pop_macro"):
-                self.reporter.error(f"#pragma {macro} is not supported", pragma.place)
+                self.reporter.error("c-pragma", f"#pragma {macro} is not supported", pragma.place)
             case _ if name.lower() not in _IGNORED:
-                self.reporter.warn(f"unknown #pragma {name}", pragma.place)
+                self.reporter.warn("c-pragma", f"unknown #pragma {name}", pragma.place)
 
     def _config(self, rest: str, place: Location) -> None:
         for item in rest.split(","):
             match = re.fullmatch(r"\s*(\w+)\s*=\s*(\w+)\s*", item)
             if not match:
-                self.reporter.error(f"'{item.strip()}' is not a setting: NAME = VALUE", place)
+                self.reporter.error(
+                    "c-configuration", f"'{item.strip()}' is not a setting: NAME = VALUE", place
+                )
                 continue
             name, value = match[1].upper(), match[2].upper()
             if name not in _VALUES:
                 self.reporter.error(
-                    f"unknown configuration setting '{match[1]}'", place, did_you_mean(name, _VALUES)
+                    "c-configuration",
+                    f"unknown configuration setting '{match[1]}'",
+                    place,
+                    did_you_mean(name, _VALUES),
                 )
             elif value not in _VALUES[name]:
                 self.reporter.error(
-                    f"'{match[2]}' is not a value of {name}", place, did_you_mean(value, _VALUES[name])
+                    "c-configuration",
+                    f"'{match[2]}' is not a value of {name}",
+                    place,
+                    did_you_mean(value, _VALUES[name]),
                 )
             elif self.config.get(name, (value,))[0] != value:
-                self.reporter.error(f"{name} is set twice: {self.config[name][0]} and {value}", place)
+                self.reporter.error(
+                    "c-configuration", f"{name} is set twice: {self.config[name][0]} and {value}", place
+                )
             else:
                 self.config[name] = (value, place)
 
@@ -98,7 +110,10 @@ class Settings:
                 value = config_names().get(name.upper())
             if value is None:
                 self.reporter.error(
-                    f"'{name}' is not a configuration mask", place, did_you_mean(name.upper(), config_names())
+                    "c-configuration",
+                    f"'{name}' is not a configuration mask",
+                    place,
+                    did_you_mean(name.upper(), config_names()),
                 )
                 return
             total &= value
@@ -116,7 +131,9 @@ class Settings:
                 text, place = macros[name]
                 value = number(text)
                 if value is None or value <= 0:
-                    self.reporter.error(f"{name} must be a frequency in hertz, not '{text}'", place)
+                    self.reporter.error(
+                        "c-clock", f"{name} must be a frequency in hertz, not '{text}'", place
+                    )
                 else:
                     found.append((name, value, place))
         if option_hz is not None:
@@ -127,12 +144,14 @@ class Settings:
         for name, value, place in found[1:]:
             if value != first[1]:
                 self.reporter.error(
+                    "c-clock",
                     f"{name} says {value} Hz, {first[0]} says {first[1]} Hz",
                     place if place.file else first[2],
                     hint="one program has one clock: make them agree",
                 )
         if first[1] > self.device.max_clock_hz:
             self.reporter.error(
+                "c-clock",
                 f"{first[1]} Hz is too fast: the {self.device.name} goes to {self.device.max_clock_hz} Hz",
                 first[2],
             )

@@ -50,13 +50,13 @@ def report_syntax(
             place = before.place
             if place.column:
                 place = Location(place.file, place.line, place.column + len(before.text))
-            reporter.error(f"syntax error: ';' is missing after '{before.text}'", place)
+            reporter.error("c-syntax", f"syntax error: ';' is missing after '{before.text}'", place)
             return
     if index >= len(tokens):
         where = tokens[-1].place if tokens else Location()
         opened = _unclosed(tokens[start:])
         hint = f"the '{opened.text}' at {opened.place} is not closed" if opened else None
-        reporter.error("syntax error: the file ends in the middle of a declaration", where, hint)
+        reporter.error("c-syntax", "syntax error: the file ends in the middle of a declaration", where, hint)
         return
     detail = (
         ""
@@ -64,7 +64,9 @@ def report_syntax(
         else f" ({message[0].lower() + message[1:]})"
     )
     hint = _bracket_hint(tokens, start, index)
-    reporter.error(f"syntax error before '{tokens[index].text}'{detail}", tokens[index].place, hint)
+    reporter.error(
+        "c-syntax", f"syntax error before '{tokens[index].text}'{detail}", tokens[index].place, hint
+    )
 
 
 def _index_of(tokens: list[PToken], coord: Any, start: int, at: int) -> int:

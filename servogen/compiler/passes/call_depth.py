@@ -48,6 +48,7 @@ def check_stack(functions: dict[str, Function], roots: list[str], reporter: Repo
             f", and the interrupt's {' → '.join(chains[roots[1]]) or 'own level'}" if len(roots) > 1 else ""
         )
         reporter.error(
+            "c-call-depth",
             f"calls go {_total(chains, roots)} levels deep, "
             f"the chip's stack has {STACK_LEVELS}: {path}{also}",
             functions[functions[roots[0]].falls_into].place or Location(next(iter(reporter.texts), None)),

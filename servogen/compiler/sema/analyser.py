@@ -100,8 +100,8 @@ class Analyser:
         """Return the type of comparisons, enumerations and small literals."""
         return C2C_SIGNED if self.c2c else S16
 
-    def fail(self, message: str, node: Any, hint: str | None = None) -> Fatal:
-        return self.reporter.fatal(message, self.place(node), hint)
+    def fail(self, code: str, message: str, node: Any, hint: str | None = None) -> Fatal:
+        return self.reporter.fatal(code, message, self.place(node), hint)
 
     def place(self, node: Any) -> Location:
         if isinstance(node, Location):

@@ -57,7 +57,7 @@ def bit_target(
     """
     base = expression(analyser, variable)
     if not isinstance(base, (Ref, Deref)) or not isinstance(base.type, IntType):
-        raise analyser.fail("the first argument must be a variable or a register", node)
+        raise analyser.fail("c-argument", "the first argument must be a variable or a register", node)
     bit = _bit_number(analyser, number)
     if isinstance(bit, Num):
         found = bit_of(analyser, base, bit.value, node)
@@ -77,6 +77,7 @@ def delay_cycles(analyser: Analyser, us: Fraction, node: Any, *, cut: bool = Fal
     """Return a time in whole cycles, rounded to the nearest or down; warns in both cases."""
     if analyser.clock is None:
         raise analyser.fail(
+            "c-clock",
             "the clock frequency is not known",
             node,
             hint="say '#pragma CLOCK_FREQ 4000000', '#define _XTAL_FREQ 4000000' or --clock-hz",
@@ -85,6 +86,7 @@ def delay_cycles(analyser: Analyser, us: Fraction, node: Any, *, cut: bool = Fal
     achieved = analyser.clock.us(cycles)
     if achieved != us:
         analyser.reporter.warn(
+            "delay-rounded",
             f"{_decimal(us)} µs is not a whole number of cycles at {analyser.clock.hz} Hz: "
             f"{cycles} cycles are {_decimal(achieved)} µs",
             analyser.place(node),
@@ -223,13 +225,15 @@ def delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Exp
     value = constant_us(analyser, arguments[0])
     if value is not None:
         if not 0 <= value <= 255:
-            raise analyser.fail(f"'{name}' takes 0 to 255, not {value}", arguments[0])
+            raise analyser.fail("c-argument", f"'{name}' takes 0 to 255, not {value}", arguments[0])
         return Builtin("delay", [], VOID, place, delay_cycles(analyser, value * unit, node))
     argument = convert(analyser, expression(analyser, arguments[0]), U8, f"the argument of '{name}'")
     cycles = delay_cycles(analyser, Fraction(unit), node)
     if cycles == 0:
         raise analyser.fail(
-            f"'{name}' with a variable argument needs a clock whose cycle is at most {unit} µs", node
+            "c-clock",
+            f"'{name}' with a variable argument needs a clock whose cycle is at most {unit} µs",
+            node,
         )
     return Builtin("delay_variable", [argument], VOID, place, cycles)
 
@@ -239,6 +243,7 @@ def xc8_delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]) ->
     value = constant_us(analyser, arguments[0], fractions=name != "_delay")
     if value is None:
         raise analyser.fail(
+            "c-argument",
             f"'{name}' needs a constant argument",
             arguments[0],
             hint="call it in a loop that counts the variable",
@@ -246,13 +251,16 @@ def xc8_delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]) ->
     if name == "_delay":
         cycles = int(value)
         if not 0 <= cycles <= MAX_DELAY:
-            raise analyser.fail(f"'_delay' takes 0 to {MAX_DELAY} cycles, not {cycles}", arguments[0])
+            raise analyser.fail(
+                "c-argument", f"'_delay' takes 0 to {MAX_DELAY} cycles, not {cycles}", arguments[0]
+            )
     else:
         if value < 0:
-            raise analyser.fail(f"'{name}' takes no negative time", arguments[0])
+            raise analyser.fail("c-argument", f"'{name}' takes no negative time", arguments[0])
         cycles = delay_cycles(analyser, value * XC8_UNITS_US[name], node, cut=True)
         if cycles > MAX_DELAY:
             raise analyser.fail(
+                "c-argument",
                 f"'{name}' takes at most {MAX_DELAY} cycles, these are {cycles}",
                 arguments[0],
                 hint="call it several times, or in a loop",
@@ -275,15 +283,15 @@ def serial(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Ex
     wanted = ("TXPORT", "TXPIN", "BAUD") if name == "putchar" else ("RXPORT", "RXPIN", "BAUD")
     for each in wanted:
         if each not in analyser.serial_settings:
-            raise analyser.fail(f"'{name}' needs '#pragma RS232_{each} …'", node)
+            raise analyser.fail("c-argument", f"'{name}' needs '#pragma RS232_{each} …'", node)
     kind = wanted[0][:2]
     port = serial_number(analyser, f"{kind}PORT", node)
     pin = serial_number(analyser, f"{kind}PIN", node)
     baud = serial_number(analyser, "BAUD", node)
     if not 0 <= pin <= 7 or not 0 <= port <= RAM_LAST:
-        raise analyser.fail(f"the serial pin {port}.{pin} does not exist", node)
+        raise analyser.fail("c-argument", f"the serial pin {port}.{pin} does not exist", node)
     if baud <= 0:
-        raise analyser.fail(f"the baud rate must be positive, not {baud}", node)
+        raise analyser.fail("c-argument", f"the baud rate must be positive, not {baud}", node)
     cycles = bit_cycles(analyser, baud, node)
     inverted = analyser.serial_settings.get("TRUE", "1") == "0"
     data = (port, pin, cycles, inverted)
@@ -298,7 +306,7 @@ def serial_number(analyser: Analyser, name: str, node: Any) -> int:
     if text.upper() in registers():
         return registers()[text.upper()].address
     if not re.fullmatch(r"0[xX][0-9a-fA-F]+|\d+", text):
-        raise analyser.fail(f"'#pragma RS232_{name} {text}': a number is needed", node)
+        raise analyser.fail("c-argument", f"'#pragma RS232_{name} {text}': a number is needed", node)
     return int(text, 16 if text[1:2] in ("x", "X") else 10)
 
 
@@ -308,7 +316,9 @@ def bit_cycles(analyser: Analyser, baud: int, node: Any) -> int:
     assert analyser.clock is not None
     cycles = analyser.clock.round_us(Fraction(1_000_000, baud)).cycles
     if cycles < 16:
-        raise analyser.fail(f"{baud} baud is too fast: a bit has only {cycles} cycles, 16 are needed", node)
+        raise analyser.fail(
+            "c-argument", f"{baud} baud is too fast: a bit has only {cycles} cycles, 16 are needed", node
+        )
     return cycles
 
 
@@ -320,11 +330,12 @@ def builtin(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> E
     row = _TABLE.get(name)
     if row is None or analyser.dialect not in row[0]:
         if row is not None:
-            raise analyser.fail(f"'{name}' belongs to the {NAMES[row[0][0]]} dialect", node)
+            raise analyser.fail("c-unsupported", f"'{name}' belongs to the {NAMES[row[0][0]]} dialect", node)
         return None
     _, count, handler = row
     if len(arguments) != count:
         raise analyser.fail(
+            "c-argument",
             f"'{name}' takes {count} argument{'s' * (count != 1)}, {len(arguments)} "
             f"{'is' if len(arguments) == 1 else 'are'} given",
             node,

@@ -94,22 +94,25 @@ def check_calls(graph: CallGraph, reporter: Reporter) -> None:
     functions = graph.program.functions
     if "main" not in functions or functions["main"].body is None:
         file = next(iter(reporter.texts), None)
-        reporter.error("there is no function 'main'", Location(file))
+        reporter.error("c-undefined", "there is no function 'main'", Location(file))
         return
     handlers = [function for function in functions.values() if function.interrupt]
     for extra in handlers[1:]:
         reporter.error(
+            "c-interrupt",
             "there is a second interrupt function",
             extra.place,
             hint=f"the first is '{handlers[0].name}' at {handlers[0].place}",
         )
     for handler in handlers:
         if handler.parameters or not isinstance(handler.result, VoidType):
-            reporter.error("an interrupt function takes and returns nothing", handler.place)
+            reporter.error("c-interrupt", "an interrupt function takes and returns nothing", handler.place)
     for name in dict.fromkeys([*graph.main, *graph.isr]):
         for callee, call in called(functions[name]).items():
             if functions[callee].body is None:
-                reporter.error(f"the function '{callee}' is declared but not defined", call.place)
+                reporter.error(
+                    "c-undefined", f"the function '{callee}' is declared but not defined", call.place
+                )
     _check_recursion(graph, reporter)
 
 
@@ -122,6 +125,7 @@ def _check_recursion(graph: CallGraph, reporter: Reporter) -> None:
             if state.get(callee) == 1:
                 cycle = [*path[path.index(callee) :], callee]
                 reporter.error(
+                    "c-call-depth",
                     f"recursion is not possible on this chip: {' → '.join(cycle)}",
                     call.place,
                     hint="variables of functions have fixed places; use a loop",

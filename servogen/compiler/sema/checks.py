@@ -69,7 +69,9 @@ def _inputs(program: Program, reporter: Reporter) -> None:
             for bit in bits:
                 if not outputs >> bit & 1:
                     reporter.warn(
-                        f"{_PINS[port]}{bit} is an input: {tris} never makes it an output", expr.place
+                        "c-input-pin",
+                        f"{_PINS[port]}{bit} is an input: {tris} never makes it an output",
+                        expr.place,
                     )
 
 
@@ -135,7 +137,9 @@ def _unused_results(program: Program, reporter: Reporter) -> None:
         for call in _statements_that_call(function.body):
             if call.function not in acting and not isinstance(call.type, VoidType):
                 reporter.warn(
-                    f"the result of '{call.function}' is not used, and it does nothing else", call.place
+                    "c-unused-result",
+                    f"the result of '{call.function}' is not used, and it does nothing else",
+                    call.place,
                 )
 
 
@@ -187,6 +191,7 @@ def _shared(graph: CallGraph, reporter: Reporter) -> None:
             symbol in main_writes and symbol in isr_reads
         ):
             reporter.warn(
+                "c-shared-variable",
                 f"'{symbol.name}' has {symbol.size} bytes and is shared with the interrupt, "
                 "which may come between them",
                 symbol.place,

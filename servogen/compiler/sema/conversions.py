@@ -61,14 +61,14 @@ def rvalue(analyser: Analyser, expr: Expr) -> Expr:
     """Return the value of an expression: arrays decay; void has no value."""
     expr = decay(analyser, expr)
     if isinstance(expr.type, VoidType):
-        raise analyser.fail("this has no value: its type is void", expr)
+        raise analyser.fail("c-type", "this has no value: its type is void", expr)
     return expr
 
 
 def arithmetic(analyser: Analyser, expr: Expr) -> Expr:
     expr = rvalue(analyser, expr)
     if not isinstance(expr.type, IntType):
-        raise analyser.fail(f"an integer is needed here, not '{expr.type}'", expr)
+        raise analyser.fail("c-type", f"an integer is needed here, not '{expr.type}'", expr)
     return expr
 
 
@@ -97,6 +97,7 @@ def cast(analyser: Analyser, expr: Expr, kind: CType) -> Expr:
             bits = 8 * kind.size
             if not -(1 << bits - 1) <= expr.value < 1 << bits and expr.value + 1 not in _ALL_ONES:
                 raise analyser.fail(
+                    "c-address",
                     f"the address 0x{expr.value & 0xFFFFFFFF:X} does not fit '{kind}'",
                     expr,
                     hint=f"it has {kind.size} byte{'s' * (kind.size > 1)}",
@@ -120,10 +121,10 @@ def convert(analyser: Analyser, expr: Expr, kind: CType, what: str) -> Expr:
         if kind.is_bool:
             return cast(analyser, expr, kind)
         analyser.reporter.warn(
-            f"{what} makes '{kind}' of the pointer '{expr.type}' without a cast", expr.place
+            "c-conversion", f"{what} makes '{kind}' of the pointer '{expr.type}' without a cast", expr.place
         )
         return cast(analyser, expr, kind)
-    raise analyser.fail(f"{what} needs '{kind}', this is '{expr.type}'", expr)
+    raise analyser.fail("c-type", f"{what} needs '{kind}', this is '{expr.type}'", expr)
 
 
 def _warn_range(analyser: Analyser, expr: Expr, kind: IntType) -> None:
@@ -133,10 +134,14 @@ def _warn_range(analyser: Analyser, expr: Expr, kind: IntType) -> None:
     high = (1 << 8 * kind.bytes - kind.signed) - 1
     if not low <= expr.value <= high:
         shown = kind.wrap(expr.value)
-        analyser.reporter.warn(f"{expr.value} does not fit '{kind}' and becomes {shown}", expr.place)
+        analyser.reporter.warn(
+            "c-conversion", f"{expr.value} does not fit '{kind}' and becomes {shown}", expr.place
+        )
     elif analyser.c2c and expr.value < 0 and kind == C2C_INT:
         analyser.reporter.warn(
-            f"{expr.value} does not fit '{kind}' and becomes {kind.wrap(expr.value)}", expr.place
+            "c-conversion",
+            f"{expr.value} does not fit '{kind}' and becomes {kind.wrap(expr.value)}",
+            expr.place,
         )
 
 
@@ -144,18 +149,24 @@ def _to_pointer(analyser: Analyser, expr: Expr, kind: PointerType, what: str) ->
     if isinstance(expr, Num) and isinstance(expr.type, IntType):
         if expr.value != 0:
             analyser.reporter.warn(
-                f"{what} makes a pointer of the number {expr.value} without a cast", expr.place
+                "c-conversion",
+                f"{what} makes a pointer of the number {expr.value} without a cast",
+                expr.place,
             )
         return cast(analyser, expr, kind)
     if not isinstance(expr.type, PointerType):
         if isinstance(expr.type, IntType):
-            analyser.reporter.warn(f"{what} makes a pointer of '{expr.type}' without a cast", expr.place)
+            analyser.reporter.warn(
+                "c-conversion", f"{what} makes a pointer of '{expr.type}' without a cast", expr.place
+            )
             return cast(analyser, expr, kind)
-        raise analyser.fail(f"{what} needs '{kind}', this is '{expr.type}'", expr)
+        raise analyser.fail("c-type", f"{what} needs '{kind}', this is '{expr.type}'", expr)
     keep_const(analyser, expr, kind, what)
     source, target = expr.type.target, kind.target
     if not same(source, target) and not isinstance(source, VoidType) and not isinstance(target, VoidType):
-        analyser.reporter.warn(f"{what} makes '{kind}' of '{expr.type}' without a cast", expr.place)
+        analyser.reporter.warn(
+            "c-conversion", f"{what} makes '{kind}' of '{expr.type}' without a cast", expr.place
+        )
     return cast(analyser, expr, kind)
 
 
@@ -164,6 +175,7 @@ def keep_const(analyser: Analyser, expr: Expr, kind: CType, what: str) -> None:
     both = isinstance(expr.type, PointerType) and isinstance(kind, PointerType)
     if both and expr.type.size > kind.size:
         raise analyser.fail(
+            "c-const",
             f"{what} would drop const: '{expr.type}' may point to flash, '{kind}' cannot",
             expr,
             hint="declare the pointer as a pointer to const",
@@ -174,7 +186,7 @@ def truth(analyser: Analyser, expr: Expr) -> Expr:
     """Return the operand of a condition."""
     expr = rvalue(analyser, expr)
     if not expr.type.scalar:
-        raise analyser.fail(f"a condition needs a number or a pointer, not '{expr.type}'", expr)
+        raise analyser.fail("c-type", f"a condition needs a number or a pointer, not '{expr.type}'", expr)
     return expr
 
 

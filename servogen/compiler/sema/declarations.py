@@ -47,9 +47,9 @@ def declare(analyser: Analyser, node: Any) -> None:
         return
     kind = complete(analyser, kind, node)
     if isinstance(kind, VoidType):
-        raise analyser.fail(f"'{node.name}' cannot be of type void", node)
+        raise analyser.fail("c-type", f"'{node.name}' cannot be of type void", node)
     if isinstance(kind, StructType) and kind.layout.size is None:
-        raise analyser.fail(f"'{kind}' is not defined", node)
+        raise analyser.fail("c-undefined", f"'{kind}' is not defined", node)
     storage = node.storage or []
     static = "static" in storage
     address = analyser.addresses.get((place.file, place.line, place.column))
@@ -63,7 +63,9 @@ def declare(analyser: Analyser, node: Any) -> None:
             known = _new_global(analyser, node.name, kind, place, address)
             analyser.externals[node.name] = known
         else:
-            raise analyser.fail(f"'{node.name}' is already declared", node, hint=f"at {known.place}")
+            raise analyser.fail(
+                "c-redeclared", f"'{node.name}' is already declared", node, hint=f"at {known.place}"
+            )
         enter_name(analyser, node.name, known, node)
     else:
         _local(analyser, node, kind, static, address)
@@ -78,7 +80,9 @@ def _new_global(analyser: Analyser, name: str, kind: CType, place: Location, add
     if address is not None:
         _fix(analyser, symbol, address, place)
     elif where == "flash" and symbol.volatile:
-        raise analyser.reporter.fatal(f"the constant '{name}' cannot have a volatile member", place)
+        raise analyser.reporter.fatal(
+            "c-const", f"the constant '{name}' cannot have a volatile member", place
+        )
     analyser.program.symbols.append(symbol)
     return symbol
 
@@ -91,9 +95,12 @@ def _fix(analyser: Analyser, symbol: Symbol, address: int, place: Location) -> N
     symbol.bank1 = bool(address & 0x80) and not in_ram
     size = symbol.size
     if not 0 <= address <= 0xFF:
-        analyser.reporter.error(f"the address 0x{address:X} is not in the data memory (0x00-0xFF)", place)
+        analyser.reporter.error(
+            "c-address", f"the address 0x{address:X} is not in the data memory (0x00-0xFF)", place
+        )
     elif not all(data_byte_exists(address + each) for each in range(size)):
         analyser.reporter.error(
+            "c-address",
             f"there is no memory at 0x{address:02X} for {size} byte{'s' * (size != 1)}",
             place,
             hint=f"RAM is 0x{RAM_FIRST:02X} to 0x{RAM_LAST:02X}",
@@ -104,6 +111,7 @@ def _redeclare(analyser: Analyser, symbol: Symbol, kind: CType, place: Location,
     """Add what a further declaration of a variable specifies: its length, volatile, its address."""
     if is_const_object(symbol.type) != is_const_object(kind):
         raise analyser.reporter.fatal(
+            "c-redeclared",
             f"'{symbol.name}' is const in one declaration only",
             place,
             hint=f"the other is at {symbol.place}",
@@ -117,6 +125,7 @@ def _redeclare(analyser: Analyser, symbol: Symbol, kind: CType, place: Location,
         return
     if symbol.address is not None:
         raise analyser.reporter.fatal(
+            "c-redeclared",
             f"'{symbol.name}' has two addresses: 0x{symbol.address:02X} and 0x{address:02X}",
             place,
             hint=f"the other declaration is at {symbol.place}",
@@ -128,7 +137,9 @@ def _configuration(analyser: Analyser, name: str, kind: CType, place: Location) 
     """Return the symbol for SDCC's form of the configuration word: a constant at its address."""
     if not is_const_object(kind) or kind.size != 2:
         raise analyser.reporter.fatal(
-            f"the configuration word at 0x{CONFIG_ADDRESS:X} is a constant of 16 bits", place
+            "c-configuration",
+            f"the configuration word at 0x{CONFIG_ADDRESS:X} is a constant of 16 bits",
+            place,
         )
     symbol = Symbol(name, kind, "flash", place, address=CONFIG_ADDRESS, asm_name=f"_{name}")
     analyser.program.symbols.append(symbol)
@@ -147,7 +158,10 @@ def _global(
     if known is not None:
         if not isinstance(known, Symbol) or not same(known.type, kind):
             raise analyser.fail(
-                f"'{name}' is already declared", node, hint=f"at {getattr(known, 'place', '')}"
+                "c-redeclared",
+                f"'{name}' is already declared",
+                node,
+                hint=f"at {getattr(known, 'place', '')}",
             )
         _redeclare(analyser, known, kind, place, address)
         symbol = known
@@ -159,11 +173,11 @@ def _global(
     analyser.asm_symbols[f"_{name}"] = symbol
     if node.init is not None:
         if symbol.initial is not None:
-            raise analyser.fail(f"'{name}' is initialised twice", node)
+            raise analyser.fail("c-initialiser", f"'{name}' is initialised twice", node)
         symbol.initial = {}
         initialise(analyser, symbol.initial, kind, node.init, 0)
     elif symbol.kind == "flash" and not extern and symbol.initial is None:
-        analyser.reporter.warn(f"the constant '{name}' has no value; it is 0", place)
+        analyser.reporter.warn("c-initialiser", f"the constant '{name}' has no value; it is 0", place)
         symbol.initial = {}
 
 
@@ -186,7 +200,11 @@ def _local(analyser: Analyser, node: Any, kind: CType, static: bool, address: in
         symbol.volatile = holds_volatile(kind)
         symbol.pinned = isinstance(kind, (ArrayType, StructType))
         if symbol.pinned and kind.size > RAM_BYTES:
-            raise analyser.fail(f"'{name}' needs {kind.size} bytes of RAM, the chip has {RAM_BYTES}", node)
+            raise analyser.fail(
+                "program-too-large",
+                f"'{name}' needs {kind.size} bytes of RAM, the chip has {RAM_BYTES}",
+                node,
+            )
         enter_name(analyser, name, symbol, node)
         analyser.function.locals.append(symbol)
         if node.init is not None:
@@ -233,7 +251,9 @@ def declare_function(
     if known is None and not static:
         known = analyser.externals.get(name)
     if known is not None and not isinstance(known, FunctionDefinition):
-        raise analyser.fail(f"'{name}' is already declared", node, hint=f"at {getattr(known, 'place', '')}")
+        raise analyser.fail(
+            "c-redeclared", f"'{name}' is already declared", node, hint=f"at {getattr(known, 'place', '')}"
+        )
     if known is None:
         mangled = name
         while mangled in analyser.program.functions:
@@ -253,7 +273,10 @@ def declare_function(
     if define:
         if known in analyser.defined:
             raise analyser.fail(
-                f"the function '{name}' is defined twice", node, hint=f"first at {known.place}"
+                "c-redeclared",
+                f"the function '{name}' is defined twice",
+                node,
+                hint=f"first at {known.place}",
             )
         analyser.defined.add(known)
         known.parameters = _parameter_symbols(analyser, node, kind, known.name)
@@ -268,6 +291,7 @@ def _same_signature(
     both = FuncType(known.result, tuple(each.type for each in known.parameters) if known.prototyped else None)
     if not same(both, kind):
         raise analyser.fail(
+            "c-redeclared",
             f"'{node.name}' is declared differently before: '{both}', now '{kind}'",
             node,
             hint=f"the other declaration is at {known.place}",

@@ -102,7 +102,7 @@ def _step(analyser: Analyser, node: Any) -> Expr:
         one = Num(target.type.target.size, U8, place)
         return Update(op, target, one, address_int(analyser, target.type), post, target.type.plain(), place)
     if not isinstance(target.type, IntType):
-        raise analyser.fail(f"'{target.type}' cannot be counted", node)
+        raise analyser.fail("c-type", f"'{target.type}' cannot be counted", node)
     return Update(op, target, one, promote(target.type, c2c=analyser.c2c), post, target.type.plain(), place)
 
 
@@ -129,7 +129,9 @@ def binary_op(analyser: Analyser, node: Any) -> Expr:
         assert isinstance(left.type, IntType)
         if isinstance(right, Num) and not 0 <= right.value < 8 * left.type.size:
             analyser.reporter.warn(
-                f"shift by {right.value} of '{left.type}', which has {8 * left.type.size} bits", place
+                "c-shift",
+                f"shift by {right.value} of '{left.type}', which has {8 * left.type.size} bits",
+                place,
             )
         return binary(analyser, op, left, right, left.type, place)
     left, right, kind = balance(analyser, left, right)
@@ -163,6 +165,7 @@ def _comparison(analyser: Analyser, op: str, left: Expr, right: Expr, place: Loc
         always = op == "!="
     if always is not None:
         analyser.reporter.warn(
+            "c-comparison",
             f"this comparison is always {'true' if always else 'false'}",
             place,
             hint=f"the left side lies in {low} … {high}, the right side in {least} … {most}",
@@ -193,7 +196,7 @@ def _pointer_operator(analyser: Analyser, op: str, left: Expr, right: Expr, node
         )
         difference = binary(analyser, "-", one, two, signed, place)
         return binary(analyser, "/", difference, Num(left.type.target.size, signed, place), signed, place)
-    raise analyser.fail(f"'{op}' cannot combine '{left.type}' and '{right.type}'", node)
+    raise analyser.fail("c-type", f"'{op}' cannot combine '{left.type}' and '{right.type}'", node)
 
 
 def ternary_op(analyser: Analyser, node: Any) -> Expr:
@@ -214,7 +217,7 @@ def ternary_op(analyser: Analyser, node: Any) -> Expr:
     elif same(yes.type, no.type):
         kind = yes.type
     else:
-        raise analyser.fail(f"the two values are of types '{yes.type}' and '{no.type}'", node)
+        raise analyser.fail("c-type", f"the two values are of types '{yes.type}' and '{no.type}'", node)
     yes, no = convert(analyser, yes, kind, "the first value"), convert(analyser, no, kind, "the second value")
     if isinstance(condition, Num):
         return yes if condition.value else no
@@ -232,25 +235,25 @@ def assignment(analyser: Analyser, node: Any) -> Expr:
     value = arithmetic(analyser, expression(analyser, node.rvalue))
     if isinstance(kind, PointerType):
         if op not in "+-":
-            raise analyser.fail(f"'{node.op}' cannot change a pointer", node)
+            raise analyser.fail("c-type", f"'{node.op}' cannot change a pointer", node)
         step = scaled(analyser, value, kind.target.size, address_int(analyser, kind))
         return Update(op, target, step, address_int(analyser, kind), False, kind, place)
     if not isinstance(kind, IntType):
-        raise analyser.fail(f"'{node.op}' cannot change '{kind}'", node)
+        raise analyser.fail("c-type", f"'{node.op}' cannot change '{kind}'", node)
     assert isinstance(value.type, IntType)
     if op in ("<<", ">>"):
         work = promote(kind, c2c=analyser.c2c)
         value = promoted(analyser, value)
         if isinstance(value, Num) and not 0 <= value.value < 8 * work.size:
             analyser.reporter.warn(
-                f"shift by {value.value} of '{kind}', which has {8 * work.size} bits", place
+                "c-shift", f"shift by {value.value} of '{kind}', which has {8 * work.size} bits", place
             )
     else:
         assert isinstance(value.type, IntType)
         work = common(kind, value.type, c2c=analyser.c2c)
         value = cast(analyser, value, work)
     if op in "/%" and isinstance(value, Num) and value.value == 0:
-        raise analyser.fail("division by zero", value)
+        raise analyser.fail("c-division-by-zero", "division by zero", value)
     return Update(op, target, value, work, False, kind, place)
 
 
@@ -263,7 +266,7 @@ def cast_expression(analyser: Analyser, node: Any) -> Expr:
     if not kind.scalar or not operand.type.scalar:
         if same(kind, operand.type):
             return operand
-        raise analyser.fail(f"'{operand.type}' cannot be cast to '{kind}'", node)
+        raise analyser.fail("c-type", f"'{operand.type}' cannot be cast to '{kind}'", node)
     keep_const(analyser, operand, kind, "the cast")
     if isinstance(operand, AddressOf) and isinstance(kind, PointerType) and kind.size == operand.type.size:
         return AddressOf(operand.target, kind.plain(), operand.place)

@@ -70,7 +70,7 @@ def complete(analyser: Analyser, kind: CType, node: Any) -> CType:
     if "extern" in (node.storage or []):
         known = analyser.externals.get(node.name)
         return known.type if isinstance(known, Symbol) else kind
-    raise analyser.fail(f"the size of the array '{node.name}' is missing", node)
+    raise analyser.fail("c-initialiser", f"the size of the array '{node.name}' is missing", node)
 
 
 def fill(analyser: Analyser, symbol: Symbol, kind: CType, init: Any, offset: int, place: Location) -> None:
@@ -123,7 +123,7 @@ def _set_field(analyser: Analyser, data: dict[int, Data], leaf: Leaf, value: Dat
     """Insert the value of a bit-field between those of its neighbours."""
     before = data.get(leaf.at, 0)
     if not isinstance(value, int) or not isinstance(before, int):
-        raise analyser.fail("the initialiser must be a constant", leaf.value)
+        raise analyser.fail("c-not-constant", "the initialiser must be a constant", leaf.value)
     mask = (1 << leaf.width) - 1
     data[leaf.at] = before | (value & mask) << (leaf.bit or 0)
 
@@ -150,7 +150,7 @@ def _bytes(analyser: Analyser, expr: Expr, size: int, node: Any) -> list[Data]:
     if isinstance(expr, AddressOf) and expr.target.index is None:
         target = expr.target
         return [AddressByte(target.symbol, target.offset, part) for part in range(size)]
-    raise analyser.fail("the initialiser must be a constant", node)
+    raise analyser.fail("c-not-constant", "the initialiser must be a constant", node)
 
 
 def _leaves(analyser: Analyser, kind: CType, init: Any, offset: int, out: list[Leaf]) -> None:
@@ -165,20 +165,24 @@ def _leaves(analyser: Analyser, kind: CType, init: Any, offset: int, out: list[L
             values = characters(analyser, inner.value, analyser.place(inner))
             length = kind.length or 0
             if len(values) > length:
-                raise analyser.fail(f"the string of {len(values)} characters does not fit {length}", inner)
+                raise analyser.fail(
+                    "c-initialiser", f"the string of {len(values)} characters does not fit {length}", inner
+                )
             out += [Leaf(offset + at, kind.element, value) for at, value in enumerate([*values, 0][:length])]
             return
     if isinstance(kind, (ArrayType, StructType)):
         if not isinstance(init, c_ast.InitList):
-            raise analyser.fail(f"'{kind}' needs an initialiser in braces", init)
+            raise analyser.fail("c-initialiser", f"'{kind}' needs an initialiser in braces", init)
         items = list(init.exprs)
         _aggregate(analyser, kind, items, offset, out, braced=True)
         if items:
-            raise analyser.fail(f"too many initialisers for '{kind}'", items[0])
+            raise analyser.fail("c-initialiser", f"too many initialisers for '{kind}'", items[0])
         return
     if isinstance(init, c_ast.InitList):
         if len(init.exprs) != 1:
-            raise analyser.fail(f"'{kind}' takes one initialiser, {len(init.exprs)} are given", init)
+            raise analyser.fail(
+                "c-initialiser", f"'{kind}' takes one initialiser, {len(init.exprs)} are given", init
+            )
         init = init.exprs[0]
     out.append(Leaf(offset, kind, init))
 
@@ -206,9 +210,9 @@ def _aggregate(
             at = _designated(analyser, kind, item)
             slots = _elements(kind)
             if at >= len(slots):
-                raise analyser.fail("this element does not exist", item.expr)
+                raise analyser.fail("c-initialiser", "this element does not exist", item.expr)
             if len(item.name) > 1:
-                raise analyser.fail("nested designators are not supported", item.expr)
+                raise analyser.fail("c-unsupported", "nested designators are not supported", item.expr)
             inside = bool(parts) and not parts[at].name
             items[0] = item = c_ast.InitList([item]) if inside else item.expr
         where, element = slots[at]
@@ -239,7 +243,7 @@ def _designated(analyser: Analyser, kind: CType, item: Any) -> int:
             within = part.type.layout.members if isinstance(part.type, StructType) else {}
             if isinstance(inner, c_ast.ID) and inner.name in (within if not part.name else (part.name,)):
                 return at
-        raise analyser.fail(f"'{kind}' has no such member", item.expr)
+        raise analyser.fail("c-undeclared", f"'{kind}' has no such member", item.expr)
     return constant(analyser, inner, "an index")
 
 

@@ -66,7 +66,7 @@ def array_ref(analyser: Analyser, node: Any) -> Expr:
         return _element(analyser, base, index, node)
     base = decay(analyser, base)
     if not isinstance(base.type, PointerType):
-        raise analyser.fail(f"'{base.type}' cannot be indexed", node)
+        raise analyser.fail("c-type", f"'{base.type}' cannot be indexed", node)
     kind = base.type.target
     if isinstance(index, Num) and not isinstance(base, AddressOf):
         return _lvalue(analyser, Deref(base, index.value * kind.size, kind, analyser.place(node)))
@@ -81,7 +81,7 @@ def _element(analyser: Analyser, base: Ref, index: Expr, node: Any) -> Expr:
         length = base.type.length
         if length is not None and not 0 <= index.value < max(length, 1):
             analyser.reporter.warn(
-                f"index {index.value} is outside the array of {length} elements", index.place
+                "c-index", f"index {index.value} is outside the array of {length} elements", index.place
             )
         return _lvalue(
             analyser, Ref(base.symbol, base.offset + index.value * element.size, base.index, element, place)
@@ -121,6 +121,7 @@ def _check_memory(analyser: Analyser, address: int, target: Deref) -> None:
     size = target.type.size
     if not all(data_byte_exists(address + each) for each in range(size)):
         raise analyser.fail(
+            "c-address",
             f"there is no memory at 0x{address:02X} for {size} byte{'s' * (size != 1)}",
             target,
             hint=f"RAM is 0x{RAM_FIRST:02X} to 0x{RAM_LAST:02X}",
@@ -163,7 +164,7 @@ def struct_ref(analyser: Analyser, node: Any) -> Expr:
     if node.type == "->":
         base = decay(analyser, base)
         if not isinstance(base.type, PointerType):
-            raise analyser.fail(f"'->' needs a pointer to a structure, this is '{base.type}'", node)
+            raise analyser.fail("c-type", f"'->' needs a pointer to a structure, this is '{base.type}'", node)
         kind = base.type.target
         if isinstance(base, AddressOf):
             found_at = base.target
@@ -177,18 +178,18 @@ def struct_ref(analyser: Analyser, node: Any) -> Expr:
         if isinstance(found, ChipBit):
             return bit_of(analyser, base, found.bit, node)
     if not isinstance(base.type, StructType):
-        raise analyser.fail(f"'{base.type}' has no members", node.field)
+        raise analyser.fail("c-undeclared", f"'{base.type}' has no members", node.field)
     member = base.type.layout.members.get(name)
     if member is None:
         if base.type.layout.size is None:
-            raise analyser.fail(f"'{base.type}' is not defined", node)
+            raise analyser.fail("c-undefined", f"'{base.type}' is not defined", node)
         hint = did_you_mean(name, base.type.layout.members) if base.type.layout.members else None
-        raise analyser.fail(f"'{base.type}' has no member '{name}'", node.field, hint=hint)
+        raise analyser.fail("c-undeclared", f"'{base.type}' has no member '{name}'", node.field, hint=hint)
     place = analyser.place(node)
     if isinstance(base, (Ref, Deref)):
         return _member(analyser, base, member, place)
     if analyser.function is None:
-        raise analyser.fail("a function cannot be called outside functions", node)
+        raise analyser.fail("c-not-constant", "a function cannot be called outside functions", node)
     held = Symbol(f"held{len(analyser.function.locals)}", base.type, "local", place)
     held.function, held.pinned = analyser.function.name, True
     analyser.function.locals.append(held)
@@ -211,9 +212,9 @@ def _member(analyser: Analyser, base: Ref | Deref, member: Member, place: Locati
 def bit_of(analyser: Analyser, base: Expr, bit: int, node: Any) -> Expr:
     """Return one bit of an integer variable."""
     if not isinstance(base, (Ref, Deref)) or not isinstance(base.type, IntType) or base.width:
-        raise analyser.fail("a bit can only be taken of an integer variable", node)
+        raise analyser.fail("c-bit", "a bit can only be taken of an integer variable", node)
     if bit >= 8 * base.type.size:
-        raise analyser.fail(f"'{base.type}' has no bit {bit}", node)
+        raise analyser.fail("c-bit", f"'{base.type}' has no bit {bit}", node)
     place = analyser.place(node)
     if isinstance(base, Ref):
         return Ref(base.symbol, base.offset + bit // 8, base.index, BIT, place, bit % 8, 1)
@@ -223,7 +224,9 @@ def bit_of(analyser: Analyser, base: Expr, bit: int, node: Any) -> Expr:
 def func_call(analyser: Analyser, node: Any) -> Expr:
     arguments = list(node.args.exprs) if node.args is not None else []
     if not isinstance(node.name, c_ast.ID):
-        raise analyser.fail("only functions can be called; function pointers are not supported", node)
+        raise analyser.fail(
+            "c-unsupported", "only functions can be called; function pointers are not supported", node
+        )
     name = node.name.name
     meaning = analyser.scopes.find(name)
     if not isinstance(meaning, FunctionDefinition):
@@ -231,7 +234,7 @@ def func_call(analyser: Analyser, node: Any) -> Expr:
         if found is not None:
             return found
         if meaning is not None and not isinstance(meaning, ChipBit):
-            raise analyser.fail(f"'{name}' is not a function", node)
+            raise analyser.fail("c-type", f"'{name}' is not a function", node)
         if name in analyser.reporter.lost:
             raise Fatal(name)
         known = [
@@ -241,17 +244,21 @@ def func_call(analyser: Analyser, node: Any) -> Expr:
         ]
         hint = did_you_mean(name, known + analyser.dispatch.builtin_names(analyser))
         raise analyser.fail(
-            f"the function '{name}' is not declared", node, hint=hint if hint.startswith("did") else None
+            "c-undeclared",
+            f"the function '{name}' is not declared",
+            node,
+            hint=hint if hint.startswith("did") else None,
         )
     return _call(analyser, meaning, arguments, node)
 
 
 def _call(analyser: Analyser, function: FunctionDefinition, arguments: list[Any], node: Any) -> Expr:
     if function.interrupt:
-        raise analyser.fail(f"the interrupt function '{function.name}' cannot be called", node)
+        raise analyser.fail("c-interrupt", f"the interrupt function '{function.name}' cannot be called", node)
     wanted = function.parameters
     if len(arguments) != len(wanted):
         raise analyser.fail(
+            "c-argument",
             f"'{function.name}' takes {len(wanted)} argument{'s' * (len(wanted) != 1)}, "
             f"{len(arguments)} {'is' if len(arguments) == 1 else 'are'} given",
             node,
@@ -272,16 +279,16 @@ def sizeof(analyser: Analyser, node: Any) -> Expr:
     else:
         kind = expression(analyser, node.expr).type
     if isinstance(kind, StructType) and kind.layout.size is None:
-        raise analyser.fail(f"'{kind}' is not defined", node)
+        raise analyser.fail("c-undefined", f"'{kind}' is not defined", node)
     return Num(kind.size, U16 if not analyser.c2c else analyser.types["uint16_t"], analyser.place(node))
 
 
 def dereference(analyser: Analyser, operand: Expr, node: Any) -> Expr:
     operand = decay(analyser, operand)
     if not isinstance(operand.type, PointerType):
-        raise analyser.fail(f"'*' needs a pointer, this is '{operand.type}'", node)
+        raise analyser.fail("c-type", f"'*' needs a pointer, this is '{operand.type}'", node)
     if isinstance(operand.type.target, VoidType):
-        raise analyser.fail("a void pointer cannot be dereferenced; cast it first", node)
+        raise analyser.fail("c-type", "a void pointer cannot be dereferenced; cast it first", node)
     if isinstance(operand, AddressOf) and same(operand.type.target, operand.target.type):
         return operand.target
     target = operand.type.target
@@ -295,7 +302,7 @@ def address_of(analyser: Analyser, node: Any) -> Expr:
     if isinstance(node.expr, c_ast.ID) and isinstance(
         analyser.scopes.find(node.expr.name), FunctionDefinition
     ):
-        raise analyser.fail("function pointers are not supported", node)
+        raise analyser.fail("c-unsupported", "function pointers are not supported", node)
     target = expression(analyser, node.expr)
     if isinstance(target, ConstNum):
         target = target.reference
@@ -305,29 +312,31 @@ def address_of(analyser: Analyser, node: Any) -> Expr:
         )
     if not isinstance(target, Ref) or target.width:
         what = "a bit" if isinstance(target, (Ref, Deref)) else "this"
-        raise analyser.fail(f"{what} has no address", node)
+        raise analyser.fail("c-lvalue", f"{what} has no address", node)
     return address(analyser, target, PointerType(target.type))
 
 
 def assignable(analyser: Analyser, target: Expr, node: Any) -> Ref | Deref:
     if isinstance(target, ConstNum):
-        raise analyser.fail(f"'{target.reference.symbol.name}' is const and cannot be changed", node)
+        raise analyser.fail(
+            "c-const", f"'{target.reference.symbol.name}' is const and cannot be changed", node
+        )
     if not isinstance(target, (Ref, Deref)):
-        raise analyser.fail("this cannot be assigned to", node)
+        raise analyser.fail("c-lvalue", "this cannot be assigned to", node)
     if isinstance(target.type, ArrayType):
-        raise analyser.fail("an array cannot be assigned to", node)
+        raise analyser.fail("c-lvalue", "an array cannot be assigned to", node)
     if target.type.const:
         named = f"'{target.symbol.name}'" if isinstance(target, Ref) else "this"
-        raise analyser.fail(f"{named} is const and cannot be changed", node)
+        raise analyser.fail("c-const", f"{named} is const and cannot be changed", node)
     if isinstance(target.type, StructType) and target.type.layout.size is None:
-        raise analyser.fail(f"'{target.type}' is not defined", node)
+        raise analyser.fail("c-undefined", f"'{target.type}' is not defined", node)
     return target
 
 
 def binary(analyser: Analyser, op: str, left: Expr, right: Expr, kind: CType, place: Location) -> Expr:
     """Return an arithmetic node on converted operands, folded if constant."""
     if isinstance(right, Num) and right.value == 0 and op in ("/", "%"):
-        raise analyser.fail("division by zero", right)
+        raise analyser.fail("c-division-by-zero", "division by zero", right)
     if isinstance(left, Num) and isinstance(right, Num) and isinstance(kind, IntType):
         value = fold(op, left.value, right.value, kind)
         return Num(value or 0, kind, place)

@@ -54,7 +54,7 @@ def expression(analyser: Analyser, node: Any) -> Expr:
     handler = analyser.dispatch.expressions.get(type(node))
     if handler is None:
         what = re.sub(r"(?<!^)(?=[A-Z])", " ", type(node).__name__).lower()
-        raise analyser.fail(f"a {what} is not supported", node)
+        raise analyser.fail("c-unsupported", f"a {what} is not supported", node)
     return handler(analyser, node)
 
 
@@ -62,7 +62,7 @@ def constant(analyser: Analyser, node: Any, what: str) -> int:
     """Return the value of a constant expression."""
     expr = arithmetic(analyser, expression(analyser, node))
     if not isinstance(expr, Num):
-        raise analyser.fail(f"{what} must be a constant", node)
+        raise analyser.fail("c-not-constant", f"{what} must be a constant", node)
     return expr.value
 
 
@@ -73,11 +73,14 @@ def literal(analyser: Analyser, node: Any) -> Expr:
     if node.type == "char":
         values = characters(analyser, node.value, place)
         if len(values) != 1:
-            raise analyser.fail("a character constant holds one character", node)
+            raise analyser.fail("c-number", "a character constant holds one character", node)
         return analyser.number(values[0], analyser.int_type, place)
     if node.type in ("float", "double", "long double"):
         raise analyser.fail(
-            f"'{node.value}': this compiler has no floating point", node, hint="use scaled integers"
+            "c-unsupported",
+            f"'{node.value}': this compiler has no floating point",
+            node,
+            hint="use scaled integers",
         )
     match = re.fullmatch(r"(0[xX][0-9a-fA-F]+|[0-9]+)([uUlL]*)", node.value)
     assert match is not None  # the parser has rejected other numbers
@@ -86,7 +89,7 @@ def literal(analyser: Analyser, node: Any) -> Expr:
     shown = digits if len(digits) <= DIGITS else digits[:DIGITS] + "…"
     value = int(digits, 8 if octal else 0) if shown == digits else None
     if value is None or value > 0xFFFFFFFF:
-        raise analyser.fail(f"{shown} does not fit 32 bits", node)
+        raise analyser.fail("c-number", f"{shown} does not fit 32 bits", node)
     return Num(
         value, analyser.literal_type(value, match[2].lower(), digits[0] != "0" or digits == "0"), place
     )
@@ -104,12 +107,14 @@ def characters(analyser: Analyser, text: str, place: Location) -> list[int]:
             found.append(int(match[2], 8) & 0xFF)
         elif match[3]:
             if match[3] not in _ESCAPES:
-                analyser.reporter.warn(f"unknown escape '\\{match[3]}'", place)
+                analyser.reporter.warn("c-number", f"unknown escape '\\{match[3]}'", place)
             found.append(_ESCAPES.get(match[3], ord(match[3]) & 0xFF))
         else:
             encoded = match[4].encode("latin-1", "replace")
             if match[4] != "?" and encoded == b"?":
-                analyser.reporter.warn(f"the character '{match[4]}' is not in Latin-1 and becomes '?'", place)
+                analyser.reporter.warn(
+                    "c-number", f"the character '{match[4]}' is not in Latin-1 and becomes '?'", place
+                )
             found.append(encoded[0])
     return found
 
@@ -133,6 +138,7 @@ def named(analyser: Analyser, node: Any, *, as_bit: bool) -> Expr:
             return Ref(analyser.scopes.register(register), 0, None, BIT, place, bit, 1)
         case FunctionDefinition():
             raise analyser.fail(
+                "c-unsupported",
                 f"'{node.name}' is a function; function pointers are not supported",
                 node,
                 hint=f"to call it, write {node.name}()",
@@ -145,7 +151,9 @@ def named(analyser: Analyser, node: Any, *, as_bit: bool) -> Expr:
         return Num(config_names()[node.name], analyser.int_type, place)
     if node.name in analyser.reporter.lost:
         raise Fatal(node.name)
-    raise analyser.fail(f"'{node.name}' is not declared", node, hint=_suggest(analyser, node.name))
+    raise analyser.fail(
+        "c-undeclared", f"'{node.name}' is not declared", node, hint=_suggest(analyser, node.name)
+    )
 
 
 def _suggest(analyser: Analyser, name: str) -> str | None:
@@ -183,16 +191,17 @@ def warn_unused(analyser: Analyser, expr: Expr) -> None:
         return
     if isinstance(expr, Binary) and expr.op == "==":
         analyser.reporter.warn(
+            "c-no-effect",
             "this comparison does nothing",
             expr.place,
             hint="'=' assigns, '==' compares" if expr.op == "==" else None,
         )
     elif not has_effect(expr):
-        analyser.reporter.warn("this statement has no effect", expr.place)
+        analyser.reporter.warn("c-no-effect", "this statement has no effect", expr.place)
     elif isinstance(expr, (Binary, Unary, Cast)) or (
         isinstance(expr, Builtin) and expr.name == "eeprom_read"
     ):
-        analyser.reporter.warn("the result of this expression is not used", expr.place)
+        analyser.reporter.warn("c-unused-result", "the result of this expression is not used", expr.place)
 
 
 def _register_layout(name: str) -> Any:

@@ -55,7 +55,7 @@ def define_function(analyser: Analyser, function: FunctionDefinition, node: Any)
         if label not in analyser.body.labels:
             hint = did_you_mean(label, analyser.body.labels) if analyser.body.labels else None
             analyser.reporter.error(
-                f"there is no label '{label}' in '{function.name}'", analyser.place(where), hint
+                "c-jump", f"there is no label '{label}' in '{function.name}'", analyser.place(where), hint
             )
     analyser.scopes.pop()
     function.body = block
@@ -68,7 +68,7 @@ def items(analyser: Analyser, nodes: list[Any], out: list[Stmt]) -> None:
     for node in nodes:
         if ended and not _can_be_reached(node):
             if not isinstance(node, (c_ast.Break, c_ast.EmptyStatement, c_ast.Return)):
-                analyser.reporter.warn("this is never reached", analyser.place(node))
+                analyser.reporter.warn("c-unreachable", "this is never reached", analyser.place(node))
             ended = False
         before = len(out)
         try:
@@ -148,6 +148,7 @@ def effect_of(analyser: Analyser, node: Any) -> Expr:
 def checked_condition(analyser: Analyser, node: Any) -> Expr:
     if isinstance(node, c_ast.Assignment) and node.op == "=":
         analyser.reporter.warn(
+            "c-assignment-condition",
             "an assignment as a condition",
             analyser.place(node),
             hint="'==' compares; '((a = b) != 0)' says it is meant",
@@ -224,7 +225,9 @@ def _stmt_decl_list(analyser: Analyser, node: Any) -> Stmt:
 def _stmt_if(analyser: Analyser, node: Any) -> Stmt:
     condition = checked_condition(analyser, node.cond)
     if isinstance(node.iftrue, c_ast.EmptyStatement) and node.iffalse is None:
-        analyser.reporter.warn("this 'if' controls an empty statement", analyser.place(node.iftrue))
+        analyser.reporter.warn(
+            "c-no-effect", "this 'if' controls an empty statement", analyser.place(node.iftrue)
+        )
     return If(
         condition,
         nested(analyser, node.iftrue),
@@ -287,11 +290,11 @@ def _stmt_switch(analyser: Analyser, node: Any) -> Stmt:
 
 def _stmt_case(analyser: Analyser, node: Any) -> Stmt:
     if not analyser.body.switches:
-        raise analyser.fail("'case' outside a switch", node)
+        raise analyser.fail("c-jump", "'case' outside a switch", node)
     switch, kind = analyser.body.switches[-1]
     value = kind.wrap(constant(analyser, node.expr, "a case"))
     if any(value == known for known, _ in switch.cases):
-        raise analyser.fail(f"the case {value} is there twice", node)
+        raise analyser.fail("c-jump", f"the case {value} is there twice", node)
     label = CaseLabel(analyser.place(node))
     switch.cases.append((value, label))
     return _labelled(analyser, label, node.stmts)
@@ -299,10 +302,10 @@ def _stmt_case(analyser: Analyser, node: Any) -> Stmt:
 
 def _stmt_default(analyser: Analyser, node: Any) -> Stmt:
     if not analyser.body.switches:
-        raise analyser.fail("'default' outside a switch", node)
+        raise analyser.fail("c-jump", "'default' outside a switch", node)
     switch, _ = analyser.body.switches[-1]
     if switch.default is not None:
-        raise analyser.fail("'default' is there twice", node)
+        raise analyser.fail("c-jump", "'default' is there twice", node)
     switch.default = CaseLabel(analyser.place(node))
     return _labelled(analyser, switch.default, node.stmts)
 
@@ -315,20 +318,20 @@ def _labelled(analyser: Analyser, label: CaseLabel | LabelStmt, nodes: list[Any]
 
 def _stmt_label(analyser: Analyser, node: Any) -> Stmt:
     if node.name in analyser.body.labels:
-        raise analyser.fail(f"the label '{node.name}' is there twice", node)
+        raise analyser.fail("c-jump", f"the label '{node.name}' is there twice", node)
     analyser.body.labels[node.name] = analyser.place(node)
     return _labelled(analyser, LabelStmt(node.name, analyser.place(node)), [node.stmt])
 
 
 def _stmt_break(analyser: Analyser, node: Any) -> Stmt:
     if not analyser.body.breakable:
-        raise analyser.fail("'break' outside a loop or switch", node)
+        raise analyser.fail("c-jump", "'break' outside a loop or switch", node)
     return Jump("break", "", analyser.place(node))
 
 
 def _stmt_continue(analyser: Analyser, node: Any) -> Stmt:
     if not analyser.body.loops:
-        raise analyser.fail("'continue' outside a loop", node)
+        raise analyser.fail("c-jump", "'continue' outside a loop", node)
     return Jump("continue", "", analyser.place(node))
 
 
@@ -343,13 +346,13 @@ def _stmt_return(analyser: Analyser, node: Any) -> Stmt:
     place = analyser.place(node)
     if node.expr is None:
         if not isinstance(result, VoidType) and analyser.function.name != "main":
-            analyser.reporter.warn(f"'{analyser.function.name}' should return '{result}'", place)
+            analyser.reporter.warn("c-return", f"'{analyser.function.name}' should return '{result}'", place)
         return Return(None, place)
     expr = expression(analyser, node.expr)
     if isinstance(result, VoidType):
         if isinstance(expr.type, VoidType):
             return Return(expr, place)
-        raise analyser.fail(f"'{analyser.function.name}' returns void, not a value", node)
+        raise analyser.fail("c-return", f"'{analyser.function.name}' returns void, not a value", node)
     return Return(convert(analyser, expr, result, "the result"), place)
 
 
@@ -365,7 +368,7 @@ def _stmt_static_assert(analyser: Analyser, node: Any) -> Stmt:
 def static_assertion(analyser: Analyser, node: Any) -> None:
     """Check a `_Static_assert`, inside or outside a function."""
     if not constant(analyser, node.cond, "a static assertion"):
-        raise analyser.fail("static assertion failed", node.cond)
+        raise analyser.fail("c-user-message", "static assertion failed", node.cond)
 
 
 _STATEMENTS: dict[type, Callable[[Analyser, Any], Stmt]] = {

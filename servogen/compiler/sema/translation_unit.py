@@ -48,9 +48,9 @@ def head(analyser: Analyser, unit: Any) -> FunctionDefinition:
     """Declare the function that a definition defines, and return it."""
     kind = declared_type(analyser, unit.decl.type)
     if not isinstance(kind, FuncType):
-        raise analyser.fail(f"'{unit.decl.name}' is not a function but has a body", unit)
+        raise analyser.fail("c-syntax", f"'{unit.decl.name}' is not a function but has a body", unit)
     if unit.param_decls:
-        raise analyser.fail("parameters are declared inside the parentheses", unit.param_decls[0])
+        raise analyser.fail("c-syntax", "parameters are declared inside the parentheses", unit.param_decls[0])
     return declare_function(analyser, unit.decl, kind, define=True)
 
 
@@ -63,7 +63,7 @@ def file_assembly(analyser: Analyser, rewritten: Rewritten, settings: Settings) 
             if words and words[0].lower() == "__config" and len(words) > 1:
                 settings.asm_config(words[1], where)
             elif words:
-                analyser.reporter.error("assembly outside functions can only be __config", where)
+                analyser.reporter.error("c-asm", "assembly outside functions can only be __config", where)
 
 
 def finish(analyser: Analyser, settings: Settings) -> None:
@@ -72,6 +72,7 @@ def finish(analyser: Analyser, settings: Settings) -> None:
         analyser.program.symbols.remove(symbol)
         if symbol.type.size != EEPROM_DATA_VALUES:
             analyser.reporter.error(
+                "c-initialiser",
                 f"__EEPROM_DATA takes {EEPROM_DATA_VALUES} values, not {symbol.type.size}",
                 symbol.place,
                 hint="fill the rest with 0",
@@ -79,7 +80,9 @@ def finish(analyser: Analyser, settings: Settings) -> None:
         for value in (symbol.initial or {}).values():
             at = len(analyser.program.eeprom)
             if at >= EEPROM_BYTES:
-                analyser.reporter.error(f"__EEPROM_DATA gives more than {EEPROM_BYTES} bytes", symbol.place)
+                analyser.reporter.error(
+                    "c-initialiser", f"__EEPROM_DATA gives more than {EEPROM_BYTES} bytes", symbol.place
+                )
                 break
             analyser.program.eeprom[at] = value if isinstance(value, int) else 0
     for name, meaning in analyser.scopes.stack[0].names.items():

@@ -45,9 +45,9 @@ def declared_type(analyser: Analyser, node: Any) -> CType:
         case c_ast.PtrDecl():
             target = declared_type(analyser, node.type)
             if isinstance(target, FuncType):
-                raise analyser.fail("function pointers are not supported", node)
+                raise analyser.fail("c-unsupported", "function pointers are not supported", node)
             if isinstance(target, IntType) and target.is_bit:
-                raise analyser.fail("there are no pointers to bits", node)
+                raise analyser.fail("c-type", "there are no pointers to bits", node)
             return _qualified(analyser, PointerType(target), node.quals or [])
         case c_ast.ArrayDecl():
             return _array(analyser, node)
@@ -55,7 +55,7 @@ def declared_type(analyser: Analyser, node: Any) -> CType:
             return specified(analyser, node, node)
         case c_ast.FuncDecl():
             return FuncType(declared_type(analyser, node.type), _parameters(analyser, node))
-    raise analyser.fail("this type is not supported", node)
+    raise analyser.fail("c-unsupported", "this type is not supported", node)
 
 
 def _qualified(analyser: Analyser, kind: CType, quals: list[str]) -> CType:
@@ -65,23 +65,25 @@ def _qualified(analyser: Analyser, kind: CType, quals: list[str]) -> CType:
 def _array(analyser: Analyser, node: Any) -> CType:
     element = declared_type(analyser, node.type)
     if isinstance(element, IntType) and element.is_bit:
-        raise analyser.fail("there are no arrays of bits", node)
+        raise analyser.fail("c-type", "there are no arrays of bits", node)
     if isinstance(element, StructType) and element.layout.size is None:
-        raise analyser.fail(f"'{element}' is not defined", node)
+        raise analyser.fail("c-undefined", f"'{element}' is not defined", node)
     if isinstance(element, VoidType) or (isinstance(element, ArrayType) and element.length is None):
-        raise analyser.fail(f"an array of '{element}' has no size", node)
+        raise analyser.fail("c-type", f"an array of '{element}' has no size", node)
     if node.dim is None:
         return ArrayType(element, None)
     length = constant(analyser, node.dim, "the size of an array")
     if length < 1:
-        raise analyser.fail(f"an array needs at least one element, not {length}", node)
+        raise analyser.fail("c-type", f"an array needs at least one element, not {length}", node)
     return sized(analyser, ArrayType(element, length), node)
 
 
 def sized(analyser: Analyser, kind: ArrayType, node: Any) -> ArrayType:
     """Return the same type if some memory of the chip could hold it."""
     if kind.size > PROGRAM_WORDS:
-        raise analyser.fail(f"an array of {kind.size} bytes is larger than the chip's memory", node)
+        raise analyser.fail(
+            "program-too-large", f"an array of {kind.size} bytes is larger than the chip's memory", node
+        )
     return kind
 
 
@@ -97,16 +99,20 @@ def specified(analyser: Analyser, node: Any, where: Any) -> CType:
                     StructType(_structure(analyser, node)) if structure else _enumeration(analyser, node)
                 )
             return analyser.types_read[node]
-    raise analyser.fail("this type is not supported", where)
+    raise analyser.fail("c-unsupported", "this type is not supported", where)
 
 
 def _named(analyser: Analyser, names: tuple[str, ...], node: Any) -> CType:
     if names == ("void",):
         return VOID
     if any(name in ("float", "double") for name in names):
-        raise analyser.fail("this compiler has no floating point", node, hint="use scaled integers")
+        raise analyser.fail(
+            "c-unsupported", "this compiler has no floating point", node, hint="use scaled integers"
+        )
     if names.count("long") > 1:
-        raise analyser.fail("64-bit integers are not supported", node, hint="the widest type is 32 bits")
+        raise analyser.fail(
+            "c-unsupported", "64-bit integers are not supported", node, hint="the widest type is 32 bits"
+        )
     found = int_type(names, analyser.dialect)
     if found is not None:
         return found
@@ -118,7 +124,7 @@ def _named(analyser: Analyser, names: tuple[str, ...], node: Any) -> CType:
             return analyser.types[names[0]]
     if len(names) == 2 and names[0] == "unsigned" and names[1] in ("bit", "__bit"):
         return BIT
-    raise analyser.fail(f"'{' '.join(names)}' is not a type", node)
+    raise analyser.fail("c-type", f"'{' '.join(names)}' is not a type", node)
 
 
 def _structure(analyser: Analyser, node: Any) -> Layout:
@@ -138,7 +144,7 @@ def _structure(analyser: Analyser, node: Any) -> Layout:
     if known is layout or tag not in tags:
         tags[tag] = layout
     else:
-        raise analyser.fail(f"'{tag}' is defined twice", node)
+        raise analyser.fail("c-redeclared", f"'{tag}' is defined twice", node)
     _members(analyser, layout, node.decls)
     return layout
 
@@ -159,7 +165,7 @@ def _members(analyser: Analyser, layout: Layout, decls: list[Any]) -> None:
             if not isinstance(kind, IntType) or not 0 <= width <= 8:
                 # the structure is read to its end, so that its members are known
                 analyser.reporter.error(
-                    "a bit-field has 1 to 8 bits of an integer type", analyser.place(decl)
+                    "c-bit", "a bit-field has 1 to 8 bits of an integer type", analyser.place(decl)
                 )
                 kind, width = U8, 8
             if width == 0 or bit + width > 8:
@@ -182,7 +188,7 @@ def _members(analyser: Analyser, layout: Layout, decls: list[Any]) -> None:
         if bit:
             offset, bit = offset + 1, 0
         if kind.size == 0 or isinstance(kind, (FuncType, VoidType)):
-            raise analyser.fail(f"a member cannot be of type '{kind}'", decl)
+            raise analyser.fail("c-type", f"a member cannot be of type '{kind}'", decl)
         if decl.name is None and isinstance(kind, StructType):
             for name, member in kind.layout.members.items():
                 layout.members[name] = replace(member, offset=offset + member.offset)
@@ -190,7 +196,7 @@ def _members(analyser: Analyser, layout: Layout, decls: list[Any]) -> None:
         elif decl.name is None:
             continue  # `int;` declares nothing
         elif decl.name in layout.members:
-            raise analyser.fail(f"the member '{decl.name}' is there twice", decl)
+            raise analyser.fail("c-redeclared", f"the member '{decl.name}' is there twice", decl)
         else:
             layout.members[decl.name] = Member(decl.name, kind, offset)
             layout.parts.append(layout.members[decl.name])
@@ -198,7 +204,9 @@ def _members(analyser: Analyser, layout: Layout, decls: list[Any]) -> None:
         if not layout.union:
             offset += kind.size
     if largest > PROGRAM_WORDS:
-        raise analyser.fail(f"a structure of {largest} bytes is larger than the chip's memory", decls[0])
+        raise analyser.fail(
+            "program-too-large", f"a structure of {largest} bytes is larger than the chip's memory", decls[0]
+        )
     layout.size = largest
 
 
@@ -206,7 +214,7 @@ def _enumeration(analyser: Analyser, node: Any) -> CType:
     if node.values is None:
         found = analyser.scopes.tag(node.name)
         if not isinstance(found, TypeName):
-            raise analyser.fail(f"'enum {node.name}' is not defined", node)
+            raise analyser.fail("c-undefined", f"'enum {node.name}' is not defined", node)
         return found.type
     value, values = -1, []
     for each in node.values.enumerators:
@@ -223,6 +231,7 @@ def _enumeration(analyser: Analyser, node: Any) -> CType:
         values.append(value)
         if not -32768 <= value <= 65535 or (value > 32767 and min(values) < 0):
             raise analyser.fail(
+                "c-number",
                 f"the enumeration constant '{each.name}' is {value}",
                 each,
                 hint="an enumeration holds 0 to 65535 or -32768 to 32767",
@@ -242,7 +251,9 @@ def enter_name(analyser: Analyser, name: str, meaning: Any, node: Any) -> None:
         if isinstance(before, TypeName) and isinstance(meaning, TypeName) and same(before.type, meaning.type):
             return
         where = getattr(before, "place", None)
-        raise analyser.fail(f"'{name}' is already declared", node, hint=f"at {where}" if where else None)
+        raise analyser.fail(
+            "c-redeclared", f"'{name}' is already declared", node, hint=f"at {where}" if where else None
+        )
     analyser.scopes.here.names[name] = meaning
 
 
@@ -256,7 +267,7 @@ def _parameters(analyser: Analyser, node: Any) -> tuple[CType, ...] | None:
     found = []
     for each in params:
         if isinstance(each, c_ast.EllipsisParam):
-            raise analyser.fail("functions with '…' arguments are not supported", each)
+            raise analyser.fail("c-unsupported", "functions with '…' arguments are not supported", each)
         if isinstance(each, c_ast.ID):
             found.append(analyser.types["uint16_t"] if analyser.c2c else analyser.int_type)
             continue
@@ -264,8 +275,8 @@ def _parameters(analyser: Analyser, node: Any) -> tuple[CType, ...] | None:
         if isinstance(kind, ArrayType):
             kind = PointerType(kind.element)
         if isinstance(kind, StructType) and kind.layout.size is None:
-            raise analyser.fail(f"'{kind}' is not defined", each)
+            raise analyser.fail("c-undefined", f"'{kind}' is not defined", each)
         if isinstance(kind, (VoidType, FuncType)):
-            raise analyser.fail(f"a parameter cannot be of type '{kind}'", each)
+            raise analyser.fail("c-type", f"a parameter cannot be of type '{kind}'", each)
         found.append(kind)
     return tuple(found)

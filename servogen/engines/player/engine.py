@@ -17,7 +17,7 @@ from servogen.engines.player.buttons import waited, waited_motion
 from servogen.engines.player.rendering import OVERRUN, render_player
 from servogen.engines.player.theorem import allowances
 from servogen.engines.protocol import Engine, EngineJob, EnginePlan
-from servogen.errors import Caution
+from servogen.errors import Diagnostic
 from servogen.motion import JointTrajectory
 from servogen.pic.listing import Listing
 from servogen.pic.wcet import Program
@@ -81,13 +81,16 @@ def timing_budgets(listing: Listing, layout: Layout) -> tuple[TimingBudget, ...]
     )
 
 
-def cautions(budgets: tuple[TimingBudget, ...]) -> Iterator[Caution]:
+def cautions(budgets: tuple[TimingBudget, ...]) -> Iterator[Diagnostic]:
     """Yield a warning for C that may take too long: the simulated motion may be exact, another may not."""
     for budget in budgets:
         if budget.left is None:
-            yield Caution("player-room", f"the C between {budget.between}: its longest time is not known")
+            yield Diagnostic(
+                "warning", "player-room", f"the C between {budget.between}: its longest time is not known"
+            )
         elif budget.left < 0:
-            yield Caution(
+            yield Diagnostic(
+                "warning",
                 "player-room",
                 f"the C between {budget.between} may take {budget.worst} cycles, "
                 f"{-budget.left} more than it has",

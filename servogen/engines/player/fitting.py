@@ -146,7 +146,7 @@ def scale_of(pulsed: Floats, parts: Sequence[Section]) -> Scale:
     for shift in range(LAST_STEP + 1):
         if span <= 255 << shift:
             return Scale(first, lowest, shift, sign)
-    raise InputError("motion-too-large", "the servos' widths are too far apart for the player")
+    raise InputError("does-not-fit", "the servos' widths are too far apart for the player")
 
 
 def fitting(parts: Sequence[Section], scale: Scale, clock: Clock, loop: int) -> list[FittedPart]:
@@ -182,7 +182,7 @@ def _check_size(parts: list[FittedPart], limit: int) -> None:
     size = len(pooled(parts)[0].data)
     if size > limit:
         raise InputError(
-            "motion-too-large",
+            "does-not-fit",
             f"within {WORST_US} µs of the plan the motion has {size} bytes of keyframes: "
             f"the player's table holds {MAX_BYTES}",
             hint="shorten the motion, or let more of it repeat",

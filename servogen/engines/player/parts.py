@@ -66,7 +66,7 @@ def stretches(rows: Floats, following: Floats) -> tuple[Stretch, ...]:
             found_parts.append(part)
             if len(found_parts) > MAX_PARTS:
                 raise InputError(
-                    "motion-too-large",
+                    "does-not-fit",
                     f"the motion has more than {MAX_PARTS} parts, which no program can hold",
                     hint="shorten the motion, or let more of it repeat",
                 )

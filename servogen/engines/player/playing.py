@@ -14,7 +14,7 @@ import numpy as np
 
 from servogen.engines.player.fitting import Part, Whole, fitting, pooled, scale_of, sections
 from servogen.engines.player.layout import Layout, Used, layout
-from servogen.errors import Caution, InputError
+from servogen.errors import Diagnostic, InputError
 from servogen.motion.trajectory import Floats, JointTrajectory
 from servogen.plan_error import PlanError
 from servogen.pulse.lint import check_calibration, check_motion, check_period
@@ -108,7 +108,7 @@ def ideal_widths(trajectory: JointTrajectory, servos: Sequence[Servo], clock: Cl
     if (silent.any(axis=1) & ~silent.all(axis=1)).any():
         number = int(np.argmax(silent.any(axis=1) & ~silent.all(axis=1)))
         raise InputError(
-            "mixed-pauses",
+            "engine-unsupported",
             f"in frame {number} some servos have pulses and some have none",
             hint='the player rests all servos together: engine = "sequence", or the same pauses for all',
         )
@@ -173,13 +173,14 @@ def rows_of(servos: Sequence[Servo], achieved: Whole, ideal: Floats, clock: Cloc
 
 def warnings_of(
     trajectory: JointTrajectory, servos: Sequence[Servo], frame: Frame, slots: Layout
-) -> tuple[Caution, ...]:
+) -> tuple[Diagnostic, ...]:
     """Return the warnings about the period, the servos' calibrations and their speeds."""
     clock = trajectory.clock
     warnings = [*check_period(frame.period, frame.place)]
     if slots.period != frame.period.cycles:
         warnings.append(
-            Caution(
+            Diagnostic(
+                "warning",
                 "period-rounded",
                 f"the player's period is {slots.period} cycles, a multiple of {slots.tick}: "
                 f"{float(clock.us(slots.period)):g} µs, {slots.period - frame.period.cycles:+d} cycles",

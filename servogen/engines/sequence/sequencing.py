@@ -109,7 +109,7 @@ def _frame(schedule: PulseSchedule, run: Run, owner: int, overheads: Overheads) 
         touched = {schedule.channels[channel].pin[1] for channel, _ in changes[at]}
         if len(touched) > 1:
             raise InputError(
-                "edges-collide",
+                "edges-too-close",
                 f"edges of both ports fall on cycle {at} of a frame",
                 hint="one write reaches one port: move one servo to the other's port or to another slot",
             )

@@ -30,7 +30,7 @@ def stream(job: EngineJob) -> tuple[JointTrajectory, Streaming]:
     Raises InputError.
     """
     if job.stream is None:
-        raise InputError("no-serial-line", f"{job.name} has no serial line", hint="add a table [stream]")
+        raise InputError("missing-key", f"{job.name} has no serial line", hint="add a table [stream]")
     streamed = streaming(
         job.servos,
         job.frame,

@@ -13,7 +13,7 @@ from fractions import Fraction
 from servogen.engines.stream.layout import Layout, layout
 from servogen.engines.stream.protocol import MAX_VALUE, Travel, travel
 from servogen.engines.stream.settings import OFF, Stream, bit_units
-from servogen.errors import Caution, InputError, Location
+from servogen.errors import Diagnostic, InputError, Location
 from servogen.pulse.lint import check_calibration, check_period
 from servogen.pulse.plan import PulsePlan
 from servogen.pulse.plan_errors import error_of_rows, largest
@@ -79,7 +79,7 @@ def streaming(
 
 def _soft_frames(
     seconds: Fraction, period_s: Fraction, place: Location | None
-) -> tuple[int, tuple[Caution, ...]]:
+) -> tuple[int, tuple[Diagnostic, ...]]:
     """Return the frames of the way to the neutral pose, and a warning if that is more than asked for.
 
     Raises InputError for more frames than a group of positions counts.
@@ -95,7 +95,7 @@ def _soft_frames(
     if frames:
         return frames, ()
     text = f"the way to the neutral pose takes one frame, {float(period_s):g} s, not {float(seconds):g} s"
-    return 1, (Caution("soft-start-rounded", text, place),)
+    return 1, (Diagnostic("warning", "soft-start-rounded", text, place),)
 
 
 def _schedule(
@@ -121,11 +121,12 @@ def _quantised(servo: Servo, width: Cycles, clock: Clock, frames: int) -> Quanti
     return Quantised(servo.name, servo.neutral, asked, width, clock.us(width), frames)
 
 
-def _warnings(servos: Sequence[Servo], frame: Frame, slots: Layout, clock: Clock) -> tuple[Caution, ...]:
+def _warnings(servos: Sequence[Servo], frame: Frame, slots: Layout, clock: Clock) -> tuple[Diagnostic, ...]:
     warnings = [*check_period(clock.round_us(clock.us(slots.period)), frame.place)]
     if slots.period != frame.period.cycles:
         warnings.append(
-            Caution(
+            Diagnostic(
+                "warning",
                 "period-rounded",
                 f"the frame takes {float(clock.us(slots.period)):g} µs, "
                 f"not {float(frame.period.requested_us):g}: "

@@ -49,13 +49,11 @@ def has_closed_form(arm: Arm, oriented: bool) -> bool:
     if form is None:
         return False
     if form not in CLOSED_FORMS:
-        raise InputError(
-            "unknown-closed-form", f"no closed form '{form}'", hint=did_you_mean(form, CLOSED_FORMS)
-        )
+        raise InputError("unknown-name", f"no closed form '{form}'", hint=did_you_mean(form, CLOSED_FORMS))
     owner = catalogue.arm(form)
     if (arm.rows, arm.convention) != (owner.rows, owner.convention):
         raise InputError(
-            "unknown-closed-form",
+            "unknown-name",
             f"the rows of '{arm.name}' are not those that the closed form '{form}' solves",
             hint=f'write like = "{form}", or leave closed_form out: the numerical method takes any rows',
         )

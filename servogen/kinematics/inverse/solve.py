@@ -79,7 +79,7 @@ class Solutions:
             count = float(np.prod(last - first + 1))
             if len(solutions) + count > MAX_LISTED:
                 raise InputError(
-                    "too-many-solutions",
+                    "out-of-reach",
                     f"{self.arm.name} reaches this target in more than {MAX_LISTED} ways: "
                     "its joints have so many turns of travel",
                     hint="narrow the limits of its joints",

@@ -107,13 +107,13 @@ NAMES = tuple(_TABLE)
 def gait(name: str, robot: WalkingRobot) -> Gait:
     """Return the gait of that name for a robot with three legs on each side. Raises InputError."""
     if name not in _TABLE:
-        raise InputError("unknown-gait", f"unknown gait '{name}'", hint=did_you_mean(name, NAMES))
+        raise InputError("unknown-name", f"unknown gait '{name}'", hint=did_you_mean(name, NAMES))
     duty, *sixths = _TABLE[name]
     mounts = sorted(mounts_of(robot), key=lambda mount: -mount.x)
     sides = [[mount.name for mount in mounts if mount.mirrored == right] for right in (False, True)]
     if [len(side) for side in sides] != [3, 3]:
         raise InputError(
-            "unknown-gait",
+            "unknown-name",
             f"the gait '{name}' is for three legs on each side: {robot.name} has "
             f"{len(sides[0])} on the left and {len(sides[1])} on the right",
             hint="give a duty factor and the phase of each leg",
@@ -137,17 +137,17 @@ def custom(
     if not isinstance(lifts, Mapping):
         if len(lifts) != len(legs):
             raise InputError(
-                "gait-incomplete",
+                "missing-key",
                 f"{len(lifts)} phases for {len(legs)} legs",
                 hint=f"in the order {', '.join(legs)}",
             )
         lifts = dict(zip(legs, lifts, strict=True))
     for leg in lifts:
         if leg not in legs:
-            raise InputError("unknown-leg", f"{robot.name} has no leg '{leg}'", hint=did_you_mean(leg, legs))
+            raise InputError("unknown-name", f"{robot.name} has no leg '{leg}'", hint=did_you_mean(leg, legs))
     for leg in legs:
         if leg not in lifts:
-            raise InputError("gait-incomplete", f"the phase of the leg {leg} is missing")
+            raise InputError("missing-key", f"the phase of the leg {leg} is missing")
         if not 0 <= lifts[leg] < 1:
             raise InputError(
                 "out-of-range", f"the phase of {leg} is {float(lifts[leg]):g}: it is at least 0 and below 1"

@@ -178,7 +178,7 @@ def walk(
     is too large and, unless `allow_falling`, for a robot that would fall over.
     """
     if not segments:
-        raise InputError("no-motion", "a walk needs at least one segment")
+        raise InputError("no-pulses", "a walk needs at least one segment")
     if any(segment.cycles is None for segment in segments[:-1]):
         raise InputError("endless-motion", "only the last segment of a walk can be without an end")
     limits = limits or Limits()
@@ -192,7 +192,7 @@ def walk(
     least = math.ceil(MIN_SWING / gait.swing)
     if frames_per_cycle is not None and frames_per_cycle < least:
         raise InputError(
-            "cycle-too-short",
+            "cycle-time",
             f"a cycle of {frames_per_cycle} frames is too short for the gait '{gait.name}'",
             hint=f"at least {least} frames: each swing takes {MIN_SWING} or more",
         )
@@ -217,7 +217,7 @@ def walk(
         count = _whole(gait, max(count + 1, math.ceil(count * min(slower, 2.0))))
         if count > MAX_FRAMES_PER_CYCLE:
             raise InputError(
-                "cycle-too-long",
+                "cycle-time",
                 "the limits of the servos ask for a cycle of more than a minute",
                 hint="shorten the stride, or raise the limits",
             )
@@ -257,7 +257,7 @@ def _round(parts: Sequence[Frames], endless: bool, count: int) -> tuple[Frames, 
     alike = np.abs(angles[count:] - angles[:-count]).max(axis=(1, 2)) < SAME_RAD
     steady = 0 if alike.all() else len(alike) - int(np.argmin(alike[::-1]))
     if steady + count > len(angles):
-        raise InputError("endless-walk", "the walk does not become steady: its gait leaves a leg behind")
+        raise InputError("endless-motion", "the walk does not become steady: its gait leaves a leg behind")
     loop_start = len(frames.angles) - len(angles) + steady
     return frames.part(0, loop_start + count), loop_start
 
@@ -281,7 +281,7 @@ def _check_limits(joints: Mapping[str, Joint], angles: Floats) -> None:
                 for pair in ((low, high), (joint.lower, joint.upper))
             )
             raise InputError(
-                "joint-limit",
+                "servo-limit",
                 f"{name} would have to turn from {shown}: its limits are {allowed}",
                 hint="shorten the stride, or lift the feet less",
             )
@@ -291,7 +291,7 @@ def _refuse(walk: Walk, spring_m: float | None, allow_falling: bool) -> None:
     worst = walk.largest_correction_m
     if spring_m is not None and worst > spring_m:
         raise InputError(
-            "springs",
+            "servo-limit",
             f"the springs would have to give {1000 * worst:.2f} mm: they give {1000 * spring_m:g} mm at most",
             hint="shorten the stride or the turn: two joints follow a straight line only roughly",
         )

@@ -322,7 +322,7 @@ class Facts:
         listing = self._listing
         if listing is None:
             raise InputError(
-                "unknown-mark",
+                "unknown-name",
                 f"'{text}' is not an address such as 0x12A",
                 hint="labels and lines need C or assembly source",
             )
@@ -335,10 +335,10 @@ class Facts:
             lines = self._line_starts(file, int(number))
             if lines:
                 return lines
-            raise InputError("unknown-mark", f"line {text} has no words")
+            raise InputError("unknown-name", f"line {text} has no words")
         names = [name for name, _ in listing.labels] + [each.name for each in listing.functions]
         hint = did_you_mean(text, names)
-        raise InputError("unknown-mark", f"'{text}' is not a label, a line or an address", hint=hint)
+        raise InputError("unknown-name", f"'{text}' is not a label, a line or an address", hint=hint)
 
     def _line_starts(self, file: str, number: int) -> list[int]:
         """Return where the words of a source line begin; a loop's line may have several beginnings."""
@@ -360,7 +360,7 @@ def _address(text: str) -> int:
         address = -1
     if not 0 <= address < PROGRAM_WORDS:
         raise InputError(
-            "unknown-mark", f"'{text}' is not an address from 0x000 to 0x{PROGRAM_WORDS - 1:03X}"
+            "unknown-name", f"'{text}' is not an address from 0x000 to 0x{PROGRAM_WORDS - 1:03X}"
         )
     return address
 

@@ -19,13 +19,12 @@ from servogen.pic.assembler.instructions import (
     mnemonics,
     parse_line,
 )
-from servogen.pic.assembler.messages import AssemblyError, Diagnostic
+from servogen.pic.assembler.messages import AssemblyError
 
 __all__ = [
     "Assembly",
     "AssemblyError",
     "Binary",
-    "Diagnostic",
     "Expression",
     "Here",
     "Name",

@@ -5,17 +5,17 @@ Two passes over the same lines: the first determines the addresses of the labels
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from servogen.errors import Location
+from servogen.errors import Diagnostic, Location, SourceLines
 from servogen.inputs import read_input
 from servogen.pic.assembler.blocks import EndOfSource, ExitMacro, OutOfBudget, TooManyErrors
 from servogen.pic.assembler.control import CONTROL
 from servogen.pic.assembler.definitions import DEFINITIONS
 from servogen.pic.assembler.layout import LAYOUT
-from servogen.pic.assembler.messages import AssemblyError, Diagnostic
+from servogen.pic.assembler.messages import AssemblyError
 from servogen.pic.assembler.routines import routines
 from servogen.pic.assembler.settings import SETTINGS
 from servogen.pic.assembler.source import lines_of
@@ -34,6 +34,8 @@ class Assembly:
     image: Image
     listing: Listing
     warnings: tuple[Diagnostic, ...]
+    source_lines: SourceLines
+    """The lines that the warnings point to."""
     device: Device
     labels: tuple[tuple[str, int], ...]
     """Global labels and their word addresses, by address."""
@@ -67,17 +69,30 @@ def assemble(
             pass
         if number == 2 and not ended and not state.log.errors:
             place = Location(file, len(lines))
-            state.log.add(Diagnostic("warning", 205, "the source has no END", place))
+            state.log.add(Diagnostic("warning", "asm-no-end", "the source has no END", place))
+    sources = {file: text, **state.sources}
     if state.log.errors:
-        raise AssemblyError(state.log.errors)
+        raise AssemblyError.of(state.log.errors, _lines_of(state.log.errors, sources))
     labels = sorted(symbols.addresses().items(), key=lambda pair: (pair[1], pair[0]))
     return Assembly(
         state.memory.image(),
         _listing(state, labels, ((file, text), *state.sources.items())),
         state.log.remarks,
+        _lines_of(state.log.remarks, sources),
         state.device or DEVICES[0],
         tuple(labels),
     )
+
+
+def _lines_of(diagnostics: Sequence[Diagnostic], sources: Mapping[str, str]) -> SourceLines:
+    """Return the source lines that the diagnostics point to."""
+    found = {}
+    rows = {file: [line.text.chars for line in lines_of(text, file)] for file, text in sources.items()}
+    for each in diagnostics:
+        place = each.location or Location()
+        if place.file in rows and place.line and place.line <= len(rows[place.file]):
+            found[place.file, place.line] = rows[place.file][place.line - 1]
+    return found
 
 
 def beside(directory: Path) -> Include:

@@ -81,4 +81,6 @@ class Reader:
                 if depth == 0:
                     return taken
             taken.append(line)
-        raise SourceError(f"{opened.operation.upper()} without {end.upper()}", opened.column, number=129)
+        raise SourceError(
+            "asm-unclosed-block", f"{opened.operation.upper()} without {end.upper()}", opened.column
+        )

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 
-from servogen.errors import InputError
+from servogen.errors import Diagnostic, InputError
 from servogen.pic.assembler.blocks import Condition, EndOfSource, ExitMacro, Macro
 from servogen.pic.assembler.header import HEADERS, header_device, header_text
-from servogen.pic.assembler.messages import Diagnostic, SourceError
+from servogen.pic.assembler.messages import SourceError
 from servogen.pic.assembler.source import Statement, lines_of
 from servogen.pic.assembler.state import Directive, Pass
 from servogen.pic.assembler.text import IDENTIFIER
@@ -50,7 +50,7 @@ def _asks_defined(state: Pass, found: Statement) -> bool:
     """
     match = IDENTIFIER.match(found.rest.chars)
     if match is None:
-        raise SourceError(f"{found.operation.upper()} needs a name", found.column, number=128)
+        raise SourceError("asm-missing-argument", f"{found.operation.upper()} needs a name", found.column)
     name = match[0]
     symbol = state.symbols.find(name)
     known = name in state.definitions or symbol is not None
@@ -62,7 +62,7 @@ def _asks_defined(state: Pass, found: Statement) -> bool:
     ):
         state.report(
             "warning",
-            230,
+            "asm-defined-later",
             f"'{name}' is defined further below: in the second pass the answer is another",
             found.line,
             found.rest.column(0),
@@ -73,14 +73,14 @@ def _asks_defined(state: Pass, found: Statement) -> bool:
 
 def _top(state: Pass, found: Statement) -> Condition:
     if not state.conditions:
-        raise SourceError(f"{found.operation.upper()} without IF", found.column, number=123)
+        raise SourceError("asm-unexpected-directive", f"{found.operation.upper()} without IF", found.column)
     return state.conditions[-1]
 
 
 def _else(state: Pass, found: Statement) -> None:
     condition = _top(state, found)
     if condition.seen_else:
-        raise SourceError("a second ELSE of the same IF", found.column, number=123)
+        raise SourceError("asm-unexpected-directive", "a second ELSE of the same IF", found.column)
     condition.seen_else = True
     condition.active, condition.taken = not condition.taken, True
 
@@ -110,31 +110,37 @@ def _while(state: Pass, found: Statement) -> None:
             state.run(body)
         finally:
             state.turning -= 1
-    raise SourceError("this WHILE does not end", found.column, number=131)
+    raise SourceError("asm-endless-loop", "this WHILE does not end", found.column)
 
 
 def _macro(state: Pass, found: Statement) -> None:
     body = state.readers[-1].block("macro", "endm", found)
     state.spend(len(body))
     if found.label is None:
-        raise SourceError("MACRO needs a name in front of it", found.column, number=130)
+        raise SourceError("asm-missing-name", "MACRO needs a name in front of it", found.column)
     if found.label in state.macros:
-        raise SourceError(f"macro '{found.label}' is defined already", found.label_column, number=132)
+        raise SourceError(
+            "asm-duplicate-symbol", f"macro '{found.label}' is defined already", found.label_column
+        )
     names = tuple(part.chars for part in found.rest.split(",")) if found.rest else ()
     for name in names:
         if not IDENTIFIER.fullmatch(name):
-            raise SourceError(f"'{name}' is no name for a parameter", found.rest.column(0), number=124)
+            raise SourceError(
+                "asm-bad-argument", f"'{name}' is no name for a parameter", found.rest.column(0)
+            )
     state.macros[found.label] = Macro(found.label, names, tuple(body))
 
 
 def _exitm(state: Pass, found: Statement) -> None:
     if not found.line.within:
-        raise SourceError("EXITM outside a macro", found.column, number=123)
+        raise SourceError("asm-unexpected-directive", "EXITM outside a macro", found.column)
     raise ExitMacro
 
 
 def _unmatched(state: Pass, found: Statement) -> None:
-    raise SourceError(f"{found.operation.upper()} without its beginning", found.column, number=123)
+    raise SourceError(
+        "asm-unexpected-directive", f"{found.operation.upper()} without its beginning", found.column
+    )
 
 
 _FILE = re.compile(r'<([^>]*)>|"([^"]*)"|(\S+)')
@@ -143,22 +149,22 @@ _FILE = re.compile(r'<([^>]*)>|"([^"]*)"|(\S+)')
 def _include(state: Pass, found: Statement) -> None:
     match = _FILE.match(found.rest.chars)
     if match is None:
-        raise SourceError("INCLUDE needs a file name", found.column, number=128)
+        raise SourceError("asm-missing-argument", "INCLUDE needs a file name", found.column)
     name = match[1] or match[2] or match[3]
     try:
         text = state.include(name)
     except InputError as refusal:
         raise SourceError(
-            f"include file '{name}' {refusal.message}", found.rest.column(0), refusal.hint, 102
+            "asm-include", f"include file '{name}' {refusal.message}", found.rest.column(0), refusal.hint
         ) from refusal
     if text is None:
         chip = header_device(name)
         if chip is None:
             raise SourceError(
+                "asm-include",
                 f"include file '{name}' not found",
                 found.rest.column(0),
                 f"built in: {', '.join(HEADERS)}; others lie beside the source",
-                102,
             )
         if state.device is None:
             state.choose(chip)
@@ -170,9 +176,11 @@ def _include(state: Pass, found: Statement) -> None:
 
 def _end(state: Pass, found: Statement) -> None:
     if state.turning:
-        raise SourceError("END within a WHILE", found.column, number=129)
+        raise SourceError("asm-unclosed-block", "END within a WHILE", found.column)
     for condition in state.conditions:
-        state.log.add(Diagnostic("warning", 212, "this IF has no ENDIF before END", condition.place))
+        state.log.add(
+            Diagnostic("warning", "asm-unclosed-if", "this IF has no ENDIF before END", condition.place)
+        )
     raise EndOfSource
 
 

@@ -15,7 +15,9 @@ from servogen.pic.assembler.text import IDENTIFIER, Text
 
 def _label(found: Statement) -> str:
     if found.label is None:
-        raise SourceError(f"{found.operation.upper()} needs a name in front of it", found.column, number=128)
+        raise SourceError(
+            "asm-missing-argument", f"{found.operation.upper()} needs a name in front of it", found.column
+        )
     return found.label
 
 
@@ -32,16 +34,20 @@ def _assign(state: Pass, found: Statement) -> None:
     name = _label(found)
     old = state.value(name)
     if old is None:
-        raise SourceError(f"symbol not previously defined: '{name}'", found.label_column, number=113)
+        raise SourceError(
+            "asm-undefined-symbol", f"symbol not previously defined: '{name}'", found.label_column
+        )
     if found.operation in ("++", "--"):
         step = 1
         if found.rest:
-            raise SourceError(f"'{found.rest.chars}' is not expected here", found.rest.column(0))
+            raise SourceError(
+                "asm-syntax", f"'{found.rest.chars}' is not expected here", found.rest.column(0)
+            )
     else:
         step = state.one(found)
     sign = found.operation[0] if found.operation in ("++", "--") else found.operation[:-1]
     if sign in "/%" and step == 0:
-        raise SourceError("divide by zero", found.column, number=114)
+        raise SourceError("asm-divide-by-zero", "divide by zero", found.column)
     state.symbols.define(name, BINARY[sign][1](old, step), "variable", found.label_column)
 
 
@@ -51,7 +57,7 @@ def _named_values(state: Pass, found: Statement, kind: Kind, default: int | None
         name, value = _name_and_value(state, part)
         if value is None:
             if default is None:
-                raise SourceError(f"constant '{name}' needs a value", part.column(0), number=128)
+                raise SourceError("asm-missing-argument", f"constant '{name}' needs a value", part.column(0))
             old = state.symbols.find(name)
             value = default if old is None else old.value
         state.symbols.define(name, value, kind, part.column(0))
@@ -60,12 +66,12 @@ def _named_values(state: Pass, found: Statement, kind: Kind, default: int | None
 def _name_and_value(state: Pass, part: Text) -> tuple[str, int | None]:
     match = IDENTIFIER.match(part.chars)
     if match is None:
-        raise SourceError("a name is missing here", part.column(0), number=128)
+        raise SourceError("asm-missing-argument", "a name is missing here", part.column(0))
     rest = part[match.end() :].strip()
     if not rest:
         return match[0], None
     if not rest.chars.startswith("="):
-        raise SourceError(f"'{rest.chars[0]}' is not expected here", rest.column(0))
+        raise SourceError("asm-syntax", f"'{rest.chars[0]}' is not expected here", rest.column(0))
     return match[0], state.evaluate(parse_expression(rest[1:], state.radix))
 
 
@@ -100,13 +106,13 @@ def _cblock(state: Pass, found: Statement) -> None:
                 if part:
                     _cblock_entry(state, part)
         except SourceError as error:
-            state.report("error", error.number, error.text, raw, error.column, error.hint)
+            state.report("error", error.code, error.text, raw, error.column, error.hint)
 
 
 def _cblock_entry(state: Pass, part: Text) -> None:
     match = IDENTIFIER.match(part.chars)
     if match is None:
-        raise SourceError(f"'{part.chars}' is no name", part.column(0))
+        raise SourceError("asm-syntax", f"'{part.chars}' is no name", part.column(0))
     rest = part[match.end() :].strip()
     size = 1
     if rest.chars.startswith(":"):
@@ -124,9 +130,14 @@ _DEFINE = re.compile(rf"({IDENTIFIER.pattern})(?:\(([^)]*)\))?")
 def _define(state: Pass, found: Statement) -> None:
     match = _DEFINE.match(found.rest.chars)
     if match is None:
-        raise SourceError("#DEFINE needs a name", found.column, number=128)
+        raise SourceError("asm-missing-argument", "#DEFINE needs a name", found.column)
     if match[1] in state.definitions:
-        raise SourceError(f"'{match[1]}' is defined already", found.rest.column(0), "#undefine it first", 115)
+        raise SourceError(
+            "asm-duplicate-symbol",
+            f"'{match[1]}' is defined already",
+            found.rest.column(0),
+            "#undefine it first",
+        )
     names = tuple(name.strip() for name in (match[2] or "").split(",") if name.strip())
     state.definitions[match[1]] = Definition(found.rest.chars[match.end() :].strip(), names)
 
@@ -135,7 +146,7 @@ def _undefine(state: Pass, found: Statement) -> None:
     name = found.rest.chars.strip()
     if state.definitions.pop(name, None) is None:
         text = f"'{name}' was not defined by #define"
-        state.report("warning", 201, text, found.line, found.rest.column(0))
+        state.report("warning", "asm-unknown-symbol", text, found.line, found.rest.column(0))
 
 
 DEFINITIONS: dict[str, Directive] = {

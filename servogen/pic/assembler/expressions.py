@@ -190,7 +190,9 @@ class Parser:
             self._index += 1
             self._operators += 1
             if self._operators > MAX_OPERATORS:
-                raise SourceError(f"more than {MAX_OPERATORS} operators in a line", token.column)
+                raise SourceError(
+                    "asm-syntax", f"more than {MAX_OPERATORS} operators in a line", token.column
+                )
             left = Binary(token.text, left, self.expression(strength + 1), token.column)
 
     def _operand(self) -> Expression:
@@ -203,9 +205,11 @@ class Parser:
     def _operand_within(self) -> Expression:
         token = self._peek()
         if self._depth > DEEPEST:
-            raise SourceError("the expression is nested too deeply", token.column if token else None)
+            raise SourceError(
+                "asm-syntax", "the expression is nested too deeply", token.column if token else None
+            )
         if token is None:
-            raise SourceError("an operand is missing here", self._end_column, number=128)
+            raise SourceError("asm-missing-argument", "an operand is missing here", self._end_column)
         self._index += 1
         if token.kind == "number":
             return Number(token.value, token.column)
@@ -221,7 +225,7 @@ class Parser:
         if token.text in "([":
             inner = self.expression()
             if not self.take(")" if token.text == "(" else "]"):
-                raise SourceError(f"unmatched {token.text}", token.column, number=107)
+                raise SourceError("asm-parenthesis", f"unmatched {token.text}", token.column)
             return inner
         self._index -= 1
         raise self._unexpected()
@@ -232,9 +236,8 @@ class Parser:
     def _unexpected(self) -> SourceError:
         token = self._peek()
         if token is None:
-            return SourceError("the line ends too early", self._end_column)
-        number = 108 if token.text == ")" else 101
-        return SourceError(f"'{token.text}' is not expected here", token.column, number=number)
+            return SourceError("asm-syntax", "the line ends too early", self._end_column)
+        return SourceError("asm-syntax", f"'{token.text}' is not expected here", token.column)
 
 
 def parse_expression(text: Text, radix: int) -> Expression:
@@ -286,20 +289,22 @@ def evaluate(expression: Expression, scope: Scope) -> int:
             found = scope.value(name)
             if found is None:
                 text = f"symbol not previously defined: '{name}'"
-                raise SourceError(text, column, scope.hint(name), 113)
+                raise SourceError("asm-undefined-symbol", text, column, scope.hint(name))
             return found
         case Unary(sign, operand):
             return _wrap(UNARY[sign](evaluate(operand, scope)))
         case Binary(sign, left, right, column):
             values = evaluate(left, scope), evaluate(right, scope)
             if sign in "/%" and values[1] == 0:
-                raise SourceError("divide by zero", column, number=114)
+                raise SourceError("asm-divide-by-zero", "divide by zero", column)
             return _wrap(BINARY[sign][1](*values))
 
 
 def _character(string: String) -> int:
     if len(string.codes) != 1:
-        raise SourceError(f'"{string.body}" stands where one value is wanted', string.column, number=124)
+        raise SourceError(
+            "asm-bad-argument", f'"{string.body}" stands where one value is wanted', string.column
+        )
     return string.codes[0]
 
 

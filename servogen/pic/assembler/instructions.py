@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Protocol
 
-from servogen.errors import InputError, Location
+from servogen.errors import Diagnostic, InputError, Location, Severity
 from servogen.pic.assembler.expressions import Expression, Name, Number, Parser, Scope, evaluate, suggestion
-from servogen.pic.assembler.messages import Diagnostic, Level, SourceError
+from servogen.pic.assembler.messages import SourceError
 from servogen.pic.assembler.text import IDENTIFIER, Text
 from servogen.pic.device import PROGRAM_WORDS
 from servogen.pic.isa import LEGACY, TRIS_PORTS, Instruction, by_mnemonic, encode
@@ -121,13 +121,15 @@ def parse_line(line: str, place: Location, radix: int = DEFAULT_RADIX) -> Parsed
         word = match[0] if match else text.chars.split()[0]
         if word.upper() not in mnemonics():
             hint = suggestion(word, mnemonics())
-            raise SourceError(f"unknown instruction '{word}'", text.column(0), hint)
+            raise SourceError("asm-syntax", f"unknown instruction '{word}'", text.column(0), hint)
         fields = Parser.of(text[len(word) :], radix).fields()
         at = replace(place, column=text.column(0))
         return ParsedLine(label, tuple(instructions(word, fields, at)))
     except SourceError as error:
         column = place.column if error.column is None else error.column
-        raise InputError("assembly", error.text, replace(place, column=column), error.hint) from error
+        raise InputError.of(
+            [Diagnostic("error", error.code, error.text, replace(place, column=column), error.hint)]
+        ) from error
 
 
 def _is_bare_label(line: str) -> bool:
@@ -163,7 +165,7 @@ def _instruction(name: str, fields: Sequence[Expression | None], place: Location
     values = dict(zip(wanted, fields, strict=False))
     missing = [field for field, value in values.items() if value is None and field != "d"]
     if missing:
-        raise SourceError(f"{name} lacks an operand", place.column, number=128)
+        raise SourceError("asm-missing-argument", f"{name} lacks an operand", place.column)
     if values.get("d") is not None:
         values["d"] = _destination(values["d"])
     return ParsedInstruction(name, place, **values)
@@ -171,10 +173,13 @@ def _instruction(name: str, fields: Sequence[Expression | None], place: Location
 
 def _count(name: str, fields: Sequence[Expression | None], least: int, most: int) -> None:
     if len(fields) < least:
-        raise SourceError(f"{name} needs {least} operand{'s' * (least > 1)}, not {len(fields)}", number=128)
+        raise SourceError(
+            "asm-missing-argument", f"{name} needs {least} operand{'s' * (least > 1)}, not {len(fields)}"
+        )
     if len(fields) > most:
         raise SourceError(
-            f"{name} takes at most {most} operand{'s' * (most != 1)}, not {len(fields)}", number=127
+            "asm-too-many-arguments",
+            f"{name} takes at most {most} operand{'s' * (most != 1)}, not {len(fields)}",
         )
 
 
@@ -192,8 +197,8 @@ def encode_instruction(instruction: ParsedInstruction, scope: Scope) -> tuple[in
     """
     remarks: list[Diagnostic] = []
 
-    def remark(level: Level, number: int, text: str) -> None:
-        remarks.append(Diagnostic(level, number, text, instruction.place))
+    def remark(severity: Severity, code: str, text: str) -> None:
+        remarks.append(Diagnostic(severity, code, text, instruction.place))
 
     def value(expression: Expression | None) -> int:
         return 0 if expression is None else evaluate(expression, scope)
@@ -201,7 +206,7 @@ def encode_instruction(instruction: ParsedInstruction, scope: Scope) -> tuple[in
     name, row = instruction.mnemonic, instruction.row
     fields: dict[str, int] = {}
     if row in LEGACY:
-        remark("warning", 224, f"{name} is not recommended: write the register in bank 1")
+        remark("warning", "asm-deprecated", f"{name} is not recommended: write the register in bank 1")
     if name == "TRIS":
         fields["f"] = _port(value(instruction.f), instruction.place, remark)
     elif "f" in row.operands:
@@ -211,7 +216,11 @@ def encode_instruction(instruction: ParsedInstruction, scope: Scope) -> tuple[in
     if "b" in row.operands:
         bit = value(instruction.b)
         if not 0 <= bit <= 7:
-            remark("warning", 202, f"there is no bit {bit}: its least significant bits are used")
+            remark(
+                "warning",
+                "asm-argument-truncated",
+                f"there is no bit {bit}: its least significant bits are used",
+            )
         fields["b"] = bit & 7
     if "k" in row.operands:
         fields["k"] = (_target if row.has_target else _literal)(value(instruction.k), remark)
@@ -219,30 +228,36 @@ def encode_instruction(instruction: ParsedInstruction, scope: Scope) -> tuple[in
 
 
 class _Remark(Protocol):
-    def __call__(self, level: Level, number: int, text: str) -> None: ...
+    def __call__(self, severity: Severity, code: str, text: str) -> None: ...
 
 
 def _register(address: int, remark: _Remark) -> int:
     """Return a file register's address within its bank; bit 7 is selected by RP0, not by the instruction."""
     if address & 0x80:
-        remark("message", 302, f"register 0x{address & 0xFFFF:02X} is not in bank 0: bank bits must be right")
+        remark(
+            "note", "asm-bank", f"register 0x{address & 0xFFFF:02X} is not in bank 0: bank bits must be right"
+        )
     return address & 0x7F
 
 
 def _port(address: int, place: Location, remark: _Remark) -> int:
     port = _register(address, remark)
     if port not in TRIS_PORTS:
-        raise SourceError(f"TRIS takes port 5 (PORTA) or 6 (PORTB), not {port}", place.column, number=126)
+        raise SourceError(
+            "asm-argument-range", f"TRIS takes port 5 (PORTA) or 6 (PORTB), not {port}", place.column
+        )
     return port
 
 
 def _flag(expression: Expression | None, destination: int, remark: _Remark) -> int:
     if expression is None:
-        remark("message", 305, "no destination: the file register (1) is taken")
+        remark("note", "asm-no-destination", "no destination: the file register (1) is taken")
         return 1
     if destination not in (0, 1):
         remark(
-            "warning", 202, f"destination {destination} is neither 0 (W) nor 1 (F): its lowest bit is used"
+            "warning",
+            "asm-argument-truncated",
+            f"destination {destination} is neither 0 (W) nor 1 (F): its lowest bit is used",
         )
     return destination & 1
 
@@ -250,7 +265,9 @@ def _flag(expression: Expression | None, destination: int, remark: _Remark) -> i
 def _literal(literal: int, remark: _Remark) -> int:
     if not -0xFF <= literal <= 0xFF:
         remark(
-            "warning", 202, f"{literal} (0x{literal & 0xFFFFFFFF:X}) does not fit 8 bits: the lowest are used"
+            "warning",
+            "asm-argument-truncated",
+            f"{literal} (0x{literal & 0xFFFFFFFF:X}) does not fit 8 bits: the lowest are used",
         )
     return literal & 0xFF
 
@@ -258,6 +275,8 @@ def _literal(literal: int, remark: _Remark) -> int:
 def _target(address: int, remark: _Remark) -> int:
     if not 0 <= address < PROGRAM_WORDS:
         remark(
-            "warning", 220, f"address 0x{address & 0xFFFFFFFF:X} is beyond the chip's {PROGRAM_WORDS} words"
+            "warning",
+            "asm-address-truncated",
+            f"address 0x{address & 0xFFFFFFFF:X} is beyond the chip's {PROGRAM_WORDS} words",
         )
     return address & 0x7FF

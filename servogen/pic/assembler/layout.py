@@ -34,7 +34,10 @@ def _counted(count: int, found: Statement) -> int:
     """Return the number of words that a line places. Raises SourceError for a number that no chip has."""
     if not 0 <= count <= MAX_COUNT:
         raise SourceError(
-            f"{found.operation.upper()} of {count} words", found.column, f"0 to {MAX_COUNT} words", 126
+            "asm-argument-range",
+            f"{found.operation.upper()} of {count} words",
+            found.column,
+            f"0 to {MAX_COUNT} words",
         )
     return count
 
@@ -95,7 +98,11 @@ def _db(state: Pass, found: Statement) -> None:
 def _byte(state: Pass, value: int, found: Statement) -> int:
     if not -128 <= value <= 0xFF:
         state.report(
-            "warning", 202, f"{value} does not fit 8 bits: the lowest are used", found.line, found.column
+            "warning",
+            "asm-argument-truncated",
+            f"{value} does not fit 8 bits: the lowest are used",
+            found.line,
+            found.column,
         )
     return value & 0xFF
 
@@ -145,16 +152,16 @@ def _pagesel(state: Pass, found: Statement) -> None:
     """Do nothing: the chip has one page of program memory."""
     state.one(found)
     state.report(
-        "message", 312, "the chip has one page: no page selection is needed", found.line, found.column
+        "note", "asm-page", "the chip has one page: no page selection is needed", found.line, found.column
     )
 
 
 def _relocatable(state: Pass, found: Statement) -> None:
     raise SourceError(
+        "asm-relocatable",
         f"{found.operation.upper()} is for relocatable code, which needs a linker",
         found.column,
         "use org and cblock",
-        149,
     )
 
 

@@ -97,8 +97,8 @@ def _token(text: Text, index: int, radix: int) -> tuple[Token, int]:
     if match := _OPERATOR.match(chars, index):
         return Token("operator", match[0], column), match.end()
     if chars[index] in "\"'":
-        raise SourceError(f"the quote {chars[index]} is not closed", column)
-    raise SourceError(f"illegal character '{chars[index]}'", column)
+        raise SourceError("asm-syntax", f"the quote {chars[index]} is not closed", column)
+    raise SourceError("asm-syntax", f"illegal character '{chars[index]}'", column)
 
 
 def _plain(word: str, radix: int, column: int) -> int:
@@ -114,4 +114,4 @@ def _digits(word: str, radix: int, column: int) -> int:
         return int(word, radix)
     except ValueError:
         names = {2: "a binary", 8: "an octal", 10: "a decimal", 16: "a hexadecimal"}
-        raise SourceError(f"'{word}' is not {names[radix]} number", column) from None
+        raise SourceError("asm-syntax", f"'{word}' is not {names[radix]} number", column) from None

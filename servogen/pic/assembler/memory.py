@@ -27,13 +27,13 @@ class Memory:
         part = region(address)
         if part is None:
             raise SourceError(
+                "asm-address-range",
                 f"address 0x{address & 0xFFFFFFFF:04X} is beyond the chip",
                 hint="words are " + ", ".join(f"{each.name} {each.span}" for each in REGIONS),
-                number=220,
             )
         if address in self._words:
             raise SourceError(
-                f"address 0x{address:04X} holds 0x{self._words[address]:04X} already", number=118
+                "asm-overwrite", f"address 0x{address:04X} holds 0x{self._words[address]:04X} already"
             )
         self._words[address] = word & part.largest
 

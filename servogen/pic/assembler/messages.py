@@ -1,85 +1,85 @@
-"""The assembler's diagnostics: errors, warnings and messages, with MPASM's numbers.
+"""The assembler's diagnostics: errors, warnings, and MPASM's messages as notes.
 
-Numbers: MPASM User's Guide DS33014, appendix "Errors, warnings, messages": errors are 1xx, warnings 2xx,
-messages 3xx.
+`NUMBERS` has MPASM's number of each warning and message, by which a source mutes it (MPASM User's Guide
+DS33014, appendix "Errors, warnings, messages": warnings are 2xx, messages 3xx).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
 
-from servogen.errors import InputError, Location
+from servogen.errors import Diagnostic, InputError
 
-Level = Literal["error", "warning", "message"]
+NUMBERS: Mapping[str, int] = {
+    "asm-else-if": 122,
+    "asm-unknown-symbol": 201,
+    "asm-argument-truncated": 202,
+    "asm-opcode-column": 203,
+    "asm-no-end": 205,
+    "asm-label-column": 207,
+    "asm-unclosed-quote": 209,
+    "asm-unclosed-if": 212,
+    "asm-processor": 215,
+    "asm-no-register": 219,
+    "asm-address-truncated": 220,
+    "asm-deprecated": 224,
+    "asm-defined-later": 230,
+    "asm-user-message": 301,
+    "asm-bank": 302,
+    "asm-word-truncated": 303,
+    "asm-id-truncated": 304,
+    "asm-no-destination": 305,
+    "asm-page": 312,
+}
+
+
+def muted_by(number: int) -> frozenset[str]:
+    """Return the codes that `errorlevel -number` mutes: one, or none for a number that is not known."""
+    return frozenset(code for code, known in NUMBERS.items() if known == number)
 
 
 class SourceError(Exception):
     """An error at a column of the current line; the assembler adds file and line."""
 
-    def __init__(
-        self, text: str, column: int | None = None, hint: str | None = None, number: int = 101
-    ) -> None:
+    def __init__(self, code: str, text: str, column: int | None = None, hint: str | None = None) -> None:
         super().__init__(text)
+        self.code = code
         self.text = text
         self.column = column
         self.hint = hint
-        self.number = number
-
-
-@dataclass(frozen=True, slots=True)
-class Diagnostic:
-    """One diagnostic for the source. `number` is MPASM's."""
-
-    level: Level
-    number: int
-    text: str
-    place: Location
-    hint: str | None = None
-
-    def __str__(self) -> str:
-        first = f"{self.place}: {self.level}[{self.number}] {self.text}"
-        return f"{first}\n  {self.hint}" if self.hint else first
 
 
 class AssemblyError(InputError):
-    """Raised when the source cannot be assembled: carries every error found, with the first as its own."""
-
-    def __init__(self, diagnostics: tuple[Diagnostic, ...]) -> None:
-        first = diagnostics[0]
-        super().__init__(first.text, first.place, first.hint)
-        self.diagnostics = diagnostics  # type: ignore[assignment]
-
-    def __str__(self) -> str:
-        return "\n".join(str(each) for each in self.diagnostics)
+    """Raised when the source cannot be assembled: carries every error found."""
 
 
-MOST_ERRORS = 100
-"""Errors shown of one source; after as many, the rest says nothing new."""
+MAX_ERRORS = 100
+"""The number of errors shown for one source; any more would add nothing new."""
 
 
 @dataclass(slots=True)
 class Log:
-    """The diagnostics of one pass; `errorlevel` selects which warnings and messages are kept."""
+    """The diagnostics of one pass; `errorlevel` selects which warnings and notes are kept."""
 
     entries: dict[Diagnostic, None] = field(default_factory=dict)
     """Each once, in order."""
-    least: int = 0
-    """0 keeps all, 1 drops messages, 2 drops warnings too."""
-    muted: set[int] = field(default_factory=set)
+    level: int = 0
+    """0 keeps all, 1 drops notes, 2 drops warnings too."""
+    muted: frozenset[str] = frozenset()
 
     def add(self, entry: Diagnostic) -> None:
-        if entry.level != "error" and (entry.number in self.muted or self.least > _SEVERITY[entry.level]):
+        if entry.severity != "error" and (entry.code in self.muted or self.level > _RANKS[entry.severity]):
             return
         self.entries[entry] = None
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
-        return tuple(each for each in self.entries if each.level == "error")[:MOST_ERRORS]
+        return tuple(each for each in self.entries if each.severity == "error")[:MAX_ERRORS]
 
     @property
     def remarks(self) -> tuple[Diagnostic, ...]:
-        return tuple(each for each in self.entries if each.level != "error")
+        return tuple(each for each in self.entries if each.severity != "error")
 
 
-_SEVERITY = {"message": 0, "warning": 1}
+_RANKS = {"note": 0, "warning": 1}

@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import re
 
-from servogen.errors import InputError, did_you_mean
+from servogen.errors import InputError, Severity, did_you_mean
 from servogen.pic.assembler.expressions import Binary
-from servogen.pic.assembler.messages import Level, SourceError
+from servogen.pic.assembler.messages import SourceError, muted_by
 from servogen.pic.assembler.source import Statement
 from servogen.pic.assembler.state import Directive, Pass
 from servogen.pic.assembler.text import Text
@@ -38,7 +38,9 @@ def _set_radix(state: Pass, name: Text) -> None:
     word = name.chars.lower()
     radix = next((radix for known, radix in RADICES.items() if word and known.startswith(word)), None)
     if radix is None:
-        raise SourceError(f"'{name.chars}' is no radix", name.column(0), "known: dec, hex, oct", 124)
+        raise SourceError(
+            "asm-bad-argument", f"'{name.chars}' is no radix", name.column(0), "known: dec, hex, oct"
+        )
     state.radix = radix
 
 
@@ -63,12 +65,12 @@ def _set_processor(state: Pass, name: Text, found: Statement) -> None:
     try:
         chosen = device(name.chars, ASSEMBLED_DEVICES)
     except InputError as error:
-        raise SourceError(error.message, name.column(0), error.hint, 180) from error
+        raise SourceError("unknown-device", error.message, name.column(0), error.hint) from error
     if state.device is None:
         state.choose(chosen)
     elif chosen != state.device:
         text = f"processor {chosen.name} is superseded by {state.device.name}, which was asked for"
-        state.report("warning", 215, text, found.line, found.column)
+        state.report("warning", "asm-processor", text, found.line, found.column)
 
 
 def _errorlevel(state: Pass, found: Statement) -> None:
@@ -77,15 +79,18 @@ def _errorlevel(state: Pass, found: Statement) -> None:
         match = re.fullmatch(r"([-+]?)\s*(\d+)", part.chars)
         if match is None:
             raise SourceError(
-                f"'{part.chars}' is no level or number", part.column(0), "0, 1, 2, -302 or +302", 124
+                "asm-bad-argument",
+                f"'{part.chars}' is no level or number",
+                part.column(0),
+                "0, 1, 2, -302 or +302",
             )
         number = int(match[2])
         if number <= 2:
-            state.log.least = number
+            state.log.level = number
         elif match[1] == "-":
-            state.log.muted.add(number)
+            state.log.muted |= muted_by(number)
         else:
-            state.log.muted.discard(number)
+            state.log.muted -= muted_by(number)
 
 
 def _said(found: Statement) -> str:
@@ -93,17 +98,17 @@ def _said(found: Statement) -> str:
 
 
 def _messg(state: Pass, found: Statement) -> None:
-    _say(state, found, "message", 301)
+    _say(state, found, "note", "asm-user-message")
 
 
 def _error(state: Pass, found: Statement) -> None:
-    _say(state, found, "error", 100)
+    _say(state, found, "error", "asm-user-error")
 
 
-def _say(state: Pass, found: Statement, level: Level, number: int) -> None:
+def _say(state: Pass, found: Statement, severity: Severity, code: str) -> None:
     if not found.rest:
-        raise SourceError(f"{found.operation.upper()} needs a text", found.column, number=128)
-    state.report(level, number, _said(found), found.line, found.column)
+        raise SourceError("asm-missing-argument", f"{found.operation.upper()} needs a text", found.column)
+    state.report(severity, code, _said(found), found.line, found.column)
 
 
 def _config(state: Pass, found: Statement) -> None:
@@ -111,7 +116,7 @@ def _config(state: Pass, found: Statement) -> None:
     fields = state.fields(found, 1, 2)
     if len(fields) == 2 and state.evaluate(fields[0]) != CONFIG_ADDRESS:
         raise SourceError(
-            f"the configuration word is at 0x{CONFIG_ADDRESS:04X}", found.rest.column(0), number=126
+            "asm-argument-range", f"the configuration word is at 0x{CONFIG_ADDRESS:04X}", found.rest.column(0)
         )
     state.put(CONFIG_ADDRESS, state.evaluate(fields[-1]), found)
 
@@ -129,20 +134,23 @@ def _config_settings(state: Pass, found: Statement) -> None:
     """Process `config FOSC=XT, WDTE=OFF, …`; unspecified bits stay erased, that is, 1."""
     if state.device == PIC16C84:  # as in gpasm, which has no names for its settings
         hint = "__config, with the names of p16c84.inc, works"
-        raise SourceError("CONFIG does not know the PIC16C84", found.column, hint, 181)
+        raise SourceError("asm-config", "CONFIG does not know the PIC16C84", found.column, hint)
     for part in found.rest.split(","):
         name, _, value = (piece.strip().upper() for piece in part.chars.partition("="))
         if name not in CONFIG_SETTINGS:
             raise SourceError(
-                f"unknown setting '{name}'", part.column(0), did_you_mean(name, CONFIG_SETTINGS), 181
+                "asm-config", f"unknown setting '{name}'", part.column(0), did_you_mean(name, CONFIG_SETTINGS)
             )
         mask, values = CONFIG_SETTINGS[name]
         if value not in values:
             raise SourceError(
-                f"unknown value '{value}' of {name}", part.column(0), did_you_mean(value, values), 181
+                "asm-config",
+                f"unknown value '{value}' of {name}",
+                part.column(0),
+                did_you_mean(value, values),
             )
         if name in state.settings:
-            raise SourceError(f"{name} is set twice", part.column(0), number=118)
+            raise SourceError("asm-overwrite", f"{name} is set twice", part.column(0))
         state.settings.append(name)
         if not state.first:
             state.memory.change(CONFIG_ADDRESS, mask, values[value])
@@ -153,7 +161,7 @@ def _idlocs(state: Pass, found: Statement) -> None:
     value = state.one(found)
     if value & ~0xFFFF:
         text = f"0x{value & 0xFFFFFFFF:X} has more than four digits: the last four are used"
-        state.report("message", 304, text, found.line, found.column)
+        state.report("note", "asm-id-truncated", text, found.line, found.column)
     for index, shift in enumerate((12, 8, 4, 0)):
         state.put(ID_ADDRESS + index, value >> shift & 0xF, found)
 

@@ -86,7 +86,7 @@ def statement(line: SourceLine, vocabulary: Vocabulary) -> Statement:
     operation = (label and _ASSIGNMENT.match(rest.chars)) or _OPERATION.match(rest.chars)
     if not operation:
         if rest:
-            raise SourceError(f"'{rest.chars[0]}' is not expected here", rest.column(0))
+            raise SourceError("asm-syntax", f"'{rest.chars[0]}' is not expected here", rest.column(0))
         return Statement(line, label, label_column, "", rest.column(0), rest)
     rest_after = rest[operation.end() :].strip()
     return Statement(line, label, label_column, operation[0], rest.column(0), rest_after)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 
+from servogen.errors import Diagnostic, Severity
 from servogen.pic.assembler import instructions
 from servogen.pic.assembler.blocks import (
     Condition,
@@ -23,7 +24,7 @@ from servogen.pic.assembler.blocks import (
 )
 from servogen.pic.assembler.expressions import Expression, Parser, evaluate, parse_expression, suggestion
 from servogen.pic.assembler.memory import Memory
-from servogen.pic.assembler.messages import MOST_ERRORS, Diagnostic, Level, Log, SourceError
+from servogen.pic.assembler.messages import MAX_ERRORS, Log, SourceError
 from servogen.pic.assembler.source import ASSIGNMENTS, SourceLine, Statement, statement
 from servogen.pic.assembler.substitution import Definition, parameters, paste, substitute
 from servogen.pic.assembler.symbols import Symbols
@@ -107,7 +108,7 @@ class Pass:
     def run(self, lines: Sequence[SourceLine]) -> None:
         """Process the lines one by one; a block (macro, while, cblock) consumes its own lines."""
         if len(self.readers) > DEEPEST_NESTING:
-            raise SourceError("macro calls or include files are nested without end", number=132)
+            raise SourceError("asm-too-complex", "macro calls or include files are nested without end")
         reader = Reader(lines)
         self.readers.append(reader)
         opened = len(self.conditions)
@@ -115,7 +116,9 @@ class Pass:
             while (line := reader.next()) is not None:
                 self._guarded(line)
             for condition in self.conditions[opened:]:
-                self.log.add(Diagnostic("error", 129, "this IF has no ENDIF", condition.place))
+                self.log.add(
+                    Diagnostic("error", "asm-unclosed-block", "this IF has no ENDIF", condition.place)
+                )
         finally:
             del self.conditions[opened:]
             self.readers.pop()
@@ -126,7 +129,7 @@ class Pass:
         if self.steps > MAX_STEPS and self.line is not None:
             text = f"the source takes more than {MAX_STEPS} steps to assemble"
             hint = "a macro, a WHILE or a #define that grows without end?"
-            self.report("error", 132, text, self.line, hint=hint)
+            self.report("error", "asm-too-complex", text, self.line, hint=hint)
             raise OutOfBudget
 
     def _guarded(self, line: SourceLine) -> None:
@@ -138,7 +141,7 @@ class Pass:
             self._line(line)
         except SourceError as error:
             column = error.column or line.text.strip().column(0)
-            self.report("error", error.number, error.text, line, column, error.hint)
+            self.report("error", error.code, error.text, line, column, error.hint)
 
     def _line(self, line: SourceLine) -> None:
         if self.active:
@@ -149,7 +152,7 @@ class Pass:
             self.directives[found.operation](self, found)
         elif found.operation in ELSE_IF and all(each.active for each in self.conditions[:-1]):
             text = f"{found.word.upper()} is not a directive: it is left out with the lines around it"
-            self.report("warning", 122, text, line, found.column, ELSE_IF_HINT)
+            self.report("warning", "asm-else-if", text, line, found.column, ELSE_IF_HINT)
 
     def substituted(self, line: SourceLine) -> SourceLine:
         """Return the line after expansion of `#define` and `#v`."""
@@ -162,7 +165,7 @@ class Pass:
         if unclosed is not None:
             self.report(
                 "warning",
-                209,
+                "asm-unclosed-quote",
                 "the quote is not closed: the string goes to the line's end",
                 found.line,
                 unclosed,
@@ -170,16 +173,20 @@ class Pass:
         if found.label is not None:
             if found.label_column > 1 and operation not in OWN_LABEL:
                 self.report(
-                    "warning", 207, f"label '{found.label}' after column 1", found.line, found.label_column
+                    "warning",
+                    "asm-label-column",
+                    f"label '{found.label}' after column 1",
+                    found.line,
+                    found.label_column,
                 )
             if operation in CONDITIONAL:
                 raise SourceError(
-                    f"a label cannot stand before {operation.upper()}", found.label_column, number=121
+                    "asm-label", f"a label cannot stand before {operation.upper()}", found.label_column
                 )
             if operation not in OWN_LABEL:
                 self.symbols.define(found.label, self.location, "label", found.label_column)
         elif found.column == 1 and operation.upper() in instructions.mnemonics():
-            self.report("warning", 203, f"opcode '{found.word}' in column 1", found.line, 1)
+            self.report("warning", "asm-opcode-column", f"opcode '{found.word}' in column 1", found.line, 1)
         if operation in self.directives:
             self.directives[operation](self, found)
         elif operation.upper() in instructions.mnemonics():
@@ -189,7 +196,9 @@ class Pass:
         elif operation:
             known = (*self.directives, *(name.lower() for name in instructions.mnemonics()), *self.macros)
             hint = ELSE_IF_HINT if operation in ELSE_IF else suggestion(found.word, known)
-            raise SourceError(f"unknown operation '{found.word}'", found.column, hint, 122)
+            raise SourceError(
+                "asm-unknown-operation", f"unknown operation '{found.word}'", found.column, hint
+            )
 
     @property
     def active(self) -> bool:
@@ -223,9 +232,15 @@ class Pass:
         try:
             word, remarks = instructions.encode_instruction(instruction, self)
             for remark in remarks:
-                self.report(remark.level, remark.number, remark.text, found.line, found.column)
+                self.report(remark.severity, remark.code, remark.message, found.line, found.column)
             if instruction.f is not None and not self._is_ram(self.evaluate(instruction.f)):
-                self.report("warning", 219, "there is no register at this address", found.line, found.column)
+                self.report(
+                    "warning",
+                    "asm-no-register",
+                    "there is no register at this address",
+                    found.line,
+                    found.column,
+                )
         except SourceError:
             self.location += 1
             raise
@@ -237,11 +252,10 @@ class Pass:
     def _call(self, macro: Macro, found: Statement) -> None:
         arguments = [part.chars for part in found.rest.split(",")] if found.rest else []
         if len(arguments) != len(macro.parameters):
-            few = len(arguments) < len(macro.parameters)
             raise SourceError(
+                "asm-macro-arguments",
                 f"macro '{macro.name}' takes {len(macro.parameters)} arguments, not {len(arguments)}",
                 found.column,
-                number=128 if few else 127,
             )
         values = dict(zip(macro.parameters, arguments, strict=True))
         note = f"in macro '{macro.name}', called at {found.line.file}:{found.line.number}"
@@ -277,11 +291,13 @@ class Pass:
         name = found.operation.upper()
         if len(fields) < least or None in fields:
             raise SourceError(
-                f"{name} lacks an operand", found.rest.column(len(found.rest.chars)), number=128
+                "asm-missing-argument", f"{name} lacks an operand", found.rest.column(len(found.rest.chars))
             )
         if most is not None and len(fields) > most:
             raise SourceError(
-                f"{name} takes at most {most} operands, not {len(fields)}", found.column, number=127
+                "asm-too-many-arguments",
+                f"{name} takes at most {most} operands, not {len(fields)}",
+                found.column,
             )
         return [each for each in fields if each is not None]
 
@@ -303,22 +319,22 @@ class Pass:
         if word & ~WORD_MASK:
             word &= 0xFFFF
             text = f"0x{word:04X} does not fit a program word: its lowest 14 bits are used"
-            self.report("message", 303, text, found.line, found.column)
+            self.report("note", "asm-word-truncated", text, found.line, found.column)
         self.memory.put(address, word & WORD_MASK)
         self.placed.append(Placed(address, word & WORD_MASK, found.line, is_code))
 
     def report(
         self,
-        level: Level,
-        number: int,
+        severity: Severity,
+        code: str,
         text: str,
         line: SourceLine,
         column: int | None = None,
         hint: str | None = None,
     ) -> None:
         notes = "; ".join(([hint] if hint else []) + list(line.within))
-        self.log.add(Diagnostic(level, number, text, line.place(column), notes or None))
-        if level == "error" and len(self.log.errors) >= MOST_ERRORS:
+        self.log.add(Diagnostic(severity, code, text, line.place(column), notes or None))
+        if severity == "error" and len(self.log.errors) >= MAX_ERRORS:
             raise TooManyErrors
 
 

@@ -45,7 +45,7 @@ def substitute(
     if not definitions or _KEPT.match(text.chars):
         return text
     if len(within) > DEEPEST_DEFINITIONS:
-        raise SourceError("definitions are nested too deeply", text.column(0), number=132)
+        raise SourceError("asm-too-complex", "definitions are nested too deeply", text.column(0))
     index = 0
     while found := _next_name(text, index, definitions, within):
         spend()
@@ -134,7 +134,7 @@ def paste(text: Text, evaluate: Callable[[Text], int]) -> Text:
             depth += (text.chars[end] == "(") - (text.chars[end] == ")")
             end += 1
         if depth:
-            raise SourceError("unmatched (", text.column(match.end() - 1), number=107)
+            raise SourceError("asm-parenthesis", "unmatched (", text.column(match.end() - 1))
         value = evaluate(text[match.end() : end - 1])
         text = text.replace(match.start(), end, str(value))
     return text

@@ -53,7 +53,7 @@ class Symbols:
 
     def declare_local(self, name: str) -> None:
         if not self._open:
-            raise SourceError("local is allowed in a macro only", number=123)
+            raise SourceError("asm-unexpected-directive", "local is allowed in a macro only")
         self._open[-1].setdefault(name, None)
 
     def find(self, name: str) -> Symbol | None:
@@ -73,13 +73,13 @@ class Symbols:
         if old is not None and "variable" not in (kind, old.kind) and old.value != value:
             if old.in_pass == self.in_pass:
                 text = f"'{name}' is defined already, as {_hexadecimal(old.value)}"
-                raise SourceError(text, column, number=115)
+                raise SourceError("asm-duplicate-symbol", text, column)
             table[name] = Symbol(value, kind, self.in_pass)
             raise SourceError(
+                "asm-phase",
                 f"'{name}' is {_hexadecimal(old.value)} in pass 1, {_hexadecimal(value)} in pass 2: "
                 "what stands before it depends on a name that is defined later",
                 column,
-                number=116,
             )
         table[name] = Symbol(value, kind, self.in_pass)
 

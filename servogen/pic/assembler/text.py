@@ -24,7 +24,7 @@ MAX_LINE = 2000
 
 
 def line_too_long(column: int) -> SourceError:
-    return SourceError(f"the line has more than {MAX_LINE} characters", column)
+    return SourceError("asm-syntax", f"the line has more than {MAX_LINE} characters", column)
 
 
 @dataclass(frozen=True, slots=True)

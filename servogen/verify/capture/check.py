@@ -19,13 +19,13 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.edges import HIGH, PINS, EdgeTrace, Expected, join
-from servogen.errors import InputError
+from servogen.errors import Diagnostic, InputError
 from servogen.verify.capture.alignment import Line, Signals, align
 from servogen.verify.capture.frames import whole_frames
 from servogen.verify.capture.judge import Judged, Scale, judge
 from servogen.verify.capture.pieces import merged, split
 from servogen.verify.capture.reasons import with_reasons
-from servogen.verify.capture.verdict import CapturedChannel, CaptureVerdict, Problem, Tolerances
+from servogen.verify.capture.verdict import CapturedChannel, CaptureVerdict, Mismatch, Tolerances
 from servogen.verify.compare import whole_motion
 from servogen.verify.coverage import coverage
 from servogen.verify.overlap import Levels, overlap, together
@@ -126,7 +126,7 @@ def _set_up(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sample
     frames = reach // expected.period
     if frames > MAX_FRAMES:
         raise InputError(
-            "capture-too-long",
+            "file-too-large",
             f"the capture is {frames} frames of the schedule long: at most {MAX_FRAMES} are compared",
             hint="cut it, or capture for a shorter time",
         )
@@ -194,7 +194,7 @@ def _pulses(changes: Edges, pin: int, high: bool) -> tuple[Pulses, CutPulses]:
 
 def _facts(setup: _Setup, line: Line | None, judged: Mapping[int, Judged]) -> CaptureVerdict:
     """Return all findings; `with_reasons` adds what speaks against the capture."""
-    problems = [problem for found in judged.values() for problem in found.problems]
+    mismatches = [each for found in judged.values() for each in found.mismatches]
     ppm, ppm_error = _clock(setup, line)
     frames = [frame for found in judged.values() for frame in found.frames]
     whole = None
@@ -205,7 +205,8 @@ def _facts(setup: _Setup, line: Line | None, judged: Mapping[int, Judged]) -> Ca
     stray = _stray(setup)
     for pin in stray:
         text = f"{PINS[pin.pin]} changes, which the schedule does not drive"
-        problems.append(Problem(pin.first * setup.step_us, pin.pin, "", None, text))
+        found = Diagnostic("error", "stray-edge", text)
+        mismatches.append(Mismatch(pin.first * setup.step_us, pin.pin, "", None, found))
     return CaptureVerdict(
         False,
         (),
@@ -217,7 +218,7 @@ def _facts(setup: _Setup, line: Line | None, judged: Mapping[int, Judged]) -> Ca
         min(frames) if frames else None,
         max(frames) - min(frames) + 1 if frames else 0,
         tuple(_channel(setup, number, judged.get(number)) for number in range(len(setup.glitches))),
-        min(problems, key=lambda problem: (problem.time_us, problem.pin), default=None),
+        min(mismatches, key=lambda each: (each.time_us, each.pin), default=None),
         stray,
         _overlap_us(setup, line),
         sum(found.paired for found in judged.values()),

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from servogen.edges import PINS, Expected, ExpectedChannel
+from servogen.errors import Diagnostic
 from servogen.verify.capture.alignment import Floats, Line, Signals, partners
-from servogen.verify.capture.verdict import CapturedChannel, Problem, Spread, Tolerances
+from servogen.verify.capture.verdict import CapturedChannel, Mismatch, Spread, Tolerances
 from servogen.verify.capture_ends import end_errors
 from servogen.verify.pulses import Pulses
 from servogen.verify.reasons import frame_words
@@ -38,7 +39,7 @@ class Scale:
 @dataclass(frozen=True, slots=True)
 class Judged:
     channel: CapturedChannel
-    problems: tuple[Problem, ...]
+    mismatches: tuple[Mismatch, ...]
     frames: tuple[int, ...]
     """The first and the last frame of a pulse that is paired."""
     paired: int
@@ -156,39 +157,46 @@ def _edges(ours: Pulses, theirs: Pulses, scale: Scale, allowed: Tolerances) -> _
     return _Errors("edge", error, wanted * scale.cycle_us, time, frame, limit)
 
 
-def _wrong(errors: _Errors, channel: ExpectedChannel, scale: Scale, expected: Expected) -> Iterator[Problem]:
+def _wrong(errors: _Errors, channel: ExpectedChannel, scale: Scale, expected: Expected) -> Iterator[Mismatch]:
     """Yield the first error that exceeds the tolerance; the others are counted."""
     rows = np.flatnonzero(np.abs(errors.error) > errors.limit)
     if not len(rows):
         return
     row = int(rows[np.argmin(errors.time[rows])])
     error, wanted = float(errors.error[row]), float(errors.wanted[row])
-    what = {
-        "width": f"a pulse of {wanted + error:z.2f} µs where {wanted:z.2f} µs are scheduled",
-        "period": f"{wanted + error:z.2f} µs from the rise before where {wanted:z.2f} µs are scheduled",
-        "edge": "an edge that is not where it is scheduled",
+    code, what = {
+        "width": ("wrong-pulse", f"a pulse of {wanted + error:z.2f} µs where {wanted:z.2f} µs are scheduled"),
+        "period": (
+            "wrong-pulse",
+            f"{wanted + error:z.2f} µs from the rise before where {wanted:z.2f} µs are scheduled",
+        ),
+        "edge": ("wrong-pulse", "an edge that is not where it is scheduled"),
     }[errors.noun]
     text = f"{what} ({error:+z.2f} µs, allowed ±{errors.limit:z.2f} µs)"
-    yield _problem(float(errors.time[row]), int(errors.frame[row]), channel, scale, expected, text)
+    yield _mismatch(float(errors.time[row]), int(errors.frame[row]), channel, scale, expected, code, text)
 
 
-def _missing(pulses: Pulses, channel: ExpectedChannel, scale: Scale, expected: Expected) -> Iterator[Problem]:
+def _missing(
+    pulses: Pulses, channel: ExpectedChannel, scale: Scale, expected: Expected
+) -> Iterator[Mismatch]:
     if len(pulses.rise):
         time = float(scale.line.steps(pulses.rise[:1])[0])
-        yield _problem(time, int(pulses.frame[0]), channel, scale, expected, "a pulse is missing")
+        yield _mismatch(
+            time, int(pulses.frame[0]), channel, scale, expected, "missing-pulse", "a pulse is missing"
+        )
 
 
-def _extra(pulses: Pulses, channel: ExpectedChannel, scale: Scale) -> Iterator[Problem]:
+def _extra(pulses: Pulses, channel: ExpectedChannel, scale: Scale) -> Iterator[Mismatch]:
     if len(pulses.rise):
         width = float(_us(pulses.width[:1], scale)[0])
         time = float(pulses.rise[0]) * scale.step_us
         text = f"{PINS[channel.pin]} ({channel.name}): a pulse of {width:z.2f} µs that is not scheduled"
-        yield Problem(time, channel.pin, channel.name, None, text)
+        yield Mismatch(time, channel.pin, channel.name, None, Diagnostic("error", "extra-pulse", text))
 
 
 def _cut(
     signals: Signals, number: int, scale: Scale, channel: ExpectedChannel, allowed: Tolerances
-) -> Iterator[Problem]:
+) -> Iterator[Mismatch]:
     """Yield the problems of the pulses that the capture's ends cut."""
     line = scale.line
     ppm = allowed.crystal_ppm if line.b_error is None else 4e6 * line.b_error / line.b
@@ -210,12 +218,13 @@ def _cut(
             place = "beginning" if step == 0 else "end"
             where = f"{PINS[channel.pin]} ({channel.name}), at the capture's {place}"
             time_us = (step if edge is None else edge) * scale.step_us
-            yield Problem(time_us, channel.pin, channel.name, None, f"{where}: {text}")
+            found = Diagnostic("error", "wrong-pulse", f"{where}: {text}")
+            yield Mismatch(time_us, channel.pin, channel.name, None, found)
 
 
-def _problem(
-    time: float, frame: int, channel: ExpectedChannel, scale: Scale, expected: Expected, text: str
-) -> Problem:
+def _mismatch(
+    time: float, frame: int, channel: ExpectedChannel, scale: Scale, expected: Expected, code: str, text: str
+) -> Mismatch:
     where = frame_words(frame, expected.lead_in, expected.loop)
     words = f"{PINS[channel.pin]} ({channel.name}), {where}: {text}"
-    return Problem(time * scale.step_us, channel.pin, channel.name, frame, words)
+    return Mismatch(time * scale.step_us, channel.pin, channel.name, frame, Diagnostic("error", code, words))

@@ -45,10 +45,10 @@ def split(captured: EdgeTrace, pieces: Sequence[tuple[int, int]]) -> Iterator[Ed
 def merged(found: Sequence[CaptureVerdict], begins_us: Sequence[float]) -> CaptureVerdict:
     """Return the verdict on all pieces, from the verdict on each and its beginning."""
     ppm, ppm_error = _clock(found)
-    problems = [
-        replace(each.problem, time_us=each.problem.time_us + begin)
+    mismatches = [
+        replace(each.first_mismatch, time_us=each.first_mismatch.time_us + begin)
         for each, begin in zip(found, begins_us, strict=True)
-        if each.problem
+        if each.first_mismatch
     ]
     pieces = tuple(
         CapturePiece(
@@ -66,7 +66,7 @@ def merged(found: Sequence[CaptureVerdict], begins_us: Sequence[float]) -> Captu
             first_frame=None,
             frames=sum(each.frames for each in found),
             channels=tuple(_channel(each) for each in zip(*(each.channels for each in found), strict=True)),
-            problem=problems[0] if problems else None,
+            first_mismatch=mismatches[0] if mismatches else None,
             stray=_stray(found),
             overlap_us=max(each.overlap_us for each in found),
             paired=sum(each.paired for each in found),

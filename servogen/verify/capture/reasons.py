@@ -34,8 +34,9 @@ def _reasons(found: CaptureVerdict) -> Iterator[str]:
                 yield f"piece {number} holds none of the schedule's pulses"
     elif found.paired < FEWEST:
         yield "the capture holds too few of the schedule's pulses to be judged"
-    if found.problem:
-        yield f"first at {found.problem.time_us / 1e6:z.6f} s{_of_piece(found)}, {found.problem.text}"
+    if found.first_mismatch:
+        first = found.first_mismatch
+        yield f"first at {first.time_us / 1e6:z.6f} s{_of_piece(found)}, {first.diagnostic.message}"
     for channel in found.channels:
         yield from _channel_reasons(channel)
     if found.overlap_us:
@@ -57,10 +58,10 @@ def _reasons(found: CaptureVerdict) -> Iterator[str]:
 
 
 def _of_piece(found: CaptureVerdict) -> str:
-    """Return which piece the first problem is in."""
-    if not found.pieces or found.problem is None:
+    """Return which piece the first mismatch is in."""
+    if not found.pieces or found.first_mismatch is None:
         return ""
-    time = found.problem.time_us
+    time = found.first_mismatch.time_us
     return f" (piece {sum(piece.begin_us <= time for piece in found.pieces)})"
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from servogen.edges import PINS
+from servogen.errors import Diagnostic
 from servogen.plan_error import PlanError
 from servogen.verify.capture.frames import WholeFrames
 from servogen.verify.coverage import Coverage
@@ -82,14 +83,14 @@ class CapturedChannel:
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
-    """One problem, `time_us` after the beginning of the capture by the analyser's clock."""
+class Mismatch:
+    """Where the capture is not as scheduled, `time_us` after its beginning by the analyser's clock."""
 
     time_us: float
     pin: int
     channel: str
     frame: int | None
-    text: str
+    diagnostic: Diagnostic
 
     def to_json(self) -> dict[str, object]:
         return {
@@ -97,7 +98,7 @@ class Problem:
             "pin": PINS[self.pin],
             "channel": self.channel,
             "frame": self.frame,
-            "text": self.text,
+            **self.diagnostic.to_json(),
         }
 
 
@@ -150,7 +151,7 @@ class CaptureVerdict:
     frames: int
     """Frames from the first to the last pulse."""
     channels: tuple[CapturedChannel, ...]
-    problem: Problem | None = None
+    first_mismatch: Mismatch | None = None
     """The first in time."""
     stray: tuple[StrayPin, ...] = ()
     overlap_us: float = 0.0
@@ -206,7 +207,7 @@ class CaptureVerdict:
             **self.coverage.to_json(),
             "pieces": [piece.to_json() for piece in self.pieces],
             "channels": [channel.to_json() for channel in self.channels],
-            "first_problem": self.problem.to_json() if self.problem else None,
+            "first_mismatch": self.first_mismatch.to_json() if self.first_mismatch else None,
             "stray_pins": [PINS[stray.pin] for stray in self.stray],
             "plan_error": self.plan_error.to_json() if self.plan_error else None,
         }

@@ -50,7 +50,7 @@ def test_every_edge_is_exact(mhz: int, servos: int, tick: int) -> None:
     clock = Clock(mhz * 1_000_000)
     wanted = clock.round_us(20_000).cycles
     assert abs(done.plan.schedule.period - wanted) <= tick / 2
-    rounded = [each.text for each in done.warnings if each.code == "period-rounded"]
+    rounded = [each.message for each in done.warnings if each.code == "period-rounded"]
     assert bool(rounded) == bool(wanted % tick)
     if rounded:
         assert f"{done.plan.schedule.period - wanted:+d} cycles" in rounded[0]

@@ -119,7 +119,7 @@ def test_all_of_the_time_left_can_be_used_and_not_a_cycle_more() -> None:
     assert used.proven and used.overrun is None
     more = slower(left + 1).programs[0]
     assert more.firmware.timing_budgets[0].left == -1
-    assert "1 more than it has" in more.firmware.warnings[0].text
+    assert "1 more than it has" in more.firmware.warnings[0].message
 
 
 def test_c_that_comes_too_late_is_seen_in_the_bit_in_the_edges_and_in_the_report() -> None:

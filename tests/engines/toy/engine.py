@@ -33,7 +33,7 @@ class ToyEngine:
         runs = {run.pulses for run in (*schedule.lead_in, *schedule.loop)}
         (pulses, *others) = runs
         if others or len(pulses) != 1 or pulses[0] is None:
-            raise InputError(f"{job.name}: {self.title} holds one servo in one position")
+            raise InputError("does-not-fit", f"{job.name}: {self.title} holds one servo in one position")
         width = pulses[0].width
 
         def make(dialect: str) -> Firmware:

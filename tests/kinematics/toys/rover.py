@@ -51,7 +51,7 @@ class Rover:
     def wheel_speeds(self, body: ArrayLike) -> Floats:
         vx, vy, turn = np.moveaxis(np.asarray(body, float), -1, 0)
         if np.abs(vy).max() > SMALL:
-            raise InputError("unknown-direction", f"{self.name} cannot go sideways")
+            raise InputError("unknown-name", f"{self.name} cannot go sideways")
         spin = turn * self.track / 2
         return np.stack([vx - spin, vx + spin], axis=-1) / self.wheel_radius
 
@@ -63,7 +63,7 @@ class Rover:
         self, corners: Sequence[Sequence[float]], directions: Directions = "any"
     ) -> tuple[Stretch, ...]:
         if directions != "any":
-            raise InputError("unknown-direction", f"{self.name} has no six directions")
+            raise InputError("unknown-name", f"{self.name} has no six directions")
         heading, stretches = 0.0, []
         for start, end in pairwise([*corners, corners[0]]):
             x, y = end[0] - start[0], end[1] - start[1]

@@ -1,0 +1,119 @@
+"""docs/diagnostics.md lists every code, and only those that the source has: both are read here."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import servogen
+from servogen.simulator.warnings import CHIP_DEPENDENT
+
+PACKAGE = Path(servogen.__file__).parent
+DOCS = PACKAGE.parent / "docs" / "diagnostics.md"
+CODE = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
+
+ERRORS = frozenset(
+    (
+        *("InputError", "ToolError", "PortError", "Unplugged", "Differs", "ResourceError", "RenderError"),
+        *("TuningError", "SourceError", "ServogenError"),
+    )
+)
+"""Exceptions whose first argument is a code."""
+REPORTS = {
+    **dict.fromkeys(("error", "_error", "warn", "fatal", "fail"), 0),
+    **dict.fromkeys(("report", "remark"), 1),
+    "_say": 3,
+}
+"""Methods that report, and which of their arguments is the code."""
+SEVERITIES = ("error", "warning", "note")
+
+
+def code_arguments(tree: ast.AST) -> Iterator[tuple[ast.Call, ast.expr]]:
+    """Yield each call that makes a diagnostic, and its argument that is the code."""
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Call) or not node.args:
+            continue
+        name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+        at = 0 if name in ERRORS else 1 if name == "Diagnostic" else None
+        if at is None and name in REPORTS and not _takes_a_diagnostic(node, name):
+            at = REPORTS[name]
+        if at is not None and len(node.args) > at:
+            yield node, node.args[at]
+
+
+def _takes_a_diagnostic(node: ast.Call, name: str) -> bool:
+    """Return whether it is another function of that name: `show.warn(diagnostic)`, the simulator's `warn`."""
+    other = name == "warn" and isinstance(node.func, ast.Name)
+    other |= name == "_error" and not isinstance(node.args[0], ast.Constant)
+    return other or len(node.args) < 2 or (name == "report" and len(node.args) < 3)
+
+
+def modules() -> Iterator[tuple[str, ast.AST]]:
+    for path in sorted(PACKAGE.rglob("*.py")):
+        yield str(path.relative_to(PACKAGE)), ast.parse(path.read_text("utf-8"))
+
+
+def documented() -> set[str]:
+    return set(re.findall(r"^\| `([^`]+)` \|", DOCS.read_text("utf-8"), re.MULTILINE))
+
+
+def literals() -> set[str]:
+    """Return every text of the source that could be a code."""
+    return {
+        node.value
+        for _, tree in modules()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and CODE.fullmatch(node.value)
+    }
+
+
+def test_every_diagnostic_has_a_literal_code_that_the_page_explains() -> None:
+    """What passes a code on names it `code`, or takes it from another diagnostic."""
+    known, wrong, seen = documented(), [], 0
+    for name, tree in modules():
+        for call, code in code_arguments(tree):
+            if isinstance(code, ast.Constant):
+                seen += 1
+                if not isinstance(code.value, str) or code.value not in known:
+                    wrong.append(f"{name}:{call.lineno}: {code.value!r}")
+            elif ast.unparse(code).rpartition(".")[2] not in ("code", "kind"):
+                wrong.append(f"{name}:{call.lineno}: {ast.unparse(code)} is not a literal")
+    assert not wrong
+    assert seen > 500
+
+
+def test_every_code_of_the_page_is_in_the_source() -> None:
+    assert documented() - literals() == set()
+
+
+def test_a_code_has_one_row_with_meaning_and_advice() -> None:
+    rows = re.findall(r"^\| `[^`]+` \|.*$", DOCS.read_text("utf-8"), re.MULTILINE)
+    assert len(rows) == len(documented())
+    assert all(len(row.split("|")) == 5 and all(cell.strip() for cell in row.split("|")[1:4]) for row in rows)
+
+
+def test_codes_that_tables_hold_are_explained_too() -> None:
+    from servogen.pic.assembler.messages import NUMBERS
+    from servogen.simulator.warnings import _WORDS
+
+    assert documented() >= CHIP_DEPENDENT
+    assert {code for code, _ in _WORDS.values()} <= documented()
+    assert set(NUMBERS) <= documented()
+
+
+def test_nothing_looks_at_the_text_of_a_message() -> None:
+    """No `in str(error)`, no comparison with a message, no `startswith` or regular expression on one."""
+    text = re.compile(
+        r"\bin str\((?:error|failure|refusal|exception)\)"
+        r"|\.message\s*(?:==|!=|\.startswith|\.endswith)"
+        r"|\bin (?:error|failure|diagnostic|warning|each)\.message\b"
+        r"|re\.\w+\([^)]*\b(?:error|diagnostic|warning)\.message"
+    )
+    found = [
+        f"{path.relative_to(PACKAGE)}: {match[0]}"
+        for path in sorted(PACKAGE.rglob("*.py"))
+        for match in text.finditer(path.read_text("utf-8"))
+    ]
+    assert not found
