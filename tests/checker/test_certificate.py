@@ -188,7 +188,7 @@ def test_a_held_input_is_part_of_the_claim() -> None:
     assert check(certify.pack(data), image, schedule).states == 1
     for held in ({"RA2": 0}, {"RA3": 1}, {}):  # the skip shortens the frame
         data["held"] = held
-        with pytest.raises(Refused, match="no listed|missing"):
+        with pytest.raises(Refused, match=r"no listed|missing"):
             check(certify.pack(data), image, schedule)
 
 
