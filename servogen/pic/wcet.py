@@ -175,13 +175,15 @@ class Program:
             return None
         return None if walk.unbounded or not walk.complete else walk.longest()
 
-    def between(self, start: int, ends: Collection[int], *, must_end: bool = False) -> Times:
+    def between(
+        self, start: int, ends: Collection[int], *, without: Collection[int] = (), must_end: bool = False
+    ) -> Times:
         """Return the times from `start` to the first of `ends`, on the paths that lead there.
 
         With `must_end` a jump to itself that is no end is a loop like any other; without it, paths that stay
-        there do not count. Calls of other functions are followed if an end is inside.
+        there do not count. Paths through `without` are excluded.
         """
-        walk = _Walk(self, frozenset(ends), frozenset(), MAX_STATES, returns_to_callers=True)
+        walk = _Walk(self, frozenset(ends), frozenset(without), MAX_STATES, returns_to_callers=True)
         walk.counts_standing_still = must_end
         try:
             home = self._home_of(start)

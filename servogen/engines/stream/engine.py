@@ -12,14 +12,21 @@ from functools import cache
 import numpy as np
 
 from servogen.compiler import Options
-from servogen.engines.firmware import Firmware, compiled_to_fit
+from servogen.engines.firmware import Firmware, TimingBudget, compiled_to_fit
 from servogen.engines.protocol import Engine, EngineJob, EnginePlan
-from servogen.engines.stream.rendering import OVERRUN, render_stream
+from servogen.engines.stream.protocol import BITS, BYTES
+from servogen.engines.stream.rendering import OVERRUN, first_units, render_stream
+from servogen.engines.stream.response import response
+from servogen.engines.stream.settings import UNIT
 from servogen.engines.stream.streaming import Streaming, streaming
 from servogen.errors import InputError
 from servogen.motion import JointTrajectory
+from servogen.pic.listing import Listing
 from servogen.pulse.schedule import Input, PulseSchedule
+from servogen.units import Cycles
 
+TRIMS = 256
+"""Two trims of a byte are not further apart: so much more than its travel may a servo have to go."""
 TITLE = "the stream engine"
 HINT = "fewer servos, or none on the other port"
 """The hint if the chip is too small."""
@@ -58,7 +65,21 @@ def _idle(job: EngineJob, schedule: PulseSchedule) -> JointTrajectory:
 
 def compiled(job: EngineJob, streamed: Streaming, dialect: str) -> Firmware:
     """Return the firmware in `dialect`. Raises ResourceError if the chip is too small."""
-    return firmware(render_stream(streamed, dialect, job.device, job.name), job, dialect)
+    made = firmware(render_stream(streamed, dialect, job.device, job.name), job, dialect)
+    budgets = timing_budgets(made.compilation.listing, streamed)
+    return replace(made, timing_budgets=budgets)
+
+
+def timing_budgets(listing: Listing, streamed: Streaming) -> tuple[TimingBudget, ...]:
+    """Return what the C takes to prepare a pulse, beside what the interrupts leave it, for every line."""
+    byte = (first_units(streamed) + (BITS - 1) * streamed.bit_units) * UNIT
+    travel = max(each.most - each.least for each in streamed.travels) + TRIMS
+    found = response(listing, streamed.layout.rounds, travel, BYTES * byte)
+    supply = found.supply or Cycles(0)
+    return (
+        TimingBudget("a request and its slot", found.prepare, supply),
+        TimingBudget("the same, after a command", found.after_command, supply),
+    )
 
 
 def firmware(text: str, job: EngineJob, dialect: str) -> Firmware:

@@ -90,7 +90,6 @@ def tick(streamed: Streaming) -> str:
     pins = [channel.pin for channel in streamed.plan.schedule.channels]
     ports = sorted({f"PORT{pin[1]}" for pin in pins})
     line, out = streamed.stream.receive_pin, streamed.stream.transmit_pin
-    bit = streamed.plan.schedule.clock.cycles_per_second / streamed.stream.baud
     return render_template(
         "stream/tick.asm",
         rise=RISE,
@@ -107,8 +106,14 @@ def tick(streamed: Streaming) -> str:
         out_port=f"PORT{out[1]}" if out else "",
         out_bit=out[2] if out else "",
         bit_units=streamed.bit_units,
-        first_units=round((bit / 2 - SAMPLE_GAP - READ_LATE) / UNIT),
+        first_units=first_units(streamed),
     )
+
+
+def first_units(streamed: Streaming) -> int:
+    """Return the receiver's units of time from the look that sees a start bit to its middle."""
+    bit = streamed.plan.schedule.clock.cycles_per_second / streamed.stream.baud
+    return round((bit / 2 - SAMPLE_GAP - READ_LATE) / UNIT)
 
 
 def _channels(streamed: Streaming) -> Iterator[ChannelText]:

@@ -1,0 +1,370 @@
+"""Whether the stream's C prepares every pulse before its slot: a bound over all lines, commands and widths.
+
+In: the words of a program, its frame layout, the travel of its servos. Out: `Response`: the cycles that the C
+needs, the fewest that the interrupts leave it in a slot, and whether the first always fit the second.
+
+*What the interrupts leave.* TMR0 counts cycles and is not written, so the interrupt's code knows the time. It
+is executed abstractly from the overflow on, for every latency, with the time known and what it received not:
+each test of a received bit, and of a counter of the receiver, goes both ways. The latest end in a round is
+what the C has to wait for. A fall is followed for each of the 256 cycles of its round; where it ends in the
+next round, that round's interrupt begins then.
+
+*What the C needs.* `pic.wcet` counts its longest paths: `prepare`, from the main loop's beginning until the
+request is cleared, and `execute`, from there to the loop's beginning with a command. A request finds the C in
+its loop, or at most one `execute` behind. Commands are at least three bytes of the line apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+
+from servogen.pic.device import INTERRUPT_VECTOR
+from servogen.pic.isa import encode
+from servogen.pic.known_values import (
+    CARRY,
+    FSR,
+    INDF,
+    ZERO,
+    Known,
+    Undefined,
+    W,
+    Word,
+    execute,
+    known_result,
+    skipped,
+    word_of,
+)
+from servogen.pic.listing import ListedFunction, Listing
+from servogen.pic.wcet import Program
+from servogen.units import Cycles
+
+ROUND = 256
+LATENCY = 4
+"""Cycles from the overflow to the first instruction of the interrupt at most (DS35007 section 6.9)."""
+TMR0, INTCON, GIE = 1, 11, 7
+PORTS = (5, 6)
+MAX_END = 3 * ROUND
+MAX_STATES = 100_000
+MAX_SLOTS = 1000
+"""Slots after which C that is still behind is taken to fall behind ever more."""
+MANY = 100
+"""Rounds that are left until an edge: not the last one."""
+FOLLOWED = ("ticks", "rest", "fine", "t")
+"""The interrupt's variables that decide how long it waits."""
+PORT_NAMES = ("port", "next_port")
+"""Its variables with the address of a port, if servos are on both."""
+
+
+_State = tuple[int, tuple[int, ...], int, tuple[tuple[int, int], ...]]
+"""Address, return addresses, cycle of the round, known values."""
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """In cycles of the C; None where no bound was found."""
+
+    prepare: Cycles | None
+    execute: Cycles | None
+    supply: Cycles | None
+    """The fewest cycles that the interrupts leave the C in a slot."""
+    commands_apart: int
+    """Slots from one command to the next at least."""
+
+    @property
+    def after_command(self) -> Cycles | None:
+        """Return the most cycles from a request to its end with what a command has left undone; None if the
+        C falls behind ever more.
+        """
+        if self.prepare is None or self.execute is None or self.supply is None:
+            return None
+        behind = most = 0
+        for slot in range(MAX_SLOTS):
+            most = max(most, behind + self.prepare)
+            behind += self.prepare + (self.execute if slot % self.commands_apart == 0 else 0)
+            behind = max(0, behind - self.supply)
+            if behind == 0 and slot and slot % self.commands_apart == self.commands_apart - 1:
+                return Cycles(most)
+        return None
+
+    @property
+    def proven(self) -> bool:
+        """Return whether every pulse is prepared before its slot."""
+        worst = self.after_command
+        return worst is not None and self.supply is not None and worst <= self.supply
+
+    def to_json(self) -> dict[str, object]:
+        return {
+            "prepare_cycles": self.prepare,
+            "execute_cycles": self.execute,
+            "supply_cycles": self.supply,
+            "slots_between_commands": self.commands_apart,
+            "proven": self.proven,
+        }
+
+
+def response(listing: Listing, rounds: int, max_travel: int, min_command: int) -> Response:
+    """Return the bound for slots of `rounds` rounds of TMR0.
+
+    `max_travel`: the most cycles from a servo's width to its goal. `min_command`: cycles from one command to
+    the next at least.
+    """
+    prepare, command, masked = _demand(listing, max_travel)
+    supply = _supply(listing, rounds, masked)
+    return Response(prepare, command, supply, max(1, min_command // (rounds * ROUND)))
+
+
+def _addresses(listing: Listing) -> Mapping[str, int]:
+    return {name: address for address, name, _ in listing.variables}
+
+
+# what the C needs
+
+
+def _demand(listing: Listing, max_travel: int) -> tuple[Cycles | None, Cycles | None, int]:
+    """Return the longest `prepare` and `execute` of the main loop, and how long it masks interrupts."""
+    words = {row.address: row.word for row in listing.rows}
+    main = next(each for each in listing.functions if each.name.strip("_") == "main")
+    due = _addresses(listing)["due"]
+    mask = [at for at, word in words.items() if word == encode("BCF", f=INTCON, b=GIE)]
+    unmask = [at for at, word in words.items() if word == encode("BSF", f=INTCON, b=GIE)]
+    # Interrupts repeat this loop: each round has at most one, and lets the C do more than one turn.
+    whole, parts = listing.label("st_whole"), listing.label("st_parts")
+    bounds = dict.fromkeys(mask, 2) | {whole: 1}
+    changing = _changed_by_interrupt(listing)
+    program = Program(words, listing.functions, changing=changing, bounds=bounds)
+    # The division takes one turn of this loop for each whole 256 cycles of way, with one frame left at least.
+    turn = Program(words, listing.functions, changing=changing).between(whole, {whole}, without={parts})
+    clear = _only(at for at in range(main.start, main.end) if words[at] == encode("ANDWF", f=due, d=1))
+    enable = max(at for at in range(main.start, main.end) if words[at] == encode("MOVWF", f=INTCON))
+    head = _loop_head(words, main, enable)
+    test = _only(at for at in range(head, clear) if words[at] == encode("BTFSS", f=due, b=1))
+    poll = program.longest(head, {test})
+    until_cleared = program.longest(head, {clear + 1}, without={test + 1})
+    back = program.longest(clear + 1, {head})
+    masked = 0
+    for begin, end in zip(mask, unmask, strict=True):
+        repeat = [at for at in range(begin, end) if word_of(words[at]).flow == "jump"]
+        found = program.longest(begin, {end + 1}, without=set(repeat))
+        masked = max(masked, found or MAX_END)
+    if poll is None or until_cleared is None or back is None or turn.longest is None:
+        return None, None, masked
+    # The request may come just after the loop has tested for it: one turn of four cycles more.
+    prepare = poll + 4 + until_cleared + max_travel // ROUND * turn.longest
+    return Cycles(prepare), back, masked
+
+
+def _only(found: Iterator[int]) -> int:
+    (one,) = found
+    return one
+
+
+def _loop_head(words: Mapping[int, int], main: ListedFunction, after: int) -> int:
+    """Return where the endless loop of main begins: the first target of a jump back."""
+    targets = [
+        word.k
+        for at in range(after, main.end)
+        for word in [word_of(words[at])]
+        if word.flow == "jump" and after < word.k <= at
+    ]
+    return min(targets)
+
+
+def _changed_by_interrupt(listing: Listing) -> set[int]:
+    """Return the bytes that the interrupt's code may write."""
+    words = {row.address: row.word for row in listing.rows}
+    program = Program(words, ())
+    return {program.word(at).f for at in program.reached(INTERRUPT_VECTOR) if program.word(at).writes_f}
+
+
+# what the interrupts leave
+
+
+@dataclass(slots=True)
+class _Round:
+    """The abstract execution of the interrupt's code in one round."""
+
+    words: Mapping[int, int]
+    ram: Mapping[str, int]
+    look: int
+    """The address of the subroutine that looks at the line."""
+    edge: int
+    """The address of the instruction that makes an edge."""
+    _ends: dict[tuple[int, int], int | None] = field(default_factory=dict)
+    _look_cycles: tuple[int, ...] = ()
+
+    def end(self, begins: int) -> int | None:
+        """Return the latest end of an interrupt without an edge whose code begins in cycle `begins`."""
+        return self._latest(INTERRUPT_VECTOR, begins, {self.ram["ticks"]: MANY})
+
+    def end_after_edge(self, rest: int, fine: int) -> int | None:
+        """Return the latest end of an interrupt with an edge `fine` cycles after `rise`.
+
+        The edge is in exactly that cycle whatever came before it (tests/engines/stream/test_stream_tick.py).
+        """
+        known = {self.ram["rest"]: rest, self.ram["fine"]: fine, self.ram["ticks"]: 1}
+        return self._latest(self.edge + 1, self.rise() + fine + 1, known)
+
+    def rise(self) -> int:
+        """Return the cycle of the round in which a pulse begins: that of a short look at the line."""
+        known: Known = {self.ram["rest"]: 0, self.ram["fine"]: 0, self.ram["ticks"]: 1}
+        at, now = INTERRUPT_VECTOR, 2
+        stack: tuple[int, ...] = ()
+        while at != self.edge:
+            ways = list(self._steps(at, stack, now, word_of(self.words[at]), known))
+            at, stack, cycles, known = ways[0]
+            now += cycles
+            if now > MAX_END:
+                raise LookupError("the interrupt makes no edge")
+        return now
+
+    def looks(self) -> tuple[int, ...]:
+        """Return every time that a look at the line may take, whatever the receiver does."""
+        if not self._look_cycles:
+            found: set[int] = set()
+            waiting: list[tuple[int, tuple[int, ...], int]] = [(self.look, (), 0)]
+            seen = set(waiting)
+            while waiting:
+                at, stack, now = waiting.pop()
+                for following, more, cycles, _ in self._steps(at, stack, now, word_of(self.words[at]), {}):
+                    if following < 0:
+                        found.add(now + cycles)
+                    elif (state := (following, more, now + cycles)) not in seen:
+                        seen.add(state)
+                        waiting.append(state)
+            self._look_cycles = tuple(sorted(found))
+        return self._look_cycles
+
+    def _latest(self, at: int, now: int, known: Known) -> int | None:
+        """Return the latest end of the interrupt from a state on; None if no bound is found."""
+        if "port" in self.ram:
+            known |= {self.ram[name]: PORTS[1] for name in PORT_NAMES}
+        if (at, now) in self._ends and at == INTERRUPT_VECTOR:
+            return self._ends[at, now]
+        followed = {W, CARRY, ZERO, FSR, *(self.ram[name] for name in FOLLOWED), *known}
+        waiting: list[_State] = [(at, (), now, tuple(sorted(known.items())))]
+        seen = set(waiting)
+        latest, begun = 0, (at, now)
+        while waiting:
+            at, stack, now, frozen = waiting.pop()
+            if now > MAX_END or len(seen) > MAX_STATES:
+                return None
+            try:
+                word = word_of(self.words[at])
+            except (KeyError, Undefined):
+                return None
+            known = dict(frozen)
+            if word.name == "RETFIE":
+                latest = max(latest, now + 2)
+                continue
+            for following, more, cycles, after in self._steps(at, stack, now, word, known):
+                kept = tuple(sorted((place, value) for place, value in after.items() if place in followed))
+                state = (following, more, now + cycles, kept)
+                if state not in seen:
+                    seen.add(state)
+                    waiting.append(state)
+        self._ends[begun] = latest
+        return latest
+
+    def _steps(
+        self, at: int, stack: tuple[int, ...], now: int, word: Word, known: Known
+    ) -> Iterator[tuple[int, tuple[int, ...], int, Known]]:
+        if word.flow == "jump":
+            yield word.k, stack, 2, known
+        elif word.flow == "call" and word.k == self.look:
+            for place in (W, CARRY, ZERO, self.ram["t"]):
+                known.pop(place, None)
+            for cycles in self.looks():
+                yield at + 1, stack, 2 + cycles, known
+        elif word.flow == "call":
+            yield word.k, (*stack, at + 1), 2, known
+        elif word.flow == "return":
+            yield (stack[-1], stack[:-1], 2, known) if stack else (-1, (), 2, known)
+        elif word.has_f and word.f == TMR0:
+            yield from self._timer(at, stack, now, word, known)
+        elif word.flow == "skip":
+            taken = skipped(word, known)
+            if taken is not True:
+                yield at + 1, stack, 1, known
+            if taken is not False:
+                yield at + 2, stack, 2, dict(known)
+        else:
+            if not (word.f == INDF and word.writes_f and known.get(FSR) in PORTS):
+                execute(word, known)
+            yield at + 1, stack, 1, known
+
+    def _timer(
+        self, at: int, stack: tuple[int, ...], now: int, word: Word, known: Known
+    ) -> Iterator[tuple[int, tuple[int, ...], int, Known]]:
+        """Execute an instruction that reads the timer: it shows the cycle of the round."""
+        timer = now % ROUND
+        if word.flow == "skip":
+            taken = bool(timer >> word.b & 1) == (word.name == "BTFSS")
+            yield at + 1 + taken, stack, 1 + taken, known
+            return
+        w = known.get(W)
+        result, carry = known_result(word.name, w, timer, word.k, word.b, known.get(CARRY))
+        for place, value in ((W, result), (CARRY, carry if "C" in word.flags else known.get(CARRY))):
+            if value is None:
+                known.pop(place, None)
+            else:
+                known[place] = value
+        known.pop(ZERO, None)
+        if result is not None:
+            known[ZERO] = int(result == 0)
+        yield at + 1, stack, 1, known
+
+
+def _supply(listing: Listing, rounds: int, masked: int) -> Cycles | None:
+    """Return the fewest cycles that are left in a slot, from the request in the round of its rise on."""
+    words = {row.address: row.word for row in listing.rows}
+    exactly = encode("CALL", k=listing.label("st_exactly"))
+    wait = _only(at for at, word in words.items() if word == exactly)
+    edge = next(at for at in range(wait, max(words)) if word_of(words[at]).name == "MOVWF")
+    ran = sorted(Program(words, ()).reached(INTERRUPT_VECTOR))
+    ram = tuple((name, at) for name, at in _addresses(listing).items() if name in (*FOLLOWED, *PORT_NAMES))
+    looks = listing.label("st_look")
+    return _supply_of(tuple((at, words[at]) for at in ran), ram, looks, edge, rounds, masked)
+
+
+@cache
+def _supply_of(
+    words: tuple[tuple[int, int], ...],
+    ram: tuple[tuple[str, int], ...],
+    look: int,
+    edge: int,
+    rounds: int,
+    masked: int,
+) -> Cycles | None:
+    """Do the same for the interrupt's words: dialects that differ in the C only have the same ones."""
+    one = _Round(dict(words), dict(ram), look, edge)
+    latest = LATENCY + 2 + masked
+    """The interrupt's latest first cycle: an instruction of two cycles, or masked interrupts, delay it."""
+
+    def plain(begins: range) -> int | None:
+        return _greatest([one.end(begin) for begin in begins])
+
+    usual, rise = plain(range(2, latest + 1)), one.end_after_edge(0, 0)
+    if usual is None or rise is None:
+        return None
+    with_fall = 2 * ROUND
+    for fine in range(ROUND):
+        fall = _greatest([one.end_after_edge(rest, fine) for rest in (1, MANY)])
+        if fall is None:
+            return None
+        following: int | None = usual
+        if fall + LATENCY >= ROUND:
+            begins = max(2, fall - ROUND)
+            late = plain(range(begins, begins + LATENCY + 2))
+            following = None if late is None else max(late, usual)
+        if following is None:
+            return None
+        with_fall = min(with_fall, max(0, ROUND - fall) + max(0, ROUND - following))
+    return Cycles(max(0, ROUND - rise) + with_fall + (rounds - 3) * max(0, ROUND - usual))
+
+
+def _greatest(found: list[int | None]) -> int | None:
+    """Return the maximum; None if one of them has no bound."""
+    numbers = [each for each in found if each is not None]
+    return max(numbers) if len(numbers) == len(found) else None

@@ -1,0 +1,152 @@
+"""The bound of the stream's C: what it needs and what the interrupts leave it, for every line."""
+
+import random
+import re
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from servogen.compiler import Options, Source, compile_sources
+from servogen.engines.board import board_of
+from servogen.engines.firmware import Firmware
+from servogen.engines.stream.engine import compiled
+from servogen.engines.stream.response import Response, response
+from servogen.job import loads, plan_job
+from servogen.pic.listing import Listing
+from servogen.simulator import Machine, Observation, Stimuli
+from tests.engines.stream.stream_line import talk
+from tests.engines.stream.stream_soak import JOBS, firmware_of, line_of
+
+ROUND = 256
+
+
+def made(name: str):  # type: ignore[no-untyped-def]
+    return firmware_of(plan_job(loads((JOBS / f"{name}.toml").read_text(), name)))
+
+
+def firmware(name: str) -> Firmware:
+    job = plan_job(loads((JOBS / f"{name}.toml").read_text(), name))
+    return compiled(job, made(name).streamed, "c2c")
+
+
+@pytest.mark.parametrize(
+    ("supply", "apart", "after_command", "proven"),
+    [
+        # prepare 100, execute 50. Every slot with a command: 150 of 150 leave nothing behind.
+        (150, 1, 100, True),
+        # one cycle is left behind in every slot: ever more
+        (149, 1, None, False),
+        # every other slot: 25 are left behind, 125 of 125 in the next slot
+        (125, 2, 125, True),
+        (124, 2, 126, False),
+        (99, 9, None, False),
+    ],
+)
+def test_what_a_command_leaves_undone_is_added_to_the_next_pulse(
+    supply: int, apart: int, after_command: int | None, proven: bool
+) -> None:
+    found = Response(100, 50, supply, apart)  # type: ignore[arg-type]
+    assert found.proven == proven
+    if after_command is None or proven:
+        assert found.after_command == after_command
+
+
+def rows_of(name: str, seconds: float, seed: int) -> tuple[Firmware, list[tuple[int, int]]]:
+    """Return a job's firmware and the (cycle, address) rows of a run with a busy line."""
+    found, program = made(name), firmware(name)
+    line = line_of(found, seed)
+    line.dice = random.Random(seed)
+    talk(line, seconds)
+    plan = found.streamed.plan.schedule
+    machine = Machine(program.compilation.image, plan.clock, board_of(plan), Stimuli([line]))
+    machine.run(found.first_rise)
+    rows = Observation(trace=np.zeros((1 << 16, 4), dtype=np.int64))
+    pieces = [piece for _, piece in machine.observe(int(line.now) - machine.cycles, rows)]
+    return program, [(int(cycle), int(at)) for cycle, at, *_ in np.concatenate(pieces)[:, :2].tolist()]
+
+
+def slots_of(listing: Listing, rows: list[tuple[int, int]]) -> list[tuple[int, int | None]]:
+    """Return the cycles of C from each request to the next, and to the end of the preparation."""
+    due = listing.variable("due")
+    words = {row.address: row.word for row in listing.rows}
+    interrupt = next(each for each in listing.functions if each.name == "interrupt")
+    main = next(each for each in listing.functions if each.name == "main")
+    request = next(at for at in range(interrupt.start, interrupt.end) if words[at] == 0x1480 | due)
+    clear = next(at for at in range(main.start, main.end) if words[at] == 0x0580 | due)
+    found: list[tuple[int, int | None]] = []
+    spent, prepared, begun = 0, None, False
+    for (cycle, at), (after, following) in pairwise(rows):
+        inside = interrupt.start <= at < interrupt.end
+        if at == request:
+            if begun:
+                found.append((spent, prepared))
+            spent, prepared, begun = 0, None, True
+        elif not inside:
+            # What passes before the interrupt's first instruction is its latency.
+            spent += 1 if following == interrupt.start else after - cycle
+            if at == clear:
+                prepared = spent
+    return found
+
+
+@pytest.mark.parametrize("name", ["stream-arm", "stream-eight", "stream-fast"])
+def test_no_slot_of_a_busy_line_leaves_less_or_needs_more_than_the_bounds(name: str) -> None:
+    program, rows = rows_of(name, {"stream-fast": 0.12}.get(name, 0.4), 5)
+    found = slots_of(program.compilation.listing, rows)
+    one, after_command = program.timing_budgets
+    assert len(found) > 40
+    assert min(spent for spent, _ in found) >= one.room
+    needed = [needed for _, needed in found if needed is not None]
+    assert len(needed) == len(found)
+    assert one.worst is not None
+    if after_command.worst is not None:
+        assert max(needed) <= after_command.worst
+    # The bounds are not loose: a run comes near to what is left.
+    assert min(spent for spent, _ in found) <= 2 * one.room
+
+
+def test_stream_fast_is_proven_for_every_line_and_the_slots_of_the_others_are_too_short_for_it() -> None:
+    """At 4 MHz a slot of 9 or 13 rounds leaves less than the longest path needs if every look is a long one."""
+    lefts = {name: firmware(name).timing_budgets for name in ("stream-arm", "stream-eight", "stream-fast")}
+    assert all(budget.left is not None and budget.left >= 0 for budget in lefts["stream-fast"])
+    assert all(budget.left is None or budget.left < 0 for budget in lefts["stream-arm"])
+    assert all(budget.left is None or budget.left < 0 for budget in lefts["stream-eight"])
+
+
+def test_a_cycle_more_of_c_is_a_cycle_more_of_the_bound_and_a_round_more_its_cycles() -> None:
+    program = firmware("stream-fast")
+    job = plan_job(loads((JOBS / "stream-fast.toml").read_text(), "stream-fast"))
+    streamed = made("stream-fast").streamed
+    before = response(program.compilation.listing, 43, 6000, 15_000)
+    text = program.text.replace("st_up:", "st_up:\n    nop", 1)
+    assert text != program.text
+    changed = compile_sources([Source(text, "main.c2c.c")], Options(device=job.device))
+    after = response(changed.listing, 43, 6000, 15_000)
+    assert before.prepare is not None
+    assert before.supply is not None
+    assert after.prepare == before.prepare + 1
+    assert (after.supply, after.execute) == (before.supply, before.execute)
+    longer = response(program.compilation.listing, 44, 6000, 15_000)
+    assert longer.supply is not None
+    plain = longer.supply - before.supply
+    # A plain round: the third look begins at TMR0 = 152 or up to 5 cycles later, and takes 47 at most.
+    assert ROUND - (152 + 5 + 47) - 20 <= plain <= ROUND - (152 + 47)
+    # With 256 cycles more to go the division's loop makes a turn more: 8 cycles (MOVF to GOTO).
+    farther = response(program.compilation.listing, 43, 6256, 15_000)
+    assert farther.prepare == before.prepare + 8
+    assert replace(farther, prepare=before.prepare) == before
+    assert streamed.layout.rounds == 43
+
+
+def test_the_page_has_the_figures_of_the_jobs() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "firmware.md").read_text()
+    row = r"^\| `(stream-\w+)` \| (\d+) rounds \| (\d+) \| (\d+) \| \d+ \| (proven|not proven) \|$"
+    found = {job: rest for job, *rest in re.findall(row, page, re.M)}
+    assert len(found) == 3
+    for job, (rounds, left, pulse, proven) in found.items():
+        one, after_command = firmware(job).timing_budgets
+        assert (made(job).streamed.layout.rounds, one.room, one.worst) == (int(rounds), int(left), int(pulse))
+        assert ((after_command.left or -1) >= 0) == (proven == "proven")
