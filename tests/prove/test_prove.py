@@ -14,9 +14,11 @@ import pytest
 
 from servogen.edges import EdgeTrace
 from servogen.engines.board import board_of
+from servogen.pic.device import CONFIG_WATCHDOG_ON
 from servogen.pic.image import Image
+from servogen.pic.isa import encode
 from servogen.programs import read_program, read_schedule
-from servogen.prove import Counterexample, Proof, Quantifiers, prove_for_all
+from servogen.prove import Counterexample, Proof, Quantifiers, certificate, prove_for_all
 from servogen.prove.specification import Specification, Violation
 from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
@@ -139,3 +141,44 @@ def test_without_its_quantifier_the_phase_of_tmr0_is_an_assumption() -> None:
     found = prove_for_all(image, schedule, Quantifiers(tmr0_phase=False))
     assert found.proven
     assert any("TMR0 counts" in each for each in found.assumptions)
+
+
+@pytest.mark.parametrize("program", [("servo.c", "lab8-program"), ("PICIOR.c", "lab9-program")])
+def test_the_printed_lab_programs_do_not_follow_the_corrected_schedules(program: tuple[str, str]) -> None:
+    """They drive port B before they write it, and their frames are not 20 ms."""
+    name, job = program
+    file = ROOT / "tests" / "labs" / name
+    schedule = read_schedule(FIRMWARE / job / "schedule.json")
+    found = proof_of(file, schedule)
+    assert found.counterexample is not None, found.reason
+    assert is_wrong(read_program(file).image, schedule, found.counterexample)
+
+
+def test_a_watchdog_that_is_left_on_changes_nothing_in_a_player() -> None:
+    """Every chip's watchdog takes 7 ms at least, and the player clears it in time."""
+    schedule = read_schedule(FIRMWARE / "hexapod-ripple" / "schedule.json")
+    image = read_program(FIRMWARE / "hexapod-ripple" / "main.hex").image
+    assert image.config is not None
+    watched = replace(image, config=image.config | CONFIG_WATCHDOG_ON)
+    found = prove_for_all(watched, schedule)
+    assert found.proven, found.reason
+    assert any("7 ms" in each for each in found.assumptions)
+    nop, clrwdt = encode("NOP"), encode("CLRWDT")
+    words = {address: nop if word == clrwdt else word for address, word in image.program.items()}
+    unfed = replace(watched, program=words)
+    assert prove_for_all(replace(unfed, config=image.config), schedule).proven
+    shown = prove_for_all(unfed, schedule).counterexample
+    assert shown is not None
+    assert is_wrong(unfed, schedule, shown)
+
+
+def test_a_certificate_is_the_same_each_time_and_only_a_proof_has_one() -> None:
+    folder = FIRMWARE / "lab9-program"
+    text = (folder / "schedule.json").read_bytes()
+    image, schedule = read_program(folder / "main.hex").image, read_schedule(folder / "schedule.json")
+    proof = prove_for_all(image, schedule)
+    written = certificate(proof, image, schedule, text)
+    assert len(written) < 200_000
+    assert written == certificate(prove_for_all(image, schedule), image, schedule, text)
+    with pytest.raises(ValueError, match="only a proof"):
+        certificate(replace(proof, proven=False), image, schedule, text)

@@ -1,0 +1,111 @@
+"""`prove FILE --against schedule.json` as a user runs it: three answers, what it writes and refuses."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from servogen.programs import read_schedule
+from servogen.pulse.expected import expected
+from servogen.traces import read_edges
+from servogen.units import Cycles
+from servogen.verify import verify
+
+Run = Callable[..., Any]
+
+STARTS = Path(__file__).parent.parent / "verify" / "start_state"
+SCHEDULE = STARTS / "schedule.json"
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_proof_names_its_assumptions_and_writes_a_certificate(run: Run) -> None:
+    done = run("prove", STARTS / "good.asm", "--against", SCHEDULE, "--certificate", "good.xz")
+    assert done.code == 0, done.err
+    assert done.out.startswith("proven for every power-up, input and chip: ")
+    assert "    the EEPROM holds what the file says" in done.out
+    assert run("assemble", STARTS / "good.asm", "-o", "good.hex").code == 0
+    assert run("check-certificate", "good.xz", "good.hex", "--against", SCHEDULE).code == 0
+    other = Path("other.json")
+    other.write_text(SCHEDULE.read_text().replace("1500", "1501"))
+    assert run("check-certificate", "good.xz", "good.hex", "--against", other).code == 1
+
+
+@pytest.mark.parametrize("name", ["floatin", "ram", "latch", "wdt_pre2"])
+def test_the_command_that_is_printed_shows_the_wrong_edge(run: Run, name: str) -> None:
+    done = run("prove", STARTS / f"{name}.asm", "--against", SCHEDULE)
+    assert done.code == 1
+    first, command = done.out.splitlines()
+    assert first.startswith("counterexample: ")
+    words = shlex.split(command.strip())
+    assert words[:2] == ["servogen", "simulate"]
+    assert run(*words[1:]).code == 0
+    schedule = read_schedule(SCHEDULE)
+    trace = read_edges(Path("counterexample.csv"), schedule.clock)
+    span = Cycles(int(words[words.index("--cycles") + 1]))
+    assert not verify(expected(schedule), trace, span).agrees
+
+
+def test_json_says_the_same(run: Run) -> None:
+    done = run("prove", STARTS / "floatin.asm", "--against", SCHEDULE, "--json")
+    said = json.loads(done.out)
+    assert (done.code, said["answer"]) == (1, "counterexample")
+    assert 'pin = "RA2"' in said["counterexample"]["stimulus"]
+    assert json.loads(run("prove", STARTS / "good.asm", "--against", SCHEDULE, "--json").out)["states"] > 0
+
+
+def test_a_search_that_is_cut_short_is_not_decided(run: Run) -> None:
+    folder = Path(__file__).parent.parent.parent / "firmware" / "lab8-program"
+    done = run("prove", folder / "main.hex", "--against", folder / "schedule.json", "--max-states", 5)
+    assert done.code == 1
+    assert done.out.startswith("not decided: more than 5 states (")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--certificate", "x.xz"], "needs --against"),
+        (["--against", str(SCHEDULE), "--clock-hz", "4000000"], "--clock-hz are for a program without"),
+        (["--against", "missing.json"], "missing.json"),
+        (["--against", str(SCHEDULE), "--certificate", str(SCHEDULE)], "is what is read"),
+    ],
+)
+def test_options_that_contradict_each_other_are_bad_input(run: Run, options: list[str], message: str) -> None:
+    done = run("prove", STARTS / "good.asm", *options)
+    assert done.code == 2
+    assert message in done.err
+
+
+@pytest.mark.parametrize(
+    ("buttons", "message"),
+    [
+        ('{"start": null, "stop": null, "pulses": "off", "pressed_frames": 3}', "neither 'start' nor 'stop'"),
+        (
+            '{"start": {"pin": "RB0", "level": 0}, "stop": null, "pulses": "off", "pressed_frames": 3}',
+            "RB0 is a servo's",
+        ),
+        (
+            '{"start": {"pin": "RA0", "level": 0}, "stop": null, "pulses": "on", "pressed_frames": 3}',
+            "neither 'off' nor 'hold'",
+        ),
+        (
+            '{"start": {"pin": "RA0", "level": 2}, "stop": null, "pulses": "off", "pressed_frames": 3}',
+            "neither 0 nor 1",
+        ),
+        ('{"start": {"pin": "RA0", "level": 0}, "stop": null, "pulses": "off"}', "pressed_frames"),
+    ],
+)
+def test_rules_of_buttons_that_cannot_be_are_bad_input(run: Run, buttons: str, message: str) -> None:
+    file = Path("buttons.json")
+    file.write_text(SCHEDULE.read_text().replace('"lead_in"', f'"buttons": {buttons}, "lead_in"'))
+    done = run("prove", STARTS / "good.asm", "--against", file)
+    assert done.code == 2
+    assert message in done.err
