@@ -196,6 +196,7 @@ def attack(names: list[str], count: int, seed: int, max_states: int) -> tuple[Co
         proof = prove_for_all(image, case.schedule, options=board_of(case.schedule), max_states=max_states)
         answer = "proven" if proof.proven else "counterexample" if proof.counterexample else "not decided"
         counts[answer] += 1
+        print(f"{counts['hidden faults']} of {counts['mutants']}: {case.name}, {what}: {answer}", flush=True)
         if proof.proven:
             wrong.append(f"{case.name}, {what}: {second_opinion(case, image, proof)}")
     return counts, wrong
