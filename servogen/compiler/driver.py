@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from servogen.compiler.codegen.loop_counters import simplify_counters
 from servogen.compiler.codegen.program import ProgramGenerator
 from servogen.compiler.codegen.startup import RESET, arrange
 from servogen.compiler.diagnostics import Fatal, Reporter
@@ -105,6 +106,9 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
     _mark_shared(graph)
     dump = _Dump(options.dump_ir)
     manager = PassManager(options.verify_ir, dump.keep)
+    if options.optimise != "none":
+        for definition in analysis.program.functions.values():
+            simplify_counters(definition)
     generator = ProgramGenerator(graph, reporter, analysis.asm_symbols)
     functions = generator.generate()
     manager.finished_all("codegen", functions)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from servogen.compiler.ast.constant_folding import has_effect, interval
 from servogen.compiler.ast.nodes import Binary, Call, Expr, Num
 from servogen.compiler.ast.types import IntType
-from servogen.compiler.codegen.arithmetic import add, bitwise, shift_left, shift_right
+from servogen.compiler.codegen.arithmetic import add, bitwise, imms, shift_left, shift_right
 from servogen.compiler.codegen.effects import calls_something, width_of
 from servogen.compiler.codegen.expressions import effect, into
 from servogen.compiler.codegen.generator import FunctionGenerator
@@ -18,6 +18,9 @@ from servogen.compiler.codegen.operands import apart, kept, operands_of, pair, w
 from servogen.compiler.codegen.operators import to_w
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import Byte, Imm, Loc, Operand
+
+MAX_SHIFT_WORDS = 24
+"""Of the shifts of a signed division by a power of 2; more would be longer than calling the division."""
 
 
 def call(gen: FunctionGenerator, expr: Call) -> Function:
@@ -160,6 +163,9 @@ def divide(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
         else:
             gen.move_all(target, list(work[: len(target)]))
         return
+    if expr.op == "/" and signed and _halvings(expr.right, size):
+        _divide_by_halving(gen, expr, target, size)
+        return
     function = gen.library("sdivide" if signed else "divide", (size,))
     holder = gen.library("divide", (size,)) if signed else function
     result_symbol = next(
@@ -171,6 +177,30 @@ def divide(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
     gen.move_all(target[:have], [Byte(result_symbol, each) for each in range(have)])
     if len(target) > have:
         widen(gen, target, have, signed=signed)
+
+
+def _halvings(divisor: Expr, size: int) -> int:
+    """Return by how many bits a signed division by a constant shifts, where that is short; otherwise 0."""
+    if not isinstance(divisor, Num) or divisor.value <= 0 or divisor.value.bit_count() != 1:
+        return 0
+    shift = divisor.value.bit_length() - 1
+    return shift if shift < 8 * size - 1 and shift % 8 * (size + 1) <= MAX_SHIFT_WORDS else 0
+
+
+def _divide_by_halving(gen: FunctionGenerator, expr: Binary, target: list[Loc], size: int) -> None:
+    """Divide by 2ᵏ: a shift rounds down, so that 2ᵏ - 1 is added to a negative dividend first."""
+    shift = _halvings(expr.right, size)
+    part: list[Loc] = gen.temp(size)
+    gen.move_all(part, operands_of(gen, expr.left, size))
+    end = gen.new_label()
+    gen.goto_if(7, False, end, part[-1])
+    add(gen, part, list(part), imms((1 << shift) - 1, size))
+    gen.label(end)
+    shift_right(gen, part, list(part), shift, signed=True)
+    have = min(len(target), size)
+    gen.move_all(target[:have], list(part[:have]))
+    if len(target) > have:
+        widen(gen, target, have, signed=True)
 
 
 def _bool_cast(expr: Expr) -> bool:

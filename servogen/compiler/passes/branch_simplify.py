@@ -1,17 +1,30 @@
 """Replaces jumps in small branches.
 
 In: a `Function` and its liveness. Out: a choice between two constants, or between two instructions, by skips
-alone; a loop that counts down with DECFSZ.
+alone; what both arms of a choice begin with, once in front of it; a loop that counts down with DECFSZ.
 """
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 from servogen.compiler.ir.function import Block, Function
-from servogen.compiler.ir.instruction import BIT_WRITES, DELAY, STATUS, TARGETED, Byte, Instruction, Z
+from servogen.compiler.ir.instruction import (
+    BIT_WRITES,
+    DELAY,
+    ENDS,
+    IN_PLACE,
+    STATUS,
+    TARGETED,
+    Byte,
+    Instruction,
+    Z,
+)
 from servogen.compiler.passes.jump_threading import INVERSE
 from servogen.compiler.passes.liveness import W_BIT, Z_BIT, Liveness
+from servogen.compiler.passes.tail_merging import is_timed
 
 _COUNTS = {"DECF": "DECFSZ", "INCF": "INCFSZ"}
 
@@ -24,7 +37,110 @@ def short_branches(function: Function) -> bool:
         if block not in skipped and _choice(function.blocks[number : number + 5], named):
             function.rebuild()
             return True
+    if any(block not in skipped and _same_start(arms) for block, arms in _all_arms(function, named)):
+        function.rebuild()
+        return True
+    live = Liveness(function)
+    if any(block not in skipped and _one_differs(arms, live) for block, arms in _all_arms(function, named)):
+        function.rebuild()
+        return True
     return _count_down(function)
+
+
+@dataclass(slots=True)
+class _Arms:
+    """`test; GOTO other; yes; leave; other: no; end`, each arm one block and entered only here."""
+
+    first: Block
+    jump: Block
+    yes: Block
+    no: Block
+    end: Block
+
+    @property
+    def test(self) -> Instruction:
+        return self.first.instructions[-1]
+
+
+def _all_arms(function: Function, named: Counter[str]) -> Iterator[tuple[Block, _Arms]]:
+    """Yield the choices between two straight arms that the compiler may change, with their first blocks."""
+    blocks = [*function.blocks, Block()]  # the last arm may be the function's end
+    for first, jump, yes, no, end in zip(*(blocks[start:] for start in range(5)), strict=False):
+        test, leave = first.last, yes.last
+        if test is None or test.op not in INVERSE or leave is None or leave.op not in ENDS:
+            continue
+        if [each.op for each in jump.instructions] != ["GOTO"] or jump.labels or yes.labels:
+            continue
+        target = jump.instructions[0].target
+        if [label.name for label in no.labels] != [target] or named[target] != 1 or no.labels[0].fixed:
+            continue
+        lines = (test, *jump.instructions, *yes.instructions, *no.instructions)
+        if not any(each.fixed or is_timed(each) for each in lines):
+            yield first, _Arms(first, jump, yes, no, end)
+
+
+def _same_start(arms: _Arms) -> bool:
+    """Move an instruction with which both arms begin to the front of the test; return whether there is one.
+
+    One instruction is left in either arm: what is empty is simplified elsewhere.
+    """
+    yes, no = arms.yes.instructions, arms.no.instructions
+    if len(yes) < 3 or len(no) < 2 or not yes[0].same(no[0]) or not _passes(arms.test, yes[0]):
+        return False
+    if yes[0].skips or yes[0].op == "CALL":
+        return False
+    arms.first.instructions.insert(-1, yes[0])
+    del yes[0], no[0]
+    return True
+
+
+def _one_differs(arms: _Arms, live: Liveness) -> bool:
+    """Rewrite `OP f,W; other; MOVWF f` against `OP f,F`: the operation, a skip over `other`, the store.
+
+    Return whether the arms had that form.
+    """
+    yes, no = arms.yes.instructions, arms.no.instructions
+    if len(yes) != 4 or len(no) != 1:
+        return False
+    begin, other, store, leave = yes
+    same = no[0]
+    if leave.op != "GOTO" or not arms.end.has_label(leave.target) or same.ends_block:
+        return False
+    if (same.op, same.f) != (begin.op, begin.f) or begin.op not in IN_PLACE or (begin.d, same.d) != (0, 1):
+        return False
+    if (
+        (store.op, store.f) != ("MOVWF", begin.f)
+        or other.ends_block
+        or other.f is not None
+        or other.op == DELAY
+    ):
+        return False
+    if live.after[same] & W_BIT or not _passes(arms.test, begin):
+        return False
+    skip = _turned(arms.test)
+    arms.first.instructions[-1:] = [begin, skip]
+    arms.jump.instructions = [other]
+    arms.yes.instructions = []
+    arms.no.labels, arms.no.instructions = [], [store]
+    return True
+
+
+def _passes(test: Instruction, ins: Instruction) -> bool:
+    """Return whether an instruction does the same before a test, and the test after it.
+
+    A test of C, DC or Z must not see the instruction's flags, nor a test of a byte what it writes.
+    """
+    if ins.f is not None and not isinstance(ins.f, Byte) and ins.f != STATUS:
+        return False
+    if isinstance(ins.f, Byte) and ins.f.symbol.volatile:
+        return False
+    if ins.op == DELAY or ins.leaves:
+        return False
+    if test.f == STATUS:
+        return ins.f != STATUS and not ins.flags
+    if not isinstance(test.f, Byte) or test.f.symbol.volatile:
+        return not ins.writes_f or ins.f == STATUS
+    return not ins.writes_f or ins.f == STATUS or _apart(ins, test)
 
 
 def _choice(blocks: list[Block], named: Counter[str]) -> bool:

@@ -17,6 +17,7 @@ from servogen.compiler.passes.copy_coalescing import coalesce_copies
 from servogen.compiler.passes.dead_code import drop_dead, drop_unreachable
 from servogen.compiler.passes.jump_threading import drop_jumps_to_next, invert_skips, thread_jumps
 from servogen.compiler.passes.peephole import peephole
+from servogen.compiler.passes.superoptimise import superoptimise
 from servogen.compiler.passes.tail_merging import merge_tails, tail_calls
 from servogen.compiler.passes.value_numbering import number_values
 
@@ -34,6 +35,7 @@ VALUES: Mapping[str, Pass] = {
     "value-numbering": number_values,
     "dead-code": drop_dead,
     "peephole": peephole,
+    "superoptimise": superoptimise,
     "branch-simplify": short_branches,
     "copy-coalescing": coalesce_copies,
 }

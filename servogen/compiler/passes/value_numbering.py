@@ -17,6 +17,7 @@ from servogen.compiler.ir.instruction import (
     FSR,
     IDLE,
     INDF,
+    STATUS,
     Byte,
     Imm,
     Instruction,
@@ -29,7 +30,8 @@ from servogen.pic.isa import literal_forms
 Value = Imm | int
 """A constant, or the number of something unknown."""
 State = dict[object, Value]
-_W = "W"
+_W, _ZERO = "W", "Z"
+"""Keys of a state besides bytes: what W holds, and the value that Z tells to be 0 or not."""
 _TO_LITERAL = literal_forms()
 
 
@@ -135,6 +137,7 @@ class _Tracker:
         # the loop that a delay is expanded to may count in W
         if op == DELAY:
             state.pop(_W, None)
+            state.pop(_ZERO, None)
             return
         if op == "MOVLW":
             state[_W] = Imm(ins.k)
@@ -152,6 +155,16 @@ class _Tracker:
             self._store(ins.f, self.fresh(), state)
         elif ins.writes_w:
             state[_W] = self._result(ins, state)
+        if "Z" in ins.flags:
+            self._note_zero(ins, state)
+
+    def _note_zero(self, ins: Instruction, state: State) -> None:
+        """Note which value Z tells to be 0 or not."""
+        holder: object = ins.f if ins.op == "MOVF" or ins.writes_f else _W
+        if ins.f == STATUS or (holder != _W and not trackable(holder)):
+            state.pop(_ZERO, None)
+        else:
+            state[_ZERO] = self.value(state, holder)
 
     def _result(self, ins: Instruction, state: State) -> Value:
         """Return the value number of a result; the same operation on the same values has the same number."""
@@ -206,6 +219,15 @@ class _Tracker:
                 elif z_free and isinstance(known, Imm):
                     ins.op, ins.f, ins.k = "MOVLW", None, known.value
                     self.changed = True
+                elif known is not None and known == w == state.get(_ZERO):
+                    self.dead.add(ins)
+            case "MOVF" if trackable(ins.f):
+                known = state.get(ins.f)
+                if known is not None and known == state.get(_ZERO):
+                    self.dead.add(ins)  # Z is set already
+            case "IORLW" if ins.k == 0:
+                if w is not None and w == state.get(_ZERO):
+                    self.dead.add(ins)
         if ins in self.dead:
             return
         if ins.op in _TO_LITERAL and ins.d == 0 and trackable(ins.f):

@@ -1,0 +1,273 @@
+"""Loops that count with constants: fewer instructions for the counter.
+
+In: the typed tree of a function. Out: the same tree, in which
+
+    for (i = 0; i < 20; i++) …     counts down to 0 if nothing else uses i
+    for (i = 0; i < 8; i++) … i …  tests the bit that only 8 has
+    for (int i = 0; i < 20; …      counts and compares the low byte only, since the other stays 0
+    for (int i = 0; i < 300; …     counts down two bytes, or compares them without a sign
+
+Nothing changes in loops whose variable the body may change, or that may be entered in the middle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, is_dataclass
+
+from servogen.compiler.ast.nodes import (
+    AddressOf,
+    Asm,
+    Assign,
+    Binary,
+    Block,
+    CaseLabel,
+    Cast,
+    Expr,
+    ExprStmt,
+    FunctionDefinition,
+    LabelStmt,
+    Logic,
+    Loop,
+    Num,
+    Ref,
+    Stmt,
+    Switch,
+    Symbol,
+    Unary,
+    Update,
+)
+from servogen.compiler.ast.types import U8, U16, IntType
+
+MAX_TRIPS = 256
+"""A counter of one byte that begins with 0 reaches 0 again after 256."""
+
+MAX_WIDE_TRIPS = 0xFF00
+"""The greatest number for which the high byte of a counter of two bytes, rounded up, is at most 255."""
+
+_AST = (Symbol,)
+"""What belongs to several nodes and is no part of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Counting:
+    """`before; loop` that counts `variable` from `first` up to, but not including, `end`."""
+
+    before: ExprStmt
+    loop: Loop
+    variable: Ref
+    first: int
+    end: int
+
+
+def simplify_counters(function: FunctionDefinition) -> None:
+    """Rewrite the counting loops of a function."""
+    if function.body is None or _is_entered_in_the_middle(function.body):
+        return
+    for block in [each for each in _nodes(function.body) if isinstance(each, Block)]:
+        for before, loop in zip(block.body, block.body[1:], strict=False):
+            counting = _counting(before, loop)
+            if counting is not None and not _may_change(counting):
+                _rewrite(function, counting)
+
+
+def _rewrite(function: FunctionDefinition, counting: _Counting) -> None:
+    before, loop, variable = counting.before, counting.loop, counting.variable
+    low = Ref(variable.symbol, variable.offset, None, U8, variable.place)
+    one, place = Num(1, U8, loop.place), loop.place
+    trips = counting.end - counting.first
+    if trips <= MAX_TRIPS and _is_only_counter(function, counting):
+        before.expr = Assign(low, Num(trips % MAX_TRIPS, U8, place), U8, place)
+        loop.condition = Update("-", low, one, U8, post=False, type=U8, place=place)
+        loop.step, loop.post = None, True
+        return
+    wide = variable.type.size == U16.size
+    if wide and trips <= MAX_WIDE_TRIPS and _is_only_counter(function, counting):
+        _count_down_two_bytes(counting, trips)
+        return
+    if counting.first < 0:
+        return
+    if counting.end >= MAX_TRIPS:
+        if wide:  # unsigned, since it never is negative
+            whole = Ref(variable.symbol, variable.offset, None, U16, variable.place)
+            loop.condition = Binary("<", whole, Num(counting.end, U16, place), U8, place)
+            loop.post = True
+        return
+    if counting.end.bit_count() == 1:
+        test = Binary("&", low, Num(counting.end, U8, place), U8, place)
+        loop.condition = Unary("!", test, U8, place)
+    else:
+        loop.condition = Binary("<", low, Num(counting.end, U8, place), U8, place)
+    loop.step = Update("+", low, one, U8, post=False, type=U8, place=place)
+    loop.post = True
+    if variable.type.size > 1:
+        _narrow_reads(loop.body, variable)
+
+
+def _count_down_two_bytes(counting: _Counting, trips: int) -> None:
+    """Count down as `--low || --high` does, with two DECFSZ; the high byte is rounded up."""
+    variable, loop = counting.variable, counting.loop
+    place = loop.place
+    low, high = trips % MAX_TRIPS, -(-trips // MAX_TRIPS)
+    whole = Ref(variable.symbol, variable.offset, None, U16, variable.place)
+    counting.before.expr = Assign(whole, Num(high * MAX_TRIPS + low, U16, place), U16, place)
+    less_low, less_high = (
+        Update(
+            "-",
+            Ref(variable.symbol, variable.offset + byte, None, U8, variable.place),
+            Num(1, U8, place),
+            U8,
+            post=False,
+            type=U8,
+            place=place,
+        )
+        for byte in (0, 1)
+    )
+    loop.condition = Logic("||", less_low, less_high, U8, place)
+    loop.step, loop.post = None, True
+
+
+def _narrow_reads(body: Stmt, variable: Ref) -> None:
+    """Replace what reads a wide variable that stays below 256 by its low byte, in the wide type."""
+
+    def narrow(value: object) -> object:
+        if isinstance(value, list):
+            return [narrow(each) for each in value]
+        if not _is_same(value, variable):
+            return value
+        assert isinstance(value, Ref)
+        low = Ref(value.symbol, value.offset, None, U8, value.place)
+        return Cast(low, value.type, value.place)
+
+    for node in list(_nodes(body)):
+        for field in fields(node):  # type: ignore[arg-type]
+            value = getattr(node, field.name)
+            if isinstance(value, Ref | list) and not isinstance(node, Symbol):
+                setattr(node, field.name, narrow(value))
+
+
+def _counting(before: Stmt, loop: Stmt) -> _Counting | None:
+    """Return what two statements count, if they are a `for` that counts up by 1 between constants."""
+    if not isinstance(loop, Loop) or loop.post or not isinstance(before, ExprStmt):
+        return None
+    assign, test, step = before.expr, loop.condition, loop.step
+    if not isinstance(assign, Assign) or not isinstance(assign.value, Num) or not isinstance(test, Binary):
+        return None
+    variable, first = assign.target, assign.value.value
+    if not isinstance(variable, Ref) or not _is_plain(variable) or not isinstance(test.right, Num):
+        return None
+    if not isinstance(step, Update) or step.op != "+" or not _is_same(step.target, variable):
+        return None
+    if not isinstance(step.value, Num) or step.value.value != 1 or not _reads(test.left, variable):
+        return None
+    ends = {"<": test.right.value, "!=": test.right.value, "<=": test.right.value + 1}
+    end = ends.get(test.op)
+    assert isinstance(variable.type, IntType)
+    if end is None or not variable.type.low <= first < end <= variable.type.high:
+        return None
+    return _Counting(before, loop, variable, first, end)
+
+
+def _is_plain(variable: Ref) -> bool:
+    """Return whether a variable is a whole local one that only this function can reach."""
+    symbol = variable.symbol
+    whole = variable.offset == 0 and variable.index is None and not variable.width
+    private = symbol.kind in ("local", "param") and not symbol.volatile and not symbol.pinned
+    integer = isinstance(variable.type, IntType) and not variable.type.is_bool and not variable.type.is_bit
+    return whole and private and integer and symbol.type.size == variable.type.size
+
+
+def _reads(expr: Expr, variable: Ref) -> bool:
+    """Return whether an expression is the value of a variable, in the same or a wider type."""
+    while (
+        isinstance(expr, Cast) and isinstance(expr.type, IntType) and isinstance(expr.operand.type, IntType)
+    ):
+        if not (expr.type.low <= expr.operand.type.low and expr.operand.type.high <= expr.type.high):
+            return False
+        expr = expr.operand
+    return _is_same(expr, variable)
+
+
+def _is_same(expr: object, variable: Ref) -> bool:
+    return (
+        isinstance(expr, Ref)
+        and expr.symbol is variable.symbol
+        and (expr.offset, expr.index, expr.width) == (0, None, 0)
+        and expr.type.size == variable.type.size
+    )
+
+
+def _is_entered_in_the_middle(body: Block) -> bool:
+    """Return whether a `goto`, assembly or a `case` may lead into a loop."""
+    nodes = list(_nodes(body))
+    if any(isinstance(each, Asm | LabelStmt) for each in nodes):
+        return True
+    for loop in [each for each in nodes if isinstance(each, Loop)]:
+        inside = list(_nodes(loop.body))
+        own = {id(label) for each in inside if isinstance(each, Switch) for label in _labels(each)}
+        if any(isinstance(each, CaseLabel) and id(each) not in own for each in inside):
+            return True
+    return False
+
+
+def _may_change(counting: _Counting) -> bool:
+    """Return whether the body may change the variable."""
+    symbol = counting.variable.symbol
+    return any(
+        isinstance(each, Assign | Update | AddressOf) and getattr(each.target, "symbol", None) is symbol
+        for each in _nodes(counting.loop.body)
+    )
+
+
+def _labels(switch: Switch) -> list[CaseLabel]:
+    labels = [label for _, label in switch.cases]
+    return labels if switch.default is None else [*labels, switch.default]
+
+
+def _is_only_counter(function: FunctionDefinition, counting: _Counting) -> bool:
+    """Return whether a variable is used for nothing but counting in this and in other such loops.
+
+    Each other use must follow an assignment of its own, in a `for` that is not around this one.
+    """
+    symbol = counting.variable.symbol
+    if symbol.kind != "local" or _uses(counting.loop.body, symbol):
+        return False
+    assert function.body is not None
+    own: set[int] = set()
+    for block in [each for each in _nodes(function.body) if isinstance(each, Block)]:
+        for before, loop in zip(block.body, block.body[1:], strict=False):
+            if isinstance(before, ExprStmt) and isinstance(loop, Loop) and _assigns(before.expr, symbol):
+                if loop is not counting.loop and any(each is counting.loop for each in _nodes(loop)):
+                    return False
+                own |= _uses(before, symbol) | _uses(loop, symbol)
+    return _uses(function.body, symbol) <= own
+
+
+def _assigns(expr: Expr, symbol: Symbol) -> bool:
+    """Return whether an expression is an assignment of the whole variable, by a constant."""
+    return (
+        isinstance(expr, Assign)
+        and isinstance(expr.target, Ref)
+        and expr.target.symbol is symbol
+        and expr.target.index is None
+        and isinstance(expr.value, Num)
+    )
+
+
+def _uses(node: object, symbol: Symbol) -> set[int]:
+    """Return the identities of the nodes below a node that name a variable."""
+    return {id(each) for each in _nodes(node) if isinstance(each, Ref) and each.symbol is symbol}
+
+
+def _nodes(node: object) -> Iterator[object]:
+    """Yield a node and all below it."""
+    waiting = [node]
+    while waiting:
+        each = waiting.pop()
+        if isinstance(each, list | tuple):
+            waiting += each
+        elif (
+            is_dataclass(each) and not isinstance(each, _AST) and type(each).__module__.endswith("ast.nodes")
+        ):
+            yield each
+            waiting += [getattr(each, field.name) for field in fields(each)]
