@@ -17,6 +17,8 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 
+from servogen.pic.isa import by_mnemonic
+
 FLAGS = {"C": 0, "D": 1, "Z": 2}
 """Bits of STATUS: DS35007 register 2-1."""
 
@@ -49,9 +51,10 @@ class RuleInstruction:
             return self.op
         if self.f in FLAGS:
             return f"{self.op} {self.f}"
-        if self.op in ("BCF", "BSF", "BTFSC", "BTFSS"):
+        operands = by_mnemonic()[self.op].operands
+        if "b" in operands:
             return f"{self.op} {self.f}.{self.b}"
-        return f"{self.op} {self.f}" if self.op in ("MOVWF", "CLRF") else f"{self.op} {self.f},{'WF'[self.d]}"
+        return f"{self.op} {self.f},{'WF'[self.d]}" if "d" in operands else f"{self.op} {self.f}"
 
 
 @dataclass(frozen=True, slots=True)

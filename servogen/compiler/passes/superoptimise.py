@@ -11,14 +11,15 @@ from dataclasses import dataclass
 from functools import cache
 
 from servogen.compiler.ir.function import Function, Line, is_skipped
-from servogen.compiler.ir.instruction import IN_PLACE, STATUS, Byte, Instruction
+from servogen.compiler.ir.instruction import BIT_TESTS, BIT_WRITES, PURE, SKIPS, STATUS, Byte, Instruction
 from servogen.compiler.passes.liveness import C_BIT, D_BIT, W_BIT, Z_BIT, Liveness, is_private
 from servogen.compiler.passes.rules import FLAGS, Rule, RuleInstruction, rules
+from servogen.pic.isa import by_mnemonic, mnemonics
 
 BYTES = ("a", "b")
-BIT_OPERATIONS = ("BCF", "BSF", "BTFSC", "BTFSS")
-LITERALS = frozenset(("MOVLW", "ADDLW", "SUBLW", "ANDLW", "IORLW", "XORLW"))
-OPERATIONS = LITERALS | IN_PLACE | {"CLRW", "MOVWF", "CLRF", "MOVF", "INCFSZ", "DECFSZ", *BIT_OPERATIONS}
+LITERALS = mnemonics(lambda row: row.operands == "k" and row.flow == "next")
+OPERATIONS = PURE | SKIPS
+"""What a rule may consist of: no jump, no call, nothing that waits."""
 _LIVE = {"W": W_BIT, "C": C_BIT, "D": D_BIT, "Z": Z_BIT}
 _BY_BIT = {bit: flag for flag, bit in FLAGS.items()}
 
@@ -72,10 +73,10 @@ def _as_rule(ins: Instruction, names: dict[Byte, str]) -> RuleInstruction | None
         return None
     if ins.op in LITERALS:
         return RuleInstruction(ins.op, k=ins.k) if isinstance(ins.k, int) else None
-    if ins.op == "CLRW":
+    if not by_mnemonic()[ins.op].operands:
         return RuleInstruction(ins.op)
     if ins.f == STATUS:
-        flag = _BY_BIT.get(ins.b) if ins.op in BIT_OPERATIONS else None
+        flag = _BY_BIT.get(ins.b) if ins.op in BIT_TESTS | BIT_WRITES else None
         return RuleInstruction(ins.op, flag) if flag else None
     if not isinstance(ins.f, Byte) or ins.f.symbol.volatile or ins.f.symbol.kind == "fixed":
         return None
