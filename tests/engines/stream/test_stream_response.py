@@ -109,7 +109,7 @@ def test_no_slot_of_a_busy_line_leaves_less_or_needs_more_than_the_bounds(name: 
 
 
 def test_stream_fast_is_proven_for_every_line_and_the_slots_of_the_others_are_too_short_for_it() -> None:
-    """At 4 MHz a slot of 9 or 13 rounds leaves less than the longest path needs if every look is a long one."""
+    """At 4 MHz a slot of 9 or 13 rounds leaves less than the longest path needs if every look is long."""
     lefts = {name: firmware(name).timing_budgets for name in ("stream-arm", "stream-eight", "stream-fast")}
     assert all(budget.left is not None and budget.left >= 0 for budget in lefts["stream-fast"])
     assert all(budget.left is None or budget.left < 0 for budget in lefts["stream-arm"])
