@@ -291,11 +291,11 @@ class _Way:
 
     def arrival(self, state: _State) -> _State:
         """Return the state of the pose at the end of the path, on the branch on which the path arrives."""
-        columns, found = list(self.columns), self._branch.end
-        if np.abs(found - self.end[columns]).max() > SMALL:
-            self.end[columns] = found
+        columns, arrived = list(self.columns), self._branch.end
+        if np.abs(arrived - self.end[columns]).max() > SMALL:
+            self.end[columns] = arrived
             reached = {
-                servo.name: angle for servo, angle in zip(self.tip.servos, found.tolist(), strict=True)
+                servo.name: angle for servo, angle in zip(self.tip.servos, arrived.tolist(), strict=True)
             }
             return replace(state, angles={**state.angles, **reached})
         return state

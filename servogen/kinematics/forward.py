@@ -84,19 +84,19 @@ class RowAxis:
 def row_axes(arm: Arm, q: ArrayLike) -> tuple[tuple[RowAxis, ...], Floats]:
     """Return the axis of every row with a joint, and the tool's pose (..., 4, 4)."""
     q = joint_array(arm, q)
-    found = []
+    lines = []
     joints = [q[..., joint] for joint in range(q.shape[-1])]
     chain = _start(arm)
     for row in arm.rows:
         direction, point = chain.advance(arm, row, joints)
         if row.joint is not None:
-            found.append(RowAxis(row, _stacked(direction, q.shape[:-1]), _stacked(point, q.shape[:-1])))
+            lines.append(RowAxis(row, _stacked(direction, q.shape[:-1]), _stacked(point, q.shape[:-1])))
     chain.follow(frame_matrix(arm.tool))
     pose = np.zeros((*q.shape[:-1], 4, 4))
     for column, vector in enumerate((*chain.axes(), chain.origin)):
         pose[..., :3, column] = _stacked(vector, q.shape[:-1])
     pose[..., 3, 3] = 1.0
-    return tuple(found), pose
+    return tuple(lines), pose
 
 
 def link_frames(arm: Arm, q: ArrayLike) -> Floats:

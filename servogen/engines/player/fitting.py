@@ -200,7 +200,7 @@ def _choices(section: Section, scale: Scale, best: float, worst: float) -> list[
     # A pose that is held has one keyframe, and no frame of it may be on the way to a second.
     spacings = (MAX_BITS,) if _held(rows) else range(MAX_BITS + 1)
     every = [_sampled(stretch, rows, scale, bits) for bits in spacings]
-    errors = [float(np.abs(made.widths - rows[:-1]).max()) for made in every]
+    errors = [float(np.abs(fitted.widths - rows[:-1]).max()) for fitted in every]
     first = max((number for number, error in enumerate(errors) if error <= best), default=0)
     return [
         (every[number], errors[number])

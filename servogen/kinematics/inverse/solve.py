@@ -128,10 +128,12 @@ def solve(
         q = closed_solutions(arm, flat, turns, TOLERANCE if tolerance is None else tolerance, hard=True)
     else:
         start = None if near is None else np.broadcast_to(near, (*shape, len(arm.joints)))
-        found = numerical.search(
+        approached = numerical.search(
             arm, flat, turns, None if start is None else start.reshape(-1, len(arm.joints))
         )
-        q = np.where(found.within(tolerance or NUMERICAL_TOLERANCE)[:, None], found.q, np.nan)[:, None, :]
+        q = np.where(approached.within(tolerance or NUMERICAL_TOLERANCE)[:, None], approached.q, np.nan)[
+            :, None, :
+        ]
     return Solutions(arm, q.reshape(*shape, *q.shape[1:]))
 
 
@@ -144,8 +146,8 @@ def solutions_near(arm: Arm, position: ArrayLike, rotation: ArrayLike | None, ne
     if has_closed_form(arm, rotation is not None):
         return solve(arm, position, rotation).near(near)
     start = np.asarray(near, float)
-    found = numerical.search(arm, position, rotation, start, starts=1)
-    q = np.where(found.within(NUMERICAL_TOLERANCE)[:, None], found.q, np.nan)[:, None, :]
+    approached = numerical.search(arm, position, rotation, start, starts=1)
+    q = np.where(approached.within(NUMERICAL_TOLERANCE)[:, None], approached.q, np.nan)[:, None, :]
     return Solutions(arm, q).near(start)
 
 
@@ -236,8 +238,8 @@ def nearest_point(arm: Arm, position: ArrayLike) -> tuple[float, ...]:
     """Return the reachable point (metres) nearest to `position`, in any orientation, within the limits."""
     target = np.asarray(position, float)
     starts = np.vstack([arm.home, _spread(arm, 47)])
-    found = numerical.search(arm, np.broadcast_to(target, (len(starts), 3)), None, starts, starts=1)
-    best = found.q[int(np.argmin(found.distance_m))]
+    approached = numerical.search(arm, np.broadcast_to(target, (len(starts), 3)), None, starts, starts=1)
+    best = approached.q[int(np.argmin(approached.distance_m))]
     return tuple(float(value) for value in fk_position(arm, best))
 
 
