@@ -133,7 +133,8 @@ def observed(case: Target, image: Image, around: Environment, frames: int) -> li
     out, found = 0, []
     chunk = machine.run(case.first + frames * case.plan.period)
     cycles = chunk.cycle.tolist()
-    edges = zip(cycles, chunk.pin.tolist(), chunk.level.tolist(), [*cycles[1:], -1], strict=True)
+    following_cycles = [*cycles, -1][1:] if cycles else []
+    edges = zip(cycles, chunk.pin.tolist(), chunk.level.tolist(), following_cycles, strict=True)
     for cycle, pin, level, following in edges:
         out = out & ~(1 << pin) | (level == 1) << pin
         if following != cycle and out != (found[-1][1] if found else 0):
