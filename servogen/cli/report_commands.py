@@ -57,5 +57,5 @@ def report(
     if page.capture and not json:
         print(f"{capture}: {capture_lines(page.capture)[0]}")
     found = page.capture
-    right = found is None or found.proven or (partial and found.agrees)
+    right = found is None or found.accepted(partial)
     raise typer.Exit(0 if right and (page.programs_proven or page.message) else 1)

@@ -97,7 +97,7 @@ def verify(
         as_json(verdict.to_json())
     else:
         print("\n".join(verdict_lines(verdict)))
-    raise typer.Exit(0 if verdict.proven or (partial and verdict.agrees) else 1)
+    raise typer.Exit(0 if verdict.accepted(partial) else 1)
 
 
 def _verify_forever(
@@ -139,7 +139,7 @@ def _verify_capture(file: Path, schedule: PulseSchedule, rate: int | None, parti
         as_json(verdict.to_json())
     else:
         print("\n".join(capture_lines(verdict)))
-    return 0 if verdict.proven or (partial and verdict.agrees) else 1
+    return 0 if verdict.accepted(partial) else 1
 
 
 def measure(

@@ -125,7 +125,7 @@ def _verdict(
         stray,
         expected.plan_error,
         covered,
-        unseen,
+        unseen=unseen,
     )
 
 

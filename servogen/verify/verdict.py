@@ -8,6 +8,7 @@ expected, so that late and long are positive.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 from servogen.edges import PINS
 from servogen.errors import Diagnostic
@@ -149,31 +150,15 @@ class StrayPin:
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
-    """`proven`: from reset to the end of the asked span the driven edges are the schedule's, on all pins.
+class Judgement:
+    """What every verdict says: proven, or why not."""
 
-    For a program, it also means that no warning is `chip_dependent`.
-
-    `start` is the cycle of the first scheduled edge: reported, not judged; None when no scheduled pin rises.
-    After a difference, the channels' errors cover the trace up to `span.compared`, which is then shortened if
-    necessary.
-    """
+    PROVEN: ClassVar[str] = "proven"
 
     proven: bool
     reasons: tuple[str, ...]
     """Why it is not proven, in sentences; empty when it is."""
-    clock: Clock
-    start: Cycles | None
-    span: Span
-    channels: tuple[ChannelVerdict, ...]
-    difference: Difference | None = None
-    overlap: Overlap | None = None
-    stray: tuple[StrayPin, ...] = ()
-    plan_error: PlanError | None = None
-    """How far the schedule itself is from the planned motion."""
-    coverage: Coverage = field(default_factory=Coverage)
-    """Which of the schedule's different frames were compared."""
-    unseen: tuple[str, ...] = ()
+    unseen: tuple[str, ...] = field(default=(), kw_only=True)
     """Those of the reasons that only say that not everything was seen."""
 
     @property
@@ -185,8 +170,36 @@ class Verdict:
     def word(self) -> str:
         """Return the verdict in a few words."""
         if self.proven:
-            return "proven"
+            return self.PROVEN
         return AGREES if self.agrees else "not proven"
+
+    def accepted(self, partial: bool) -> bool:
+        """Return whether it is proven, or at least, where `partial` is enough, nothing is wrong."""
+        return self.proven or (partial and self.agrees)
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict(Judgement):
+    """`proven`: from reset to the end of the asked span the driven edges are the schedule's, on all pins.
+
+    For a program, it also means that no warning is `chip_dependent`.
+
+    `start` is the cycle of the first scheduled edge: reported, not judged; None when no scheduled pin rises.
+    After a difference, the channels' errors cover the trace up to `span.compared`, which is then shortened if
+    necessary.
+    """
+
+    clock: Clock
+    start: Cycles | None
+    span: Span
+    channels: tuple[ChannelVerdict, ...]
+    difference: Difference | None = None
+    overlap: Overlap | None = None
+    stray: tuple[StrayPin, ...] = ()
+    plan_error: PlanError | None = None
+    """How far the schedule itself is from the planned motion."""
+    coverage: Coverage = field(default_factory=Coverage)
+    """Which of the schedule's different frames were compared."""
 
     def not_all(self, reason: str) -> Verdict:
         """Return the same verdict, not proven also because of something that was not seen."""

@@ -8,13 +8,14 @@ complete pulses.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 from servogen.edges import PINS
 from servogen.errors import Diagnostic
 from servogen.plan_error import PlanError
 from servogen.verify.capture.frames import WholeFrames
 from servogen.verify.coverage import Coverage
-from servogen.verify.verdict import AGREES, StrayPin
+from servogen.verify.verdict import Judgement, StrayPin
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +129,7 @@ class CapturePiece:
 
 
 @dataclass(frozen=True, slots=True)
-class CaptureVerdict:
+class CaptureVerdict(Judgement):
     """`proven`: every different frame was captured, and everything captured matches the schedule within
     `tolerances`.
 
@@ -136,9 +137,8 @@ class CaptureVerdict:
     figures are those of all together.
     """
 
-    proven: bool
-    reasons: tuple[str, ...]
-    """Why it is not proven, in sentences; empty when it is."""
+    PROVEN: ClassVar[str] = "proven within tolerances"
+
     tolerances: Tolerances
     sample_us: float
     duration_us: float
@@ -165,20 +165,6 @@ class CaptureVerdict:
     pieces: tuple[CapturePiece, ...] = ()
     plan_error: PlanError | None = None
     """How far the schedule itself is from the planned motion."""
-    unseen: tuple[str, ...] = ()
-    """Those of the reasons that only say that not everything was seen."""
-
-    @property
-    def agrees(self) -> bool:
-        """Return whether nothing that was seen is wrong."""
-        return self.reasons == self.unseen
-
-    @property
-    def word(self) -> str:
-        """Return the verdict in a few words."""
-        if self.proven:
-            return "proven within tolerances"
-        return AGREES if self.agrees else "not proven"
 
     def but(self, reason: str) -> CaptureVerdict:
         """Return the same verdict, not proven because of `reason`, which comes first."""
