@@ -47,7 +47,7 @@ MAX_STATES = 20
 """States of one address and call path that are kept apart; then those with the same FSR are joined."""
 MAX_POINTERS = 80
 """Values of FSR that are kept apart then: a loop over all 68 bytes of RAM is followed turn by turn."""
-MAX_STEPS = 1_000_000
+MAX_STEPS = 500_000
 """Instructions that are executed before the analysis is given up."""
 IN_INTERRUPT = -1
 """Stands at the bottom of the return addresses for the one that an interrupt pushes."""
@@ -160,7 +160,7 @@ class Explorer:
     """Follows every path of a program; `explore` returns what they do."""
 
     def __init__(self, words: Mapping[int, int]) -> None:
-        self._words = {at: words.get(at, ERASED) for at in range(PROGRAM_WORDS)}
+        self._words = {at: in_memory(words.get(at, ERASED)) for at in range(PROGRAM_WORDS)}
         self._heads = self._find_heads()
         live = Program(self._words, ()).live
         self._dead = {
@@ -308,16 +308,12 @@ class Explorer:
             ]
         after = self._settled(after, inside=inside)
         if word.flow == "jump":
-            return [(self._target(after, word, at), stack, after)]
+            return [(word.k, stack, after)]
         if word.flow == "call":
             return self._call(at, stack, after, word)
         if word.flow == "return":
             return self._return(at, stack, after, word)
         return [((at + 1) % PROGRAM_WORDS, stack, after)]
-
-    def _target(self, state: State, word: Word, at: int) -> int:
-        # PCLATH<4:3> select a page that the chip does not have: 1024 words repeat (DS35007 section 2.1)
-        return word.k % PROGRAM_WORDS
 
     def _settled(self, state: State, *, inside: bool) -> State:
         if not inside and state.interruptible:
@@ -390,7 +386,7 @@ class Explorer:
     def _call(
         self, at: int, stack: tuple[int, ...], state: State, word: Word
     ) -> list[tuple[int, tuple[int, ...], State]]:
-        paths, target = self.paths, self._target(state, word, at)
+        paths, target = self.paths, word.k
         paths.called_from.setdefault(target, set()).add(at)
         if len(stack) >= STACK_LEVELS:
             paths.overflows.setdefault(at, stack)
@@ -466,6 +462,16 @@ class Explorer:
                 break
             found.append(following)
         return found
+
+
+def in_memory(number: int) -> int:
+    """Return a word whose jump or call leads into the 1024 words that the chip has; they repeat (DS35007
+    section 2.1).
+    """
+    found = decode(number)
+    if found is None or found.instruction.flow not in ("jump", "call"):
+        return number
+    return number & ~PROGRAM_WORDS
 
 
 def _is_retlw(row: Instruction) -> bool:

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
-from servogen.pic.analysis.paths import ERASED, Paths
+from servogen.pic.analysis.paths import ERASED, Paths, in_memory
 from servogen.pic.analysis.values import Value
 from servogen.pic.device import INTERRUPT_VECTOR, PROGRAM_WORDS, RAM_FIRST, RAM_LAST
 from servogen.pic.isa import decode
@@ -49,7 +49,7 @@ class Timing:
 
     def __init__(self, words: Mapping[int, int], paths: Paths) -> None:
         self._paths = paths
-        self._words = {at: words.get(at, ERASED) for at in sorted(paths.executed)}
+        self._words = {at: in_memory(words.get(at, ERASED)) for at in sorted(paths.executed)}
         changing = {place for place in paths.interrupt_changes if RAM_FIRST <= place <= RAM_LAST}
         self._program = Program(
             self._words,

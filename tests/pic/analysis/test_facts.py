@@ -1,11 +1,14 @@
 """Questions about a program by itself, on small programs whose answers were worked out by hand."""
 
+import random
+
 import pytest
 
 from servogen.errors import InputError
 from servogen.pic.analysis.facts import Answer, Facts, Status
 from servogen.pic.assembler import assemble
 from servogen.pic.image import Image
+from servogen.pic.isa import encode
 from tests.pic.analysis.programs import CLOCK, INTERRUPT, facts
 
 SET_UP = " clrf PORTB\n bsf STATUS, 5\n clrf PORTB\n bcf STATUS, 5\n"
@@ -288,3 +291,26 @@ def test_marks_are_labels_lines_and_addresses_and_a_wrong_one_is_named() -> None
         found.mark("0x400")
     with pytest.raises(InputError, match="need C or assembly"):
         Facts(Image({0: 0}), None, CLOCK).mark("here")
+
+
+def test_a_jump_beyond_the_1024_words_leads_into_them_for_they_repeat() -> None:
+    found = Facts(
+        Image({0: encode("GOTO", k=0x402), 1: 0x3400, 2: encode("CALL", k=0x404), 3: 0x2803, 4: 8}),
+        None,
+        CLOCK,
+    )
+    assert found.paths.executed == {0, 2, 3, 4}
+    assert dict(found.time("0x000", "0x003", interrupts=False).numbers)["most_cycles"] == 2 + 2 + 2
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_any_words_at_all_are_answered(seed: int) -> None:
+    rng = random.Random(seed)
+    flow = [0x2000, 0x2800, 0x0008, 0x3400, 0x0782, 0x0082, 0x0009]
+    words = {
+        at: rng.choice([*flow, rng.randrange(1 << 14)]) | rng.randrange(64)
+        for at in range(rng.choice([5, 60, 300]))
+    }
+    found = Facts(Image(words), None, CLOCK)
+    assert len(found.answers()) == 6
+    assert found.time("0x000", "0x003", interrupts=True).text
