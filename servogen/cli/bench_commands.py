@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,7 +13,6 @@ from servogen.cli.capture_command import capture
 from servogen.cli.files import read_image
 from servogen.cli.options import Json
 from servogen.cli.show import as_json, status, warn
-from servogen.errors import Diagnostic
 from servogen.programs import read_schedule
 
 if TYPE_CHECKING:
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
 
     from servogen.build import Planned
     from servogen.pic.image import Image
-    from servogen.pulse import PulseSchedule
 
 
 def register(app: typer.Typer) -> None:
@@ -53,31 +51,24 @@ def flash(
     json: Json = False,
 ) -> None:
     """Program a chip, after proving its pulses, and believe only what shows that it worked."""
-    import shlex
-
-    from servogen.bench.programmers.flash import command_of, objections, remarks
+    from servogen.bench.programmers.flash import command_of
     from servogen.bench.programmers.flash import flash as flashed
     from servogen.bench.programmers.table import Order, find
-    from servogen.errors import InputError, Location
-    from servogen.pic.device import device as device_named
+    from servogen.build.flashing import check, schedule_beside
 
     image = read_image(file)
-    path = against or _beside(file)
-    schedule = read_schedule(path) if path else None
-    chip, wrong_chip = _chip(file, device, schedule)
-    order = Order(file, device_named(chip), port)
+    path = against or schedule_beside(file)
+    checked = check(file, image, device, path, read_schedule(path) if path else None)
+    order = Order(file, checked.device, port)
     found = find(programmer)
-    command = shlex.join(command_of(found, order))
-    against_it = (*objections(image), *wrong_chip, *_unproven(image, path, schedule))
-    if against_it and not force:
-        raise InputError.of(replace(each, location=Location(str(file)), hint=FORCE) for each in against_it)
-    for each in (*against_it, *remarks(image, order.device)):
-        warn(replace(each, severity="warning", location=Location(str(file))))
+    command = command_of(found, order)
+    for each in checked.warnings(force):
+        warn(each)
     if dry_run:
         if json:
-            as_json({"command": list(command_of(found, order)), "programmer": found.programmer.name})
+            as_json({"command": list(command), "programmer": found.programmer.name})
         else:
-            print(command)
+            print(shlex.join(command))
         return
     with status(f"programming with {found.programmer.name}"):
         done = flashed(found, order, image, timeout)
@@ -91,50 +82,6 @@ def flash(
         as_json({"programmer": found.programmer.name, "words": image.words, "compared": list(done.compared)})
         return
     print(f"{file}: {image.words} words on the {order.device.name}, {how}")
-
-
-FORCE = "--force programs it all the same"
-
-
-def _beside(file: Path) -> Path | None:
-    """The schedule that a build left beside the image."""
-    path = file.parent / "schedule.json"
-    return path if path.exists() else None
-
-
-def _chip(
-    file: Path, asked: str | None, schedule: PulseSchedule | None
-) -> tuple[str, tuple[Diagnostic, ...]]:
-    """Return the device's name, and what speaks against it. Raises InputError where nothing names one."""
-    from servogen.errors import InputError, Location
-    from servogen.pic.device import device
-
-    built = schedule.device if schedule else None
-    if asked is None and built is None:
-        raise InputError(
-            "missing-option",
-            "nothing says which chip it is for",
-            Location(str(file)),
-            "add --device PIC16F84 or --device PIC16F84A; a schedule.json that servogen built names it",
-        )
-    if asked is None or built is None or device(asked) == device(built):
-        return asked or built or "", ()
-    text = f"it was built for a {device(built).name}, --device is {device(asked).name}"
-    return asked, (Diagnostic("error", "wrong-chip", text),)
-
-
-def _unproven(image: Image, path: Path | None, schedule: PulseSchedule | None) -> tuple[Diagnostic, ...]:
-    """Return why nothing shows that the image's pulses are the schedule's; empty where they are."""
-    from servogen.build import prove_image
-
-    if schedule is None:
-        text = "there is no schedule.json beside it: nothing shows what its pulses are (--against)"
-        return (Diagnostic("error", "not-proven", text),)
-    verdict = prove_image(schedule, image)
-    if verdict.proven:
-        return ()
-    text = f"its pulses are not proven to be those of {path}: {verdict.reasons[0]}"
-    return (Diagnostic("error", "not-proven", text),)
 
 
 def rig(

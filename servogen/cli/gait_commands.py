@@ -17,9 +17,7 @@ if TYPE_CHECKING:
     from servogen.kinematics.protocol import WalkingRobot
     from servogen.motion.gait.phases import Gait
     from servogen.motion.gait.walk import Walk
-    from servogen.motion.loads import Loads
     from servogen.report.gait_facts import GaitFacts
-    from servogen.robot.servo import ServoModel
 
 CLOCK_HZ = 4_000_000
 """A cycle of it is a microsecond, so that a frame's microseconds are its cycles."""
@@ -106,7 +104,7 @@ def gait(
     from servogen.motion.gait.steps import Segment
     from servogen.motion.gait.walk import walk
     from servogen.motion.limits import Limits
-    from servogen.motion.loads import loads_of
+    from servogen.motion.loads import loads_of, too_heavy
     from servogen.report.gait_facts import facts_of, walk_to_json
     from servogen.robot.servo_models import servo_model
     from servogen.units import Clock, Cycles
@@ -153,25 +151,10 @@ def gait(
         upright = made.full_height()
         warn_of_all(
             [
-                *_too_heavy(loads, walker.lifting_joint, model),
+                *too_heavy(loads, walker.lifting_joint, model),
                 *([Diagnostic("warning", "full-height", upright)] if upright else []),
             ]
         )
-
-
-def _too_heavy(loads: Loads | None, joint: str, model: ServoModel) -> list[Diagnostic]:
-    """Return a warning where standing asks the servo for more than its torque."""
-    if loads is None or loads.worst is None or model.torque_nm is None:
-        return []
-    leg, frame = loads.worst
-    asked = float(loads.torques[frame, leg])
-    if asked <= model.torque_nm:
-        return []
-    text = (
-        f"holding {loads.legs[leg]}_{joint} still asks for {asked:z.2f} N·m in frame {frame}, "
-        f"a {model.title} is rated {model.torque_nm:g} N·m; {loads.detail(leg, frame)}"
-    )
-    return [Diagnostic("warning", "too-heavy", text)]
 
 
 def _metres(millimetres: float | None) -> float | None:

@@ -10,10 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from servogen.errors import Diagnostic
 from servogen.kinematics.protocol import WalkingRobot
 from servogen.kinematics.statics import GRAVITY, foot_forces
 from servogen.motion.gait.walk import Walk
 from servogen.motion.trajectory import Floats
+from servogen.robot.servo import ServoModel
 
 SAME_DIGITS = 9
 """Digits of N·m to which torques are compared, so that every machine names the same frame."""
@@ -68,3 +70,18 @@ def loads_of(robot: WalkingRobot, walk: Walk) -> Loads | None:
         robot.torques(angles, forces),
         robot.torques(angles, np.where(walk.ground, weight / standing, 0.0)),
     )
+
+
+def too_heavy(loads: Loads | None, joint: str, model: ServoModel) -> list[Diagnostic]:
+    """Return a warning where standing asks the servo for more than its torque."""
+    if loads is None or loads.worst is None or model.torque_nm is None:
+        return []
+    leg, frame = loads.worst
+    asked = float(loads.torques[frame, leg])
+    if asked <= model.torque_nm:
+        return []
+    text = (
+        f"holding {loads.legs[leg]}_{joint} still asks for {asked:z.2f} N·m in frame {frame}, "
+        f"a {model.title} is rated {model.torque_nm:g} N·m; {loads.detail(leg, frame)}"
+    )
+    return [Diagnostic("warning", "too-heavy", text)]

@@ -1,0 +1,90 @@
+"""What speaks against programming an image: the wrong chip, pulses that nothing proves, the image itself.
+
+In: an image, the schedule it was built for, the device that is asked for. Out: a `Check`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from servogen.bench.programmers.flash import objections, remarks
+from servogen.build.proof import prove_image
+from servogen.errors import Diagnostic, InputError, Location
+from servogen.pic.device import Device
+from servogen.pic.device import device as device_named
+from servogen.pic.image import Image
+from servogen.pulse import PulseSchedule
+
+SCHEDULE = "schedule.json"
+"""The name under which a build writes the schedule beside its images."""
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """The device to program, what speaks against it, and what else its owner should know."""
+
+    device: Device
+    against: tuple[Diagnostic, ...]
+    remarks: tuple[Diagnostic, ...]
+
+    def warnings(self, force: bool) -> tuple[Diagnostic, ...]:
+        """Return what to warn of. Raises InputError if anything speaks against it, unless `force`."""
+        if self.against and not force:
+            raise InputError.of(
+                replace(each, hint="--force programs it all the same") for each in self.against
+            )
+        return (*(replace(each, severity="warning") for each in self.against), *self.remarks)
+
+
+def schedule_beside(file: Path) -> Path | None:
+    """Return the schedule that a build left beside an image; None if there is none."""
+    path = file.parent / SCHEDULE
+    return path if path.exists() else None
+
+
+def check(
+    file: Path, image: Image, asked: str | None, path: Path | None, schedule: PulseSchedule | None
+) -> Check:
+    """Return what speaks against programming `image`, which `file` holds and `schedule`, of the file `path`,
+    is for. Raises InputError if neither the schedule nor `asked` names the device.
+    """
+    name, wrong_chip = _device(file, asked, schedule)
+    device, place = device_named(name), Location(str(file))
+    against = (*objections(image), *wrong_chip, *_unproven(image, path, schedule))
+    return Check(
+        device,
+        tuple(replace(each, location=place) for each in against),
+        tuple(replace(each, location=place) for each in remarks(image, device)),
+    )
+
+
+def _device(
+    file: Path, asked: str | None, schedule: PulseSchedule | None
+) -> tuple[str, tuple[Diagnostic, ...]]:
+    """Return the device's name, and what speaks against it."""
+    built = schedule.device if schedule else None
+    name = asked or built
+    if name is None:
+        raise InputError(
+            "missing-option",
+            "nothing says which chip it is for",
+            Location(str(file)),
+            "add --device PIC16F84 or --device PIC16F84A; a schedule.json that servogen built names it",
+        )
+    if built is None or device_named(name) == device_named(built):
+        return name, ()
+    text = f"it was built for a {device_named(built).name}, --device is {device_named(name).name}"
+    return name, (Diagnostic("error", "wrong-chip", text),)
+
+
+def _unproven(image: Image, path: Path | None, schedule: PulseSchedule | None) -> tuple[Diagnostic, ...]:
+    """Return why nothing shows that the image's pulses are the schedule's; empty if they are."""
+    if schedule is None:
+        text = "there is no schedule.json beside it: nothing shows what its pulses are (--against)"
+        return (Diagnostic("error", "not-proven", text),)
+    verdict = prove_image(schedule, image)
+    if verdict.proven:
+        return ()
+    text = f"its pulses are not proven to be those of {path}: {verdict.reasons[0]}"
+    return (Diagnostic("error", "not-proven", text),)
