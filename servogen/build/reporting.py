@@ -15,6 +15,7 @@ from servogen.build.proof import motion_cycles, prove_file, running
 from servogen.build.proof_of_capture import prove_capture
 from servogen.edges import EdgeTrace
 from servogen.engines.firmware import ResourceError
+from servogen.errors import Diagnostic
 from servogen.job import PlannedJob
 from servogen.plan_error import PlanError
 from servogen.pulse import PulsePlan, PulseSchedule, plan
@@ -32,7 +33,7 @@ class Page:
 
     html: str
     programs_proven: bool
-    message: str
+    not_built: Diagnostic | None
     plan_error: PlanError | None = None
     capture: CaptureVerdict | None = None
 
@@ -46,7 +47,6 @@ class Page:
         return {
             "proven": self.proven,
             "plan_error": self.plan_error.to_json() if self.plan_error else None,
-            "not_built": self.message,
             **({} if self.capture is None else {"capture": self.capture.to_json()}),
         }
 
@@ -67,11 +67,11 @@ def page_of(
             job, planned, (*job.warnings, *planned.warnings), capture=beside, not_built=error.message
         )
         seen = beside.verdict if beside else None
-        return Page(html_page(facts), False, error.message, planned.schedule.plan_error, seen)
+        return Page(html_page(facts), False, error.first, planned.schedule.plan_error, seen)
     progress("writing the page")
     beside = capture_facts(done.plan.schedule, capture, rate) if capture else None
     seen = beside.verdict if beside else None
-    return Page(html_page(_facts(done, beside)), done.proven, "", done.plan.schedule.plan_error, seen)
+    return Page(html_page(_facts(done, beside)), done.proven, None, done.plan.schedule.plan_error, seen)
 
 
 def _facts(done: Build, capture: CaptureFacts | None) -> PageFacts:

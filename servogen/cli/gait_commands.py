@@ -144,17 +144,16 @@ def gait(
             "raise the body, or take legs with a longer foot part",
         )
     _write(walker, rhythm, made, facts, picture, csv, animate)
+    upright = made.full_height()
+    warnings = [
+        *too_heavy(loads, walker.lifting_joint, model),
+        *([Diagnostic("warning", "full-height", upright)] if upright else []),
+    ]
     if json:
-        as_json(walk_to_json(walker, rhythm, made, facts, loads))
+        as_json(walk_to_json(walker, rhythm, made, facts, loads), warnings)
     else:
         show_walk(walker, rhythm, made, facts)
-        upright = made.full_height()
-        warn_of_all(
-            [
-                *too_heavy(loads, walker.lifting_joint, model),
-                *([Diagnostic("warning", "full-height", upright)] if upright else []),
-            ]
-        )
+        warn_of_all(warnings)
 
 
 def _metres(millimetres: float | None) -> float | None:

@@ -46,9 +46,9 @@ def report(
         page = page_of(loaded, capture, lambda step: tell(f"{loaded.name}: {step}"), rate)
     write_text(target, page.html)
     if json:
-        as_json({"file": str(target), **page.to_json()})
-    elif page.message:
-        print(page.message)
+        as_json({"file": str(target), **page.to_json()}, [page.not_built] if page.not_built else [])
+    elif page.not_built:
+        print(page.not_built.message)
         print(f"{target}: the plan; {plan_words(page.plan_error)}")
     else:
         said = "proven" if page.programs_proven else "NOT PROVEN"
@@ -58,4 +58,4 @@ def report(
         print(f"{capture}: {capture_lines(page.capture)[0]}")
     found = page.capture
     right = found is None or found.accepted(partial)
-    raise typer.Exit(0 if right and (page.programs_proven or page.message) else 1)
+    raise typer.Exit(0 if right and (page.programs_proven or page.not_built) else 1)

@@ -94,7 +94,7 @@ def verify(
             trace = read_edges(file, schedule.clock)
             verdict = prove_file(schedule, trace, file.suffix.lower() == ".vcd", span)
     if json:
-        as_json(verdict.to_json())
+        as_json(verdict.to_json(), verdict.warnings)
     else:
         print("\n".join(verdict_lines(verdict)))
     raise typer.Exit(0 if verdict.accepted(partial) else 1)
@@ -116,7 +116,7 @@ def _verify_forever(
     with status("looking for a repeat of the chip's state"):
         found = prove_forever(schedule, program.image, limit, program.listing, board)
     if json:
-        as_json(found.to_json())
+        as_json(found.to_json(), found.verdict.warnings)
     else:
         print(found.text())
         print("\n".join(verdict_lines(found.verdict)))

@@ -114,6 +114,7 @@ class Bench:
         assert process.stdout is not None
         self.process = process
         self.paths: dict[str, str] = json.loads(process.stdout.readline())
+        assert self.paths.pop("diagnostics") == []
 
 
 @contextmanager

@@ -210,7 +210,7 @@ def test_plan_shows_centre_slip_and_correction_and_warns_of_the_full_height(tmp_
         file = tmp_path / f"at-{height}.toml"
         file.write_text(text.replace("body_height_mm = 130", f"body_height_mm = {height}"))
         planned = plan_job(load(file))
-        notes[height] = [note.text for note in planned.notes], [each.code for each in planned.warnings]
+        notes[height] = [note.message for note in planned.notes], [each.code for each in planned.warnings]
     assert "way 2: the body turns about (0.0, 0.0) mm in its own frame" in notes[130][0]
     assert "the legs' springs give up to 1.05 mm" in notes[130][0]
     assert any("slip up to" in note for note in notes[130][0])
