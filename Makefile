@@ -10,13 +10,14 @@ BIN    := $(VENV)/bin
 JOBS   := $(wildcard jobs/*.toml)
 READY  := $(VENV)/.installed
 
-.PHONY: demo test check bench firmware constraints flash clean help
+.PHONY: demo test check prove bench firmware constraints flash clean help
 
 help:
 	@echo "make demo      install into $(VENV), build and prove every job under jobs/, print one table"
 	@echo "make test      the tests"
 	@echo "make check     format, lint, types and the tests, which also make firmware/ anew"
 	@echo "make firmware  make firmware/ anew, or one job of it: JOBS=jobs/lab8-exercise.toml"
+	@echo "make prove     prove the programs of firmware/ for all inputs, and check each certificate: JOBS=jobs/…"
 	@echo "make bench     measure speeds and print ratios"
 	@echo "make constraints  write constraints.txt: the newest versions that pyproject.toml allows; then make check"
 	@echo "make flash     build JOB=lab8-exercise, prove it and program a chip: [PROGRAMMER=picpro] [PORT=/dev/ttyUSB0]"
@@ -44,6 +45,9 @@ check: $(READY)
 firmware: $(READY)
 	$(BIN)/servogen demo $(JOBS) --output firmware
 	$(BIN)/python tools/firmware_checksums.py firmware $(basename $(notdir $(JOBS)))
+
+prove: $(READY)
+	$(BIN)/python tools/prove_firmware.py firmware build/certificates $(basename $(notdir $(JOBS)))
 
 # A fresh environment outside $(VENV), so that nothing of an earlier one is written down.
 constraints: CONSTRAINTS =

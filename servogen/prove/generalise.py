@@ -26,9 +26,10 @@ from servogen.simulator.abstract import (
 if TYPE_CHECKING:
     from servogen.prove.explore import Decision, Node
 
-REGISTERS = ("W", "FLAGS", "FSR", "EEDATA", "EEADR", "TIMER", "PRESCALER")
+REGISTERS = ("W", "FLAGS", "FSR", "EEDATA", "EEADR", "TIMER", "PRESCALER", "PIN_FLAGS")
 """What is general beside the RAM, unless it is kept."""
 PHASE = "PHASE"
+INTE, RBIE, INTF, RBIF = 0x10, 0x08, 0x02, 0x01
 T0IE, T0IF, T0CS, PSA, PS = 0x20, 0x04, 0x20, 0x08, 0x07
 FLAGS = 0x07
 PATIENCE = 5
@@ -111,6 +112,9 @@ class Generaliser:
                 put(**{name: 0, f"{name}_UNKNOWN": 0xFF})
         if "FLAGS" in guess.registers:
             put(STATUS=get("STATUS") & ~FLAGS, STATUS_UNKNOWN=get("STATUS_UNKNOWN") | FLAGS)
+        if "PIN_FLAGS" in guess.registers:
+            flags = (0 if get("INTCON") & INTE else INTF) | (0 if get("INTCON") & RBIE else RBIF)
+            put(INTCON=get("INTCON") & ~flags, INTCON_UNKNOWN=get("INTCON_UNKNOWN") | flags)
         quiet = not get("INTCON") & T0IE
         if "TIMER" in guess.registers and quiet and get("T0_UNKNOWN") == 0xFF:
             put(INTCON=get("INTCON") & ~T0IF, INTCON_UNKNOWN=get("INTCON_UNKNOWN") | T0IF)
@@ -189,6 +193,9 @@ class Generaliser:
                 rest[FIELD["T0_UNKNOWN"]] = 0
             elif what == "FLAGS":
                 for name in ("STATUS", "STATUS_UNKNOWN"):
+                    rest[FIELD[name]] = raw_rest[FIELD[name]]
+            elif what == "PIN_FLAGS":
+                for name in ("INTCON", "INTCON_UNKNOWN"):
                     rest[FIELD[name]] = raw_rest[FIELD[name]]
             elif what not in ("TIMER", "PRESCALER"):
                 for name in (what, f"{what}_UNKNOWN"):
