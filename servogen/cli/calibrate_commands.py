@@ -6,7 +6,6 @@ import math
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -69,12 +68,13 @@ def calibrate(
     json: Json = False,
 ) -> None:
     """Move one servo through its pulses, fit a line to the angles that you see, and write its calibration."""
+    from servogen.drive.sweep import refusals, servo_index
     from servogen.errors import InputError
     from servogen.job import load
     from servogen.robot.calibration import calibration_text, fit, read_csv, write_calibration
 
     loaded = load(job)
-    index = _index(loaded, servo)
+    index = servo_index(loaded, servo)
     chosen = loaded.servos[index]
     target = output or job.parent / f"{chosen.name}.calibration.toml"
     if readings is not None:
@@ -90,24 +90,10 @@ def calibrate(
         from servogen.report.calibration_plot import calibration_plot
 
         calibration_plot(made, chosen, plot)
-    refused = _refused(loaded, chosen.name, target)
+    refused = refusals(loaded, chosen.name, target)
     _show(job, chosen, made, (target, kept), refused, json)
     if refused:
         raise typer.Exit(1)
-
-
-def _index(job: Job, name: str | None) -> int:
-    from servogen.errors import InputError, Location, did_you_mean
-
-    names = [servo.name for servo in job.servos]
-    if name is None and len(names) == 1:
-        return 0
-    if name not in names:
-        said = "which servo is not said" if name is None else f"there is no servo '{name}'"
-        raise InputError(
-            "missing-option", said, Location(job.file), f"--servo: {did_you_mean(name or '', names)}"
-        )
-    return names.index(name)
 
 
 def _taken(
@@ -170,18 +156,6 @@ def _asking(channel: Channel, count: int) -> Ask:
                 print(f"{error.message}; '{QUIT}' ends the calibration", file=sys.stderr)
 
     return ask
-
-
-def _refused(job: Job, servo: str, target: Path) -> tuple[Diagnostic, ...]:
-    """Return why the job cannot do its motion with the new calibration, as warnings."""
-    from servogen.errors import InputError
-    from servogen.job import calibrated, plan_job
-
-    try:
-        plan_job(calibrated(job, servo, str(target.resolve())))
-    except InputError as error:
-        return tuple(replace(each, severity="warning") for each in error.diagnostics)
-    return ()
 
 
 def _show(

@@ -7,12 +7,14 @@ to each in small steps and settles there, and the readings of a calibration.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 from servogen.drive.controller import Channel, ServoController
 from servogen.drive.serial_link import SerialLink, Time
 from servogen.engines.stream.protocol import MAX_VALUE
-from servogen.errors import InputError
+from servogen.errors import Diagnostic, InputError, Location, did_you_mean
+from servogen.job import Job, calibrated, plan_job
 from servogen.robot.calibration import Reading
 
 MIN_POINTS = 3
@@ -128,3 +130,25 @@ def _steps(start: int, end: int, step: int) -> Iterator[int]:
     sign = 1 if end > start else -1
     yield from range(start + sign * step, end, sign * step)
     yield end
+
+
+def servo_index(job: Job, name: str | None) -> int:
+    """Return the index of a job's servo; its only one needs no name. Raises InputError."""
+    names = [servo.name for servo in job.servos]
+    if name is None and len(names) == 1:
+        return 0
+    if name not in names:
+        wrong = "it is not said which servo" if name is None else f"there is no servo '{name}'"
+        raise InputError(
+            "missing-option", wrong, Location(job.file), f"--servo: {did_you_mean(name or '', names)}"
+        )
+    return names.index(name)
+
+
+def refusals(job: Job, servo: str, file: Path) -> tuple[Diagnostic, ...]:
+    """Return why the job cannot do its motion with a servo's calibration from `file`, as warnings."""
+    try:
+        plan_job(calibrated(job, servo, str(file.resolve())))
+    except InputError as error:
+        return tuple(replace(each, severity="warning") for each in error.diagnostics)
+    return ()

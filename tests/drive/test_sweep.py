@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from servogen.drive.controller import Channel
-from servogen.drive.sweep import positions
+from servogen.drive.sweep import positions, refusals, servo_index
 from servogen.errors import InputError
 from servogen.job import load
+from servogen.robot.calibration import Reading, calibration_text, fit, write_calibration
 from tests.bench.conftest import ROOT
 
 
@@ -81,3 +83,25 @@ def test_a_width_exactly_the_slack_beyond_an_end_still_counts(channel: Channel) 
 def test_a_range_exactly_the_slack_beyond_the_limits_is_allowed(channel: Channel) -> None:
     low, high = channel.servo.widths_us
     assert len(positions(channel, low - channel.slack_us, high + channel.slack_us, 3)) == 3
+
+
+def test_the_only_servo_of_a_job_needs_no_name() -> None:
+    one, three = (load(ROOT / "jobs" / f"{name}.toml") for name in ("lab8-exercise", "omni-square"))
+    assert servo_index(one, None) == servo_index(one, "arm") == 0
+    assert servo_index(three, "wheel3") == 2
+    for name in (None, "wheel4"):
+        with pytest.raises(InputError) as error:
+            servo_index(three, name)
+        assert "wheel" in (error.value.diagnostics[0].hint or "")
+
+
+def test_a_calibration_with_which_the_motion_is_impossible_is_refused(tmp_path: Path) -> None:
+    """1500 µs at 0° and 8 µs per degree: 120° would need 2460 µs, more than the servo accepts."""
+    file = tmp_path / "arm.calibration.toml"
+    readings = tuple(Reading(1500 + 8 * angle, math.radians(angle)) for angle in (0, 30, 60))
+    job = load(ROOT / "jobs" / "lab8-exercise.toml")
+    write_calibration(file, calibration_text(fit(readings, math.radians(5), False), job.servos[0]))
+    assert {each.severity for each in refusals(job, "arm", file)} == {"warning"}
+    readings = tuple(Reading(1000 + 5.6 * angle, math.radians(angle)) for angle in (0, 90, 180))
+    write_calibration(file, calibration_text(fit(readings, math.radians(5), False), job.servos[0]))
+    assert refusals(job, "arm", file) == ()
