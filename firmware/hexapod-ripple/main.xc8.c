@@ -2,18 +2,18 @@
  * hexapod-ripple: servo pulses for the PIC16F84 at 4 MHz (XC8).
  * Generated from the job by servogen: change the job, not this file.
  *
- * RB0  L1-turn: 1450 to 1546 us
- * RB1  L1-lift: 1497 to 1648 us
- * RB2  L2-turn: 1450 to 1546 us
- * RB3  L2-lift: 1496 to 1649 us
- * RB4  L3-turn: 1449 to 1546 us
- * RB5  L3-lift: 1494 to 1649 us
- * RB6  R1-turn: 1454 to 1552 us
- * RB7  R1-lift: 1352 to 1504 us
- * RA0  R2-turn: 1454 to 1551 us
- * RA1  R2-lift: 1352 to 1503 us
- * RA2  R3-turn: 1452 to 1546 us
- * RA3  R3-lift: 1352 to 1504 us
+ * RB0  L1-turn: 1454 to 1545 us
+ * RB2  L2-turn: 1454 to 1545 us
+ * RB4  L3-turn: 1454 to 1545 us
+ * RB6  R1-turn: 1454 to 1545 us
+ * RA0  R2-turn: 1454 to 1545 us
+ * RA2  R3-turn: 1454 to 1545 us
+ * RB1  L1-lift: 1500 to 1632 us
+ * RB3  L2-lift: 1500 to 1632 us
+ * RB5  L3-lift: 1500 to 1632 us
+ * RB7  R1-lift: 1367 to 1500 us
+ * RA1  R2-lift: 1367 to 1500 us
+ * RA3  R3-lift: 1367 to 1500 us
  *
  * A frame takes 20000 us: 7 slots, each begun by TMR0, which counts 32 us and is never
  * written. The C between the slots may take any time that ends before the next one begins.
@@ -23,28 +23,27 @@
 #pragma config FOSC = XT, WDTE = OFF, PWRTE = ON, CP = OFF
 #define _XTAL_FREQ 4000000
 
-/* Slots: the pins of one port that rise together, the port's address, ticks from the slot before. */
-const unsigned char SLOT_A[] = { 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00 };
-const unsigned char SLOT_B[] = { 0x02, 0x08, 0x20, 0x80, 0x02, 0x08, 0x00 };
-const unsigned char SLOT_PORT[] = { 0x06, 0x06, 0x06, 0x06, 0x05, 0x05, 0x06 };
-const unsigned char SLOT_TICKS[] = { 156, 73, 73, 73, 70, 70, 110 };
-const unsigned char SLOT_CHANNEL[] = { 0, 2, 4, 6, 8, 10, 0 };
+/* Poses, 6 bytes each, in steps of 1 us from each channel's base width. */
+const unsigned char ROW[] = { 2, 2, 2, 137, 137, 137, 136, 136, 136, 3, 3, 3, 48, 48, 48, 48, 48, 48, 57, 57, 46, 39, 39, 39, 65, 65, 44, 52, 31, 31, 74, 42, 52, 65, 22, 22, 82, 18, 61, 57, 14, 56, 44, 27, 69, 48, 6, 90, 6, 48, 90, 27, 48, 69, 27, 69, 48, 6, 90, 48, 48, 90, 6, 48, 69, 27, 69, 48, 27, 90, 48, 6, 90, 6, 48, 69, 27, 48, 48, 27, 69, 48, 6, 90 };
 
-/* Parts of the motion: frames (0 is 256), repeats, time of a frame in 256ths of a keyframe, keyframes that go round, row. */
-const unsigned char PART_FRAMES[] = { 50, 80, 48 };
-const unsigned char PART_REPEATS[] = { 1, 1, 1 };
-const unsigned char PART_SPEED[] = { 1, 32, 128 };
-const unsigned char PART_WRAP[] = { 1, 255, 24 };
-const unsigned char PART_ROW[] = { 0, 12, 24 };
+/* Steps from pose to pose, each to the next row: the legs that it lifts, and in bits 0 and 1 its timing.
+ * 254 before that: to the row at the next byte. 255: so many bytes back, until that was played so often. */
+const unsigned char SCRIPT[] = { 254, 12, 0, 254, 12, 0, 17, 33, 9, 129, 5, 65, 254, 54, 17, 33, 9, 129, 5, 254, 48, 65 };
 
-/* Rows, for each channel: its first keyframe, and 2 * keyframes ahead + 1 where mirrored. */
-const unsigned char TRACK[] = { 4, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4, 173, 134, 151, 103, 184, 113, 81, 71, 162, 142, 92, 123, 0, 24, 0, 24, 0, 24, 0, 24, 0, 24, 47, 24 };
-const unsigned char AHEAD[] = { 1, 0, 1, 0, 1, 0, 0, 1, 0, 1, 1, 1, 1, 0, 1, 0, 1, 0, 0, 1, 0, 1, 1, 1, 1, 0, 17, 16, 33, 32, 24, 25, 40, 41, 1, 9 };
-
-/* Keyframes, in steps of 1 us from each channel's base width. */
-const unsigned char KEYFRAME[] = { 4, 0, 6, 23, 46, 69, 86, 92, 88, 83, 78, 73, 67, 62, 57, 51, 46, 41, 35, 30, 25, 19, 14, 9, 44, 70, 122, 165, 182, 165, 122, 70, 44, 46, 46, 46, 46, 46, 46, 46, 46, 46, 46, 46, 46, 46, 46, 46, 23, 6, 0, 4, 9, 14, 19, 25, 30, 35, 41, 46, 51, 57, 62, 67, 73, 78, 83, 88, 92, 86, 69, 48, 42, 194, 42, 47, 46, 47, 42, 194, 42, 48, 41, 61, 77, 61, 46, 30, 0, 47, 98, 64, 46, 48, 51, 67, 32, 0, 26, 46, 66, 94, 58, 46, 47, 42, 194, 42, 47, 46, 47, 42, 195, 40, 195, 42, 47, 46, 47, 42, 194, 42, 47, 46, 46, 47, 43, 194, 42, 47, 46, 47, 43, 192, 46, 46, 46, 47, 43, 194, 43, 47, 46, 46, 46, 46, 47, 43, 194, 43, 47, 46, 46, 35, 62, 85, 64, 46, 27, 0, 44, 104, 46, 45, 40, 30, 21, 0, 47, 97, 65, 47, 24, 46, 45, 39, 33, 11, 55, 96, 66, 47, 24, 4, 43, 59, 69, 58, 46, 33, 3, 50, 97, 65, 47 };
-const unsigned char BASE_LOW[] = { 10, 174, 10, 174, 10, 174, 174, 10, 174, 10, 10, 10 };
-const unsigned char BASE_HIGH[] = { 6, 5, 6, 5, 6, 5, 5, 6, 5, 6, 6, 6 };
+/* All else that is constant, in one table. */
+#define BASE_LOW 0   /* the channels' base widths */
+#define BASE_HIGH 12
+#define SLOT_A 24   /* the pins that rise together in a slot */
+#define SLOT_B 31
+#define SLOT_PORT 38   /* its port's address */
+#define SLOT_TICKS 45   /* ticks from the slot before */
+#define SLOT_CHANNEL 52   /* the channel of pin A */
+#define SLOT_OTHER 59   /* and of pin B */
+#define FRAMES 66   /* of a step; 0 is 256 */
+#define SPEED_LOW 68   /* 65536ths of a step in a frame */
+#define SPEED_HIGH 70
+#define LAW 72   /* weights at each sixteenth of a step */
+const unsigned char CONSTANT[] = { 172, 172, 172, 172, 172, 172, 218, 218, 218, 83, 83, 83, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 0x02, 0x08, 0x20, 0x80, 0x02, 0x08, 0x00, 0x06, 0x06, 0x06, 0x06, 0x05, 0x05, 0x06, 156, 72, 72, 72, 70, 70, 113, 0, 1, 2, 3, 4, 5, 0, 6, 7, 8, 9, 10, 11, 0, 50, 8, 31, 0, 5, 32, 128, 132, 136, 138, 138, 137, 134, 129, 121, 111, 100, 86, 71, 55, 37, 19, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255 };
 
 unsigned char width_low[12], width_high[12];
 
@@ -52,33 +51,61 @@ unsigned char width_low[12], width_high[12];
 unsigned char pulse_a_lo, pulse_a_hi, pulse_b_lo, pulse_b_hi, mask_a, mask_b, both, port;
 unsigned char target, ahead, overrun, stay, fine, apart, count;
 
-/* Where the motion is. */
-unsigned char part, repeats, frames, segment, time;
-unsigned char channel, key, next, value, value_low, value_high, bits, trim;
+/* Where the motion is: in the script, in the step, and its two poses. */
+unsigned char place, repeats, timing, frames, time, time_low, row, next_row;
+unsigned char lifted, next_lifted;
 
-/* The interpolation leaves a channel's way from its base in value_high, value: cycles. */
-void between(void)
+/* The arithmetic's. */
+unsigned char channel, key, next, weight, value, value_low, value_high, bits, sign;
+
+/* Between two frames what the kernel needs in its slots holds weights. */
+#define swing_up pulse_a_lo
+#define swing_down pulse_a_hi
+#define lift_up pulse_b_lo
+#define lift_down pulse_b_hi
+
+void blend(void)
 {
-    // The value between two keyframes: eight times (value + the keyframe that the time's next bit chooses) / 2.
-    // In: _key, _next, _time. Out: _value, whole, and _value_low, the fraction. _time is kept.
-    asm("    movf    _time, W");
-    asm("    movwf   _bits");
+    // key * 256 + (next - key) * weight, the product twice where bit 1 of _sign is set: 16 bits.
+    // In: _key, _next, _weight, _sign (bit 0 clear). Out: _value, whole, and _value_low, the fraction.
     asm("    movf    _key, W");
-    asm("    movwf   _value");
-    asm("    clrf    _value_low");
+    asm("    subwf   _next, W");
+    asm("    btfsc   STATUS, 0");
+    asm("    goto    pl_rising");
+    asm("    sublw   0");   // key - next
+    asm("    bsf     _sign, 0");
+    asm("pl_rising:");
+    asm("    movwf   _value_high");
+    asm("    movf    _weight, W");
+    asm("    movwf   _value_low");
+    asm("    clrf    _value");
     asm("    movlw   8");
     asm("    movwf   _count");
+    asm("    movf    _value_high, W");
+    asm("    rrf     _value_low, F");
     asm("pl_between:");
-    asm("    rrf     _bits, F");
-    asm("    movf    _key, W");
     asm("    btfsc   STATUS, 0");
-    asm("    movf    _next, W");
     asm("    addwf   _value, F");
     asm("    rrf     _value, F");
     asm("    rrf     _value_low, F");
     asm("    decfsz  _count, F");
     asm("    goto    pl_between");
-    asm("    clrf    _value_high");
+    asm("    bcf     STATUS, 0");
+    asm("    btfss   _sign, 1");
+    asm("    goto    pl_once");
+    asm("    rlf     _value_low, F");
+    asm("    rlf     _value, F");
+    asm("pl_once:");
+    asm("    btfss   _sign, 0");
+    asm("    goto    pl_sum");
+    asm("    comf    _value, F");
+    asm("    comf    _value_low, F");
+    asm("    incf    _value_low, F");
+    asm("    btfsc   STATUS, 2");
+    asm("    incf    _value, F");
+    asm("pl_sum:");
+    asm("    movf    _key, W");
+    asm("    addwf   _value, F");
 }
 
 void read_trim(void)
@@ -90,7 +117,7 @@ void read_trim(void)
     asm("    bsf     0x08, 0");   // EECON1, RD
     asm("    bcf     STATUS, 5");
     asm("    movf    EEDATA, W");
-    asm("    movwf   _trim");
+    asm("    movwf   _value");
 }
 
 /* One slot, to the cycle. */
@@ -348,81 +375,147 @@ void pulses(void)
     asm("    subwf   _target, F");   // where the lock began
 }
 
-/* The widths of this frame. */
-void make_widths(void)
+/* The weight of the time `bits` by the law at CONSTANT[next], in value. */
+void weigh(void)
 {
-    unsigned char at, mode, row, wrap;
+    next += bits >> 4;
+    key = CONSTANT[next];
+    next++;
+    next = CONSTANT[next];
+    weight = bits << 4;
+    sign = 0;
+    blend();
+}
 
-    wrap = PART_WRAP[part];
-    row = PART_ROW[part];
-    for (channel = 0; channel < 12; channel++) {
-        mode = AHEAD[row];
-        at = segment + (mode >> 1);
-        if (at >= wrap)
-            at -= wrap;
-        key = KEYFRAME[TRACK[row] + at];
-        at++;
-        if (at == wrap)
-            at = 0;
-        next = KEYFRAME[TRACK[row] + at];
-        row++;
-        between();
-        at = BASE_LOW[channel];
-        key = BASE_HIGH[channel];
-        if (mode & 1) {
-            if (at < value)
-                key--;
-            at -= value;
-            key -= value_high;
-        } else {
-            at += value;
-            if (at < value)
-                key++;
-            key += value_high;
-        }
-        read_trim();
-        if (trim != 0xFF) {
-            at += trim;
-            if (at < trim)
-                key++;
-            if (trim & 0x80)
-                key--;
-        }
-        width_low[channel] = at;
-        width_high[channel] = key;
+/* The width of a channel, in key and next, by a weight between two bytes of poses, at key and next in ROW. */
+void make_width(void)
+{
+    key = ROW[key];
+    next = ROW[next];
+    blend();
+    asm("    clrf    _value_high");
+    next = CONSTANT[BASE_LOW + channel];
+    key = CONSTANT[BASE_HIGH + channel];
+    next += value;
+    if (next < value)
+        key++;
+    key += value_high;
+    read_trim();
+    if (value != 0xFF) {
+        next += value;
+        if (next < value)
+            key++;
+        if (value & 0x80)
+            key--;
     }
 }
 
-void begin_part(void)
+/* The widths of this frame. */
+void make_widths(void)
 {
-    frames = PART_FRAMES[part];
-    segment = 0;
-    time = 0;
+    unsigned char leg, at;
+
+    bits = time;
+    next = 72;
+    weigh();
+    swing_up = value;
+    next = 89;
+    weigh();
+    lift_up = value;
+    bits = ~time;
+    next = 72;
+    weigh();
+    swing_down = value;
+    next = 89;
+    weigh();
+    lift_down = value;
+    leg = 4;
+    for (channel = 0; channel < 6; channel++) {
+        sign = 0;
+        key = row + channel;
+        next = next_row + channel;
+        weight = time;
+        if (next_lifted & leg) {
+            at = key;
+            key = next;
+            next = at;
+            weight = swing_up;
+            sign = 2;
+        } else if (lifted & leg) {
+            weight = swing_down;
+            sign = 2;
+        }
+        make_width();
+        width_low[channel] = next;
+        width_high[channel] = key;
+        leg <<= 1;
+    }
+    leg = 4;
+    for (channel = 6; channel < 12; channel++) {
+        sign = 0;
+        key = channel + 250;
+        next = channel + 0;
+        weight = 0;
+        if (next_lifted & leg)
+            weight = lift_up;
+        else if (lifted & leg)
+            weight = lift_down;
+        make_width();
+        width_low[channel] = next;
+        width_high[channel] = key;
+        leg <<= 1;
+    }
 }
 
-/* To the first part. */
+/* The script's byte at its place, in timing. */
+void read_script(void)
+{
+    if (place == 22)
+        place = 12;
+    timing = SCRIPT[place];
+    place++;
+}
+
+/* On to the next step of the script. */
+void next_step(void)
+{
+    row = next_row;
+    lifted = next_lifted;
+    read_script();
+    next_row += 6;
+    if (timing == 254) {
+        read_script();
+        next_row = timing;
+        read_script();
+    }
+    next_lifted = timing;
+    timing &= 3;
+    frames = CONSTANT[FRAMES + timing];
+    time = 0;
+    time_low = 128;
+}
+
+/* To the first step. */
 void rewind(void)
 {
-    part = 0;
-    repeats = PART_REPEATS[0];
-    begin_part();
+    place = 0;
+    next_step();
+    next_step();
 }
 
 /* On to the next frame. */
 void step(void)
 {
-    time += PART_SPEED[part];
-    if (time == 0)
-        segment++;
-    if (--frames != 0)
-        return;
-    if (--repeats == 0) {
-        part++;
-        if (part == 3)
-            part = 2;
-        repeats = PART_REPEATS[part];
-    }
-    begin_part();
+    unsigned char more;
+
+    more = CONSTANT[SPEED_LOW + timing];
+    time_low += more;
+    if (time_low < more)
+        time++;
+    time += CONSTANT[SPEED_HIGH + timing];
+    frames--;
+    if (frames == 0)
+        next_step();
 }
 
 /* All slots of a frame. */
@@ -431,17 +524,16 @@ void play(void)
     unsigned char slot, at;
 
     for (slot = 0; slot < 7; slot++) {
-        at = SLOT_CHANNEL[slot];
-        mask_a = SLOT_A[slot];
-        mask_b = SLOT_B[slot];
-        port = SLOT_PORT[slot];
-        ahead = SLOT_TICKS[slot];
+        at = CONSTANT[SLOT_CHANNEL + slot];
+        mask_a = CONSTANT[SLOT_A + slot];
+        mask_b = CONSTANT[SLOT_B + slot];
+        port = CONSTANT[SLOT_PORT + slot];
+        ahead = CONSTANT[SLOT_TICKS + slot];
         target += ahead;
         both = mask_a | mask_b;
         pulse_a_lo = width_low[at];
         pulse_a_hi = width_high[at];
-        if (mask_b != 0)
-            at++;
+        at = CONSTANT[SLOT_OTHER + slot];
         pulse_b_lo = width_low[at];
         pulse_b_hi = width_high[at];
         pulses();

@@ -2,46 +2,45 @@
  * hexapod-tripod: servo pulses for the PIC16F84 at 4 MHz (C2C).
  * Generated from the job by servogen: change the job, not this file.
  *
- * RB0  L1-turn: 1460 to 1540 us
- * RB1  L1-lift: 1499 to 1635 us
+ * RB0  L1-turn: 1462 to 1538 us
  * RB2  L2-turn: 1462 to 1538 us
- * RB3  L2-lift: 1499 to 1635 us
- * RB4  L3-turn: 1460 to 1540 us
- * RB5  L3-lift: 1499 to 1635 us
+ * RB4  L3-turn: 1462 to 1538 us
  * RB6  R1-turn: 1462 to 1538 us
- * RB7  R1-lift: 1365 to 1501 us
- * RA0  R2-turn: 1460 to 1540 us
- * RA1  R2-lift: 1365 to 1501 us
+ * RA0  R2-turn: 1462 to 1538 us
  * RA2  R3-turn: 1462 to 1538 us
- * RA3  R3-lift: 1365 to 1501 us
+ * RB1  L1-lift: 1500 to 1632 us
+ * RB3  L2-lift: 1500 to 1632 us
+ * RB5  L3-lift: 1500 to 1632 us
+ * RB7  R1-lift: 1367 to 1500 us
+ * RA1  R2-lift: 1367 to 1500 us
+ * RA3  R3-lift: 1367 to 1500 us
  *
  * A frame takes 20000 us: 7 slots, each begun by TMR0, which counts 32 us and is never
  * written. The C between the slots may take any time that ends before the next one begins.
  */
 #pragma CLOCK_FREQ 4000000
 
-/* Slots: the pins of one port that rise together, the port's address, ticks from the slot before. */
-const unsigned char SLOT_A[] = { 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00 };
-const unsigned char SLOT_B[] = { 0x02, 0x08, 0x20, 0x80, 0x02, 0x08, 0x00 };
-const unsigned char SLOT_PORT[] = { 0x06, 0x06, 0x06, 0x06, 0x05, 0x05, 0x06 };
-const unsigned char SLOT_TICKS[] = { 156, 73, 73, 73, 69, 70, 111 };
-const unsigned char SLOT_CHANNEL[] = { 0, 2, 4, 6, 8, 10, 0 };
+/* Poses, 6 bytes each, in steps of 1 us from each channel's base width. */
+const unsigned char ROW[] = { 2, 2, 2, 137, 137, 137, 136, 136, 136, 3, 3, 3, 24, 56, 24, 24, 56, 24, 8, 72, 8, 8, 72, 8, 40, 40, 40, 40, 40, 40, 72, 8, 72, 72, 8, 72, 56, 24, 56, 56, 24, 56 };
 
-/* Parts of the motion: frames (0 is 256), repeats, time of a frame in 256ths of a keyframe, keyframes that go round, row. */
-const unsigned char PART_FRAMES[] = { 50, 24, 48, 73 };
-const unsigned char PART_REPEATS[] = { 1, 1, 3, 1 };
-const unsigned char PART_SPEED[] = { 1, 0, 128, 128 };
-const unsigned char PART_WRAP[] = { 1, 255, 24, 255 };
-const unsigned char PART_ROW[] = { 0, 12, 24, 36 };
+/* Steps from pose to pose, each to the next row: the legs that it lifts, and in bits 0 and 1 its timing.
+ * 254 before that: to the row at the next byte. 255: so many bytes back, until that was played so often. */
+const unsigned char SCRIPT[] = { 254, 24, 0, 254, 24, 0, 254, 12, 85, 254, 18, 1, 169, 1, 254, 24, 85, 255, 11, 3, 254, 18, 1, 169, 1, 85, 254, 24, 1, 254, 24, 2 };
 
-/* Rows, for each channel: its first keyframe, and 2 * keyframes ahead + 1 where mirrored. */
-const unsigned char TRACK[] = { 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 203, 228, 144, 97, 203, 228, 144, 97, 203, 228, 144, 97, 0, 24, 0, 36, 0, 24, 0, 36, 0, 24, 0, 36, 74, 110, 168, 36, 74, 110, 168, 36, 74, 110, 168, 36 };
-const unsigned char AHEAD[] = { 1, 0, 1, 0, 1, 0, 0, 1, 0, 1, 0, 1, 1, 0, 1, 0, 1, 0, 0, 1, 0, 1, 0, 1, 1, 0, 25, 0, 1, 0, 24, 1, 0, 1, 24, 1, 1, 0, 1, 0, 1, 0, 0, 1, 0, 1, 0, 1 };
-
-/* Keyframes, in steps of 1 us from each channel's base width. */
-const unsigned char KEYFRAME[] = { 73, 68, 62, 57, 52, 46, 41, 36, 30, 25, 20, 14, 9, 5, 3, 6, 15, 27, 41, 55, 67, 76, 79, 77, 40, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 40, 52, 82, 117, 147, 168, 176, 168, 147, 117, 82, 52, 40, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 40, 52, 82, 117, 147, 168, 176, 168, 147, 117, 82, 52, 40, 42, 73, 68, 62, 57, 52, 46, 41, 36, 30, 25, 20, 14, 9, 4, 1, 1, 4, 9, 15, 23, 30, 35, 39, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 40, 52, 82, 117, 147, 168, 176, 168, 147, 117, 82, 52, 40, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 41, 40, 40, 39, 38, 37, 36, 35, 34, 33, 32, 30, 28, 27, 25, 23, 21, 19, 17, 14, 12, 9, 5, 3, 6, 13, 24, 37, 50, 61, 69, 72, 70, 65, 60, 55, 51, 47, 44, 41, 39, 37, 35, 34, 33, 33, 33, 33, 34, 35, 36, 37, 38, 39, 40, 41, 41, 41, 41, 42, 43, 45, 47, 49, 52, 56, 59, 63, 67, 70, 73, 76, 78, 80, 81, 81, 81, 79, 78, 75, 73, 41, 44, 54, 67, 82, 99, 116, 132, 147, 159, 168, 173, 175, 173, 168, 159, 147, 132, 116, 99, 82, 67, 54, 44, 41 };
-const unsigned char BASE_LOW[] = { 5, 179, 5, 179, 5, 179, 179, 5, 179, 5, 179, 5 };
-const unsigned char BASE_HIGH[] = { 6, 5, 6, 5, 6, 5, 5, 6, 5, 6, 5, 6 };
+/* All else that is constant, in one table. */
+#define BASE_LOW 0   /* the channels' base widths */
+#define BASE_HIGH 12
+#define SLOT_A 24   /* the pins that rise together in a slot */
+#define SLOT_B 31
+#define SLOT_PORT 38   /* its port's address */
+#define SLOT_TICKS 45   /* ticks from the slot before */
+#define SLOT_CHANNEL 52   /* the channel of pin A */
+#define SLOT_OTHER 59   /* and of pin B */
+#define FRAMES 66   /* of a step; 0 is 256 */
+#define SPEED_LOW 69   /* 65536ths of a step in a frame */
+#define SPEED_HIGH 72
+#define LAW 75   /* weights at each sixteenth of a step */
+const unsigned char CONSTANT[] = { 180, 180, 180, 180, 180, 180, 218, 218, 218, 83, 83, 83, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 0x02, 0x08, 0x20, 0x80, 0x02, 0x08, 0x00, 0x06, 0x06, 0x06, 0x06, 0x05, 0x05, 0x06, 156, 72, 72, 72, 69, 69, 115, 0, 1, 2, 3, 4, 5, 0, 6, 7, 8, 9, 10, 11, 0, 50, 12, 1, 31, 85, 0, 5, 21, 0, 128, 136, 143, 149, 152, 153, 152, 147, 140, 129, 117, 101, 84, 65, 44, 22, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255 };
 
 unsigned char width_low[12], width_high[12];
 
@@ -49,34 +48,62 @@ unsigned char width_low[12], width_high[12];
 unsigned char pulse_a_lo, pulse_a_hi, pulse_b_lo, pulse_b_hi, mask_a, mask_b, both, port;
 unsigned char target, ahead, overrun, stay, fine, apart, count;
 
-/* Where the motion is. */
-unsigned char part, repeats, frames, segment, time;
-unsigned char channel, key, next, value, value_low, value_high, bits, trim;
+/* Where the motion is: in the script, in the step, and its two poses. */
+unsigned char place, repeats, timing, frames, time, time_low, row, next_row;
+unsigned char lifted, next_lifted;
 
-/* The interpolation leaves a channel's way from its base in value_high, value: cycles. */
-void between(void)
+/* The arithmetic's. */
+unsigned char channel, key, next, weight, value, value_low, value_high, bits, sign;
+
+/* Between two frames what the kernel needs in its slots holds weights. */
+#define swing_up pulse_a_lo
+#define swing_down pulse_a_hi
+#define lift_up pulse_b_lo
+#define lift_down pulse_b_hi
+
+void blend(void)
 {
     asm {
-; The value between two keyframes: eight times (value + the keyframe that the time's next bit chooses) / 2.
-; In: _key, _next, _time. Out: _value, whole, and _value_low, the fraction. _time is kept.
-    movf    _time, W
-    movwf   _bits
+; key * 256 + (next - key) * weight, the product twice where bit 1 of _sign is set: 16 bits.
+; In: _key, _next, _weight, _sign (bit 0 clear). Out: _value, whole, and _value_low, the fraction.
     movf    _key, W
-    movwf   _value
-    clrf    _value_low
+    subwf   _next, W
+    btfsc   STATUS, 0
+    goto    pl_rising
+    sublw   0                   ; key - next
+    bsf     _sign, 0
+pl_rising:
+    movwf   _value_high
+    movf    _weight, W
+    movwf   _value_low
+    clrf    _value
     movlw   8
     movwf   _count
+    movf    _value_high, W
+    rrf     _value_low, F
 pl_between:
-    rrf     _bits, F
-    movf    _key, W
     btfsc   STATUS, 0
-    movf    _next, W
     addwf   _value, F
     rrf     _value, F
     rrf     _value_low, F
     decfsz  _count, F
     goto    pl_between
-    clrf    _value_high
+    bcf     STATUS, 0
+    btfss   _sign, 1
+    goto    pl_once
+    rlf     _value_low, F
+    rlf     _value, F
+pl_once:
+    btfss   _sign, 0
+    goto    pl_sum
+    comf    _value, F
+    comf    _value_low, F
+    incf    _value_low, F
+    btfsc   STATUS, 2
+    incf    _value, F
+pl_sum:
+    movf    _key, W
+    addwf   _value, F
     }
 }
 
@@ -90,7 +117,7 @@ void read_trim(void)
     bsf     0x08, 0             ; EECON1, RD
     bcf     STATUS, 5
     movf    EEDATA, W
-    movwf   _trim
+    movwf   _value
     }
 }
 
@@ -351,81 +378,161 @@ pl_done:
     }
 }
 
-/* The widths of this frame. */
-void make_widths(void)
+/* The weight of the time `bits` by the law at CONSTANT[next], in value. */
+void weigh(void)
 {
-    unsigned char at, mode, row, wrap;
+    next += bits >> 4;
+    key = CONSTANT[next];
+    next++;
+    next = CONSTANT[next];
+    weight = bits << 4;
+    sign = 0;
+    blend();
+}
 
-    wrap = PART_WRAP[part];
-    row = PART_ROW[part];
-    for (channel = 0; channel < 12; channel++) {
-        mode = AHEAD[row];
-        at = segment + (mode >> 1);
-        if (at >= wrap)
-            at -= wrap;
-        key = KEYFRAME[TRACK[row] + at];
-        at++;
-        if (at == wrap)
-            at = 0;
-        next = KEYFRAME[TRACK[row] + at];
-        row++;
-        between();
-        at = BASE_LOW[channel];
-        key = BASE_HIGH[channel];
-        if (mode & 1) {
-            if (at < value)
-                key--;
-            at -= value;
-            key -= value_high;
-        } else {
-            at += value;
-            if (at < value)
-                key++;
-            key += value_high;
-        }
-        read_trim();
-        if (trim != 0xFF) {
-            at += trim;
-            if (at < trim)
-                key++;
-            if (trim & 0x80)
-                key--;
-        }
-        width_low[channel] = at;
-        width_high[channel] = key;
+/* The width of a channel, in key and next, by a weight between two bytes of poses, at key and next in ROW. */
+void make_width(void)
+{
+    key = ROW[key];
+    next = ROW[next];
+    blend();
+    asm {
+    clrf    _value_high
+    }
+    next = CONSTANT[BASE_LOW + channel];
+    key = CONSTANT[BASE_HIGH + channel];
+    next += value;
+    if (next < value)
+        key++;
+    key += value_high;
+    read_trim();
+    if (value != 0xFF) {
+        next += value;
+        if (next < value)
+            key++;
+        if (value & 0x80)
+            key--;
     }
 }
 
-void begin_part(void)
+/* The widths of this frame. */
+void make_widths(void)
 {
-    frames = PART_FRAMES[part];
-    segment = 0;
-    time = 0;
+    unsigned char leg, at;
+
+    bits = time;
+    next = 75;
+    weigh();
+    swing_up = value;
+    next = 92;
+    weigh();
+    lift_up = value;
+    bits = ~time;
+    next = 75;
+    weigh();
+    swing_down = value;
+    next = 92;
+    weigh();
+    lift_down = value;
+    leg = 4;
+    for (channel = 0; channel < 6; channel++) {
+        sign = 0;
+        key = row + channel;
+        next = next_row + channel;
+        weight = time;
+        if (next_lifted & leg) {
+            at = key;
+            key = next;
+            next = at;
+            weight = swing_up;
+            sign = 2;
+        } else if (lifted & leg) {
+            weight = swing_down;
+            sign = 2;
+        }
+        make_width();
+        width_low[channel] = next;
+        width_high[channel] = key;
+        leg <<= 1;
+    }
+    leg = 4;
+    for (channel = 6; channel < 12; channel++) {
+        sign = 0;
+        key = channel + 250;
+        next = channel + 0;
+        weight = 0;
+        if (next_lifted & leg)
+            weight = lift_up;
+        else if (lifted & leg)
+            weight = lift_down;
+        make_width();
+        width_low[channel] = next;
+        width_high[channel] = key;
+        leg <<= 1;
+    }
 }
 
-/* To the first part. */
+/* The script's byte at its place, in timing. */
+void read_script(void)
+{
+    if (place == 32)
+        place = 6;
+    timing = SCRIPT[place];
+    place++;
+}
+
+/* On to the next step of the script. */
+void next_step(void)
+{
+    row = next_row;
+    lifted = next_lifted;
+    read_script();
+    if (timing == 255) {
+        read_script();
+        key = timing;
+        read_script();
+        if (repeats == 0)
+            repeats = timing;
+        repeats--;
+        if (repeats != 0)
+            place -= key;
+        read_script();   /* a step: what is played again is not followed by the like */
+    }
+    next_row += 6;
+    if (timing == 254) {
+        read_script();
+        next_row = timing;
+        read_script();
+    }
+    next_lifted = timing;
+    timing &= 3;
+    frames = CONSTANT[FRAMES + timing];
+    time = 0;
+    time_low = 128;
+}
+
+/* To the first step. */
 void rewind(void)
 {
-    part = 0;
-    repeats = PART_REPEATS[0];
-    begin_part();
+    place = 0;
+    repeats = 0;
+    next_step();
+    next_step();
 }
 
 /* On to the next frame. */
 void step(void)
 {
-    time += PART_SPEED[part];
-    if (time == 0)
-        segment++;
-    if (--frames != 0)
-        return;
-    if (--repeats == 0) {
-        part++;
-        if (part == 4)
-            part = 1;
-        repeats = PART_REPEATS[part];
-    }
-    begin_part();
+    unsigned char more;
+
+    more = CONSTANT[SPEED_LOW + timing];
+    time_low += more;
+    if (time_low < more)
+        time++;
+    time += CONSTANT[SPEED_HIGH + timing];
+    frames--;
+    if (frames == 0)
+        next_step();
 }
 
 /* All slots of a frame. */
@@ -434,17 +541,16 @@ void play(void)
     unsigned char slot, at;
 
     for (slot = 0; slot < 7; slot++) {
-        at = SLOT_CHANNEL[slot];
-        mask_a = SLOT_A[slot];
-        mask_b = SLOT_B[slot];
-        port = SLOT_PORT[slot];
-        ahead = SLOT_TICKS[slot];
+        at = CONSTANT[SLOT_CHANNEL + slot];
+        mask_a = CONSTANT[SLOT_A + slot];
+        mask_b = CONSTANT[SLOT_B + slot];
+        port = CONSTANT[SLOT_PORT + slot];
+        ahead = CONSTANT[SLOT_TICKS + slot];
         target += ahead;
         both = mask_a | mask_b;
         pulse_a_lo = width_low[at];
         pulse_a_hi = width_high[at];
-        if (mask_b != 0)
-            at++;
+        at = CONSTANT[SLOT_OTHER + slot];
         pulse_b_lo = width_low[at];
         pulse_b_hi = width_high[at];
         pulses();

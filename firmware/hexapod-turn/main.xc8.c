@@ -2,18 +2,18 @@
  * hexapod-turn: servo pulses for the PIC16F84 at 4 MHz (XC8).
  * Generated from the job by servogen: change the job, not this file.
  *
- * RB0  L1-turn: 1376 to 1626 us
- * RB1  L1-lift: 1344 to 1500 us
- * RB2  L2-turn: 1364 to 1500 us
- * RB3  L2-lift: 1500 to 1656 us
- * RB4  L3-turn: 1374 to 1624 us
- * RB5  L3-lift: 1500 to 1656 us
- * RB6  R1-turn: 1362 to 1618 us
- * RB7  R1-lift: 1500 to 1670 us
- * RA0  R2-turn: 1500 to 1632 us
- * RA1  R2-lift: 1344 to 1500 us
- * RA2  R3-turn: 1376 to 1622 us
- * RA3  R3-lift: 1330 to 1500 us
+ * RB0  L1-turn: 1380 to 1625 us
+ * RB2  L2-turn: 1374 to 1500 us
+ * RB4  L3-turn: 1374 to 1619 us
+ * RB6  R1-turn: 1374 to 1619 us
+ * RA0  R2-turn: 1500 to 1625 us
+ * RA2  R3-turn: 1380 to 1625 us
+ * RB1  L1-lift: 1333 to 1500 us
+ * RB3  L2-lift: 1500 to 1666 us
+ * RB5  L3-lift: 1500 to 1666 us
+ * RB7  R1-lift: 1500 to 1666 us
+ * RA1  R2-lift: 1333 to 1500 us
+ * RA3  R3-lift: 1333 to 1500 us
  *
  * A frame takes 20000 us: 7 slots, each begun by TMR0, which counts 32 us and is never
  * written. The C between the slots may take any time that ends before the next one begins.
@@ -23,28 +23,27 @@
 #pragma config FOSC = XT, WDTE = OFF, PWRTE = ON, CP = OFF
 #define _XTAL_FREQ 4000000
 
-/* Slots: the pins of one port that rise together, the port's address, ticks from the slot before. */
-const unsigned char SLOT_A[] = { 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00 };
-const unsigned char SLOT_B[] = { 0x02, 0x08, 0x20, 0x80, 0x02, 0x08, 0x00 };
-const unsigned char SLOT_PORT[] = { 0x06, 0x06, 0x06, 0x06, 0x05, 0x05, 0x06 };
-const unsigned char SLOT_TICKS[] = { 157, 72, 73, 73, 74, 72, 104 };
-const unsigned char SLOT_CHANNEL[] = { 0, 2, 4, 6, 8, 10, 0 };
+/* Poses, 6 bytes each, in steps of 1 us from each channel's base width. */
+const unsigned char ROW[] = { 76, 95, 95, 95, 76, 76, 2, 169, 169, 169, 2, 2, 169, 2, 2, 2, 169, 169, 123, 127, 127, 127, 2, 123, 203, 47, 21, 20, 108, 203, 190, 60, 7, 7, 122, 190, 216, 34, 34, 34, 95, 216, 243, 7, 60, 60, 69, 243, 229, 20, 47, 47, 82, 230, 132, 34, 118, 34, 95, 216, 47, 34, 203, 34, 95, 216, 47, 34, 203, 118, 95, 132, 66, 21, 222, 184, 108, 28, 84, 8, 240, 166, 121, 10, 47, 34, 203, 203, 95, 47, 10, 59, 166, 240, 70, 84, 28, 47, 184, 222, 83, 66, 132, 34, 118, 203, 95, 47, 216, 34, 34, 203, 95, 47, 216, 34, 34, 118, 95, 132 };
 
-/* Parts of the motion: frames (0 is 256), repeats, time of a frame in 256ths of a keyframe, keyframes that go round, row. */
-const unsigned char PART_FRAMES[] = { 50, 50, 24, 48, 146, 48, 122 };
-const unsigned char PART_REPEATS[] = { 1, 1, 1, 3, 1, 8, 1 };
-const unsigned char PART_SPEED[] = { 1, 4, 32, 32, 16, 32, 16 };
-const unsigned char PART_WRAP[] = { 1, 255, 255, 6, 255, 6, 255 };
-const unsigned char PART_ROW[] = { 0, 0, 12, 24, 36, 48, 60 };
+/* Steps from pose to pose, each to the next row: the legs that it lifts, and in bits 0 and 1 its timing.
+ * 254 before that: to the row at the next byte. 255: so many bytes back, until that was played so often. */
+const unsigned char SCRIPT[] = { 254, 18, 0, 254, 18, 0, 254, 36, 0, 254, 24, 85, 254, 30, 1, 169, 1, 254, 36, 85, 255, 11, 3, 254, 30, 1, 169, 1, 85, 254, 36, 1, 254, 36, 2, 254, 54, 21, 1, 161, 254, 84, 1, 254, 84, 2, 254, 72, 85, 254, 78, 1, 169, 1, 254, 84, 85, 255, 11, 8, 254, 78, 1, 169, 1, 85, 254, 84, 1, 254, 84, 2, 254, 102, 21, 1, 161, 254, 36, 1, 254, 36, 2 };
 
-/* Rows, for each channel: its first keyframe, and 2 * keyframes ahead + 1 where mirrored. */
-const unsigned char TRACK[] = { 42, 42, 42, 42, 42, 42, 42, 42, 42, 42, 42, 42, 235, 247, 51, 48, 239, 247, 243, 48, 239, 247, 51, 48, 0, 6, 12, 6, 12, 6, 0, 6, 12, 6, 12, 6, 140, 110, 162, 88, 77, 110, 55, 99, 66, 129, 151, 99, 18, 6, 24, 6, 30, 6, 30, 6, 36, 6, 18, 6, 217, 191, 173, 88, 226, 191, 208, 182, 43, 199, 120, 182 };
-const unsigned char AHEAD[] = { 0, 1, 1, 0, 1, 0, 1, 0, 0, 1, 0, 1, 0, 1, 1, 0, 1, 0, 1, 0, 0, 1, 0, 1, 0, 1, 1, 6, 7, 0, 7, 6, 6, 1, 0, 7, 0, 1, 1, 0, 1, 0, 1, 0, 0, 1, 0, 1, 0, 1, 1, 6, 1, 0, 7, 6, 0, 1, 6, 7, 0, 1, 1, 0, 1, 0, 1, 0, 0, 1, 0, 1 };
-
-/* Keyframes, in steps of 2 us from each channel's base width. */
-const unsigned char KEYFRAME[] = { 94, 105, 113, 123, 122, 96, 106, 109, 109, 106, 140, 140, 94, 96, 122, 123, 113, 105, 44, 30, 18, 3, 6, 42, 123, 121, 96, 95, 105, 112, 3, 18, 30, 44, 42, 6, 123, 112, 105, 95, 96, 121, 62, 122, 103, 93, 111, 108, 109, 109, 109, 109, 107, 103, 96, 131, 99, 105, 113, 110, 106, 118, 48, 18, 41, 53, 123, 103, 92, 111, 108, 109, 109, 108, 111, 128, 70, 123, 103, 92, 110, 111, 96, 16, 27, 20, 0, 77, 117, 139, 101, 115, 139, 102, 110, 108, 109, 109, 109, 117, 139, 101, 115, 139, 101, 113, 141, 102, 112, 83, 112, 102, 139, 115, 101, 137, 118, 101, 132, 128, 0, 37, 29, 17, 23, 26, 16, 80, 141, 112, 101, 140, 114, 107, 109, 110, 103, 132, 128, 0, 95, 114, 125, 106, 112, 96, 17, 25, 27, 52, 0, 86, 118, 113, 104, 109, 106, 118, 48, 18, 12, 0, 86, 118, 113, 104, 108, 109, 109, 109, 109, 118, 143, 130, 100, 105, 113, 109, 109, 109, 109, 109, 117, 139, 101, 115, 139, 102, 111, 147, 73, 112, 102, 139, 115, 101, 137, 117, 106, 112, 101, 140, 114, 107, 109, 109, 109, 109, 55, 11, 18, 31, 24, 26, 16, 80, 141, 44, 16, 0, 28, 20, 37, 116, 106, 112, 4, 32, 47, 22, 22, 36, 116, 106, 112, 110, 105, 92, 94, 108, 113, 125, 123, 108, 110, 114, 122, 104, 140, 140, 104 };
-const unsigned char BASE_LOW[] = { 96, 88, 88, 96, 88, 96, 88, 96, 96, 88, 96, 88 };
-const unsigned char BASE_HIGH[] = { 5, 6, 6, 5, 6, 5, 6, 5, 5, 6, 5, 6 };
+/* All else that is constant, in one table. */
+#define BASE_LOW 0   /* the channels' base widths */
+#define BASE_HIGH 12
+#define SLOT_A 24   /* the pins that rise together in a slot */
+#define SLOT_B 31
+#define SLOT_PORT 38   /* its port's address */
+#define SLOT_TICKS 45   /* ticks from the slot before */
+#define SLOT_CHANNEL 52   /* the channel of pin A */
+#define SLOT_OTHER 59   /* and of pin B */
+#define FRAMES 66   /* of a step; 0 is 256 */
+#define SPEED_LOW 69   /* 65536ths of a step in a frame */
+#define SPEED_HIGH 72
+#define LAW 75   /* weights at each sixteenth of a step */
+const unsigned char CONSTANT[] = { 97, 93, 93, 93, 218, 97, 51, 218, 218, 218, 51, 51, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 0x02, 0x08, 0x20, 0x80, 0x02, 0x08, 0x00, 0x06, 0x06, 0x06, 0x06, 0x05, 0x05, 0x06, 157, 72, 73, 73, 73, 72, 105, 0, 1, 2, 3, 4, 5, 0, 6, 7, 8, 9, 10, 11, 0, 50, 12, 1, 31, 85, 0, 5, 21, 0, 128, 136, 143, 149, 152, 153, 152, 147, 140, 129, 117, 101, 84, 65, 44, 22, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255 };
 
 unsigned char width_low[12], width_high[12];
 
@@ -52,37 +51,61 @@ unsigned char width_low[12], width_high[12];
 unsigned char pulse_a_lo, pulse_a_hi, pulse_b_lo, pulse_b_hi, mask_a, mask_b, both, port;
 unsigned char target, ahead, overrun, stay, fine, apart, count;
 
-/* Where the motion is. */
-unsigned char part, repeats, frames, segment, time;
-unsigned char channel, key, next, value, value_low, value_high, bits, trim;
+/* Where the motion is: in the script, in the step, and its two poses. */
+unsigned char place, repeats, timing, frames, time, time_low, row, next_row;
+unsigned char lifted, next_lifted;
 
-/* The interpolation leaves a channel's way from its base in value_high, value: cycles. */
-void between(void)
+/* The arithmetic's. */
+unsigned char channel, key, next, weight, value, value_low, value_high, bits, sign;
+
+/* Between two frames what the kernel needs in its slots holds weights. */
+#define swing_up pulse_a_lo
+#define swing_down pulse_a_hi
+#define lift_up pulse_b_lo
+#define lift_down pulse_b_hi
+
+void blend(void)
 {
-    // The value between two keyframes: eight times (value + the keyframe that the time's next bit chooses) / 2.
-    // In: _key, _next, _time. Out: _value, whole, and _value_low, the fraction. _time is kept.
-    asm("    movf    _time, W");
-    asm("    movwf   _bits");
+    // key * 256 + (next - key) * weight, the product twice where bit 1 of _sign is set: 16 bits.
+    // In: _key, _next, _weight, _sign (bit 0 clear). Out: _value, whole, and _value_low, the fraction.
     asm("    movf    _key, W");
-    asm("    movwf   _value");
-    asm("    clrf    _value_low");
+    asm("    subwf   _next, W");
+    asm("    btfsc   STATUS, 0");
+    asm("    goto    pl_rising");
+    asm("    sublw   0");   // key - next
+    asm("    bsf     _sign, 0");
+    asm("pl_rising:");
+    asm("    movwf   _value_high");
+    asm("    movf    _weight, W");
+    asm("    movwf   _value_low");
+    asm("    clrf    _value");
     asm("    movlw   8");
     asm("    movwf   _count");
+    asm("    movf    _value_high, W");
+    asm("    rrf     _value_low, F");
     asm("pl_between:");
-    asm("    rrf     _bits, F");
-    asm("    movf    _key, W");
     asm("    btfsc   STATUS, 0");
-    asm("    movf    _next, W");
     asm("    addwf   _value, F");
     asm("    rrf     _value, F");
     asm("    rrf     _value_low, F");
     asm("    decfsz  _count, F");
     asm("    goto    pl_between");
-    asm("    clrf    _value_high");
-    asm("    bcf     STATUS, 0");   // twice
+    asm("    bcf     STATUS, 0");
+    asm("    btfss   _sign, 1");
+    asm("    goto    pl_once");
     asm("    rlf     _value_low, F");
     asm("    rlf     _value, F");
-    asm("    rlf     _value_high, F");
+    asm("pl_once:");
+    asm("    btfss   _sign, 0");
+    asm("    goto    pl_sum");
+    asm("    comf    _value, F");
+    asm("    comf    _value_low, F");
+    asm("    incf    _value_low, F");
+    asm("    btfsc   STATUS, 2");
+    asm("    incf    _value, F");
+    asm("pl_sum:");
+    asm("    movf    _key, W");
+    asm("    addwf   _value, F");
 }
 
 void read_trim(void)
@@ -94,7 +117,7 @@ void read_trim(void)
     asm("    bsf     0x08, 0");   // EECON1, RD
     asm("    bcf     STATUS, 5");
     asm("    movf    EEDATA, W");
-    asm("    movwf   _trim");
+    asm("    movwf   _value");
 }
 
 /* One slot, to the cycle. */
@@ -352,81 +375,165 @@ void pulses(void)
     asm("    subwf   _target, F");   // where the lock began
 }
 
-/* The widths of this frame. */
-void make_widths(void)
+/* The weight of the time `bits` by the law at CONSTANT[next], in value. */
+void weigh(void)
 {
-    unsigned char at, mode, row, wrap;
+    next += bits >> 4;
+    key = CONSTANT[next];
+    next++;
+    next = CONSTANT[next];
+    weight = bits << 4;
+    sign = 0;
+    blend();
+}
 
-    wrap = PART_WRAP[part];
-    row = PART_ROW[part];
-    for (channel = 0; channel < 12; channel++) {
-        mode = AHEAD[row];
-        at = segment + (mode >> 1);
-        if (at >= wrap)
-            at -= wrap;
-        key = KEYFRAME[TRACK[row] + at];
-        at++;
-        if (at == wrap)
-            at = 0;
-        next = KEYFRAME[TRACK[row] + at];
-        row++;
-        between();
-        at = BASE_LOW[channel];
-        key = BASE_HIGH[channel];
-        if (mode & 1) {
-            if (at < value)
-                key--;
-            at -= value;
-            key -= value_high;
-        } else {
-            at += value;
-            if (at < value)
-                key++;
-            key += value_high;
-        }
-        read_trim();
-        if (trim != 0xFF) {
-            at += trim;
-            if (at < trim)
-                key++;
-            if (trim & 0x80)
-                key--;
-        }
-        width_low[channel] = at;
-        width_high[channel] = key;
+/* The width of a channel, in key and next, by a weight between two bytes of poses, at key and next in ROW. */
+void make_width(void)
+{
+    key = ROW[key];
+    next = ROW[next];
+    blend();
+    asm("    clrf    _value_high");
+    next = CONSTANT[BASE_LOW + channel];
+    key = CONSTANT[BASE_HIGH + channel];
+    next += value;
+    if (next < value)
+        key++;
+    key += value_high;
+    read_trim();
+    if (value != 0xFF) {
+        next += value;
+        if (next < value)
+            key++;
+        if (value & 0x80)
+            key--;
     }
 }
 
-void begin_part(void)
+/* The widths of this frame. */
+void make_widths(void)
 {
-    frames = PART_FRAMES[part];
-    segment = 0;
-    time = 0;
+    unsigned char leg, at;
+
+    bits = time;
+    next = 75;
+    weigh();
+    swing_up = value;
+    next = 92;
+    weigh();
+    lift_up = value;
+    bits = ~time;
+    next = 75;
+    weigh();
+    swing_down = value;
+    next = 92;
+    weigh();
+    lift_down = value;
+    leg = 4;
+    for (channel = 0; channel < 6; channel++) {
+        sign = 0;
+        key = row + channel;
+        next = next_row + channel;
+        weight = time;
+        if (next_lifted & leg) {
+            at = key;
+            key = next;
+            next = at;
+            weight = swing_up;
+            sign = 2;
+        } else if (lifted & leg) {
+            weight = swing_down;
+            sign = 2;
+        }
+        make_width();
+        width_low[channel] = next;
+        width_high[channel] = key;
+        leg <<= 1;
+    }
+    leg = 4;
+    for (channel = 6; channel < 12; channel++) {
+        sign = 0;
+        key = channel + 250;
+        next = channel + 0;
+        weight = 0;
+        if (next_lifted & leg)
+            weight = lift_up;
+        else if (lifted & leg)
+            weight = lift_down;
+        if (place <= 9) {
+            next = key;
+            key = channel + 6;
+            if (place == 9)
+                weight = time;
+        }
+        make_width();
+        width_low[channel] = next;
+        width_high[channel] = key;
+        leg <<= 1;
+    }
 }
 
-/* To the first part. */
+/* The script's byte at its place, in timing. */
+void read_script(void)
+{
+    if (place == 83)
+        place = 9;
+    timing = SCRIPT[place];
+    place++;
+}
+
+/* On to the next step of the script. */
+void next_step(void)
+{
+    row = next_row;
+    lifted = next_lifted;
+    read_script();
+    if (timing == 255) {
+        read_script();
+        key = timing;
+        read_script();
+        if (repeats == 0)
+            repeats = timing;
+        repeats--;
+        if (repeats != 0)
+            place -= key;
+        read_script();   /* a step: what is played again is not followed by the like */
+    }
+    next_row += 6;
+    if (timing == 254) {
+        read_script();
+        next_row = timing;
+        read_script();
+    }
+    next_lifted = timing;
+    timing &= 3;
+    frames = CONSTANT[FRAMES + timing];
+    time = 0;
+    time_low = 128;
+}
+
+/* To the first step. */
 void rewind(void)
 {
-    part = 0;
-    repeats = PART_REPEATS[0];
-    begin_part();
+    place = 0;
+    repeats = 0;
+    next_step();
+    next_step();
 }
 
 /* On to the next frame. */
 void step(void)
 {
-    time += PART_SPEED[part];
-    if (time == 0)
-        segment++;
-    if (--frames != 0)
-        return;
-    if (--repeats == 0) {
-        part++;
-        if (part == 7)
-            part = 2;
-        repeats = PART_REPEATS[part];
-    }
-    begin_part();
+    unsigned char more;
+
+    more = CONSTANT[SPEED_LOW + timing];
+    time_low += more;
+    if (time_low < more)
+        time++;
+    time += CONSTANT[SPEED_HIGH + timing];
+    frames--;
+    if (frames == 0)
+        next_step();
 }
 
 /* All slots of a frame. */
@@ -435,17 +542,16 @@ void play(void)
     unsigned char slot, at;
 
     for (slot = 0; slot < 7; slot++) {
-        at = SLOT_CHANNEL[slot];
-        mask_a = SLOT_A[slot];
-        mask_b = SLOT_B[slot];
-        port = SLOT_PORT[slot];
-        ahead = SLOT_TICKS[slot];
+        at = CONSTANT[SLOT_CHANNEL + slot];
+        mask_a = CONSTANT[SLOT_A + slot];
+        mask_b = CONSTANT[SLOT_B + slot];
+        port = CONSTANT[SLOT_PORT + slot];
+        ahead = CONSTANT[SLOT_TICKS + slot];
         target += ahead;
         both = mask_a | mask_b;
         pulse_a_lo = width_low[at];
         pulse_a_hi = width_high[at];
-        if (mask_b != 0)
-            at++;
+        at = CONSTANT[SLOT_OTHER + slot];
         pulse_b_lo = width_low[at];
         pulse_b_hi = width_high[at];
         pulses();

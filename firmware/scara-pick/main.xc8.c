@@ -2,10 +2,10 @@
  * scara-pick: servo pulses for the PIC16F84 at 4 MHz (XC8).
  * Generated from the job by servogen: change the job, not this file.
  *
- * RB0  shoulder: 1451 to 1751 us
- * RB1  elbow: 1501 to 1849 us
- * RB2  lift: 1249 to 1625 us
- * RB3  wrist: 1501 to 1613 us
+ * RB0  shoulder: 1452 to 1750 us
+ * RB1  elbow: 1500 to 1850 us
+ * RB2  lift: 1250 to 1624 us
+ * RB3  wrist: 1500 to 1612 us
  *
  * A frame takes 20000 us: 4 slots, each begun by TMR0, which counts 32 us and is never
  * written. The C between the slots may take any time that ends before the next one begins.
@@ -15,28 +15,27 @@
 #pragma config FOSC = XT, WDTE = OFF, PWRTE = ON, CP = OFF
 #define _XTAL_FREQ 4000000
 
-/* Slots: the pins of one port that rise together, the port's address, ticks from the slot before. */
-const unsigned char SLOT_A[] = { 0x01, 0x04, 0x00, 0x00 };
-const unsigned char SLOT_B[] = { 0x02, 0x08, 0x00, 0x00 };
-const unsigned char SLOT_PORT[] = { 0x06, 0x06, 0x06, 0x06 };
-const unsigned char SLOT_TICKS[] = { 150, 85, 178, 212 };
-const unsigned char SLOT_CHANNEL[] = { 0, 2, 0, 0 };
+/* Poses, 4 bytes each, in steps of 2 us from each channel's base width. */
+const unsigned char ROW[] = { 26, 2, 127, 2, 2, 152, 2, 50, 2, 152, 189, 50, 3, 153, 2, 50, 7, 160, 2, 52, 15, 167, 2, 54, 27, 174, 2, 56, 46, 177, 2, 58, 63, 175, 2, 58, 86, 167, 2, 57, 116, 148, 2, 53, 133, 133, 2, 49, 144, 122, 2, 46, 150, 115, 2, 44, 151, 114, 2, 44, 151, 114, 189, 44 };
 
-/* Parts of the motion: frames (0 is 256), repeats, time of a frame in 256ths of a keyframe, keyframes that go round, row. */
-const unsigned char PART_FRAMES[] = { 50, 50, 24, 71, 25, 208, 25, 132 };
-const unsigned char PART_REPEATS[] = { 1, 1, 1, 1, 1, 1, 1, 1 };
-const unsigned char PART_SPEED[] = { 1, 4, 1, 32, 1, 32, 1, 32 };
-const unsigned char PART_WRAP[] = { 1, 255, 1, 255, 1, 255, 1, 255 };
-const unsigned char PART_ROW[] = { 0, 4, 8, 12, 16, 20, 24, 28 };
+/* Steps from pose to pose, each to the next row: its timing.
+ * 254 before that: to the row at the next byte. 255: so many bytes back, until that was played so often. */
+const unsigned char SCRIPT[] = { 254, 0, 0, 254, 0, 1, 0, 254, 4, 2, 3, 254, 8, 4, 254, 4, 3, 254, 12, 5, 5, 6, 6, 6, 7, 6, 5, 6, 6, 6, 8, 3, 254, 60, 4, 254, 56, 3, 254, 4, 9, 254, 4, 10 };
 
-/* Rows, for each channel: its first keyframe, and 2 * keyframes ahead + 1 where mirrored. */
-const unsigned char TRACK[] = { 0, 0, 0, 0, 189, 183, 185, 187, 1, 2, 3, 4, 120, 50, 173, 23, 1, 2, 5, 4, 85, 50, 130, 23, 6, 7, 5, 8, 103, 67, 156, 8 };
-const unsigned char AHEAD[] = { 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0 };
-
-/* Keyframes, in steps of 2 us from each channel's base width. */
-const unsigned char KEYFRAME[] = { 63, 39, 212, 188, 110, 0, 187, 174, 104, 104, 104, 104, 104, 104, 104, 104, 104, 104, 104, 105, 106, 108, 109, 110, 110, 110, 110, 110, 110, 110, 110, 110, 110, 111, 113, 117, 119, 116, 110, 105, 104, 104, 104, 104, 104, 104, 104, 104, 104, 104, 212, 212, 212, 212, 212, 212, 212, 212, 212, 212, 214, 224, 236, 237, 220, 196, 178, 174, 174, 174, 174, 174, 174, 174, 174, 174, 174, 175, 179, 187, 197, 205, 211, 212, 212, 39, 39, 39, 39, 39, 39, 39, 39, 39, 38, 39, 47, 66, 99, 137, 167, 185, 188, 187, 187, 187, 187, 187, 187, 187, 187, 187, 188, 185, 167, 136, 99, 65, 44, 38, 39, 39, 39, 39, 39, 39, 39, 39, 39, 39, 0, 1, 14, 40, 76, 116, 152, 176, 187, 188, 187, 188, 188, 188, 188, 188, 187, 188, 187, 176, 152, 116, 76, 40, 14, 1, 0, 1, 14, 40, 76, 116, 152, 176, 187, 188, 187, 188, 188, 188, 188, 188, 188, 188, 186, 174, 148, 111, 71, 36, 11, 1, 0, 63, 254, 63, 223, 63, 124, 63, 32 };
-const unsigned char BASE_LOW[] = { 95, 95, 89, 95 };
-const unsigned char BASE_HIGH[] = { 5, 5, 6, 5 };
+/* All else that is constant, in one table. */
+#define BASE_LOW 0   /* the channels' base widths */
+#define BASE_HIGH 4
+#define SLOT_A 8   /* the pins that rise together in a slot */
+#define SLOT_B 12
+#define SLOT_PORT 16   /* its port's address */
+#define SLOT_TICKS 20   /* ticks from the slot before */
+#define SLOT_CHANNEL 24   /* the channel of pin A */
+#define FRAMES 28   /* of a step; 0 is 256 */
+#define SPEED_LOW 39   /* 65536ths of a step in a frame */
+#define SPEED_HIGH 50
+#define LAW 61   /* weights at each sixteenth of a step */
+#define TIMING_LAW 78   /* where its law begins; 255: straight, 254: at once, 252: no pulses */
+const unsigned char CONSTANT[] = { 168, 216, 222, 216, 5, 5, 4, 5, 0x01, 0x04, 0x00, 0x00, 0x02, 0x08, 0x00, 0x00, 0x06, 0x06, 0x06, 0x06, 150, 85, 178, 212, 0, 2, 0, 0, 50, 50, 24, 71, 25, 7, 5, 4, 6, 60, 1, 31, 31, 171, 155, 61, 146, 51, 0, 171, 68, 0, 5, 5, 10, 3, 10, 36, 51, 64, 42, 4, 0, 0, 1, 4, 13, 27, 46, 71, 99, 129, 158, 186, 211, 230, 244, 253, 255, 255, 255, 254, 254, 61, 254, 255, 255, 255, 255, 61, 254 };
 
 unsigned char width_low[4], width_high[4];
 
@@ -44,37 +43,48 @@ unsigned char width_low[4], width_high[4];
 unsigned char pulse_a_lo, pulse_a_hi, pulse_b_lo, pulse_b_hi, mask_a, mask_b, both, port;
 unsigned char target, ahead, overrun, stay, fine, apart, count;
 
-/* Where the motion is. */
-unsigned char part, repeats, frames, segment, time;
-unsigned char channel, key, next, value, value_low, value_high, bits, trim;
+/* Where the motion is: in the script, in the step, and its two poses. */
+unsigned char place, repeats, timing, frames, time, time_low, row, next_row;
 
-/* The interpolation leaves a channel's way from its base in value_high, value: cycles. */
-void between(void)
+/* The arithmetic's. */
+unsigned char channel, key, next, weight, value, value_low, value_high, bits, sign;
+
+void blend(void)
 {
-    // The value between two keyframes: eight times (value + the keyframe that the time's next bit chooses) / 2.
-    // In: _key, _next, _time. Out: _value, whole, and _value_low, the fraction. _time is kept.
-    asm("    movf    _time, W");
-    asm("    movwf   _bits");
+    // key * 256 + (next - key) * weight: 16 bits.
+    // In: _key, _next, _weight, _sign (bit 0 clear). Out: _value, whole, and _value_low, the fraction.
     asm("    movf    _key, W");
-    asm("    movwf   _value");
-    asm("    clrf    _value_low");
+    asm("    subwf   _next, W");
+    asm("    btfsc   STATUS, 0");
+    asm("    goto    pl_rising");
+    asm("    sublw   0");   // key - next
+    asm("    bsf     _sign, 0");
+    asm("pl_rising:");
+    asm("    movwf   _value_high");
+    asm("    movf    _weight, W");
+    asm("    movwf   _value_low");
+    asm("    clrf    _value");
     asm("    movlw   8");
     asm("    movwf   _count");
+    asm("    movf    _value_high, W");
+    asm("    rrf     _value_low, F");
     asm("pl_between:");
-    asm("    rrf     _bits, F");
-    asm("    movf    _key, W");
     asm("    btfsc   STATUS, 0");
-    asm("    movf    _next, W");
     asm("    addwf   _value, F");
     asm("    rrf     _value, F");
     asm("    rrf     _value_low, F");
     asm("    decfsz  _count, F");
     asm("    goto    pl_between");
-    asm("    clrf    _value_high");
-    asm("    bcf     STATUS, 0");   // twice
-    asm("    rlf     _value_low, F");
-    asm("    rlf     _value, F");
-    asm("    rlf     _value_high, F");
+    asm("    btfss   _sign, 0");
+    asm("    goto    pl_sum");
+    asm("    comf    _value, F");
+    asm("    comf    _value_low, F");
+    asm("    incf    _value_low, F");
+    asm("    btfsc   STATUS, 2");
+    asm("    incf    _value, F");
+    asm("pl_sum:");
+    asm("    movf    _key, W");
+    asm("    addwf   _value, F");
 }
 
 void read_trim(void)
@@ -86,7 +96,7 @@ void read_trim(void)
     asm("    bsf     0x08, 0");   // EECON1, RD
     asm("    bcf     STATUS, 5");
     asm("    movf    EEDATA, W");
-    asm("    movwf   _trim");
+    asm("    movwf   _value");
 }
 
 /* One slot, to the cycle. */
@@ -344,81 +354,116 @@ void pulses(void)
     asm("    subwf   _target, F");   // where the lock began
 }
 
+/* The weight of the time `bits` by the law at CONSTANT[next], in value. */
+void weigh(void)
+{
+    next += bits >> 4;
+    key = CONSTANT[next];
+    next++;
+    next = CONSTANT[next];
+    weight = bits << 4;
+    sign = 0;
+    blend();
+}
+
+/* The width of a channel, in key and next, by a weight between two bytes of poses, at key and next in ROW. */
+void make_width(void)
+{
+    key = ROW[key];
+    next = ROW[next];
+    blend();
+    asm("    clrf    _value_high");
+    asm("    bcf     STATUS, 0");   // twice
+    asm("    rlf     _value_low, F");
+    asm("    rlf     _value, F");
+    asm("    rlf     _value_high, F");
+    next = CONSTANT[BASE_LOW + channel];
+    key = CONSTANT[BASE_HIGH + channel];
+    next += value;
+    if (next < value)
+        key++;
+    key += value_high;
+    read_trim();
+    if (value != 0xFF) {
+        next += value;
+        if (next < value)
+            key++;
+        if (value & 0x80)
+            key--;
+    }
+}
+
 /* The widths of this frame. */
 void make_widths(void)
 {
-    unsigned char at, mode, row, wrap;
+    unsigned char now;
 
-    wrap = PART_WRAP[part];
-    row = PART_ROW[part];
+    now = time;
+    next = CONSTANT[TIMING_LAW + timing];
+    if (next < 252) {
+        bits = time;
+        weigh();
+        now = value;
+    }
     for (channel = 0; channel < 4; channel++) {
-        mode = AHEAD[row];
-        at = segment + (mode >> 1);
-        if (at >= wrap)
-            at -= wrap;
-        key = KEYFRAME[TRACK[row] + at];
-        at++;
-        if (at == wrap)
-            at = 0;
-        next = KEYFRAME[TRACK[row] + at];
-        row++;
-        between();
-        at = BASE_LOW[channel];
-        key = BASE_HIGH[channel];
-        if (mode & 1) {
-            if (at < value)
-                key--;
-            at -= value;
-            key -= value_high;
-        } else {
-            at += value;
-            if (at < value)
-                key++;
-            key += value_high;
-        }
-        read_trim();
-        if (trim != 0xFF) {
-            at += trim;
-            if (at < trim)
-                key++;
-            if (trim & 0x80)
-                key--;
-        }
-        width_low[channel] = at;
+        sign = 0;
+        key = row + channel;
+        next = next_row + channel;
+        weight = now;
+        make_width();
+        width_low[channel] = next;
         width_high[channel] = key;
     }
 }
 
-void begin_part(void)
+/* The script's byte at its place, in timing. */
+void read_script(void)
 {
-    frames = PART_FRAMES[part];
-    segment = 0;
-    time = 0;
+    if (place == 44)
+        place = 7;
+    timing = SCRIPT[place];
+    place++;
 }
 
-/* To the first part. */
+/* On to the next step of the script. */
+void next_step(void)
+{
+    row = next_row;
+    read_script();
+    next_row += 4;
+    if (timing == 254) {
+        read_script();
+        next_row = timing;
+        read_script();
+    }
+    if ((CONSTANT[TIMING_LAW + timing] | 2) == 254)
+        row = next_row;   /* at once */
+    frames = CONSTANT[FRAMES + timing];
+    time = 0;
+    time_low = 128;
+}
+
+/* To the first step. */
 void rewind(void)
 {
-    part = 0;
-    repeats = PART_REPEATS[0];
-    begin_part();
+    place = 0;
+    next_step();
+    next_step();
 }
 
 /* On to the next frame. */
 void step(void)
 {
-    time += PART_SPEED[part];
-    if (time == 0)
-        segment++;
-    if (--frames != 0)
-        return;
-    if (--repeats == 0) {
-        part++;
-        if (part == 8)
-            part = 2;
-        repeats = PART_REPEATS[part];
-    }
-    begin_part();
+    unsigned char more;
+
+    more = CONSTANT[SPEED_LOW + timing];
+    time_low += more;
+    if (time_low < more)
+        time++;
+    time += CONSTANT[SPEED_HIGH + timing];
+    frames--;
+    if (frames == 0)
+        next_step();
 }
 
 /* All slots of a frame. */
@@ -427,11 +472,11 @@ void play(void)
     unsigned char slot, at;
 
     for (slot = 0; slot < 4; slot++) {
-        at = SLOT_CHANNEL[slot];
-        mask_a = SLOT_A[slot];
-        mask_b = SLOT_B[slot];
-        port = SLOT_PORT[slot];
-        ahead = SLOT_TICKS[slot];
+        at = CONSTANT[SLOT_CHANNEL + slot];
+        mask_a = CONSTANT[SLOT_A + slot];
+        mask_b = CONSTANT[SLOT_B + slot];
+        port = CONSTANT[SLOT_PORT + slot];
+        ahead = CONSTANT[SLOT_TICKS + slot];
         target += ahead;
         both = mask_a | mask_b;
         pulse_a_lo = width_low[at];

@@ -5,6 +5,7 @@ In: a `PlannedJob`. Out: `Planned`. "auto" is the first engine of the registry t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -108,4 +109,13 @@ def _suitable(job: PlannedJob) -> Sequence[str]:
 
 def _played_by(name: str, job: PlannedJob) -> Planned:
     found = engine_named(name).plan(job)
+    error, limit = found.plan.schedule.plan_error, job.firmware.max_error_us
+    if error is not None and error.width_us > limit:
+        raise ResourceError(
+            "beyond-max-error",
+            f"{job.name}: planned, but the pulses of {engine_named(name).title} would be up to "
+            f"{error.text()} from the plan: max_error_us allows {limit:g} µs",
+            job.document.place("firmware", "max_error_us"),
+            f"allow it: [firmware] max_error_us = {math.ceil(error.width_us)}",
+        )
     return Planned(replace(job, trajectory=found.trajectory), name, found.plan, found.make)

@@ -20,6 +20,7 @@ from servogen.motion import JointTrajectory
 from servogen.pic.device import Device
 from servogen.pulse.plan import PulsePlan
 from servogen.pulse.slots import Frame
+from servogen.robot.binding import Binding
 from servogen.robot.servo import Servo
 from servogen.units import Clock
 
@@ -33,6 +34,9 @@ class FirmwareChoice(Protocol):
     @property
     def soft_start_place(self) -> Location | None:
         """Return where the job states `soft_start_s`."""
+
+    @property
+    def max_error_us(self) -> float: ...
 
     @property
     def buttons(self) -> Buttons: ...
@@ -61,6 +65,9 @@ class EngineJob(Protocol):
 
     @property
     def stream(self) -> Stream | None: ...
+
+    @property
+    def bindings(self) -> tuple[Binding, ...]: ...
 
     @property
     def trajectory(self) -> JointTrajectory: ...

@@ -46,6 +46,7 @@ def firmware_of(
         wanted.dialect,
         wanted.engine,
         exact(wanted.soft_start_s),
+        wanted.max_error_us,
         buttons,
         document.place("firmware", "soft_start_s"),
     )

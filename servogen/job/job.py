@@ -31,6 +31,8 @@ class Firmware:
     engine: str
     """"auto": the smallest that can do the job."""
     soft_start_s: Fraction
+    max_error_us: float
+    """How far a pulse may be from the planned one."""
     buttons: Buttons
     soft_start_place: Location | None = None
 

@@ -201,6 +201,8 @@ class FirmwareTable(Table):
     engine: EngineName = "auto"
     soft_start_s: Seconds = 1.0
     """How long the player's first pulses hold the neutral pose."""
+    max_error_us: float = Field(default=10.0, gt=0, le=1000)
+    """How far a pulse may be from the planned one: beyond it nothing is built."""
     start_pin: str | None = None
     """The player waits in its first frame until the button on this pin is pressed."""
     start_level: Literal["low", "high"] = "low"

@@ -5,4 +5,4 @@
     bsf     0x08, 0             ; EECON1, RD
     bcf     STATUS, 5
     movf    EEDATA, W
-    movwf   _trim
+    movwf   _value

@@ -14,6 +14,7 @@ from servogen.compiler import Options
 from servogen.engines.firmware import Firmware, TimingBudget, compiled_to_fit
 from servogen.engines.player import Layout, Playing, playing, soft_start
 from servogen.engines.player.buttons import waited, waited_motion
+from servogen.engines.player.playing import BUTTONS_BYTES, DATA_BYTES
 from servogen.engines.player.rendering import OVERRUN, render_player
 from servogen.engines.player.theorem import allowances
 from servogen.engines.protocol import Engine, EngineJob, EnginePlan
@@ -23,53 +24,51 @@ from servogen.pic.listing import Listing
 from servogen.pic.wcet import Program
 
 CHECK, DONE, WIDTHS = "pl_check", "pl_done", "pl_between"
-"""Labels of the assembly: where the kernel reads the timer, its end, the part that runs only between two
-frames.
-"""
+"""Labels of the assembly: the kernel's look at the timer, its end; what is only run between two frames."""
 
 TITLE = "the player"
 HINT = "fewer parts: let more of the motion repeat"
-"""The hint if the chip is too small."""
+"""What helps where the chip is too small."""
 
 
 def play(job: EngineJob) -> tuple[JointTrajectory, Playing]:
-    """Return the motion with its lead-in, and how the player plays it. Raises InputError."""
+    """Return the motion with its lead-in, and as the player plays it. Raises InputError."""
+    buttons = job.firmware.buttons
     frames = round(job.firmware.soft_start_s / job.clock.seconds(job.trajectory.period))
     begun = soft_start(job.trajectory, job.servos, frames)
     soft = len(begun.angles) - len(job.trajectory.angles)
-    played = playing(begun, job.servos, job.frame, soft)
-    buttons = job.firmware.buttons
+    played = playing(
+        begun,
+        job.servos,
+        job.frame,
+        bindings=job.bindings,
+        soft=tuple(range(frames, soft + 1, frames)) if soft else (),
+        max_error_us=job.firmware.max_error_us,
+        most_bytes=DATA_BYTES - (BUTTONS_BYTES if buttons.any else 0),
+    )
     waiting = waited(played.plan.schedule, buttons.waiting)
     schedule = replace(waiting, inputs=buttons.inputs, buttons=buttons.rule)
     plan = replace(played.plan, schedule=schedule)
-    return waited_motion(begun, buttons.waiting), replace(played, plan=plan)
+    return waited_motion(played.trajectory, buttons.waiting), replace(played, plan=plan)
 
 
 def compiled(job: EngineJob, played: Playing, dialect: str) -> Firmware:
-    """Return the firmware in `dialect`. Raises ResourceError if the chip is too small."""
+    """The firmware in `dialect`. Raises ResourceError where the chip is too small."""
     text = render_player(played, job.firmware.buttons, dialect, job.device, job.name)
     return firmware(text, job, played.layout, dialect)
 
 
 def firmware(text: str, job: EngineJob, layout: Layout, dialect: str) -> Firmware:
-    """Return the compiled C of a player with its timing budgets. Raises ResourceError."""
+    """What the compiler makes of a player's C, and how long that takes at most. Raises ResourceError."""
     file = f"main.{dialect}.c"
     options = Options(dialect=dialect, device=job.device)
-    compilation = compiled_to_fit(text, file, options, job.name, TITLE, HINT)
-    budgets = timing_budgets(compilation.listing, layout)
-    return Firmware(
-        dialect,
-        file,
-        text,
-        compilation,
-        budgets,
-        compilation.listing.variable(OVERRUN),
-        tuple(cautions(budgets)),
-    )
+    made = compiled_to_fit(text, file, options, job.name, TITLE, HINT)
+    found = timing_budgets(made.listing, layout)
+    return Firmware(dialect, file, text, made, found, made.listing.variable(OVERRUN), tuple(cautions(found)))
 
 
 def timing_budgets(listing: Listing, layout: Layout) -> tuple[TimingBudget, ...]:
-    """Return the timing budgets of the C between two slots and between two frames."""
+    """The time that the C takes between two slots and between two frames, beside what it has."""
     program = Program({row.address: row.word for row in listing.rows}, listing.functions)
     most = partial(program.longest, listing.label(DONE), {listing.label(CHECK)})
     slots, frames = allowances(listing, layout)
@@ -98,12 +97,12 @@ def cautions(budgets: tuple[TimingBudget, ...]) -> Iterator[Diagnostic]:
 
 
 class PlayerEngine:
-    """Plays keyframes from flash and interpolates on the chip."""
+    """Plays poses from flash and goes from one to the next by laws on the chip."""
 
     title = TITLE
 
     def plan(self, job: EngineJob) -> EnginePlan:
-        """Plan the job's frames; a dialect's C is compiled when its firmware is requested."""
+        """Plans the job's frames; a dialect's C is compiled when its firmware is made."""
         motion, played = play(job)
         make = cache(lambda dialect: compiled(job, played, dialect))
         return EnginePlan(motion, played.plan, make)

@@ -31,35 +31,35 @@ TICKS = (Cycles(32), Cycles(64), Cycles(128), Cycles(256))
 MAX_TICKS = 255
 
 STAGGER = Cycles(32)
-"""The delay of a slot's second servo if no two may start together."""
+"""By how much the second servo of a slot rises later, where no two may start together."""
 
 TAIL = Cycles(19)
 """The kernel's cycles after the later fall."""
 
-SLOT_C, FRAME_C, CHANNEL_C, DOUBLING_C = Cycles(200), Cycles(85), Cycles(249), Cycles(4)
-"""The cycles reserved for the C: between two slots (with the kernel's own preparation), between two frames in
-addition, there for each channel, and for each doubling of a channel's step. Its actual cycles are counted
-after it is compiled."""
+SLOT_C, FRAME_C, LEGS_C, CHANNEL_C, DOUBLING_C = Cycles(200), Cycles(250), Cycles(400), Cycles(240), Cycles(4)
+"""What the C gets at least: between two slots (with the kernel's own preparation); between two frames in
+addition, there for the laws of legs, for each channel, and for each doubling of a channel's step. What it
+takes is counted once it is compiled."""
 
 BUTTONS_C = Cycles(40)
-"""The cycles that reading the buttons takes, if a pin is free for one."""
+"""What looking at the buttons takes, where a pin is left for one."""
 
 EASES = ((3, 3), (2, 2), (2, 1), (1, 1))
-"""Multiples of that reserved between slots and between frames, the largest that fits: other compilers' code
-is longer."""
+"""How many times that the C gets between slots and between frames, as far as there is room: other compilers'
+code is longer."""
 
 WATCHDOG_US = Fraction(6900)
 """A watchdog that was left on must be cleared within 7 ms (DS35007 section 9, parameter 31)."""
 
 MAX_TRIM = Cycles(127)
-"""The longest trim of a pulse in the EEPROM."""
+"""What the trim in the EEPROM can add to a pulse."""
 
 MARGIN_US = Fraction(20)
-"""The margin of a slot beyond the motion's longest pulse and its trim, within the servo's limits: a small
-change of a stance or a pose keeps every slot where it is."""
+"""What a slot has left beyond the motion's longest pulse and its trim, as far as the servo's limits allow:
+a stance or a pose that is changed by so little keeps every slot where it is."""
 
 MIN_WIDTH = Cycles(192)
-"""The kernel's path from the rise to the first fall, a stagger, and the shortest trim."""
+"""The kernel's way from the rise to the first fall, a stagger, and the shortest trim."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,11 +85,10 @@ class Layout:
 
     @property
     def period(self) -> Cycles:
-        """Return the frame's length in cycles."""
         return Cycles(self.tick * sum(slot.ticks for slot in self.slots))
 
     def rise(self, channel: int) -> Cycles:
-        """Return the cycle of the frame in which that channel's pulse begins."""
+        """The cycle of the frame in which that channel's pulse begins."""
         at = 0
         for number, slot in enumerate(self.slots):
             at += self.tick * slot.ticks if number else 0
@@ -99,12 +98,12 @@ class Layout:
 
     @property
     def order(self) -> tuple[int, ...]:
-        """Return the channels slot by slot."""
+        """The channels slot by slot."""
         return tuple(channel for slot in self.slots for channel in slot.channels)
 
     @property
     def between_slots(self) -> Cycles:
-        """Return the shortest time from the kernel's end in a slot to the last moment for the next slot."""
+        """The least time from the kernel's end in a slot to the last moment for the next slot's beginning."""
         pairs = zip(self.slots, self.slots[1:], strict=False)
         return Cycles(
             min((_room(one, other, self.tick) for one, other in pairs), default=self.between_frames)
@@ -112,12 +111,12 @@ class Layout:
 
     @property
     def between_frames(self) -> Cycles:
-        """Return the same from a frame's last slot to the next frame's first one."""
+        """The same from a frame's last slot to the next frame's first one."""
         return _room(self.slots[-1], self.slots[0], self.tick)
 
 
 def to_rise(tick: Cycles) -> Cycles:
-    """Return the kernel's cycles from a slot's beginning to the rise of its pins."""
+    """The kernel's cycles from a slot's beginning to the rise of its pins, staggered ones' cycle more."""
     return Cycles(3 * tick + 7)
 
 
@@ -140,13 +139,20 @@ class Used:
 
 
 def layout(
-    servos: Sequence[Servo], used: Sequence[Used], frame: Frame, clock: Clock, shift: int = 0
+    servos: Sequence[Servo],
+    used: Sequence[Used],
+    frame: Frame,
+    clock: Clock,
+    shift: int = 0,
+    *,
+    legs: bool = False,
 ) -> Layout:
     """Return the slots of `servos`, two of a port at a time by order of pins. Raises InputError.
 
     `used` are the pulses of the motion, one entry for each servo; steps of a byte are 2**shift cycles.
     """
     motion_c = FRAME_C + len(servos) * (CHANNEL_C + shift * DOUBLING_C)
+    motion_c += LEGS_C if legs else 0
     motion_c += BUTTONS_C if len(servos) < len(PINS) else 0
     stagger = STAGGER if frame.max_together == 1 else NONE
     for servo, widths in zip(servos, used, strict=True):
@@ -170,10 +176,10 @@ def layout(
         ticks = size.ticks(most, exceed=ease == EASES[-1])
         if ticks is not None:
             waits = [Slot("B", (), wait) for wait in ticks[len(pairs) :]]
-            occupied = [
+            found = [
                 Slot(port, pair, ticks[number], longest[number]) for number, (port, pair) in enumerate(pairs)
             ]
-            return Layout((*occupied, *waits), tick, stagger)
+            return Layout((*found, *waits), tick, stagger)
     size = _Frame(longest, SLOT_C, motion_c, TICKS[0], frame.period.cycles)
     least = size.least * TICKS[0]
     raise InputError(
@@ -187,7 +193,7 @@ def layout(
 
 
 def _pairs(servos: Sequence[Servo]) -> list[tuple[str, tuple[int, ...]]]:
-    """Return (port, channels) of each slot."""
+    """(port, channels) of each slot."""
     return [
         (port, tuple(mine[first : first + 2]))
         for port in ("B", "A")
@@ -199,13 +205,13 @@ def _pairs(servos: Sequence[Servo]) -> list[tuple[str, tuple[int, ...]]]:
 
 
 def _slot(longest: int, c: int, tick: int) -> int:
-    """Return the cycles from a slot's beginning to the next one's, if the C takes `c` between them."""
+    """The cycles from a slot's beginning to the next one's, if the C takes `c` between them."""
     return to_rise(Cycles(tick)) + longest + TAIL + c + 1
 
 
 @dataclass(frozen=True, slots=True)
 class _Frame:
-    """The parts of a frame in cycles: each slot's longest pulse, and the time reserved for the C."""
+    """What a frame's ticks are made of, in cycles: each slot's longest pulse, the time that the C gets."""
 
     longest: tuple[int, ...]
     slot_c: int
@@ -214,14 +220,14 @@ class _Frame:
     period: int
 
     def whole(self, pulse: int, c: int) -> int:
-        """Return the ticks of a slot with that pulse and that C after it."""
+        """The ticks of a slot with that pulse and that C after it."""
         return -(-_slot(pulse, c, self.tick) // self.tick)
 
     @property
     def least(self) -> int:
-        """Return the ticks of the shortest frame."""
+        """The ticks of the shortest frame."""
         *others, last = self.longest
-        return sum(self.whole(other, self.slot_c) for other in others) + self.whole(
+        return sum(self.whole(each, self.slot_c) for each in others) + self.whole(
             last, self.slot_c + self.frame_c
         )
 
@@ -239,7 +245,7 @@ class _Frame:
             most.append(self._most(least[-1], self.longest[0], fed))
             late = not exceed and any(part > self._limit(0, fed) for part in least)
             if not late and sum(least) <= rest <= sum(most) and max(*slots, *most) <= MAX_TICKS:
-                parts = _stretched(least, most, rest)
+                parts = _filled(least, most, rest)
                 # Ticks are counted from the slot before: the first slot's are the last of the rest.
                 return [parts[-1], *slots[:-1], *parts[:-1]]
             waits = [self.whole(0, self.slot_c)] * (len(least) - 1)
@@ -247,9 +253,7 @@ class _Frame:
         return None
 
     def _most(self, least: int, pulse: int, fed: int | None) -> int:
-        """Return the maximum ticks of a part; during its wait and the pulse after it nothing clears the
-        watchdog.
-        """
+        """The ticks of a part at most: in its waiting and the pulse after it nothing clears the watchdog."""
         return max(least, self._limit(pulse, fed))
 
     def _limit(self, pulse: int, fed: int | None) -> int:
@@ -257,8 +261,8 @@ class _Frame:
         return min(MAX_TICKS, cycles // self.tick)
 
 
-def _stretched(least: list[int], most: list[int], whole: int) -> list[int]:
-    """Return parts that add up to `whole`, the later ones as long as possible."""
+def _filled(least: list[int], most: list[int], whole: int) -> list[int]:
+    """Parts that make up `whole`, the later ones as long as they may be."""
     parts, spare = list(least), whole - sum(least)
     for number in reversed(range(len(parts))):
         more = min(spare, most[number] - parts[number])

@@ -1,19 +1,23 @@
-"""`JointTrajectory` -> the player's data: parts, keyframes, and the schedule that follows from them.
+"""`JointTrajectory` -> what the player plays: poses, a script, and the schedule that comes of them.
 
-In: a trajectory whose joints are the servos, and the frame. Out: `Playing`. Its schedule is what the chip
-does, cycle for cycle; its distance from the trajectory is in the rows of its plan.
+In: a trajectory whose joints are the servos, which of them are legs', and the frame. Out: `Playing`. Its
+schedule is what the chip does, cycle for cycle; how far that is from the trajectory is in its plan.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
 
-from servogen.engines.player.fitting import Part, Whole, fitting, pooled, scale_of, sections
+from servogen.engines.firmware import ResourceError
+from servogen.engines.player.arithmetic import Whole
+from servogen.engines.player.encoding import Encoded
 from servogen.engines.player.layout import Layout, Used, layout
+from servogen.engines.player.legs import legs_encoded
+from servogen.engines.player.poses import poses_encoded
 from servogen.errors import Diagnostic, InputError
 from servogen.motion.trajectory import Floats, JointTrajectory
 from servogen.plan_error import PlanError
@@ -23,92 +27,143 @@ from servogen.pulse.plan_errors import channel_error, largest
 from servogen.pulse.quantise import PARTS, Quantised
 from servogen.pulse.schedule import Channel, Pulse, PulseSchedule, Run
 from servogen.pulse.slots import Frame
+from servogen.robot.binding import Binding
 from servogen.robot.servo import Servo
 from servogen.units import Clock, Cycles
+
+FAR = (0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8)
+"""Shares of the error's limit that a step's law may be from the motion, the nearest that fits first."""
+
+NEAR = (0.3, 0.5, 0.7, 0.9, 1.1, 1.4, 1.7, 2.2)
+"""Steps by which poses may differ from the row that they share, the least that fits first."""
+
+DATA_BYTES, BUTTONS_BYTES = 328, 50
+"""Bytes of tables that the chip holds beside the program, and what buttons leave less of them.
+
+A motion with more bytes is encoded more coarsely; what the chip holds is known once the program is compiled.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Playing:
-    """The player's data; `bases`, `signs` and a part's tracks are in order of the servos.
+    """A motion as the player plays it: `trajectory` has the frames of the plan's schedule."""
 
-    A width is base + sign · (value between keyframes) · 2**shift.
-    """
-
+    trajectory: JointTrajectory
     plan: PulsePlan
     layout: Layout
-    bases: tuple[int, ...]
-    signs: tuple[int, ...]
-    shift: int
-    data: bytes
-    parts: tuple[Part, ...]
-    loop_part: int
+    encoded: Encoded
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """Return the channels in the order of the C: slot by slot, or the legs' turns, then their lifts."""
+        legs = self.encoded.legs
+        return self.layout.order if legs is None else (*legs.turns, *legs.lifts)
 
 
 def playing(
     trajectory: JointTrajectory,
     servos: Sequence[Servo],
     frame: Frame,
-    soft_frames: int = 0,
+    *,
+    bindings: Sequence[Binding] = (),
+    soft: Sequence[int] = (),
+    max_error_us: float = 10.0,
+    most_bytes: int = DATA_BYTES,
 ) -> Playing:
-    """Return the player's parts of `trajectory`, whose joints are `servos`, in its order. Raises InputError.
+    """Return how the player plays `trajectory`; `servos` are its joints, in its order.
 
-    Its first `soft_frames` frames are parts of their own.
+    `bindings` say which servos are legs'; `soft` are the frames at which the soft start's parts end. The
+    distance from the plan is as small as tables of `most_bytes` allow, and may be more than `max_error_us`:
+    the caller sees it. Raises InputError.
     """
     clock = trajectory.clock
     rows = ideal_widths(trajectory, servos, clock)
-    pulsed = rows[~np.isnan(rows).any(axis=1)]
-    if not len(pulsed):
-        raise InputError("no-pulses", "the motion has no pulse")
-    start = trajectory.loop_start
-    lead = [
-        *sections(rows[:soft_frames], rows[soft_frames]),
-        *sections(rows[soft_frames:start], rows[start]),
-    ]
-    loop = sections(rows[start:], rows[start])
-    scale = scale_of(pulsed, [*lead, *loop])
-    fitted = fitting((*lead, *loop), scale, clock, len(lead))
-    pool, parts = pooled(fitted)
-    every = np.concatenate([np.tile(each.widths, (each.stretch.repeats, 1)) for each in fitted])
-    heard = np.concatenate(
-        [np.full(each.stretch.frames * each.stretch.repeats, not each.stretch.silent) for each in fitted]
+    if np.isnan(rows).all():
+        raise InputError("no-pulse", "the motion has no pulse")
+    encoded = _encoded(
+        rows, trajectory.loop_start, soft, _pairs(servos, bindings), max_error_us, clock, most_bytes
     )
-    first_loop = sum(each.stretch.frames * each.stretch.repeats for each in fitted[: len(lead)])
-    used = [Used(Cycles(int(each.min())), Cycles(int(each.max()))) for each in every[heard].T]
-    slots = layout(servos, used, frame, clock, scale.shift)
-    channels = tuple(Channel(servo.name, servo.pin, servo.model.name) for servo in servos)
+    # A walk's loop begins at an event of its gait, which may be some frames later than the trajectory's.
+    loop = len(rows) - trajectory.loop_start
+    order = np.arange(len(encoded.frames))
+    order = np.where(order < len(rows), order, order - loop)
+    played = replace(trajectory, angles=trajectory.angles[order], loop_start=encoded.lead)
+    ideal = rows[order]
+    pulsed = encoded.widths[~encoded.silent]
+    used = [Used(Cycles(int(each.min())), Cycles(int(each.max()))) for each in pulsed.T]
+    slots = layout(servos, used, frame, clock, encoded.scale.shift, legs=encoded.legs is not None)
     rises = [slots.rise(channel) for channel in range(len(servos))]
+    heard, lead = ~encoded.silent, encoded.lead
     schedule = PulseSchedule(
         clock,
         slots.period,
-        channels,
-        tuple(_runs(every[:first_loop], heard[:first_loop], rises)),
-        tuple(_runs(every[first_loop:], heard[first_loop:], rises)),
-        plan_error=_plan_error(trajectory, servos, every, rows, clock),
+        tuple(Channel(servo.name, servo.pin, servo.model.name) for servo in servos),
+        tuple(_runs(encoded.widths[:lead], heard[:lead], rises)),
+        tuple(_runs(encoded.widths[lead:], heard[lead:], rises)),
+        plan_error=_plan_error(played, servos, encoded.widths, ideal, clock),
     )
-    return Playing(
-        PulsePlan(
-            schedule,
-            tuple(rows_of(servos, every, rows, clock)),
-            warnings_of(trajectory, servos, frame, slots),
-        ),
-        slots,
-        tuple(scale.bases().tolist()),
-        tuple(scale.signs.tolist()),
-        scale.shift,
-        pool.data,
-        parts,
-        len(lead),
+    plan = PulsePlan(
+        schedule,
+        tuple(rows_of(servos, encoded.widths, ideal, clock)),
+        warnings_of(played, servos, frame, slots),
     )
+    return Playing(played, plan, slots, encoded)
+
+
+def _pairs(servos: Sequence[Servo], bindings: Sequence[Binding]) -> list[tuple[int, int]]:
+    """Return the channels that turn and lift each leg, in order of the legs."""
+    names = [servo.name for servo in servos]
+    joints = {each.joint: names.index(each.servo) for each in bindings}
+    legs = [joint.removesuffix("_alpha") for joint in joints if joint.endswith("_alpha")]
+    return [(joints[f"{leg}_alpha"], joints[f"{leg}_beta"]) for leg in legs if f"{leg}_beta" in joints]
+
+
+def _encoded(
+    rows: Floats,
+    loop_start: int,
+    soft: Sequence[int],
+    pairs: Sequence[tuple[int, int]],
+    max_error_us: float,
+    clock: Clock,
+    most_bytes: int,
+) -> Encoded:
+    """Return the first encoding that the tables hold; of those the walk's by its legs, where it is one."""
+    limit = max_error_us / float(clock.cycle_us)
+    ways: list[Callable[[float, float], Encoded | None]] = []
+    if pairs:
+        ways.append(lambda far, near: legs_encoded(rows, loop_start, soft, pairs, near))
+    ways.append(lambda far, near: poses_encoded(rows, (*soft, loop_start), loop_start, far * limit, near))
+    refused: ResourceError | None = None
+    smallest: Encoded | None = None
+    for way in ways:
+        for far, near in zip(FAR, NEAR, strict=True):
+            try:
+                made = way(far, near)
+            except ResourceError as error:
+                refused = error
+                continue
+            if made is None:
+                break
+            if made.size <= most_bytes:
+                return made
+            if smallest is None or made.size < smallest.size:
+                smallest = made
+        else:
+            break
+    if smallest is not None:
+        return smallest
+    assert refused is not None
+    raise refused
 
 
 def ideal_widths(trajectory: JointTrajectory, servos: Sequence[Servo], clock: Clock) -> Floats:
-    """Return the planned widths in cycles, (frames, servos); NaN for no pulse."""
+    """Widths in cycles as planned, (frames, servos); NaN without a pulse."""
     angles = trajectory.angles
     silent = np.isnan(angles)
     if (silent.any(axis=1) & ~silent.all(axis=1)).any():
         number = int(np.argmax(silent.any(axis=1) & ~silent.all(axis=1)))
         raise InputError(
-            "engine-unsupported",
+            "mixed-pauses",
             f"in frame {number} some servos have pulses and some have none",
             hint='the player rests all servos together: engine = "sequence", or the same pauses for all',
         )
@@ -121,22 +176,20 @@ def ideal_widths(trajectory: JointTrajectory, servos: Sequence[Servo], clock: Cl
 
 
 def _plan_error(
-    trajectory: JointTrajectory, servos: Sequence[Servo], achieved: Whole, ideal: Floats, clock: Clock
+    trajectory: JointTrajectory, servos: Sequence[Servo], made: Whole, ideal: Floats, clock: Clock
 ) -> PlanError:
-    """Return the largest distance between the widths `achieved` and `ideal`, cycles of each
-    frame and servo.
-    """
+    """Return the largest distance between the widths `made` and `ideal`, cycles of each frame and servo."""
     cycle_us = float(clock.cycle_us)
     errors = []
     for index, servo in enumerate(servos):
         pulsed = ~np.isnan(ideal[:, index])
-        widths = [cycle_us * each[pulsed, index] for each in (ideal, achieved)]
+        widths = [cycle_us * each[pulsed, index] for each in (ideal, made)]
         errors.append(channel_error(servo, trajectory.angles[pulsed, index], *widths))
     return largest(errors)
 
 
 def _runs(widths: Whole, heard: np.ndarray, rises: Sequence[Cycles]) -> Iterator[Run]:
-    """Return the frames with equal successive ones joined to runs."""
+    """Equal frames in a row as one run."""
     if not len(widths):
         return
     table = np.where(heard[:, None], widths, 0)

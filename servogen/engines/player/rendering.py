@@ -1,30 +1,32 @@
 """The `player` engine as C: `templates/player/main.c.j2` is the body, `player/*.asm` are its assembly.
 
-In: the plan and a dialect. Out: the text of one C file.
+In: what is played and a dialect. Out: the text of one C file.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 from servogen.engines.c_text import AsmLine, ChannelText, assembly, decimal, ports_of, render_template
-from servogen.engines.player import Playing
+from servogen.engines.player.arithmetic import ENTRIES
 from servogen.engines.player.buttons import PRESSED_FRAMES, Button, Buttons
 from servogen.engines.player.layout import TICKS
+from servogen.engines.player.playing import Playing
+from servogen.engines.player.script import AGAIN, AT, HALF, SILENT, STAY, STRAIGHT
 from servogen.pic.device import Device, oscillator_for, registers
 from servogen.units import Cycles
 
 PRESCALER = 0x84
-"""OPTION_REG: TMR0 counts cycles, 1:32, plus one for each doubling; no pull-ups (DS35007 section 2.3.2)."""
+"""OPTION_REG: TMR0 counts cycles, 1:32; one more for each doubling; no pull-ups (DS35007 section 2.3.2)."""
 
 WAY = 32
-"""The kernel's cycles from the rise to the first fall without its counted loops."""
+"""The kernel's cycles from the rise to the first fall beside its counted loops."""
 
 
 OVERRUN = "overrun"
-"""The variable whose bit 0 is set once the C between two slots takes too long."""
+"""The variable whose bit 0 says that the C between two slots once took too long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,16 +36,7 @@ class _SlotText:
     port: str
     ticks: int
     channel: int
-
-
-@dataclass(frozen=True, slots=True)
-class _PartText:
-    frames: int
-    repeats: int
-    speed: int
-    wrap: int
-    row: int
-    pins: str
+    other: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,13 +56,12 @@ class _Pad:
 
 def render_player(played: Playing, buttons: Buttons, dialect: str, device: Device, title: str) -> str:
     """Return the C file of `played` in `dialect`. Raises RenderError."""
-    schedule, order = played.plan.schedule, played.layout.order
-    tick = played.layout.tick
-    clock = schedule.clock
-    rows = list(dict.fromkeys(part.tracks for part in played.parts))
-    tracks = [row[channel] for row in rows for channel in order]
-    mirrored = [played.signs[channel] < 0 for _ in rows for channel in order]
-    bases = [played.bases[channel] for channel in order]
+    schedule, encoded = played.plan.schedule, played.encoded
+    legs, timings = encoded.legs, encoded.script.timings
+    tick, clock, shift = played.layout.tick, schedule.clock, encoded.scale.shift
+    columns = len(legs.turns) if legs else len(schedule.channels)
+    constants = _constants(played)
+    laws = [each.law for each in timings]
     return render_template(
         "player/main.c.j2",
         overrun=OVERRUN,
@@ -83,28 +75,35 @@ def render_player(played: Playing, buttons: Buttons, dialect: str, device: Devic
         tick=tick,
         tick_us=decimal(clock.us(tick)),
         prescaler=f"0x{PRESCALER + TICKS.index(tick):02X}",
-        step_us=decimal(clock.us(1 << played.shift)),
-        channels=[_channel(played, channel) for channel in order],
+        step_us=decimal(clock.us(1 << shift)),
+        channels=[_channel(played, channel) for channel in played.order],
         ports=list(ports_of(schedule)),
-        slots=list(_slots(played)),
-        parts=[
-            _PartText(
-                part.frames & 0xFF,
-                part.repeats,
-                part.speed,
-                part.wrap,
-                rows.index(part.tracks) * len(order),
-                "0x00" if part.silent else "0xFF",
-            )
-            for part in played.parts
-        ],
-        silence=any(part.silent for part in played.parts),
-        tracks=[start for start, _ in tracks],
-        ahead=[2 * count + flip for (_, count), flip in zip(tracks, mirrored, strict=True)],
-        keyframes=list(played.data),
-        bases_low=[base & 0xFF for base in bases],
-        bases_high=[base >> 8 for base in bases],
-        loop_part=played.loop_part,
+        columns=columns,
+        rows=list(_rows(played)),
+        legs=legs is not None,
+        stand=(legs.stand - columns) & 0xFF if legs else None,
+        top=(legs.lifted - columns) & 0xFF if legs else None,
+        neutral=(legs.neutral - columns) & 0xFF if legs and legs.neutral is not None else None,
+        rising=encoded.script.third,
+        law=constants.place("LAW") if encoded.laws else None,
+        lift_law=constants.place("LAW") + ENTRIES if legs else None,
+        script=list(encoded.script.data),
+        loop=encoded.script.loop,
+        again=AGAIN,
+        at=AT,
+        repeats=_repeats(encoded.script.data),
+        starts=any(each.start for each in timings),
+        half=HALF,
+        laws=bool(encoded.laws),
+        slot_count=len(played.layout.slots),
+        places=[(name, place, note) for name, place, note in constants.places],
+        constants=constants.data,
+        stay=STAY,
+        silent=SILENT,
+        stay_bit=STAY ^ SILENT,
+        stays=any(law in (STAY, SILENT) for law in laws),
+        released=legs is not None and bool(encoded.silent.any()),
+        silence=any(law == SILENT for law in laws),
         start=_button(buttons.start),
         stop=_button(buttons.stop),
         stop_off=buttons.stop is not None and buttons.off,
@@ -112,17 +111,82 @@ def render_player(played: Playing, buttons: Buttons, dialect: str, device: Devic
         buttons_text=list(buttons.text()),
         kernel=list(assembly(kernel(tick, played.layout.stagger))),
         trim=list(assembly(render_template("player/trim.asm"))),
-        between=[
-            *assembly(render_template("player/between.asm")),
+        blend=list(assembly(render_template("player/blend.asm", twice=legs is not None))),
+        scale=[
             AsmLine("    clrf    _value_high", ""),
-            *(line for _ in range(played.shift) for line in assembly(render_template("player/scale.asm"))),
+            *(line for _ in range(shift) for line in assembly(render_template("player/scale.asm"))),
         ],
     )
 
 
+@dataclass(slots=True)
+class _Constants:
+    """Small tables in one, each with its name, its place and what it is."""
+
+    data: list[int | str] = field(default_factory=list)
+    places: list[tuple[str, int, str]] = field(default_factory=list)
+
+    def add(self, name: str, values: Iterable[int | str], note: str = "") -> None:
+        self.places.append((name, len(self.data), note))
+        self.data += values
+
+    def place(self, name: str) -> int:
+        return next(place for each, place, _ in self.places if each == name)
+
+
+def _constants(played: Playing) -> _Constants:
+    encoded = played.encoded
+    made = _Constants()
+    slots, timings = list(_slots(played)), encoded.script.timings
+    bases = [int(encoded.scale.bases[channel]) for channel in played.order]
+    made.add("BASE_LOW", [base & 0xFF for base in bases], "the channels' base widths")
+    made.add("BASE_HIGH", [base >> 8 for base in bases])
+    made.add("SLOT_A", [each.a for each in slots], "the pins that rise together in a slot")
+    made.add("SLOT_B", [each.b for each in slots])
+    made.add("SLOT_PORT", [each.port for each in slots], "its port's address")
+    made.add("SLOT_TICKS", [each.ticks for each in slots], "ticks from the slot before")
+    made.add("SLOT_CHANNEL", [each.channel for each in slots], "the channel of pin A")
+    if encoded.legs is not None:
+        made.add("SLOT_OTHER", [each.other for each in slots], "and of pin B")
+    made.add("FRAMES", [each.frames & 0xFF for each in timings], "of a step; 0 is 256")
+    made.add("SPEED_LOW", [each.speed & 0xFF for each in timings], "65536ths of a step in a frame")
+    made.add("SPEED_HIGH", [each.speed >> 8 for each in timings])
+    if any(each.start for each in timings):
+        made.add("START", [each.start for each in timings], "256ths of a step at its first frame")
+    if encoded.laws:
+        made.add("LAW", encoded.laws, "weights at each sixteenth of a step")
+    if encoded.legs is None and any(each.law != STRAIGHT for each in timings):
+        first = made.place("LAW") if encoded.laws else 0
+        places = [each.law + (first if each.law < SILENT else 0) for each in timings]
+        note = f"where its law begins; {STRAIGHT}: straight, {STAY}: at once, {SILENT}: no pulses"
+        made.add("TIMING_LAW", places, note)
+    return made
+
+
+def _repeats(data: bytes) -> bool:
+    """Return whether a script plays something again."""
+    place = 0
+    while place < len(data):
+        if data[place] == AGAIN:
+            return True
+        place += 2 if data[place] == AT else 1
+    return False
+
+
+def _rows(played: Playing) -> Iterator[int]:
+    """Return the table of poses, whose columns are in order of the slots, or of the legs."""
+    encoded = played.encoded
+    if encoded.legs is not None:
+        yield from encoded.rows
+        return
+    count = len(played.order)
+    for first in range(0, len(encoded.rows), count):
+        for channel in played.order:
+            yield encoded.rows[first + channel]
+
+
 def kernel(tick: Cycles, stagger: Cycles) -> str:
-    """Return the kernel's assembly: TMR0 counts every `tick` cycles, a slot's second servo rises `stagger`
-    later.
+    """The kernel's assembly: TMR0 counts every `tick` cycles, a slot's second servo rises `stagger` later.
 
     The timer's next three increments are read at the cycles `reads` after the beginning.
     """
@@ -154,11 +218,10 @@ def _channel(played: Playing, channel: int) -> ChannelText:
 
 
 def _slots(played: Playing) -> Iterator[_SlotText]:
-    """Yield the masks of each slot's pins; `channel` counts in the order of the slots."""
-    first = 0
+    """Yield the masks of each slot's pins; `channel`, `other`: places in the order of the C's channels."""
     for slot in played.layout.slots:
         masks = [1 << int(played.plan.schedule.channels[channel].pin[2]) for channel in slot.channels]
         a, b = [*masks, 0, 0][:2]
         port = registers()[f"PORT{slot.port}"].address
-        yield _SlotText(f"0x{a:02X}", f"0x{b:02X}", f"0x{port:02X}", slot.ticks, first if masks else 0)
-        first += len(masks)
+        places = [played.order.index(channel) for channel in slot.channels] or [0]
+        yield _SlotText(f"0x{a:02X}", f"0x{b:02X}", f"0x{port:02X}", slot.ticks, places[0], places[-1])

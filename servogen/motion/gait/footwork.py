@@ -5,7 +5,7 @@ ground, and the corrections that their springs must give.
 
     side view of a foot          it is lifted by a bump that is flat at both ends, while
          ___                     the joints go from where the foot left the ground to where it lands,
-     ___╱   ╲___  ground         beginning and ending with the speed of the stance
+     ___╱   ╲___  ground         by one law that begins and ends with the speed of the stance
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy.typing as npt
 from servogen.errors import InputError
 from servogen.kinematics.protocol import BodyMotion, Posture, Stance, WalkingRobot
 from servogen.motion.gait.phases import Gait
-from servogen.motion.gait.steps import SAME_TIME, Progress, Segment, Steps, start_ramp, steps
+from servogen.motion.gait.steps import SAME_TIME, Segment, Steps, progress_of, steps
 from servogen.motion.trajectory import Floats
 
 SAME_RAD = 1e-9
@@ -129,7 +129,7 @@ class Footwork:
 
         A foot that its joints would put where it is already does not step. No frames: none steps.
         """
-        still = Progress(start_ramp(self.gait), None)
+        still = progress_of(self.gait, None)
         legs = []
         for index, ((_, first), old, new) in enumerate(zip(self.gait.lifts, here, there, strict=True)):
             angles = self.stance.angles(index, np.array([old, new]))
@@ -151,7 +151,7 @@ class Footwork:
         cycles = segment.cycles
         if cycles is not None and cycles <= 0:
             raise InputError("out-of-range", f"a segment has {cycles:g} cycles: it needs more than 0")
-        progress = Progress(start_ramp(self.gait), cycles)
+        progress = progress_of(self.gait, cycles)
         until = MAX_CYCLES if cycles is None else progress.stop + 1
         legs = [
             steps(self.gait, name, segment, progress, neutral, until)
@@ -186,19 +186,13 @@ class Footwork:
     def _swing(self, index: int, leg: Steps, number: int, time: Floats) -> Floats:
         """Return the angles (n, k) of one swing."""
         start, end = float(leg.lifts[number]), float(leg.lands[number])
-        span = end - start
-        before = leg.seen(leg.holds[number], np.array([start, start - SMALL]))
-        after = leg.seen(leg.holds[number + 1], np.array([end, end + SMALL]))
-        first, earlier = self.stance.angles(index, before)
-        last, later = self.stance.angles(index, after)
-        u = (time - start) / span
-        rates = (first - earlier) * span / SMALL, (later - last) * span / SMALL
-        share = 16 * u**2 * (1 - u) ** 2
-        return self.stance.lifted(index, _quintic(first, last, *rates, u[:, None]), share)
-
-
-SMALL = 1e-7
-"""Cycles over which the speed at either end of a stance is measured."""
+        first, last = (
+            self.stance.angles(index, leg.seen(leg.holds[hold], np.array([at])))
+            for hold, at in ((number, start), (number + 1, end))
+        )
+        u = (time - start) / (end - start)
+        share = swing_share(u, float(self.gait.swing / self.gait.duty))
+        return self.stance.lifted(index, first + (last - first) * share[:, None], bump(u))
 
 
 def footwork(robot: WalkingRobot, gait: Gait, posture: Posture, segments: Sequence[Segment]) -> Footwork:
@@ -215,10 +209,16 @@ def body_motion(segment: Segment, gait: Gait) -> BodyMotion:
     return BodyMotion(complex(segment.forward, segment.left), segment.turn, float(gait.duty))
 
 
-def _quintic(start: Floats, end: Floats, speed0: Floats, speed1: Floats, u: Floats) -> Floats:
-    """Return a course (n, k) from start to end with these speeds (per u) and no acceleration at both ends."""
-    change = end - start
-    a3 = 10 * change - 6 * speed0 - 4 * speed1
-    a4 = -15 * change + 8 * speed0 + 7 * speed1
-    a5 = 6 * change - 3 * (speed0 + speed1)
-    return np.asarray(start + u * (speed0 + u**2 * (a3 + u * (a4 + u * a5))))
+def swing_share(u: Floats, rate: float) -> Floats:
+    """Return the share of a swing's way at shares `u` of its time.
+
+    A quintic that begins and ends with the stance's speed, `rate` ways backward in a swing's time, and
+    without acceleration. It is the same for every swing, and its second half mirrors its first.
+    """
+    a3, a4, a5 = 10 + 10 * rate, -15 - 15 * rate, 6 + 6 * rate
+    return np.asarray(u * (-rate + u**2 * (a3 + u * (a4 + u * a5))))
+
+
+def bump(u: Floats) -> Floats:
+    """Return the share of the lift at shares `u` of a swing's time: 1 in the middle, flat at both ends."""
+    return np.asarray(16 * u**2 * (1 - u) ** 2)

@@ -5,8 +5,9 @@ times the foot in the body's frame while it stands, and the footholds between wh
 cycles, points are complex numbers x + iy.
 
 A foothold is chosen so that in the middle of its stance the foot is at neutral: what the body travels in a
-stance lies half before and half behind. The body's speed rises evenly at the start, for so long that the last
-leg to lift is not left behind further than in the steady walk; it falls the same way at a stop.
+stance lies half before and half behind. The body begins slowly, until the last leg has lifted, so that it
+is not left behind further than in the steady walk; it stops the same way. Footholds are those of the steady
+walk from the first on, and a leg's last stance ends at neutral.
 """
 
 from __future__ import annotations
@@ -23,7 +24,10 @@ from servogen.motion.trajectory import Floats
 Points = npt.NDArray[np.complex128]
 
 SAME_M = 1e-9
-"""A foot whose step would be shorter than this stays on the ground."""
+"""A foot that would step less than this stays on the ground."""
+
+SAME_TIME = 1e-9
+"""Times (in cycles) nearer than this are one: a frame falls on a landing in spite of floating point."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,43 +53,61 @@ class Segment:
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """The cycles that the body has travelled at a time, from standstill, and to standstill if the way ends.
+    """How many cycles' worth of way the body has gone at a time, from standstill, and to it if it ends.
 
-    speed  ╱▔▔▔▔▔▔╲    `ramp` cycles up, and as many down
+    speed  ▁▁▔▔▔▔▔▁▁    `slow` for `ramp` cycles, then `top`, and for as long `slow` again before the end
     """
 
     ramp: float
-    distance: float | None
-    """In cycles; None: without an end."""
+    slow: float
+    top: float = 1.0
+    cruise: float = math.inf
+    """Cycles at `top`; infinite: the walk never ends."""
 
     @property
-    def top(self) -> float:
-        """Return the greatest speed as a share of the full speed, which a short way does not reach."""
-        return 1.0 if self.distance is None else min(1.0, self.distance / self.ramp)
+    def way(self) -> float:
+        """Return the cycles' worth of way until the end."""
+        return 2 * self.slow * self.ramp + self.top * self.cruise
 
     @property
     def stop(self) -> float:
-        """Return the time at which the body stands again."""
-        return math.inf if self.distance is None else self.distance / self.top + self.ramp
+        """Return the time at which the body stands still again."""
+        return 2 * self.ramp + self.cruise
 
     def at(self, time: Floats) -> Floats:
-        """Return the cycles travelled at `time`."""
+        """Return the cycles' worth of way at `time`."""
         time = np.clip(time, 0.0, self.stop)
-        up = np.minimum(time, self.ramp) ** 2 / (2 * self.ramp) + np.maximum(time - self.ramp, 0.0)
-        if self.distance is None:
-            return up
-        left = np.minimum(self.stop - time, self.ramp)
-        return self.top * (up - (self.ramp - left) ** 2 / (2 * self.ramp))
+        begun = np.minimum(time, self.ramp)
+        ending = np.maximum(time - self.ramp - self.cruise, 0.0)
+        return np.asarray(self.slow * (begun + ending) + self.top * (time - begun - ending))
+
+    def steady(self, time: Floats) -> Floats:
+        """Return the same as if the body had always been at full speed."""
+        return np.asarray(self.slow * self.ramp + self.top * (time - self.ramp))
 
 
-def start_ramp(gait: Gait) -> float:
-    """Return the cycles in which the speed rises, so that no foot is left behind by more than duty / 2 of a
-    stride.
+def progress_of(gait: Gait, way: float | None) -> Progress:
+    """Return the progress of a body that no standing foot holds back, and of which none slips.
 
-    A leg that first lifts at t has seen t² / (2 ramp) of a stride by then (t ≤ ramp).
+    Until the last leg has lifted the body is so slow that its foot is left behind by no more than in the
+    steady walk, half of what the body travels in a stance. The end mirrors the start; the time in between is
+    a multiple of the gait's grain, so that the body changes its speed when feet lift or land.
     """
-    latest = float(max(lift for _, lift in gait.lifts))
-    return max(latest, latest**2 / float(gait.duty), float(gait.duty) / 2)
+    latest, duty = float(max(lift for _, lift in gait.lifts)), float(gait.duty)
+    ramp = latest if latest > duty / 2 else 0.0
+    slow = duty / (2 * latest) if ramp else 1.0
+    if way is None:
+        return Progress(ramp, slow)
+    between = way - 2 * slow * ramp
+    if between > SAME_TIME:
+        cruise = _up_to_grain(between, gait)
+        return Progress(ramp, slow, between / cruise, cruise)
+    short = _up_to_grain(way / slow, gait)
+    return Progress(short / 2, way / short, way / short, 0.0)
+
+
+def _up_to_grain(cycles: float, gait: Gait) -> float:
+    return math.ceil(cycles * gait.grain - SAME_TIME) / gait.grain
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,10 +144,6 @@ class Steps:
         return np.asarray((foothold - position) * np.exp(-1j * heading))
 
 
-SAME_TIME = 1e-9
-"""Times (in cycles) closer than this are equal, so that rounding does not move a landing off its frame."""
-
-
 def steps(
     gait: Gait, leg: str, segment: Segment, progress: Progress, neutral: complex, until: float
 ) -> Steps:
@@ -133,7 +151,12 @@ def steps(
     first, duty = float(dict(gait.lifts)[leg]), float(gait.duty)
     lifts = np.arange(first, until + 1, 1.0)
     middle = lifts + (1 - duty) + duty / 2
-    position, heading = segment.travelled(progress.at(middle))
+    travelled = progress.steady(middle)
+    if math.isfinite(progress.stop):
+        # The last stance of a leg ends where the body stops, so that it need not step again.
+        near = progress.way - progress.at(lifts + (1 - duty)) <= duty / 2 + SAME_TIME
+        travelled[near & (lifts + 1 >= progress.stop - SAME_TIME)] = progress.way
+    position, heading = segment.travelled(travelled)
     holds = np.concatenate(([neutral], position + np.exp(1j * heading) * neutral))
     moved = np.abs(np.diff(holds)) > SAME_M
     kept = np.concatenate(([True], moved))

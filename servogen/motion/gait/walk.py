@@ -168,9 +168,10 @@ def walk(
 ) -> Walk:
     """Return the walk along `segments`, each from standstill to standstill; only the last may have no end.
 
-    A cycle takes `frames_per_cycle` frames, to which the gait's phases are moved; None: as few as `limits`
-    (of a servo) allow, and a multiple of the gait's grain if that is small. A walk without an end loops over
-    one cycle, others over the whole way. `spring_m` is the greatest correction that a leg's spring can give.
+    A cycle takes at least `frames_per_cycle` frames; None: as few as `limits` (of a servo) allow. It is a
+    multiple of the gait's grain if that is small; otherwise the gait's phases are moved to frames. A walk
+    without an end loops over one cycle, others over the whole way. `spring_m` is the greatest correction that
+    a leg's spring can give.
     `others` are segments of other walks that the same robot may continue with: its legs stand so that they
     suit those too.
 
@@ -196,7 +197,7 @@ def walk(
             f"a cycle of {frames_per_cycle} frames is too short for the gait '{gait.name}'",
             hint=f"at least {least} frames: each swing takes {MIN_SWING} or more",
         )
-    count = frames_per_cycle or _whole(gait, least)
+    count = _whole(gait, frames_per_cycle or least)
     cycles = sum(MAX_CYCLES if segment.cycles is None else segment.cycles for segment in segments)
     while True:
         if not count * cycles <= MAX_FRAMES:

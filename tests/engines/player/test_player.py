@@ -7,7 +7,6 @@ import pytest
 from servogen.build import build, prove, running
 from servogen.edges import PINS, join
 from servogen.engines.player.engine import play
-from servogen.engines.player.fitting import NO_WRAP
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
@@ -74,7 +73,9 @@ def test_a_trim_in_the_eeprom_moves_that_servo_by_exactly_that_much() -> None:
     schedule = trimmed(done.plan.schedule, trims)
     span = Cycles(200 * schedule.period)
     for program in done.programs:
-        data = {channel: trim & 0xFF for channel, trim in trims.items()} | {2: 0xFF, 5: 0}
+        order = play(done.job)[1].order
+        data = {order.index(channel): trim & 0xFF for channel, trim in trims.items()}
+        data |= {order.index(2): 0xFF, order.index(5): 0}
         image = replace(program.image, eeprom={**program.image.eeprom, **data})
         verdict = prove(schedule, running(schedule, image, span), span)
         assert verdict.worst_edge_error == 0, verdict.reasons
@@ -105,23 +106,22 @@ def test_thirteen_servos_that_sweep_across_each_other_are_exact() -> None:
 
 
 def test_held_poses_between_two_steps_are_held() -> None:
-    # Steps of 4 µs; the poses are 1 and 2 µs off them. A part that is held has one keyframe and stays at it.
+    # Steps of 4 µs; the poses are 1 and 2 µs off them. A pose that is held has one width in all its frames.
     done = built_text(
         job_text(3, poses([(10.3, 20, 31), (159, 144.4, 77)], 0.32).replace("move_s", "hold_s = 0.3, move_s"))
     )
     _, played = play(done.job)
-    held = [part for part in played.parts if part.wrap == 1]
-    assert played.shift == 2 and len(held) >= 3
-    for part in played.parts:
-        # `segment` must not pass the end of what goes round: the chip takes `wrap` off it once.
-        assert part.wrap == NO_WRAP or part.frames * (part.speed or 256) <= part.wrap * 256
+    assert played.encoded.scale.shift == 2
+    held = [run for run in done.plan.schedule.loop if run.frames >= 15]
+    assert len(held) == 2
     for program in done.programs:
         assert program.proven and program.verdict.worst_edge_error == 0
 
 
-def test_a_motion_with_too_many_keyframes_is_refused_with_its_bytes() -> None:
-    long = TRIPOD.replace('gait = "tripod"', 'gait = "wave"').replace("cycles = 4", "cycles = 7")
-    with pytest.raises(
-        InputError, match=r"the motion has \d+ bytes of keyframes: the player's table holds 256"
-    ):
+def test_a_motion_with_too_many_poses_is_refused_with_its_bytes() -> None:
+    long = TRIPOD.replace('gait = "tripod"', 'gait = "wave"').replace("forward_mm = 40, cycles = 4", WAYS)
+    with pytest.raises(InputError, match=r"the motion's poses have \d+ bytes: their table holds 256"):
         build(plan_job(loads(long, "long.toml")))
+
+
+WAYS = "forward_mm = 40, cycles = 3 }, { turn_deg = 20, cycles = 3 }, { forward_mm = -30, cycles = 3"

@@ -1,0 +1,508 @@
+/*
+ * rvm1-program: servo pulses for the PIC16F84 at 4 MHz (XC8).
+ * Generated from the job by servogen: change the job, not this file.
+ *
+ * RB0  waist: 1417 to 1665 us
+ * RB1  shoulder: 1250 to 1500 us
+ * RB2  elbow: 1344 to 1834 us
+ * RB3  pitch: 1333 to 1611 us
+ * RB4  roll: 1501 us
+ * RB5  hand: 1361 to 1555 us
+ *
+ * A frame takes 20000 us: 5 slots, each begun by TMR0, which counts 32 us and is never
+ * written. The C between the slots may take any time that ends before the next one begins.
+ */
+#include <xc.h>
+
+#pragma config FOSC = XT, WDTE = OFF, PWRTE = ON, CP = OFF
+#define _XTAL_FREQ 4000000
+
+/* Poses, 6 bytes each, in steps of 2 us from each channel's base width. */
+const unsigned char ROW[] = { 44, 127, 80, 86, 3, 72, 44, 2, 247, 2, 3, 2, 47, 6, 239, 5, 3, 2, 53, 15, 225, 11, 3, 2, 117, 108, 68, 75, 3, 2, 123, 117, 53, 81, 3, 2, 126, 121, 46, 83, 3, 2, 126, 106, 34, 110, 3, 2, 126, 106, 34, 110, 3, 99, 126, 121, 46, 84, 3, 99, 44, 126, 11, 114, 3, 99, 44, 108, 2, 141, 3, 99, 44, 108, 2, 141, 3, 2, 44, 126, 11, 114, 3, 2, 2, 121, 24, 107, 3, 99, 2, 103, 15, 132, 3, 99, 2, 103, 15, 132, 3, 2, 2, 121, 24, 107, 3, 2, 44, 83, 115, 53, 3, 99, 44, 83, 114, 54, 3, 99, 44, 71, 104, 76, 3, 99, 44, 70, 104, 77, 3, 2, 44, 83, 115, 53, 3, 2, 10, 76, 133, 42, 3, 99, 10, 75, 132, 43, 3, 99, 10, 66, 122, 63, 3, 99, 10, 64, 121, 66, 3, 99, 10, 64, 121, 66, 3, 2, 10, 76, 133, 42, 3, 2 };
+
+/* Steps from pose to pose, each to the next row: its timing.
+ * 254 before that: to the row at the next byte. 255: so many bytes back, until that was played so often. */
+const unsigned char SCRIPT[] = { 254, 0, 0, 254, 0, 1, 0, 254, 6, 2, 3, 3, 4, 3, 3, 254, 36, 5, 6, 7, 6, 8, 6, 7, 9, 254, 36, 8, 6, 7, 6, 254, 84, 10, 6, 7, 9, 254, 36, 10, 6, 7, 6, 254, 108, 8, 11, 12, 254, 120, 2, 7, 9, 254, 36, 8, 6, 7, 6, 254, 138, 13, 11, 3, 14, 7, 9, 254, 6, 13, 254, 6, 2 };
+
+/* All else that is constant, in one table. */
+#define BASE_LOW 0   /* the channels' base widths */
+#define BASE_HIGH 6
+#define SLOT_A 12   /* the pins that rise together in a slot */
+#define SLOT_B 17
+#define SLOT_PORT 22   /* its port's address */
+#define SLOT_TICKS 27   /* ticks from the slot before */
+#define SLOT_CHANNEL 32   /* the channel of pin A */
+#define FRAMES 37   /* of a step; 0 is 256 */
+#define SPEED_LOW 52   /* 65536ths of a step in a frame */
+#define SPEED_HIGH 67
+#define LAW 82   /* weights at each sixteenth of a step */
+#define TIMING_LAW 99   /* where its law begins; 255: straight, 254: at once, 252: no pulses */
+const unsigned char CONSTANT[] = { 133, 222, 60, 49, 215, 77, 5, 4, 5, 5, 5, 5, 0x01, 0x04, 0x10, 0x00, 0x00, 0x02, 0x08, 0x20, 0x00, 0x00, 0x06, 0x06, 0x06, 0x06, 0x06, 188, 80, 85, 76, 196, 0, 2, 4, 0, 0, 50, 50, 1, 5, 35, 2, 9, 15, 25, 8, 37, 1, 6, 34, 2, 31, 31, 0, 51, 80, 0, 114, 17, 61, 0, 235, 0, 171, 136, 0, 5, 5, 0, 51, 7, 128, 28, 17, 10, 32, 6, 0, 42, 7, 128, 0, 3, 11, 24, 43, 65, 86, 107, 129, 150, 171, 192, 214, 233, 246, 254, 255, 255, 254, 254, 255, 255, 254, 82, 255, 82, 82, 82, 255, 255, 82, 255 };
+
+unsigned char width_low[6], width_high[6];
+
+/* The kernel's. */
+unsigned char pulse_a_lo, pulse_a_hi, pulse_b_lo, pulse_b_hi, mask_a, mask_b, both, port;
+unsigned char target, ahead, overrun, stay, fine, apart, count;
+
+/* Where the motion is: in the script, in the step, and its two poses. */
+unsigned char place, repeats, timing, frames, time, time_low, row, next_row;
+
+/* The arithmetic's. */
+unsigned char channel, key, next, weight, value, value_low, value_high, bits, sign;
+
+void blend(void)
+{
+    // key * 256 + (next - key) * weight: 16 bits.
+    // In: _key, _next, _weight, _sign (bit 0 clear). Out: _value, whole, and _value_low, the fraction.
+    asm("    movf    _key, W");
+    asm("    subwf   _next, W");
+    asm("    btfsc   STATUS, 0");
+    asm("    goto    pl_rising");
+    asm("    sublw   0");   // key - next
+    asm("    bsf     _sign, 0");
+    asm("pl_rising:");
+    asm("    movwf   _value_high");
+    asm("    movf    _weight, W");
+    asm("    movwf   _value_low");
+    asm("    clrf    _value");
+    asm("    movlw   8");
+    asm("    movwf   _count");
+    asm("    movf    _value_high, W");
+    asm("    rrf     _value_low, F");
+    asm("pl_between:");
+    asm("    btfsc   STATUS, 0");
+    asm("    addwf   _value, F");
+    asm("    rrf     _value, F");
+    asm("    rrf     _value_low, F");
+    asm("    decfsz  _count, F");
+    asm("    goto    pl_between");
+    asm("    btfss   _sign, 0");
+    asm("    goto    pl_sum");
+    asm("    comf    _value, F");
+    asm("    comf    _value_low, F");
+    asm("    incf    _value_low, F");
+    asm("    btfsc   STATUS, 2");
+    asm("    incf    _value, F");
+    asm("pl_sum:");
+    asm("    movf    _key, W");
+    asm("    addwf   _value, F");
+}
+
+void read_trim(void)
+{
+    // The channel's byte of the data EEPROM (DS35007 section 3.1).
+    asm("    movf    _channel, W");
+    asm("    movwf   EEADR");
+    asm("    bsf     STATUS, 5");   // bank 1
+    asm("    bsf     0x08, 0");   // EECON1, RD
+    asm("    bcf     STATUS, 5");
+    asm("    movf    EEDATA, W");
+    asm("    movwf   _value");
+}
+
+/* One slot, to the cycle. */
+void pulses(void)
+{
+    // One slot of the frame: two servos of one port rise together and fall each at its own cycle.
+    // 
+    // STATUS bit 0 is the carry, bit 2 is zero.
+    // 
+    // In:  _pulse_a, _pulse_b    widths in cycles (_hi, _lo) of the two channels
+    // _mask_a, _mask_b      their pins; the same width and mask 0 where a slot has one channel
+    // _both                 both pins, or 0: no pulses
+    // _port                 the port's address
+    // _target, _ahead       TMR0 at which the slot begins, and the ticks since the slot before
+    // Out: _overrun              bit 0 set where the slot's beginning had passed
+    // 
+    // The sooner pulse's width goes to _pulse_a, the difference to _pulse_b, the pin that stays high to _stay.
+    asm("    movf    _pulse_a_lo, W");
+    asm("    subwf   _pulse_b_lo, F");
+    asm("    movf    _pulse_a_hi, W");
+    asm("    btfss   STATUS, 0");
+    asm("    incfsz  _pulse_a_hi, W");
+    asm("    subwf   _pulse_b_hi, F");
+    asm("    movf    _mask_b, W");
+    asm("    btfsc   STATUS, 0");
+    asm("    goto    pl_sorted");
+    asm("    movf    _pulse_b_lo, W");
+    asm("    addwf   _pulse_a_lo, F");
+    asm("    btfsc   STATUS, 0");
+    asm("    incf    _pulse_a_hi, F");
+    asm("    movf    _pulse_b_hi, W");
+    asm("    addwf   _pulse_a_hi, F");
+    asm("    comf    _pulse_b_lo, F");
+    asm("    comf    _pulse_b_hi, F");
+    asm("    incf    _pulse_b_lo, F");
+    asm("    btfsc   STATUS, 2");
+    asm("    incf    _pulse_b_hi, F");
+    asm("    movf    _mask_a, W");
+    asm("pl_sorted:");
+    asm("    movwf   _stay");
+    asm("    movf    _pulse_b_lo, W");
+    asm("    iorwf   _pulse_b_hi, W");
+    asm("    btfsc   STATUS, 2");
+    asm("    clrf    _stay");   // the same cycle: one write lowers both
+    // The sooner pulse: 32 cycles are the way, the rest is loops of 8 cycles and 0 to 7 cycles in _fine.
+    asm("    movlw   32");
+    asm("    subwf   _pulse_a_lo, F");
+    asm("    btfss   STATUS, 0");
+    asm("    decf    _pulse_a_hi, F");
+    asm("    movf    _pulse_a_lo, W");
+    asm("    movwf   _fine");
+    asm("    rrf     _pulse_a_hi, F");
+    asm("    rrf     _pulse_a_lo, F");
+    asm("    rrf     _pulse_a_hi, F");
+    asm("    rrf     _pulse_a_lo, F");
+    asm("    rrf     _pulse_a_hi, F");
+    asm("    rrf     _pulse_a_lo, F");
+    asm("    movlw   0x1F");
+    asm("    andwf   _pulse_a_hi, F");
+    asm("    incf    _pulse_a_lo, F");
+    asm("    incf    _pulse_a_hi, F");
+    // The difference d. _apart: bits 0 to 2 are (d - 2) mod 8, bit 3 d = 1, bit 4 d < 10, bit 5 d < 18.
+    asm("    movlw   2");
+    asm("    subwf   _pulse_b_lo, F");
+    asm("    movlw   1");
+    asm("    btfss   STATUS, 0");
+    asm("    subwf   _pulse_b_hi, F");
+    asm("    btfsc   STATUS, 0");
+    asm("    goto    pl_apart");
+    asm("    movlw   0x10");   // d = 0
+    asm("    btfsc   _pulse_b_lo, 0");
+    asm("    movlw   0x08");   // d = 1
+    asm("    movwf   _apart");
+    asm("    clrf    _pulse_b_lo");
+    asm("    clrf    _pulse_b_hi");
+    asm("    goto    pl_loops");
+    asm("pl_apart:");
+    asm("    movf    _pulse_b_lo, W");
+    asm("    andlw   7");
+    asm("    movwf   _apart");
+    asm("    rrf     _pulse_b_hi, F");
+    asm("    rrf     _pulse_b_lo, F");
+    asm("    rrf     _pulse_b_hi, F");
+    asm("    rrf     _pulse_b_lo, F");
+    asm("    rrf     _pulse_b_hi, F");
+    asm("    rrf     _pulse_b_lo, F");
+    asm("    movlw   0x1F");
+    asm("    andwf   _pulse_b_hi, F");
+    asm("    movlw   2");
+    asm("    subwf   _pulse_b_lo, F");
+    asm("    movlw   1");
+    asm("    btfss   STATUS, 0");
+    asm("    subwf   _pulse_b_hi, F");
+    asm("    btfsc   STATUS, 0");
+    asm("    goto    pl_loops");
+    asm("    movlw   0x10");
+    asm("    btfsc   _pulse_b_lo, 0");
+    asm("    movlw   0x20");
+    asm("    iorwf   _apart, F");
+    asm("    clrf    _pulse_b_lo");
+    asm("    clrf    _pulse_b_hi");
+    asm("pl_loops:");
+    asm("    clrwdt");   // a watchdog that was left on is cleared before the pulses and after them
+    asm("    incf    _pulse_b_lo, F");
+    asm("    incf    _pulse_b_hi, F");
+    asm("    movf    _port, W");
+    asm("    movwf   FSR");
+    // Is the beginning still to come? Then less than _ahead ticks have passed since the slot before: a carry.
+    asm("    movf    _target, W");
+    asm("pl_check:");
+    asm("    subwf   TMR0, W");
+    asm("    addwf   _ahead, W");
+    asm("    btfss   STATUS, 0");
+    asm("    bsf     _overrun, 0");
+    // The lock. The poll sees TMR0 = _target 0 to 4 cycles after it came about, 3 where the look above was in the
+    // last cycle before it. A tick is 32 cycles.
+    asm("pl_poll:");
+    asm("    movf    TMR0, W");   // cycle 0 to 4 of the tick
+    asm("    xorwf   _target, W");
+    asm("    btfss   STATUS, 2");
+    asm("    goto    pl_poll");
+    asm("    incf    _target, F");   // 4
+    asm("    movlw   7");
+    asm("    movwf   _count");
+    asm("pl_pad1:");
+    asm("    decfsz  _count, F");
+    asm("    goto    pl_pad1");
+    asm("    goto    $+1");
+    asm("    movf    _target, W");   // 29
+    asm("    subwf   TMR0, W");   // 30: the next tick has come where the poll was 2 to 4 late
+    asm("    btfss   STATUS, 2");
+    asm("    goto    $+1");
+    asm("    btfss   STATUS, 2");
+    asm("    goto    $+1");
+    asm("    incf    _target, F");   // 37, 0 to 2 late
+    asm("    movlw   7");
+    asm("    movwf   _count");
+    asm("pl_pad2:");
+    asm("    decfsz  _count, F");
+    asm("    goto    pl_pad2");
+    asm("    goto    $+1");
+    asm("    movf    _target, W");   // 62
+    asm("    subwf   TMR0, W");   // 63: come where 1 or 2 late
+    asm("    btfss   STATUS, 2");
+    asm("    goto    $+1");
+    asm("    incf    _target, F");   // 67, 0 or 1 late
+    asm("    movlw   8");
+    asm("    movwf   _count");
+    asm("pl_pad3:");
+    asm("    decfsz  _count, F");
+    asm("    goto    pl_pad3");
+    asm("    nop");
+    asm("    movf    _target, W");   // 94
+    asm("    subwf   TMR0, W");   // 95: come where 1 late
+    asm("    btfss   STATUS, 2");
+    asm("    goto    $+1");
+    // Cycle 99 after the beginning, always.
+    asm("    movf    _both, W");
+    asm("    btfsc   STATUS, 2");
+    asm("    goto    pl_done");   // no pulses
+    asm("    movwf   INDF");   // both rise: cycle 0
+    asm("    movf    _stay, W");
+    asm("    btfsc   _fine, 0");
+    asm("    goto    $+1");
+    asm("    btfsc   _fine, 1");
+    asm("    goto    $+1");
+    asm("    btfsc   _fine, 1");
+    asm("    goto    $+1");
+    asm("    btfss   _fine, 2");
+    asm("    goto    pl_loop1");
+    asm("    goto    $+1");
+    asm("    goto    $+1");
+    asm("    nop");
+    asm("pl_loop1:");
+    asm("    goto    $+1");
+    asm("    nop");
+    asm("    decfsz  _pulse_a_lo, F");
+    asm("    goto    $+2");
+    asm("    decfsz  _pulse_a_hi, F");
+    asm("    goto    pl_loop1");
+    // 14 cycles to the first fall, whatever the way. W keeps the pin that stays high.
+    asm("    btfsc   _apart, 3");
+    asm("    goto    pl_one");
+    asm("    btfss   _apart, 0");
+    asm("    goto    $+1");
+    asm("    btfss   _apart, 2");
+    asm("    goto    pl_0to3");
+    asm("    nop");
+    asm("    btfss   _apart, 1");
+    asm("    goto    pl_4or5");
+    asm("    nop");
+    asm("    btfss   _apart, 0");
+    asm("    goto    pl_6");
+    asm("    goto    pl_7");
+    asm("pl_4or5:");
+    asm("    btfss   _apart, 0");
+    asm("    goto    pl_4");
+    asm("    goto    pl_5");
+    asm("pl_0to3:");
+    asm("    btfss   _apart, 1");
+    asm("    goto    pl_0or1");
+    asm("    nop");
+    asm("    btfss   _apart, 0");
+    asm("    goto    pl_2");
+    asm("    goto    pl_3");
+    asm("pl_0or1:");
+    asm("    btfss   _apart, 0");
+    asm("    goto    pl_0");
+    asm("    goto    pl_1");
+    asm("pl_one:");
+    asm("    goto    $+1");
+    asm("    goto    $+1");
+    asm("    goto    $+1");
+    asm("    goto    $+1");
+    asm("    goto    $+1");
+    asm("    nop");
+    asm("    movwf   INDF");   // the first fall
+    asm("    clrf    INDF");   // the other, the next cycle
+    asm("    goto    pl_done");
+    // The first fall; writing the same again changes no pin, and takes the cycles.
+    asm("pl_7:");
+    asm("    movwf   INDF");
+    asm("pl_6:");
+    asm("    movwf   INDF");
+    asm("pl_5:");
+    asm("    movwf   INDF");
+    asm("pl_4:");
+    asm("    movwf   INDF");
+    asm("pl_3:");
+    asm("    movwf   INDF");
+    asm("pl_2:");
+    asm("    movwf   INDF");
+    asm("pl_1:");
+    asm("    movwf   INDF");
+    asm("pl_0:");
+    asm("    movwf   INDF");
+    asm("    btfsc   _apart, 4");
+    asm("    clrf    INDF");   // 2 to 9 cycles after the first fall
+    asm("    goto    $+1");
+    asm("    goto    $+1");
+    asm("    goto    $+1");
+    asm("    btfsc   _apart, 5");
+    asm("    clrf    INDF");   // 10 to 17
+    asm("pl_loop2:");
+    asm("    goto    $+1");
+    asm("    nop");
+    asm("    decfsz  _pulse_b_lo, F");
+    asm("    goto    $+2");
+    asm("    decfsz  _pulse_b_hi, F");
+    asm("    goto    pl_loop2");
+    asm("    clrf    INDF");   // 18 and more
+    asm("pl_done:");
+    asm("    clrwdt");
+    asm("    movlw   3");
+    asm("    subwf   _target, F");   // where the lock began
+}
+
+/* The weight of the time `bits` by the law at CONSTANT[next], in value. */
+void weigh(void)
+{
+    next += bits >> 4;
+    key = CONSTANT[next];
+    next++;
+    next = CONSTANT[next];
+    weight = bits << 4;
+    sign = 0;
+    blend();
+}
+
+/* The width of a channel, in key and next, by a weight between two bytes of poses, at key and next in ROW. */
+void make_width(void)
+{
+    key = ROW[key];
+    next = ROW[next];
+    blend();
+    asm("    clrf    _value_high");
+    asm("    bcf     STATUS, 0");   // twice
+    asm("    rlf     _value_low, F");
+    asm("    rlf     _value, F");
+    asm("    rlf     _value_high, F");
+    next = CONSTANT[BASE_LOW + channel];
+    key = CONSTANT[BASE_HIGH + channel];
+    next += value;
+    if (next < value)
+        key++;
+    key += value_high;
+    read_trim();
+    if (value != 0xFF) {
+        next += value;
+        if (next < value)
+            key++;
+        if (value & 0x80)
+            key--;
+    }
+}
+
+/* The widths of this frame. */
+void make_widths(void)
+{
+    unsigned char now;
+
+    now = time;
+    next = CONSTANT[TIMING_LAW + timing];
+    if (next < 252) {
+        bits = time;
+        weigh();
+        now = value;
+    }
+    for (channel = 0; channel < 6; channel++) {
+        sign = 0;
+        key = row + channel;
+        next = next_row + channel;
+        weight = now;
+        make_width();
+        width_low[channel] = next;
+        width_high[channel] = key;
+    }
+}
+
+/* The script's byte at its place, in timing. */
+void read_script(void)
+{
+    if (place == 73)
+        place = 7;
+    timing = SCRIPT[place];
+    place++;
+}
+
+/* On to the next step of the script. */
+void next_step(void)
+{
+    row = next_row;
+    read_script();
+    next_row += 6;
+    if (timing == 254) {
+        read_script();
+        next_row = timing;
+        read_script();
+    }
+    if ((CONSTANT[TIMING_LAW + timing] | 2) == 254)
+        row = next_row;   /* at once */
+    frames = CONSTANT[FRAMES + timing];
+    time = 0;
+    time_low = 128;
+}
+
+/* To the first step. */
+void rewind(void)
+{
+    place = 0;
+    next_step();
+    next_step();
+}
+
+/* On to the next frame. */
+void step(void)
+{
+    unsigned char more;
+
+    more = CONSTANT[SPEED_LOW + timing];
+    time_low += more;
+    if (time_low < more)
+        time++;
+    time += CONSTANT[SPEED_HIGH + timing];
+    frames--;
+    if (frames == 0)
+        next_step();
+}
+
+/* All slots of a frame. */
+void play(void)
+{
+    unsigned char slot, at;
+
+    for (slot = 0; slot < 5; slot++) {
+        at = CONSTANT[SLOT_CHANNEL + slot];
+        mask_a = CONSTANT[SLOT_A + slot];
+        mask_b = CONSTANT[SLOT_B + slot];
+        port = CONSTANT[SLOT_PORT + slot];
+        ahead = CONSTANT[SLOT_TICKS + slot];
+        target += ahead;
+        both = mask_a | mask_b;
+        pulse_a_lo = width_low[at];
+        pulse_a_hi = width_high[at];
+        if (mask_b != 0)
+            at++;
+        pulse_b_lo = width_low[at];
+        pulse_b_hi = width_high[at];
+        pulses();
+    }
+}
+
+void main(void)
+{
+    PORTB = 0x00;
+    TRISB = 0xC0;
+    OPTION_REG = 0x84;   /* TMR0 counts cycles, 1:32 */
+    TMR0 = 0;   /* unknown at power-up */
+    overrun = 0;
+    rewind();
+    target = TMR0;
+    while (1) {
+        make_widths();
+        play();
+        step();
+    }
+}

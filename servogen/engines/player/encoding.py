@@ -1,0 +1,133 @@
+"""What the two encodings of a motion share: how widths become bytes, rows of poses, and the result.
+
+In: widths in cycles. Out: `Scale`, `Rows`, and `Encoded`, the motion as the chip holds it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from servogen.engines.firmware import ResourceError
+from servogen.engines.player.arithmetic import Whole, excursion
+from servogen.engines.player.script import MOST_BYTES, Script
+from servogen.motion.trajectory import Floats
+
+LAST_STEP = 5
+"""Steps of 32 cycles at most."""
+
+SPARE = 2
+"""Steps that are left free at both ends of a byte."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """How widths become bytes: each channel's own base, and steps of 2**shift cycles for all."""
+
+    bases: Whole
+    shift: int
+
+    def exact(self, widths: Floats) -> Floats:
+        """Return the widths in steps from the bases; the last axis is the channels."""
+        return np.asarray((widths - self.bases) / (1 << self.shift))
+
+    def widths(self, value: Whole) -> Whole:
+        """Return the cycles of values of the chip, 256ths of a step. Raises ResourceError beyond 16 bits."""
+        if value.size and not (value.min() >= 0 and value.max() < 1 << 16):
+            raise ResourceError("widths-too-far-apart", "the servos' widths are too far apart for the player")
+        return np.asarray(self.bases + excursion(value, self.shift))
+
+
+def scale_of(pulsed: Floats) -> Scale:
+    """Return the smallest steps with which all `pulsed` rows (frames, channels) are bytes."""
+    low, high = pulsed.min(axis=0), pulsed.max(axis=0)
+    for shift in range(LAST_STEP + 1):
+        if (high - low).max() <= (255 - 2 * SPARE) << shift:
+            bases = np.floor(low).astype(np.int64) - (SPARE << shift)
+            return Scale(bases, shift)
+    raise ResourceError("widths-too-far-apart", "the servos' widths are too far apart for the player")
+
+
+@dataclass(slots=True)
+class Rows:
+    """Rows of bytes; poses that are near to each other are one row, in the middle of them."""
+
+    near: float
+    """Steps from the middle at most, before it is rounded."""
+    lows: list[Floats] = field(default_factory=list)
+    highs: list[Floats] = field(default_factory=list)
+
+    def number(self, exact: Floats) -> int:
+        """Return the number of the row for these values, which is a new one if none is near."""
+        if self.lows:
+            lows, highs = np.minimum(self.lows, exact), np.maximum(self.highs, exact)
+            away = (highs - lows).max(axis=1) / 2
+            best = int(np.argmin(away))
+            if away[best] <= self.near:
+                self.lows[best], self.highs[best] = lows[best], highs[best]
+                return best
+        self.lows.append(exact)
+        self.highs.append(exact)
+        return len(self.lows) - 1
+
+    @property
+    def kept(self) -> list[tuple[int, ...]]:
+        """Return the rows by number."""
+        middles = (np.array(self.lows) + np.array(self.highs)) / 2
+        return [tuple(row) for row in np.clip(np.floor(middles + 0.5), 0, 255).astype(int).tolist()]
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part of a motion, for people: how many bytes its poses and steps take beside those before it."""
+
+    name: str
+    data: int
+
+
+@dataclass(frozen=True, slots=True)
+class Legs:
+    """The channels of the legs' turning and lifting servos, and where in the rows the lifts' poses are."""
+
+    turns: tuple[int, ...]
+    lifts: tuple[int, ...]
+    stand: int
+    lifted: int
+    neutral: int | None = None
+    """The lifts' pose at power-up, where they do not stand there."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Encoded:
+    """A motion as the chip holds it, and the widths that come of it.
+
+    `frames` are those of the planned motion, one for each row of `widths`; the first `lead` are played once.
+    """
+
+    scale: Scale
+    rows: bytes
+    laws: bytes
+    script: Script
+    legs: Legs | None
+    frames: Whole
+    widths: Whole
+    silent: np.ndarray
+    lead: int
+    parts: tuple[Part, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Return the bytes of its tables."""
+        return len(self.rows) + len(self.laws) + len(self.script.data) + 3 * len(self.script.timings)
+
+
+def row_table(rows: Sequence[Sequence[int]]) -> bytes:
+    """Return rows as one table. Raises ResourceError where they are more than it holds."""
+    data = bytes(value for row in rows for value in row)
+    if len(data) > MOST_BYTES:
+        raise ResourceError(
+            "does-not-fit", f"the motion's poses have {len(data)} bytes: their table holds {MOST_BYTES}"
+        )
+    return data

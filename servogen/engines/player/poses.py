@@ -1,0 +1,241 @@
+"""Any motion as poses, between which all servos move by one law at a time.
+
+In: widths frame by frame. Out: `Encoded`: as few bytes as stay within a distance of the widths.
+
+    frames   ────●───────────●────●●──────────●      the cheapest way over all frames at which steps could
+    law          trapezoid     straight  (jump)      begin: its cost is bytes, and a law must
+                                                     stay near to every servo's width
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+
+from servogen.engines.firmware import ResourceError
+from servogen.engines.player.arithmetic import ENTRIES, Whole, blended, weights
+from servogen.engines.player.encoding import Encoded, Part, Rows, Scale, row_table, scale_of
+from servogen.engines.player.laws import SHAPES, table_of
+from servogen.engines.player.script import SILENT, STAY, STRAIGHT, Step, ordered, script, timing
+from servogen.motion.trajectory import Floats
+
+LONGEST = 256
+"""Frames of a step."""
+
+LAW_SETS = (
+    (),
+    ("quintic",),
+    ("trapezoid",),
+    ("accelerate", "decelerate"),
+    ("trapezoid", "accelerate", "decelerate"),
+)
+
+NODES = 600
+"""Frames beyond which steps begin and end only where the motion changes, and at every few frames."""
+
+CORNER = 0.1
+"""Cycles: a third difference above this is a change of the motion."""
+
+PROBES = (0.25, 0.5, 0.75)
+STEP_BYTES = 2
+ENOUGH = 96
+"""Bytes below which no other laws are tried."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Piece:
+    """Frames `first` up to `end` of the motion; the pose of `pose` at the end of them."""
+
+    first: int
+    end: int
+    law: str
+    pose: int
+
+
+def poses_encoded(rows: Floats, marks: Sequence[int], loop_start: int, far: float, near: float) -> Encoded:
+    """Return `rows` (frames, channels; NaN without pulses) within `far` cycles, as far as the laws go.
+
+    A step begins at each of `marks`. Poses that are within `near` steps of a row share it. Raises
+    ResourceError where no table holds them.
+    """
+    whole = np.vstack((rows, rows[loop_start]))
+    scale = scale_of(rows[~np.isnan(rows).any(axis=1)])
+    best: Encoded | None = None
+    refused: ResourceError | None = None
+    for laws in LAW_SETS:
+        pieces = list(_pieces(whole, marks, loop_start, laws, far))
+        try:
+            made = _encoded(whole, pieces, loop_start, laws, scale, near)
+        except ResourceError as error:
+            refused = error
+            continue
+        if best is None or made.size < best.size:
+            best = made
+        if best.size < ENOUGH:
+            break
+    if best is None:
+        assert refused is not None
+        raise refused
+    return best
+
+
+def _pieces(
+    rows: Floats, marks: Sequence[int], loop_start: int, laws: Sequence[str], far: float
+) -> Iterator[_Piece]:
+    """Return the pieces of all frames but the last, which is the frame after them."""
+    silent = np.asarray(np.isnan(rows).any(axis=1))
+    frames = len(rows) - 1
+    edges = (np.flatnonzero(silent[1:] != silent[:-1]) + 1).tolist()
+    bounds = sorted({0, loop_start, *(edge for edge in (*marks, *edges) if edge < frames), frames})
+    for first, end in pairwise(bounds):
+        if silent[first]:
+            for at in range(first, end, LONGEST):
+                yield _Piece(at, min(at + LONGEST, end), "silent", end)
+        else:
+            last = end - 1 if silent[end] else end
+            yield from _cut(np.vstack((rows[first:end], rows[last])), first, last, laws, far)
+
+
+def _cut(rows: Floats, offset: int, last: int, laws: Sequence[str], far: float) -> Iterator[_Piece]:
+    """Return the cheapest pieces; a node is a frame, reached with its own pose, or from a jump not to it."""
+    frames = len(rows) - 1
+    nodes = _nodes(rows, far)
+    cost = {(0, True): 0.0}
+    came: dict[tuple[int, bool], tuple[tuple[int, bool], str]] = {}
+    for index, first in enumerate(nodes):
+        ends = nodes[index + 1 :]
+        ends = ends[: int(np.searchsorted(ends, first + LONGEST, side="right"))]
+        for state in ((first, True), (first, False)):
+            if state not in cost or not len(ends):
+                continue
+            for end, exact, law, price in _ways(rows, first, ends, laws, far, joined=state[1]):
+                target = (end, exact)
+                if cost[state] + price < cost.get(target, np.inf):
+                    cost[target] = cost[state] + price
+                    came[target] = state, law
+    # What follows goes on from its own first pose: a last jump there is a straight step of one frame.
+    goal = frames, True
+    found = []
+    while goal[0]:
+        before, law = came[goal]
+        pose = offset + before[0] if law == "stay" else (last if goal[0] == frames else offset + goal[0])
+        found.append(_Piece(offset + before[0], offset + goal[0], law, pose))
+        goal = before
+    yield from reversed(found)
+
+
+def _ways(
+    rows: Floats, first: int, ends: Whole, laws: Sequence[str], far: float, *, joined: bool
+) -> Iterator[tuple[int, bool, str, float]]:
+    """Return the steps from a frame: their end, whether its pose is reached, the law, the bytes."""
+    still = np.abs(rows[first : ends[-1] + 1] - rows[first]).max(axis=1) <= far
+    held = int(np.argmin(still)) if not still.all() else len(still)
+    columns = rows.shape[1]
+    for end in ends[ends - first <= held].tolist():
+        # Whether the pose is that of the frame after it too decides if a step can go on from there.
+        same = end - first < held
+        yield end, same, "stay", STEP_BYTES + (0 if joined else columns)
+    if not joined:
+        return
+    for law in ("straight", *laws):
+        fits = _possible(rows, first, ends, law, far)
+        for end in fits.tolist():
+            yield end, True, law, STEP_BYTES + columns
+
+
+def _possible(rows: Floats, first: int, ends: Whole, law: str, far: float) -> Whole:
+    """Return those `ends` to which the law leads within `far` of every row."""
+    start, way = rows[first], rows[ends] - rows[first]
+    kept = np.ones(len(ends), dtype=bool)
+    for probe in PROBES:
+        frames = ((ends - first) * probe).astype(np.int64)
+        shares = _share(law, frames / (ends - first))
+        kept &= (np.abs(rows[first + frames] - start - shares[:, None] * way) <= far).all(axis=1)
+    found = []
+    for end in ends[kept].tolist():
+        away = rows[first : end + 1] - start - _shares(law, end - first)[:, None] * (rows[end] - start)
+        if np.abs(away).max() <= far:
+            found.append(end)
+    return np.array(found, dtype=np.int64)
+
+
+@cache
+def _shares(law: str, frames: int) -> Floats:
+    return _share(law, np.arange(frames + 1) / frames)
+
+
+def _share(law: str, u: Floats) -> Floats:
+    return u if law == "straight" else np.asarray(SHAPES[law](u))
+
+
+def _nodes(rows: Floats, far: float) -> Whole:
+    """Return the frames at which steps may begin and end: there is a way over them all."""
+    frames = len(rows) - 1
+    if frames <= NODES:
+        return np.arange(frames + 1)
+    change = np.abs(np.diff(rows, 3, axis=0)).max(axis=1) > CORNER
+    near = {0, frames}
+    for away in range(4):
+        near |= set(np.minimum(np.flatnonzero(change) + away, frames).tolist())
+    apart = max(4, frames // NODES)
+    for first in range(0, frames, apart):
+        end = min(first + apart, frames)
+        straight = rows[first] + _shares("straight", end - first)[:, None] * (rows[end] - rows[first])
+        fits = np.abs(rows[first : end + 1] - straight).max() <= far
+        near |= {first, end} if fits else set(range(first, end + 1))
+    return np.array(sorted(near))
+
+
+def _encoded(
+    rows: Floats, pieces: Sequence[_Piece], loop_start: int, laws: Sequence[str], scale: Scale, near: float
+) -> Encoded:
+    places = {law: number * ENTRIES for number, law in enumerate(laws)}
+    places |= {"straight": STRAIGHT, "stay": STAY, "silent": SILENT}
+    kept = Rows(near)
+    frames = len(rows) - 1
+
+    def number(frame: int) -> int:
+        pose = rows[frame]
+        if np.isnan(pose).any():  # silence up to the end, or again
+            following = np.flatnonzero(~np.isnan(rows[frame:]).any(axis=1))
+            pose = rows[frame + following[0]] if len(following) else rows[~np.isnan(rows).any(axis=1)][0]
+        return kept.number(scale.exact(pose))
+
+    steps = [Step(number(0), timing(pieces[0].end - pieces[0].first, STRAIGHT))]
+    steps += [Step(number(each.pose), timing(each.end - each.first, places[each.law])) for each in pieces]
+    first = 1 + sum(each.end <= loop_start for each in pieces)
+    lead, loop, kept_rows = ordered(steps[:first], steps[first:], kept.kept)
+    table = row_table(kept_rows)
+    made = script(lead, loop, rows.shape[1], legs=False)
+    tables = b"".join(table_of(law) for law in laws)
+    values, silent = _played([*lead, *loop], kept_rows, tables)
+    return Encoded(
+        scale,
+        table,
+        tables,
+        made,
+        None,
+        np.arange(frames),
+        scale.widths(values),
+        silent,
+        loop_start,
+        (Part("the poses", len(kept.kept) * rows.shape[1]), Part("the script", len(made.data))),
+    )
+
+
+def _played(steps: Sequence[Step], rows: Sequence[Sequence[int]], laws: bytes) -> tuple[Whole, np.ndarray]:
+    """Return 256 times the values frame by frame, and which frames have no pulses: what the chip does."""
+    table = np.array(rows, dtype=np.int64)
+    found, silent = [], []
+    for before, step in pairwise(steps):
+        time = np.array(step.timing.times(), dtype=np.int64)
+        law = step.timing.law
+        start = table[step.row if law in (STAY, SILENT) else before.row]
+        weight = time if law >= SILENT else weights(list(laws[law : law + ENTRIES]), time)
+        found.append(blended(start[None, :], table[step.row][None, :], weight[:, None]))
+        silent.append(np.full(len(time), law == SILENT))
+    return np.concatenate(found), np.concatenate(silent)

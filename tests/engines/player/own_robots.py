@@ -1,0 +1,150 @@
+"""Own hexapods: how many random robots that can be planned are built and proven, and how near to their plan.
+
+`python -m tests.engines.player.own_robots --robots 200` draws robots: links of 30 to 120 mm, bodies of 80 to
+300 mm, hobby servos of 500 to 2500 µs over 120° to 180°, each servo with its own calibration (±12 µs at
+both ends), walking four cycles forward and turning by 90°, tripod and ripple in turn, cycles of 0.6 s to
+1.5 s in steps of a frame (so that swings have odd and even numbers of frames). Every fifth robot has a start
+button on the pin that is left.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import sys
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from servogen.build import Build, build
+from servogen.errors import InputError
+from servogen.job import PlannedJob, load, plan_job
+
+PINS = (*(f"RB{bit}" for bit in range(8)), *(f"RA{bit}" for bit in range(4)))
+LEGS = ("L1", "L2", "L3", "R1", "R2", "R3")
+LOOSE_US, TIGHT_US = 20.0, 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """Files of a job and its robot."""
+
+    number: int
+    gait: str
+    robot: str
+    job: str
+
+    def planned(self, folder: Path) -> PlannedJob:
+        """Return the planned job. Raises InputError where it cannot walk."""
+        (folder / "own.toml").write_text(self.robot)
+        path = folder / "job.toml"
+        path.write_text(self.job)
+        return plan_job(load(path))
+
+
+def drawn(number: int, chance: random.Random) -> Robot:
+    """Return the robot of that number."""
+    gait = ("tripod", "ripple")[number % 2]
+    ab, bc, cd, df = (chance.randint(30, 120) for _ in range(4))
+    length, width = chance.randint(80, 300), chance.randint(80, 300)
+    travel = chance.randint(120, 180)
+    mounts = "\n".join(
+        f'    {{ name = "{leg}", x_mm = {x * length / 2:g}, y_mm = {y * width / 2:g}, '
+        f"mirrored = {str(y < 0).lower()} }},"
+        for leg, (x, y) in zip(LEGS, ((x, y) for y in (1, -1) for x in (1, 0, -1)), strict=True)
+    )
+    robot = (
+        'name = "own"\nkind = "hexapod"\n'
+        f"lengths_mm = {{ ab = {ab}, bc = {bc}, cd = {cd}, df = {df} }}\nmount = [\n{mounts}\n]\n"
+    )
+    servos = []
+    for pin, name in zip(
+        PINS, (f"{leg}_{joint}" for leg in LEGS for joint in ("alpha", "beta")), strict=True
+    ):
+        low, high = (end + chance.uniform(-12, 12) for end in (500, 2500))
+        reverse = "reverse = true\n" if name.startswith("R") else ""
+        servos.append(
+            f'[[servo]]\nname = "{name}"\npin = "{pin}"\nmodel = "futaba-s3001"\njoint = "{name}"\n{reverse}'
+            f"travel_deg = [0, {travel}]\nzero_deg = {travel / 2:g}\n"
+            f"points = [{{ angle_deg = 0, width_us = {low:.1f} }}, "
+            f"{{ angle_deg = {travel}, width_us = {high:.1f} }}]\n"
+        )
+    height = (df + bc) * chance.uniform(0.75, 0.97)
+    turn = chance.choice((9, 10, 15, 18))
+    cycle_s = 0.02 * chance.randint(30, 75)
+    button = 'start_pin = "RA4"\n' if number % 5 == 4 else ""
+    job = (
+        '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n[robot]\nname = "own.toml"\n'
+        f'{"".join(servos)}[walk]\ngait = "{gait}"\n'
+        f"way = [{{ forward_mm = {chance.randint(20, 60)}, cycles = 4 }}, "
+        f"{{ turn_deg = {turn}, cycles = {90 // turn} }}]\nlift_mm = {chance.randint(12, 30)}\n"
+        f"body_height_mm = {height:.0f}\ncycle_s = {cycle_s:g}\n"
+        f'beta_sign = "{chance.choice(("positive", "negative"))}"\n'
+        f'[frame]\nper_slot = 2\n[firmware]\nengine = "player"\nmax_error_us = {LOOSE_US}\n{button}'
+    )
+    return Robot(number, gait, robot, job)
+
+
+def robots(count: int, seed: int) -> list[Robot]:
+    """Return so many robots that can be planned; those that cannot walk as asked are drawn again."""
+    chance = random.Random(seed)
+    found: list[Robot] = []
+    with TemporaryDirectory() as folder:
+        while len(found) < count:
+            robot = drawn(len(found), chance)
+            try:
+                robot.planned(Path(folder))
+            except InputError:
+                continue
+            found.append(robot)
+    return found
+
+
+def outcome(robot: Robot) -> Build | str:
+    """Return the robot's build, or why there is none."""
+    with TemporaryDirectory() as folder:
+        job = robot.planned(Path(folder))
+        try:
+            return build(job)
+        except InputError as error:
+            return str(error)
+
+
+def main(count: int, seed: int) -> int:
+    """Build them all and print what became of them; 0 where 95 % are tight and all are loose."""
+    tight = loose = 0
+    reasons: Counter[str] = Counter()
+    for robot in robots(count, seed):
+        done = outcome(robot)
+        if isinstance(done, str):
+            reasons[robot.gait] += 1
+            print(f"{robot.number} {robot.gait}: {done.splitlines()[0]}")
+            continue
+        error = done.plan.schedule.plan_error
+        assert error is not None
+        proven = done.proven and not any(each.overrun for each in done.programs)
+        words = [each.firmware.compilation.words for each in done.programs]
+        left = min(
+            room.left if room.left is not None else -1
+            for each in done.programs
+            for room in each.firmware.timing_budgets
+        )
+        print(
+            f"{robot.number} {robot.gait}: {error.text()}; words {words}, {left} cycles left, "
+            f"{'proven' if proven else 'NOT PROVEN'} in {len(done.programs)} dialects"
+        )
+        tight += proven and error.width_us <= TIGHT_US
+        loose += proven and error.width_us <= LOOSE_US
+    print(
+        f"{count} robots: {tight} proven at {TIGHT_US:g} µs, {loose} at {LOOSE_US:g} µs; {dict(reasons)} not"
+    )
+    return 0 if loose == count and tight >= 0.95 * count else 1
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--robots", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1)
+    given = parser.parse_args()
+    sys.exit(main(given.robots, given.seed))
