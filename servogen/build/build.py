@@ -10,13 +10,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from servogen.build.advice import advised
 from servogen.build.engines import planned
 from servogen.build.proof import LOOPS_CHECKED, START_FRAMES, checked_cycles, chip_warnings, end_of, prove
 from servogen.edges import EdgeTrace
 from servogen.engines.board import inputs_of, machine_of
 from servogen.engines.c_text import DIALECTS
 from servogen.engines.firmware import Firmware, ResourceError
-from servogen.errors import Diagnostic, Location
+from servogen.errors import Diagnostic, InputError, Location
 from servogen.job import PlannedJob
 from servogen.outputs import replaced_files, write_text
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, RAM_FIRST
@@ -122,7 +123,18 @@ class Build:
 
 
 def build(job: PlannedJob, progress: Progress = lambda step: None) -> Build:
-    """Plans, compiles, simulates and verifies. Raises InputError where the job cannot be built."""
+    """Plan, compile, simulate and verify.
+
+    Raises InputError, its hint listing what would fit, if the job cannot be built.
+    """
+    try:
+        return _built(job, progress)
+    except InputError as error:
+        progress("trying what would fit")
+        raise advised(job, error) from error
+
+
+def _built(job: PlannedJob, progress: Progress) -> Build:
     progress("planning")
     found = planned(job)
     schedule = found.plan.schedule

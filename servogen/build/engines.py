@@ -5,7 +5,6 @@ In: a `PlannedJob`. Out: `Planned`. "auto" is the first engine of the registry t
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -28,6 +27,7 @@ class Planned:
     engine: str
     plan: PulsePlan
     make: Callable[[str], Firmware]
+    data_bytes: int = 0
 
     def to_json(self) -> dict[str, object]:
         """Return the plan without notes and warnings."""
@@ -116,6 +116,5 @@ def _played_by(name: str, job: PlannedJob) -> Planned:
             f"{job.name}: planned, but the pulses of {engine_named(name).title} would be up to "
             f"{error.text()} from the plan: max_error_us allows {limit:g} µs",
             job.document.place("firmware", "max_error_us"),
-            f"allow it: [firmware] max_error_us = {math.ceil(error.width_us)}",
         )
-    return Planned(replace(job, trajectory=found.trajectory), name, found.plan, found.make)
+    return Planned(replace(job, trajectory=found.trajectory), name, found.plan, found.make, found.data_bytes)

@@ -84,6 +84,8 @@ class EnginePlan:
     trajectory: JointTrajectory
     plan: PulsePlan
     make: Callable[[str], Firmware]
+    data_bytes: int = 0
+    """Bytes of tables that hold the motion; 0 if it is in the program itself."""
 
 
 class Engine(Protocol):

@@ -50,6 +50,13 @@ def calibrated(job: Job, servo: str, file: str) -> Job:
     return _job(replace(document, data={**document.data, "servo": tuple(rows)}))
 
 
+def changed(job: Job, table: str, key: str, value: object) -> Job:
+    """Return the job with another value for a key of one of its tables. Raises InputError."""
+    document = job.document
+    rows = {**document.data.get(table, {}), key: value}
+    return _job(replace(document, data={**document.data, table: rows}))
+
+
 def _job(document: Document) -> Job:
     table = toml_file.validate(document, JobTable)
     chip, clock = _chip(document, table)

@@ -80,14 +80,6 @@ class Rows:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
-    """A part of a motion, for people: how many bytes its poses and steps take beside those before it."""
-
-    name: str
-    data: int
-
-
-@dataclass(frozen=True, slots=True)
 class Legs:
     """The channels of the legs' turning and lifting servos, and where in the rows the lifts' poses are."""
 
@@ -115,7 +107,6 @@ class Encoded:
     widths: Whole
     silent: np.ndarray
     lead: int
-    parts: tuple[Part, ...] = ()
 
     @property
     def size(self) -> int:

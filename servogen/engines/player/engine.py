@@ -105,7 +105,7 @@ class PlayerEngine:
         """Plans the job's frames; a dialect's C is compiled when its firmware is made."""
         motion, played = play(job)
         make = cache(lambda dialect: compiled(job, played, dialect))
-        return EnginePlan(motion, played.plan, make)
+        return EnginePlan(motion, played.plan, make, played.encoded.size)
 
 
 ENGINE: Engine = PlayerEngine()

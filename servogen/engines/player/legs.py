@@ -19,9 +19,9 @@ from itertools import pairwise
 import numpy as np
 
 from servogen.engines.player.arithmetic import ENTRIES, Whole, blended, weights
-from servogen.engines.player.encoding import Encoded, Legs, Part, Rows, row_table, scale_of
+from servogen.engines.player.encoding import Encoded, Legs, Rows, row_table, scale_of
 from servogen.engines.player.laws import lift_table, swing_table
-from servogen.engines.player.script import Script, Step, Timing, ordered, script
+from servogen.engines.player.script import Step, Timing, ordered, script
 from servogen.motion.gait.footwork import bump, swing_share
 from servogen.motion.trajectory import Floats
 
@@ -175,12 +175,7 @@ def _encoded(walk: _Walk, begin: int, end: int, near: float) -> Encoded:
         scale.widths(widths),
         np.zeros(len(frames), dtype=bool),
         begin // 2,
-        _parts(len(fixed), columns, made),
     )
-
-
-def _parts(fixed: int, columns: int, made: Script) -> tuple[Part, ...]:
-    return (Part("the legs' lifts", fixed * columns), Part("the script", len(made.data)))
 
 
 def _at(row: Floats, channels: Sequence[int], values: Floats) -> Floats:

@@ -18,7 +18,7 @@ import numpy as np
 
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player.arithmetic import ENTRIES, Whole, blended, weights
-from servogen.engines.player.encoding import Encoded, Part, Rows, Scale, row_table, scale_of
+from servogen.engines.player.encoding import Encoded, Rows, Scale, row_table, scale_of
 from servogen.engines.player.laws import SHAPES, table_of
 from servogen.engines.player.script import SILENT, STAY, STRAIGHT, Step, ordered, script, timing
 from servogen.motion.trajectory import Floats
@@ -223,7 +223,6 @@ def _encoded(
         scale.widths(values),
         silent,
         loop_start,
-        (Part("the poses", len(kept.kept) * rows.shape[1]), Part("the script", len(made.data))),
     )
 
 

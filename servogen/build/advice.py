@@ -1,0 +1,134 @@
+"""What would fit, where a job's motion does not: changes of the job, each tried, and the job's parts alone.
+
+In: a planned job and the error that refused it. Out: the same error, its hint listing the changes with which
+the job can be built (planned, and compiled for its dialect), and what each part of a walk takes by itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from copy import copy
+from dataclasses import dataclass, replace
+
+from servogen.build.engines import Planned, planned
+from servogen.errors import InputError, ServogenError
+from servogen.job import PlannedJob, plan_job
+from servogen.job.reader import changed
+from servogen.job.schema import MotionTable, WalkTable
+
+CODES = ("frame-too-short", "does-not-fit", "beyond-max-error", "widths-too-far-apart")
+"""Of errors for which changes are tried."""
+
+PERIODS_US = (20_480, 21_000, 22_000, 23_000, 25_000, 30_000)
+"""Longer periods that most servos accept, the shortest that fits first."""
+
+SLOWER = (1.25, 1.5, 2.0)
+LOWER = (0.75, 0.5)
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A key of the job with another value, and how that is written."""
+
+    table: str
+    key: str
+    value: object
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """What a job that can be built takes."""
+
+    words: int
+    data: int
+    error_us: float
+
+    def text(self) -> str:
+        return f"{self.data} bytes of motion, {self.words} words, {self.error_us:g} µs"
+
+
+def advised(job: PlannedJob, error: InputError) -> InputError:
+    """Return the error with what would fit as its hint, if anything that was tried does."""
+    if error.code not in CODES:
+        return error
+    tried = [_first_fit(job, group) for group in _groups(job, error)]
+    found = [f"{change.text} ({fit.text()})" for change, fit in filter(None, tried)]
+    sentences = [f"what fits: {'; or '.join(found)}"] if found else []
+    parts = list(_parts(job))
+    if parts:
+        sentences.append(f"by part: {'; '.join(parts)}")
+    if not sentences:
+        return error
+    told = copy(error)
+    told.diagnostics = (replace(error.first, hint="\n  ".join(sentences)),)
+    return told
+
+
+def _groups(job: PlannedJob, error: InputError) -> Iterator[list[Change]]:
+    """Yield changes of one kind each, the smallest first."""
+    period_us = float(job.frame.period.requested_us)
+    longer = [value for value in PERIODS_US if value > period_us]
+    yield [Change("frame", "period_us", value, f"period_us = {value}") for value in longer]
+    section = job.section
+    if isinstance(section, WalkTable):
+        yield from _walk_changes(job, section)
+    if isinstance(section, MotionTable) and len(section.poses) > 1:
+        poses = job.document.data["motion"]["poses"]
+        counts = sorted({len(poses) * 3 // 4, len(poses) // 2} - {0}, reverse=True)
+        yield [Change("motion", "poses", poses[:count], f"only the first {count} poses") for count in counts]
+    limit = job.firmware.max_error_us
+    if error.code == "beyond-max-error":
+        larger = [math.ceil(limit * factor) for factor in (1.25, 1.5, 2, 3, 4)]
+        yield [Change("firmware", "max_error_us", value, f"max_error_us = {value}") for value in larger]
+
+
+def _walk_changes(job: PlannedJob, walk: WalkTable) -> Iterator[list[Change]]:
+    period_s = float(job.clock.seconds(job.trajectory.period))
+    if walk.cycle_s is not None:
+        slower = [round(math.ceil(walk.cycle_s * factor / period_s) * period_s, 4) for factor in SLOWER]
+        yield [Change("walk", "cycle_s", value, f"cycle_s = {value:g}") for value in slower]
+    lower = [round(walk.lift_mm * share, 1) for share in LOWER]
+    yield [Change("walk", "lift_mm", value, f"lift_mm = {value:g}") for value in lower]
+    if walk.gait != "tripod" and walk.duty is None:
+        yield [Change("walk", "gait", "tripod", 'gait = "tripod"')]
+    ways = tuple(job.document.data["walk"]["way"])
+    if len(ways) > 1:
+        counts = range(len(ways) - 1, 0, -1)
+        yield [Change("walk", "way", ways[:count], f"only the first {count} of way") for count in counts]
+
+
+def _first_fit(job: PlannedJob, group: list[Change]) -> tuple[Change, Fit] | None:
+    for change in group:
+        fit = _fit(job, change)
+        if fit is not None:
+            return change, fit
+    return None
+
+
+def _fit(job: PlannedJob, change: Change) -> Fit | None:
+    """Return what the changed job takes; None if it cannot be built."""
+    try:
+        made = planned(plan_job(changed(job, change.table, change.key, change.value)))
+        return _taken(made)
+    except ServogenError:
+        return None
+
+
+def _taken(made: Planned) -> Fit | None:
+    firmware = made.make(made.job.firmware.dialect)
+    if any(room.left is None or room.left < 0 for room in firmware.rooms):
+        return None
+    error = made.plan.schedule.plan_error
+    return Fit(firmware.compilation.words, made.data_bytes, 0.0 if error is None else error.width_us)
+
+
+def _parts(job: PlannedJob) -> Iterator[str]:
+    """Yield what each part of a walk's way takes alone."""
+    if not isinstance(job.section, WalkTable) or len(job.section.way) < 2:
+        return
+    ways = tuple(job.document.data["walk"]["way"])
+    for number, way in enumerate(ways, 1):
+        fit = _fit(job, Change("walk", "way", (way,), ""))
+        yield f"part {number} of way alone {'does not fit' if fit is None else f'takes {fit.text()}'}"

@@ -1,0 +1,89 @@
+"""The error of the pulses has a limit, and what is said to fit does fit."""
+
+import re
+
+import pytest
+
+from servogen.build import build, planned
+from servogen.engines.firmware import ResourceError
+from servogen.errors import InputError
+from servogen.job import loads, plan_job
+from tests.engines.player.player_jobs import ROOT, job_text, poses
+
+TRIPOD = (ROOT / "jobs" / "hexapod-tripod.toml").read_text()
+WAY = "way = [{ forward_mm = 40, cycles = 4 }]"
+LONG = TRIPOD.replace('gait = "tripod"', 'gait = "wave"').replace(
+    WAY,
+    "way = [{ forward_mm = 40, cycles = 3 }, { turn_deg = 20, cycles = 3 }, "
+    "{ forward_mm = -30, cycles = 3 }]",
+)
+
+
+def refused(text: str) -> InputError:
+    with pytest.raises(InputError) as caught:
+        build(plan_job(loads(text, "job.toml")))
+    return caught.value
+
+
+def test_beyond_its_limit_nothing_is_built_and_within_it_all_is() -> None:
+    """A Tiny-S turns 0.36° in a µs; the tripod is 1.86 µs from its plan."""
+    error = refused(TRIPOD + "max_error_us = 1.8\n")
+    assert isinstance(error, ResourceError) and error.code == "beyond-max-error"
+    assert error.place is not None and error.place.key == "firmware.max_error_us"
+    assert "1.86 µs, 0.67°, " in error.message or "1.86 µs, 0.67°" in error.message
+    assert "max_error_us allows 1.8 µs" in error.message
+    assert planned(plan_job(loads(TRIPOD + "max_error_us = 1.87\n", "job.toml"))).engine == "player"
+
+
+def test_without_a_limit_of_its_own_a_job_has_ten_microseconds() -> None:
+    """At 125 kHz a cycle is 32 µs: a width is up to 16 µs from the planned one."""
+    slow = job_text(1, poses([[31], [77.7]], 1), clock_hz=125_000).replace('"player"', '"sequence"')
+    assert refused(slow).code == "beyond-max-error"
+    allowed = slow.replace('"sequence"', '"sequence"\nmax_error_us = 16')
+    assert planned(plan_job(loads(allowed, "job.toml"))).plan.schedule.plan_error is not None
+
+
+@pytest.mark.parametrize("limit", ["0", "-1", "nan", '"10"'])
+def test_a_limit_is_a_number_above_zero(limit: str) -> None:
+    with pytest.raises(InputError, match=r"firmware\.max_error_us"):
+        loads(TRIPOD + f"max_error_us = {limit}\n", "job.toml")
+
+
+def test_a_period_that_is_said_to_fit_does_and_a_shorter_one_does_not() -> None:
+    text = job_text(
+        13, poses([[10] * 13, [178] * 13], 1.28), limits=(10, 178), firmware="soft_start_s = 0.16"
+    )
+    error = refused(text)
+    assert error.code == "frame-too-short" and error.hint is not None
+    found = re.search(r"period_us = (\d+) \((\d+) bytes of motion, (\d+) words, [\d.]+ µs\)", error.hint)
+    assert found
+    done = build(plan_job(loads(text.replace("[frame]", f"[frame]\nperiod_us = {found[1]}"), "job.toml")))
+    assert done.proven
+    assert done.programs[0].firmware.compilation.words == int(found[3])
+
+
+def test_each_change_that_is_said_to_fit_a_walk_does() -> None:
+    error = refused(LONG)
+    assert error.code == "does-not-fit" and error.hint is not None
+    fits, _, parts = error.hint.partition("\n")
+    assert 'gait = "tripod"' in fits
+    changed = LONG.replace('gait = "wave"', 'gait = "tripod"')
+    made = planned(plan_job(loads(changed, "job.toml")))
+    words = made.make("c2c").compilation.words
+    error_us = made.plan.schedule.plan_error
+    assert error_us is not None
+    assert (
+        f'gait = "tripod" ({made.data_bytes} bytes of motion, {words} words, {error_us.width_us:g} µs)'
+        in fits
+    )
+    alone = LONG.replace(", { turn_deg = 20, cycles = 3 }, { forward_mm = -30, cycles = 3 }", "")
+    data = planned(plan_job(loads(alone, "job.toml"))).data_bytes
+    assert f"part 1 of way alone takes {data} bytes of motion" in parts
+    assert "part 2 of way alone does not fit" in parts
+
+
+def test_nothing_is_tried_for_other_errors() -> None:
+    """A pulse of 10 cycles fits no change of the motion."""
+    text = job_text(1, poses([[31], [77]], 1), clock_hz=125_000, firmware="max_error_us = 20")
+    error = refused(text)
+    assert error.code == "pulse-too-short" and "what fits" not in str(error)
