@@ -118,7 +118,7 @@ def _fit(job: PlannedJob, change: Change) -> Fit | None:
 
 def _taken(made: Planned) -> Fit | None:
     firmware = made.make(made.job.firmware.dialect)
-    if any(room.left is None or room.left < 0 for room in firmware.rooms):
+    if any(room.left is None or room.left < 0 for room in firmware.timing_budgets):
         return None
     error = made.plan.schedule.plan_error
     return Fit(firmware.compilation.words, made.data_bytes, 0.0 if error is None else error.width_us)
