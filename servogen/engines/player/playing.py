@@ -79,7 +79,7 @@ def playing(
     clock = trajectory.clock
     rows = ideal_widths(trajectory, servos, clock)
     if np.isnan(rows).all():
-        raise InputError("no-pulse", "the motion has no pulse")
+        raise InputError("no-pulses", "the motion has no pulse")
     encoded = _encoded(
         rows, trajectory.loop_start, soft, _pairs(servos, bindings), max_error_us, clock, most_bytes
     )
