@@ -163,7 +163,7 @@ def ideal_widths(trajectory: JointTrajectory, servos: Sequence[Servo], clock: Cl
     if (silent.any(axis=1) & ~silent.all(axis=1)).any():
         number = int(np.argmax(silent.any(axis=1) & ~silent.all(axis=1)))
         raise InputError(
-            "mixed-pauses",
+            "engine-unsupported",
             f"in frame {number} some servos have pulses and some have none",
             hint='the player rests all servos together: engine = "sequence", or the same pauses for all',
         )
