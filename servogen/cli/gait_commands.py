@@ -212,7 +212,7 @@ def _phases(text: str) -> dict[str, float] | list[float]:
     except ValueError:
         raise InputError(
             "bad-option",
-            f"'{text}' is no table of phases",
+            f"'{text}' is not a table of phases",
             Location(key="--lifts"),
             "write L1=0,L2=0.5,… or 0,0.5,…",
         ) from None

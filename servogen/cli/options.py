@@ -28,8 +28,8 @@ def number(text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        kind = "option" if text.startswith("-") else "number"
-        raise typer.BadParameter(f"'{text}' is no {kind}") from None
+        kind = "an option" if text.startswith("-") else "a number"
+        raise typer.BadParameter(f"'{text}' is not {kind}") from None
 
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]

@@ -43,7 +43,7 @@ def cause(lab: Lab, watched: Watched, chip: ChipFacts) -> str | None:
     if watched.too_fast:
         pin = max(watched.pins, key=lambda pin: len(watched.pins[pin].rise))
         edges = 2 * len(watched.pins[pin].rise)
-        return f"{PINS[pin]} changes {edges} times in {seconds:.3g} s: these are no pulses for a servo"
+        return f"{PINS[pin]} changes {edges} times in {seconds:.3g} s: these are not pulses for a servo"
     return None
 
 

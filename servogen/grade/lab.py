@@ -212,7 +212,7 @@ def _position(
             raise document.error(
                 "servo-limit",
                 (*key, "angles_deg", name),
-                f"{low:g}° to {high:g}° is no range within the servo's {least:g}° to {greatest:g}°",
+                f"{low:g}° to {high:g}° is not a range within the servo's {least:g}° to {greatest:g}°",
             )
         ranges.append((math.radians(low), math.radians(high)))
     return Position(table.name, tuple(ranges), table.pause_s)

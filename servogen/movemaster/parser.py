@@ -58,19 +58,19 @@ class Statement:
         """Return an argument that the table declares as an integer."""
         value = self.arguments[index]
         if not isinstance(value, int):
-            raise TypeError(f"argument {index + 1} of {self.text} is no whole number")
+            raise TypeError(f"argument {index + 1} of {self.text} is not a whole number")
         return value
 
     def decimal(self, index: int) -> float:
         value = self.arguments[index]
         if not isinstance(value, int | float):
-            raise TypeError(f"argument {index + 1} of {self.text} is no number")
+            raise TypeError(f"argument {index + 1} of {self.text} is not a number")
         return float(value)
 
     def bit(self, index: int) -> Bit:
         value = self.arguments[index]
         if not isinstance(value, Bit):
-            raise TypeError(f"argument {index + 1} of {self.text} is no bit")
+            raise TypeError(f"argument {index + 1} of {self.text} is not a bit")
         return value
 
     def has(self, index: int) -> bool:
@@ -161,7 +161,7 @@ def _no_command(wrong: str, number: str, place: Location) -> InputError:
         real = MISPRINTS[wrong]
         return InputError(
             "bad-command",
-            f"'{wrong}' is no command",
+            f"'{wrong}' is not a command",
             place,
             f"a misprint in the source's table: write {real}",
         )
@@ -285,7 +285,7 @@ def _as_number(who: str, parameter: Parameter, text: str, place: Location) -> in
         if not _HEX.match(text):
             raise InputError(
                 "program-argument",
-                f"{who}: '{text}' is no hexadecimal number",
+                f"{who}: '{text}' is not a hexadecimal number",
                 place,
                 f"& and up to four of 0-9 A-F; allowed: {parameter.allowed}",
             )

@@ -42,7 +42,7 @@ def input_of(text: str, place: Location | None = None) -> Input:
     if found is None or not 0 <= value < 1 << PORT_BITS:
         raise InputError(
             "bad-option",
-            f"'{text}' is no input",
+            f"'{text}' is not an input",
             place,
             "seconds=value, such as 1.5=3 or 0=&1F; value 0 to 255 or &0 to &FF",
         )

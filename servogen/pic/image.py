@@ -231,7 +231,9 @@ def _not_hex(line: str, begun: bool) -> str:
         return "this is a binary file, not an Intel HEX file"
     shown = line if len(line) <= 20 else line[:20] + "…"
     return (
-        f"'{shown}' is no Intel HEX record" if begun else f"this is not an Intel HEX file: it has '{shown}'"
+        f"'{shown}' is not an Intel HEX record"
+        if begun
+        else f"this is not an Intel HEX file: it has '{shown}'"
     )
 
 
@@ -239,7 +241,7 @@ def _defect(line: str) -> str | None:
     """Return one sentence that says what is wrong with a record; None if nothing is."""
     for column, char in enumerate(line[1:], 2):
         if char not in string.hexdigits:
-            return f"'{char}' in column {column} is no hexadecimal digit"
+            return f"'{char}' in column {column} is not a hexadecimal digit"
     if len(line) % 2 == 0:
         return "the record is cut within a byte: it has an odd number of digits"
     data = bytes.fromhex(line[1:])

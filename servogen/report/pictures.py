@@ -24,7 +24,7 @@ def check_suffix(path: Path, suffixes: tuple[str, ...] = SUFFIXES, what: str = "
     if path.suffix.lower() not in suffixes:
         raise InputError(
             "unknown-suffix",
-            f"'{path.suffix}' is no {what} that can be written",
+            f"'{path.suffix}' is not a {what} that can be written",
             Location(str(path)),
             f"one of: {', '.join(suffixes)}",
         )

@@ -23,6 +23,6 @@ def step_clock(steps_per_second: Fraction, place: Location) -> Clock:
     hz = steps_per_second * OSCILLATOR_PERIODS_PER_CYCLE
     if hz <= 0 or hz.denominator != 1:
         raise InputError(
-            "bad-rate", f"{float(steps_per_second):g} time steps a second are no whole number", place
+            "bad-rate", f"{float(steps_per_second):g} time steps per second are not a whole number", place
         )
     return Clock(int(hz))

@@ -68,7 +68,7 @@ class VcdTimes:
         cycle = float(self.steps_per_cycle)
         error = float(self.worst_error_s / _PICOSECOND)
         return (
-            f"one instruction cycle is {cycle:.6f} ps, which is no whole number: "
+            f"one instruction cycle is {cycle:.6f} ps, which is not a whole number: "
             f"each edge is at the nearest ps, at most {error:.3f} ps off; the errors do not add up"
         )
 

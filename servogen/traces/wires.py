@@ -51,7 +51,7 @@ def _as_chosen(
     named = []
     for name, pin in chosen.items():
         if pin not in PINS:
-            raise InputError("unknown-pin", f"'{pin}' is no pin", place, did_you_mean(pin, PINS))
+            raise InputError("unknown-pin", f"'{pin}' is not a pin", place, did_you_mean(pin, PINS))
         if name not in keys:
             raise InputError("bad-wiring", f"has no 1-bit wire '{name}'", place, did_you_mean(name, keys))
         named.append((name, keys[name], PINS.index(pin)))

@@ -133,7 +133,7 @@ def test_a_pin_that_races_is_given_up_and_told() -> None:
     watched = watch(EdgeTrace(Clock(4_000_000), (chunk,), Cycles(END)))
     assert watched.end < END
     (reason,) = judge(LAB, watched, ChipFacts()).reasons
-    assert "these are no pulses for a servo" in reason
+    assert "these are not pulses for a servo" in reason
 
 
 def test_a_pin_that_never_moves_is_told_the_likely_cause() -> None:

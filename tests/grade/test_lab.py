@@ -45,11 +45,11 @@ def test_an_unknown_lab_is_told_which_are_known() -> None:
         ('pin = "RB0"', 'pin = "RB8"', "unknown pin 'RB8'", 13),
         ('model = "futaba-s3001"', 'model = "futaba"', "unknown servo model", 12),
         ("arm = [0, 4]", "leg = [0, 4]", "unknown servo 'leg'", 16),
-        ("arm = [0, 4]", "arm = [4, 0]", "4° to 0° is no range", 16),
+        ("arm = [0, 4]", "arm = [4, 0]", "4° to 0° is not a range", 16),
         (
             "arm = [176, 180]",
             "arm = [176, 190]",
-            "176° to 190° is no range within the servo's 0° to 180°",
+            "176° to 190° is not a range within the servo's 0° to 180°",
             17,
         ),
         ("range_ms = [18, 20]", "range_ms = [20, 18]", "does not rise", 8),

@@ -119,7 +119,7 @@ def test_errors_of_the_program_have_the_program_s_place(tmp_path: Path) -> None:
         (
             "repeat = true # ",
             'inputs = ["1=300"]\nrepeat = false # ',
-            "program.inputs[1]: '1=300' is no input",
+            "program.inputs[1]: '1=300' is not an input",
         ),
         ("repeat = true # ", 'end = "release"\n # ', "program.end: a motion that repeats has no end"),
     ],

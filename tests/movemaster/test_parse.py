@@ -157,7 +157,7 @@ def test_a_statement_knows_its_place() -> None:
         ),
         (
             "10 EQ &12345, 3",
-            "a.rvm:1:7: error: program line 10: EQ: a1: '&12345' is no hexadecimal number "
+            "a.rvm:1:7: error: program line 10: EQ: a1: '&12345' is not a hexadecimal number "
             "[program-argument]\n"
             "  & and up to four of 0-9 A-F; allowed: -32767 to 32767 or &8001 to &7FFF",
         ),

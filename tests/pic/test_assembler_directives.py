@@ -309,4 +309,4 @@ def test_directives_about_paper_do_nothing(asm: Any) -> None:
 
 
 def test_a_radix_that_does_not_exist_is_an_error(asm: Any) -> None:
-    assert asm.errors(" radix bin\n end") == ["1:8 124 'bin' is no radix"]
+    assert asm.errors(" radix bin\n end") == ["1:8 124 'bin' is not a radix"]

@@ -141,7 +141,7 @@ GOOD = record(0, 0x01, 0x30)
         (record(0x4000, 0x00, 0x80) + END, 1, "the ids area holds at most 0x3FFF"),
         (record(0x400E, 0xF1, 0x7F) + END, 1, "the config area holds at most 0x3FFF"),
         ("hello\n", 1, "this is not an Intel HEX file: it has 'hello'"),
-        (GOOD + "hello\n" + END, 2, "'hello' is no Intel HEX record"),
+        (GOOD + "hello\n" + END, 2, "'hello' is not an Intel HEX record"),
         ("\x7fELF\x02\x01\x00\x00", 1, "binary file"),
         ("\x00" * 40, 1, "binary file"),
     ],

@@ -108,7 +108,7 @@ def test_wires_of_other_names_are_given_their_pins(tmp_path: Path) -> None:
     assert rows_of(read(tmp_path, text, wires={"D0": "RB4"}))[-1] == (7, PINS.index("RB4"), HIGH)
     with pytest.raises(InputError, match=r"no 1-bit wire 'D1'.*\n.*D0"):
         read(tmp_path, text, wires={"D1": "RB4"})
-    with pytest.raises(InputError, match="'RB9' is no pin"):
+    with pytest.raises(InputError, match="'RB9' is not a pin"):
         read(tmp_path, text, wires={"D0": "RB9"})
 
 

@@ -78,7 +78,7 @@ def identify(port: Port) -> Analyser:
             "is it a SUMP analyser, is this its port, is its firmware the one for logic analysis?",
         )
     raise ToolError(
-        "wrong-device", f"the device is no SUMP analyser: it answered {answer!r}", Location(port.path)
+        "wrong-device", f"the device is not a SUMP analyser: it answered {answer!r}", Location(port.path)
     )
 
 

@@ -212,7 +212,9 @@ def find(named: str | None) -> Found:
     stem = Path(named).stem.lower()
     known = {each.name: each for each in PROGRAMMERS}
     if stem not in known:
-        raise InputError("unknown-name", f"'{named}' is no known programmer", hint=did_you_mean(stem, known))
+        raise InputError(
+            "unknown-name", f"'{named}' is not a known programmer", hint=did_you_mean(stem, known)
+        )
     start = _start(known[stem], named)
     if not start:
         raise ToolError(

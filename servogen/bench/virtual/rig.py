@@ -64,12 +64,12 @@ def with_fault(options: RigOptions, text: str) -> RigOptions:
     known = NUMBERS if given else FLAGS
     if name not in known:
         hint = did_you_mean(name, [*FLAGS, *(f"{each}=N" for each in NUMBERS)])
-        raise InputError("bad-option", f"'{text}' is no fault of the bench", hint=hint)
+        raise InputError("bad-option", f"'{text}' is not a fault of the bench", hint=hint)
     change: dict[str, Any] = {}
     try:
         change[known[name]] = int(number, 0) if given else True
     except ValueError:
-        raise InputError("bad-option", f"'{number}' in '{text}' is no whole number") from None
+        raise InputError("bad-option", f"'{number}' in '{text}' is not a whole number") from None
     if name.startswith("analyser:"):
         return replace(options, analyser=replace(options.analyser, **change))
     return replace(options, programmer=replace(options.programmer, **change))

@@ -126,7 +126,7 @@ def _macro(state: Pass, found: Statement) -> None:
     for name in names:
         if not IDENTIFIER.fullmatch(name):
             raise SourceError(
-                "asm-bad-argument", f"'{name}' is no name for a parameter", found.rest.column(0)
+                "asm-bad-argument", f"'{name}' is not a name for a parameter", found.rest.column(0)
             )
     state.macros[found.label] = Macro(found.label, names, tuple(body))
 

@@ -112,7 +112,7 @@ def _cblock(state: Pass, found: Statement) -> None:
 def _cblock_entry(state: Pass, part: Text) -> None:
     match = IDENTIFIER.match(part.chars)
     if match is None:
-        raise SourceError("asm-syntax", f"'{part.chars}' is no name", part.column(0))
+        raise SourceError("asm-syntax", f"'{part.chars}' is not a name", part.column(0))
     rest = part[match.end() :].strip()
     size = 1
     if rest.chars.startswith(":"):

@@ -39,7 +39,7 @@ def _set_radix(state: Pass, name: Text) -> None:
     radix = next((radix for known, radix in RADICES.items() if word and known.startswith(word)), None)
     if radix is None:
         raise SourceError(
-            "asm-bad-argument", f"'{name.chars}' is no radix", name.column(0), "known: dec, hex, oct"
+            "asm-bad-argument", f"'{name.chars}' is not a radix", name.column(0), "known: dec, hex, oct"
         )
     state.radix = radix
 
@@ -80,7 +80,7 @@ def _errorlevel(state: Pass, found: Statement) -> None:
         if match is None:
             raise SourceError(
                 "asm-bad-argument",
-                f"'{part.chars}' is no level or number",
+                f"'{part.chars}' is not a level or number",
                 part.column(0),
                 "0, 1, 2, -302 or +302",
             )
