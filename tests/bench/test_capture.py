@@ -92,7 +92,7 @@ def test_a_silent_device_is_an_error_that_names_the_port(
     port = serve(analyser(lab8, silent=True)).paths["analyser"]
     done = run("capture", "--port", port, "-o", tmp_path / "run.vcd")
     assert done.code == 3
-    assert f"{port}: the device does not answer" in done.err
+    assert f"{port}: error: the device does not answer" in done.err
 
 
 def test_garbage_instead_of_an_identity_is_refused(
@@ -134,7 +134,7 @@ def test_a_capture_that_ends_early_is_kept_and_never_taken_for_whole(
 def test_a_port_that_is_not_there_is_named(run: Run, tmp_path: Path) -> None:
     done = run("capture", "--port", tmp_path / "none", "-o", tmp_path / "run.vcd")
     assert done.code == 3
-    assert f"{tmp_path / 'none'}: there is no such port" in done.err
+    assert f"{tmp_path / 'none'}: error: there is no such port" in done.err
 
 
 def test_a_file_is_no_port(run: Run, tmp_path: Path) -> None:
@@ -163,7 +163,7 @@ def test_a_port_that_the_system_calls_busy_is_in_use(
     monkeypatch.setattr(os, "open", busy)
     done = run("capture", "--port", "/dev/ttyACM0", "-o", tmp_path / "run.vcd")
     assert done.code == 3
-    assert "/dev/ttyACM0: is in use by another program" in done.err
+    assert "/dev/ttyACM0: error: is in use by another program" in done.err
 
 
 def test_no_permission_says_which_group_to_join(

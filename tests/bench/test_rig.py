@@ -69,7 +69,7 @@ def test_of_two_processes_on_one_port_the_second_is_refused(run: Run, bench: Rig
         time.sleep(0.02)
     done = run(*common, tmp_path / "2.vcd")
     assert done.code == 3
-    assert f"{port}: is in use by another program" in done.err
+    assert f"{port}: error: is in use by another program" in done.err
     assert first.wait() == 0
 
 

@@ -192,7 +192,7 @@ def test_a_robot_that_does_not_walk_is_refused(run: Run) -> None:
     [
         (("--duty", 0.5), "the phase of each leg"),
         (("--lifts", "0,0,0,0,0,0"), "a duty factor"),
-        (("--duty", 0.5, "--lifts", "L1=x"), "is no table of phases"),
+        (("--duty", 0.5, "--lifts", "L1=x"), "is not a table of phases"),
         (("--duty", 0.5, "--lifts", "L1=0"), "the phase of the leg L2 is missing"),
         (("--duty", 0.5, "--lifts", "0,0"), "2 phases for 6 legs"),
         (("--duty", 1.5, "--lifts", "0,0,0,0,0,0"), "between 0 and 1"),

@@ -124,7 +124,7 @@ def test_ms_with_few_points_warns_and_says_how_many_are_enough(ran: Ran) -> None
     run = ran(P_FAR + "10 MO 1\n20 MS 2, 1")
     (warning,) = run.warnings
     assert warning.code == "off-the-line"
-    assert str(warning.location) == "a.rvm:4:4: error: program line 20"
+    assert str(warning.location) == "a.rvm:4:4: program line 20"
     found = re.fullmatch(
         r"on its way to position 2 the tool is up to ([\d.]+) mm off the straight line: "
         r"(\d+) intermediate points keep it within 1 mm",

@@ -152,7 +152,7 @@ def test_program_lines_behind_rn_are_not_run_and_it_is_said(ran: Ran) -> None:
     run = ran("10 IC 1\nRN 10\n20 IC 2\n30 IC 2")
     assert run.counters == {1: 1}
     assert [(each.code, str(each.location)) for each in run.warnings] == [
-        ("lines-not-run", "a.rvm:3:4: error: program line 20")
+        ("lines-not-run", "a.rvm:3:4: program line 20")
     ]
 
 
@@ -329,7 +329,7 @@ def test_an_input_is_written_as_seconds_and_value(text: str, at: str, value: int
 
 @pytest.mark.parametrize("text", ["", "3", "1=256", "1=&100", "-1=3", "1=x"])
 def test_other_inputs_are_refused(text: str) -> None:
-    with pytest.raises(InputError, match="is no input"):
+    with pytest.raises(InputError, match="is not an input"):
         input_of(text)
 
 

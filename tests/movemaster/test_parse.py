@@ -68,7 +68,7 @@ def test_a_numbered_comment_is_a_line_that_can_be_jumped_to() -> None:
 
 def test_a_statement_knows_its_place() -> None:
     place = parse("' x\n  10 MO 1\n", "a.rvm").statements[0].place
-    assert str(place) == "a.rvm:2:6: error: program line 10"
+    assert str(place) == "a.rvm:2:6: program line 10"
 
 
 @pytest.mark.parametrize(

@@ -224,7 +224,7 @@ def test_an_endless_while_ends_with_an_error(asm: Any) -> None:
         (" cblock 1\n end", 129),
         ("m macro\n end", 129),
         (" macro\n endm\n end", 130),
-        ("m macro\n endm\nm macro\n endm\n end", 132),
+        ("m macro\n endm\nm macro\n endm\n end", 115),
         (" exitm\n end", 123),
         (" local a\n end", 123),
         ("x if 1\n endif\n end", 121),

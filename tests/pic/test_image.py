@@ -126,7 +126,7 @@ GOOD = record(0, 0x01, 0x30)
         (GOOD + ":\n" + END, 2, "truncated"),
         (GOOD + ":020002000130C\n" + END, 2, "odd number of digits"),
         (GOOD + ":0200020001300000CB\n" + END, 2, "too long: it announces 2 data bytes and has 4"),
-        (GOOD + ":02000200G130CB\n" + END, 2, "'G' in column 10 is no hexadecimal digit"),
+        (GOOD + ":02000200G130CB\n" + END, 2, "'G' in column 10 is not a hexadecimal digit"),
         (GOOD + record(0, 1, kind=9) + END, 2, "record type 09 is unknown"),
         (GOOD, None, "truncated: it has no end-of-file record"),
         ("", None, "truncated: it has no end-of-file record"),

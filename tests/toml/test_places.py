@@ -53,4 +53,4 @@ def test_windows_line_ends_change_nothing() -> None:
 def test_a_key_that_is_not_written_is_placed_at_its_table() -> None:
     place = parse("[frame]\nperiod_us = 1\n", "x.toml").place("frame", "gap_us")
     assert (place.line, place.column, place.key) == (1, 1, "frame.gap_us")
-    assert str(place) == "x.toml:1:1: error: frame.gap_us"
+    assert str(place) == "x.toml:1:1: frame.gap_us"
