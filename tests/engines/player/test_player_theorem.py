@@ -229,3 +229,16 @@ def test_a_look_at_the_timer_in_the_last_cycle_changes_no_edge() -> None:
     assert not exact[0].overrun
     assert exact[1].rise - exact[0].rise == cycles
     assert gaps(found, delayed(found, left + 1), 1)[0].overrun
+
+
+def test_a_kernel_that_records_nothing_sees_no_lateness() -> None:
+    found = simple()
+    _, played = _played()
+    bit = encode("BSF", f=found.address("overrun"), b=0)
+    listing = found.compilation.listing
+    silent = changed(
+        listing, lambda words: words.update({at: encode("NOP") for at, word in words.items() if word == bit})
+    )
+    slots, frames = allowances(silent, played.layout)  # type: ignore[attr-defined]
+    assert (slots.late_is_seen, frames.late_is_seen) == (slots.same_edges, frames.same_edges)
+    assert (slots.same_edges, frames.same_edges) == (found.slots.same_edges, found.frames.same_edges)

@@ -314,3 +314,28 @@ def test_any_words_at_all_are_answered(seed: int) -> None:
     found = Facts(Image(words), None, CLOCK)
     assert len(found.answers()) == 6
     assert found.time("0x000", "0x003", interrupts=True).text
+
+
+@pytest.mark.parametrize("branch", ["btfss", "btfsc"])
+def test_a_byte_that_one_path_writes_is_not_written_where_many_paths_are_joined(branch: str) -> None:
+    """Forty turns are more states than are kept apart."""
+    text = (
+        f"main\n clrf 0x20\nloop\n {branch} PORTB, 0\n clrf 0x30\n incf 0x20, f\n movlw 40\n xorwf 0x20, w\n"
+        " btfss STATUS, 2\n goto loop\n movf 0x30, w\nhere\n goto here"
+    )
+    assert addresses(facts(text).unwritten_reads()) == [8]
+    assert facts(text.replace("main\n", "main\n clrf 0x30\n")).unwritten_reads().status is Status.HOLDS
+
+
+def test_a_write_through_a_pointer_to_one_of_two_bytes_writes_neither_for_certain() -> None:
+    text = "main\n movf PORTB, w\n andlw {}\n addlw 0x20\n movwf FSR\n clrf INDF\n movf 0x20, w\n"
+    text += "here\n goto here"
+    assert addresses(facts(text.format(1)).unwritten_reads()) == [5]
+    assert facts(text.format(0)).unwritten_reads().status is Status.HOLDS
+
+
+def test_what_an_interrupt_writes_may_change_between_any_two_instructions() -> None:
+    main = "main\n clrf 0x42\n movlw 0xA0\n movwf INTCON\nwait\n btfss 0x42, 0\n goto wait\n goto main\n"
+    assert facts(INTERRUPT.format(work=" incf 0x42, f") + main).unreachable().status is Status.HOLDS
+    alone = facts(INTERRUPT.format(work=" incf 0x43, f") + main).unreachable()
+    assert dict(alone.numbers)["unreachable_words"] == 1
