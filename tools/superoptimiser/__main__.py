@@ -16,7 +16,7 @@ from servogen.compiler.passes import rules as rule_file
 from servogen.compiler.passes import superoptimise
 from servogen.compiler.passes.rules import Rule
 from tools.superoptimiser.corpus import collected, files_in
-from tools.superoptimiser.search import MAX_BYTES, Finder, catalogue, differing, read_first, twins
+from tools.superoptimiser.search import Finder, catalogue, differing, twins
 
 TARGET = Path(rule_file.__file__).with_name("rules.json")
 
@@ -35,11 +35,11 @@ def main(folders: list[Path], longest_new: int = 3, longest_old: int = 6, fewest
         for (old, dead), count in windows.most_common():
             if len(old) != size or count < fewest:
                 continue
-            new = finder.shortest(old, dead)
-            if new is None or len((read_first(old) | read_first(new)) & {"W", "a", "b", "k"}) > MAX_BYTES:
+            new = finder.proven(old, dead)
+            if new is None:
                 continue
             needed = differing(old, new)
-            if needed <= dead and not any(covers(rule, old, needed) for rule in found):
+            if not any(covers(rule, old, needed) for rule in found):
                 found.append(Rule(old, new, frozenset(needed)))
         found = without_special_cases(found)
         write(found)

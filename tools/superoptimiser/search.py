@@ -21,6 +21,9 @@ SAMPLES = 96
 MAX_BYTES = 2
 """Read by a rule: more would take too long to prove by trying all values."""
 
+MAX_CANDIDATES = 40
+"""Sequences that do the same in all samples, of which some differ for other values."""
+
 Hashes = npt.NDArray[np.uint64]
 Numbers = npt.NDArray[np.int16]
 Sequence_ = tuple[RuleInstruction, ...]
@@ -149,10 +152,8 @@ class Finder:
     def of(cls, all_sequences: Catalogue) -> Finder:
         return cls(all_sequences, {})
 
-    def shortest(
-        self, old: tuple[RuleInstruction, ...], dead: Iterable[str]
-    ) -> tuple[RuleInstruction, ...] | None:
-        """Return a shorter sequence that seems to do the same for what is not dead; None if there is none."""
+    def shorter(self, old: Sequence_, dead: Iterable[str]) -> Iterator[Sequence_]:
+        """Yield shorter sequences that do the same in all samples for what is not dead, shortest first."""
         live = tuple(number for number, name in enumerate(NAMES) if name not in dead)
         if live not in self.tables:
             keys = self._keys(self.all.hashes, live)
@@ -162,11 +163,18 @@ class Finder:
         key = self._keys(hashed({name: value[None] for name, value in run(old, samples()).items()}), live)[0]
         first, end = (int(np.searchsorted(keys, key, side=side)) for side in ("left", "right"))
         known = names_in(old)
-        for number in order[first:end]:
+        for number in order[first : min(end, first + MAX_CANDIDATES)]:
             new = self.all.sequence(int(number))
             if len(new) >= len(old):
-                break
+                return
             if names_in(new) <= known:
+                yield new
+
+    def proven(self, old: Sequence_, dead: frozenset[str]) -> Sequence_ | None:
+        """Return the shortest sequence that does the same for all values; None if there is none."""
+        for new in self.shorter(old, dead):
+            few = len((read_first(old) | read_first(new)) & {"W", "a", "b", "k"}) <= MAX_BYTES
+            if few and differing(old, new) <= dead:
                 return new
         return None
 
