@@ -1,0 +1,94 @@
+"""A motion's script is the motion, step by step; the chip's arithmetic is the law, within its last places."""
+
+import numpy as np
+import pytest
+
+from servogen.engines.firmware import ResourceError
+from servogen.engines.player.arithmetic import blended, weights
+from servogen.engines.player.encoding import Rows
+from servogen.engines.player.laws import lift_table, swing_table, table_of
+from servogen.engines.player.script import AGAIN, AT, Script, Step, script, timing
+from servogen.motion.gait.footwork import bump, swing_share
+from servogen.motion.laws import law
+
+SLOW, FAST = timing(50), timing(12)
+
+
+def played(made: Script, columns: int, steps: int) -> list[tuple[int, int]]:
+    """Return (row, how) of the first steps, read from the bytes as docs/firmware.md says."""
+    found: list[tuple[int, int]] = []
+    place, row, left = 0, -1, 0
+    while len(found) < steps:
+        place = made.loop if place == len(made.data) else place
+        how = made.data[place]
+        place += 1
+        if how == AGAIN:
+            back, times = made.data[place : place + 2]
+            left = (left or times) - 1
+            place += 2 - (back if left else 0)
+            continue
+        row += 1
+        if how == AT:
+            row, how = made.data[place] // columns, made.data[place + 1]
+            place += 2
+        found.append((row, how))
+    return found
+
+
+def test_the_script_plays_every_step_in_order_and_its_loop_for_ever() -> None:
+    lead = [Step(0, SLOW), Step(0, SLOW), Step(1, FAST), *[Step(row, FAST, row) for row in (2, 3, 4)] * 5]
+    loop = [Step(1, FAST), *[Step(row, FAST, 7) for row in (2, 3)] * 4, Step(5, SLOW)]
+    made = script(lead, loop, 6, legs=True)
+    steps = [*lead, *loop, *loop, *loop]
+    timings = list(made.timings)
+    assert played(made, 6, len(steps)) == [
+        (step.row, step.lifted << 2 | timings.index(step.timing)) for step in steps
+    ]
+    assert len(made.data) < 2 * len([*lead, *loop])
+
+
+def test_a_walk_has_four_timings_at_most() -> None:
+    steps = [Step(0, timing(frames)) for frames in (2, 3, 4, 5, 6)]
+    assert len(script(steps[:1], steps[:4], 6, legs=True).timings) == 4
+    with pytest.raises(ResourceError, match="5 timings: the player holds 4"):
+        script(steps[:1], steps, 6, legs=True)
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3, 7, 12, 50, 255, 256])
+def test_the_time_of_a_step_is_the_frames_share_of_it(frames: int) -> None:
+    times = np.array(timing(frames).times()) / 256
+    assert np.abs(times - np.arange(frames) / frames).max() <= 0.5 / 256 + frames / 2 / 65536
+
+
+@pytest.mark.parametrize("name", ["trapezoid", "quintic"])
+def test_a_laws_table_is_the_law_within_two_256ths(name: str) -> None:
+    """One is rounding; at the end there is one more, because a weight of 256 is no byte."""
+    time = np.arange(256)
+    made = weights(list(table_of(name)), time) / 256
+    away = np.abs(made - law(name).share(time / 256)) * 256
+    assert away.max() <= 2
+    assert away[time < 230].max() < 1.4
+
+
+@pytest.mark.parametrize("rate", [0.2, 0.5, 1.0])
+def test_half_a_swing_is_the_swings_law_and_the_lift_its_bump(rate: float) -> None:
+    """From the lift (time 0) to the middle: what is left of half the way, in 128ths; the lift in 255ths."""
+    time = np.arange(256)
+    left = weights(list(swing_table(rate)), time) / 128
+    assert np.abs(left - (1 - 2 * swing_share(time / 512, rate))).max() < 1.5 / 128
+    assert np.abs(weights(list(lift_table()), time) / 255 - bump(time / 512)).max() < 1.8 / 255
+    assert left[0] == 1 and left.max() > 1  # a foot first goes back, with the stance
+
+
+def test_blending_is_exact_in_256ths() -> None:
+    key, other, weight = np.meshgrid([0, 1, 100, 255], [0, 7, 200, 255], np.arange(256))
+    exact = 256 * key + (other - key) * weight
+    assert np.array_equal(blended(key, other, weight), exact)
+    assert np.array_equal(blended(key, other, weight, twice=True), exact + (other - key) * weight)
+
+
+def test_near_poses_share_a_row_in_their_middle_and_others_do_not() -> None:
+    rows = Rows(0.5)
+    numbers = [rows.number(np.array(pose)) for pose in ([10.0, 20], [10.9, 20], [12.0, 20], [10.2, 20.1])]
+    assert numbers == [0, 0, 1, 0]
+    assert rows.kept == [(10, 20), (12, 20)]
