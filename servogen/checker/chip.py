@@ -57,7 +57,7 @@ REASONS = (
     "a word that is not an instruction", "a stack of more than eight levels", "a return with an empty stack",
     "SLEEP", "an EEPROM write or EEIF", "an unknown value in a register",
     "control that depends on TMR0's phase", "an interrupt that depends on unknown values",
-    "a watchdog that may time out", "a pin with an unknown level",
+    "a watchdog that may time out", "a pin whose level is unknown or not driven",
 )  # fmt: skip
 (CUT, NEW_FRAME, FORK, BUTTON, TOO_LONG, WRONG_EDGE, MISSING, NO_WORD, OVERFLOW, EMPTY, SLEEPS, EEPROM_WRITE,
  REGISTER, PHASE, INTERRUPT, WATCHED, DARK_PIN) = range(17)  # fmt: skip
@@ -299,7 +299,9 @@ def drive(s: Ints, parameters: Ints, edge_at: Ints, edge_out: Ints, at: int) -> 
             s[DARK] = at + GLITCH
         if out == 0:
             return GOES_ON
-        if dark or tris & parameters[CHANNELS] or parameters[EDGES] == 0 or out != edge_out[0]:
+        if dark or tris & parameters[CHANNELS]:
+            return DARK_PIN
+        if parameters[EDGES] == 0 or out != edge_out[0]:
             return WRONG_EDGE
         s[FRAME] = at - edge_at[0]
         s[EDGE] = 1

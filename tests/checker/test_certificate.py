@@ -99,7 +99,7 @@ def test_a_button_splits_every_frame_in_which_it_is_read() -> None:
         (certify.plain_program(clear="call $"), certify.schedule(), "a stack of more than eight levels"),
         (certify.plain_program(clear="goto 1000"), certify.schedule(), "a word that is not an instruction"),
         (certify.plain_program(clear="movwf 6"), certify.schedule(), "an edge that is not expected"),
-        (certify.plain_program(clear="rlf 6,f"), certify.schedule(), "a pin with an unknown level"),
+        (certify.plain_program(clear="rlf 6,f"), certify.schedule(), "a pin whose level is unknown"),
         (certify.plain_program(clear="btfsc 0x30,0"), certify.schedule(), "a missing edge|an edge"),
         (certify.plain_program(clear="btfsc 5,2"), certify.schedule(), "a missing edge|an edge"),
         (

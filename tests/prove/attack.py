@@ -22,7 +22,7 @@ from servogen.checker import Refused, check_certificate, read_certificate
 from servogen.checker.plan import OVER, Plan, read_plan
 from servogen.engines.board import board_of
 from servogen.pic.image import Image
-from servogen.pic.isa import decode
+from servogen.pic.isa import decode, encode
 from servogen.prove import certificate, prove_for_all
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Levels, Machine, Options, Stimuli
@@ -39,7 +39,10 @@ JOBS = {
 FRAMES = 45
 SETTLED = 1000
 """Cycles of a frame after which the pins change: long before they are read, after its last slot."""
-ENVIRONMENTS = 24
+ENVIRONMENTS = 16
+NEAR = 24
+"""Words before and after an instruction that reads a port."""
+READS = {decode(encode(name, f=f, b=b)) for name in ("BTFSC", "BTFSS") for f in (5, 6) for b in range(8)}
 
 
 @dataclass(frozen=True)
@@ -149,9 +152,12 @@ def is_right(case: Target, image: Image, around: Environment, frames: int = FRAM
 
 
 def mutants(case: Target, rng: random.Random) -> Iterator[tuple[str, Image]]:
-    """Endless: one word changed."""
+    """Endless: one word changed, of every second one a word near an instruction that reads a port."""
+    everywhere = list(case.image.program)
+    reads = [each for each in everywhere if decode(case.image.program[each]) in READS]
+    near = [each for each in everywhere if any(abs(each - read) <= NEAR for read in reads)]
     while True:
-        address = rng.choice(list(case.image.program))
+        address = rng.choice(near if near and rng.random() < 0.5 else everywhere)
         word = case.image.program[address]
         row = decode(word)
         kind = rng.random()
@@ -203,14 +209,48 @@ def attack(names: list[str], count: int, seed: int, max_states: int) -> tuple[Co
     return counts, wrong
 
 
+def survivors(names: list[str], count: int, seed: int, max_states: int) -> tuple[Counter[str], list[str]]:
+    """Counts of the answers to `count` mutants that no stimulus has shown to be wrong; the wrong proofs.
+
+    If one is proven, the checker must accept the certificate, and more stimuli must find nothing.
+    """
+    rng = random.Random(seed)
+    cases = [target(name) for name in names]
+    streams = [mutants(case, rng) for case in cases]
+    counts: Counter[str] = Counter()
+    wrong: list[str] = []
+    while counts["survivors"] < count:
+        turn = counts["mutants"] % len(cases)
+        case, (what, image) = cases[turn], next(streams[turn])
+        counts["mutants"] += 1
+        if not is_right(case, image, as_verified(case), 3) or not is_right(case, image, as_verified(case)):
+            continue
+        if any(not is_right(case, image, random_environment(case, rng)) for _ in range(4)):
+            continue
+        counts["survivors"] += 1
+        proof = prove_for_all(image, case.schedule, options=board_of(case.schedule), max_states=max_states)
+        counts["proven" if proof.proven else "not proven"] += 1
+        if not proof.proven:
+            continue
+        opinion = second_opinion(case, image, proof)
+        right = all(is_right(case, image, random_environment(case, rng)) for _ in range(40))
+        print(f"{counts['survivors']}: {case.name}, {what}: {opinion}, right: {right}", flush=True)
+        if opinion != AGREED or not right:
+            wrong.append(f"{case.name}, {what}: {opinion}, right: {right}")
+    return counts, wrong
+
+
+AGREED = "proven, and the checker agrees"
+
+
 def second_opinion(case: Target, image: Image, proof: object) -> str:
-    """What the checker says of the certificate of a wrong proof."""
+    """What the checker says of the certificate of a proof."""
     try:
         claim = read_certificate(certificate(proof, image, case.schedule, case.text), "certificate")
         check_certificate(claim, image, case.text, "schedule.json")
     except Refused as refused:
         return f"proven; the checker refuses: {refused}"
-    return "proven, and the checker agrees"
+    return AGREED
 
 
 def main() -> int:
@@ -219,9 +259,13 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", nargs="*", choices=list(JOBS), default=list(JOBS))
     parser.add_argument("--max-states", type=int, default=20_000)
+    parser.add_argument(
+        "--survivors", action="store_true", help="mutants without a fault, if they are proven"
+    )
     wanted = parser.parse_args()
     began = time.monotonic()
-    counts, wrong = attack(wanted.jobs, wanted.mutants, wanted.seed, wanted.max_states)
+    work = survivors if wanted.survivors else attack
+    counts, wrong = work(wanted.jobs, wanted.mutants, wanted.seed, wanted.max_states)
     print(dict(counts), f"{time.monotonic() - began:.0f} s", *wrong, sep="\n")
     return int(bool(wrong))
 
