@@ -17,9 +17,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from servogen.build import Build, build
+from servogen.build import Program, checked_cycles, planned
+from servogen.build.build import proven
+from servogen.engines.c_text import DIALECTS
 from servogen.errors import InputError
 from servogen.job import PlannedJob, load, plan_job
+from servogen.plan_error import PlanError
 
 PINS = (*(f"RB{bit}" for bit in range(8)), *(f"RA{bit}" for bit in range(4)))
 LEGS = ("L1", "L2", "L3", "R1", "R2", "R3")
@@ -101,14 +104,32 @@ def robots(count: int, seed: int) -> list[Robot]:
     return found
 
 
-def outcome(robot: Robot) -> Build | str:
-    """Return the robot's build, or why there is none."""
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """A robot's programs, and how far its pulses are from the plan."""
+
+    error: PlanError
+    programs: tuple[Program, ...]
+
+    @property
+    def proven(self) -> bool:
+        """Return whether every dialect's program is built and proven."""
+        return len(self.programs) == len(DIALECTS) and all(each.proven for each in self.programs)
+
+
+def outcome(robot: Robot) -> Outcome | str:
+    """Return what became of the robot, or why there is nothing. No changes of the job are tried."""
     with TemporaryDirectory() as folder:
         job = robot.planned(Path(folder))
-        try:
-            return build(job)
-        except InputError as error:
-            return str(error)
+    try:
+        found = planned(job)
+        made = [found.make(dialect) for dialect in DIALECTS]
+    except InputError as error:
+        return str(error)
+    schedule = found.plan.schedule
+    assert schedule.plan_error is not None
+    span = checked_cycles(schedule)
+    return Outcome(schedule.plan_error, tuple(proven(schedule, each, span) for each in made))
 
 
 def main(count: int, seed: int) -> int:
@@ -121,21 +142,13 @@ def main(count: int, seed: int) -> int:
             reasons[robot.gait] += 1
             print(f"{robot.number} {robot.gait}: {done.splitlines()[0]}")
             continue
-        error = done.plan.schedule.plan_error
-        assert error is not None
-        proven = done.proven and not any(each.overrun for each in done.programs)
         words = [each.firmware.compilation.words for each in done.programs]
-        left = min(
-            room.left if room.left is not None else -1
-            for each in done.programs
-            for room in each.firmware.timing_budgets
-        )
         print(
-            f"{robot.number} {robot.gait}: {error.text()}; words {words}, {left} cycles left, "
-            f"{'proven' if proven else 'NOT PROVEN'} in {len(done.programs)} dialects"
+            f"{robot.number} {robot.gait}: {done.error.text()}; words {words}, "
+            f"{'proven' if done.proven else 'NOT PROVEN'}"
         )
-        tight += proven and error.width_us <= TIGHT_US
-        loose += proven and error.width_us <= LOOSE_US
+        tight += done.proven and done.error.width_us <= TIGHT_US
+        loose += done.proven and done.error.width_us <= LOOSE_US
     print(
         f"{count} robots: {tight} proven at {TIGHT_US:g} µs, {loose} at {LOOSE_US:g} µs; {dict(reasons)} not"
     )
