@@ -112,6 +112,8 @@ def ways_of(program: Program, state: ChipState, use: Use, chosen: Choices) -> li
     """
     if len(chosen) >= MAX_CHOICES:
         return None
+    if use.kind == unknown.USE_INTERRUPT and use.subject & unknown.T0IF and state["T0_UNKNOWN"]:
+        return None
     if use.kind == unknown.USE_INTERRUPT:
         flags = [1 << bit for bit in range(3) if use.subject >> bit & 1]
         ways = [Choice(field, flag, flag) for flag in flags for field in ("INTCON", "INTCON_LATE")]

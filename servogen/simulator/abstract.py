@@ -318,6 +318,8 @@ class AbstractChip:
             return None
         doubtful = int(self._s[at.INTCON_UNKNOWN])
         enabled = intcon >> 3 & 7
+        if intcon & unknown.T0IE and self._s[at.T0_UNKNOWN]:
+            doubtful |= unknown.T0IF  # it may overflow in any cycle from now on
         if enabled & intcon & ~doubtful or not enabled & doubtful:
             return None
         return Use(unknown.USE_INTERRUPT, enabled & doubtful, int(self._s[at.PC]) & 0x3FF)
@@ -345,7 +347,9 @@ class AbstractChip:
         if not choice.steer:
             mask = int(s[mask_slot]) & (0x1FFF if choice.field in ("PINS", "LATCH") else 0xFF)
             s[mask_slot] = mask & ~choice.bits
-        if choice.field == "INTCON" and choice.value & choice.bits & 7:
+        intcon = int(s[at.INTCON])
+        requested = intcon >> 3 & choice.value & 7
+        if choice.field == "INTCON" and requested and intcon & unknown.GIE:
             s[at.IRQ_AT] = min(int(s[at.IRQ_AT]), BASE)
         return before
 

@@ -227,3 +227,57 @@ rest    decfsz 0x21, f
     assert prove_for_all(assembled(body.format(odd=" nop")), schedule).proven
     assert not prove_for_all(assembled(body.format(odd=" dw 0x0001")), schedule).proven
     assert not prove_for_all(assembled(body.format(odd=" btfss 0x31, 6\n dw 0x0001")), schedule).proven
+
+
+@pytest.mark.parametrize("flag", ["INTF", "RBIF", "T0IF"])
+def test_a_flag_that_is_only_polled_makes_no_interrupt(flag: str) -> None:
+    """The handler hangs: whoever went there would make no more edges."""
+    body = """
+        btfss INTCON, FLAG
+        goto $+1
+frame   bsf PORTB, 1
+        movlw 100
+        movwf 0x21
+wide    decfsz 0x21, f
+        goto wide
+        bcf PORTB, 1
+        movlw 250
+        movwf 0x21
+rest    decfsz 0x21, f
+        goto rest
+        btfsc INTCON, FLAG
+        nop                     ; as long as a skip
+        goto frame
+"""
+    schedule = schedule_of(1 + 2 + 299 + 1 + 2 + 749 + 2 + 2, 302)
+    good = body.replace("FLAG", flag)
+    assert prove_for_all(assembled(good, "        goto 4"), schedule).proven
+    longer = good.replace("        nop  ", "        goto $+1  ")
+    assert not prove_for_all(assembled(longer, "        goto 4"), schedule).proven
+
+
+def test_an_interrupt_of_a_timer_whose_value_nobody_knows_is_not_proven() -> None:
+    """Written in each frame TMR0 never overflows; otherwise any frame may be hit."""
+    body = """
+        movlw 0xA0
+        movwf INTCON
+frame   {write}
+        bsf PORTB, 1
+        movlw 100
+        movwf 0x21
+wide    decfsz 0x21, f
+        goto wide
+        bcf PORTB, 1
+        movlw 250
+        movwf 0x21
+rest    decfsz 0x21, f
+        goto rest
+        goto frame
+"""
+    handler = "        bcf INTCON, T0IF\n        retfie"
+    schedule = schedule_of(1 + 1 + 2 + 299 + 1 + 2 + 749 + 2, 302)
+    image = assembled(body.format(write="clrf TMR0"), handler)
+    assert prove_for_all(image, schedule, max_states=500).proven
+    source = HEAD.replace("        clrf TMR0\n", "").format(isr=handler) + body.format(write="nop")
+    image = assemble(source + "        end\n", "test.asm", device("PIC16F84")).image
+    assert not prove_for_all(image, schedule, max_states=500).proven
