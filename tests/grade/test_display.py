@@ -67,7 +67,7 @@ def test_a_page_that_cannot_be_written_costs_no_other_its_page(run: Run, tmp_pat
     (tmp_path / "ana.c.md").mkdir()
     done = run("grade", "lab8-exercise", tmp_path, "--pages", tmp_path)
     assert (done.code, "2 of 2 passed" in done.out) == (2, True)
-    assert "ana.c.md: is a directory" in done.err
+    assert "ana.c.md: error: is a directory" in done.err
     assert (tmp_path / "dan.c.md").read_text().startswith("# dan.c: passed")
 
 
