@@ -157,7 +157,7 @@ class Port:
         try:
             self.line.write(data)
             self.line.flush()
-        except Exception as error:  # termios.error is no OSError
+        except Exception as error:  # termios.error is not an OSError
             raise self.unplugged() from error
 
     def read(self, most: int, seconds: float) -> bytes:
@@ -190,7 +190,7 @@ class Port:
         """Discard received bytes that have not been read."""
         try:
             self.line.reset_input_buffer()
-        except Exception as error:  # termios.error is no OSError
+        except Exception as error:  # termios.error is not an OSError
             raise self.unplugged() from error
 
     def unplugged(self) -> Unplugged:

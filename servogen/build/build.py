@@ -38,7 +38,7 @@ intended, and proven with every edge.
 """
 
 Progress = Callable[[str], None]
-"""Is told what is being done."""
+"""Called with what is being done."""
 
 
 @dataclass(frozen=True, slots=True)

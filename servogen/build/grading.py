@@ -252,7 +252,7 @@ def grade_in_fresh_process(submissions: Sequence[Submission], task: Task) -> lis
 def serve() -> None:
     """Grades what `grade_in_fresh_process` writes to standard input, and answers on standard output."""
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what anything else prints is no answer
+    os.dup2(2, 1)  # what anything else prints is not an answer
     submissions, task = pickle.load(sys.stdin.buffer)
     found = dict(_in_forks(submissions, task, 1))
     with answers:

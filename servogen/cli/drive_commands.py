@@ -61,7 +61,7 @@ def drive(
             "--seconds",
             parser=duration,
             metavar="SECONDS",
-            help="How long (default: for ever; a pose is sent and left, unless the fail-safe would end it).",
+            help="How long (default: until Ctrl-C; a pose is only sent, unless the fail-safe would end it).",
         ),
     ] = None,
     stop: Annotated[

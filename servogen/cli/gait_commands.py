@@ -72,7 +72,10 @@ def gait(
         int, typer.Option("--beta-sign", help="1: lifted feet go rearwards, -1: to the front.")
     ] = 1,
     cycles: Annotated[
-        float | None, typer.Option("--cycles", min=0, help="Start, so many cycles, stop (default: for ever).")
+        float | None,
+        typer.Option(
+            "--cycles", min=0, help="Start, walk this many cycles, stop (default: walk without end)."
+        ),
     ] = None,
     cycle_s: Annotated[
         float | None, typer.Option("--cycle-s", min=0, help="A cycle's time (default: as fast as the servo).")
@@ -92,7 +95,7 @@ def gait(
         typer.Option("--allow-falling", help="Plan a walk with a negative stability margin all the same."),
     ] = False,
     picture: Annotated[Path | None, typer.Option("--plot", help="Draw it: .png, .svg or .pdf.")] = None,
-    csv: Annotated[Path | None, typer.Option("--csv", help="Write a row a frame.")] = None,
+    csv: Annotated[Path | None, typer.Option("--csv", help="Write one row per frame.")] = None,
     animate: Annotated[Path | None, typer.Option("--animate", help="Film it: .gif or .mp4 (ffmpeg).")] = None,
     json: Json = False,
 ) -> None:

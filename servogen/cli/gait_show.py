@@ -42,7 +42,7 @@ def show_walk(robot: WalkingRobot, rhythm: Gait, made: Walk, facts: GaitFacts) -
     print(f"a cycle: {made.frames_per_cycle} frames, {facts.cycle_s:g} s")
     for change in made.changes:
         print(change.text())
-    again = f"the last {loop} of them for ever" if loop < frames else "start and stop included, and again"
+    again = f"the last {loop} of them repeat" if loop < frames else "start and stop included, and again"
     print(f"the walk: {frames} frames, {again}")
     if facts.margin is not None:
         feet, frame = ", ".join(facts.margin_feet), facts.margin_frame

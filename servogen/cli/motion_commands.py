@@ -28,7 +28,7 @@ def run_program(
         list[str] | None, typer.Option("--input", help="seconds=value of the input port, such as 1.5=&1F.")
     ] = None,
     period_us: Annotated[int, typer.Option("--period-us", min=1000, help="One frame.")] = 20_000,
-    repeat: Annotated[bool, typer.Option("--repeat", help="Run the program for ever.")] = False,
+    repeat: Annotated[bool, typer.Option("--repeat", help="Repeat the program without end.")] = False,
     max_commands: Annotated[
         int, typer.Option("--max-commands", min=1, help="Stop a program that does not end.")
     ] = 100_000,
@@ -64,7 +64,7 @@ def run_program(
         return
     _show(done)
     frames, loop = len(done.trajectory.angles), len(done.trajectory.angles) - done.trajectory.loop_start
-    print(f"{file}: {frames} frames, {done.seconds(frames):g} s; the last {loop} of them for ever")
+    print(f"{file}: {frames} frames, {done.seconds(frames):g} s; the last {loop} of them repeat")
     warn_of_all(done.warnings)
 
 

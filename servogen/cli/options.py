@@ -15,7 +15,7 @@ import typer
 from servogen.simulator.options import Options
 
 NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
-"""Context settings of a command whose arguments may be negative numbers: -5 is no option."""
+"""Context settings of a command whose arguments may be negative numbers: -5 is not an option."""
 
 LONGEST_SECONDS = 1e9
 """Thirty years."""

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Plot = Annotated[Path | None, typer.Option("--plot", help="Draw it: .png, .svg or .pdf.")]
 Animate = Annotated[Path | None, typer.Option("--animate", help="Film the robot: .gif or .mp4 (ffmpeg).")]
-Csv = Annotated[Path | None, typer.Option("--csv", help="Write a row a frame.")]
+Csv = Annotated[Path | None, typer.Option("--csv", help="Write one row per frame.")]
 
 
 def register(app: typer.Typer) -> None:

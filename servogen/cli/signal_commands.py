@@ -154,7 +154,7 @@ def measure(
     device: OwnDevice = None,
     json: Json = False,
 ) -> None:
-    """Say what pulses a program makes in 20 s, or recorded edges, and what is doubtful about them."""
+    """Measure the pulses of a program (for 20 s) or of recorded edges, and warn of doubtful ones."""
     from servogen.build.measuring import measured_warnings, servos_named
     from servogen.build.signals import refuse_chip_options, unscheduled_edges
     from servogen.pic.device import DEVICES

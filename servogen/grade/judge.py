@@ -1,7 +1,7 @@
 """The check of a watched program against its lab: pulses and facts of the chip go in, a `Grade` comes out.
 
 Where a lab allows several pins or has several right ways, the program is held to each; it passes when one of
-them is right, and is told what is wrong with the one that it comes nearest to.
+them is right; else the grade names what is wrong with the one that it comes nearest to.
 """
 
 from __future__ import annotations

@@ -81,5 +81,5 @@ def _asked(row: Row) -> str:
 
 def _how_long(grade: Grade) -> str:
     if grade.for_ever:
-        return f"Watched for {grade.watched_s:g} s; the chip's state repeats, so it goes on so for ever."
+        return f"Watched for {grade.watched_s:g} s; the chip's state repeats, so this goes on without end."
     return f"Watched for {grade.watched_s:g} s."

@@ -158,10 +158,9 @@ def end_reason(
     quiet = float(watched.clock.seconds(watched.end - last))
     longest = max(position.pause_s or 1.0 for position in way.positions)
     if quiet > 2 * longest:
-        return (
-            f"{text}: the pulses end after {float(watched.clock.seconds(last)):.1f} s; it must go on for ever"
-        )
+        end = float(watched.clock.seconds(last))
+        return f"{text}: the pulses end after {end:.1f} s; it must go on without end"
     if found and float(watched.clock.seconds(found[-1].cycles)) > 2 * longest:
         begin = float(watched.clock.seconds(found[-1].begin))
-        return f"{text}: from {begin:.1f} s on it stays where it is; it must go on for ever"
+        return f"{text}: from {begin:.1f} s on it stays where it is; it must go on without end"
     return text

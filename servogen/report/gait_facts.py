@@ -52,7 +52,7 @@ class GaitFacts:
     """Metres and seconds. `margin` is None for a robot of one or two legs, which stands on something else.
 
     `margin_frame` and `margin_feet`: where the margin is least; `correction_leg`, `correction_frame`: where a
-    spring gives most; `clearance`: the least height above the ground of all that is no foot.
+    spring gives most; `clearance`: the least height above the ground of everything but the feet.
     """
 
     cycle_s: float

@@ -46,7 +46,7 @@ def gait_plot(robot: WalkingRobot, gait: Gait, made: Walk, facts: GaitFacts, pat
         axes.set_xlim(0, times[-1])
         if made.trajectory.loop_start:
             axes.axvline(times[made.trajectory.loop_start], color="tab:red", ls="--", lw=1)
-    again = " (from the red line on for ever)" if made.trajectory.loop_start else ""
+    again = " (repeats from the red line on)" if made.trajectory.loop_start else ""
     rows[-1].set_xlabel(f"time, s{again}")
     above, side = right.subplots(2, 1, height_ratios=[1.6, 1])
     _draw_above(above, robot, made, facts)

@@ -1,6 +1,6 @@
 """Every frame of a walk as CSV: time, joints, feet, which are on the ground, the stability margin.
 
-In: a `Walk`. Out: lines of text, one a frame: seconds, degrees, millimetres of the body's frame.
+In: a `Walk`. Out: lines of text, one per frame: seconds, degrees, millimetres of the body's frame.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from servogen.motion.gait.walk import Walk
 
 
 def frame_lines(made: Walk) -> Iterator[str]:
-    """The header, then a line a frame; the margin is empty for a robot of one or two legs."""
+    """Yield the header, then one line per frame; the margin is empty for a robot of one or two legs."""
     trajectory = made.trajectory
     angles = [f"{joint}_deg" for joint in trajectory.joints]
     feet = [f"{leg}_{axis}_mm" for leg in made.legs for axis in "xyz"]

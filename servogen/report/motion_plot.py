@@ -58,7 +58,7 @@ def motion_plot(job: PlannedJob, schedule: PulseSchedule, tracks: Sequence[Track
         if job.trajectory.loop_start:
             axes.axvline(job.trajectory.loop_start * frame_s, color="0.5", ls="--", lw=1)
     rows[-1].set_xlabel(
-        "time, s" + (" (from the dashed line on for ever)" if job.trajectory.loop_start else "")
+        "time, s" + (" (repeats from the dashed line on)" if job.trajectory.loop_start else "")
     )
     handles, labels = rows[0].get_legend_handles_labels()
     left.legend(handles, labels, loc="outside lower center", ncols=6, frameon=False, fontsize=8)

@@ -1,6 +1,7 @@
 """Every frame of a plan as CSV: time, servo angles, pulse widths, the points of feet, tool or base.
 
-In: a `PlannedJob`, its schedule and tracks. Out: lines of text, one a frame; without a pulse a cell is empty.
+In: a `PlannedJob`, its schedule and tracks. Out: lines of text, one per frame; a cell
+without a pulse is empty.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from servogen.robot.model import Arm
 
 
 def frame_lines(job: PlannedJob, schedule: PulseSchedule, tracks: Sequence[Track]) -> Iterator[str]:
-    """The header, then a line a frame: seconds, degrees (°/s of a wheel), µs, mm.
+    """Yield the header, then one line per frame: seconds, degrees (°/s of a wheel), µs, mm.
 
     Angles and points are as planned; widths are as made, whole cycles. One foot or tool has the columns
     x_mm, y_mm, z_mm; of several each is named.

@@ -48,7 +48,7 @@ LAB8_WRONG = {
     "hangs_later.c": ("no whole round in 100 s", "from 3.9 s on it stays where it is"),
     "inputs.c": ("there are no pulses for the servo 'arm' on RB0: the pin is still an input", "TRISB"),
     "no_config.asm": ("the watchdog resets the chip", "no configuration word, so the watchdog is on"),
-    "once.c": ("no whole round", "the pulses end after 12.8 s; it must go on for ever"),
+    "once.c": ("no whole round", "the pulses end after 12.8 s; it must go on without end"),
     "open_drain.c": ("the pulses are on RA4, which is an open drain and needs a pull-up resistor",),
     "order.c": ("the order is 30° → 120° → 90° → 30°", "asked for is 30° → 90° → 120°"),
     "pause.c": ("after 90° there are no pulses for 4.02 s; asked for is a pause of 5 s",),
