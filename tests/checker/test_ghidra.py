@@ -15,7 +15,7 @@ from servogen.checker import chip
 from servogen.pic.image import Image
 from servogen.pic.isa import INSTRUCTIONS, Instruction, encode
 
-pytest.importorskip("pypcode", reason="pypcode (extra `tests`) is not installed")
+pytest.importorskip("pypcode", reason="pypcode (extra `dev`) is not installed")
 from tests.checker.pcode import LANGUAGES, Place, Semantics
 
 Vector = npt.NDArray[np.int64]
