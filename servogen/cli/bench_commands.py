@@ -50,7 +50,7 @@ def flash(
     timeout: Annotated[float, typer.Option("--timeout", min=1, help="Seconds to wait for the chip.")] = 120.0,
     json: Json = False,
 ) -> None:
-    """Program a chip, after proving its pulses, and believe only what shows that it worked."""
+    """Prove a program's pulses, program a chip with it, and check that the chip was programmed."""
     from servogen.bench.programmers.flash import command_of
     from servogen.bench.programmers.flash import flash as flashed
     from servogen.bench.programmers.table import Order, find
@@ -116,7 +116,7 @@ def rig(
     inverted: Annotated[bool, typer.Option("--inverted", help="The serial line idles low.")] = False,
     json: Json = False,
 ) -> None:
-    """Be a bench: programmer, analyser and serial line on pseudo-terminals, around the simulated chip."""
+    """Simulate a bench: a chip with a programmer, an analyser and a serial line on pseudo-terminals."""
     import signal
     import threading
     from contextlib import ExitStack

@@ -61,7 +61,7 @@ def capture(
     ] = True,
     json: Json = False,
 ) -> None:
-    """Look at the chip's pins with a logic analyser that speaks SUMP (Logic Sniffer, Bus Pirate, …)."""
+    """Record the chip's pins with a logic analyser that speaks SUMP (Logic Sniffer, Bus Pirate, …)."""
     from servogen.build.capture import Looking, capture_by_sigrok
     from servogen.build.capture import capture as captured
 

@@ -29,7 +29,7 @@ def register(app: typer.Typer) -> None:
 
 
 def doctor(json: Json = False) -> None:
-    """Say which versions, tools and ports are found on this machine."""
+    """List the versions, tools and ports found on this machine."""
     from serial.tools.list_ports import comports
 
     from servogen.bench.programmers.table import PROGRAMMERS, installed

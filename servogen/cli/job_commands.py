@@ -112,7 +112,7 @@ def demo(
     ),
     json: Json = False,
 ) -> None:
-    """Build and prove several jobs, each in a folder of its own; one table, and what no engine can hold."""
+    """Build and prove several jobs, each into its own folder, and print one table."""
     from servogen.build import ResourceError, write
     from servogen.build import build as built
     from servogen.job import load, plan_job

@@ -34,7 +34,7 @@ def plan(
     animate: Animate = None,
     json: Json = False,
 ) -> None:
-    """Say what a job will do without building it: frames, servos, paths, the error of the pulses."""
+    """Show what a job will do, without building it: frames, servos, paths, pulse errors."""
     from servogen.build import nearest_pulses
     from servogen.job import load, plan_job
     from servogen.outputs import atomic_write

@@ -56,7 +56,7 @@ def verify(
     device: OwnDevice = None,
     json: Json = False,
 ) -> None:
-    """Hold a program (default: the motion, three times) or a file, to its end, against a schedule."""
+    """Compare a program's edges (default: the motion, three times) or a whole file with a schedule."""
     from servogen.build import prove_file, prove_image
     from servogen.build.signals import device_for, is_program, program_for, refuse_chip_options
     from servogen.traces import read_edges
