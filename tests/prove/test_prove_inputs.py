@@ -63,7 +63,7 @@ def changed(program: Program, old: str, new: str, tmp_path: Path) -> Image:
     [
         # only a press that counts in one frame of one part
         (STOP + HOLD, "running = 0;", "running = 0; if (frames == 3) time += 7;"),
-        (START + STOP, " " * 12 + "pins = 0xFF;", "if (part == 1) pins = 0xFE; else pins = 0xFF;"),
+        (START + STOP, " " * 12 + "pins = 0xFF;", "if (frames == 2) pins = 0xFE; else pins = 0xFF;"),
         # pressed for two frames is not pressed
         (STOP + HOLD, "if (stop_seen == 3) {", "if (stop_seen >= 2) {"),
         # start goes on where it was, instead of at the beginning
