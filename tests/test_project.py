@@ -253,3 +253,14 @@ def test_constraints_are_written_from_the_environment_that_runs() -> None:
     for package in json.loads(listed.stdout):
         name = canonicalize_name(package["name"])
         assert pins.get(name) == (None if name in {"servogen", "pip", "setuptools"} else package["version"])
+
+
+def test_the_table_of_modules_in_docs_robots_names_every_module() -> None:
+    """Its first column, with `package` (`module`, …) for the modules inside a package."""
+    page = (ROOT / "docs" / "robots.md").read_text("utf-8")
+    _, _, table = page.partition("| module of `servogen.kinematics` |")
+    rows = [line for line in table.split("\n\n")[0].splitlines()[2:] if line.startswith("|")]
+    named = {name for row in rows for name in re.findall(r"`(\w+)`", row.split("|")[1])}
+    package = ROOT / "servogen" / "kinematics"
+    there = {path.stem for path in package.rglob("*.py") if path.stem != "__init__"} | {"inverse"}
+    assert named == there

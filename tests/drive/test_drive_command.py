@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -157,6 +158,17 @@ def test_keys_of_a_terminal_steer_and_ones_that_mean_nothing_do_nothing(start: S
     finally:
         os.close(master)
         os.close(slave)
+
+
+def test_an_arm_program_is_played_live(run: Run) -> None:
+    """The program fills a pallet of two by two places: the hand closes four times, from 40° to 110°."""
+    done = run("drive", JOBS / "rvm1-stream.toml", "--dry-run", "--json")
+    assert done.code == 0, done.err
+    sent = [row for row in map(json.loads, done.out.splitlines()) if "servo" in row]
+    assert {row["servo"] for row in sent} == {"waist", "shoulder", "elbow", "pitch", "roll", "hand"}
+    hand = [row["position"] for row in sent if row["servo"] == "hand"]
+    middle = (min(hand) + max(hand)) / 2
+    assert sum(before < middle < after for before, after in pairwise(hand)) == 4
 
 
 def test_a_dry_run_shows_the_bytes_and_needs_no_port(run: Run) -> None:

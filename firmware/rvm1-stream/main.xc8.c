@@ -1,0 +1,639 @@
+/*
+ * rvm1-stream: servo pulses for the PIC16F84 at 4 MHz (XC8), positions from a serial line.
+ * Generated from the job by servogen: change the job, not this file.
+ *
+ * 0  RB0  waist: 1000 to 2000 us
+ * 1  RB1  shoulder: 1000 to 2000 us
+ * 2  RB2  elbow: 1000 to 2000 us
+ * 3  RB3  pitch: 1000 to 2000 us
+ * 4  RB4  roll: 1000 to 2000 us
+ * 5  RB5  hand: 1250 to 1750 us
+ *
+ * 2400 baud on RA4: FF n p is position p (0 to 254) of servo n.
+ * A frame takes 19968 us: 6 slots of 13 rounds of TMR0, which counts cycles and is written once. The
+ * interrupt of each round looks at the line and makes the edges; the C prepares a pulse while another one lasts.
+ */
+#include <xc.h>
+
+#pragma config FOSC = XT, WDTE = OFF, PWRTE = ON, CP = OFF
+#define _XTAL_FREQ 4000000
+
+/*
+ * Of each servo in turn, low bytes and high bytes: the width of position 0, 256ths of cycles for each position more,
+ * the neutral pose; its bit among the servos, its pin.
+ */
+const unsigned char FACTS[] = { 232, 232, 232, 232, 232, 226, 3, 3, 3, 3, 3, 4, 240, 240, 240, 240, 240, 248, 3, 3, 3, 3, 3, 1, 220, 220, 220, 220, 220, 220, 5, 5, 5, 5, 5, 5, 1, 2, 4, 8, 16, 32, 1, 2, 4, 8, 16, 32 };
+
+/* Where each servo is, where it goes, by how much a frame at most (0: at once). */
+unsigned char width_low[6], width_high[6], goal_low[6], goal_high[6], speed[6];
+
+/* Servos that wait for their group, those of the group that moves, the frames that it has left. */
+unsigned char waiting, group, left;
+
+/* Bits 0 to 5: the slot; bit 6: the group starts with the next frame; bit 7: positions wait for their group. */
+unsigned char slot;
+
+/* A servo, and what is reckoned for it. */
+unsigned char n, x_lo, x_hi, sum_lo, sum_hi;
+
+/* The pulse of the next slot. due: bit 1 asks for it, bit 2: a command came before; bit 0: a pulse was late, once. */
+unsigned char next_lo, next_hi, mask, due;
+
+/* A command that came whole; the interrupt's own. */
+unsigned char todo, value;
+unsigned char ticks, rest, fine, t, rx_bits, rx_left, rx_last, rx_byte, command;
+
+void __interrupt() tick(void)
+{
+    // Every 256 cycles, when TMR0 goes round: two or three looks at the line, and perhaps an edge of a pulse.
+    // 
+    // STATUS bit 0 is the carry, bit 2 is zero. TMR0 counts cycles and is not written after the start: it says what time it is, however
+    // late the interrupt came. An edge is in the cycle that st_exactly finds; all else may take any time below its limit.
+    // 
+    // In:  _next_lo, _next_hi, _mask   the pulse of the slot that comes: width in cycles, pin
+    // Out: _due                        bit 1: prepare the next slot; it is cleared when that is done
+    // bit 2: a command that is in _todo came before
+    // bit 0: a slot was not prepared in time, once (overrun)
+    // _todo, _value               a command's second and third byte
+    asm("    bcf     INTCON, 2");   // T0IF
+    asm("    call    st_look");
+    asm("    btfsc   TMR0, 7");
+    asm("    goto    st_late");   // the round before took long: no time for a second look
+    asm("    decfsz  _ticks, F");
+    asm("    goto    st_plain");
+    // An edge: looks 64 cycles apart, the last 84 before it. _ticks is free until it is set anew.
+    asm("    movf    _rest, F");
+    asm("    btfss   STATUS, 2");
+    asm("    goto    st_fall");
+    asm("    clrf    _fine");   // a rise; a fall is _fine cycles later in its round
+    asm("    btfss   _due, 1");
+    asm("    goto    st_fall");
+    asm("    clrf    _mask");   // not prepared: no pulse
+    asm("    bsf     _due, 0");
+    asm("st_fall:");
+    asm("    movlw   0x3F");
+    asm("    andwf   _fine, W");
+    asm("    addlw   68");
+    asm("    movwf   _ticks");
+    asm("st_before:");
+    asm("    movf    _ticks, W");
+    asm("    subwf   TMR0, W");
+    asm("    andlw   0xC0");   // it is time up to 63 cycles after it
+    asm("    btfss   STATUS, 2");
+    asm("    goto    st_before");
+    asm("    call    st_look");
+    asm("    movlw   64");
+    asm("    addwf   _ticks, F");
+    asm("    movf    _fine, W");
+    asm("    subwf   _ticks, W");
+    asm("    xorlw   132");
+    asm("    btfss   STATUS, 2");
+    asm("    goto    st_before");
+    asm("    movlw   20");
+    asm("    addwf   _ticks, W");
+    asm("    call    st_exactly");
+    asm("    movf    _rest, F");
+    asm("    movlw   0");
+    asm("    btfsc   STATUS, 2");
+    asm("    movf    _mask, W");
+    asm("    movwf   PORTB");   // the edge
+    asm("    movf    _rest, W");
+    asm("    movwf   _ticks");
+    asm("    btfss   STATUS, 2");
+    asm("    goto    st_fallen");
+    asm("    movf    _next_hi, W");
+    asm("    movwf   _ticks");
+    asm("    sublw   13");
+    asm("    movwf   _rest");
+    asm("    movf    _next_lo, W");
+    asm("    movwf   _fine");
+    asm("    bsf     _due, 1");
+    asm("    movlw   0xFE");
+    asm("    subwf   _todo, W");
+    asm("    btfss   STATUS, 2");
+    asm("    bsf     _due, 2");
+    asm("    call    st_look");
+    asm("    goto    st_out");
+    // One more look, unless the round would take too long or the next one has an edge that is near.
+    asm("st_fallen:");
+    asm("    clrf    _rest");
+    asm("    movlw   0xC0");
+    asm("    andwf   _fine, W");
+    asm("    btfsc   STATUS, 2");
+    asm("    goto    st_over");
+    asm("    xorlw   0xC0");
+    asm("    btfsc   STATUS, 2");
+    asm("    goto    st_out");
+    asm("    decf    _ticks, W");
+    asm("    btfsc   STATUS, 2");
+    asm("    goto    st_out");
+    asm("st_over:");
+    asm("    call    st_look");
+    asm("    goto    st_out");
+    asm("st_late:");
+    asm("    decf    _ticks, F");
+    asm("    goto    st_out");
+    asm("st_plain:");
+    asm("    call    st_second");
+    asm("st_third:");
+    asm("    movlw   152");
+    asm("    subwf   TMR0, W");
+    asm("    btfss   STATUS, 0");
+    asm("    goto    st_third");
+    asm("    call    st_look");
+    asm("    goto    st_out");
+    // Waits for the cycle in which TMR0 is W, at least 11 from now, and returns a fixed time after it.
+    asm("st_exactly:");
+    asm("    movwf   _t");
+    asm("st_poll:");
+    asm("    movf    TMR0, W");
+    asm("    subwf   _t, W");
+    asm("    addlw   0xF0");
+    asm("    btfsc   STATUS, 0");
+    asm("    goto    st_poll");
+    asm("    movwf   _t");   // it is 8 to 15 away: 0 to 7 in the lowest three bits
+    asm("    btfsc   _t, 0");
+    asm("    goto    $+1");
+    asm("    btfsc   _t, 1");
+    asm("    goto    $+1");
+    asm("    btfsc   _t, 1");
+    asm("    goto    $+1");
+    asm("    btfss   _t, 2");
+    asm("    return");
+    asm("    nop");
+    asm("    goto    $+1");
+    asm("    return");
+    // The second look, if it is not too late for it.
+    asm("st_second:");
+    asm("    movlw   84");
+    asm("    subwf   TMR0, W");
+    asm("    btfss   STATUS, 0");
+    asm("    goto    st_second");
+    asm("    addlw   240");
+    asm("    btfsc   STATUS, 0");
+    asm("    return");
+    // A look at the line. Time is counted in units of 4 cycles; a bit's level is that of the first look after its middle.
+    asm("st_look:");
+    asm("    movf    _rx_bits, F");
+    asm("    btfsc   STATUS, 2");
+    asm("    goto    st_hunt");
+    asm("    call    st_time");
+    asm("    btfsc   _rx_bits, 7");
+    asm("    goto    st_broken");
+    asm("    movf    _rx_last, W");
+    asm("    subwf   _t, W");
+    asm("    andlw   0x3F");
+    asm("    subwf   _rx_left, F");
+    asm("    movf    _t, W");
+    asm("    movwf   _rx_last");
+    asm("    btfsc   STATUS, 0");
+    asm("    return");
+    asm("    movlw   104");
+    asm("    addwf   _rx_left, F");
+    asm("    decfsz  _rx_bits, F");
+    asm("    goto    st_bit");
+    asm("    btfss   PORTA, 4");
+    asm("    goto    st_break");   // no stop bit
+    asm("    incf    _rx_byte, W");
+    asm("    btfsc   STATUS, 2");
+    asm("    goto    st_sync");
+    asm("    incf    _command, W");
+    asm("    btfsc   STATUS, 2");
+    asm("    goto    st_what");
+    asm("    movlw   0xFE");
+    asm("    xorwf   _command, W");
+    asm("    btfsc   STATUS, 2");
+    asm("    return");
+    asm("    xorlw   0xFE");
+    asm("    movwf   _todo");
+    asm("    movf    _rx_byte, W");
+    asm("    movwf   _value");
+    asm("    movlw   0xFE");
+    asm("    movwf   _command");
+    asm("    return");
+    asm("st_what:");
+    asm("    movf    _rx_byte, W");
+    asm("    movwf   _command");
+    asm("    return");
+    asm("st_sync:");
+    asm("    movlw   0xFF");
+    asm("    movwf   _command");
+    asm("    return");
+    asm("st_hunt:");
+    asm("    btfsc   PORTA, 4");
+    asm("    return");
+    asm("    call    st_time");   // a start bit begins
+    asm("    movwf   _rx_last");
+    asm("    movlw   16");
+    asm("    movwf   _rx_left");
+    asm("    movlw   10");
+    asm("    movwf   _rx_bits");
+    asm("    return");
+    asm("st_time:");
+    asm("    movf    TMR0, W");
+    asm("    movwf   _t");
+    asm("    rrf     _t, F");
+    asm("    rrf     _t, W");
+    asm("    andlw   0x3F");
+    asm("    movwf   _t");
+    asm("    return");
+    asm("st_break:");
+    asm("    movlw   0xFE");
+    asm("    movwf   _command");
+    asm("    movlw   0x80");
+    asm("    movwf   _rx_bits");
+    asm("    return");
+    asm("st_broken:");
+    asm("    btfsc   PORTA, 4");
+    asm("    clrf    _rx_bits");
+    asm("    return");
+    asm("st_bit:");
+    asm("    btfss   _rx_bits, 3");
+    asm("    goto    st_data");
+    asm("    btfss   _rx_bits, 0");
+    asm("    goto    st_data");
+    asm("    btfsc   PORTA, 4");
+    asm("    clrf    _rx_bits");   // no start bit: noise
+    asm("    return");
+    asm("st_data:");
+    asm("    bcf     STATUS, 0");
+    asm("    btfsc   PORTA, 4");
+    asm("    bsf     STATUS, 0");
+    asm("    rrf     _rx_byte, F");
+    asm("    return");
+    asm("st_out:");
+}
+
+void extend(void)
+{
+    // The trim that the byte _x_lo is, as cycles in _x_hi, _x_lo; the erased byte is none.
+    asm("    clrf    _x_hi");
+    asm("    incf    _x_lo, W");
+    asm("    btfsc   STATUS, 2");
+    asm("    clrf    _x_lo");
+    asm("    btfsc   _x_lo, 7");
+    asm("    decf    _x_hi, F");
+}
+
+/* The trim of servo n: x. */
+void read_trim(void)
+{
+    // Byte _n of the data EEPROM (DS35007 section 3.1) to _x_lo.
+    asm("    movf    _n, W");
+    asm("    movwf   EEADR");
+    asm("    bsf     STATUS, 5");   // bank 1
+    asm("    bsf     0x08, 0");   // EECON1, RD
+    asm("    bcf     STATUS, 5");
+    asm("    movf    EEDATA, W");
+    asm("    movwf   _x_lo");
+    extend();
+}
+
+void keep_trim(void)
+{
+    // Begins to write _value to byte _n of the data EEPROM (DS35007 section 3.2); it takes about 10 ms.
+    asm("    movf    _n, W");
+    asm("    movwf   EEADR");
+    asm("    movf    _value, W");
+    asm("    movwf   EEDATA");
+    asm("    bsf     STATUS, 5");   // bank 1
+    asm("    bsf     0x08, 2");   // EECON1, WREN
+    asm("    bcf     INTCON, 7");   // GIE; an interrupt that came with it would have set it again
+    asm("    btfsc   INTCON, 7");
+    asm("    goto    $-2");
+    asm("    movlw   0x55");
+    asm("    movwf   0x09");   // EECON2
+    asm("    movlw   0xAA");
+    asm("    movwf   0x09");
+    asm("    bsf     0x08, 1");   // WR
+    asm("    bsf     INTCON, 7");
+    asm("    bcf     0x08, 2");
+    asm("    bcf     STATUS, 5");
+}
+
+void ready(void)
+{
+    // _x_lo: 0 when no byte of the EEPROM is being written.
+    asm("    bsf     STATUS, 5");   // bank 1
+    asm("    movf    0x08, W");   // EECON1
+    asm("    bcf     STATUS, 5");
+    asm("    andlw   0x02");   // WR
+    asm("    movwf   _x_lo");
+    asm("    clrwdt");   // a watchdog that was left on is fed as long as main goes round
+}
+
+void multiply(void)
+{
+    // _sum_hi, _sum_lo = (_value * _x + 128) / 256; _value is used up.
+    asm("    movlw   128");
+    asm("    movwf   _sum_lo");
+    asm("    clrf    _sum_hi");
+    asm("    movlw   8");
+    asm("    movwf   FSR");
+    asm("st_multiply:");
+    asm("    rrf     _value, F");
+    asm("    btfss   STATUS, 0");
+    asm("    goto    st_halve");
+    asm("    movf    _x_lo, W");
+    asm("    addwf   _sum_lo, F");
+    asm("    btfsc   STATUS, 0");
+    asm("    incf    _sum_hi, F");
+    asm("    movf    _x_hi, W");
+    asm("    addwf   _sum_hi, F");   // no carry: the scale is below half of 16 bits
+    asm("st_halve:");
+    asm("    rrf     _sum_hi, F");
+    asm("    rrf     _sum_lo, F");
+    asm("    decfsz  FSR, F");
+    asm("    goto    st_multiply");
+}
+
+void add(void)
+{
+    // _sum += _x
+    asm("    movf    _x_lo, W");
+    asm("    addwf   _sum_lo, F");
+    asm("    btfsc   STATUS, 0");
+    asm("    incf    _sum_hi, F");
+    asm("    movf    _x_hi, W");
+    asm("    addwf   _sum_hi, F");
+}
+
+/* What lies between a servo's width (next) and its goal (x). */
+void way(void)
+{
+    // The way from _next to _x: its length in _x_hi, _x_lo; _sum_hi is 0xFF where it goes down, else 0.
+    asm("    clrf    _sum_hi");
+    asm("    movf    _next_lo, W");
+    asm("    subwf   _x_lo, F");
+    asm("    movf    _next_hi, W");
+    asm("    btfss   STATUS, 0");
+    asm("    incfsz  _next_hi, W");
+    asm("    subwf   _x_hi, F");
+    asm("    btfsc   STATUS, 0");
+    asm("    goto    st_up");
+    asm("    decf    _sum_hi, F");
+    asm("    comf    _x_lo, F");
+    asm("    comf    _x_hi, F");
+    asm("    incf    _x_lo, F");
+    asm("    btfsc   STATUS, 2");
+    asm("    incf    _x_hi, F");
+    asm("st_up:");
+}
+
+void step(void)
+{
+    // _next goes on by _x, down where _sum_hi is not 0.
+    asm("    movf    _sum_hi, F");
+    asm("    btfss   STATUS, 2");
+    asm("    goto    st_down");
+    asm("    movf    _x_lo, W");
+    asm("    addwf   _next_lo, F");
+    asm("    btfsc   STATUS, 0");
+    asm("    incf    _next_hi, F");
+    asm("    movf    _x_hi, W");
+    asm("    addwf   _next_hi, F");
+    asm("    goto    st_gone");
+    asm("st_down:");
+    asm("    movf    _x_lo, W");
+    asm("    subwf   _next_lo, F");
+    asm("    btfss   STATUS, 0");
+    asm("    decf    _next_hi, F");
+    asm("    movf    _x_hi, W");
+    asm("    subwf   _next_hi, F");
+    asm("st_gone:");
+}
+
+void divide(void)
+{
+    // _x_hi, _x_lo = _x / _left, rounded down; _left is not 0.
+    asm("    movf    _x_hi, W");
+    asm("    movwf   _sum_lo");   // the remainder
+    asm("    clrf    _x_hi");
+    asm("st_whole:");
+    asm("    movf    _left, W");
+    asm("    subwf   _sum_lo, W");
+    asm("    btfss   STATUS, 0");
+    asm("    goto    st_parts");
+    asm("    movwf   _sum_lo");
+    asm("    incf    _x_hi, F");
+    asm("    goto    st_whole");
+    asm("st_parts:");
+    asm("    movlw   8");
+    asm("    movwf   FSR");
+    asm("st_part:");
+    asm("    rlf     _x_lo, F");
+    asm("    rlf     _sum_lo, F");
+    asm("    movf    _left, W");
+    asm("    btfsc   STATUS, 0");
+    asm("    goto    st_fits");
+    asm("    subwf   _sum_lo, W");
+    asm("    btfsc   STATUS, 0");
+    asm("    movwf   _sum_lo");
+    asm("    goto    st_digit");
+    asm("st_fits:");
+    asm("    subwf   _sum_lo, F");
+    asm("    bsf     STATUS, 0");
+    asm("st_digit:");
+    asm("    decfsz  FSR, F");
+    asm("    goto    st_part");
+    asm("    rlf     _x_lo, F");
+}
+
+/* sum and the trim are servo n's goal; a servo without pulses is there at once. */
+void go(void)
+{
+    read_trim();
+    add();
+    goal_low[n] = sum_lo;
+    goal_high[n] = sum_hi;
+    if (width_high[n] == 0) {
+        width_low[n] = sum_lo;
+        width_high[n] = sum_hi;
+    }
+}
+
+/* Two facts of servo n, from the row in x_lo on. */
+void look_up(void)
+{
+    x_lo += n;
+    x_hi = FACTS[x_lo + 6];
+    x_lo = FACTS[x_lo];
+}
+
+void go_neutral(void)
+{
+    x_lo = 24;
+    look_up();
+    sum_lo = x_lo;
+    sum_hi = x_hi;
+    go();
+}
+
+/* A command of the line: servo n goes to position value. */
+void position(void)
+{
+    x_lo = 12;
+    look_up();
+    multiply();
+    x_lo = 0;
+    look_up();
+    add();
+    go();
+    x_lo = 36;
+    look_up();
+    sum_lo = x_lo;
+    waiting |= sum_lo;
+    if (!(slot & 0x80))
+        waiting ^= sum_lo;
+    group |= sum_lo;
+    group ^= sum_lo;   /* it goes alone */
+}
+
+/* The pulses move by as much as the trim does. */
+void set_trim(void)
+{
+    read_trim();
+    sum_lo = x_lo;
+    sum_hi = x_hi;
+    value -= 127;
+    keep_trim();
+    x_lo = value;
+    extend();
+    x_hi -= sum_hi;
+    if (x_lo < sum_lo)
+        x_hi--;
+    x_lo -= sum_lo;
+    sum_lo = goal_low[n];
+    sum_hi = goal_high[n];
+    if (sum_hi == 0)
+        return;
+    add();
+    goal_low[n] = sum_lo;
+    goal_high[n] = sum_hi;
+    sum_lo = width_low[n];
+    sum_hi = width_high[n];
+    add();
+    width_low[n] = sum_lo;
+    width_high[n] = sum_hi;
+}
+
+/* What the command says. */
+void execute(void)
+{
+    n = todo & 0x07;
+    sum_lo = todo & 0xF8;
+    todo = 0xFE;
+    if (sum_lo == 0x80) {
+        if (n != 0)
+            return;
+        if (value == 0)
+            slot |= 0x80;
+        else {
+            slot &= 0x3F;
+            slot |= 0x40;
+            group = waiting;
+            waiting = 0;
+            left = value;
+        }
+    } else {
+        if (n >= 6)
+            return;
+        if (sum_lo == 0x00)
+            position();
+        else if (sum_lo == 0x40)
+            speed[n] = value;
+        else if (sum_lo == 0xC0)
+            set_trim();
+        else
+            return;
+    }
+}
+
+/* The groups' and the fail-safe's clock. */
+void begin_frame(void)
+{
+    if (slot & 0x40)
+        slot &= 0xBF;
+    else if (left != 0) {
+        left--;
+        if (left == 0)
+            group = 0;
+    }
+}
+
+/* The pulse of the next slot. */
+void prepare(void)
+{
+    slot++;
+    n = slot & 0x3F;
+    if (n == 6) {
+        n = 0;
+        slot &= 0xC0;
+        begin_frame();
+    }
+    mask = FACTS[n + 36];
+    x_lo = goal_low[n];
+    x_hi = goal_high[n];
+    next_lo = width_low[n];
+    next_hi = width_high[n];
+    way();
+    if (waiting & mask)
+        x_lo = x_hi = 0;
+    else if (group & mask) {
+        if (slot & 0x40)
+            x_lo = x_hi = 0;
+        else
+            divide();
+    } else {
+        sum_lo = speed[n];
+        if (sum_lo != 0 && (x_hi != 0 || x_lo > sum_lo)) {
+            x_lo = sum_lo;
+            x_hi = 0;
+        }
+    }
+    step();
+    width_low[n] = next_lo;
+    width_high[n] = next_hi;
+    if (next_hi == 0) {
+        mask = 0;
+        next_hi = 1;
+    }
+}
+
+void main(void)
+{
+    PORTB = 0x00;
+    TRISB = 0xC0;
+    OPTION_REG = 0x8F;   /* TMR0 counts cycles; the watchdog, if it is on, 128 times its time */
+    TMR0 = 0;   /* unknown at power-up */
+    n = 6;
+    while (n != 0) {
+        n--;
+        speed[n] = 0;
+        width_high[n] = 0;
+        go_neutral();
+    }
+    waiting = 0;
+    group = 0;
+    left = 0;
+    todo = 0xFE;
+    command = 0xFE;
+    rx_bits = 0;
+    rest = 0;
+    slot = 5;
+    prepare();
+    due = 0;
+    ticks = 3;
+    INTCON = 0xA0;
+    while (1) {
+        ready();
+        if (due & 2) {
+            prepare();
+            sum_lo = due;
+            due &= 1;   /* one instruction: the interrupt's bit stays */
+            ready();
+            if ((sum_lo & 4) && x_lo == 0)
+                execute();
+        }
+    }
+}
