@@ -69,7 +69,7 @@ def test_a_changed_or_missing_or_left_over_file_is_named(folders: tuple[Path, Pa
     (made / "new").write_text("")
     (kept / "old").write_text("")
     assert differences(made, kept) == [
-        f"{kept}/main.hex:2: error: is '2', now '3'",
+        f"{kept}/main.hex:2: is '2', now '3'",
         f"{kept}/new: is missing",
         f"{kept}/old: is no longer made",
     ]

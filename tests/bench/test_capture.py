@@ -101,7 +101,7 @@ def test_garbage_instead_of_an_identity_is_refused(
     port = serve(analyser(lab8, garbage=True)).paths["analyser"]
     done = run("capture", "--port", port, "-o", tmp_path / "run.vcd")
     assert done.code == 3
-    assert "no SUMP analyser" in done.err
+    assert "the device is not a SUMP analyser" in done.err
 
 
 def test_a_chip_that_does_nothing_never_triggers(

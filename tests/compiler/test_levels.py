@@ -141,4 +141,4 @@ def test_a_program_that_cannot_fit_is_not_searched_for_equal_code() -> None:
     text = f"unsigned char x;\nvoid f(void) {{ {statements} }}\nvoid main(void) {{ f(); }}"
     with pytest.raises(CompileError, match="words of flash, the chip has 1024") as caught:
         compile_sources([Source(text, "main.c")], Options(dialect="xc8", optimise="size"))
-    assert caught.value.too_large
+    assert caught.value.code == "program-too-large"

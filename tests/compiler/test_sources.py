@@ -93,7 +93,10 @@ def test_included_files_come_from_the_resolver_and_keep_their_places() -> None:
     files = {"pins.h": "#define LED RB3\nvoid on(void) { LED = 1 }\n"}
     with pytest.raises(CompileError) as caught:
         build('#include "pins.h"\nvoid main(void) { on(); }', include=lambda name, _: (name, files[name]))
-    assert str(caught.value).splitlines()[0] == "pins.h:2:24: error: syntax error: ';' is missing after '1'"
+    assert (
+        str(caught.value).splitlines()[0]
+        == "pins.h:2:24: error: syntax error: ';' is missing after '1' [c-syntax]"
+    )
 
 
 def test_a_program_that_is_too_large_says_how_large() -> None:

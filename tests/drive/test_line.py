@@ -54,7 +54,7 @@ def test_whoever_waits_for_a_port_looks_again_and_again_and_not_for_ever() -> No
     def gone() -> Iterator[Gone]:
         looks.append(time.at)
         if len(looks) > 1:
-            raise PortError("there is no such port")
+            raise PortError("no-port", "there is no such port")
         yield Gone()
 
     line = SerialLink(gone, 2400, time.time(), 2.0)

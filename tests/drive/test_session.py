@@ -199,7 +199,7 @@ def test_an_order_that_is_none_stops_the_robot() -> None:
     robot = Robot(9600)
 
     def refuse(word: str) -> None:
-        raise InputError(f"'{word}' unknown command")
+        raise InputError("unknown-command", f"'{word}' unknown command")
 
     with pytest.raises(InputError, match="unknown command"):
         driven(

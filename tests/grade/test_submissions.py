@@ -216,7 +216,9 @@ def test_folders_are_searched_in_order_and_links_to_folders_are_not(classroom: P
     (classroom / "ana" / "notes.txt").write_text("")
     found = find(classroom)
     assert names(found) == ["ana/b.c/a.c", "dan/main.c", "eva/main.asm"]
-    assert found.warnings == [f"{classroom}/ana/loop: not searched: it is a link to a folder"]
+    assert [str(each) for each in found.warnings] == [
+        f"{classroom}/ana/loop: warning: not searched: it is a link to a folder [not-searched]"
+    ]
 
 
 def test_a_hex_file_beside_its_source_is_left_out(classroom: Path) -> None:
@@ -224,7 +226,9 @@ def test_a_hex_file_beside_its_source_is_left_out(classroom: Path) -> None:
     (classroom / "dan" / "other.HEX").write_text("")
     found = find(classroom)
     assert names(found) == ["dan/main.c", "dan/other.HEX", "eva/main.asm"]
-    assert found.warnings == [f"{classroom}/dan/main.hex: not graded, as its source lies beside it"]
+    assert [str(each) for each in found.warnings] == [
+        f"{classroom}/dan/main.hex: warning: not graded, as its source lies beside it [not-searched]"
+    ]
 
 
 def test_one_student_does_not_take_everybodys_time(classroom: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -240,11 +244,11 @@ def test_one_student_does_not_take_everybodys_time(classroom: Path, monkeypatch:
     deep.mkdir(parents=True)
     found = find(classroom)
     assert names(found) == ["ana/0.c", "ana/1.c", "ana/2.c", "dan/main.c", "eva/main.asm"]
-    assert found.warnings == [
-        f"{classroom}/ana: only the first 3 of 5 programs are graded",
-        f"{classroom}/ion: only the first 4 folders were searched",
-        f"{classroom}/leo: not searched: it holds more than 5 files",
-        f"{classroom}/mia: only the first 4 folders were searched",
+    assert [str(each) for each in found.warnings] == [
+        f"{classroom}/ana: warning: only the first 3 of 5 programs are graded [not-searched]",
+        f"{classroom}/ion: warning: only the first 4 folders were searched [not-searched]",
+        f"{classroom}/leo: warning: not searched: it holds more than 5 files [not-searched]",
+        f"{classroom}/mia: warning: only the first 4 folders were searched [not-searched]",
     ]
 
 

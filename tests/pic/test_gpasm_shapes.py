@@ -81,7 +81,7 @@ def test_elif_is_what_it_is_in_gpasm(name: str) -> None:
         return
     with pytest.raises(AssemblyError) as caught:
         assemble(source(body))
-    assert "unknown operation 'elif" in caught.value.diagnostics[0].text
+    assert "unknown operation 'elif" in caught.value.diagnostics[0].message
     assert "ELSE and ENDIF" in (caught.value.diagnostics[0].hint or "")
 
 

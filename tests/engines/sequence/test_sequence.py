@@ -141,7 +141,7 @@ def test_a_name_that_a_template_does_not_know_is_an_error_with_its_place(
     monkeypatch.setattr("servogen.engines.c_text.template_folder", lambda: tmp_path)
     _environment.cache_clear()
     try:
-        with pytest.raises(RenderError, match=r"sequence/main\.c\.j2:2: 'nobody' is undefined"):
+        with pytest.raises(RenderError, match=r"sequence/main\.c\.j2:2: error: 'nobody' is undefined"):
             render(sequence(schedule, Overheads()), "c2c", device("PIC16F84"), "t")
     finally:
         _environment.cache_clear()
