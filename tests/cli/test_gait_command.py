@@ -56,15 +56,31 @@ def test_every_named_gait_keeps_the_centre_of_mass_inside_of_the_feet(
     assert found["stability"]["least_m"] > 0.03
 
 
-def test_the_tripods_least_margin_is_that_of_the_triangle_when_its_feet_are_behind_most(run: Run) -> None:
-    """R1, L2, R3 stand at x = 90, 0, -90 and y = ±99, and go back to 8 mm behind that on the last frame with
-    three feet on the ground: the least distance is that of (0, 0) from the side R1 L2.
+@pytest.mark.parametrize(
+    ("name", "frames", "frame", "behind", "ahead"),
+    [
+        # R1 L2: until the last leg lifts in frame 10 of 20, the body goes half a stance, 10 mm: 1 mm a frame
+        ("tripod", 20, 9, 90 - 9, -9),
+        # L1 R2: 40/3 mm in 25 frames of 30; R1 lands in frame 15
+        ("ripple", 30, 14, 90 - 14 * 8 / 15, -14 * 8 / 15),
+        # R1 L2: 50/3 mm in 50 frames of 60; L1 lands in frame 30. L2 stepped ahead: its stance's middle is in
+        # frame 45, when the body, in steady walking from frame 50 on, would have gone 50/3 - 5 * 2/3 mm
+        ("wave", 60, 29, 90 - 29 / 3, 40 / 3 - 29 / 3),
+    ],
+)
+def test_the_least_margin_is_that_of_the_feet_left_behind_at_the_start(
+    run: Run, name: str, frames: int, frame: int, behind: float, ahead: float
+) -> None:
+    """The body's centre is nearest to the side from a front foot to the middle one across, left behind.
+
+    Straight out a foot stands at y = 100 mm; the line of its stance of length c is the sagitta's half inside.
     """
-    found = told(run, "--stride-mm", 40)
-    assert found["frames_per_cycle"] == 20
-    x1, y1, x2, y2 = 90 - 8, -99, -8, 99  # y within half a millimetre
-    area = x1 * y2 - x2 * y1
-    assert 1000 * found["stability"]["least_m"] == pytest.approx(area / math.hypot(x2 - x1, y2 - y1), abs=0.5)
+    found = told(run, "--gait", name, "--stride-mm", 40)
+    assert (found["frames_per_cycle"], found["stability"]["frame"]) == (frames, frame)
+    half = 20 * found["duty"]
+    y = 100 - (50 - math.sqrt(50**2 - half**2)) / 2
+    least = y * (behind + ahead) / math.hypot(behind - ahead, 2 * y)
+    assert 1000 * found["stability"]["least_m"] == pytest.approx(least, abs=0.02)
 
 
 def test_the_springs_correction_of_a_straight_stance_is_the_sagitta_shared_out(run: Run) -> None:
@@ -264,15 +280,33 @@ def test_a_film_of_unknown_kind_is_refused(run: Run, tmp_path: Path) -> None:
     assert ".gif, .mp4" in done.err
 
 
-def test_the_time_of_a_cycle_is_kept_and_what_moves_for_it_is_said(run: Run) -> None:
-    """Thirds of 50 frames are not whole: the swing has 16 of 16.67."""
-    assert told(run, "--gait", "ripple", "--cycle-s", 1)["cycle_s"] == 1
-    (change,) = told(run, "--gait", "ripple", "--cycle-s", 1)["phase_changes"]
+@pytest.mark.parametrize(
+    ("name", "seconds", "frames"),
+    [("tripod", 1, 50), ("tripod", 0.98, 50), ("ripple", 1, 54), ("ripple", 1.08, 54), ("wave", 1.1, 60)],
+)
+def test_a_cycle_is_lengthened_until_all_legs_lift_and_land_on_frames(
+    run: Run, name: str, seconds: float, frames: int
+) -> None:
+    """Of 20 ms; halves are whole in multiples of 2 frames, sixths in multiples of 6."""
+    found = told(run, "--gait", name, "--cycle-s", seconds)
+    assert found["frames_per_cycle"] == frames
+    assert found["cycle_s"] == pytest.approx(frames * 0.02)
+    assert found["phase_changes"] == []
+
+
+def test_a_cycle_of_a_large_grain_is_kept_and_what_moves_for_it_is_said(run: Run) -> None:
+    """25ths and sixths are whole in multiples of 150 frames. Of 49 frames the swing has 15, not 15.68; no
+    lift moves by more than half a frame (32.67 to 33, 16.33 to 16, 8.17 to 8, 40.83 to 41, 24.5 to 25).
+    """
+    lifts = "L1=0.6667,L2=0.3333,L3=0,R1=0.1667,R2=0.8333,R3=0.5"
+    options = ("--duty", 0.68, "--lifts", lifts, "--cycle-s", 0.98)
+    found = told(run, *options)
+    assert (found["cycle_s"], found["frames_per_cycle"]) == (0.98, 49)
+    (change,) = found["phase_changes"]
     assert change["what"] == "duty"
-    assert change["frames"] == pytest.approx(2 / 3)
-    done = run("gait", "hexapod", "--gait", "ripple", "--cycle-s", 1)
-    assert "the duty factor is 0.68 of the cycle, not 0.6667: 0.67 frames" in done.out
-    assert told(run, "--gait", "tripod", "--cycle-s", 1)["phase_changes"] == []
+    assert change["frames"] == pytest.approx(0.68)
+    done = run("gait", "hexapod", *options)
+    assert "the duty factor is 0.6939 of the cycle, not 0.68: 0.68 frames" in done.out
 
 
 def test_a_walk_that_is_too_heavy_for_its_servo_is_said(run: Run, tmp_path: Path) -> None:

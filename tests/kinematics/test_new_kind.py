@@ -72,6 +72,9 @@ way = [{ left_mm = 30 }]
 cycle_s = 2
 body_height_mm = 100
 allow_falling = true
+
+[frame]
+per_slot = 2
 """ + "".join(
     JOINT.format(leg=leg, joint=joint, pin=PINS[3 * row + column], zero=ZERO_DEG[joint])
     for row, leg in enumerate(("FL", "FR", "HL", "HR"))

@@ -213,7 +213,8 @@ def swing_share(u: Floats, rate: float) -> Floats:
     """Return the share of a swing's way at shares `u` of its time.
 
     A quintic that begins and ends with the stance's speed, `rate` ways backward in a swing's time, and
-    without acceleration. It is the same for every swing, and its second half mirrors its first.
+    without acceleration. It is the same for every swing, even for a step on the spot, so that the player
+    needs one table for all of them; its second half mirrors its first.
     """
     a3, a4, a5 = 10 + 10 * rate, -15 - 15 * rate, 6 + 6 * rate
     return np.asarray(u * (-rate + u**2 * (a3 + u * (a4 + u * a5))))
