@@ -23,6 +23,9 @@ CODES = ("frame-too-short", "does-not-fit", "beyond-max-error", "widths-too-far-
 PERIODS_US = (20_480, 21_000, 22_000, 23_000, 25_000, 30_000)
 """Longer periods that most servos accept, the shortest that fits first."""
 
+MAX_POSES = 500
+"""Poses of a motion for which changes are tried: half as many still take four words of 1024 each."""
+
 SLOWER = (1.25, 1.5, 2.0)
 LOWER = (0.75, 0.5)
 
@@ -68,10 +71,12 @@ def advised(job: PlannedJob, error: InputError) -> InputError:
 
 def _groups(job: PlannedJob, error: InputError) -> Iterator[list[Change]]:
     """Yield changes of one kind each, the smallest first."""
+    section = job.section
+    if isinstance(section, MotionTable) and len(section.poses) > MAX_POSES:
+        return
     period_us = float(job.frame.period.requested_us)
     longer = [value for value in PERIODS_US if value > period_us]
     yield [Change("frame", "period_us", value, f"period_us = {value}") for value in longer]
-    section = job.section
     if isinstance(section, WalkTable):
         yield from _walk_changes(job, section)
     if isinstance(section, MotionTable) and len(section.poses) > 1:

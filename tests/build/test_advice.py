@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from servogen.build import build, planned
+from servogen.build import advice, build, planned
 from servogen.engines.firmware import ResourceError
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
@@ -29,7 +29,7 @@ def test_beyond_its_limit_nothing_is_built_and_within_it_all_is() -> None:
     """A Tiny-S turns 0.36° in a µs; the tripod is 1.86 µs from its plan."""
     error = refused(TRIPOD + "max_error_us = 1.8\n")
     assert isinstance(error, ResourceError) and error.code == "beyond-max-error"
-    assert error.place is not None and error.place.key == "firmware.max_error_us"
+    assert error.location is not None and error.location.key == "firmware.max_error_us"
     assert "1.86 µs, 0.67°, " in error.message or "1.86 µs, 0.67°" in error.message
     assert "max_error_us allows 1.8 µs" in error.message
     assert planned(plan_job(loads(TRIPOD + "max_error_us = 1.87\n", "job.toml"))).engine == "player"
@@ -87,3 +87,27 @@ def test_nothing_is_tried_for_other_errors() -> None:
     text = job_text(1, poses([[31], [77]], 1), clock_hz=125_000, firmware="max_error_us = 20")
     error = refused(text)
     assert error.code == "pulse-too-short" and "what fits" not in str(error)
+
+
+@pytest.mark.parametrize(("count", "tried"), [(500, True), (501, False)])
+def test_for_motions_far_beyond_the_chip_nothing_is_tried(
+    count: int, tried: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[object] = []
+
+    def refuse(job: object) -> None:
+        calls.append(job)
+        raise ResourceError("does-not-fit", "no")
+
+    monkeypatch.setattr(advice, "planned", refuse)
+    moments = ", ".join(f"{{ arm_deg = {number % 181}, hold_s = 0.02 }}" for number in range(count))
+    job = plan_job(
+        loads(
+            '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n'
+            f'[[servo]]\nname = "arm"\npin = "RB0"\nmodel = "futaba-s3001"\n[motion]\nposes = [{moments}]\n',
+            "job.toml",
+        )
+    )
+    error = ResourceError("does-not-fit", "too long")
+    assert advice.advised(job, error) is error
+    assert bool(calls) is tried
