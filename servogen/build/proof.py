@@ -19,7 +19,7 @@ from servogen.pulse.expected import expected
 from servogen.simulator import CHIP_DEPENDENT, Machine, Options
 from servogen.units import Cycles
 from servogen.verify import Verdict, channel_pins, find_start, verify, whole_motion
-from servogen.verify.reasons import unseen_motion_reason
+from servogen.verify.verdict import unseen_motion_reason
 
 LOOPS_CHECKED = 3
 """The whole motion and two repeats of it."""

@@ -24,7 +24,7 @@ from servogen.report.result_tables import CaptureFacts
 from servogen.traces.captures import Capture, is_capture, read_capture, sampled_at
 from servogen.traces.vcd_reader import read_vcd
 from servogen.verify import CaptureVerdict
-from servogen.verify.capture.pieces import split
+from servogen.verify.capture.check import split
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,11 +10,22 @@ from __future__ import annotations
 from servogen.edges import HIGH, EdgeTrace, Expected
 from servogen.errors import InputError
 from servogen.units import Cycles
-from servogen.verify import reasons
 from servogen.verify.coverage import Coverage, compared_frames, coverage
 from servogen.verify.diagnose import Found, Seen, Stretch, diagnose
 from servogen.verify.start import Start, channel_pins, find_start
-from servogen.verify.verdict import ChannelVerdict, Difference, Span, StrayPin, Verdict
+from servogen.verify.verdict import (
+    ChannelVerdict,
+    Difference,
+    Span,
+    StrayPin,
+    Verdict,
+    channel_reasons,
+    difference_reason,
+    overlap_reason,
+    short_reason,
+    silent_reason,
+    stray_reason,
+)
 from servogen.verify.windows import Edges, Windows, concatenate, expected_edges
 
 WINDOW = 1 << 22
@@ -62,7 +73,7 @@ def verify(
     found = None if stretch is None else diagnose(stretch, expected, glitch)
     span = _span(expected, asked, reach if stretch is None else stretch.end)
     covered = coverage(motion, expected, compared_frames(motion, expected, span.compared))
-    short = [] if reach >= asked else [reasons.short_reason(asked - reach, observed.end, expected.clock)]
+    short = [] if reach >= asked else [short_reason(asked - reach, observed.end, expected.clock)]
     return _verdict(expected, start, span, seen, found, short, covered)
 
 
@@ -104,11 +115,11 @@ def _verdict(
     early = _first(start.stray)
     difference = early or (found.difference if found else None)
     channels = found.channels if found else _exact(expected, seen)
-    why = [reasons.difference_reason(difference, expected)] if difference else []
-    why += reasons.channel_reasons(channels, expected)
+    why = [difference_reason(difference, expected)] if difference else []
+    why += channel_reasons(channels, expected)
     if found and found.overlap:
-        why.append(reasons.overlap_reason(found.overlap))
-    why += [reasons.stray_reason(pin) for pin in stray]
+        why.append(overlap_reason(found.overlap))
+    why += [stray_reason(pin) for pin in stray]
     unseen = () if why else tuple(short)
     why += short
     overlap = found.overlap if found else None
@@ -142,12 +153,12 @@ def _silent(expected: Expected, observed: EdgeTrace, start: Start, asked: Cycles
     without pulses.
     """
     first = Windows(expected_edges(chunk) for chunk in expected.chunks).until(1)
-    why = [reasons.silent_reason(int(first.pin[0]))] if len(first.cycle) else []
-    why += [reasons.stray_reason(pin) for pin in start.stray]
+    why = [silent_reason(int(first.pin[0]))] if len(first.cycle) else []
+    why += [stray_reason(pin) for pin in start.stray]
     compared = 0 if len(first.cycle) else min(asked, observed.end)
     span = _span(expected, asked, compared)
     if not why and not span.whole:
-        why.append(reasons.short_reason(asked - compared, observed.end, expected.clock))
+        why.append(short_reason(asked - compared, observed.end, expected.clock))
     channels = tuple(ChannelVerdict(channel.name, channel.pin, 0, 0) for channel in expected.channels)
     difference = _first(start.stray)
     return Verdict(

@@ -13,8 +13,7 @@ import numpy.typing as npt
 
 from servogen.edges import HIGH, PINS, Expected, ExpectedChannel
 from servogen.units import Cycles
-from servogen.verify.overlap import overlap, together
-from servogen.verify.pulses import Pulses, pair, pulses_of, without_glitches
+from servogen.verify.pulses import Pulses, overlap, pair, pulses_of, together, without_glitches
 from servogen.verify.start import StrayCount
 from servogen.verify.verdict import ChannelVerdict, Difference, Overlap, StrayPin, Worst
 from servogen.verify.windows import Edges, Ints

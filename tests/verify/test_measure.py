@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from servogen.edges import HIGH, LOW, PINS, EdgeTrace, edge_chunk
 from servogen.units import Clock, Cycles
 from servogen.verify import Measurement, PinMeasurement, measure, measurement_lines
-from servogen.verify.measure import measure as measuring
-from servogen.verify.measure.measurement import FrameKind, Pause, Run
+from servogen.verify import measurement as measuring
+from servogen.verify.measurement import FrameKind, Pause, Run
 
 MHZ4 = Clock(4_000_000)
 RB0, RB1 = PINS.index("RB0"), PINS.index("RB1")

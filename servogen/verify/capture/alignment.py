@@ -1,25 +1,63 @@
-"""Aligns a capture with its schedule: where it begins, and the speed of the chip's clock (phase and ppm).
+"""Aligns a capture with its schedule: where it begins, the speed of the chip's clock, and the frames in it.
 
     captured:   t  =  a + b · s        t: time steps of the capture;  s: the schedule's time in cycles
-                                       b: steps a cycle, nominal / (1 + ppm / 10⁶)
+                                       b: steps per cycle, nominal / (1 + ppm / 10⁶)
 
-In: whole pulses of each channel, captured (in steps) and scheduled (in cycles). Out: a and b. The phase is
-the one at which the largest number of pulses matches a scheduled one in width; then a line\nthrough all edges
-gives both.
+In: the pulses of each channel, captured (in steps) and scheduled (in cycles). Out: a and b. The phase is
+the one at which the largest number of complete pulses matches a scheduled one in width; then a line through
+all edges gives both. Where several phases fit equally well, the pulses that the ends of the capture cut
+decide:
+
+        begin                                    end
+    ┌─────┊───┐          ┌───────┐          ┌─────┊───┐
+    │     ┊   │          │       │          │     ┊   │
+    ┘     ┊   └──────────┘       └──────────┘     ┊   └──
+              first fall                    last rise
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil, floor
 
 import numpy as np
 import numpy.typing as npt
 
-from servogen.verify.capture_ends import end_errors
 from servogen.verify.pulses import CutPulses, Pulses, nearest, pair
-from servogen.verify.windows import Ints
+from servogen.verify.windows import Edges, Ints
 
 Floats = npt.NDArray[np.float64]
+
+
+def end_errors(
+    cut: CutPulses, wanted: Pulses, begin: Floats, slope: float, length: int
+) -> tuple[Floats, Floats]:
+    """Return the errors at the beginning and at the end, in cycles, for each time at which it may `begin`.
+
+    `begin` is in cycles of the schedule; the capture has `length` steps, `slope` a cycle.
+    """
+    nothing = np.zeros(len(begin))
+    if not len(wanted.rise) or (cut.high and cut.first_fall is None):
+        return nothing, nothing
+    end = begin + length / slope
+    if cut.first_fall is not None:
+        fall = begin + cut.first_fall / slope
+        first = np.abs(wanted.fall[nearest(fall, wanted.fall)] - fall)
+    else:
+        first = _inside(wanted, begin)
+    if cut.last_rise is not None:
+        rise = begin + cut.last_rise / slope
+        return first, np.abs(wanted.rise[nearest(rise, wanted.rise)] - rise)
+    return first, _inside(wanted, end)
+
+
+def _inside(wanted: Pulses, time: Floats) -> Floats:
+    """Return how far inside a pulse each time lies; 0 outside pulses."""
+    row = np.searchsorted(wanted.rise, time, side="right") - 1
+    known = row.clip(min=0)
+    inside = np.minimum(time - wanted.rise[known], wanted.fall[known] - time)
+    return np.where(row < 0, 0.0, np.maximum(inside, 0.0))
+
 
 ANCHORS = 3
 """So many first pulses are tried as the one that is surely scheduled."""
@@ -220,3 +258,62 @@ def _regression(s: Floats, t: Floats, signals: Signals) -> Line:
         if error < MOST_SLOPE_ERROR * b:
             return Line(height - b * middle, b, error)
     return Line(height - signals.nominal * middle, signals.nominal, None)
+
+
+MARGIN = 2
+"""Samples between a whole frame's edges and the ends of the capture."""
+
+
+@dataclass(frozen=True, slots=True)
+class WholeFrames:
+    """`count` frames from `first` on, and the steps of the capture between which they can be cut out."""
+
+    first: int
+    count: int
+    begin: int
+    end: int
+
+    @property
+    def frames(self) -> range:
+        return range(self.first, self.first + self.count)
+
+
+def whole_frames(scheduled: Edges, line: Line, quantum: float, end: int, period: int) -> WholeFrames | None:
+    """Return the frames all of whose edges are in a capture of `end` steps; None if there are none.
+
+    Frames without edges at either end are included if the capture contains their whole `period`.
+    """
+    frames, first, last = _extents(scheduled)
+    rise, fall = line.steps(first), line.steps(last)
+    rows = np.flatnonzero((rise > MARGIN * quantum) & (fall < end - MARGIN * quantum))
+    if not len(rows):
+        return None
+    one, other = int(rows[0]), int(rows[-1])
+    # A frame without edges begins at the time of the earliest edge of the other frames.
+    zero = int((first - frames * period).min())
+    inside = (line.cycles(np.array([0.0, float(end)])) - zero) / period
+    begin_frame = max(ceil(float(inside[0])), int(frames[one - 1]) + 1 if one else 0)
+    end_frame = floor(float(inside[1]))
+    if other + 1 < len(frames):
+        end_frame = min(end_frame, int(frames[other + 1]))
+    from_frame = min(int(frames[one]), begin_frame)
+    to_frame = max(int(frames[other]) + 1, end_frame)
+    before = float(fall[one - 1]) if one else 0.0
+    after = float(rise[other + 1]) if other + 1 < len(rise) else float(end)
+    begin = line.steps(from_frame * period + zero) if from_frame < frames[one] else rise[one]
+    until = line.steps(to_frame * period + zero) if to_frame > frames[other] + 1 else fall[other]
+    return WholeFrames(
+        from_frame,
+        to_frame - from_frame,
+        int((before + float(begin)) / 2) if before > 0 else 0,
+        ceil((float(until) + after) / 2) if after < end else end,
+    )
+
+
+def _extents(scheduled: Edges) -> tuple[Ints, Ints, Ints]:
+    """Return each frame that has edges, and the cycles of its first and its last."""
+    order = np.argsort(scheduled.frame, kind="stable")
+    frames, starts = np.unique(scheduled.frame[order], return_index=True)
+    cycle = scheduled.cycle[order]
+    ends = np.append(starts[1:], len(cycle)) - 1
+    return frames, cycle[starts], cycle[ends]

@@ -8,28 +8,49 @@ grid.
     true edge       │      ╭──────
     samples     ·   ·   ·  │   ·   ·      an edge is seen at the first sample behind it,
                            ╰──▶n          so that a width is right to less than one sample
+
+A file may hold several captures. Each is judged separately, with its own phase, because the time between two
+is not known; `merged` makes one verdict of all.
+
+    piece 1              piece 2
+    __┌┐____┌┐____┊  ?  ┊__┌┐____┌┐____┊     no period is measured across a seam
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import sqrt
 
 import numpy as np
 import numpy.typing as npt
 
-from servogen.edges import HIGH, PINS, EdgeTrace, Expected, join
+from servogen.edges import HIGH, PINS, UNDRIVEN, EdgeTrace, Expected, edge_chunk, join
 from servogen.errors import Diagnostic, InputError
-from servogen.verify.capture.alignment import Line, Signals, align
-from servogen.verify.capture.frames import whole_frames
+from servogen.units import Cycles
+from servogen.verify.capture.alignment import Line, Signals, align, whole_frames
 from servogen.verify.capture.judge import Judged, Scale, judge
-from servogen.verify.capture.pieces import merged, split
-from servogen.verify.capture.reasons import with_reasons
-from servogen.verify.capture.verdict import CapturedChannel, CaptureVerdict, Mismatch, Tolerances
+from servogen.verify.capture.verdict import (
+    CapturedChannel,
+    CapturePiece,
+    CaptureVerdict,
+    Mismatch,
+    Spread,
+    Tolerances,
+    with_reasons,
+)
 from servogen.verify.compare import whole_motion
-from servogen.verify.coverage import coverage
-from servogen.verify.overlap import Levels, overlap, together
-from servogen.verify.pulses import CutPulses, Pulses, cut_pulses, pulses_of, without_glitches
+from servogen.verify.coverage import coverage, joined
+from servogen.verify.pulses import (
+    CutPulses,
+    Levels,
+    Pulses,
+    cut_pulses,
+    overlap,
+    pulses_of,
+    together,
+    without_glitches,
+)
 from servogen.verify.sampling import Sampling, sampling
 from servogen.verify.start import StrayCount
 from servogen.verify.verdict import StrayPin
@@ -264,3 +285,108 @@ def _stray(setup: _Setup) -> tuple[StrayPin, ...]:
     stray = StrayCount()
     stray.add(setup.captured.cycle[other], setup.captured.pin[other])
     return stray.pins()
+
+
+def split(captured: EdgeTrace, pieces: Sequence[tuple[int, int]]) -> Iterator[EdgeTrace]:
+    """Yield a trace of each piece, whose time 0 is the beginning of the piece."""
+    edges = join(captured.chunks)
+    for begin, end in pieces:
+        at_begin = int(np.searchsorted(edges.cycle, begin, side="right"))
+        until = int(np.searchsorted(edges.cycle, end))
+        level = dict(zip(edges.pin[:at_begin].tolist(), edges.level[:at_begin].tolist(), strict=True))
+        rows = [(0, pin, value) for pin, value in level.items() if value != UNDRIVEN]
+        inside = zip(
+            (edges.cycle[at_begin:until] - begin).tolist(),
+            edges.pin[at_begin:until].tolist(),
+            edges.level[at_begin:until].tolist(),
+            strict=True,
+        )
+        rows += inside
+        columns = zip(*rows, strict=True) if rows else ((), (), ())
+        yield EdgeTrace(captured.clock, (edge_chunk(*columns),), Cycles(end - begin))
+
+
+def merged(found: Sequence[CaptureVerdict], begins_us: Sequence[float]) -> CaptureVerdict:
+    """Return the verdict on all pieces, from the verdict on each and its beginning."""
+    ppm, ppm_error = _joint_clock(found)
+    mismatches = [
+        replace(each.first_mismatch, time_us=each.first_mismatch.time_us + begin)
+        for each, begin in zip(found, begins_us, strict=True)
+        if each.first_mismatch
+    ]
+    pieces = tuple(
+        CapturePiece(
+            begin, each.duration_us, each.first_frame, each.frames, each.ppm, each.ppm_error, each.paired
+        )
+        for each, begin in zip(found, begins_us, strict=True)
+    )
+    return with_reasons(
+        replace(
+            found[0],
+            sample_us=max(each.sample_us for each in found),
+            duration_us=sum(each.duration_us for each in found),
+            ppm=ppm,
+            ppm_error=ppm_error,
+            first_frame=None,
+            frames=sum(each.frames for each in found),
+            channels=tuple(
+                _joint_channel(each) for each in zip(*(each.channels for each in found), strict=True)
+            ),
+            first_mismatch=mismatches[0] if mismatches else None,
+            stray=_joint_stray(found),
+            overlap_us=max(each.overlap_us for each in found),
+            paired=sum(each.paired for each in found),
+            whole=found[0].whole if len(found) == 1 else None,
+            coverage=joined(each.coverage for each in found),
+            pieces=pieces,
+        )
+    )
+
+
+def _joint_clock(found: Iterable[CaptureVerdict]) -> tuple[float | None, float | None]:
+    """Return the mean of the clock errors, weighted by their standard errors."""
+    known = [(each.ppm, each.ppm_error) for each in found if each.ppm is not None and each.ppm_error]
+    if not known:
+        return None, None
+    total = sum(1 / error**2 for _, error in known)
+    return sum(ppm / error**2 for ppm, error in known) / total, sqrt(1 / total)
+
+
+def _joint_channel(parts: Sequence[CapturedChannel]) -> CapturedChannel:
+    """Return one channel over all pieces: counts are sums, means are weighted by the number of pulses."""
+    pulses = [part.captured for part in parts]
+    periods = [(part.mean_period_us, part.captured) for part in parts if part.mean_period_us is not None]
+    return replace(
+        parts[0],
+        connected=all(part.connected for part in parts),
+        scheduled=sum(part.scheduled for part in parts),
+        captured=sum(pulses),
+        missing=sum(part.missing for part in parts),
+        extra=sum(part.extra for part in parts),
+        glitches=sum(part.glitches for part in parts),
+        width=_joint_spread([part.width for part in parts], pulses),
+        period=_joint_spread([part.period for part in parts], pulses),
+        edge=_joint_spread([part.edge for part in parts], pulses),
+        mean_period_us=_mean(periods) if periods else None,
+        jitter_us=sqrt(_mean([(part.jitter_us**2, part.captured) for part in parts])),
+    )
+
+
+def _joint_spread(parts: Sequence[Spread], pulses: Sequence[int]) -> Spread:
+    worst = max((part.worst_us for part in parts), key=abs)
+    mean = _mean([(part.mean_us, number) for part, number in zip(parts, pulses, strict=True)])
+    return Spread(worst, mean, sum(part.wrong for part in parts))
+
+
+def _mean(values: Iterable[tuple[float, int]]) -> float:
+    pairs = list(values)
+    return sum(value * weight for value, weight in pairs) / max(1, sum(weight for _, weight in pairs))
+
+
+def _joint_stray(found: Iterable[CaptureVerdict]) -> tuple[StrayPin, ...]:
+    counts: dict[int, StrayPin] = {}
+    for each in found:
+        for stray in each.stray:
+            known = counts.get(stray.pin)
+            counts[stray.pin] = replace(known, edges=known.edges + stray.edges) if known else stray
+    return tuple(counts[pin] for pin in sorted(counts))

@@ -13,11 +13,10 @@ import numpy as np
 
 from servogen.edges import PINS, Expected, ExpectedChannel
 from servogen.errors import Diagnostic
-from servogen.verify.capture.alignment import Floats, Line, Signals, partners
+from servogen.verify.capture.alignment import Floats, Line, Signals, end_errors, partners
 from servogen.verify.capture.verdict import CapturedChannel, Mismatch, Spread, Tolerances
-from servogen.verify.capture_ends import end_errors
 from servogen.verify.pulses import Pulses
-from servogen.verify.reasons import frame_words
+from servogen.verify.verdict import frame_words
 from servogen.verify.windows import Ints
 
 

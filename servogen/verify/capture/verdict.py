@@ -1,4 +1,4 @@
-"""`CaptureVerdict`: whether captured pulses are the scheduled ones within given tolerances.
+"""`CaptureVerdict`: whether captured pulses are the scheduled ones within given tolerances, and its text.
 
 Times are in microseconds of the chip's nominal clock: they are corrected for the crystal's error, which is
 determined from the capture itself. An error is measured minus scheduled. `scheduled` and `captured` count
@@ -7,15 +7,17 @@ complete pulses.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 from servogen.edges import PINS
 from servogen.errors import Diagnostic
-from servogen.plan_error import PlanError
-from servogen.verify.capture.frames import WholeFrames
+from servogen.plan_error import PlanError, plan_words
+from servogen.units import counted
+from servogen.verify.capture.alignment import WholeFrames
 from servogen.verify.coverage import Coverage
-from servogen.verify.verdict import Judgement, StrayPin
+from servogen.verify.verdict import Judgement, StrayPin, unseen_reason
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,3 +199,147 @@ class CaptureVerdict(Judgement):
             "stray_pins": [PINS[stray.pin] for stray in self.stray],
             "plan_error": self.plan_error.to_json() if self.plan_error else None,
         }
+
+
+FEWEST = 2
+"""Pulses in their places that a judgement on one capture needs."""
+
+CLOCK_PPM = 5.0
+"""Pieces of one capture may differ so much in the clock that each finds, beside four standard errors."""
+
+
+def with_reasons(found: CaptureVerdict) -> CaptureVerdict:
+    """Return the verdict: proven if nothing speaks against it and every different frame was seen."""
+    why = tuple(_reasons(found))
+    unseen = () if why or found.coverage.complete else (unseen_reason(found.coverage),)
+    return replace(found, proven=not why and not unseen, reasons=why or unseen, unseen=unseen)
+
+
+def _reasons(found: CaptureVerdict) -> Iterator[str]:
+    if found.pieces:
+        for number, piece in enumerate(found.pieces, 1):
+            if not piece.paired:
+                yield f"piece {number} holds none of the schedule's pulses"
+    elif found.paired < FEWEST:
+        yield "the capture holds too few of the schedule's pulses to be judged"
+    if found.first_mismatch:
+        first = found.first_mismatch
+        yield f"first at {first.time_us / 1e6:z.6f} s{_of_piece(found)}, {first.diagnostic.message}"
+    for channel in found.channels:
+        yield from _channel_reasons(channel)
+    if found.overlap_us:
+        yield f"pulses overlap where the schedule has none together, for at most {found.overlap_us:z.2f} µs"
+    for stray in found.stray:
+        name = PINS[stray.pin]
+        yield f"{name}, which the schedule does not drive, changes {counted(stray.edges, 'time')}"
+    if found.ppm is None or found.ppm_error is None:
+        return
+    allowed = found.tolerances.crystal_ppm
+    if abs(found.ppm) > allowed + 2 * found.ppm_error:
+        yield f"the chip's clock is off by {found.ppm:+z.1f} ppm, allowed ±{allowed:g} ppm"
+    for number, piece in enumerate(found.pieces, 1):
+        if _differs(piece, found.ppm):
+            yield (
+                f"by piece {number} alone the chip's clock is off by {piece.ppm:+z.1f} ppm, "
+                f"by all {found.ppm:+z.1f} ppm: its periods are not those of the others"
+            )
+
+
+def _of_piece(found: CaptureVerdict) -> str:
+    """Return which piece the first mismatch is in."""
+    if not found.pieces or found.first_mismatch is None:
+        return ""
+    time = found.first_mismatch.time_us
+    return f" (piece {sum(piece.begin_us <= time for piece in found.pieces)})"
+
+
+def _differs(piece: CapturePiece, ppm: float) -> bool:
+    if piece.ppm is None or piece.ppm_error is None:
+        return False
+    return abs(piece.ppm - ppm) > CLOCK_PPM + 4 * piece.ppm_error
+
+
+def _channel_reasons(channel: CapturedChannel) -> list[str]:
+    """Return the problems of the channel as a whole."""
+    who = f"{PINS[channel.pin]} ({channel.name})"
+    if not channel.connected:
+        return [f"{who} was not captured: no wire of the capture is {PINS[channel.pin]}"]
+    counts = (
+        (channel.missing, "missing pulse"),
+        (channel.extra, "extra pulse"),
+        (channel.glitches, "glitch"),
+    )
+    facts = [counted(number, noun) for number, noun in counts if number]
+    for spread, noun in ((channel.width, "width"), (channel.period, "period"), (channel.edge, "edge")):
+        if spread.wrong and not (noun == "edge" and facts):
+            facts.append(f"{counted(spread.wrong, f'wrong {noun}')}, worst {spread.worst_us:+z.2f} µs")
+    return [f"{who}: {', '.join(facts)}"] if facts else []
+
+
+def capture_lines(verdict: CaptureVerdict) -> list[str]:
+    """Return lines without colour; the first says whether the capture is proven."""
+    seconds = verdict.duration_us / 1e6
+    first = "" if verdict.first_frame is None else f" from frame {verdict.first_frame} on"
+    lines = [
+        f"{_headline(verdict)}{counted(verdict.frames, 'frame')}{first} in {seconds:g} s, "
+        f"a sample every {verdict.sample_us:g} µs; {plan_words(verdict.plan_error)}",
+        _clock_words(verdict),
+    ]
+    if verdict.pieces:
+        lines.append(_seams_words(verdict))
+    if verdict.agrees:
+        lines.append(_seen_words(verdict.coverage))
+    lines += [_channel_line(channel) for channel in verdict.channels if channel.connected]
+    return lines + [f"- {reason}" for reason in verdict.reasons]
+
+
+def _headline(verdict: CaptureVerdict) -> str:
+    """Return the beginning of the first line."""
+    if verdict.proven:
+        return f"{verdict.word}: "
+    return f"{verdict.word}: {verdict.coverage.words()}; " if verdict.agrees else "NOT proven: "
+
+
+def _seen_words(coverage: Coverage) -> str:
+    """Return how much of the schedule was seen completely."""
+    whose, seen = "schedule" if coverage.once else "loop", len(coverage.seen)
+    different = counted(len(coverage.different), "different frame")
+    words = f"of the {whose}'s {different} {seen} {'was' if seen == 1 else 'were'} seen whole"
+    if len(coverage.loop_seen) < coverage.loop_frames and not coverage.once:
+        words += f", in {len(coverage.loop_seen)} of its {counted(coverage.loop_frames, 'frame')}"
+    if coverage.lead_in:
+        words += (
+            f"; of the {counted(len(coverage.lead_in), 'different frame')} that only the lead-in has, "
+            f"{len(coverage.lead_in_seen)}: the verdict is on the loop"
+        )
+    return words
+
+
+def _seams_words(verdict: CaptureVerdict) -> str:
+    return (
+        f"stitched of {len(verdict.pieces)} captures: the time between two is not known; each is aligned to "
+        "the schedule by itself, and nothing is measured across a seam"
+    )
+
+
+def _clock_words(verdict: CaptureVerdict) -> str:
+    if verdict.ppm is None:
+        return "the capture is too short to measure the chip's clock: its nominal frequency is taken"
+    return (
+        f"the chip's clock is {abs(verdict.ppm):z.1f} ± {verdict.ppm_error:z.1f} ppm "
+        f"{'fast' if verdict.ppm >= 0 else 'slow'}; it is taken out of what follows"
+    )
+
+
+def _channel_line(channel: CapturedChannel) -> str:
+    count = counted(channel.captured, "pulse")
+    if channel.captured != channel.scheduled:
+        count += f" of {channel.scheduled}"
+    words = (
+        f"{PINS[channel.pin]} {channel.name}: {count}; "
+        f"width error {channel.width.worst_us:+z.2f} µs at most, "
+        f"{channel.width.mean_us:+z.2f} µs on average; jitter {channel.jitter_us:z.2f} µs"
+    )
+    if channel.mean_period_us is None:
+        return words
+    return f"{words}; period {channel.mean_period_us:z.2f} µs, {channel.period.worst_us:+z.2f} µs at most"

@@ -1,1 +1,0 @@
-"""Measures what a program does on its pins, from its edges alone."""
