@@ -15,8 +15,7 @@ from servogen.job import PlannedJob
 from servogen.plan_error import DECIMALS
 from servogen.pulse.plan import PulsePlan
 from servogen.pulse.plan import plan as nearest
-from servogen.report.tool_error import errors_of, worst_of
-from servogen.report.tracks import tracks_of
+from servogen.report.tracks import errors_of, tracks_of, worst_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)

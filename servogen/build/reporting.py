@@ -19,8 +19,7 @@ from servogen.errors import Diagnostic
 from servogen.job import PlannedJob
 from servogen.plan_error import PlanError
 from servogen.pulse import PulsePlan, PulseSchedule, plan
-from servogen.report.html import PageFacts, html_page
-from servogen.report.result_tables import CaptureFacts
+from servogen.report.html import CaptureFacts, PageFacts, html_page
 from servogen.traces.captures import Capture, is_capture, read_capture, sampled_at
 from servogen.traces.vcd_reader import read_vcd
 from servogen.verify import CaptureVerdict

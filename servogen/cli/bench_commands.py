@@ -9,20 +9,26 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from servogen.cli.capture_command import capture
 from servogen.cli.files import read_image
-from servogen.cli.options import Json
-from servogen.cli.show import as_json, status, warn
+from servogen.cli.options import JobFile, Json
+from servogen.cli.show import as_json, progress, status, warn
+from servogen.errors import Diagnostic, InputError, Location
 from servogen.programs import read_schedule
+from servogen.units import counted
 
 if TYPE_CHECKING:
     from contextlib import ExitStack
 
     from servogen.build import Planned
+    from servogen.build.capture import Captured
     from servogen.pic.image import Image
 
 
+DEFAULT_RATE = 1_000_000
+
+
 def register(app: typer.Typer) -> None:
+    """Add the commands of this module to the application."""
     app.command()(flash)
     app.command()(capture)
     app.command()(rig)
@@ -85,7 +91,7 @@ def flash(
 
 
 def rig(
-    job: Annotated[Path, typer.Argument(help="A job file (TOML).", show_default=False)],
+    job: JobFile,
     hex_file: Annotated[
         Path | None, typer.Option("--hex", help="Start with this program on the chip, not with the job's.")
     ] = None,
@@ -180,3 +186,92 @@ def _tell_sigrok(stack: ExitStack, port: str) -> None:
     if shutil.which(PROGRAM) and compiler():
         lines = stack.enter_context(library())
         print(f"sigrok: LD_PRELOAD={lines} {PROGRAM} --driver ols:conn={port}")
+
+
+def capture(
+    output: Annotated[Path, typer.Option("--output", "-o", help="The capture, a .vcd file.")],
+    port: Annotated[
+        str | None, typer.Option("--port", "-p", help="The analyser's port, as /dev/ttyACM0.")
+    ] = None,
+    sigrok: Annotated[
+        str | None,
+        typer.Option(
+            "--sigrok", help="Look through sigrok-cli with this driver, as fx2lafw; -o is a .sr file."
+        ),
+    ] = None,
+    against: Annotated[
+        Path | None,
+        typer.Option("--against", help="The schedule.json: what is to be seen, and the servos' names."),
+    ] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option("--seconds", min=0.001, help="How long (default: the loop of --against once, or 1 s)."),
+    ] = None,
+    rate: Annotated[int, typer.Option("--rate", min=1, help="Samples a second.")] = DEFAULT_RATE,
+    rle: Annotated[bool, typer.Option("--rle/--no-rle", help="Let the analyser count equal samples.")] = True,
+    memory: Annotated[
+        int | None, typer.Option("--memory", min=8, help="Its bytes of memory, if it does not say them.")
+    ] = None,
+    trigger: Annotated[
+        str | None, typer.Option("--trigger", help="Begin when this pin rises (default: the first servo's).")
+    ] = None,
+    wire: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--wire", help="CHANNEL=PIN, as 0=RB3 (default: 0 to 7 RB0 to RB7, 8 to 12 RA0 to RA4)."
+        ),
+    ] = None,
+    stitch: Annotated[
+        bool,
+        typer.Option(
+            "--stitch/--no-stitch",
+            help="With --against: join several captures, each of whole frames, where one is too short.",
+        ),
+    ] = True,
+    json: Json = False,
+) -> None:
+    """Record the chip's pins with a logic analyser that speaks SUMP (Logic Sniffer, Bus Pirate, …)."""
+    from servogen.build.capture import Looking, capture_by_sigrok
+    from servogen.build.capture import capture as captured
+
+    schedule = None if against is None else read_schedule(against)
+    looking = Looking(rate, rle, memory, trigger, wire or (), stitch)
+    if sigrok is not None:
+        with status("sigrok-cli is looking"):
+            seen = capture_by_sigrok(output, sigrok, schedule, seconds, looking)
+        if json:
+            as_json(seen.to_json())
+            return
+        print(f"{output}: {seen.seconds:g} s at {rate} samples a second")
+        _suggest_verify(output, against)
+        return
+    if port is None:
+        raise InputError(
+            "missing-option",
+            "there is no analyser to look with",
+            hint="--port /dev/ttyACM0, or --sigrok fx2lafw",
+        )
+    done = captured(output, port, schedule, seconds, looking, progress)
+    if done.seen.unseen and seconds is None:
+        looks = len(done.seen.records)
+        text = f"{done.seen.unseen} of the loop's different frames were not seen whole in {looks} captures"
+        warn(Diagnostic("warning", "frames-unseen", text, Location(str(output))))
+    _show_capture(done, output, against, json)
+
+
+def _show_capture(done: Captured, output: Path, against: Path | None, json: bool) -> None:
+    if json:
+        as_json(done.to_json())
+        return
+    print(f"{output}: {done.seconds:g} s at {int(done.plan.rate)} samples a second from {done.analyser.name}")
+    if done.captures > 1:
+        print(
+            f"stitched of {done.captures} captures, as one holds {counted(done.plan.frames, 'frame')}; "
+            "the time between two is not known"
+        )
+    _suggest_verify(output, against)
+
+
+def _suggest_verify(output: Path, against: Path | None) -> None:
+    if against is not None:
+        print(f"next: servogen verify {output} --against {against}")

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from servogen.cli.compiling import MemoryLimit, TimeLimit, within_limits
-from servogen.cli.files import keep_apart, read_image
-from servogen.cli.options import DeviceName, Dialect, Json, Output
+from servogen.cli.files import keep_apart, read_image, within_limits
+from servogen.cli.options import DeviceName, Dialect, Json, MemoryLimit, Output, TimeLimit
 from servogen.cli.show import as_json, warn_of_all
 from servogen.isolation import COMPILING, Limits
 from servogen.programs import beside_c, dialect_of, read_assembly, read_source

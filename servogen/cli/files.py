@@ -1,19 +1,22 @@
-"""What commands read, with warnings of what is odd about it, and what they must not write over."""
+"""What commands read, within limits and with its warnings, and what they must not overwrite."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from servogen import programs
-from servogen.cli.compiling import warn_of_missing_limits
 from servogen.cli.show import warn
-from servogen.errors import InputError, Location
+from servogen.errors import Diagnostic, InputError, Location
+from servogen.isolation import COMPILING, Limits, missing_limits
 
 if TYPE_CHECKING:
     from servogen.pic.image import Image
     from servogen.programs import Program
+
+T = TypeVar("T")
 
 
 def keep_apart(inputs: Sequence[Path], *outputs: Path | None) -> None:
@@ -51,3 +54,21 @@ def read_program(path: Path, device_name: str = "PIC16F84") -> Program:
     for remark in found.remarks:
         warn(remark)
     return found
+
+
+def within_limits(
+    work: Callable[[], T],
+    file: Path,
+    limits: Limits = COMPILING,
+    hint: str = programs.LIMITS_HINT,
+) -> T:
+    """Returns what `work`, which compiles `file`, returns. Raises InputError where it exceeds the limits."""
+    warn_of_missing_limits()
+    return programs.within_limits(work, file, limits, hint)
+
+
+@cache
+def warn_of_missing_limits() -> None:
+    """Warn once where this system has no limits."""
+    if sentence := missing_limits():
+        warn(Diagnostic("warning", "no-limits", sentence))

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from servogen.cli.compiling import MemoryLimit
-from servogen.cli.options import Json
+from servogen.cli.options import Json, MemoryLimit
 from servogen.cli.show import as_json, progress, table, warn
 from servogen.errors import Diagnostic, Location, ServogenError
 from servogen.isolation import COMPILING, missing_limits

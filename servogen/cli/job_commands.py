@@ -1,34 +1,43 @@
-"""Commands of job files: new, check, build, demo."""
+"""Commands of job files: new, check, plan, build, demo, report, tune."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from itertools import groupby
+from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from servogen.cli.options import Json
+from servogen.cli.files import keep_apart, read_image
+from servogen.cli.options import Animate, CaptureRate, Csv, Dialect, JobFile, Json, Partial, Plot
 from servogen.cli.show import as_json, status, table, warn_of_all
 from servogen.errors import Diagnostic
+from servogen.programs import dialect_of, read_source
 from servogen.units import counted
 
 if TYPE_CHECKING:
     from servogen.build.build import Build
+    from servogen.job import PlannedJob
     from servogen.pulse import Quantised
-
-LEAST_FOLDED = 3
-"""Rows of a table that are worth a row of their own."""
-
-JobFile = Annotated[Path, typer.Argument(help="A job file (TOML).", show_default=False)]
+    from servogen.report.plan_facts import PlanFacts, ServoFacts
 
 
 def register(app: typer.Typer) -> None:
+    """Add the commands of this module to the application."""
     app.command()(new)
     app.command()(check)
     app.command()(build)
     app.command()(demo)
+    app.command()(plan)
+    app.command()(report)
+    app.command()(tune)
+
+
+LEAST_FOLDED = 3
+"""Rows of a table that are worth a row of their own."""
 
 
 def new(
@@ -94,7 +103,7 @@ def build(
         done = built(loaded, lambda step: tell(f"{loaded.name}: {step}"))
         write(done, folder)
     if json:
-        as_json(_json(done, folder), done.warnings)
+        as_json(_build_to_json(done, folder), done.warnings)
     else:
         _width_table(done.plan.widths)
         _program_table([done])
@@ -133,7 +142,7 @@ def demo(
             write(done[-1], output / loaded.name)
     if json:
         found = [warning for each in done for warning in each.warnings]
-        as_json({"jobs": [_json(each, output / each.job.name) for each in done]}, (*found, *refused))
+        as_json({"jobs": [_build_to_json(each, output / each.job.name) for each in done]}, (*found, *refused))
     else:
         _program_table(done)
         for refusal in refused:
@@ -210,5 +219,237 @@ def _program_table(builds: list[Build]) -> None:
     )
 
 
-def _json(done: Build, folder: Path) -> dict[str, object]:
+def _build_to_json(done: Build, folder: Path) -> dict[str, object]:
     return {"folder": str(folder), **done.to_json()}
+
+
+def plan(
+    job: JobFile,
+    picture: Plot = None,
+    csv: Csv = None,
+    animate: Animate = None,
+    json: Json = False,
+) -> None:
+    """Show what a job will do, without building it: frames, servos, paths, pulse errors."""
+    from servogen.build import nearest_pulses
+    from servogen.job import load, plan_job
+    from servogen.outputs import atomic_write
+    from servogen.report.motion_table import frame_lines
+    from servogen.report.plan_facts import plan_facts
+
+    with status("planning"):
+        facts = plan_facts(*nearest_pulses(plan_job(load(job))))
+    loaded, made, tracks = facts.job, facts.plan, facts.tracks
+    if csv:
+        with atomic_write(csv) as file:
+            file.writelines(f"{line}\n" for line in frame_lines(loaded, made.schedule, tracks))
+    if picture:
+        from servogen.report.motion_plot import motion_plot
+
+        motion_plot(loaded, made.schedule, tracks, picture)
+    if animate:
+        from servogen.report.film import film, job_scene
+
+        with status(f"filming {animate}"):
+            film(job_scene(loaded), animate)
+    if json:
+        as_json(facts.to_json(), (*loaded.warnings, *made.warnings, *loaded.notes))
+    else:
+        _show_plan(facts)
+
+
+def _show_plan(facts: PlanFacts) -> None:
+    job, schedule = facts.job, facts.plan.schedule
+    _show_servos(job, facts.servos)
+    if facts.ends:
+        _show_ends(facts)
+    for note in job.notes:
+        print(note.message)
+    if facts.worst is not None:
+        worst = facts.worst
+        print(
+            f"error of the pulses: at worst {1000 * worst.worst_m:z.3f} mm, "
+            f"{worst.name} in frame {worst.frame} ({facts.seconds(worst.frame):.6g} s)"
+        )
+    parts = [("lead-in", schedule.lead_in_frames), ("loop", schedule.loop_frames)]
+    text = ", ".join(
+        f"{name} of {counted(frames, 'frame')}, {facts.seconds(frames):g} s"
+        for name, frames in parts
+        if frames
+    )
+    print(f"{job.file}: {counted(len(job.servos), 'servo')}, {text}")
+    warn_of_all((*job.warnings, *facts.plan.warnings))
+
+
+def _show_servos(job: PlannedJob, facts: tuple[ServoFacts, ...]) -> None:
+    joints = {binding.servo: binding.joint for binding in job.bindings}
+    rows = []
+    for each in facts:
+        model, unit = each.servo.model, each.servo.model.unit
+        rows.append(
+            (
+                each.servo.name,
+                joints.get(each.servo.name, ""),
+                f"{degrees(each.least):z.2f} to {degrees(each.greatest):z.2f}{unit}",
+                " to ".join(f"{degrees(limit):zg}" for limit in each.servo.limits) + unit,
+                _degrees(each.speed),
+                _degrees(model.speed),
+                "" if each.speed_frame is None else each.speed_frame,
+                _degrees(each.step),
+                _number(each.step_needs_s),
+                _number(each.step_s),
+            )
+        )
+    table(
+        "Servos",
+        (
+            "servo",
+            "joint",
+            "range",
+            "limits",
+            "peak °/s",
+            "limit °/s",
+            "at frame",
+            "step °",
+            "needs s",
+            "has s",
+        ),
+        rows,
+    )
+
+
+def _show_ends(facts: PlanFacts) -> None:
+    from servogen.report.tracks import ERROR_COLUMNS, error_rows
+
+    rows = []
+    for each in facts.ends:
+        spans = (f"{_mm(low)} to {_mm(high)}" for low, high in zip(*facts.extent(each), strict=True))
+        rows.append((each.name, *spans))
+    table("Paths", ("end", "x mm", "y mm", "z mm"), rows)
+    columns = [re.sub(r"_(mm|s)$", r" \1", column).replace("_", " ") for column in ERROR_COLUMNS]
+    table("Error of the pulses", columns, list(error_rows(facts.ends, facts.seconds(1))))
+
+
+def _degrees(value: float | None) -> str:
+    return "" if value is None else f"{degrees(value):z.1f}"
+
+
+def _mm(metres: float) -> str:
+    return f"{1000 * metres:z.2f}"
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:z.3f}"
+
+
+def report(
+    job: JobFile,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="The page (default: the job's name with .html).")
+    ] = None,
+    capture: Annotated[
+        Path | None,
+        typer.Option("--capture", help="An analyser's capture to show beside the plan: .vcd, .sr, .csv."),
+    ] = None,
+    rate: CaptureRate = None,
+    partial: Partial = False,
+    json: Json = False,
+) -> None:
+    """Build and prove a job and write one HTML page of it, which needs no network."""
+    from servogen.build.reporting import page_of
+    from servogen.errors import InputError, Location
+    from servogen.job import load, plan_job
+    from servogen.outputs import write_text
+    from servogen.plan_error import plan_words
+    from servogen.verify import capture_lines
+
+    if rate is not None and capture is None:
+        raise InputError(
+            "conflicting-options", "only a capture has a sampling rate", Location(str(job), key="--rate")
+        )
+    loaded = plan_job(load(job))
+    target = output or Path(f"{loaded.name}.html")
+    with status(f"{loaded.name}: planning") as tell:
+        page = page_of(loaded, capture, lambda step: tell(f"{loaded.name}: {step}"), rate)
+    write_text(target, page.html)
+    if json:
+        as_json({"file": str(target), **page.to_json()}, [page.not_built] if page.not_built else [])
+    elif page.not_built:
+        print(page.not_built.message)
+        print(f"{target}: the plan; {plan_words(page.plan_error)}")
+    else:
+        said = "proven" if page.programs_proven else "NOT PROVEN"
+        said = f"programs {said}" if page.capture else said
+        print(f"{target}: {said}; {plan_words(page.plan_error)}")
+    if page.capture and not json:
+        print(f"{capture}: {capture_lines(page.capture)[0]}")
+    found = page.capture
+    right = found is None or found.accepted(partial)
+    raise typer.Exit(0 if right and (page.programs_proven or page.not_built) else 1)
+
+
+def tune(
+    job: JobFile,
+    hex_file: Annotated[
+        Path, typer.Option("--hex", help="What the other compiler made.", show_default=False)
+    ],
+    c_file: Annotated[
+        Path | None, typer.Option("--c", help="The C it was made of. Default: the one that build writes.")
+    ] = None,
+    dialect: Annotated[
+        Dialect | None, typer.Option("--dialect", help="Default: that of the C, else the job's.")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="The next C. Default: the C's name with the next number."),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Measure what another compiler adds between a sequence job's edges, and write C that makes up for it.
+
+    Compile that C and call tune again with it as --c. Exit code 0: the HEX is 0 cycles off; 1: not yet, the
+    next C is written.
+    """
+    from servogen.build.retarget import tune_to
+    from servogen.compiler import Source
+    from servogen.job import load, plan_job
+    from servogen.outputs import write_text
+    from servogen.verify import verdict_lines
+
+    loaded = plan_job(load(job))
+    text = read_source(c_file) if c_file else ""
+    spoken = dialect.value if dialect else dialect_of([text]) if c_file else loaded.firmware.dialect
+    with status(f"{loaded.name}: measuring {hex_file.name}"):
+        source = Source(text, str(c_file)) if c_file else None
+        found = tune_to(loaded, read_image(hex_file), str(hex_file), spoken, source)
+    target = output or _next_c_file(c_file or hex_file.parent / f"main.{spoken}.c")
+    keep_apart([job, hex_file, *([c_file] if c_file else [])], target)
+    if found.source:
+        write_text(target, found.source)
+    if json:
+        as_json(
+            {
+                "job": loaded.name,
+                "dialect": spoken,
+                "next_c": str(target) if found.source else None,
+                **found.to_json(),
+            }
+        )
+    else:
+        rows = [(each.way, each.theirs, each.ours) for each in found.added]
+        table("Cycles beside the delays", ("way", hex_file.name, "servogen"), rows)
+        for line in verdict_lines(found.verdict):
+            print(line)
+        if found.source:
+            print(f"not exact yet: compile {target}, then servogen tune {job} --hex … --c {target}")
+        else:
+            print(f"{hex_file}: 0 cycles off")
+    raise typer.Exit(0 if found.verdict.proven else 1)
+
+
+def _next_c_file(c_file: Path) -> Path:
+    """main.xc8.c is followed by main.xc8.1.c, and that by main.xc8.2.c."""
+    name, _, number = c_file.stem.rpartition(".")
+    if name and number.isdigit():
+        return c_file.with_name(f"{name}.{int(number) + 1}.c")
+    return c_file.with_name(f"{c_file.stem}.1.c")

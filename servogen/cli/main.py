@@ -21,22 +21,16 @@ from typer.exceptions import TyperException
 from servogen import INTERRUPTED, __version__
 from servogen.cli import (
     bench_commands,
-    calibrate_commands,
-    certificate_commands,
     chip_commands,
     doctor_commands,
     drive_commands,
-    gait_commands,
     grade_commands,
     job_commands,
     motion_commands,
-    plan_commands,
-    prove_command,
-    report_commands,
+    proof_commands,
     robot_commands,
     signal_commands,
     simulate_commands,
-    tune_commands,
 )
 from servogen.cli.show import begin, show_error
 from servogen.errors import InputError, Location, ServogenError, ToolError
@@ -75,19 +69,13 @@ GROUPS = (
     chip_commands,
     simulate_commands,
     signal_commands,
+    proof_commands,
     robot_commands,
     motion_commands,
-    plan_commands,
-    prove_command,
-    doctor_commands,
     bench_commands,
     drive_commands,
-    calibrate_commands,
-    certificate_commands,
-    gait_commands,
     grade_commands,
-    report_commands,
-    tune_commands,
+    doctor_commands,
 )
 for group in GROUPS:
     group.register(app)

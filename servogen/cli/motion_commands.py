@@ -1,24 +1,301 @@
-"""Commands of motion: run-program."""
+"""Commands that plan motions without a job: gait, run-program."""
 
 from __future__ import annotations
 
+from math import cos, degrees, radians, sin
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from servogen.cli.options import Json
-from servogen.cli.show import as_json, table, warn_of_all
+from servogen.cli.options import Animate, Csv, Json, Plot
+from servogen.cli.show import as_json, status, table, warn_of_all
+from servogen.errors import Diagnostic
 
 if TYPE_CHECKING:
+    from servogen.kinematics.protocol import WalkingRobot
+    from servogen.motion.gait.phases import Gait
+    from servogen.motion.gait.walk import Walk
     from servogen.movemaster import Run
+    from servogen.report.gait_facts import GaitFacts
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this module to the application."""
+    app.command()(gait)
+    app.command("run-program")(run_program)
+
 
 CLOCK_HZ = 4_000_000
 """A cycle of it is a microsecond, so that a frame's microseconds are its cycles."""
 
+MOST_MM = 100_000
+"""Beyond it a number is a slip of the pen."""
 
-def register(app: typer.Typer) -> None:
-    app.command("run-program")(run_program)
+
+def gait(
+    robot: Annotated[str, typer.Argument(help="A walking robot's short name or TOML file.")] = "hexapod",
+    name: Annotated[str, typer.Option("--gait", help="tripod, ripple or wave.")] = "tripod",
+    duty: Annotated[
+        float | None, typer.Option("--duty", help="Your own gait: the share of a cycle on the ground.")
+    ] = None,
+    lifts: Annotated[
+        str | None, typer.Option("--lifts", help="When each leg lifts: L1=0,L2=0.5,… or 0,0.5,… in order.")
+    ] = None,
+    stride_mm: Annotated[
+        float, typer.Option("--stride-mm", min=-MOST_MM, max=MOST_MM, help="The way of the body in a cycle.")
+    ] = 40.0,
+    direction_deg: Annotated[
+        float,
+        typer.Option("--direction-deg", min=-360, max=360, help="Which way: 0 forward, 90 to the left."),
+    ] = 0.0,
+    turn_deg: Annotated[
+        float, typer.Option("--turn-deg", min=-360, max=360, help="A cycle's turn, counter-clockwise.")
+    ] = 0.0,
+    lift_mm: Annotated[
+        float, typer.Option("--lift-mm", min=0, max=MOST_MM, help="How far a foot rises.")
+    ] = 20.0,
+    clearance_mm: Annotated[
+        float | None,
+        typer.Option("--clearance-mm", min=0, max=MOST_MM, help="Refuse less free height under the robot."),
+    ] = None,
+    body_height_mm: Annotated[
+        float | None,
+        typer.Option(
+            "--body-height-mm", min=0, max=MOST_MM, help="Of the body (default: as high as the legs reach)."
+        ),
+    ] = None,
+    stance_width_mm: Annotated[
+        float | None,
+        typer.Option(
+            "--stance-width-mm", min=0, max=MOST_MM, help="Left to right feet (default: least correction)."
+        ),
+    ] = None,
+    beta_sign: Annotated[
+        int, typer.Option("--beta-sign", help="1: lifted feet go rearwards, -1: to the front.")
+    ] = 1,
+    cycles: Annotated[
+        float | None,
+        typer.Option(
+            "--cycles", min=0, help="Start, walk this many cycles, stop (default: walk without end)."
+        ),
+    ] = None,
+    cycle_s: Annotated[
+        float | None, typer.Option("--cycle-s", min=0, help="A cycle's time (default: as fast as the servo).")
+    ] = None,
+    servo: Annotated[
+        str, typer.Option("--servo", help="The joints' servo model: its speed is the limit.")
+    ] = "mpx-tiny-s",
+    period_us: Annotated[
+        int, typer.Option("--period-us", min=1000, max=1_000_000, help="One frame.")
+    ] = 20_000,
+    leg: Annotated[str | None, typer.Option("--leg", help="This leg only.")] = None,
+    spring_mm: Annotated[
+        float | None, typer.Option("--spring-mm", min=0, help="Refuse more than a leg's spring can give.")
+    ] = None,
+    allow_falling: Annotated[
+        bool,
+        typer.Option("--allow-falling", help="Plan a walk with a negative stability margin all the same."),
+    ] = False,
+    picture: Plot = None,
+    csv: Csv = None,
+    animate: Animate = None,
+    json: Json = False,
+) -> None:
+    """Plan a walk: the gait's table, stability, what the springs give, what the joints do."""
+    from fractions import Fraction
+
+    from servogen.errors import InputError, Location
+    from servogen.kinematics.protocol import Posture
+    from servogen.motion.gait.steps import Segment
+    from servogen.motion.gait.walk import walk
+    from servogen.motion.limits import Limits
+    from servogen.motion.loads import loads_of, too_heavy
+    from servogen.report.gait_facts import facts_of, walk_to_json
+    from servogen.robot.servo_models import servo_model
+    from servogen.units import Clock, Cycles
+
+    chosen, model = _robot(robot), servo_model(servo)
+    rhythm, walker = _gait(chosen, name, duty, lifts, leg)
+    if beta_sign not in (1, -1):
+        raise InputError(
+            "bad-option", f"the sign of β is 1 or -1, not {beta_sign}", Location(key="--beta-sign")
+        )
+    direction = radians(direction_deg)
+    way = Segment(
+        stride_mm / 1000 * cos(direction), stride_mm / 1000 * sin(direction), radians(turn_deg), cycles
+    )
+    period, clock = Cycles(period_us), Clock(CLOCK_HZ)
+    frames = (
+        None if cycle_s is None else -(-Fraction(cycle_s).limit_denominator(10**6) // clock.seconds(period))
+    )
+    made = walk(
+        walker,
+        rhythm,
+        [way],
+        Posture(_metres(body_height_mm), _metres(stance_width_mm), lift_mm / 1000, beta_sign),
+        period,
+        clock,
+        frames_per_cycle=frames,
+        limits=Limits(model.speed or float("inf")),
+        spring_m=_metres(spring_mm),
+        allow_falling=allow_falling,
+    )
+    facts, loads = facts_of(walker, made), loads_of(walker, made)
+    if clearance_mm is not None and 1000 * facts.clearance < clearance_mm:
+        raise InputError(
+            "out-of-reach",
+            f"{1000 * facts.clearance:z.1f} mm are free under the robot, not {clearance_mm:g} mm",
+            Location(key="--clearance-mm"),
+            "raise the body, or take legs with a longer foot part",
+        )
+    _write_walk(walker, rhythm, made, facts, picture, csv, animate)
+    upright = made.full_height()
+    warnings = [
+        *too_heavy(loads, walker.lifting_joint, model),
+        *([Diagnostic("warning", "full-height", upright)] if upright else []),
+    ]
+    if json:
+        as_json(walk_to_json(walker, rhythm, made, facts, loads), warnings)
+    else:
+        _show_walk(walker, rhythm, made, facts)
+        warn_of_all(warnings)
+
+
+def _metres(millimetres: float | None) -> float | None:
+    return None if millimetres is None else millimetres / 1000
+
+
+def _robot(name: str) -> WalkingRobot:
+    from servogen.errors import InputError
+    from servogen.kinematics.catalogue import robot
+    from servogen.kinematics.protocol import WalkingRobot
+
+    found = robot(name)
+    if not isinstance(found, WalkingRobot):
+        raise InputError(
+            "wrong-robot-kind",
+            f"{found.name} does not walk",
+            hint='hexapod does, and a file with kind = "hexapod"',
+        )
+    return found
+
+
+def _gait(
+    robot: WalkingRobot, name: str, duty: float | None, lifts: str | None, leg: str | None
+) -> tuple[Gait, WalkingRobot]:
+    """The gait, and the robot with the legs that walk."""
+    from servogen.errors import InputError, Location
+    from servogen.motion.gait.phases import Gait, custom
+    from servogen.motion.gait.phases import gait as named
+
+    if (duty is None) != (lifts is None):
+        raise InputError(
+            "missing-option",
+            "your own gait needs a duty factor and the phase of each leg",
+            Location(key="--lifts" if lifts is None else "--duty"),
+            "give both: --duty 0.5 --lifts L1=0,L2=0.5,…",
+        )
+    rhythm = (
+        named(name, robot) if duty is None or lifts is None else custom("own", duty, _phases(lifts), robot)
+    )
+    if leg is None:
+        return rhythm, robot
+    walker = robot.with_leg(leg)
+    return Gait(rhythm.name, rhythm.duty, tuple(each for each in rhythm.lifts if each[0] == leg)), walker
+
+
+def _phases(text: str) -> dict[str, float] | list[float]:
+    """`L1=0,L2=0.5` by name, or `0,0.5` in the order of the legs."""
+    from servogen.errors import InputError, Location
+
+    parts = [part.strip() for part in text.split(",")]
+    try:
+        if "=" not in text:
+            return [float(part) for part in parts]
+        pairs = [part.split("=") for part in parts]
+        return {leg.strip(): float(phase) for leg, phase in pairs}
+    except ValueError:
+        raise InputError(
+            "bad-option",
+            f"'{text}' is not a table of phases",
+            Location(key="--lifts"),
+            "write L1=0,L2=0.5,… or 0,0.5,…",
+        ) from None
+
+
+def _write_walk(
+    robot: WalkingRobot,
+    rhythm: Gait,
+    made: Walk,
+    facts: GaitFacts,
+    picture: Path | None,
+    csv: Path | None,
+    animate: Path | None,
+) -> None:
+    from servogen.outputs import write_text
+
+    if csv:
+        from servogen.report.motion_table import walk_lines
+
+        write_text(csv, "".join(f"{line}\n" for line in walk_lines(made)))
+    if picture:
+        from servogen.report.gait_plot import gait_plot
+
+        gait_plot(robot, rhythm, made, facts, picture)
+    if animate:
+        from servogen.report.film import film, walk_scene
+
+        with status(f"filming {animate}"):
+            film(walk_scene(robot, made), animate)
+
+
+def _show_walk(robot: WalkingRobot, rhythm: Gait, made: Walk, facts: GaitFacts) -> None:
+    """The gait's table, the joints', stability and springs."""
+    from servogen.report.gait_facts import diagram
+
+    lines = diagram(rhythm)
+    table(
+        f"Gait '{rhythm.name}', duty {rhythm.duty}",
+        ("leg", "lifts at", "lands at", "one cycle, ▔ in the air"),
+        [(leg, str(lift), str((lift + rhythm.swing) % 1), lines[leg]) for leg, lift in rhythm.lifts],
+    )
+    table(
+        "Joints",
+        ("joint", "from °", "to °", "limits °", "peak °/s"),
+        [
+            (
+                each.name,
+                f"{degrees(each.least):z.2f}",
+                f"{degrees(each.greatest):z.2f}",
+                f"{degrees(each.limits[0]):zg} to {degrees(each.limits[1]):zg}",
+                f"{degrees(each.speed):z.1f}",
+            )
+            for each in facts.joints
+        ],
+    )
+    frames, loop = len(made.trajectory.angles), len(made.trajectory.angles) - made.trajectory.loop_start
+    print(f"a cycle: {made.frames_per_cycle} frames, {facts.cycle_s:g} s")
+    for change in made.changes:
+        print(change.text())
+    again = f"the last {loop} of them repeat" if loop < frames else "start and stop included, and again"
+    print(f"the walk: {frames} frames, {again}")
+    if facts.margin is not None:
+        feet, frame = ", ".join(facts.margin_feet), facts.margin_frame
+        least = f"at least {1000 * facts.margin:z.2f} mm (frame {frame}, on {feet})"
+        print(f"stability margin: {least if feet else f'none, no foot is on the ground in frame {frame}'}")
+    if facts.correction > 0:
+        where = f"{facts.correction_leg}, frame {facts.correction_frame}"
+        print(f"springs: they give up to {1000 * facts.correction:z.2f} mm ({where})")
+    for _, text in made.centre_texts():
+        print(text)
+    for each in made.held_back:
+        print(each.text())
+    print(made.slip.text())
+    print(
+        f"feet rise {1000 * facts.lift:z.1f} mm, body {1000 * facts.body_height:z.1f} mm above the ground, "
+        f"{1000 * facts.clearance:z.1f} mm free under it and its legs"
+    )
 
 
 def run_program(
@@ -62,13 +339,13 @@ def run_program(
     if json:
         as_json({"robot": robot, **done.to_json()}, done.warnings)
         return
-    _show(done)
+    _show_run(done)
     frames, loop = len(done.trajectory.angles), len(done.trajectory.angles) - done.trajectory.loop_start
     print(f"{file}: {frames} frames, {done.seconds(frames):g} s; the last {loop} of them repeat")
     warn_of_all(done.warnings)
 
 
-def _show(done: Run) -> None:
+def _show_run(done: Run) -> None:
     table(
         "Motion",
         ("line", "command", "from s", "for s", "x mm", "y mm", "z mm", "pitch °", "roll °", "hand"),

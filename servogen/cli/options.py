@@ -32,6 +32,7 @@ def number(text: str) -> float:
         raise typer.BadParameter(f"'{text}' is not {kind}") from None
 
 
+JobFile = Annotated[Path, typer.Argument(help="A job file (TOML).", show_default=False)]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
 DeviceName = Annotated[str, typer.Option("--device", help="PIC16F84 or PIC16F84A.")]
 
@@ -151,7 +152,16 @@ def _chip_parameter(field: Field[Any]) -> inspect.Parameter:
     )
 
 
+TimeLimit = Annotated[
+    float, typer.Option("--timeout", min=0.1, help="Seconds that it may take; then it is stopped.")
+]
+MemoryLimit = Annotated[
+    int, typer.Option("--memory-mb", min=50, help="Memory that it may use; then it is stopped.")
+]
 Output = Annotated[Path | None, typer.Option("--output", "-o", help="The file to write.")]
+Plot = Annotated[Path | None, typer.Option("--plot", help="Draw it: .png, .svg or .pdf.")]
+Animate = Annotated[Path | None, typer.Option("--animate", help="Film the robot: .gif or .mp4 (ffmpeg).")]
+Csv = Annotated[Path | None, typer.Option("--csv", help="Write one row per frame.")]
 
 
 class Dialect(StrEnum):

@@ -11,13 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from servogen.kinematics.protocol import WalkingRobot
-from servogen.kinematics.transforms import mount_matrix
 from servogen.motion.gait.phases import Gait
 from servogen.motion.gait.walk import Walk
 from servogen.motion.loads import Loads
-from servogen.motion.trajectory import Floats
-from servogen.report.sticks import stick
-from servogen.report.tracks import to_place
+from servogen.report.sticks import leg_sticks
 
 COLUMNS = 12
 """Of a diagram, about; as many as make every lift and landing fall on one where that is possible."""
@@ -98,15 +95,6 @@ def _joints(robot: WalkingRobot, made: Walk, frame_s: float) -> tuple[JointFacts
     return tuple(
         JointFacts(name, float(column.min()), float(column.max()), (joint.lower, joint.upper), float(speed))
         for name, column, joint, speed in zip(made.trajectory.joints, angles.T, own, speeds, strict=True)
-    )
-
-
-def leg_sticks(robot: WalkingRobot, made: Walk) -> tuple[Floats, ...]:
-    """Return the corners (frames, n, 3) of each leg in the body's frame."""
-    return tuple(
-        to_place(mount_matrix(leg.mount), stick(leg.arm, made.leg_angles[:, index]))
-        for index, leg in enumerate(robot.limbs)
-        if leg.mount is not None
     )
 
 

@@ -7,28 +7,30 @@ In: `PageFacts`. Out: text of HTML, the same for the same facts. All numbers and
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jinja2 import Environment, StrictUndefined, TemplateError
 
-from servogen.edges import EdgeTrace
+from servogen.edges import PINS, EdgeTrace
 from servogen.engines.c_text import RenderError, template_folder
 from servogen.errors import Diagnostic, Location
 from servogen.job import PlannedJob
+from servogen.motion.trajectory import Floats
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, oscillator_for
-from servogen.pic.listing import Listing, listing_text
+from servogen.pic.listing import ListedFunction, Listing, listing_text
 from servogen.plan_error import plan_words
-from servogen.pulse import PulsePlan
-from servogen.report.plan_charts import angle_chart, path_charts, rounding, width_chart
-from servogen.report.result_tables import CaptureFacts, capture_values, costs, memory, program_values
+from servogen.pulse import PulsePlan, PulseSchedule
+from servogen.report.drawing import Chart, path_chart, time_chart
+from servogen.report.motion_table import widths_us
 from servogen.report.signals import captured, planned, pose_frames, scopes, shown_us, simulated
 from servogen.report.text import ProgramFacts, sentence
-from servogen.report.tool_error import error_rows, errors_of
-from servogen.report.tracks import tracks_of
+from servogen.report.tracks import Track, error_rows, errors_of, tracks_of
 from servogen.report.wiring import open_drain, package, remarks, wires
 from servogen.units import counted
+from servogen.verify import CaptureVerdict, capture_lines
 
 TEMPLATE = "report.html.j2"
 
@@ -38,6 +40,19 @@ BY_JACOBIAN = ("worst by the Jacobian, mm", "rms by the Jacobian, mm")
 
 FIRST_FRAMES = 4
 """Of the pulses, what is shown until somebody zooms."""
+
+
+FEW = 2
+"""Of the reasons why a call has no known end."""
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureFacts:
+    """A capture beside the plan: its file's name, its edges, what was found of it."""
+
+    name: str
+    trace: EdgeTrace
+    verdict: CaptureVerdict
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,3 +202,160 @@ def _signal_values(facts: PageFacts) -> dict[str, object]:
 def _with_key(note: Diagnostic) -> str:
     key = note.location.key if note.location else None
     return f"{key}: {note.message}" if key else note.message
+
+
+def _times(schedule: PulseSchedule) -> Floats:
+    frames = schedule.lead_in_frames + schedule.loop_frames
+    return float(schedule.clock.seconds(schedule.period)) * np.arange(frames + 1, dtype=np.float64)
+
+
+def _mark(schedule: PulseSchedule) -> float | None:
+    """When the loop begins, where something comes before it."""
+    return float(schedule.clock.seconds(schedule.lead_in_frames * schedule.period)) or None
+
+
+def angle_chart(job: PlannedJob, schedule: PulseSchedule) -> Chart:
+    servos = job.servos
+    names = [servo.name for servo in servos]
+    label = "wheel speed, °/s" if all(servo.model.continuous for servo in servos) else "servo angle, °"
+    columns = np.degrees(job.trajectory.angles)
+    return time_chart(_times(schedule), columns, names, label, _mark(schedule))
+
+
+def width_chart(schedule: PulseSchedule) -> Chart:
+    names = [channel.name for channel in schedule.channels]
+    return time_chart(_times(schedule), widths_us(schedule), names, "pulse width, µs", _mark(schedule))
+
+
+def rounding(plan: PulsePlan) -> Iterator[tuple[str, ...]]:
+    for row in plan.widths:
+        yield (
+            f"{row.channel}, {row.which}" if row.which else row.channel,
+            f"{math.degrees(row.angle):z.2f}",
+            f"{float(row.requested_us):z.3f}",
+            str(row.cycles),
+            f"{float(row.achieved_us):z.3f}",
+            f"{float(row.error_us):+z.3f}",
+            str(row.frames),
+        )
+
+
+def path_charts(tracks: Sequence[Track], loop_start: int) -> Iterator[tuple[str, Chart]]:
+    """From above and, unless all lies in the ground plane, from the side; millimetres."""
+    views = [("from above", 0, 1, "x, mm", "y, mm"), ("from the side", 0, 2, "x, mm", "z, mm")]
+    flat = all(track.kind == "base" for track in tracks)
+    for title, x, y, x_label, y_label in views[: 1 if flat else 2] if tracks else ():
+        drawn = []
+        for track in tracks:
+            # The loop's end leads back to its beginning.
+            around = np.vstack((track.planned, track.planned[loop_start : loop_start + 1]))
+            drawn.append((track.name, 1000 * around[:, [x, y]], 1000 * track.made[:, [x, y]]))
+        yield title, path_chart(drawn, x_label, y_label)
+
+
+def program_values(program: ProgramFacts) -> dict[str, object]:
+    verdict = program.verdict
+    late = (
+        [] if program.proven or not program.overrun else [f"overrun: {program.overrun.text(verdict.clock)}"]
+    )
+    return {
+        "name": program.hex_file,
+        "facts": ", ".join(
+            (
+                f"{program.dialect}, {program.words} words, {program.ram_bytes} bytes of RAM",
+                *(
+                    f"the C between {room.between} at most {room.worst} of {room.room} cycles"
+                    for room in program.timing_budgets
+                ),
+            )
+        ),
+        "proven": program.proven,
+        "span": f"{verdict.span.frames} frames, {float(verdict.clock.seconds(verdict.span.compared)):g} s, "
+        f"{verdict.span.compared} cycles, on all 13 pins; {plan_words(verdict.plan_error)}",
+        "start": None
+        if verdict.start is None
+        else f"{float(verdict.clock.us(verdict.start)):g} µs after reset",
+        "reasons": (*verdict.reasons, *late),
+        "rows": [
+            (
+                channel.name,
+                PINS[channel.pin],
+                f"{channel.observed} of {channel.scheduled}",
+                str(channel.missing),
+                str(channel.extra),
+                f"{channel.width.error:+d}" if channel.width.error else "0",
+                f"{channel.period.error:+d}" if channel.period.error else "0",
+                f"{channel.edge.error:+d}" if channel.edge.error else "0",
+            )
+            for channel in verdict.channels
+        ],
+    }
+
+
+def capture_values(capture: CaptureFacts | None) -> dict[str, object] | None:
+    if capture is None:
+        return None
+    verdict = capture.verdict
+    return {
+        "name": capture.name,
+        "badge": "good" if verdict.proven else "open" if verdict.agrees else "bad",
+        "word": verdict.word if verdict.agrees else "NOT proven",
+        "lines": [line for line in capture_lines(verdict) if not line.startswith("- ")],
+        "reasons": verdict.reasons,
+        "rows": [
+            (
+                channel.name,
+                PINS[channel.pin],
+                f"{channel.captured} of {channel.scheduled}" if channel.connected else "not connected",
+                f"{channel.width.worst_us:+z.3f}",
+                f"{channel.width.mean_us:+z.3f}",
+                "–" if channel.mean_period_us is None else f"{channel.mean_period_us:z.2f}",
+                f"{channel.jitter_us:z.3f}",
+            )
+            for channel in verdict.channels
+        ],
+    }
+
+
+def costs(listing: Listing | None) -> Iterator[tuple[str, ...]]:
+    """One row a function, the dearest first."""
+    functions = listing.functions if listing else ()
+    for each in sorted(functions, key=lambda each: (each.start - each.end, each.start)):
+        yield (
+            _spoken(each.name),
+            f"{each.start:04X}",
+            str(each.end - each.start),
+            str(each.ram_bytes),
+            str(each.deepest_calls),
+            _cycles(each),
+        )
+
+
+def _spoken(name: str) -> str:
+    """A table's name says where in the C it stands: `__table.NAME@file:line:column`."""
+    table, _, place = name.removeprefix("__table.").partition("@")
+    return f"table {table}, {place.rpartition(':')[0]}" if name.startswith("__table.") else name
+
+
+def _cycles(listed: ListedFunction) -> str:
+    """Of a call: exactly, or from the shortest to the longest way, and what has no known end."""
+    least, most = listed.least_cycles, listed.most_cycles
+    if least is None:
+        return "–" if most is None else f"up to {most}"
+    if most is None:
+        return f"{least} or more" + (f": {_few(listed.unbounded)}" if listed.unbounded else "")
+    return str(least) if least == most else f"{least} to {most}"
+
+
+def _few(texts: Sequence[str]) -> str:
+    more = f" and {len(texts) - FEW} more" if len(texts) > FEW else ""
+    return ", ".join(texts[:FEW]) + more
+
+
+def memory(programs: Sequence[ProgramFacts]) -> tuple[tuple[str, int, int, str], ...]:
+    """(what, used, of, per cent) of each memory."""
+    if not programs:
+        return ()
+    own = programs[0]
+    used = (("program words", own.words, PROGRAM_WORDS), ("bytes of RAM", own.ram_bytes, RAM_BYTES))
+    return tuple((what, part, whole, f"{100 * part / whole:z.1f}") for what, part, whole in used)

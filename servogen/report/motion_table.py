@@ -1,7 +1,7 @@
-"""Every frame of a plan as CSV: time, servo angles, pulse widths, the points of feet, tool or base.
+"""Every frame of a motion as CSV: of a planned job, of a walk, of an arm's program.
 
-In: a `PlannedJob`, its schedule and tracks. Out: lines of text, one per frame; a cell
-without a pulse is empty.
+In: a `PlannedJob` with its schedule and tracks, a `Walk`, or a trajectory of joints. Out: lines of text,
+one per frame; a cell without a pulse is empty.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from servogen.job import PlannedJob
+from servogen.motion.gait.walk import Walk
 from servogen.motion.trajectory import Floats, JointTrajectory
 from servogen.pulse import PulseSchedule
 from servogen.report.tracks import Track
@@ -60,3 +61,19 @@ def joint_lines(trajectory: JointTrajectory, arm: Arm) -> Iterator[str]:
     frame_s = trajectory.clock.seconds(trajectory.period)
     for frame, row in enumerate((trajectory.angles * scale).tolist()):
         yield ",".join((f"{float(frame * frame_s):.6g}", *(f"{value:z.6f}" for value in row)))
+
+
+def walk_lines(made: Walk) -> Iterator[str]:
+    """Yield the header, then one line per frame; the margin is empty for a robot of one or two legs."""
+    trajectory = made.trajectory
+    angles = [f"{joint}_deg" for joint in trajectory.joints]
+    feet = [f"{leg}_{axis}_mm" for leg in made.legs for axis in "xyz"]
+    yield ",".join(("time_s", *angles, *feet, *(f"{leg}_ground" for leg in made.legs), "margin_mm"))
+    frame_s = trajectory.clock.seconds(trajectory.period)
+    numbers = np.hstack((np.degrees(trajectory.angles), 1000 * made.feet.reshape(len(made.feet), -1)))
+    rows = zip(numbers.tolist(), made.ground.tolist(), made.margins.tolist(), strict=True)
+    for frame, (row, ground, margin) in enumerate(rows):
+        cells = [f"{value:z.4f}" for value in row]
+        cells += ["1" if down else "0" for down in ground]
+        cells.append("" if math.isinf(margin) else f"{1000 * margin:z.4f}")
+        yield ",".join((f"{float(frame * frame_s):z.6f}", *cells))

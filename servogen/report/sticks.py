@@ -15,8 +15,11 @@ import numpy as np
 
 from servogen.kinematics.forward import link_frames
 from servogen.kinematics.leg import Leg
-from servogen.kinematics.protocol import DrivingRobot
+from servogen.kinematics.protocol import DrivingRobot, WalkingRobot
+from servogen.kinematics.transforms import mount_matrix
+from servogen.motion.gait.walk import Walk
 from servogen.motion.trajectory import Floats
+from servogen.report.tracks import to_place
 from servogen.robot.model import Arm
 
 
@@ -52,6 +55,15 @@ def _rows(arm: Arm, joints: Floats) -> Floats:
             corner = before[:, :3, 3] + (way * axis).sum(axis=1, keepdims=True) * axis
         points += [corner, after[:, :3, 3]]
     return np.stack([*points, frames[:, -1, :3, 3]], axis=1)
+
+
+def leg_sticks(robot: WalkingRobot, made: Walk) -> tuple[Floats, ...]:
+    """Return the corners (frames, n, 3) of each leg in the body's frame."""
+    return tuple(
+        to_place(mount_matrix(leg.mount), stick(leg.arm, made.leg_angles[:, index]))
+        for index, leg in enumerate(robot.limbs)
+        if leg.mount is not None
+    )
 
 
 def base_outline(base: DrivingRobot, at: Floats) -> tuple[Floats, ...]:

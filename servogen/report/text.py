@@ -16,8 +16,7 @@ from servogen.errors import Diagnostic
 from servogen.job import PlannedJob
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, oscillator_for
 from servogen.pulse.plan import PulsePlan
-from servogen.report.tool_error import ERROR_COLUMNS, error_rows, errors_of, worst_of
-from servogen.report.tracks import tracks_of
+from servogen.report.tracks import ERROR_COLUMNS, error_rows, errors_of, tracks_of, worst_of
 from servogen.report.wiring import open_drain, remarks, wires
 from servogen.units import Clock, Cycles
 from servogen.verify import Verdict, verdict_lines

@@ -1,7 +1,8 @@
 """From pulses back: where a job's feet, tool or base are, as planned and with pulses of whole cycles.
 
 In: a planned job and its `PulseSchedule`. Out: one `Track` for each end: its points frame by frame as
-planned, as made (direct calculation), and the difference to first order (the Jacobian).
+planned, as made (by forward kinematics), and the difference to first order (by the Jacobian). Of each track
+an `EndError`: the largest and the rms error, and in which frame it is largest.
 
     angle asked ──▶ forward kinematics ──────────────────────────▶ planned
       │ whole cycles
@@ -11,7 +12,7 @@ planned, as made (direct calculation), and the difference to first order (the Ja
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -28,6 +29,11 @@ from servogen.pulse import PulseSchedule
 from servogen.robot.binding import Binding
 from servogen.robot.model import Arm
 from servogen.robot.servo import Servo
+
+ERROR_COLUMNS = ("end", "worst_mm", "rms_mm", "frame", "time_s", "jacobian_worst_mm", "jacobian_rms_mm")
+
+SAME_DIGITS = 9
+"""Of metres: errors nearer than a nanometre are one, so that the first of them is named on every machine."""
 
 Kind = Literal["foot", "tool", "base"]
 
@@ -155,3 +161,67 @@ def _base(base: DrivingRobot, asked: Floats, made: Floats, period_s: float) -> T
     moved = np.cumsum(np.stack([dx - heading * vy, dy + heading * vx], axis=1), axis=0)
     flat = [np.column_stack([part[:, :2], np.zeros(len(part))]) for part in (planned, driven, moved)]
     return Track("base", "base", *flat)
+
+
+@dataclass(frozen=True, slots=True)
+class EndError:
+    """Of one foot or tool: metres, the frame in which it is worst, and the same through the Jacobian."""
+
+    name: str
+    kind: Kind
+    worst_m: float
+    rms_m: float
+    frame: int
+    first_order_worst_m: float
+    first_order_rms_m: float
+
+    def to_json(self) -> dict[str, object]:
+        """Return the error without the name of the end."""
+        return {
+            "worst_m": self.worst_m,
+            "rms_m": self.rms_m,
+            "frame": self.frame,
+            "jacobian_worst_m": self.first_order_worst_m,
+            "jacobian_rms_m": self.first_order_rms_m,
+        }
+
+
+def errors_of(tracks: Sequence[Track]) -> tuple[EndError, ...]:
+    """One a track, in their order; a track without a pulse has no error and is left out."""
+    return tuple(_error(track) for track in tracks if not np.isnan(track.error).all())
+
+
+def worst_of(errors: Sequence[EndError]) -> EndError:
+    """The end whose worst error is greatest."""
+    return max(errors, key=lambda each: round(each.worst_m, SAME_DIGITS))
+
+
+def _error(track: Track) -> EndError:
+    direct, slope = track.error, track.first_order
+    return EndError(
+        track.name,
+        track.kind,
+        float(np.nanmax(direct)),
+        _rms(direct),
+        int(np.nanargmax(np.round(direct, SAME_DIGITS))),
+        float(np.nanmax(slope)),
+        _rms(slope),
+    )
+
+
+def _rms(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:
+    return float(np.sqrt(np.nanmean(values**2)))
+
+
+def error_rows(errors: Sequence[EndError], frame_s: float) -> Iterator[tuple[str, ...]]:
+    """Name, worst, rms, its frame and its time, worst and rms through the Jacobian: cells as text."""
+    for each in errors:
+        yield (
+            each.name,
+            f"{1000 * each.worst_m:z.4f}",
+            f"{1000 * each.rms_m:z.4f}",
+            str(each.frame),
+            f"{each.frame * frame_s:.6g}",
+            f"{1000 * each.first_order_worst_m:z.4f}",
+            f"{1000 * each.first_order_rms_m:z.4f}",
+        )

@@ -140,11 +140,11 @@ def test_a_system_without_limits_is_said_to_be_one(
     source: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    from servogen.cli import compiling
+    from servogen.cli import files
 
-    compiling.warn_of_missing_limits.cache_clear()
+    files.warn_of_missing_limits.cache_clear()
     monkeypatch.setattr(isolation, "_resource", None)
     done = run("compile", source)
-    compiling.warn_of_missing_limits.cache_clear()
+    files.warn_of_missing_limits.cache_clear()
     assert done.code == 0
     assert "servogen: warning: linux cannot limit the memory and the open files of a process" in done.err

@@ -29,14 +29,14 @@ def program(tmp_path: Path) -> str:
 
 
 def test_each_command_that_takes_time_is_a_row(app: typer.Typer, program: str) -> None:
-    shown = CliRunner().invoke(app, [program, "--input", "5=3"]).output
+    shown = CliRunner().invoke(app, ["run-program", program, "--input", "5=3"]).output
     rows = [line.split()[:2] for line in shown.splitlines() if line.split()[:1] in (["10"], ["30"], ["40"])]
     assert rows == [["10", "MO"], ["30", "GC"], ["40", "IN"]]
     assert "&05" in shown
 
 
 def test_json_is_in_metres_and_radians(app: typer.Typer, program: str) -> None:
-    answer = json.loads(CliRunner().invoke(app, [program, "--input", "5=3", "--json"]).output)
+    answer = json.loads(CliRunner().invoke(app, ["run-program", program, "--input", "5=3", "--json"]).output)
     step = answer["steps"][0]
     assert (step["line"], step["command"]) == (10, "MO 1")
     assert step["position_m"] == pytest.approx([0, 0.3, 0.2])
@@ -48,7 +48,7 @@ def test_json_is_in_metres_and_radians(app: typer.Typer, program: str) -> None:
 
 def test_csv_has_a_row_a_frame_in_degrees(app: typer.Typer, program: str, tmp_path: Path) -> None:
     file = tmp_path / "joints.csv"
-    CliRunner().invoke(app, [program, "--input", "5=3", "--csv", str(file)])
+    CliRunner().invoke(app, ["run-program", program, "--input", "5=3", "--csv", str(file)])
     head, first, *rest = file.read_text("utf-8").splitlines()
     assert head == "time_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg"
     assert first == "0,90.000000,0.000000,0.000000,0.000000,90.000000"
@@ -56,7 +56,7 @@ def test_csv_has_a_row_a_frame_in_degrees(app: typer.Typer, program: str, tmp_pa
 
 
 def test_an_error_has_the_program_s_place(app: typer.Typer, program: str) -> None:
-    result = CliRunner().invoke(app, [program])
+    result = CliRunner().invoke(app, ["run-program", program])
     assert isinstance(result.exception, InputError)
     assert str(result.exception).startswith(f"{program}:5:4: error: program line 40: IN waits for a strobe")
 
@@ -64,5 +64,5 @@ def test_an_error_has_the_program_s_place(app: typer.Typer, program: str) -> Non
 def test_a_program_that_does_not_end_is_stopped(app: typer.Typer, tmp_path: Path) -> None:
     file = tmp_path / "p.rvm"
     file.write_text("10 TI 1\n20 GT 10\n", "utf-8")
-    result = CliRunner().invoke(app, [str(file), "--max-s", "5"])
+    result = CliRunner().invoke(app, ["run-program", str(file), "--max-s", "5"])
     assert "the program would take longer than 5 s" in str(result.exception)

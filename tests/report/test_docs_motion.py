@@ -16,8 +16,7 @@ from servogen.motion.gait.steps import Segment
 from servogen.motion.gait.walk import Walk, walk
 from servogen.motion.laws import law
 from servogen.pulse.plan import plan
-from servogen.report.tool_error import errors_of, worst_of
-from servogen.report.tracks import tracks_of
+from servogen.report.tracks import errors_of, tracks_of, worst_of
 from servogen.units import Clock, Cycles
 
 ROOT = Path(__file__).parents[2]

@@ -16,7 +16,7 @@ from servogen.job import load, plan_job
 from servogen.pic.listing import ListedFunction, Listing
 from servogen.pulse import plan
 from servogen.report.drawing import Axis, dots_path, nice, points_path, pulses_path, steps_path
-from servogen.report.result_tables import costs
+from servogen.report.html import costs
 from servogen.report.signals import pose_frames, scopes
 from servogen.report.wiring import remarks, wires
 from servogen.traces.captures import capture_writer

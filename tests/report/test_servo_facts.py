@@ -5,7 +5,7 @@ import math
 import pytest
 
 from servogen.job import loads, plan_job
-from servogen.report.servo_facts import ServoFacts, facts_of
+from servogen.report.plan_facts import ServoFacts, servo_facts
 
 HEAD = """
 [chip]
@@ -20,7 +20,7 @@ model = "mpx-tiny-s"
 
 
 def facts(motion: str) -> ServoFacts:
-    (found,) = facts_of(plan_job(loads(HEAD + motion, "job.toml")))
+    (found,) = servo_facts(plan_job(loads(HEAD + motion, "job.toml")))
     return found
 
 

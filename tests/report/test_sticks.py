@@ -12,8 +12,7 @@ from servogen.kinematics.catalogue import arm, names, robot
 from servogen.kinematics.forward import fk_position
 from servogen.kinematics.leg import Leg
 from servogen.kinematics.omni import OmniBase
-from servogen.report.film import film
-from servogen.report.scenes import MOST_PICTURES, job_scene
+from servogen.report.film import MOST_PICTURES, film, job_scene
 from servogen.report.sticks import base_outline, stick
 from servogen.robot.model import Arm
 

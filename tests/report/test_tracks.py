@@ -10,9 +10,8 @@ import pytest
 from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.pulse import PulseSchedule
 from servogen.pulse.plan import plan
-from servogen.report.scenes import job_scene
-from servogen.report.tool_error import errors_of, worst_of
-from servogen.report.tracks import Track, ends_of, made_angles, tracks_of
+from servogen.report.film import job_scene
+from servogen.report.tracks import Track, ends_of, errors_of, made_angles, tracks_of, worst_of
 
 JOBS = Path(__file__).parents[2] / "jobs"
 ARMED = ("lab9-exercise", "scara-pick", "rvm1-program", "hexapod-tripod")

@@ -1,0 +1,293 @@
+"""Commands of proofs over all inputs: prove, check-certificate."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from servogen.cli.files import keep_apart, read_program
+from servogen.cli.options import ClockHz, Json
+from servogen.cli.show import as_json, status
+from servogen.errors import InputError, Location
+from servogen.inputs import read_input
+from servogen.programs import MAX_SCHEDULE_BYTES, clock_of, read_schedule
+
+if TYPE_CHECKING:
+    from servogen.pic.analysis.facts import Answer
+    from servogen.prove import Counterexample, Proof
+    from servogen.pulse import PulseSchedule
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this module to the application."""
+    app.command()(prove)
+    app.command()(check_certificate)
+
+
+PROVEN, NOT_PROVEN = 0, 1
+"""Exit codes; NOT_PROVEN also where something was found or could not be decided."""
+
+MAX_CERTIFICATE_BYTES = 4 << 20
+
+EXTRA_FRAMES = 2
+"""How many frames after the wrong edge a repeated counterexample shows."""
+
+
+class Interrupts(StrEnum):
+    """Whether the time of interrupts counts."""
+
+    INCLUDED = "included"
+    EXCLUDED = "excluded"
+
+
+def prove(
+    file: Annotated[Path, typer.Argument(help="A HEX, C or assembly file.", show_default=False)],
+    against: Annotated[
+        Path | None,
+        typer.Option("--against", help="Prove that it follows this schedule.json, for all inputs."),
+    ] = None,
+    certificate: Annotated[
+        Path | None, typer.Option("--certificate", help="With --against: write what the proof found.")
+    ] = None,
+    counterexample: Annotated[
+        Path,
+        typer.Option("--counterexample", help="With --against: where the inputs of a wrong run are written."),
+    ] = Path("counterexample.toml"),
+    hold_inputs: Annotated[
+        bool, typer.Option("--hold-inputs", help="With --against: the inputs stay as the schedule says.")
+    ] = False,
+    plain_tmr0: Annotated[
+        bool,
+        typer.Option(
+            "--no-tmr0-phase", help="With --against: TMR0 counts at once after OPTION_REG is written."
+        ),
+    ] = False,
+    max_states: Annotated[
+        int | None, typer.Option("--max-states", min=1, help="With --against: give up after so many states.")
+    ] = None,
+    start: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--from",
+            metavar="MARK",
+            help="Where a time begins: an address (0x12A), a label, a function, a line (12 or main.c:12). "
+            "Repeatable, with as many --to.",
+        ),
+    ] = None,
+    end: Annotated[
+        list[str] | None, typer.Option("--to", metavar="MARK", help="Where it ends, the first time after it.")
+    ] = None,
+    interrupts: Annotated[
+        Interrupts, typer.Option("--interrupts", help="Whether times between marks include interrupts.")
+    ] = Interrupts.INCLUDED,
+    clock_hz: ClockHz = None,
+    device: Annotated[
+        str | None,
+        typer.Option("--device", help="PIC16F84 or PIC16F84A (default: the schedule's, else PIC16F84)."),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Show what holds for every path of a program: stack, unwritten bytes, pins, dead code, watchdog, times.
+
+    With --against: that every edge is the schedule's for every power-up, input and chip.
+
+    Exit code 0: proven, or decided and nothing found; 1: something was found or is not decided.
+    """
+    if against is not None:
+        if start or end or clock_hz is not None:
+            raise InputError(
+                "conflicting-options", "--from, --to and --clock-hz are for a program without --against"
+            )
+        request = Request(against, certificate, counterexample, not hold_inputs, not plain_tmr0, max_states)
+        raise typer.Exit(prove_schedule(file, device, request, json))
+    if certificate is not None or hold_inputs or plain_tmr0 or max_states is not None:
+        raise InputError("conflicting-options", "this option needs --against")
+    from servogen.pic.analysis.facts import Facts, decided_and_fine
+    from servogen.pic.device import DEVICES
+
+    marks = _marks(start or [], end or [])
+    program = read_program(file, device or DEVICES[0].name)
+    facts = Facts(program.image, program.listing, clock_of(program, clock_hz))
+    answers = [
+        *facts.answers(),
+        *(facts.time(a, b, interrupts=interrupts is Interrupts.INCLUDED) for a, b in marks),
+    ]
+    if json:
+        as_json({"file": str(file), "answers": [answer.to_json() for answer in answers]})
+    else:
+        print("\n".join(_text(answer) for answer in answers))
+    if not decided_and_fine(answers):
+        raise typer.Exit(NOT_PROVEN)
+
+
+def _marks(starts: list[str], ends: list[str]) -> list[tuple[str, str]]:
+    """Return the pairs of --from and --to. Raises InputError."""
+    if len(starts) != len(ends):
+        raise InputError(
+            "missing-option",
+            f"{len(starts)} --from and {len(ends)} --to: every time needs both",
+            hint="--from MARK --to MARK",
+        )
+    return list(zip(starts, ends, strict=True))
+
+
+def _text(answer: Answer) -> str:
+    lines = [f"{answer.question}: {answer.status}", f"  {answer.text}", f"  over {answer.over}"]
+    return "\n".join([*lines, *(f"  {finding}" for finding in answer.findings)])
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """The options of the command that belong to a schedule."""
+
+    against: Path
+    certificate: Path | None
+    counterexample: Path
+    inputs: bool
+    tmr0_phase: bool
+    max_states: int | None
+
+
+def prove_schedule(file: Path, device: str | None, request: Request, json: bool) -> int:
+    """Prove, show the answer, write what was asked for, and return the exit code. Raises InputError."""
+    from servogen.inputs import read_input
+    from servogen.prove import Quantifiers, certificate, prove_for_all
+    from servogen.prove.prover import MAX_STATES
+    from servogen.simulator import Options
+
+    keep_apart([file, request.against], request.certificate, request.counterexample)
+    schedule = read_schedule(request.against)
+    if schedule.device is not None and device is not None and schedule.device != device:
+        raise InputError(
+            "conflicting-options",
+            f"was built for a {schedule.device}, --device is {device}",
+            Location(str(request.against)),
+        )
+    chip = schedule.device or device or Options().device
+    program = read_program(file, chip)
+    if program.clock and program.clock != schedule.clock:
+        raise InputError(
+            "conflicting-options",
+            f"says {program.clock.hz} Hz, the schedule is for {schedule.clock.hz} Hz",
+            Location(str(file)),
+        )
+    with status("looking for every state") as tell:
+        proof = prove_for_all(
+            program.image,
+            schedule,
+            Quantifiers(request.inputs, request.tmr0_phase),
+            Options(device=chip),
+            lambda done, found: tell(f"{done} of {found} states"),
+            request.max_states or MAX_STATES,
+        )
+    if proof.proven and request.certificate is not None:
+        from servogen.outputs import write_bytes
+
+        text = read_input(request.against, MAX_SCHEDULE_BYTES)
+        write_bytes(request.certificate, certificate(proof, program.image, schedule, text))
+    if proof.counterexample is not None:
+        _write_stimulus(proof.counterexample, schedule, request.counterexample)
+    if json:
+        as_json(_proof_to_json(proof, file, request, schedule))
+    else:
+        print("\n".join(_lines(proof, file, request, schedule)))
+    return PROVEN if proof.proven else NOT_PROVEN
+
+
+def _write_stimulus(found: Counterexample, schedule: PulseSchedule, path: Path) -> None:
+    from servogen.outputs import write_text
+
+    if found.levels:
+        write_text(path, found.stimulus(schedule))
+
+
+def _command(found: Counterexample, file: Path, request: Request, schedule: PulseSchedule) -> str:
+    """Return the command that shows a counterexample's edges."""
+    stimulus = ["--stimulus", str(request.counterexample)] if found.levels else []
+    clock = [] if found.clock_hz else ["--clock-hz", str(schedule.clock.hz)]
+    span = ["--cycles", str(found.cycle + EXTRA_FRAMES * schedule.period)]
+    words = ["servogen", "simulate", str(file), *stimulus, *found.arguments(), *clock, *span]
+    return shlex.join([*words, "--edges", "counterexample.csv"])
+
+
+def _lines(proof: Proof, file: Path, request: Request, schedule: PulseSchedule) -> list[str]:
+    found = proof.counterexample
+    if found is not None:
+        return [
+            f"counterexample: {found.message}, cycle {found.cycle} from reset",
+            f"  {_command(found, file, request, schedule)}",
+        ]
+    size = f"{proof.states} states, {proof.runs} runs of {proof.cycles} cycles together"
+    if not proof.proven:
+        return [f"not decided: {proof.reason}", f"  {size}"]
+    over = "every power-up and chip" if proof.held else "every power-up, input and chip"
+    return [
+        f"proven for {over}: every edge of all pins is the schedule's",
+        f"  {size}",
+        "  assumed:",
+        *(f"    {assumption}" for assumption in proof.assumptions),
+    ]
+
+
+def _proof_to_json(proof: Proof, file: Path, request: Request, schedule: PulseSchedule) -> dict[str, object]:
+    found = proof.counterexample
+    answer = "proven" if proof.proven else "counterexample" if found else "not decided"
+    shown = None
+    if found is not None:
+        shown = {
+            "message": found.message,
+            "cycle": found.cycle,
+            "command": _command(found, file, request, schedule),
+            "stimulus": found.stimulus(schedule) if found.levels else None,
+        }
+    return {
+        "file": str(file),
+        "answer": answer,
+        "reason": proof.reason,
+        "states": proof.states,
+        "runs": proof.runs,
+        "cycles": proof.cycles,
+        "assumptions": list(proof.assumptions),
+        "counterexample": shown,
+    }
+
+
+def check_certificate(
+    certificate: Annotated[Path, typer.Argument(help="What servogen prove wrote.", show_default=False)],
+    hex_file: Annotated[Path, typer.Argument(metavar="HEX", help="The program.", show_default=False)],
+    against: Annotated[Path, typer.Option(help="The schedule.json of the proof.", show_default=False)],
+    json: Json = False,
+) -> None:
+    """Check a certificate of `prove` with a checker of its own: the second witness.
+
+    Exit code 0: the certificate proves that every edge is the schedule's; 1: refused, with the reason; 2: the
+    files are not what they should be.
+    """
+    from servogen import checker
+    from servogen.pic.image import read_hex
+    from servogen.programs import MAX_SCHEDULE_BYTES, read_source
+
+    claim = checker.read_certificate(read_input(certificate, MAX_CERTIFICATE_BYTES), str(certificate))
+    image = read_hex(read_source(hex_file), str(hex_file)).image
+    held = ", ".join(f"{pin} held at {level}" for pin, level in claim.held.items())
+    try:
+        with status(f"{hex_file.name}: checking {claim.count} states"):
+            schedule = read_input(against, MAX_SCHEDULE_BYTES)
+            found = checker.check_certificate(claim, image, schedule, str(against))
+    except checker.Refused as refused:
+        if json:
+            as_json({"valid": False, "reason": str(refused), "held": claim.held})
+        else:
+            print(f"{certificate}: refused: {refused}")
+        raise typer.Exit(NOT_PROVEN) from None
+    if json:
+        as_json({"valid": True, "held": claim.held} | asdict(found))
+        return
+    print(f"{certificate}: valid{', with ' + held if held else ''}")
+    counts = f"{found.states} states, {found.frames} frames, {found.cycles} cycles, {found.forks} splits"
+    print(f"  checked: {counts}")
