@@ -19,7 +19,7 @@ from itertools import pairwise
 import numpy as np
 
 from servogen.engines.player.arithmetic import ENTRIES, Whole, blended, weights
-from servogen.engines.player.encoding import Encoded, Legs, Rows, row_table, scale_of
+from servogen.engines.player.encoding import Encoded, Legs, Rows, Scale, row_table, scale_of
 from servogen.engines.player.laws import lift_table, swing_table
 from servogen.engines.player.script import Step, Timing, ordered, script
 from servogen.motion.gait.footwork import bump, swing_share
@@ -37,7 +37,7 @@ LONGEST = 256
 
 
 @dataclass(frozen=True, slots=True)
-class _Swing:
+class Swing:
     leg: int
     lift: int
     land: int
@@ -49,14 +49,14 @@ class _Swing:
 
 
 @dataclass(frozen=True, slots=True)
-class _Walk:
+class WalkEvents:
     """`rows` of all frames, the loop twice; `events` in half frames."""
 
     rows: Floats
     soft: int
     turns: tuple[int, ...]
     lifts: tuple[int, ...]
-    swings: tuple[_Swing, ...]
+    swings: tuple[Swing, ...]
     events: tuple[int, ...]
 
     def pose(self, event: int) -> Floats:
@@ -85,7 +85,7 @@ def legs_encoded(
         return None
     loop = len(rows) - loop_start
     twice = np.concatenate((rows, rows[loop_start:], rows[loop_start : loop_start + 1]))
-    walk = _walk(twice, soft, pairs, (loop_start, loop_start + loop))
+    walk = walk_events(twice, soft, pairs, (loop_start, loop_start + loop))
     if walk is None:
         return None
     begins = [
@@ -101,9 +101,14 @@ def legs_encoded(
     return replace(made, silent=np.arange(len(made.frames)) >= made.lead) if released else made
 
 
-def _walk(
+def walk_events(
     rows: Floats, soft: Sequence[int], pairs: Sequence[tuple[int, int]], ends: Sequence[int]
-) -> _Walk | None:
+) -> WalkEvents | None:
+    """Return the events of the walk `rows` (frames, channels); the frames `ends` are events too.
+
+    `soft` are the frames at which the soft start's parts end, `pairs` the channels that turn and lift each
+    leg. None: a leg lifts or lands while another one is between two of its own events.
+    """
     turns, lifts = zip(*pairs, strict=True)
     first = soft[-1] if soft else 0
     stands = rows[first, list(lifts)]
@@ -114,7 +119,7 @@ def _walk(
             return None
         edges = np.flatnonzero(np.diff(up)) + 1 + first
         swings += [
-            _Swing(leg, begin - 1, end)
+            Swing(leg, begin - 1, end)
             for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=False)
         ]
     events = {0, *(2 * frame for frame in soft)}
@@ -131,12 +136,27 @@ def _walk(
     for each in swings:
         if [event for event in found if 2 * each.lift < event < 2 * each.land] != [each.middle]:
             return None
-    return _Walk(rows, first, turns, lifts, tuple(swings), tuple(found))
+    return WalkEvents(rows, first, turns, lifts, tuple(swings), tuple(found))
 
 
-def _encoded(walk: _Walk, begin: int, end: int, near: float) -> Encoded:
-    """Return the walk up to the event `end`, of which what follows `begin` is the loop."""
-    frames = np.arange(end // 2)
+@dataclass(frozen=True, slots=True, eq=False)
+class KeyedWalk:
+    """A walk as rows of poses and steps between them: one step to each of `events`, the first to begin at.
+
+    The first `fixed` rows are those of the lifts; rows and steps are numbered alike.
+    """
+
+    scale: Scale
+    rows: list[tuple[int, ...]]
+    fixed: int
+    steps: list[Step]
+    events: list[int]
+    legs: Legs
+    laws: bytes
+
+
+def keyed_walk(walk: WalkEvents, end: int, near: float) -> KeyedWalk:
+    """Return the walk up to the event `end`; poses within `near` steps of a row share it."""
     turns, lifts = list(walk.turns), list(walk.lifts)
     tops = _tops(walk)
     scale = scale_of(np.vstack((walk.rows, _at(walk.rows[walk.soft], lifts, tops))))
@@ -148,34 +168,30 @@ def _encoded(walk: _Walk, begin: int, end: int, near: float) -> Encoded:
     lift_rows = [stand, scale.exact(_at(walk.rows[0], lifts, tops))[lifts]]
     rises = bool(np.abs(neutral - stand).max() > RISES)
     lift_rows += [neutral] if rises else []
-    fixed = [np.clip(np.floor(row + 0.5), 0, 255).astype(int).tolist() for row in lift_rows]
-    columns = len(turns)
-    steps = [Step(numbers[0], _timing(*events[:2]), walk.lifted(0))]
+    fixed = [tuple(np.clip(np.floor(row + 0.5), 0, 255).astype(int).tolist()) for row in lift_rows]
+    columns, count = len(turns), len(fixed)
+    steps = [Step(count + numbers[0], _timing(*events[:2]), walk.lifted(0))]
     steps += [
-        Step(number, _timing(*ends), walk.lifted(ends[1]))
+        Step(count + number, _timing(*ends), walk.lifted(ends[1]))
         for number, ends in zip(numbers[1:], pairwise(events), strict=True)
     ]
-    first = events.index(begin) + 1
-    lead, loop, kept_rows = ordered(steps[:first], steps[first:], kept.kept, len(fixed))
-    rows = row_table([*fixed, *kept_rows])
-    made = script(lead, loop, columns, legs=True)
     legs = Legs(walk.turns, walk.lifts, 0, columns, 2 * columns if rises else None)
     laws = swing_table(_rate(walk)) + lift_table()
-    values = _played([*lead, *loop], rows, laws, legs)
-    widths = np.zeros_like(values)
-    order = [*turns, *lifts]
-    widths[:, order] = values
-    return Encoded(
-        scale,
-        rows,
-        laws,
-        made,
-        legs,
-        frames,
-        scale.widths(widths),
-        np.zeros(len(frames), dtype=bool),
-        begin // 2,
-    )
+    return KeyedWalk(scale, [*fixed, *kept.kept], count, steps, events, legs, laws)
+
+
+def _encoded(walk: WalkEvents, begin: int, end: int, near: float) -> Encoded:
+    """Return the walk up to the event `end`, of which what follows `begin` is the loop."""
+    keyed = keyed_walk(walk, end, near)
+    first = keyed.events.index(begin) + 1
+    steps = [replace(step, row=step.row - keyed.fixed) for step in keyed.steps]
+    lead, loop, kept_rows = ordered(steps[:first], steps[first:], keyed.rows[keyed.fixed :], keyed.fixed)
+    rows = row_table([*keyed.rows[: keyed.fixed], *kept_rows])
+    made = script(lead, loop, len(walk.turns), legs=True)
+    widths = keyed.scale.widths(played_steps([*lead, *loop], rows, keyed.laws, keyed.legs))
+    frames = np.arange(end // 2)
+    silent = np.zeros(len(frames), dtype=bool)
+    return Encoded(keyed.scale, rows, keyed.laws, made, keyed.legs, frames, widths, silent, begin // 2)
 
 
 def _at(row: Floats, channels: Sequence[int], values: Floats) -> Floats:
@@ -184,7 +200,7 @@ def _at(row: Floats, channels: Sequence[int], values: Floats) -> Floats:
     return changed
 
 
-def _tops(walk: _Walk) -> Floats:
+def _tops(walk: WalkEvents) -> Floats:
     """Return the lifts' widths at which the lift's table, which ends at 255, has them highest."""
     tops = walk.rows[walk.soft, list(walk.lifts)].copy()
     for each in walk.swings:
@@ -196,7 +212,7 @@ def _tops(walk: _Walk) -> Floats:
     return tops
 
 
-def _rate(walk: _Walk) -> float:
+def _rate(walk: WalkEvents) -> float:
     """Return the rate of the swings' law that is nearest to all swings, in least squares."""
     above = below = 0.0
     for each in walk.swings:
@@ -217,8 +233,11 @@ def _timing(one: int, other: int) -> Timing:
     return Timing(frames, round(65536 / length) & 0xFFFF, round(256 * (first - one / 2) / length))
 
 
-def _played(steps: Sequence[Step], rows: bytes, laws: bytes, legs: Legs) -> Whole:
-    """Return 256 times the values of all turns and lifts, frame by frame: what the chip does."""
+def played_steps(steps: Sequence[Step], rows: bytes, laws: bytes, legs: Legs, soft: bool = True) -> Whole:
+    """Return 256 times the values of all channels, frame by frame: what the chip does in these steps.
+
+    The first step only says where the second begins. `soft`: the first two lead to the stance.
+    """
     columns = len(legs.turns)
     table = np.frombuffer(rows, dtype=np.uint8).reshape(-1, columns).astype(np.int64)
     swing, lift = laws[:ENTRIES], laws[ENTRIES:]
@@ -232,17 +251,18 @@ def _played(steps: Sequence[Step], rows: bytes, laws: bytes, legs: Legs) -> Whol
             bit = 1 << leg
             up, down = bool(step.lifted & bit), bool(before.lifted & bit)
             phase = time if up else 255 - time
+            turn, raised = legs.turns[leg], legs.lifts[leg]
             if up or down:
                 ends = (other[leg], one[leg]) if up else (one[leg], other[leg])
-                parts[:, leg] = blended(*ends, weights(list(swing), phase), twice=True)
+                parts[:, turn] = blended(*ends, weights(list(swing), phase), twice=True)
                 weight = weights(list(lift), phase)
             else:
-                parts[:, leg] = blended(one[leg], other[leg], time)
+                parts[:, turn] = blended(one[leg], other[leg], time)
                 weight = np.zeros_like(time)
             start, end = stand[leg], lifted[leg]
-            if legs.neutral is not None and index < 2:
+            if soft and legs.neutral is not None and index < 2:
                 start, end = table[legs.neutral // columns][leg], stand[leg]
                 weight = time if index else np.zeros_like(time)
-            parts[:, columns + leg] = blended(start, end, weight)
+            parts[:, raised] = blended(start, end, weight)
         found.append(parts)
     return np.concatenate(found)
