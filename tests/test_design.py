@@ -164,7 +164,7 @@ LATE_IMPORTS = {
     "__main__.py": "the interpreter's version is checked before anything that needs a newer one",
     "bench/ports.py": "start-up time: only programming and driving need pyserial",
     "bench/programmers/picpro.py": "runs in a process of its own, with a package of that process",
-    "bench/programmers/readback.py": "start-up time: only reading back needs intelhex",
+    "bench/programmers/table.py": "start-up time: only reading back needs intelhex",
     "cli/": "start-up time: a command loads only what it runs",
     "kinematics/symbolic.py": "sympy is an optional extra",
     "kinematics/urdf.py": "urdf-parser-py is an optional extra",

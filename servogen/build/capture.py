@@ -14,13 +14,20 @@ from math import ceil
 from pathlib import Path
 
 from servogen.bench.analysers.memory import FEWEST_EDGES, USUAL_EDGES, USUAL_PERIOD_S, Plan, Wanted, plan
-from servogen.bench.analysers.request import Record, check_name, edges, stitched, write_capture
+from servogen.bench.analysers.recording import (
+    Record,
+    Stitched,
+    check_name,
+    edges,
+    stitch,
+    stitched,
+    write_capture,
+)
 from servogen.bench.analysers.sigrok import SigrokLook, sigrok_wires
 from servogen.bench.analysers.sigrok import capture as sigrok_capture
-from servogen.bench.analysers.stitching import Stitched, stitch
+from servogen.bench.analysers.sump import channel_of, wires
 from servogen.bench.analysers.sump_client import BAUD, Analyser, Look, Seen, identify
 from servogen.bench.analysers.sump_client import capture as sump_capture
-from servogen.bench.analysers.wires import channel_of, wires
 from servogen.bench.ports import Port, open_port
 from servogen.errors import Location, ToolError
 from servogen.pulse import PulseSchedule, Run

@@ -21,7 +21,7 @@ from servogen.plan_error import PlanError
 from servogen.pulse import PulsePlan, PulseSchedule, plan
 from servogen.report.html import CaptureFacts, PageFacts, html_page
 from servogen.traces.captures import Capture, is_capture, read_capture, sampled_at
-from servogen.traces.vcd_reader import read_vcd
+from servogen.traces.vcd import read_vcd
 from servogen.verify import CaptureVerdict
 from servogen.verify.capture.check import split
 

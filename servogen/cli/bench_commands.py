@@ -180,11 +180,10 @@ def _tell_sigrok(stack: ExitStack, port: str) -> None:
     """How sigrok-cli, where it is installed, is called on the analyser, for as long as the bench is there."""
     import shutil
 
-    from servogen.bench.analysers.sigrok import PROGRAM
-    from servogen.bench.ports import compiler, library
+    from servogen.bench.analysers.sigrok import PROGRAM, c_compiler, modem_lines_library
 
-    if shutil.which(PROGRAM) and compiler():
-        lines = stack.enter_context(library())
+    if shutil.which(PROGRAM) and c_compiler():
+        lines = stack.enter_context(modem_lines_library())
         print(f"sigrok: LD_PRELOAD={lines} {PROGRAM} --driver ols:conn={port}")
 
 

@@ -17,14 +17,13 @@ from servogen.edges import EdgeTrace
 from servogen.errors import InputError, Location
 from servogen.inputs import open_input
 from servogen.outputs import atomic_write
+from servogen.traces.channels import rate_in, step_clock
 from servogen.traces.csv import HEADER as EDGES_HEADER
 from servogen.traces.formats import EdgeWriter
 from servogen.traces.lines import first_lines
-from servogen.traces.rates import rate_in, step_clock
 from servogen.traces.saleae import read_saleae
 from servogen.traces.sigrok import read_session
-from servogen.traces.vcd_reader import read_header, read_vcd
-from servogen.traces.vcd_writer import MADE, PARTIAL, STITCHED, VcdWriter
+from servogen.traces.vcd import MADE, PARTIAL, STITCHED, VcdWriter, read_header, read_vcd
 
 SUFFIXES = (".vcd", ".sr", ".csv")
 

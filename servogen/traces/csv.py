@@ -21,9 +21,8 @@ import numpy as np
 from servogen.edges import PINS, Driven, EdgeChunk, EdgeTrace, edge_chunk, join
 from servogen.errors import InputError, Location
 from servogen.traces import rows
-from servogen.traces.endings import ended
 from servogen.traces.inputs import INPUT_PINS, NO_INPUTS, InputRows, Inputs, Rows, merged
-from servogen.traces.lines import last_line, line_blocks
+from servogen.traces.lines import ended, last_line, line_blocks
 from servogen.units import Clock, Cycles
 
 HEADER = "cycle,pin,level"

@@ -85,7 +85,7 @@ def read_edges(
         from servogen.traces.jsonl import read_jsonl
 
         return read_jsonl(path, clock, end)
-    from servogen.traces.vcd_reader import read_vcd
+    from servogen.traces.vcd import read_vcd
 
     return read_vcd(path, clock, end, wires)
 
@@ -101,7 +101,7 @@ def _writer(
         from servogen.traces.jsonl import JsonlWriter
 
         return JsonlWriter(file)
-    from servogen.traces.vcd_writer import VcdWriter
+    from servogen.traces.vcd import VcdWriter
 
     return VcdWriter(file, clock, servos, inputs=inputs)
 

@@ -17,8 +17,7 @@ import numpy as np
 from servogen.edges import PINS, Changes, EdgeChunk, EdgeTrace, edge_chunk
 from servogen.errors import InputError, Location, did_you_mean
 from servogen.traces import rows
-from servogen.traces.endings import ended
-from servogen.traces.lines import last_line, line_blocks
+from servogen.traces.lines import ended, last_line, line_blocks
 from servogen.units import Clock, Cycles
 
 KEYS = ("cycle", "pin", "level")

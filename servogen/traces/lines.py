@@ -1,15 +1,18 @@
-"""A text file in blocks: whole lines of a few megabytes, with the number of the first line.
+"""A text file in blocks: whole lines of a few megabytes, with the number of the first line; and where a
+trace ends.
 
 In: a path. Out: bytes with line ends \\n; the last line, read from the end of the file without the rest.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from servogen.edges import EdgeChunk, EdgeTrace
 from servogen.errors import InputError, Location
 from servogen.inputs import open_input, size_text
+from servogen.units import Clock, Cycles
 
 BLOCK_BYTES = 1 << 22
 TAIL_BYTES = 1 << 12
@@ -70,3 +73,12 @@ def _too_long(path: Path, line: int | None) -> InputError:
     return InputError(
         "file-too-large", f"{which} is longer than {size_text(MAX_LINE_BYTES)}", Location(str(path), line)
     )
+
+
+def ended(clock: Clock, chunks: Iterable[EdgeChunk], known: Cycles, end: int | None) -> EdgeTrace:
+    """Return the edges up to `end`, which may cut the trace or extend it; by default up to `known`, the end
+    given in the file.
+    """
+    if end is None:
+        return EdgeTrace(clock, chunks, known)
+    return EdgeTrace(clock, chunks, Cycles(max(known, end))).until(end)

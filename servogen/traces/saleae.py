@@ -18,9 +18,8 @@ import numpy as np
 
 from servogen.edges import HIGH, LOW, UNDRIVEN, Changes, EdgeChunk, EdgeTrace, edge_chunk
 from servogen.errors import InputError, Location
+from servogen.traces.channels import pins_of, step_clock
 from servogen.traces.lines import first_lines, last_line, line_blocks
-from servogen.traces.rates import step_clock
-from servogen.traces.wires import pins_of
 from servogen.units import Cycles
 
 NANOSECONDS = 10**9

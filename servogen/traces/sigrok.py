@@ -22,8 +22,7 @@ import numpy.typing as npt
 from servogen.edges import EdgeChunk, EdgeTrace, edge_chunk
 from servogen.errors import InputError, Location
 from servogen.inputs import open_input, size_text
-from servogen.traces.rates import rate_in, step_clock
-from servogen.traces.wires import pins_of
+from servogen.traces.channels import pins_of, rate_in, step_clock
 from servogen.units import Cycles
 
 MOST_BYTES = 8

@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 import serial
 
-from servogen.bench.analysers.sigrok import SigrokLook, command_of
-from servogen.bench.ports import compiler, library
+from servogen.bench.analysers.sigrok import SigrokLook, c_compiler, command_of, modem_lines_library
 from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.pic.image import Image
@@ -21,7 +20,7 @@ from tests.bench.conftest import LAB8, Run, Serve
 SCHEDULE = LAB8 / "schedule.json"
 
 sigrok = pytest.mark.skipif(
-    not (shutil.which("sigrok-cli") and compiler()),
+    not (shutil.which("sigrok-cli") and c_compiler()),
     reason="needs sigrok-cli and a C compiler: apt-get install sigrok-cli gcc",
 )
 
@@ -53,7 +52,7 @@ def test_sigrok_cli_sees_the_same_pulses(
 def test_sigrok_cli_itself_finds_the_analyser_with_the_modem_lines(serve: Serve, lab8: Image) -> None:
     port = serve(device(lab8)).paths["analyser"]
     command = ("sigrok-cli", "--driver", f"ols:conn={port}", "--scan")
-    with library() as lines:
+    with modem_lines_library() as lines:
         environment = {**os.environ, "LD_PRELOAD": str(lines)}
         done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
         assert "servogen virtual analyser" in done.stdout
@@ -69,7 +68,7 @@ def test_what_was_sent_before_does_not_disturb_sigrok(serve: Serve, lab8: Image)
         while not port.in_waiting:
             pass
     command = ("sigrok-cli", "--driver", f"ols:conn={terminals.paths['analyser']}", "--scan")
-    with library() as lines:
+    with modem_lines_library() as lines:
         environment = {**os.environ, "LD_PRELOAD": str(lines)}
         done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
     assert "servogen virtual analyser" in done.stdout

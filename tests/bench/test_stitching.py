@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from servogen.bench.analysers.memory import Plan, Wanted, plan
-from servogen.bench.analysers.stitching import stitch
+from servogen.bench.analysers.recording import stitch
 from servogen.bench.analysers.sump import Runs
 from servogen.bench.analysers.sump_client import Seen
 from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser

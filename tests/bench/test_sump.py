@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from servogen.bench.analysers import sump
+from servogen.bench.analysers.sump import channel_of, wires
 from servogen.bench.analysers.sump_client import metadata
-from servogen.bench.analysers.wires import channel_of, wires
 from servogen.errors import InputError
 
 LENGTHS = st.one_of(st.integers(1, 300), st.integers(32_760, 70_000))

@@ -14,7 +14,7 @@ from servogen.traces import read_edges
 from servogen.traces import sigrok as sr
 from servogen.traces.captures import is_capture, read_capture
 from servogen.traces.lines import MAX_LINE_BYTES
-from servogen.traces.vcd_reader import MAX_HEADER_BYTES
+from servogen.traces.vcd import MAX_HEADER_BYTES
 from servogen.units import Clock
 
 METADATA = "[device 1]\nsamplerate=1 MHz\nprobe1=RB0\nunitsize=1\n"

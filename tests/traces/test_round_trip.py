@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, EdgeTrace, edge_chunk, join
 from servogen.errors import InputError
 from servogen.traces import SUFFIXES, edge_writer, read_edges, recorded, write_edges
-from servogen.traces.vcd_writer import vcd_times
+from servogen.traces.vcd import vcd_times
 from servogen.units import Clock, Cycles
 
 Row = tuple[int, int, int]

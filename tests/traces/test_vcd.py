@@ -12,7 +12,7 @@ from vcd.reader import TokenKind, tokenize
 from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, EdgeTrace, edge_chunk, join
 from servogen.errors import InputError
 from servogen.traces import read_edges, write_edges
-from servogen.traces.vcd_writer import VcdWriter, wire_name
+from servogen.traces.vcd import VcdWriter, wire_name
 from servogen.units import Clock, Cycles
 
 MHZ4 = Clock(4_000_000)

@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from servogen.bench.ports import held
-from servogen.bench.programmers.readback import Contents, difference
-from servogen.bench.programmers.table import Found, Order, Programmer
+from servogen.bench.programmers.table import Contents, Found, Order, Programmer, difference
 from servogen.errors import Diagnostic, InputError, Location, ServogenError, ToolError
 from servogen.pic.device import CONFIG_WATCHDOG_ON, Device
 from servogen.pic.image import Image

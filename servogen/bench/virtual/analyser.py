@@ -2,6 +2,10 @@
 
 In: bytes of the client. Out: bytes of the device. It samples as the real ones do: at its rate, into its
 memory, from the trigger on, and sends the newest word first. Faults are options.
+
+    edge at time e                 sample n is taken at time n / rate: it sees what was written before
+    ──────┐                        or at that time, so that the edge is seen from ceil(e · rate) on
+     ·  · └·──·──·
 """
 
 from __future__ import annotations
@@ -9,11 +13,163 @@ from __future__ import annotations
 import random
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from fractions import Fraction
+
+import numpy as np
 
 from servogen.bench.analysers import sump
-from servogen.bench.analysers.sump import Command, Key
-from servogen.bench.virtual.capture import Capture, armed
+from servogen.bench.analysers.sump import CHANNEL_PINS, Command, Flag, Key, Runs
 from servogen.bench.virtual.chip import VirtualChip
+
+SLICE_S = Fraction(1, 4)
+MOST_SAMPLES = 1 << 20
+"""The chip runs so long, but no more samples, between two looks at the line."""
+
+
+def armed(settings: Mapping[int, int]) -> Capture:
+    """Return the capture requested by the settings, with the protocol's defaults for missing ones."""
+    counts = settings.get(Command.COUNTS, 0)
+    flags = Flag(settings.get(Command.FLAGS, 0))
+    stages = []
+    for number in range(sump.STAGES):
+        first = sump.STAGES * number
+        configuration = settings.get(Command.TRIGGER_CONFIG + first, 0)
+        stages.append(
+            (
+                settings.get(Command.TRIGGER_MASK + first, 0),
+                settings.get(Command.TRIGGER_VALUE + first, 0),
+            )
+        )
+        if configuration & sump.TRIGGER_START:
+            break
+    return Capture(
+        Fraction(sump.BASE_HZ, settings.get(Command.DIVIDER, 0) + 1),
+        4 * ((counts & 0xFFFF) + 1),
+        4 * ((counts >> 16) + 1),
+        flags,
+        tuple(stages),
+    )
+
+
+@dataclass(slots=True)
+class Capture:
+    """`finished` is what is sent, once the memory is full. Counts are words, with RLE too."""
+
+    rate: Fraction
+    read: int
+    delay: int
+    """Of the `read` words, so many from the trigger on; the others are those before it."""
+    flags: Flag
+    stages: tuple[tuple[int, int], ...]
+    """(mask, value) of each, in order; the first sample that matches the last one is the trigger."""
+    finished: bytes | None = None
+    cycles: int = 0
+    """For which it has watched."""
+    _begin: int | None = None
+    """The cycle at which sampling began."""
+    _runs: Runs = field(
+        default_factory=lambda: Runs(np.zeros(0, dtype=np.uint32), np.zeros(0, dtype=np.int64), 0)
+    )
+    _stage: int = 0
+    _before: sump.Words | None = None
+    """Once triggered: the words before the trigger; `_runs` begin at the trigger then."""
+
+    def watch(self, chip: VirtualChip, glitches_per_s: float, dice: random.Random) -> None:
+        """Run the chip for a slice of time and sample it."""
+        seconds = min(SLICE_S, MOST_SAMPLES / self.rate)
+        cycles = chip.due(int(seconds * chip.cycles_per_second) + 1)
+        if not cycles:
+            return
+        self.cycles += cycles
+        begin = chip.now if self._begin is None else self._begin
+        self._begin = begin
+        cycle, levels = chip.look(cycles)
+        ratio = (self.rate / chip.cycles_per_second).limit_denominator(10**8)
+        first = -((begin - cycle) * ratio.numerator // ratio.denominator)
+        end = -((begin - chip.now) * ratio.numerator // ratio.denominator)
+        new = Runs(_channels(levels), np.maximum(first, self._runs.end), end)
+        self._add(_noisy(new, self._runs.end, glitches_per_s / float(self.rate), dice))
+        if self._before is None:
+            self._look_for_trigger()
+        if self._before is not None:
+            words = np.concatenate((self._before, self._words(self._runs)[: self.delay]))
+            if len(words) >= len(self._before) + self.delay:
+                self.finished = sump.to_bytes(words, self._bits)
+
+    @property
+    def _groups(self) -> tuple[int, ...]:
+        return tuple(number for number, off in enumerate(sump.GROUP_FLAGS) if not self.flags & off)
+
+    @property
+    def _bits(self) -> int:
+        return 8 * len(self._groups)
+
+    def _add(self, new: Runs) -> None:
+        """Append samples; levels between two samples are never seen."""
+        seen = np.append(new.start[1:] > new.start[:-1], new.start[-1] < new.end)
+        value = np.concatenate((self._runs.value, new.value[seen]))
+        self._runs = sump.merged(value, np.concatenate((self._runs.start, new.start[seen])), new.end)
+
+    def _look_for_trigger(self) -> None:
+        runs, at = self._runs, 0
+        while self._stage < len(self.stages):
+            mask, wanted = self.stages[self._stage]
+            matches = np.flatnonzero((runs.value[at:] & mask) == (wanted & mask))
+            if not len(matches):
+                self._runs = _from(runs, max(0, len(runs.value) - self.read))
+                return
+            at += int(matches[0])
+            self._stage += 1
+        before = Runs(runs.value[:at], runs.start[:at], int(runs.start[at]))
+        kept = self.read - min(self.read, self.delay)
+        words = self._words(before) if at else before.value
+        self._before = words[len(words) - min(kept, len(words)) :]
+        self._runs = _from(runs, at)
+
+    def _words(self, runs: Runs) -> sump.Words:
+        value = _grouped(runs.value, self._groups)
+        if self.flags & Flag.RLE:
+            masked = value & np.uint32(sump.longest_count(self._bits))
+            return sump.encode(sump.merged(masked, runs.start, runs.end), self._bits)
+        return np.repeat(value, np.diff(np.append(runs.start, runs.end)))
+
+
+def _from(runs: Runs, index: int) -> Runs:
+    return Runs(runs.value[index:], runs.start[index:], runs.end)
+
+
+def _channels(levels: sump.Words) -> sump.Words:
+    """Return the pins' levels as the analyser's channels have them."""
+    word = np.zeros(len(levels), dtype=np.uint32)
+    for channel, pin in enumerate(CHANNEL_PINS):
+        word |= (levels >> np.uint32(pin) & np.uint32(1)) << np.uint32(channel)
+    return word
+
+
+def _grouped(value: sump.Words, groups: tuple[int, ...]) -> sump.Words:
+    """Return the bytes of the groups that are on, without gaps between them."""
+    word = np.zeros(len(value), dtype=np.uint32)
+    for place, group in enumerate(groups):
+        word |= (value >> np.uint32(8 * group) & np.uint32(0xFF)) << np.uint32(8 * place)
+    return word
+
+
+def _noisy(runs: Runs, begin: int, per_sample: float, dice: random.Random) -> Runs:
+    """Return the same samples with random single errors."""
+    if not per_sample:
+        return runs
+    expected = per_sample * (runs.end - begin)
+    number = int(expected) + (dice.random() < expected % 1)
+    value, start = runs.value, runs.start
+    for at in dice.sample(range(begin, runs.end - 1), number):
+        index = int(np.searchsorted(start, at, side="right")) - 1
+        flipped = value[index] ^ np.uint32(1 << dice.randrange(len(CHANNEL_PINS)))
+        torn = index + 1 == len(start) or start[index + 1] > at + 1
+        new = [flipped, value[index]] if torn else [flipped]
+        value = np.insert(value, index + 1, new).astype(np.uint32)
+        start = np.insert(start, index + 1, [at, at + 1] if torn else [at])
+    return Runs(value, start, runs.end)
+
 
 LONGEST_S = 1800
 """A capture that takes longer, of the chip's time, is given up."""

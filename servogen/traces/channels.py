@@ -1,16 +1,19 @@
-"""Maps the wires, channels or columns of a file to pins: by name, or as the caller specifies.
+"""What the files of analysers have in common: which wire is which pin, and how long a time step is.
 
-A wire belongs to the first pin whose name it contains: `RB0`, `RB0_arm`, `PORTB[0]`.
+A wire, channel or column belongs to the first pin whose name it contains (`RB0`, `RB0_arm`, `PORTB[0]`), or
+to the one that the caller names.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from fractions import Fraction
 from typing import TypeVar
 
 from servogen.edges import PINS
 from servogen.errors import InputError, Location, did_you_mean
+from servogen.units import OSCILLATOR_PERIODS_PER_CYCLE, Clock
 
 Key = TypeVar("Key")
 
@@ -64,3 +67,23 @@ def _pin_in(name: str) -> int | None:
     """
     pins = (f"R{port.upper()}{bit}" for port, bit in _PIN.findall(name))
     return next((PINS.index(pin) for pin in pins if pin in PINS), None)
+
+
+_RATE = re.compile(r"(\d{1,18}(?:\.\d{1,18})?)\s*([kMG]?)Hz")
+_FACTOR = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9}
+
+
+def rate_in(text: str) -> Fraction | None:
+    """Return the sampling rate in hertz given in `text`: `200 kHz`, `1.5 MHz`."""
+    found = _RATE.search(text)
+    return Fraction(found.group(1)) * _FACTOR[found.group(2)] if found else None
+
+
+def step_clock(steps_per_second: Fraction, place: Location) -> Clock:
+    """Return the clock whose instruction cycle is one time step."""
+    hz = steps_per_second * OSCILLATOR_PERIODS_PER_CYCLE
+    if hz <= 0 or hz.denominator != 1:
+        raise InputError(
+            "bad-rate", f"{float(steps_per_second):g} time steps per second are not a whole number", place
+        )
+    return Clock(int(hz))
