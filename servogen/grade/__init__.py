@@ -1,9 +1,8 @@
 """A lab's task as data, the programs to hold against it, and the check of what a program's pins do."""
 
-from servogen.grade.chip import ChipFacts
+from servogen.grade.checks import ChipFacts
 from servogen.grade.display import message, page_names, shown_name, visible
-from servogen.grade.grade import Grade, Row, refused
-from servogen.grade.judge import judge
+from servogen.grade.judge import Grade, Row, judge, refused
 from servogen.grade.lab import Lab, load_lab, names
 from servogen.grade.page import page
 from servogen.grade.submissions import Found, Submission, find_submissions

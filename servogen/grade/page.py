@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator
 
 from servogen.grade.display import markdown, shown_name
-from servogen.grade.grade import Grade, Row
+from servogen.grade.judge import Grade, Row
 from servogen.grade.lab import Lab
 
 

@@ -19,12 +19,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from servogen.errors import Diagnostic, InputError, Location
+from servogen.errors import InputError, Location
 
 if TYPE_CHECKING:
     from servogen.pic.image import Image
     from servogen.pulse import PulseSchedule
-    from servogen.testing.targets import Seen, Target
+    from servogen.testing.targets import Bench, Seen, Target
     from servogen.verify import Tolerances
 
 MARK, BENCH_MARK = "servogen", "servogen_bench"
@@ -33,7 +33,6 @@ MARKERS = (
     "its schedule, and how long it is looked at",
     f"{BENCH_MARK}: the test needs a chip on the bench",
 )
-NO_PROGRAMMER = "the program under test is not on the chip: no programmer is named"
 CAPTURES = "servogen-captures"
 """The folder, below pytest's root, where what a failed test saw is written."""
 
@@ -183,6 +182,8 @@ def servogen_target(request: pytest.FixtureRequest) -> Target:
 
 def _bench(request: pytest.FixtureRequest) -> Bench:
     """The bench of this run: one for all tests, so that a chip is not programmed twice with one program."""
+    from servogen.testing.targets import Bench
+
     known = request.config.stash.get(BENCH, None)
     if known is None:
         option = request.config.getoption
@@ -202,7 +203,7 @@ def servogen_capture(
     request: pytest.FixtureRequest, servogen_target: Target, servogen_schedule: PulseSchedule
 ) -> Capture:
     """What the pins do while the program runs, after it was loaded and the chip reset."""
-    from servogen.testing.targets import Replay
+    from servogen.testing.targets import Bench, Replay
 
     there = isinstance(servogen_target, Bench) and servogen_target.programmer is None
     if there:
@@ -256,59 +257,3 @@ def _write(node: pytest.Item, capture: Capture, folder: Path) -> Path:
 
     folder.mkdir(parents=True, exist_ok=True)
     return record(capture.seen, folder / f"{_name(node)}.vcd")
-
-
-@dataclass
-class Bench:
-    """A chip on the bench: a programmer that loads it, where there is one, and an analyser that looks at it.
-
-    Without a programmer the chip holds what it holds, and no program is said to have been tested.
-    """
-
-    port: str
-    programmer: str | None
-    programmer_port: str | None
-    device: str | None
-    """None: what the program under test was built for."""
-    folder: Path
-    on_chip: Image | None = None
-    """What was programmed by this run."""
-    built_for: str | None = None
-    """The device of the test's schedule."""
-    name = "bench"
-
-    def load(self, image: Image) -> None:
-        """Programs the chip unless it holds the image already. Raises as `servogen flash` does."""
-        from servogen.bench.programmers.flash import flash, objections
-        from servogen.bench.programmers.table import Order, find
-        from servogen.outputs import write_text
-        from servogen.pic.device import device
-        from servogen.pic.image import to_hex
-
-        if self.programmer is None:
-            raise InputError(
-                "missing-option", NO_PROGRAMMER, hint="--servogen-programmer=picpro, with its port"
-            )
-        if image == self.on_chip:
-            return
-        against_it = objections(image)
-        chip = self.device or self.built_for
-        if chip is None:
-            text = "nothing says which chip it is for"
-            against_it += (Diagnostic("error", "missing-option", text, hint="--servogen-device=PIC16F84"),)
-        if against_it or chip is None:
-            raise InputError.of(against_it)
-        self.on_chip = None
-        path = self.folder / "image.hex"
-        write_text(path, to_hex(image))
-        flash(find(self.programmer), Order(path, device(chip), self.programmer_port), image)
-        self.on_chip = image
-
-    def capture(self, schedule: PulseSchedule, seconds: float | None) -> Seen:
-        """Looks at the pins, by default for the whole loop, and returns what was seen. Raises ToolError."""
-        from servogen.build.capture import capture
-        from servogen.testing.targets import captured
-
-        path = capture(self.folder / "capture.vcd", self.port, schedule, seconds).path
-        which = "which this run programmed" if self.on_chip else "which this run did not program"
-        return captured(path, f"the bench's chip, {which}, by the analyser on {self.port}")

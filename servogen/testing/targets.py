@@ -12,6 +12,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
+from servogen.bench.programmers.flash import flash, objections
+from servogen.bench.programmers.table import Order, find
+from servogen.build.capture import capture
 from servogen.build.proof import (
     START_FRAMES,
     checked_cycles,
@@ -25,7 +28,9 @@ from servogen.build.proof_of_capture import prove_capture
 from servogen.edges import PINS, EdgeTrace
 from servogen.engines.board import machine_of
 from servogen.errors import Diagnostic, InputError, Location
-from servogen.pic.image import Image
+from servogen.outputs import write_text
+from servogen.pic.device import device
+from servogen.pic.image import Image, to_hex
 from servogen.plan_error import NO_PLAN, PlanError
 from servogen.pulse import PulseSchedule
 from servogen.simulator import CHIP_DEPENDENT
@@ -130,6 +135,52 @@ class Replay:
         if not is_capture(path):
             return Seen(read_edges(path, schedule.clock).stored(), source, file=path)
         return captured(path, source)
+
+
+@dataclass
+class Bench:
+    """A chip on the bench: a programmer that loads it, where there is one, and an analyser that looks at it.
+
+    Without a programmer the chip holds what it holds, and no program is said to have been tested.
+    """
+
+    port: str
+    programmer: str | None
+    programmer_port: str | None
+    device: str | None
+    """None: what the program under test was built for."""
+    folder: Path
+    on_chip: Image | None = None
+    """What was programmed by this run."""
+    built_for: str | None = None
+    """The device of the test's schedule."""
+    name = "bench"
+
+    def load(self, image: Image) -> None:
+        """Programs the chip unless it holds the image already. Raises as `servogen flash` does."""
+        if self.programmer is None:
+            text = "the program under test is not on the chip: no programmer is named"
+            raise InputError("missing-option", text, hint="--servogen-programmer=picpro, with its port")
+        if image == self.on_chip:
+            return
+        against_it = objections(image)
+        chip = self.device or self.built_for
+        if chip is None:
+            text = "nothing says which chip it is for"
+            against_it += (Diagnostic("error", "missing-option", text, hint="--servogen-device=PIC16F84"),)
+        if against_it or chip is None:
+            raise InputError.of(against_it)
+        self.on_chip = None
+        path = self.folder / "image.hex"
+        write_text(path, to_hex(image))
+        flash(find(self.programmer), Order(path, device(chip), self.programmer_port), image)
+        self.on_chip = image
+
+    def capture(self, schedule: PulseSchedule, seconds: float | None) -> Seen:
+        """Looks at the pins, by default for the whole loop, and returns what was seen. Raises ToolError."""
+        path = capture(self.folder / "capture.vcd", self.port, schedule, seconds).path
+        which = "which this run programmed" if self.on_chip else "which this run did not program"
+        return captured(path, f"the bench's chip, {which}, by the analyser on {self.port}")
 
 
 def captured(path: Path, source: str) -> Seen:

@@ -1,0 +1,339 @@
+"""The checks of a lab's task: what the chip itself says, the order of positions, pauses, travel and periods.
+
+In: a lab, the pulses that were watched and the visits found in them. Out: reasons, as sentences for students.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from servogen.edges import PINS
+from servogen.grade.lab import Lab, Position, Way
+from servogen.grade.watch import PinPulses, Told, Visit, Watched
+from servogen.pulse.lint import PERIOD_US
+from servogen.robot.servo import Servo
+from servogen.robot.servo_models import names as model_names
+from servogen.robot.servo_models import servo_model
+from servogen.units import counted
+
+TURN_OFF = "turn it off (C2C: #pragma _CONFIG, XC8: #pragma config WDTE = OFF, assembly: __CONFIG _WDT_OFF)"
+
+
+@dataclass(frozen=True, slots=True)
+class ChipFacts:
+    """The machine at the end of the watch."""
+
+    inputs: frozenset[int] = frozenset()
+    """Pins that are inputs at the end."""
+    watchdog_resets: int = 0
+    configured: bool = True
+    """Whether the program says its configuration word."""
+    sleeping: bool = False
+    lost: bool = False
+    """Whether it ran into memory that holds no program."""
+    stack_wraps: int = 0
+    written_for_hz: int | None = None
+    """The crystal that the source names."""
+    repeats: bool = False
+    """Whether the machine's whole state was seen to repeat."""
+
+
+def cause(lab: Lab, watched: Watched, chip: ChipFacts) -> str | None:
+    """The one cause beside which all else that is wrong is a consequence."""
+    seconds = float(watched.clock.seconds(watched.end))
+    if chip.watchdog_resets:
+        why = "" if chip.configured else "the program has no configuration word, so the watchdog is on; "
+        times = f"{chip.watchdog_resets} times" if chip.watchdog_resets > 1 else "once"
+        return (
+            f"the watchdog resets the chip {times} in {seconds:.3g} s: {why}{TURN_OFF}, or clear it in time"
+        )
+    if watched.too_fast:
+        pin = max(watched.pins, key=lambda pin: len(watched.pins[pin].rise))
+        edges = 2 * len(watched.pins[pin].rise)
+        return f"{PINS[pin]} changes {edges} times in {seconds:.3g} s: these are not pulses for a servo"
+    return None
+
+
+def silent_reasons(lab: Lab, watched: Watched, chip: ChipFacts) -> Iterator[str]:
+    """Why servos that the task needs get no pulses."""
+    for each in lab.servos:
+        numbers = [PINS.index(pin) for pin in each.pins]
+        if any(number in watched.pins for number in numbers):
+            continue
+        yield _silent_reason(lab, watched, chip, each.servo.name, numbers)
+
+
+def _silent_reason(lab: Lab, watched: Watched, chip: ChipFacts, servo: str, pins: list[int]) -> str:
+    own, what = PINS[pins[0]], f"there are no pulses for the servo '{servo}' on {PINS[pins[0]]}"
+    stuck = next((pin for pin in pins if pin in watched.high_since), None)
+    if stuck is not None:
+        since = float(watched.clock.us(watched.high_since[stuck])) / 1000
+        return f"{PINS[stuck]} goes high {since:.4g} ms after the start and stays high: a pulse must end"
+    lab_pins = {PINS.index(each.pins[0]) for each in lab.servos}
+    elsewhere = [PINS[pin] for pin in sorted(watched.pins) if pin not in lab_pins]
+    if elsewhere:
+        drain = ", which is an open drain and needs a pull-up resistor" if elsewhere == ["RA4"] else ""
+        return f"{what}: the pulses are on {' and '.join(elsewhere)}{drain}"
+    if pins[0] in chip.inputs:
+        register = f"TRIS{own[1]}"
+        return f"{what}: the pin is still an input; its bit in {register} (bank 1) must be 0"
+    if chip.sleeping:
+        return f"{what}: the chip sleeps"
+    if chip.lost:
+        return f"{what}: the program runs on past its end; it needs an endless loop"
+    if chip.stack_wraps:
+        return f"{what}: calls are nested deeper than the chip's 8 levels"
+    hangs = "" if watched.pins else "; the program hangs before that"
+    return f"{what}: the pin is an output, but never goes high and low again{hangs}"
+
+
+def clock_words(lab: Lab, chip: ChipFacts) -> str | None:
+    """What is wrong when the source is written for another crystal."""
+    if chip.written_for_hz in (None, lab.clock.hz):
+        return None
+    asked, board = (f"{(hz or 0) / 1e6:g} MHz" for hz in (chip.written_for_hz, lab.clock.hz))
+    return f"the program is written for a crystal of {asked}, the board has {board}: all its times are wrong"
+
+
+ARROW = " → "
+SHOWN_ROUNDS = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """Which position each visit should be; `right` are the numbers of the visits that are it."""
+
+    asked: tuple[int, ...]
+    right: tuple[int, ...]
+
+
+def order(found: Sequence[Visit], way: Way) -> Order:
+    """A round may begin at any of its positions: the beginning that makes most visits right is taken."""
+    size = len(way.positions)
+    tries = []
+    for first in range(size):
+        asked = tuple((first + index) % size for index in range(len(found)))
+        right = tuple(index for index, visit in enumerate(found) if asked[index] in visit.places)
+        tries.append(Order(asked, right))
+    return max(tries, key=lambda each: len(each.right))
+
+
+def order_reasons(found: Sequence[Visit], found_order: Order, lab: Lab, way: Way) -> Iterator[str]:
+    """What is not the task's order, or not its positions."""
+    right = set(found_order.right)
+    wrong = [index for index in range(len(found)) if index not in right]
+    strange = [index for index in wrong if not found[index].places]
+    if len(strange) == len(wrong) and len(wrong) < len(found):
+        asked: dict[int, int] = {}
+        for index in strange:
+            asked.setdefault(found_order.asked[index], index)
+        for position, index in sorted(asked.items()):
+            name = way.positions[position].name
+            yield f"where {name} is asked for, {_strange(found[index], lab, way, position)}"
+    elif wrong:
+        positions = [position.name for position in way.positions]
+        yield f"the order is {sequence(found, way)}; asked for is {ARROW.join(positions)}, again and again"
+        seen: set[tuple[float, ...]] = set()
+        for index in strange:
+            if found[index].told[0].widths_us not in seen and len(seen) < len(way.positions):
+                yield f"no position of the task: {_strange(found[index], lab, way, None)}"
+            seen.add(found[index].told[0].widths_us)
+
+
+def sequence(found: Sequence[Visit], way: Way) -> str:
+    """The first visits, by name."""
+    most = SHOWN_ROUNDS * len(way.positions)
+    words = [_name(visit, way) for visit in found[:most]]
+    return ARROW.join([*words, *(["…"] if len(found) > most else [])])
+
+
+def _name(visit: Visit, way: Way) -> str:
+    if visit.places:
+        return way.positions[min(visit.places)].name
+    return " and ".join(f"{width:g} µs" for width in visit.told[0].widths_us)
+
+
+def _strange(visit: Visit, lab: Lab, way: Way, position: int | None) -> str:
+    """What the servos are told there; only those whose angle is wrong, where it is known what is asked."""
+    told = visit.told[0]
+    positions = way.positions if position is None else (way.positions[position],)
+    words = []
+    for number, each in enumerate(lab.servos):
+        ranges = [each.ranges[number] for each in positions]
+        if not any(low <= told.angles[number] <= high for low, high in ranges):
+            words.append(_told_words(each.servo, told, number, ranges))
+    together = [_told_words(each.servo, told, number, ()) for number, each in enumerate(lab.servos)]
+    return ", and ".join(words or together)
+
+
+def _told_words(servo: Servo, told: Told, number: int, asked: Sequence[tuple[float, float]]) -> str:
+    width, angle = told.widths_us[number], told.angles[number]
+    low, high = servo.widths_us
+    text = f"'{servo.name}' gets pulses of {width:g} µs, which is {math.degrees(angle):.1f}°"
+    if not servo.allows(angle):
+        takes = f"the {servo.model.title} takes {low:g} to {high:g} µs"
+        return f"'{servo.name}' gets pulses of {width:g} µs; {takes}"
+    for name in model_names():
+        model = servo_model(name)
+        if model.name == servo.model.name or model.continuous:
+            continue
+        if any(least <= model.calibration.angle(width) <= most for least, most in asked):
+            return f"{text} on the {servo.model.title} (the width is that of the {model.title})"
+    return text
+
+
+class Stay(NamedTuple):
+    """One visit that is at the position that it should be. Seconds."""
+
+    position: int
+    visit: Visit
+    stays_s: float
+    silent_s: float
+    whole: bool
+    """Not cut off by the end of the watch."""
+
+
+def stays(
+    watched: Watched,
+    pins: Sequence[PinPulses],
+    found: Sequence[Visit],
+    asked: Sequence[int],
+    right: Sequence[int],
+) -> list[Stay]:
+    """The right ones of the visits `found`."""
+    second = float(watched.clock.cycles_per_second)
+    made = []
+    for index in right:
+        visit = found[index]
+        silent = min(pin.silence(visit.begin, visit.end) for pin in pins)
+        made.append(Stay(asked[index], visit, visit.cycles / second, silent / second, index < len(found) - 1))
+    return made
+
+
+def pause_reasons(lab: Lab, way: Way, found: Sequence[Stay]) -> Iterator[str]:
+    """Of each position with a wrong pause, the visit whose pause is most wrong."""
+    for number, position in enumerate(way.positions):
+        own = [stay for stay in found if stay.position == number and stay.whole]
+        if position.pause_s is None or not own:
+            continue
+        worst = max(own, key=lambda stay: _pause_error(stay, position))
+        if _pause_error(worst, position) > lab.pause_tolerance * position.pause_s:
+            yield _pause_words(worst, position)
+
+
+def _pause_error(stay: Stay, position: Position) -> float:
+    asked = position.pause_s or 0.0
+    return min(abs(stay.stays_s - asked), abs(stay.silent_s - asked))
+
+
+def _pause_words(stay: Stay, position: Position) -> str:
+    asked = f"asked for is a pause of {position.pause_s:g} s"
+    if stay.silent_s:
+        return f"after {position.name} there are no pulses for {stay.silent_s:.2f} s; {asked}"
+    return f"it stays at {position.name}, with pulses, for {stay.stays_s:.2f} s; {asked}"
+
+
+def travel_reasons(
+    lab: Lab,
+    watched: Watched,
+    pins: Sequence[PinPulses],
+    everything: Sequence[Visit],
+    found: Sequence[Stay],
+    way: Way,
+) -> Iterator[str]:
+    """Positions that a servo cannot have reached: without pulses it does not move on."""
+    before = {after.begin: visit.told[-1].angles for visit, after in pairwise(everything)}
+    told: set[tuple[int, int]] = set()
+    second = float(watched.clock.cycles_per_second)
+    for stay in found:
+        for number, (each, pin) in enumerate(zip(lab.servos, pins, strict=True)):
+            speed = each.servo.model.speed
+            start = before.get(stay.visit.begin)
+            if speed is None or start is None or not stay.whole or not each.servo.allows(start[number]):
+                continue
+            turn = abs(stay.visit.told[-1].angles[number] - start[number])
+            needed = turn / speed
+            given = stay.stays_s - pin.silence(stay.visit.begin, stay.visit.end) / second
+            if given + 2 * pin.period / second < needed and (stay.position, number) not in told:
+                told.add((stay.position, number))
+                yield (
+                    f"the pulses for {way.positions[stay.position].name} last {given:.2f} s: "
+                    f"a {each.servo.model.title} needs {needed:.2f} s to get there"
+                )
+
+
+def period_reasons(
+    lab: Lab,
+    watched: Watched,
+    names: Sequence[str],
+    pins: Sequence[PinPulses],
+    way: Way,
+    found: Sequence[Stay],
+) -> Iterator[str]:
+    """For each pin the period that is farthest outside, and the one that changes most within a position."""
+    ms = float(watched.clock.cycle_us) / 1000
+    low, high = lab.period_ms
+    for name, pin in zip(names, pins, strict=True):
+        outside, changing = (0.0, ""), (0.0, "")
+        for stay in found:
+            periods = pin.periods(stay.visit.begin, stay.visit.end) * ms
+            if not len(periods):
+                continue
+            least, most = float(periods.min()), float(periods.max())
+            where = way.positions[stay.position].name
+            beyond = max(low - least, most - high)
+            if beyond > outside[0]:
+                value = most if most - high >= low - least else least
+                outside = (beyond, f"the period on {name} at {where} is {value:.2f} ms")
+            if most - least > changing[0]:
+                drift = (
+                    "drifts"
+                    if bool(np.all(np.diff(periods) >= 0) or np.all(np.diff(periods) <= 0))
+                    else "varies"
+                )
+                changing = (
+                    most - least,
+                    f"the period on {name} {drift} at {where}: {least:.3f} to {most:.3f} ms",
+                )
+        if outside[0] > 0:
+            yield f"{outside[1]}; right is {low:g} to {high:g} ms"
+        if changing[0] * 1000 > lab.spread_us:
+            yield f"{changing[1]}; it may change by {lab.spread_us:g} µs"
+
+
+def period_remark(watched: Watched, pins: Sequence[PinPulses]) -> str | None:
+    """A period that the lab allows, but that is not the recommended one."""
+    periods = [float(watched.clock.us(pin.period)) for pin in pins if pin.period]
+    least, most = (value / 1000 for value in PERIOD_US)
+    for period in periods:
+        if not least - 0.5 <= period / 1000 <= most + 0.5:
+            return f"the period is {period / 1000:.2f} ms; {least:g} to {most:g} ms are recommended"
+    return None
+
+
+def end_reason(
+    lab: Lab, watched: Watched, pins: Sequence[PinPulses], found: Sequence[Visit], way: Way
+) -> str | None:
+    """Why there are fewer whole rounds than asked for."""
+    rounds = max(0, len(found) - 1) // len(way.positions)
+    if rounds >= lab.rounds:
+        return None
+    seconds = float(watched.clock.seconds(watched.end))
+    whole = "no whole round" if not rounds else f"only {counted(rounds, 'whole round')}"
+    text = f"{whole} in {seconds:g} s, at least {lab.rounds} should be"
+    last = max(int(pin.fall[-1]) for pin in pins)
+    quiet = float(watched.clock.seconds(watched.end - last))
+    longest = max(position.pause_s or 1.0 for position in way.positions)
+    if quiet > 2 * longest:
+        end = float(watched.clock.seconds(last))
+        return f"{text}: the pulses end after {end:.1f} s; it must go on without end"
+    if found and float(watched.clock.seconds(found[-1].cycles)) > 2 * longest:
+        begin = float(watched.clock.seconds(found[-1].begin))
+        return f"{text}: from {begin:.1f} s on it stays where it is; it must go on without end"
+    return text
