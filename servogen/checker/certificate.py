@@ -37,7 +37,7 @@ RANGES = {"pc": 1023, "pclath": 31, "option": 255, "tris": 0x1FFF, "latch": 0x1F
 """The other columns, and their largest values; the least is 0, but for `LEAST`."""
 NO_IRQ = -1000
 LEAST = {"irq": NO_IRQ, "spec.start_sample": -1, "spec.stop_sample": -1}
-KEYS = {"format": int, "image": str, "schedule": str, "clock_hz": int, "quantified": list, "held": dict,
+KEYS = {"format": int, "image": str, "schedule": str, "clock_hz": int, "held": dict,
         "assumptions": list, "cuts": list, "count": int, "columns": dict}  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from servogen.simulator.options import Options
+from servogen.simulator.options import Options, start_value
 
 NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
 """Context settings of a command whose arguments may be negative numbers: -5 is not an option."""
@@ -89,11 +89,18 @@ CHIP_OPTIONS: Mapping[str, tuple[object, Any]] = {
             help="A wake-up waits 1024 oscillator periods, unless the oscillator is RC.",
         ),
     ),
-    "ram": (int, typer.Option("--ram", help="The byte that RAM holds at power-up, 0 to 255.")),
     "floating": (int, typer.Option("--floating", help="How a pin that nothing drives reads: 0 or 1.")),
     "start_seed": (
         int | None,
         typer.Option("--start-seed", help="Draw everything that is undefined at power-up from this seed."),
+    ),
+    "start": (
+        list[str],
+        typer.Option(
+            "--start",
+            metavar="NAME=VALUE",
+            help="A value at power-up, as w=0x12, 0x20=7 or ram=255; repeatable.",
+        ),
     ),
     "tmr0_phase": (
         int,
@@ -114,7 +121,8 @@ class ChipOptions:
 
     def on(self, device: str) -> Options:
         """Return the simulator's options for a device. Raises InputError."""
-        return Options(device=device, **self.values)
+        start = tuple(start_value(text) for text in self.values["start"])
+        return Options(device=device, **{**self.values, "start": start})
 
     @property
     def given(self) -> bool:
@@ -137,7 +145,8 @@ def takes_chip_options(command: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(command)
     def with_chip(**values: Any) -> None:
-        chip = ChipOptions({name: values.pop(name) for name in CHIP_OPTIONS})
+        given = {name: values.pop(name) for name in CHIP_OPTIONS}
+        chip = ChipOptions({**given, "start": tuple(given["start"] or ())})
         command(**values, chip=chip)
 
     with_chip.__signature__ = signature.replace(parameters=[*own[:where], *chips, *own[where:]])  # type: ignore[attr-defined]

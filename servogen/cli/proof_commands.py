@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,7 +19,7 @@ from servogen.programs import MAX_SCHEDULE_BYTES, clock_of, read_schedule
 
 if TYPE_CHECKING:
     from servogen.pic.analysis.facts import Answer
-    from servogen.prove import Counterexample, Proof
+    from servogen.prove import Counterexample, Proof, Quantifiers
     from servogen.pulse import PulseSchedule
 
 
@@ -67,6 +67,23 @@ def prove(
             "--no-tmr0-phase", help="With --against: TMR0 counts at once after OPTION_REG is written."
         ),
     ] = False,
+    power_up: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--start",
+            metavar="NAME=VALUE",
+            help="With --against: a value at power-up that is known, as ram=0 or w=0x12. Repeatable.",
+        ),
+    ] = None,
+    no_resets: Annotated[
+        bool, typer.Option("--no-resets", help="With --against: there is no reset after power-on.")
+    ] = False,
+    watchdog_us: Annotated[
+        int | None,
+        typer.Option(
+            "--watchdog-us", help="With --against: the watchdog's period, instead of any in its range."
+        ),
+    ] = None,
     max_states: Annotated[
         int | None, typer.Option("--max-states", min=1, help="With --against: give up after so many states.")
     ] = None,
@@ -98,14 +115,25 @@ def prove(
 
     Exit code 0: proven, or decided and nothing found; 1: something was found or is not decided.
     """
+    from servogen.prove.quantifiers import Quantifiers
+    from servogen.simulator.options import start_value
+
     if against is not None:
         if start or end or clock_hz is not None:
             raise InputError(
                 "conflicting-options", "--from, --to and --clock-hz are for a program without --against"
             )
-        request = Request(against, certificate, counterexample, not hold_inputs, not plain_tmr0, max_states)
+        over = Quantifiers(
+            inputs=not hold_inputs,
+            tmr0_phase=not plain_tmr0,
+            resets=not no_resets,
+            watchdog=watchdog_us is None,
+            start=tuple(start_value(text) for text in power_up or ()),
+        )
+        request = Request(against, certificate, counterexample, over, watchdog_us, max_states)
         raise typer.Exit(prove_schedule(file, device, request, json))
-    if certificate is not None or hold_inputs or plain_tmr0 or max_states is not None:
+    switched = hold_inputs or plain_tmr0 or power_up or no_resets or watchdog_us is not None
+    if certificate is not None or switched or max_states is not None:
         raise InputError("conflicting-options", "this option needs --against")
     from servogen.pic.analysis.facts import Facts, decided_and_fine
     from servogen.pic.device import DEVICES
@@ -148,18 +176,25 @@ class Request:
     against: Path
     certificate: Path | None
     counterexample: Path
-    inputs: bool
-    tmr0_phase: bool
+    over: Quantifiers
+    watchdog_us: int | None
+    """The watchdog's period, where it is not quantified over."""
     max_states: int | None
 
 
 def prove_schedule(file: Path, device: str | None, request: Request, json: bool) -> int:
     """Prove, show the answer, write what was asked for, and return the exit code. Raises InputError."""
     from servogen.inputs import read_input
-    from servogen.prove import Quantifiers, certificate, prove_for_all
+    from servogen.prove import certificate, prove_for_all
     from servogen.prove.prover import MAX_STATES
     from servogen.simulator import Options
 
+    if request.certificate is not None and not request.over.complete:
+        raise InputError(
+            "conflicting-options",
+            "a certificate is about every power-up, reset and chip: without --start, --no-resets, "
+            "--watchdog-us and --no-tmr0-phase",
+        )
     keep_apart([file, request.against], request.certificate, request.counterexample)
     schedule = read_schedule(request.against)
     if schedule.device is not None and device is not None and schedule.device != device:
@@ -169,6 +204,9 @@ def prove_schedule(file: Path, device: str | None, request: Request, json: bool)
             Location(str(request.against)),
         )
     chip = schedule.device or device or Options().device
+    board = Options(device=chip)
+    if request.watchdog_us is not None:
+        board = replace(board, watchdog_us=request.watchdog_us)
     program = read_program(file, chip)
     if program.clock and program.clock != schedule.clock:
         raise InputError(
@@ -180,8 +218,8 @@ def prove_schedule(file: Path, device: str | None, request: Request, json: bool)
         proof = prove_for_all(
             program.image,
             schedule,
-            Quantifiers(request.inputs, request.tmr0_phase),
-            Options(device=chip),
+            request.over,
+            board,
             lambda done, found: tell(f"{done} of {found} states"),
             request.max_states or MAX_STATES,
         )
@@ -202,13 +240,13 @@ def prove_schedule(file: Path, device: str | None, request: Request, json: bool)
 def _write_stimulus(found: Counterexample, schedule: PulseSchedule, path: Path) -> None:
     from servogen.outputs import write_text
 
-    if found.levels:
+    if found.stimulus(schedule):
         write_text(path, found.stimulus(schedule))
 
 
 def _command(found: Counterexample, file: Path, request: Request, schedule: PulseSchedule) -> str:
     """Return the command that shows a counterexample's edges."""
-    stimulus = ["--stimulus", str(request.counterexample)] if found.levels else []
+    stimulus = ["--stimulus", str(request.counterexample)] if found.stimulus(schedule) else []
     clock = [] if found.clock_hz else ["--clock-hz", str(schedule.clock.hz)]
     span = ["--cycles", str(found.cycle + EXTRA_FRAMES * schedule.period)]
     words = ["servogen", "simulate", str(file), *stimulus, *found.arguments(), *clock, *span]
@@ -225,13 +263,24 @@ def _lines(proof: Proof, file: Path, request: Request, schedule: PulseSchedule) 
     size = f"{proof.states} states, {proof.runs} runs of {proof.cycles} cycles together"
     if not proof.proven:
         return [f"not decided: {proof.reason}", f"  {size}"]
-    over = "every power-up and chip" if proof.held else "every power-up, input and chip"
+    over = _over(proof)
     return [
         f"proven for {over}: every edge of all pins is the schedule's",
         f"  {size}",
         "  assumed:",
         *(f"    {assumption}" for assumption in proof.assumptions),
     ]
+
+
+def _over(proof: Proof) -> str:
+    """Return what a proof is about; what is missing is among its assumptions."""
+    over = proof.quantifiers
+    parts = ["power-up"] if over.resets and not over.start else []
+    parts += [] if proof.held else ["input"]
+    parts += ["chip"] if over.watchdog and over.tmr0_phase else []
+    if not parts:
+        return "one power-up, the inputs and the chip that are assumed"
+    return "every " + " and ".join(part for part in (", ".join(parts[:-1]), parts[-1]) if part)
 
 
 def _proof_to_json(proof: Proof, file: Path, request: Request, schedule: PulseSchedule) -> dict[str, object]:
@@ -243,7 +292,7 @@ def _proof_to_json(proof: Proof, file: Path, request: Request, schedule: PulseSc
             "message": found.message,
             "cycle": found.cycle,
             "command": _command(found, file, request, schedule),
-            "stimulus": found.stimulus(schedule) if found.levels else None,
+            "stimulus": found.stimulus(schedule) or None,
         }
     return {
         "file": str(file),

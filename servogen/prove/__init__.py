@@ -5,6 +5,7 @@ In: an image and a schedule. Out: a `Proof`, of which `certificate` makes what a
 
 from servogen.prove.certificate import certificate
 from servogen.prove.counterexample import Counterexample
-from servogen.prove.prover import Proof, Quantifiers, prove_for_all
+from servogen.prove.prover import Proof, prove_for_all
+from servogen.prove.quantifiers import Quantifiers
 
 __all__ = ["Counterexample", "Proof", "Quantifiers", "certificate", "prove_for_all"]

@@ -34,25 +34,21 @@ def image_digest(image: Image) -> str:
 
 
 def certificate(proof: Proof, image: Image, schedule: PulseSchedule, schedule_text: bytes) -> bytes:
-    """Return the certificate of a proof. Raises ValueError for a proof that is none."""
-    if not proof.proven or proof.transitions is None:
-        raise ValueError("only a proof has a certificate")
-    nodes = proof.nodes[1:]
+    """Return the certificate of a proof. Raises ValueError for a proof that is none, or has gaps."""
+    if not proof.proven or proof.transitions is None or not proof.quantifiers.complete:
+        raise ValueError("only a proof over every power-up, reset and chip has a certificate")
+    nodes = [node for node in proof.nodes if node.parent >= 0]
     rows = {node.rest: _row(proof.transitions, node.rest) for node in nodes}
     columns = {name: [rows[node.rest][name] for node in nodes] for name in _NAMES}
     for place, address in enumerate(range(RAM_FIRST, RAM_LAST + 1)):
         columns[f"ram.{address:02x}"] = [node.ram[place] for node in nodes]
     for name in nodes[0].spec._fields if nodes else ():
         columns[f"spec.{name}"] = [getattr(node.spec, name) for node in nodes]
-    quantified = ["power-up", "reset", "watchdog"]
-    quantified += ["inputs"] if proof.quantifiers.inputs else []
-    quantified += ["tmr0-phase"] if proof.quantifiers.tmr0_phase else []
     content = {
         "format": FORMAT,
         "image": image_digest(image),
         "schedule": sha256(schedule_text).hexdigest(),
         "clock_hz": schedule.clock.hz,
-        "quantified": quantified,
         "held": {PINS[pin]: level for pin, level in sorted(proof.held.items())},
         "assumptions": list(proof.assumptions),
         "cuts": list(proof.cuts),

@@ -7,24 +7,37 @@ any chip.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from servogen.edges import PINS, join
 from servogen.pic.image import Image
 from servogen.prove.explore import Finding, Node
+from servogen.prove.quantifiers import Quantifiers, Trial, trials
 from servogen.prove.specification import BEFORE, START_FRAMES, Edge, Specification, Violation
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Levels, Machine, Options, Stimuli
+from servogen.simulator.abstract import Choice
+from servogen.simulator.options import START_VALUES
+from servogen.simulator.resets import FETCH
+from servogen.simulator.sources import Reset, Source
 from servogen.simulator.unknown import INTF, RBIF
 
-SEEDS = 64
-"""Start states that are tried."""
-SHORTEST_WATCHDOG_US = 7000
 RB0, RB7 = PINS.index("RB0"), PINS.index("RB7")
 
 Sample = tuple[int, int, int]
 """(cycle, pin, level): the program reads the pin in that cycle."""
+AllLevels = tuple[tuple[str, tuple[tuple[int, int], ...]], ...]
+"""By pin: (cycle, level)."""
+_START_OF = {
+    "W": "w",
+    "FSR": "fsr",
+    "STATUS": "flags",
+    "EEDATA": "eedata",
+    "EEADR": "eeadr",
+    "LATCH": "latches",
+}
+"""The start value that a choice of a field may be of; a byte of RAM has one name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,12 +46,13 @@ class Counterexample:
 
     message: str
     cycle: int
-    """Since reset."""
+    """Since power-on."""
     options: Options
-    levels: tuple[tuple[str, tuple[tuple[int, int], ...]], ...]
-    """By pin: (cycle, level)."""
+    levels: AllLevels
     clock_hz: int | None = None
     """The frequency of this chip's oscillator; None: the schedule's."""
+    reset: int | None = None
+    """The cycle in which MCLR is low; None: in none."""
 
     def stimulus(self, schedule: PulseSchedule) -> str:
         """Return the stimulus file for `servogen simulate`."""
@@ -47,16 +61,21 @@ class Counterexample:
             times = ", ".join(_microseconds(schedule, cycle) for cycle, _ in changes)
             values = ", ".join(str(level) for _, level in changes)
             blocks.append(f'[[level]]\npin = "{pin}"\nat_us = [{times}]\nlevel = [{values}]\n')
+        if self.reset is not None:
+            low, high = (_microseconds(schedule, cycle) for cycle in (self.reset, self.reset + 1))
+            blocks.append(f"[[reset]]\npressed_us = {low}\nreleased_us = {high}\n")
         return "\n".join(blocks)
 
     def arguments(self) -> list[str]:
         """Return the options for `servogen simulate`."""
         plain = Options()
         found = []
-        for name in ("device", "watchdog_us", "ram", "floating", "start_seed", "tmr0_phase"):
+        for name in ("device", "watchdog_us", "floating", "start_seed", "tmr0_phase"):
             value = getattr(self.options, name)
             if value != getattr(plain, name):
                 found += [f"--{name.replace('_', '-')}", str(value)]
+        for name, value in self.options.start:
+            found += ["--start", f"{name}={value}"]
         if self.clock_hz is not None:
             found += ["--clock-hz", str(self.clock_hz)]
         if self.options.ra4_pull_up:
@@ -69,74 +88,106 @@ def _microseconds(schedule: PulseSchedule, cycle: int) -> str:
     return str(int(number)) if number == int(number) else repr(float(number))
 
 
-def concrete(
-    image: Image,
-    schedule: PulseSchedule,
-    spec: Specification,
-    board: Options,
-    held: Mapping[int, int],
-    nodes: Sequence[Node],
-    finding: Finding,
-) -> Counterexample | None:
+@dataclass(frozen=True, slots=True)
+class Case:
+    """What is to be shown wrong, and on which chips."""
+
+    image: Image
+    schedule: PulseSchedule
+    spec: Specification
+    board: Options
+    quantifiers: Quantifiers
+    held: Mapping[int, int]
+
+
+def concrete(case: Case, nodes: Sequence[Node], finding: Finding) -> Counterexample | None:
     """Return a run of one chip along the way of `finding`, or like it, that is wrong."""
-    samples, phase, end = _way(nodes, finding)
-    end += START_FRAMES * spec.period if finding.silent else 2 * spec.period
-    levels = _levels(samples, held)
-    stimuli = Stimuli([Levels(PINS.index(pin), changes) for pin, changes in levels]) if levels else None
-    for options in _chips(replace(board, tmr0_phase=phase)):
-        machine = Machine(image, schedule.clock, options, stimuli)
-        edges = _edges(machine, end)
+    way = _way(nodes, finding)
+    end = way.end + (START_FRAMES if finding.silent else 2) * case.spec.period
+    board = replace(case.board, tmr0_phase=way.tmr0_phase)
+    for trial in trials(board, case.quantifiers, way.start, case.spec.period):
+        begun = 0 if trial.reset is None else trial.reset + 1 + FETCH
+        samples = [(begun + cycle, pin, level) for cycle, pin, level in way.samples]
+        levels = _levels(samples, case.held)
+        edges = _edges(_machine(case, trial, levels), begun, begun + end)
         try:
-            _judge(spec, edges, samples, end)
+            _judge(case.spec, edges, way.samples, end)
         except Violation as violation:
             if violation.certain:
-                return Counterexample(violation.message, violation.cycle, options, levels)
+                cycle = begun + violation.cycle
+                return Counterexample(violation.message, cycle, trial.options, levels, reset=trial.reset)
     return None
 
 
-def slow_oscillator(
-    image: Image, schedule: PulseSchedule, spec: Specification, board: Options, held: Mapping[int, int]
-) -> Counterexample | None:
+def slow_oscillator(case: Case) -> Counterexample | None:
     """Return a chip whose RC oscillator is a tenth slow, and the first fall that is late by it."""
-    slow = schedule.clock.hz * 9 // 10
-    levels = _levels((), held)
-    stimuli = Stimuli([Levels(PINS.index(pin), changes) for pin, changes in levels]) if levels else None
-    machine = Machine(image, schedule.clock, board, stimuli)
-    edges = _edges(machine, START_FRAMES * spec.period)
+    slow = case.schedule.clock.hz * 9 // 10
+    levels = _levels((), case.held)
+    edges = _edges(_machine(case, Trial(case.board), levels), 0, START_FRAMES * case.spec.period)
     rise = next((edge for edge in edges if edge[2]), None)
     fall = next((edge for edge in edges if rise and edge[1] == rise[1] and not edge[2]), None)
     if rise is None or fall is None:
         return None
-    wanted = float(schedule.clock.us(fall[0] - rise[0]))
+    wanted = float(case.schedule.clock.us(fall[0] - rise[0]))
     message = (
         f"an RC oscillator differs from chip to chip; one of {slow} Hz makes the first pulse of "
         f"{PINS[fall[1]]} {wanted * 10 / 9:.1f} us long instead of {wanted:.1f}"
     )
-    return Counterexample(message, fall[0], board, levels, slow)
+    return Counterexample(message, fall[0], case.board, levels, slow)
 
 
-def _way(nodes: Sequence[Node], finding: Finding) -> tuple[list[Sample], int, int]:
-    """Return what the program reads on the way, how TMR0 begins, and when the violation is, from reset on."""
+def _machine(case: Case, trial: Trial, levels: AllLevels) -> Machine:
+    sources: list[Source] = [Levels(PINS.index(pin), changes) for pin, changes in levels]
+    if trial.reset is not None:
+        sources.append(Reset(trial.reset, trial.reset + 1))
+    stimuli = Stimuli(sources) if sources else None
+    return Machine(case.image, case.schedule.clock, trial.options, stimuli)
+
+
+@dataclass(slots=True)
+class _Way:
+    """What was chosen on the way to a finding: the levels read, how TMR0 begins, and start values."""
+
+    samples: list[Sample] = field(default_factory=list)
+    tmr0_phase: int = 0
+    start: dict[str, int] = field(default_factory=dict)
+    end: int = 0
+    """The cycle of the finding, from reset on."""
+    _known: dict[str, int] = field(default_factory=dict)
+
+    def note_start(self, choice: Choice) -> None:
+        """Note bits that were chosen; the first choice of a bit may be of its value at power-up."""
+        name = _START_OF.get(choice.field, choice.field)
+        if name not in START_VALUES:
+            return
+        fresh = choice.bits & ~self._known.get(name, 0) & START_VALUES[name]
+        self._known[name] = self._known.get(name, 0) | fresh
+        self.start[name] = self.start.get(name, 0) | choice.value & fresh
+
+
+def _way(nodes: Sequence[Node], finding: Finding) -> _Way:
+    """Return what was chosen from reset on."""
     path = [finding.node]
     while nodes[path[-1]].parent >= 0:
         path.append(nodes[path[-1]].parent)
     path.reverse()
-    samples: list[Sample] = []
-    phase, begun = 0, 0
+    way = _Way()
     parts = [(nodes[number].cycles, nodes[number].decisions) for number in path[1:]]
     for cycles, decisions in [*parts, (finding.cycle, finding.decisions)]:
         for decision in decisions:
             for choice in decision.choices:
+                cycle = way.end + decision.cycle
                 if choice.field == "PINS":
                     pin = choice.bits.bit_length() - 1
-                    samples.append((begun + decision.cycle, pin, int(choice.value != 0)))
+                    way.samples.append((cycle, pin, int(choice.value != 0)))
                 elif choice.field.startswith("INTCON") and choice.value:
-                    late = int(choice.field == "INTCON_LATE")
-                    samples += _flag_set(choice.value, begun + decision.cycle + late)
+                    way.samples += _flag_set(choice.value, cycle + int(choice.field == "INTCON_LATE"))
                 elif choice.field == "TMR0_PHASE":
-                    phase = choice.value
-        begun += cycles
-    return samples, phase, begun
+                    way.tmr0_phase = choice.value
+                else:
+                    way.note_start(choice)
+        way.end += cycles
+    return way
 
 
 def _flag_set(flags: int, cycle: int) -> list[Sample]:
@@ -148,9 +199,7 @@ def _flag_set(flags: int, cycle: int) -> list[Sample]:
     return []
 
 
-def _levels(
-    samples: Sequence[Sample], held: Mapping[int, int]
-) -> tuple[tuple[str, tuple[tuple[int, int], ...]], ...]:
+def _levels(samples: Sequence[Sample], held: Mapping[int, int]) -> AllLevels:
     """Return the pins' levels: each from the cycle of its reading on, the first from the beginning."""
     found: dict[int, list[tuple[int, int]]] = {pin: [(0, level)] for pin, level in held.items()}
     for cycle, pin, level in sorted(samples):
@@ -160,18 +209,8 @@ def _levels(
     return tuple((PINS[pin], tuple(changes)) for pin, changes in sorted(found.items()))
 
 
-def _chips(board: Options) -> Iterator[Options]:
-    yield board
-    for ram in (0xFF, 0x55, 0xAA):
-        yield replace(board, ram=ram)
-    yield replace(board, floating=1)
-    yield replace(board, watchdog_us=SHORTEST_WATCHDOG_US)
-    for seed in range(SEEDS):
-        yield replace(board, start_seed=seed)
-        yield replace(board, start_seed=seed, floating=1)
-
-
-def _edges(machine: Machine, end: int) -> list[Edge]:
+def _edges(machine: Machine, begun: int, end: int) -> list[Edge]:
+    """Return the changes of the pins from cycle `begun` on, in cycles since it."""
     chunk = join(machine.stream(end))
     high = 0
     found = []
@@ -179,7 +218,8 @@ def _edges(machine: Machine, end: int) -> list[Edge]:
         now = int(level == 1)
         if high >> pin & 1 != now:
             high ^= 1 << pin
-            found.append((cycle, pin, now))
+            if cycle >= begun:
+                found.append((cycle - begun, pin, now))
     return found
 
 

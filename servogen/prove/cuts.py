@@ -135,7 +135,7 @@ def _walk(
 ) -> _Walk | None:
     """Follow one way from reset through `count` cuts; None if none is met twice."""
     transitions.stop_at(always | cuts)
-    start = transitions.chip.start()
+    start = transitions.chip.power_on()
     ram, rest = start.ram, transitions.number(start.rest)
     walk = _Walk([], [], [], [])
     use: Use | None = None

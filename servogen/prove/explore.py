@@ -8,7 +8,7 @@ or what was found instead. Breadth first: the first violation is one of the near
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -127,7 +127,9 @@ class Explorer:
         phases: int,
         max_states: int,
         tell: Callable[[int, int], None],
+        starts: Sequence[ChipState],
     ) -> None:
+        self._starts = starts
         self._program = program
         self._transitions = transitions
         self._spec = spec
@@ -143,9 +145,8 @@ class Explorer:
 
     def search(self) -> Search:
         """Return all states, or the first finding."""
-        start = self._transitions.chip.start()
-        rest = self._transitions.number(start.rest)
-        self._store(start.ram, rest, self._spec.start(), -1, 0, ())
+        for start in self._starts:
+            self._store(start.ram, self._transitions.number(start.rest), self._spec.start(), -1, 0, ())
         done = 0
         while self._queue:
             number = self._queue.popleft()
@@ -255,7 +256,7 @@ class Explorer:
 
     def _blamed(self, number: int, point: _Point, use: Use) -> bool:
         """Return whether what was generalised at the last cut made the use; it is kept from now on then."""
-        if number == 0:
+        if self._nodes[number].parent < 0:
             return False
         return self._generaliser.blamed(self._nodes[number], _decisions(point.trail), point.cycle, use)
 

@@ -7,23 +7,24 @@ assumptions, a counterexample that a plain run has shown, or why it is not decid
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from servogen.edges import PINS
 from servogen.engines.board import board_of
 from servogen.graph import components
 from servogen.pic.device import CONFIG_OSCILLATOR_MASK, OSCILLATORS
 from servogen.pic.image import Image
-from servogen.prove.counterexample import Counterexample, concrete, slow_oscillator
+from servogen.prove.counterexample import Case, Counterexample, concrete, slow_oscillator
 from servogen.prove.cuts import choose_cuts
 from servogen.prove.explore import Answer, Explorer, Finding, Node, Search
 from servogen.prove.forks import Program
 from servogen.prove.generalise import Generaliser
+from servogen.prove.quantifiers import Quantifiers
 from servogen.prove.specification import START_FRAMES, Specification
 from servogen.prove.transitions import Transitions
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Machine, Options
-from servogen.simulator.abstract import AbstractChip
+from servogen.simulator.abstract import AbstractChip, ChipState
 from servogen.units import Cycles
 
 MAX_STATES = 400_000
@@ -33,16 +34,6 @@ PHASES = 4
 """The cycles, 0 to 3, for which TMR0 may stand still after a write of OPTION_REG."""
 
 Tell = Callable[[int, int], None]
-
-
-@dataclass(frozen=True, slots=True)
-class Quantifiers:
-    """What a proof is about beside the start values, each of which can be switched off."""
-
-    inputs: bool = True
-    """Every input pin at any level in any cycle; else the levels of the schedule."""
-    tmr0_phase: bool = True
-    """TMR0 begins to count 0 to 3 cycles after a write of OPTION_REG."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,14 +83,14 @@ class _Prover:
         self._image = image
         self._schedule = schedule
         self._quantifiers = quantifiers
-        self._board = board_of(schedule, options)
+        self._board = replace(board_of(schedule, options), start=quantifiers.start)
         self._tell = tell
         self._max_states = max_states
         inputs = {PINS.index(each.pin): each.level for each in schedule.inputs}
         self._held = inputs if schedule.buttons is None or not quantifiers.inputs else {}
         rule = schedule.buttons if quantifiers.inputs else None
         self._spec = Specification(schedule, rule)
-        self._chip = AbstractChip(image, schedule.clock, self._board, self._held)
+        self._chip = AbstractChip(image, schedule.clock, self._board, self._held, quantifiers.watchdog)
         self._program = Program(image)
         limit = START_FRAMES * self._spec.period + 2 * self._spec.longest_silence
         self._transitions = Transitions(self._chip, limit)
@@ -113,6 +104,7 @@ class _Prover:
         guesses = choose_cuts(self._program, self._transitions, self._schedule, self._spec, self._always)
         generaliser = Generaliser(self._transitions, guesses)
         added = refined = 0
+        written: frozenset[int] = frozenset()
         while True:
             self._transitions.stop_at(self._always | set(generaliser.cuts))
             phases = PHASES if self._quantifiers.tmr0_phase else 1
@@ -124,15 +116,29 @@ class _Prover:
                 phases,
                 self._max_states,
                 self._tell,
+                self._starts(written),
             ).search()
             if search.answer is Answer.CUT and added < MAX_ADDED_CUTS:
                 added += 1
                 generaliser.add_cut(search.cut)
             elif search.answer is Answer.REFINE and refined < MAX_REFINEMENTS:
                 refined += 1
+            elif (
+                search.answer is Answer.CLOSED
+                and self._quantifiers.start
+                and self._transitions.written - written
+            ):
+                written = frozenset(self._transitions.written)  # a reset may come after any of these
             else:
                 self._cuts = set(generaliser.cuts)
                 return self._answer(search)
+
+    def _starts(self, written: frozenset[int]) -> list[ChipState]:
+        """Return the states in which a run may begin, if the program writes the places in `written`."""
+        if not self._quantifiers.resets:
+            return [self._chip.power_on()]
+        reset = self._chip.after_reset(written)
+        return [self._chip.power_on(), reset] if self._quantifiers.start else [reset]
 
     def _unfit_oscillator(self) -> Proof | None:
         """Return the answer where the configuration word says that the clock is not the schedule's."""
@@ -142,7 +148,8 @@ class _Prover:
             return None
         config = self._image.config
         if config is None or config & CONFIG_OSCILLATOR_MASK == OSCILLATORS["RC"]:
-            shown = slow_oscillator(self._image, self._schedule, self._spec, self._board, self._held)
+            case = Case(self._image, self._schedule, self._spec, self._board, self._quantifiers, self._held)
+            shown = slow_oscillator(case)
             if shown is not None:
                 return self._result(None, shown, "")
         return self._result(None, None, "; ".join(each.message for each in found))
@@ -157,9 +164,8 @@ class _Prover:
             search = Search(Answer.VIOLATED, search.nodes, finding)
         finding = search.finding or Finding(0, (), 0, "the cut points do not suffice", False, 0)
         if search.answer is Answer.VIOLATED and finding.certain:
-            shown = concrete(
-                self._image, self._schedule, self._spec, self._board, self._held, search.nodes, finding
-            )
+            case = Case(self._image, self._schedule, self._spec, self._board, self._quantifiers, self._held)
+            shown = concrete(case, search.nodes, finding)
             if shown is not None:
                 return self._result(search, shown, "")
         return self._result(search, None, _why(finding, search))
@@ -172,7 +178,7 @@ class _Prover:
             reason,
             self._assumptions(),
             self._quantifiers,
-            max(0, len(nodes) - 1),
+            sum(node.parent >= 0 for node in nodes),
             self._transitions.runs,
             Cycles(self._transitions.cycles),
             tuple(nodes),
@@ -186,12 +192,17 @@ class _Prover:
             "the instruction set's table, servogen/pic/isa.py",
             "timers, ports and resets as docs/simulator.md lists them, with the data sheet's sections",
             "no servo responds to a pulse of at most 10 cycles before the first frame",
-            "a reset cuts the current pulse short; after it the same holds from the first pulse on",
+            "a reset cuts the current pulse short; after it the same holds from the first pulse on"
+            if self._quantifiers.resets
+            else "there is no reset after power-on",
             "levels of inputs change between instruction cycles; the crystal is exact",
             "the EEPROM holds what the file says",
         ]
-        if self._chip.watchdog:
+        if self._chip.watchdog and self._quantifiers.watchdog:
             found.append("no chip's watchdog is faster than 7 ms (DS35007, parameter 31)")
+        elif self._chip.watchdog:
+            found.append(f"the watchdog's period is {self._board.watchdog_us / 1000:g} ms")
+        found += [f"at power-up {name} is 0x{value:02X}" for name, value in self._quantifiers.start]
         for pin, level in sorted(self._held.items()):
             found.append(f"{PINS[pin]} is held at {level}, as the schedule says: {_why_held(self._schedule)}")
         if not self._quantifiers.tmr0_phase:

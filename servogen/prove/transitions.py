@@ -54,6 +54,8 @@ class Transitions:
         """Runs that were executed, not remembered."""
         self.cycles = 0
         """Cycles of these."""
+        self.written: set[int] = set()
+        """Places in the RAM that any run has written."""
         self._numbers: dict[Rest, int] = {}
         self._rests: list[Rest] = []
         self._memories: dict[tuple[int, Choices], _Memory] = {}
@@ -87,6 +89,7 @@ class Transitions:
             outcome = self.chip.run(ChipState(ram, self._rests[rest]), self.stops, self.limit, choices)
             self.runs += 1
             self.cycles += outcome.cycles
+            self.written.update(place for place, _ in outcome.written)
             memory.put(ram, outcome)
         return outcome
 

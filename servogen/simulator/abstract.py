@@ -26,7 +26,7 @@ from servogen.simulator.aot_cache import loop
 from servogen.simulator.block_cache import fast_code, marked_code
 from servogen.simulator.options import Options
 from servogen.simulator.program import Code, program_code
-from servogen.simulator.reset_state import power_up
+from servogen.simulator.reset_state import BITS_OF, POSTSCALER, power_up
 from servogen.simulator.warnings import CHIP_DEPENDENT, noted, warnings_of
 from servogen.units import Clock
 
@@ -75,6 +75,19 @@ _WATCHDOG = (at.WDT_AT, at.WDT_CLEARED)
 _RAM = slice(RAM_FIRST, RAM_LAST + 1)
 RA4, RB0, RB4_TO_7 = 1 << 4, 1 << 5, 0xF0 << 5
 _RBPU, _WATCHDOG_NEVER = 0x80, 1 << 39
+_MASK_OF = {
+    "w": at.W_UNKNOWN,
+    "fsr": at.FSR_UNKNOWN,
+    "flags": at.STATUS_UNKNOWN,
+    "tmr0": at.T0_UNKNOWN,
+    "latches": at.LATCH_UNKNOWN,
+    "eedata": at.EEDATA_UNKNOWN,
+    "eeadr": at.EEADR_UNKNOWN,
+    "wrerr": at.EECON1_UNKNOWN,
+    "rbif": at.INTCON_UNKNOWN,
+    "rb-old": at.RB_OLD_UNKNOWN,
+}
+"""Where the unknown bits of each start value are, beside the RAM."""
 
 
 class Reason(Enum):
@@ -171,16 +184,23 @@ class AbstractChip:
     """Runs a program from abstract states."""
 
     def __init__(
-        self, image: Image, clock: Clock, options: Options, held: Mapping[int, int] | None = None
+        self,
+        image: Image,
+        clock: Clock,
+        options: Options,
+        held: Mapping[int, int] | None = None,
+        any_watchdog: bool = True,
     ) -> None:
         """Prepare to run `image`.
 
-        `options` say what the board does and which chip it is; what differs between chips is unknown. The
-        pins of `held` have these levels at all times.
+        `options` say what the board does and which chip it is; what differs between chips is unknown, but
+        for the values at power-up that `options.start` gives. The pins of `held` have these levels at all
+        times. `any_watchdog`: the watchdog's period is not that of `options`, but anywhere in its range.
         """
         self.image = image
         self.clock = clock
-        self._template = self._start(options, held or {})
+        self._given = options.start
+        self._template = self._start(options, held or {}, any_watchdog)
         self._s = self._template.copy()
         self._plain = program_code(image)
         self._fast = fast_code(self._plain)
@@ -192,16 +212,18 @@ class AbstractChip:
         self._marked: dict[Set[int], Code] = {}
         self._run = loop(observed=False, tracked=True)
 
-    def _start(self, options: Options, held: Mapping[int, int]) -> Packed:
+    def _start(self, options: Options, held: Mapping[int, int], any_watchdog: bool) -> Packed:
         s = power_up(self.image, self.clock, options, tracked=True)
         s[at.ANY_INPUT] = 1
-        s[at.STATUS_UNKNOWN] |= unknown.TO | unknown.PD  # after another reset than power-on they differ
         s[at.EXT_MASK] = sum(1 << pin for pin in held)
         s[at.PINS] = s[at.EXT_LEVEL] = sum(level << pin for pin, level in held.items())
         s[at.PINS_UNKNOWN] = ((1 << len(PINS)) - 1) & ~int(s[at.EXT_MASK])
         s[at.INTCON_UNKNOWN] |= unknown.T0IF
         s[at.T0_PHASE] = 0
         if s[at.WDT_PERIOD]:
+            if not any_watchdog:
+                s[at.WDT_SHORTEST] = s[at.WDT_PERIOD]
+                s[at.WDT_EARLIEST] = s[at.CYCLE] + POSTSCALER * s[at.WDT_SHORTEST]
             s[at.WDT_PERIOD] = _WATCHDOG_NEVER  # it must not time out on the chip with the shortest period
         return s
 
@@ -210,10 +232,40 @@ class AbstractChip:
         """Return whether the configuration word has the watchdog on."""
         return bool(self._template[at.WDT_PERIOD])
 
-    def start(self) -> ChipState:
-        """Return the state after any reset: nothing in RAM is known, nor what table 6-4 marks "x" or "u"."""
-        self._s[:] = self._template
+    def power_on(self) -> ChipState:
+        """Return the state after a power-on reset: nothing that table 6-4 marks "x" is known, unless its
+        value was given.
+        """
+        s = self._s
+        s[:] = self._template
+        for name, _ in self._given:
+            if name == "ram":
+                s[_RAM] &= at.NOT_WRITTEN | 0xFF
+            elif name.startswith("0x"):
+                s[int(name, 16)] &= at.NOT_WRITTEN | 0xFF
+            else:
+                s[_MASK_OF[name]] &= ~BITS_OF[name][1] & 0x1FFF
+        differs = int(s[at.PINS] ^ s[at.RB_OLD]) & ~int(s[at.PINS_UNKNOWN] | s[at.RB_OLD_UNKNOWN])
+        if differs & RB4_TO_7:
+            s[at.INTCON] |= unknown.RBIF
+            s[at.INTCON_UNKNOWN] &= ~unknown.RBIF
         return self._canonical()
+
+    def after_reset(self, written: Set[int]) -> ChipState:
+        """Return the state after any reset: nothing is known that table 6-4 marks "x" or "u".
+
+        But a byte of RAM, not in `written`, is what it was at power-up, if that was given.
+        """
+        on = self.power_on()
+        s = self._s
+        s[:] = self._template
+        s[at.STATUS_UNKNOWN] |= unknown.TO | unknown.PD  # after another reset than power-on they differ
+        cells = self._canonical()
+        ram = (
+            known if place not in written else general
+            for place, (known, general) in enumerate(zip(on.ram, cells.ram, strict=True))
+        )
+        return ChipState(tuple(ram), cells.rest)
 
     def run(self, state: ChipState, stops: Set[int], limit: int, choices: tuple[Choice, ...] = ()) -> Outcome:
         """Run until the next instruction is at one of `stops`, but for the first instruction.

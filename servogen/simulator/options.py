@@ -4,8 +4,40 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from servogen.errors import InputError
-from servogen.pic.device import DEVICES, device
+from servogen.errors import InputError, did_you_mean
+from servogen.pic.device import DEVICES, RAM_FIRST, RAM_LAST, device
+
+START_VALUES = {
+    "ram": 0xFF,
+    "w": 0xFF,
+    "fsr": 0xFF,
+    "flags": 0x07,
+    "tmr0": 0xFF,
+    "latches": 0x1FFF,
+    "eedata": 0xFF,
+    "eeadr": 0xFF,
+    "wrerr": 1,
+    "rbif": 1,
+    "rb-old": 0x0F,
+    **{f"0x{address:02X}": 0xFF for address in range(RAM_FIRST, RAM_LAST + 1)},
+}
+"""What has no value at power-up (table 6-4 marks it "x"), and the largest value of each: all of the RAM or
+one byte of it; C, DC and Z; the latches as a word of the thirteen pins, RA0 first; what RB4 to RB7 are first
+compared with."""
+
+
+def start_value(text: str) -> tuple[str, int]:
+    """Return the name and value in "NAME=VALUE". Raises InputError."""
+    name, equals, number = text.partition("=")
+    try:
+        name = f"0x{int(name, 16):02X}" if name[:2].lower() == "0x" else name.lower()
+        value = int(number, 0)
+    except ValueError:
+        equals = ""
+        value = 0
+    if not equals:
+        raise InputError("bad-start-value", f"'{text}' is not NAME=VALUE", hint="as in w=0x12 or 0x20=255")
+    return name, value
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,11 +65,11 @@ class Options:
     """Whether a wake-up from SLEEP waits 1024 oscillator periods, as all but RC oscillators do (6.11)."""
     floating: int = 0
     """How an undriven pin without pull-up reads: 0 or 1."""
-    ram: int = 0
-    """The byte that RAM holds at power-up; on the chip it is unknown, so reads of it are noted."""
     start_seed: int | None = None
-    """Draws from this seed, in place of `ram` and of zeros, what has no value at power-up: RAM, W, FSR, C, DC
-    and Z, TMR0, the port latches, EEDATA, EEADR, WRERR, RBIF and what RB4 to RB7 are first compared with."""
+    """Draws from this seed what has no value at power-up, which is 0 else: RAM, W, FSR, C, DC and Z, TMR0,
+    the port latches, EEDATA, EEADR, WRERR, RBIF and what RB4 to RB7 are first compared with."""
+    start: tuple[tuple[str, int], ...] = ()
+    """Values at power-up by name, of `START_VALUES`, in place of those; a later one counts."""
 
     def __post_init__(self) -> None:
         for name, low, high in (
@@ -45,11 +77,21 @@ class Options:
             ("tmr0_phase", 0, 3),
             ("power_up_us", 0, 1_000_000),
             ("floating", 0, 1),
-            ("ram", 0, 255),
         ):
             if not low <= getattr(self, name) <= high:
                 raise InputError(
                     "out-of-range", f"{name} = {getattr(self, name)} is not between {low} and {high}"
+                )
+        for name, value in self.start:
+            if name not in START_VALUES:
+                raise InputError(
+                    "bad-start-value",
+                    f"there is no start value '{name}'",
+                    hint=did_you_mean(name, START_VALUES),
+                )
+            if not 0 <= value <= START_VALUES[name]:
+                raise InputError(
+                    "out-of-range", f"start value {name} = {value} is not between 0 and {START_VALUES[name]}"
                 )
         if not 1 <= self.eeprom_us <= 1_000_000:
             raise InputError(

@@ -48,6 +48,20 @@ WRERR = 0x08  # of EECON1
 
 State = npt.NDArray[np.int64]
 
+BITS_OF = {
+    "w": (at.W, 0xFF, 0),
+    "fsr": (at.FSR, 0xFF, 0),
+    "flags": (at.STATUS, 0x07, 0),
+    "tmr0": (at.T0_VALUE, 0xFF, 0),
+    "latches": (at.LATCH, ALL_PINS, 0),
+    "eedata": (at.EEDATA, 0xFF, 0),
+    "eeadr": (at.EEADR, 0xFF, 0),
+    "wrerr": (at.EECON1, WRERR, 3),
+    "rbif": (at.INTCON, RBIF, 0),
+    "rb-old": (at.RB_OLD, RB4_TO_7, 9),
+}
+"""Slot, bits and shift of each start value beside the RAM."""
+
 
 def power_up(image: Image, clock: Clock, options: Options, tracked: bool) -> State:
     """Return the state vector after a power-on reset; with `tracked`, unknown values are to be tracked."""
@@ -90,7 +104,7 @@ def _undefined(s: State, options: Options) -> None:
         return default if draw is None else draw.randrange(0x100)
 
     for address in range(RAM_FIRST, RAM_LAST + 1):
-        s[address] = any_byte(options.ram) | at.NOT_WRITTEN
+        s[address] = any_byte() | at.NOT_WRITTEN
     s[at.W] = any_byte()
     s[at.STATUS] = 0x18 | any_byte() & 7
     s[at.FSR] = any_byte()
@@ -102,6 +116,19 @@ def _undefined(s: State, options: Options) -> None:
     s[at.LATCH] = any_byte() | (any_byte() & 0x1F) << 8
     s[at.FLOATING] = ALL_PINS if options.floating else 0
     s[at.RB_OLD] = any_byte(int(s[at.FLOATING]) >> 5) << 5
+    for name, value in options.start:
+        _give(s, name, value)
+
+
+def _give(s: State, name: str, value: int) -> None:
+    """Set one of `options.START_VALUES`."""
+    if name == "ram":
+        s[RAM_FIRST : RAM_LAST + 1] = value | at.NOT_WRITTEN
+    elif name.startswith("0x"):
+        s[int(name, 16)] = value | at.NOT_WRITTEN
+    else:
+        slot, mask, shift = BITS_OF[name]
+        s[slot] = int(s[slot]) & ~mask | value << shift
 
 
 def _note_unknown(s: State, options: Options) -> None:

@@ -149,7 +149,6 @@ def certify(image: Image, plan_text: bytes, cuts: list[int], forget: Forget = la
         "image": fingerprint(image),
         "schedule": hashlib.sha256(plan_text).hexdigest(),
         "clock_hz": plan.clock_hz,
-        "quantified": [],
         "held": {},
         "assumptions": [],
         "cuts": cuts,

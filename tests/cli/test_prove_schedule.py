@@ -109,3 +109,20 @@ def test_rules_of_buttons_that_cannot_be_are_bad_input(run: Run, buttons: str, m
     done = run("prove", STARTS / "good.asm", "--against", file)
     assert done.code == 2
     assert message in done.err
+
+
+def test_what_is_switched_off_is_assumed_and_has_no_certificate(run: Run) -> None:
+    options = ("--start", "ram=0", "--no-resets", "--watchdog-us", 18_000)
+    done = run("prove", STARTS / "good.asm", "--against", SCHEDULE, *options)
+    assert done.code == 0, done.err
+    assert done.out.startswith("proven for every input: ")
+    assert "    at power-up ram is 0x00" in done.out
+    assert "    there is no reset after power-on" in done.out
+    done = run("prove", STARTS / "good.asm", "--against", SCHEDULE, *options, "--certificate", "good.xz")
+    assert done.code == 2
+    assert "a certificate is about every power-up" in done.err
+    for wrong in ("acc=1", "w=256", "w"):
+        done = run("prove", STARTS / "good.asm", "--against", SCHEDULE, "--start", wrong)
+        assert done.code == 2
+        assert wrong.partition("=")[0] in done.err
+    assert run("prove", STARTS / "good.asm", "--no-resets").code == 2

@@ -142,7 +142,7 @@ def relabelled(case: Subject, rng: random.Random) -> tuple[str, Data, bool]:
         if data[kind] == case.data[kind]:
             data[kind] = data[kind][:-1]
     elif kind == "key":
-        del data[rng.choice([key for key in data if key not in ("quantified", "assumptions")])]
+        del data[rng.choice([key for key in data if key != "assumptions"])]
     else:
         data[kind] += rng.choice((-1, 1))
     return kind, data, False

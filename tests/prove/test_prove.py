@@ -18,14 +18,15 @@ from servogen.pic.device import CONFIG_WATCHDOG_ON
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
 from servogen.programs import read_program, read_schedule
-from servogen.prove import Counterexample, Proof, Quantifiers, certificate, prove_for_all
+from servogen.prove import Proof, Quantifiers, certificate, prove_for_all
 from servogen.prove.specification import Specification, Violation
 from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
 from servogen.pulse.schedule import Input
-from servogen.simulator import Machine, Options, parse_stimuli
+from servogen.simulator import Machine, Options
 from servogen.units import Cycles
 from servogen.verify import verify
+from tests.prove.replay import is_wrong
 
 ROOT = Path(__file__).parent.parent.parent
 STARTS = ROOT / "tests" / "verify" / "start_state"
@@ -34,15 +35,6 @@ FIRMWARE = ROOT / "firmware"
 
 def proof_of(program: Path, schedule: PulseSchedule) -> Proof:
     return prove_for_all(read_program(program).image, schedule)
-
-
-def is_wrong(image: Image, schedule: PulseSchedule, found: Counterexample) -> bool:
-    """Return whether a plain run, as the stimulus file and the options say, differs from the schedule."""
-    text = found.stimulus(schedule)
-    stimuli = parse_stimuli(text, "found.toml", schedule.clock) if text else None
-    machine = Machine(image, schedule.clock, found.options, stimuli)
-    span = Cycles(found.cycle + 2 * schedule.period)
-    return not verify(expected(schedule), EdgeTrace(schedule.clock, machine.stream(span), span), span).agrees
 
 
 @pytest.mark.parametrize("job", ["hexapod-ripple", "omni-square", "lab8-program", "lab9-exercise"])

@@ -155,7 +155,11 @@ def test_options_outside_their_range_are_refused() -> None:
 
 def test_reads_of_ram_that_was_never_written_are_noted() -> None:
     chip = steps(
-        machine(" movf 0x30, w\n movwf 0x31\n incf 0x32, f\n clrf 0x30\n movf 0x30, w\n", Options(ram=7)), 1
+        machine(
+            " movf 0x30, w\n movwf 0x31\n incf 0x32, f\n clrf 0x30\n movf 0x30, w\n",
+            Options(start=(("ram", 7),)),
+        ),
+        1,
     )
     assert (chip.state().w, chip.read_unwritten) == (7, (0x30,))
     steps(chip, 4)

@@ -97,7 +97,7 @@ def _include(name: str, including: str) -> tuple[str, str] | None:
 
 def ran(image: Image, output: str | None, limit: int) -> Verdict:
     """Run a program and judge what it leaves."""
-    machine = Machine(image, CLOCK, MachineOptions(ram=0xA7))
+    machine = Machine(image, CLOCK, MachineOptions(start=(("ram", 0xA7),)))
     written = Port()
     while machine.cycles < limit:
         cycles = min(max(20_000, 10 * machine.cycles), limit - machine.cycles)

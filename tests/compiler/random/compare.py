@@ -28,7 +28,7 @@ from tests.compiler.random.target_c import CHECK, DONE, FINISHED, TargetC
 
 CLOCK = Clock(4_000_000)
 MAX_CYCLES = 8_000_000
-MACHINE = MachineOptions(ram=0xA7)
+MACHINE = MachineOptions(start=(("ram", 0xA7),))
 """The RAM holds anything at power-up, so nothing may count on zeros."""
 GCC = ("gcc", "-O0", "-fwrapv", "-fno-strict-aliasing", "-w")
 TOO_BIG = (

@@ -1,0 +1,80 @@
+"""What a proof is about, each part of which can be switched off.
+
+In: switches. Out: `Quantifiers`, and the concrete chips among which a counterexample is looked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+
+from servogen.simulator import Options
+
+SEEDS = 64
+"""Random start values that are tried."""
+SHORTEST_WATCHDOG_US = 7000
+FILLED = (0xFF, 0x55, 0xAA)
+"""Bytes with which the whole RAM is filled first."""
+RESETS = 24
+"""Cycles in which a reset is tried."""
+
+Start = tuple[tuple[str, int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Quantifiers:
+    """What a proof is about; all of it by default."""
+
+    inputs: bool = True
+    """Every input pin at any level in any cycle; else the levels of the schedule."""
+    tmr0_phase: bool = True
+    """TMR0 begins to count 0 to 3 cycles after a write of OPTION_REG."""
+    resets: bool = True
+    """A reset in any cycle; else there is a power-on reset only."""
+    watchdog: bool = True
+    """The watchdog's period is anywhere in its range; else what the options say."""
+    start: Start = ()
+    """Values at power-up that are known, of `simulator.options.START_VALUES`; all others are anything."""
+
+    @property
+    def complete(self) -> bool:
+        """Return whether a proof is about everything but, perhaps, the inputs, as a certificate is."""
+        return self.tmr0_phase and self.resets and self.watchdog and not self.start
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A chip, and when it is reset after power-on, if it is."""
+
+    options: Options
+    reset: int | None = None
+
+
+def trials(
+    board: Options, quantifiers: Quantifiers, decided: Mapping[str, int], period: int
+) -> Iterator[Trial]:
+    """Yield chips that differ in what is quantified over, the likeliest first.
+
+    `decided` has the start values that the search has chosen on its way.
+    """
+
+    def chip(start: Start = (), base: Options = board) -> Trial:
+        return Trial(replace(base, start=(*start, *quantifiers.start)))
+
+    yield chip()
+    chosen = tuple(decided.items())
+    if chosen:
+        yield chip(chosen)
+    for byte in FILLED:
+        yield chip((("ram", byte),))
+    yield chip(base=replace(board, floating=1))
+    if quantifiers.watchdog:
+        yield chip(base=replace(board, watchdog_us=SHORTEST_WATCHDOG_US))
+    if quantifiers.resets:
+        moments = [period * n // 5 + 7 * n for n in range(1, RESETS + 1)]
+        yield from (Trial(chip(chosen).options, moment) for moment in moments)
+    for seed, floating in product(range(SEEDS), (0, 1)):
+        yield chip(chosen, replace(board, start_seed=seed, floating=floating))
+    for name, byte in product(("ram", "tmr0", "w"), range(0x100)):
+        yield chip((*chosen, (name, byte)))
