@@ -19,7 +19,7 @@ from servogen.prove.cuts import choose_cuts
 from servogen.prove.explore import Answer, Explorer, Finding, Node, Search
 from servogen.prove.forks import Program
 from servogen.prove.generalise import Generaliser
-from servogen.prove.quantifiers import Quantifiers
+from servogen.prove.quantifiers import EVERYTHING, Quantifiers
 from servogen.prove.specification import START_FRAMES, Specification
 from servogen.prove.transitions import Transitions
 from servogen.pulse import PulseSchedule
@@ -59,7 +59,7 @@ class Proof:
 def prove_for_all(
     image: Image,
     schedule: PulseSchedule,
-    quantifiers: Quantifiers = Quantifiers(),
+    quantifiers: Quantifiers = EVERYTHING,
     options: Options = Options(),  # noqa: B008 - frozen
     tell: Tell = lambda done, found: None,
     max_states: int = MAX_STATES,

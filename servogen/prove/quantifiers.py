@@ -43,6 +43,9 @@ class Quantifiers:
         return self.tmr0_phase and self.resets and self.watchdog and not self.start
 
 
+EVERYTHING = Quantifiers()
+
+
 @dataclass(frozen=True, slots=True)
 class Trial:
     """A chip, and when it is reset after power-on, if it is."""

@@ -29,7 +29,9 @@ def test_ram_floating_pins_and_a_seed(run: Callable[..., Ran], tmp_path: Path) -
     assert drawn[0] == drawn[1] != drawn[2]
 
 
-@pytest.mark.parametrize(("option", "value"), [("--start", "ram=256"), ("--floating", 2), ("--power-up-us", -1)])
+@pytest.mark.parametrize(
+    ("option", "value"), [("--start", "ram=256"), ("--floating", 2), ("--power-up-us", -1)]
+)
 def test_a_value_that_no_chip_has_is_refused(
     run: Callable[..., Ran], tmp_path: Path, option: str, value: object
 ) -> None:

@@ -11,6 +11,7 @@ from servogen.pic.assembler import assemble
 from servogen.pic.device import device
 from servogen.pic.image import Image
 from servogen.prove import Quantifiers, certificate, prove_for_all
+from servogen.prove.quantifiers import EVERYTHING
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Input
 from servogen.simulator import Options
@@ -69,7 +70,7 @@ class Case:
     watchdog: str = "OFF"
     clrwdt: str = "nop"
     held: tuple[Input, ...] = ()
-    on: Quantifiers = Quantifiers()
+    on: Quantifiers = EVERYTHING
     """What is quantified over when the fault is found."""
 
     @property
