@@ -135,6 +135,8 @@ GLITCH = 10
 """Cycles for which a pin may be driven at an unknown level before it is written low: no servo answers a pulse
 as short."""
 
+T0CS, T0SE, PSA, PS = 0x20, 0x10, 0x08, 0x07  # of OPTION_REG: DS35007 section 2.3.2
+
 # Edges and stimuli travel as cycle << 8 | pin << 2 | level.
 PACK_CYCLE, PACK_PIN, PACK_LEVELS = 8, 2, 3
 MCLR_PIN = 13

@@ -6,7 +6,7 @@ time.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Set
+from collections.abc import Callable, Iterator, Sequence, Set
 from copy import copy
 from dataclasses import dataclass, field, replace
 from itertools import tee
@@ -15,9 +15,9 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from servogen.edges import PINS, EdgeChunk, edge_chunk, join
+from servogen.edges import PINS, UNDRIVEN, EdgeChunk, edge_chunk, join
 from servogen.errors import Diagnostic, InputError
-from servogen.pic.device import PROGRAM_WORDS
+from servogen.pic.device import PROGRAM_WORDS, RAM_FIRST, RAM_LAST
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
 from servogen.simulator.aot_cache import Loop, loop
@@ -26,6 +26,7 @@ from servogen.simulator.fingerprint import fingerprint, unknown_bits
 from servogen.simulator.options import Options
 from servogen.simulator.program import Code, program_code
 from servogen.simulator.reset_state import power_up
+from servogen.simulator.sources import Change
 from servogen.simulator.state import State, read_unwritten, state_of
 from servogen.simulator.warnings import CHIP_DEPENDENT, warnings_of
 from servogen.units import Clock, Cycles
@@ -108,6 +109,8 @@ class Machine:
         self._tracked = tracked
         self._plain = program_code(image)
         self._fast = fast_code(self._plain)
+        self._marked = frozenset[int](), True, self._fast.code
+        """The breakpoints and the kind of the code that ran last, and that code."""
         self._memo = np.full(at.MEMO_ROWS * at.MEMO_COLUMNS, at.UNKNOWN, dtype=np.int64)
         self._recording = np.zeros(at.DEEPEST_RECORDING * at.RECORD, dtype=np.int64)
         self._edges = np.zeros(EDGE_ROOM + EDGE_SLACK, dtype=np.int64)
@@ -125,6 +128,27 @@ class Machine:
     @property
     def pc(self) -> int:
         return int(self._s[at.PC])
+
+    @property
+    def edges_made(self) -> int:
+        """Return the number of edges since power-up."""
+        return int(self._s[at.EDGES_TOTAL])
+
+    @property
+    def asleep(self) -> bool:
+        """Return whether the chip sleeps or is held in reset."""
+        return bool(self._s[at.SLEEPING] or self._s[at.IN_RESET])
+
+    @property
+    def ram(self) -> bytes:
+        """Return the 68 bytes from 0x0C."""
+        return bytes((self._s[RAM_FIRST : RAM_LAST + 1] & 0xFF).astype(np.uint8))
+
+    @property
+    def levels(self) -> tuple[int, ...]:
+        """Return what the chip drives each pin to, as in its edges."""
+        driven, high = int(self._s[at.DRIVEN]), int(self._s[at.DRIVEN_HIGH])
+        return tuple(high >> pin & 1 if driven >> pin & 1 else UNDRIVEN for pin in range(len(PINS)))
 
     def run(self, cycles: int) -> EdgeChunk:
         """Run for `cycles` (the last instruction may end one later) or to a breakpoint, and return the
@@ -239,6 +263,32 @@ class Machine:
         self._changes = copy(snapshot.changes)
         self._edges[: len(snapshot.edges)] = snapshot.edges
 
+    def apply(self, changes: Sequence[Change]) -> None:
+        """Add changes from outside to what the stimulus still has to supply, after its own in each cycle.
+
+        Raises ValueError for a change that is not later than the current cycle, and for an unknown pin or
+        level.
+        """
+        for change in changes:
+            if (
+                change.cycle <= self.cycles
+                or not 0 <= change.pin <= at.MCLR_PIN
+                or not 0 <= change.level <= 2
+            ):
+                raise ValueError(f"{change} cannot be applied in cycle {self.cycles}")
+        added = np.array([change.packed for change in changes], dtype=np.int64)
+        pieces = [self._stim[self._s[at.STIM_NEXT] :]]
+        known = int(self._s[at.STIM_KNOWN])
+        last = max((change.cycle for change in changes), default=0)
+        while known <= last:
+            known, piece = (
+                next(self._changes, (at.NEVER, added[:0])) if self._changes else (at.NEVER, added[:0])
+            )
+            pieces.append(piece)
+        merged = np.concatenate((*pieces, added))
+        self._stim = merged[np.argsort(merged >> at.PACK_CYCLE, kind="stable")]
+        self._s[at.STIM_NEXT], self._s[at.STIM_COUNT], self._s[at.STIM_KNOWN] = 0, len(merged), known
+
     def observe(self, cycles: int, observation: Observation) -> Iterator[tuple[EdgeChunk, Packed]]:
         """Run like `stream`, instruction by instruction, counting in `observation`.
 
@@ -254,8 +304,11 @@ class Machine:
                 yield self._drain(), rows
 
     def _advance(self, end: int, *, fast: bool, breakpoints: Set[int] | None = None) -> Iterator[EdgeChunk]:
-        stops = self.breakpoints if breakpoints is None else breakpoints
-        code = marked_code(self._fast.code if fast else self._plain, self._plain, stops)
+        stops = frozenset(self.breakpoints if breakpoints is None else breakpoints)
+        if self._marked[:2] != (stops, fast):  # marking takes as long as running many cycles
+            code = marked_code(self._fast.code if fast else self._plain, self._plain, stops)
+            self._marked = stops, fast, code
+        code = self._marked[2]
         for _ in self._runs(end, code, loop(observed=False, tracked=self._tracked), _UNOBSERVED):
             if self._s[at.EDGE_COUNT]:
                 yield self._drain()

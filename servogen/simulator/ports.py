@@ -38,12 +38,14 @@ from servogen.simulator.layout import (
     RB_OLD_UNKNOWN,
     SLEEPING,
     T0_TICK,
+    T0CS,
+    T0SE,
     TRACKED,
     TRIS,
     WARN_CONTENTION,
     WARN_DRIVEN_UNWRITTEN,
 )
-from servogen.simulator.timer import T0CS, T0SE, t0_runs
+from servogen.simulator.timer import t0_runs
 from servogen.simulator.unknown import (
     FLOATING_PIN,
     UNWRITTEN_LATCH,

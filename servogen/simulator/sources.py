@@ -16,7 +16,7 @@ from typing import NamedTuple, Protocol
 
 from servogen.edges import HIGH, LOW, PINS, UNDRIVEN
 from servogen.errors import InputError, did_you_mean
-from servogen.simulator.layout import MCLR_PIN
+from servogen.simulator.layout import MCLR_PIN, PACK_CYCLE, PACK_PIN
 from servogen.units import Clock
 
 RELEASED = UNDRIVEN
@@ -31,6 +31,11 @@ class Change(NamedTuple):
     cycle: int
     pin: int
     level: int
+
+    @property
+    def packed(self) -> int:
+        """Return the change in the form that the instruction loop reads."""
+        return self.cycle << PACK_CYCLE | self.pin << PACK_PIN | self.level
 
 
 class Source(Protocol):

@@ -36,6 +36,10 @@ class State:
     """How often a ninth level was pushed or an empty stack popped."""
     eeprom: bytes
     sleeping: bool
+    prescaler: int
+    """The count of the prescaler, which TMR0 or the watchdog uses."""
+    watchdog_at: Cycles | None
+    """The cycle in which the watchdog times out unless it is cleared before; None while it is off."""
     resets: Mapping[str, int]
     """By cause: power_on, mclr, mclr_in_sleep, watchdog."""
     wakes: Mapping[str, int]
@@ -91,6 +95,8 @@ def state_of(s: npt.NDArray[np.int64], warnings: tuple[Diagnostic, ...]) -> Stat
         stack_wraps=int(s[at.OVERFLOWS] + s[at.UNDERFLOWS]),
         eeprom=bytes(int(byte) for byte in s[at.EEPROM : at.EEPROM + EEPROM_BYTES]),
         sleeping=bool(s[at.SLEEPING]),
+        prescaler=int(s[at.PRESCALER]),
+        watchdog_at=_watchdog_at(s),
         resets=MappingProxyType(
             {
                 "power_on": 1,
@@ -112,6 +118,16 @@ def state_of(s: npt.NDArray[np.int64], warnings: tuple[Diagnostic, ...]) -> Stat
 def read_unwritten(s: npt.NDArray[np.int64]) -> tuple[int, ...]:
     """Return the addresses of RAM bytes that were read before they were first written."""
     return tuple(int(i) for i in np.flatnonzero(s[at.READ_UNWRITTEN : at.READ_UNWRITTEN + at.RAM_SLOTS]))
+
+
+def _watchdog_at(s: npt.NDArray[np.int64]) -> Cycles | None:
+    """Return when the watchdog times out: after one of its periods, or as many as its prescaler counts."""
+    if not s[at.WDT_PERIOD]:
+        return None
+    option = int(s[at.OPTION])
+    division = 1 << (option & at.PS) if option & at.PSA else 1
+    periods = division - (int(s[at.PRESCALER]) & (division - 1))
+    return Cycles(int(s[at.WDT_AT]) + periods * int(s[at.WDT_PERIOD]))
 
 
 def _registers(s: npt.NDArray[np.int64]) -> dict[str, int]:

@@ -45,7 +45,7 @@ class Stimuli:
                 ahead = next(ordered, None)
             before = _check(piece, before)
             until = NEVER if ahead is None else ahead.cycle
-            yield until, np.array([_pack(change) for change in piece], dtype=np.int64)
+            yield until, np.array([change.packed for change in piece], dtype=np.int64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +127,3 @@ def _check(piece: list[Change], before: int) -> int:
 
 _END = NEVER >> PACK_CYCLE
 """The cycle from which on a change cannot be packed: no simulation is as long."""
-
-
-def _pack(change: Change) -> int:
-    return change.cycle << PACK_CYCLE | change.pin << PACK_PIN | change.level

@@ -25,6 +25,8 @@ from servogen.simulator.layout import (
     OPTION_WRITES,
     PRESCALER,
     PRESCALER_UNKNOWN,
+    PS,
+    PSA,
     SLEEPING,
     T0_AT,
     T0_FLAGGED,
@@ -33,6 +35,7 @@ from servogen.simulator.layout import (
     T0_TICK,
     T0_UNKNOWN,
     T0_VALUE,
+    T0CS,
     USE_KIND,
     WDT_AT,
     WDT_CLEARED,
@@ -42,7 +45,6 @@ from servogen.simulator.layout import (
 )
 from servogen.simulator.unknown import SOURCE_PRESCALER, timer_flag_in_doubt
 
-T0CS, T0SE, PSA, PS = 0x20, 0x10, 0x08, 0x07  # of OPTION_REG: DS35007 section 2.3.2
 INHIBITED = 3
 """Cycles from a write of TMR0 to the cycle that counts as its anchor."""
 FLAG_AHEAD = 1

@@ -183,3 +183,15 @@ def test_names_are_what_they_are_after_their_modules_were_imported() -> None:
     assert package.Machine is Machine
     with pytest.raises(AttributeError):
         _ = package.nothing
+
+
+def test_the_state_tells_when_the_watchdog_would_time_out() -> None:
+    """18 ms without a postscaler; OPTION_REG is FFh after a reset, which divides by 128 (section 6.10)."""
+    watched = "        __config _XT_OSC & _WDT_ON & _PWRTE_OFF\n"
+    chip = machine(" bsf STATUS, RP0\n bcf OPTION_REG, PSA\nl goto l\n", config=watched)
+    assert chip.state().watchdog_at == 18_000 * 128
+    steps(chip, 2)
+    assert chip.state().watchdog_at == 18_000
+    chip.run(18_000)
+    assert chip.state().resets["watchdog"] == 1
+    assert machine(" nop\nl goto l\n").state().watchdog_at is None

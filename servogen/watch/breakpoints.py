@@ -1,0 +1,198 @@
+"""What stops a running program: a source line, an edge, a condition on a variable.
+
+In: text as a person types it, and the program's listing. Out: `Breakpoint`s; `run_to` runs a `TimeMachine` to
+the first of them.
+
+    line 12 · main.c:12 · 0x01F     before the line's first instruction, or the one at that address
+    RB0 · RB0 rise · RB0 fall       after an edge of the pin
+    width > 1500 · 0x20 == 3        after an instruction that makes it true of a variable or a byte of RAM
+"""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.edges import HIGH, LOW, PINS, EdgeChunk
+from servogen.errors import InputError, did_you_mean
+from servogen.pic.device import PROGRAM_WORDS, RAM_FIRST, RAM_LAST
+from servogen.pic.image import Image
+from servogen.pic.isa import decode
+from servogen.pic.listing import Listing
+from servogen.watch.time_machine import TimeMachine
+
+INDIRECT = 0
+"""The address through which an instruction reaches the byte that FSR points to."""
+
+COMPARISONS: Mapping[str, Callable[[int, int], bool]] = MappingProxyType(
+    {
+        "==": operator.eq,
+        "!=": operator.ne,
+        "<=": operator.le,
+        ">=": operator.ge,
+        "<": operator.lt,
+        ">": operator.gt,
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class AtAddress:
+    """Stops before the instructions at these addresses."""
+
+    text: str
+    addresses: frozenset[int]
+
+
+@dataclass(frozen=True, slots=True)
+class AtEdge:
+    """Stops after an edge of a pin; `level` None: of either direction."""
+
+    text: str
+    pin: int
+    level: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class AtCondition:
+    """Stops after an instruction that makes a comparison of bytes of RAM, the lowest first, come true."""
+
+    text: str
+    address: int
+    size: int
+    comparison: str
+    value: int
+
+    def holds(self, machine: TimeMachine) -> bool:
+        ram = machine.machine.ram
+        start = self.address - RAM_FIRST
+        number = int.from_bytes(ram[start : start + self.size], "little")
+        return COMPARISONS[self.comparison](number, self.value)
+
+
+Breakpoint = AtAddress | AtEdge | AtCondition
+
+_LINE = re.compile(r"(?:line\s+|(?P<file>\S+):)(?P<line>\d{1,6})")
+_ADDRESS = re.compile(r"0x(?P<address>[0-9a-f]{1,4})", re.IGNORECASE)
+_EDGE = re.compile(r"(?P<pin>R[AB]\d)(?:\s+(?P<way>rise|fall))?", re.IGNORECASE)
+_CONDITION = re.compile(
+    r"(?P<name>[A-Za-z_]\w{0,60}|0x[0-9A-Fa-f]{1,2})\s*(?P<comparison>==|!=|<=|>=|<|>)\s*(?P<value>0x[0-9A-Fa-f]{1,8}|\d{1,9})"
+)
+
+
+def parse_breakpoint(text: str, listing: Listing | None) -> Breakpoint:
+    """Return the breakpoint that a text describes. Raises InputError."""
+    text = text.strip()[:200]
+    if found := _LINE.fullmatch(text):
+        return _at_line(text, found["file"], int(found["line"]), listing)
+    if found := _ADDRESS.fullmatch(text):
+        address = int(found["address"], 16)
+        if address >= PROGRAM_WORDS:
+            raise InputError(
+                "out-of-range", f"{text}: the program's addresses end at 0x{PROGRAM_WORDS - 1:03X}"
+            )
+        return AtAddress(text, frozenset((address,)))
+    if found := _EDGE.fullmatch(text):
+        pin = found["pin"].upper()
+        if pin not in PINS:
+            raise InputError("unknown-pin", f"there is no pin '{pin}'", hint=did_you_mean(pin, PINS))
+        way = (found["way"] or "").lower()
+        return AtEdge(text, PINS.index(pin), {"rise": HIGH, "fall": LOW}.get(way))
+    if found := _CONDITION.fullmatch(text):
+        address, size = _variable(found["name"], listing)
+        return AtCondition(text, address, size, found["comparison"], int(found["value"], 0))
+    raise InputError(
+        "bad-breakpoint",
+        f"'{text}' is not a breakpoint",
+        hint="line 12, 0x01F, RB0 rise, or a comparison such as width > 1500",
+    )
+
+
+def _at_line(text: str, file: str | None, line: int, listing: Listing | None) -> AtAddress:
+    """Return where the code of a line begins, each time that it does: a loop's head may come twice."""
+    rows = listing.rows if listing else ()
+    first = set()
+    before: tuple[str | None, int | None] = (None, None)
+    for row in rows:
+        mine = row.line == line and (file is None or (row.file or "").endswith(file))
+        if mine and (row.file, row.line) != before:
+            first.add(row.address)
+        before = row.file, row.line
+    if not first:
+        raise InputError("bad-breakpoint", f"no instruction belongs to {text}")
+    return AtAddress(text, frozenset(first))
+
+
+def _variable(name: str, listing: Listing | None) -> tuple[int, int]:
+    """Return the address and the size of a variable, or of a byte of RAM that its address names."""
+    if name.lower().startswith("0x"):
+        address = int(name, 16)
+        if not RAM_FIRST <= address <= RAM_LAST:
+            raise InputError(
+                "out-of-range", f"0x{address:02X} is not in RAM, 0x{RAM_FIRST:02X} to 0x{RAM_LAST:02X}"
+            )
+        return address, 1
+    variables = {label: (address, size) for address, label, size in (listing.variables if listing else ())}
+    if name not in variables:
+        raise InputError(
+            "unknown-variable", f"there is no variable '{name}'", hint=did_you_mean(name, tuple(variables))
+        )
+    return variables[name]
+
+
+def run_to(
+    machine: TimeMachine, end: int, breakpoints: Sequence[Breakpoint], image: Image
+) -> Breakpoint | None:
+    """Run to the first moment that is not before `end`, or to a breakpoint, which is returned."""
+    addresses = {
+        address: each for each in breakpoints if isinstance(each, AtAddress) for address in each.addresses
+    }
+    edges = [each for each in breakpoints if isinstance(each, AtEdge)]
+    conditions = [each for each in breakpoints if isinstance(each, AtCondition)]
+    writers = _writers(conditions, image)
+
+    def wanted(chunk: EdgeChunk) -> npt.NDArray[np.bool_]:
+        marked = np.zeros(len(chunk.pin), dtype=bool)
+        for each in edges:
+            marked |= (chunk.pin == each.pin) & ((chunk.level == each.level) | (each.level is None))
+        return marked
+
+    while machine.now < end:
+        stop = machine.run(end, stops={*addresses, *writers}, wanted=wanted if edges else None)
+        if stop is None:
+            return None
+        if stop.edge is not None:
+            return next(each for each in edges if _is_edge(each, *stop.edge))
+        if machine.machine.pc in writers:
+            held = [each.holds(machine) for each in conditions]
+            if machine.machine.pc in addresses:
+                return addresses[machine.machine.pc]
+            machine.step(1)
+            for each, before in zip(conditions, held, strict=True):
+                if not before and each.holds(machine):
+                    return each
+        if machine.machine.pc in addresses:
+            return addresses[machine.machine.pc]
+    return None
+
+
+def _is_edge(breakpoint: AtEdge, pin: int, level: int) -> bool:
+    return breakpoint.pin == pin and breakpoint.level in (None, level)
+
+
+def _writers(conditions: Sequence[AtCondition], image: Image) -> frozenset[int]:
+    """Return the addresses of the instructions that may write a byte of one of the conditions."""
+    bytes_of = {each.address + offset for each in conditions for offset in range(each.size)}
+    found = set()
+    for address, word in image.program.items():
+        decoded = decode(word) if bytes_of else None
+        writes = decoded is not None and decoded.instruction.writes_file(decoded.d)
+        if writes and decoded is not None and decoded.f in {*bytes_of, INDIRECT}:
+            found.add(address)
+    return frozenset(found)

@@ -1,0 +1,415 @@
+"""`TimeMachine`: a simulated chip that goes to any moment, forwards and backwards.
+
+In: an image with its clock, board and stimulus, and what is done to its pins while it runs. Out: the machine
+at the moment that was asked for.
+
+    kept    ●────────●────────●────────●──── …          a snapshot every 20 ms of simulated time
+    seek    restores the latest one before the moment and runs from there
+
+Running again from a snapshot repeats what happened, because every change from outside is either part of the
+stimulus or in the list of inputs, each of which is applied again in the cycle in which it was first applied.
+An input at a moment in the past makes another future: what was known of the old one is dropped.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right, insort
+from collections.abc import Callable, Iterator, Sequence, Set
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.edges import EdgeChunk, join, part
+from servogen.pic.device import PROGRAM_WORDS
+from servogen.pic.image import Image
+from servogen.pic.listing import Listing
+from servogen.simulator import Change, Machine, Observation, Options, Snapshot, Stimulus
+from servogen.units import Clock, Cycles
+
+SPACING_S = Fraction(20, 1000)
+"""Between two snapshots."""
+MAX_SNAPSHOTS = 10_000
+"""What a window may hold, about 5 kB each; then the older ones are thinned out."""
+RECENT_S = 20
+"""Before the current moment, all snapshots are kept."""
+ROWS = 1 << 14
+"""Instructions traced at a time."""
+ASLEEP_S = 10
+"""How long a step forwards waits for an instruction: the chip may sleep, or be held in reset."""
+LINE_S = 60
+"""How long a step forwards waits for another source line."""
+BACK_SNAPSHOTS = 3000
+"""How many snapshots a step back by a line goes back at most."""
+NEAR = 3
+"""Cycles per instruction that a step back goes back at first."""
+NO_LINE = -1
+
+Rows = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class _Input:
+    """Changes that were applied in `cycle`, all of them later."""
+
+    cycle: int
+    changes: tuple[Change, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """A snapshot, and how many of the inputs it knows."""
+
+    snapshot: Snapshot
+    inputs: int
+    edges: int
+    """Made since power-up."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """What ended a run early: an edge (pin, level), or, without one, an address."""
+
+    edge: tuple[int, int] | None = None
+
+
+class TimeMachine:
+    """A machine and the way back. A moment is the cycle in which the next instruction executes."""
+
+    def __init__(
+        self,
+        image: Image,
+        clock: Clock,
+        options: Options = Options(),  # noqa: B008 - frozen
+        stimulus: Stimulus | None = None,
+        listing: Listing | None = None,
+    ) -> None:
+        self.clock = clock
+        self.listing = listing
+        self.machine = Machine(image, clock, options, stimulus)
+        """The chip at the current moment, to be read; only the time machine runs it."""
+        self.line_ids, self.lines = _line_ids(listing)
+        self._spacing = clock.round_seconds(SPACING_S)
+        self._coarse = int(self._spacing)
+        self._recent = clock.round_seconds(RECENT_S)
+        self._inputs: list[_Input] = []
+        self._applied = 0
+        self._kept: dict[int, _Kept] = {}
+        self._at: list[int] = []
+        self.reach = Cycles(0)
+        """The latest moment that was reached since the last input."""
+        self._keep()
+
+    @property
+    def now(self) -> Cycles:
+        return self.machine.cycles
+
+    @property
+    def inputs(self) -> tuple[Change, ...]:
+        """Return the changes of all inputs, in order of cycles."""
+        changes = [change for one in self._inputs for change in one.changes]
+        return tuple(sorted(changes, key=lambda change: change.cycle))
+
+    @property
+    def snapshots(self) -> int:
+        return len(self._at)
+
+    def apply(self, changes: Sequence[Change]) -> None:
+        """Apply changes from outside, all of them after the current moment, whose old future is dropped."""
+        self.machine.apply(changes)
+        now = self.now
+        del self._inputs[self._applied :]
+        self._inputs.append(_Input(now, tuple(changes)))
+        self._applied += 1
+        for cycle in self._at[bisect_right(self._at, now) :]:
+            del self._kept[cycle]
+        del self._at[bisect_right(self._at, now) :]
+        self.reach = now
+
+    def seek(self, cycle: int) -> None:
+        """Go to the first moment that is not before `cycle`."""
+        self._restore_before(max(0, cycle))
+        self._run(max(0, cycle))
+
+    def run(
+        self,
+        end: int,
+        *,
+        stops: Set[int] = frozenset(),
+        wanted: Callable[[EdgeChunk], npt.NDArray[np.bool_]] | None = None,
+        edges: list[EdgeChunk] | None = None,
+    ) -> Stop | None:
+        """Run to the first moment that is not before `end`; return what stopped it earlier, if anything did.
+
+        It stops before an instruction at an address in `stops` (except at the first one), and after an edge
+        that `wanted` marks. The edges made are appended to `edges`.
+        """
+        return self._run(end, stops, wanted, edges)
+
+    def edges(self, begin: int, end: int) -> EdgeChunk:
+        """Return the edges of the cycles from `begin` to `end`, and come back to the current moment."""
+        here = self.machine.snapshot(), self._applied
+        self._restore_before(max(0, begin))
+        seen: list[EdgeChunk] = []
+        self._run(end, edges=seen)
+        self.machine.restore(here[0])
+        self._applied = here[1]
+        found = join(seen)
+        first, last = np.searchsorted(found.cycle, (begin, end))
+        return part(found, slice(int(first), int(last)))
+
+    def levels_before(self, begin: int) -> tuple[int, ...]:
+        """Return the level of each pin before cycle `begin`, and come back to the current moment."""
+        here = self.machine.snapshot(), self._applied
+        self.seek(max(0, begin))
+        levels = self.machine.levels
+        self.machine.restore(here[0])
+        self._applied = here[1]
+        return levels
+
+    def step(self, instructions: int) -> int:
+        """Execute so many instructions, or go back over so many; return how many it were.
+
+        Forwards it ends earlier where the chip sleeps on, and backwards at power-up.
+        """
+        return self._forward(instructions) if instructions > 0 else self._back(-instructions)
+
+    def step_line(self, forwards: bool) -> bool:
+        """Go to the next source line, or back to the beginning of this one or, from there, of the one before.
+
+        Return whether there was one.
+        """
+        return self._next_line() if forwards else self._line_before()
+
+    def step_edge(self, forwards: bool, pins: Set[int] = frozenset(), limit: int | None = None) -> bool:
+        """Go to just after the next or the previous edge of one of `pins` (none: of any).
+
+        Return whether there is one, forwards within `limit` cycles (default: a minute).
+        """
+
+        def wanted(chunk: EdgeChunk) -> npt.NDArray[np.bool_]:
+            return np.isin(chunk.pin, list(pins)) if pins else np.ones(len(chunk.pin), dtype=bool)
+
+        if forwards:
+            wait = self.clock.round_seconds(LINE_S) if limit is None else limit
+            return self._run(self.now + wait, wanted=wanted) is not None
+        return self._edge_before(wanted)
+
+    def executed(self, limit: int) -> Rows:
+        """Return (cycle, address, W after, STATUS after) of the latest `limit` instructions executed."""
+        end = self.now
+        here = self.machine.snapshot(), self._applied
+        found: list[Rows] = []
+        for rows in self._rows_before(end):
+            found.insert(0, rows)
+            if sum(map(len, found)) >= limit:
+                break
+        self.machine.restore(here[0])
+        self._applied = here[1]
+        return np.concatenate(found)[-limit:] if found else np.zeros((0, 4), dtype=np.int64)
+
+    def _run(
+        self,
+        end: int,
+        stops: Set[int] = frozenset(),
+        wanted: Callable[[EdgeChunk], npt.NDArray[np.bool_]] | None = None,
+        edges: list[EdgeChunk] | None = None,
+    ) -> Stop | None:
+        machine, first = self.machine, self.now
+        machine.breakpoints = set(stops)
+        try:
+            while True:
+                self._arrive(end)
+                if self.now != first and machine.pc in stops and not machine.asleep:
+                    return Stop()
+                if self.now >= end:
+                    return None
+                goal = min(end, self._next_due(end))
+                begin = machine.snapshot() if wanted is not None else None
+                chunk = join(machine.stream(goal - self.now))
+                if wanted is not None and begin is not None and len(chunk.cycle):
+                    marked = np.flatnonzero(wanted(chunk))
+                    if len(marked):
+                        first_edge = part(chunk, slice(int(marked[0]), int(marked[0]) + 1))
+                        self._after_edge(begin, int(first_edge.cycle[0]), edges)
+                        return Stop((int(first_edge.pin[0]), int(first_edge.level[0])))
+                if edges is not None:
+                    edges.append(chunk)
+                if self.now < goal:
+                    self._arrive(end)
+                    return Stop()
+        finally:
+            machine.breakpoints = set()
+
+    def _after_edge(self, begin: Snapshot, cycle: int, edges: list[EdgeChunk] | None) -> None:
+        """Go from `begin` to the end of the instruction that makes an edge in `cycle`."""
+        self.machine.restore(begin)
+        self.machine.breakpoints = set()
+        chunk = self.machine.run(cycle + 1 - self.now)
+        if edges is not None:
+            edges.append(chunk)
+        self._arrive(self.now)
+
+    def _next_due(self, end: int) -> int:
+        """Return where a run must pause: for an input that is applied again, or for a snapshot."""
+        due = self._next_snapshot(end)
+        if self._applied < len(self._inputs):
+            due = min(due, self._inputs[self._applied].cycle)
+        return due
+
+    def _next_snapshot(self, end: int) -> int:
+        spacing = self._spacing if self.now >= end - self._recent else self._coarse
+        place = bisect_right(self._at, self.now)
+        due = self._at[place - 1] + spacing
+        while place < len(self._at) and self._at[place] < due + spacing // 2:
+            due = self._at[place] + spacing
+            place += 1
+        return max(due, self.now + 1)
+
+    def _arrive(self, end: int) -> None:
+        """Apply again the inputs of this moment; keep a snapshot where one is due."""
+        while self._applied < len(self._inputs) and self._inputs[self._applied].cycle <= self.now:
+            self.machine.apply(self._inputs[self._applied].changes)
+            self._applied += 1
+        self.reach = max(self.reach, self.now)
+        place = bisect_right(self._at, self.now)
+        spacing = self._spacing if self.now >= end - self._recent else self._coarse
+        if self.now - self._at[place - 1] >= spacing:
+            self._keep()
+
+    def _keep(self) -> None:
+        now = int(self.now)
+        self._kept[now] = _Kept(self.machine.snapshot(), self._applied, self.machine.edges_made)
+        insort(self._at, now)
+        if len(self._at) > MAX_SNAPSHOTS:
+            self._thin(now)
+
+    def _thin(self, now: int) -> None:
+        """Double the distance between the snapshots that are not recent."""
+        while len(self._at) > MAX_SNAPSHOTS * 3 // 4:
+            self._coarse *= 2
+            last = -self._coarse
+            for cycle in list(self._at):
+                if abs(cycle - now) > self._recent and cycle - last < self._coarse:
+                    del self._kept[cycle]
+                else:
+                    last = cycle
+            self._at = [cycle for cycle in self._at if cycle in self._kept]
+
+    def _restore(self, place: int) -> None:
+        kept = self._kept[self._at[place]]
+        self.machine.restore(kept.snapshot)
+        self._applied = kept.inputs
+
+    def _restore_before(self, cycle: int) -> None:
+        """Restore the latest snapshot that is not after `cycle`, unless the way from here is shorter."""
+        place = bisect_right(self._at, cycle) - 1
+        if self.now > cycle or self._at[place] > self.now:
+            self._restore(place)
+        if cycle - self.now > 2 * self._spacing:  # a thinned past: be near the next time
+            self._run(cycle - self._spacing)
+
+    def _observed(self, end: int, limit: int) -> Rows:
+        """Run to `end`, or until `limit` instructions are executed, and return their rows."""
+        found: list[Rows] = []
+        left = limit
+        while self.now < end and left > 0:
+            self._arrive(end)
+            goal = min(end, self._next_due(end))
+            observation = Observation(trace=np.zeros((min(left, ROWS), 4), dtype=np.int64))
+            for _, rows in self.machine.observe(goal - self.now, observation):
+                found.append(rows)
+                left -= len(rows)
+                if len(rows) == len(observation.trace):
+                    break
+        self._arrive(self.now)
+        return np.concatenate(found) if found else np.zeros((0, 4), dtype=np.int64)
+
+    def _forward(self, count: int) -> int:
+        return len(self._observed(self.now + self.clock.round_seconds(ASLEEP_S), count))
+
+    def _rows_before(self, end: int) -> Iterator[Rows]:
+        """Yield the instructions before `end`, from one snapshot to the next, the latest ones first."""
+        while end > 0:
+            if end - self._at[bisect_left(self._at, end) - 1] > 2 * self._spacing:
+                self.seek(end - self._spacing)
+            place = bisect_left(self._at, end) - 1
+            begin = self._at[place]
+            self._restore(place)
+            yield self._observed(end, end - begin + 1)
+            end = begin
+
+    def _back(self, count: int) -> int:
+        end = int(self.now)
+        begin = end - NEAR - NEAR * count
+        if begin > 0:  # most often the instructions take one or two cycles each
+            self.seek(begin)
+            rows = self._observed(end, end)
+            if len(rows) >= count:
+                self.seek(int(rows[-count, 0]))
+                return count
+        left, target = count, 0
+        for rows in self._rows_before(end):
+            if len(rows) >= left:
+                target, left = int(rows[-left, 0]), 0
+                break
+            left -= len(rows)
+        self.seek(target)
+        return count - left
+
+    def _next_line(self) -> bool:
+        here = self.line_ids[self.machine.pc % PROGRAM_WORDS]
+        others = np.flatnonzero((self.line_ids != here) & (self.line_ids != NO_LINE))
+        return self._run(self.now + self.clock.round_seconds(LINE_S), stops=set(others.tolist())) is not None
+
+    def _line_before(self) -> bool:
+        current: int | None = None
+        target = int(self.now)
+        for piece, rows in enumerate(self._rows_before(self.now)):
+            ids = self.line_ids[rows[:, 1] % PROGRAM_WORDS]
+            known = np.flatnonzero(ids != NO_LINE)
+            if current is None and len(known):
+                current = int(ids[known[-1]])
+            others = known[ids[known] != current]
+            mine = known[ids[known] == current]
+            if len(others):
+                later = mine[mine > others[-1]]
+                target = int(rows[later[0], 0]) if len(later) else target
+                break
+            if len(mine):
+                target = int(rows[mine[0], 0])
+            if piece >= BACK_SNAPSHOTS:
+                break
+        self.seek(target)
+        return current is not None
+
+    def _edge_before(self, wanted: Callable[[EdgeChunk], npt.NDArray[np.bool_]]) -> bool:
+        here, end = int(self.now), int(self.now)
+        before = self.machine.edges_made
+        while end > 0:
+            place = bisect_left(self._at, end) - 1
+            while place > 0 and self._kept[self._at[place]].edges >= before:
+                place -= 1  # nothing changed since
+            begin = self._at[place]
+            self._restore(place)
+            seen: list[EdgeChunk] = []
+            self._run(end, edges=seen)
+            chunk = join(seen)
+            for cycle in np.unique(chunk.cycle[wanted(chunk)])[::-1].tolist():
+                self.seek(cycle + 1)
+                if self.now < here:
+                    return True
+            end, before = begin, self._kept[begin].edges
+        self.seek(here)
+        return False
+
+
+def _line_ids(listing: Listing | None) -> tuple[npt.NDArray[np.int64], tuple[tuple[str, int], ...]]:
+    """Return, for each address, the number of its source line or NO_LINE; and the lines."""
+    ids = np.full(PROGRAM_WORDS, NO_LINE, dtype=np.int64)
+    numbers: dict[tuple[str, int], int] = {}
+    for row in listing.rows if listing else ():
+        if row.file is not None and row.line is not None:
+            ids[row.address] = numbers.setdefault((row.file, row.line), len(numbers))
+    return ids, tuple(numbers)

@@ -1,0 +1,111 @@
+"""What stops a run: lines, edges and conditions, and the texts that describe them."""
+
+from __future__ import annotations
+
+import pytest
+
+from servogen.compiler import Options as CompilerOptions
+from servogen.compiler import Source, compile_sources
+from servogen.edges import HIGH, PINS
+from servogen.errors import InputError
+from servogen.pic.device import device
+from servogen.units import Clock
+from servogen.watch.breakpoints import AtAddress, AtCondition, AtEdge, parse_breakpoint, run_to
+from servogen.watch.time_machine import TimeMachine
+
+C = """\
+#pragma CLOCK_FREQ 4000000
+char n;
+void main(void)
+{
+    set_bit(STATUS, RP0);
+    TRISB = 0;
+    clear_bit(STATUS, RP0);
+    n = 0;
+    while (1) {
+        PORTB = n;
+        n = n + 1;
+        delay_us(100);
+    }
+}
+"""
+DONE = compile_sources([Source(C, "count.c")], CompilerOptions(dialect="c2c", device=device("PIC16F84")))
+
+
+def machine() -> TimeMachine:
+    return TimeMachine(DONE.image, Clock(4_000_000), listing=DONE.listing)
+
+
+def n_of(chip: TimeMachine) -> int:
+    return chip.machine.ram[DONE.listing.variable("n") - 0x0C]
+
+
+def run(chip: TimeMachine, *texts: str) -> str | None:
+    found = run_to(chip, 1_000_000, [parse_breakpoint(text, DONE.listing) for text in texts], DONE.image)
+    return None if found is None else found.text
+
+
+def test_a_line_stops_before_its_first_instruction_each_time() -> None:
+    chip = machine()
+    for turn in range(4):
+        assert run(chip, "line 11") == "line 11"
+        assert n_of(chip) == turn
+    assert run(chip, "count.c:12") == "count.c:12"
+    assert n_of(chip) == 4
+
+
+def test_an_edge_stops_behind_the_instruction_that_makes_it() -> None:
+    chip = machine()
+    assert run(chip, "RB1 rise") == "RB1 rise"
+    assert n_of(chip) == 2
+    assert chip.machine.levels[PINS.index("RB1")] == HIGH
+    assert run(chip, "rb1 fall", "RB7") == "rb1 fall"
+    assert n_of(chip) == 4
+
+
+def test_a_condition_stops_when_it_comes_true_and_not_while_it_stays_so() -> None:
+    chip = machine()
+    assert run(chip, "n > 16") == "n > 16"
+    assert n_of(chip) == 17
+    before = chip.now
+    assert run(chip, "n > 16") == "n > 16"  # n is a byte: after 255 comes 0, and 17 again
+    assert n_of(chip) == 17 and chip.now - before > 256 * 100
+    assert run(chip, "n == 0x20", "n == 19") == "n == 19"
+
+
+def test_the_first_of_several_stops_it() -> None:
+    chip = machine()
+    assert run(chip, "n == 7", "RB2 rise", "line 12") == "line 12"
+    assert run(chip, "n == 7", "RB2 rise") == "RB2 rise"
+    assert run(chip, "n == 7", "RB2 rise") == "n == 7"
+
+
+def test_a_run_without_a_hit_ends_where_it_should() -> None:
+    chip = machine()
+    assert run(chip, "RA3 rise", "n == 300") is None
+    assert chip.now >= 1_000_000
+
+
+def test_texts_are_parsed() -> None:
+    assert parse_breakpoint("0x01f", None) == AtAddress("0x01f", frozenset((0x1F,)))
+    assert parse_breakpoint(" RB0 ", None) == AtEdge("RB0", PINS.index("RB0"), None)
+    assert parse_breakpoint("0x20>=0x10", None) == AtCondition("0x20>=0x10", 0x20, 1, ">=", 16)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "is not a breakpoint"),
+        ("width >", "is not a breakpoint"),
+        ("__import__('os')", "is not a breakpoint"),
+        ("line 99", "no instruction belongs to line 99"),
+        ("main.c:11", "no instruction belongs"),
+        ("0x400", "end at 0x3FF"),
+        ("RA7 rise", "no pin 'RA7'"),
+        ("m == 3", "no variable 'm'"),
+        ("0x05 == 3", "not in RAM"),
+    ],
+)
+def test_bad_texts_are_refused(text: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        parse_breakpoint(text, DONE.listing)
