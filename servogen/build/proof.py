@@ -1,24 +1,43 @@
-"""Runs an image and holds its edges against a schedule.
+"""Compares what an image does, or what was recorded or captured, with a schedule.
 
-In: a `PulseSchedule` and an `Image`, or a trace from elsewhere. Out: the `Verdict`, over a stated span.
+In: a `PulseSchedule` and an `Image`, a trace from elsewhere, or a `Capture`. Out: the `Verdict` over a
+stated span; or, where the machine's complete state repeats, over a span after which nothing new can happen
+(`prove_forever`):
+
+    machine   ├ its lead-in ┤├──── its loop ────┤├──── its loop ────┤ …
+    schedule  ├ lead-in ┤├─ loop ─┤├─ loop ─┤├─ loop ─┤├─ loop ─┤ …
+    checked   ├ the longer lead-in ┤├ a common multiple of both loops ┤
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from math import lcm
 
 import numpy as np
 
-from servogen.edges import EdgeTrace, Expected
-from servogen.engines.board import machine_of
+from servogen.edges import PINS, EdgeTrace, Expected
+from servogen.engines.board import board_of, inputs_of, machine_of
 from servogen.errors import Diagnostic, Location
 from servogen.pic.image import Image
 from servogen.pic.listing import Listing
+from servogen.plan_error import plan_words
 from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
-from servogen.simulator import CHIP_DEPENDENT, Machine, Options
+from servogen.simulator import CHIP_DEPENDENT, Machine, NoRepeat, Options, find_repeat
+from servogen.traces.captures import Capture
 from servogen.units import Cycles
-from servogen.verify import Verdict, channel_pins, find_start, verify, whole_motion
+from servogen.verify import (
+    CaptureVerdict,
+    Tolerances,
+    Verdict,
+    channel_pins,
+    find_start,
+    sampling,
+    verify,
+    verify_capture,
+    whole_motion,
+)
 from servogen.verify.verdict import unseen_motion_reason
 
 LOOPS_CHECKED = 3
@@ -148,3 +167,84 @@ def chip_warnings(
             warning = replace(warning, location=replace(where, file=row.file, line=row.line))
         found.append(warning)
     return tuple(found)
+
+
+def prove_capture(
+    schedule: PulseSchedule, capture: Capture, tolerances: Tolerances | None = None
+) -> CaptureVerdict:
+    """Return the verdict on what an analyser saw; a capture that is not whole is never proven.
+
+    Raises InputError where it was, or may have been, sampled too slowly to prove anything.
+    """
+    trace = capture.trace.stored()
+    longest_us = (tolerances or Tolerances()).glitch_us
+    sampling(trace, capture.sample).check(longest_us, Location(capture.file))
+    verdict = verify_capture(expected(schedule), trace, tolerances, capture.sample, capture.pieces)
+    if capture.missing is not None:
+        return verdict.but(f"the capture is not whole: {capture.missing}")
+    return verdict
+
+
+@dataclass(frozen=True, slots=True)
+class Forever:
+    """`verdict` is over `lead_in` and `loop` frames; where `reason` is not empty, over the time looked at."""
+
+    verdict: Verdict
+    lead_in: int
+    loop: int
+    reason: str = ""
+
+    @property
+    def proven(self) -> bool:
+        return self.verdict.proven and not self.reason
+
+    def text(self) -> str:
+        """One line: what is proven, or why not."""
+        if self.proven:
+            return (
+                f"proven for all time: lead-in {self.lead_in} frames, loop {self.loop} frames; "
+                f"0 cycles from the schedule; {plan_words(self.verdict.plan_error)}"
+            )
+        if self.reason:
+            seconds = float(self.verdict.clock.seconds(self.verdict.span.compared))
+            why = f"{self.reason}; covered {seconds:g} s"
+        else:
+            why = "the edges are not the schedule's"
+        return f"NOT proven for all time: {why}; {plan_words(self.verdict.plan_error)}"
+
+    def to_json(self) -> dict[str, object]:
+        return {
+            "proven_for_all_time": self.proven,
+            "reason": self.reason,
+            "lead_in_frames": self.lead_in,
+            "loop_frames": self.loop,
+            "verdict": self.verdict.to_json(),
+        }
+
+
+def prove_forever(
+    schedule: PulseSchedule,
+    image: Image,
+    limit: Cycles,
+    listing: Listing | None = None,
+    options: Options = Options(),  # noqa: B008 - frozen
+) -> Forever:
+    """Looks for a repeat of the machine's state within `limit` cycles from reset, and checks all of it."""
+    first = next(chunk for chunk in expected(schedule).chunks if len(chunk.cycle))
+    found = find_repeat(
+        image,
+        schedule.clock,
+        pin=int(first.pin[0]),
+        limit=limit,
+        period=schedule.period,
+        options=board_of(schedule, options),
+        stimulus=inputs_of(schedule),
+    )
+    if isinstance(found, NoRepeat):
+        span = Cycles(max(found.covered, schedule.period))
+        verdict = prove_image(schedule, image, span, listing, options)
+        return Forever(verdict, 0, 0, found.reason.replace("the pin", PINS[int(first.pin[0])]))
+    lead_in = max(found.lead_in_frames, schedule.lead_in_frames)
+    loop = lcm(found.loop_frames, schedule.loop_frames)
+    span = Cycles((lead_in + loop) * schedule.period)
+    return Forever(prove_image(schedule, image, span, listing, options), lead_in, loop)

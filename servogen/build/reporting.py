@@ -11,8 +11,7 @@ from pathlib import Path
 
 from servogen.build.build import Build, Progress, build, program_facts
 from servogen.build.engines import with_end_error
-from servogen.build.proof import motion_cycles, prove_file, running
-from servogen.build.proof_of_capture import prove_capture
+from servogen.build.proof import motion_cycles, prove_capture, prove_file, running
 from servogen.edges import EdgeTrace
 from servogen.engines.firmware import ResourceError
 from servogen.errors import Diagnostic

@@ -1,24 +1,29 @@
 """The pulses in a file, whatever it holds: those of a program on the simulator, or recorded edges.
 
-In: a file, perhaps the schedule that it is held against, the simulator's options. Out: an `EdgeTrace`.
+In: a file, perhaps the schedule that it is compared with, the simulator's options. Out: an `EdgeTrace`;
+and, of what is measured in it, the warnings that planned pulses would get from the servos' models.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from servogen.build.proof import running
-from servogen.edges import EdgeTrace
-from servogen.errors import InputError, Location
+from servogen.edges import PINS, EdgeTrace
+from servogen.errors import Diagnostic, InputError, Location, did_you_mean
 from servogen.pic.device import DEVICES
 from servogen.pic.device import device as device_named
 from servogen.programs import PROGRAM_SUFFIXES, Program, clock_of, read_program
 from servogen.pulse import PulseSchedule
+from servogen.pulse.lint import check_measured, check_periods, check_unknown
+from servogen.robot.servo import ServoModel, servo
+from servogen.robot.servo_models import servo_model
 from servogen.simulator import Machine, Options
 from servogen.traces import SUFFIXES, read_edges
 from servogen.traces.captures import SUFFIXES as CAPTURE_SUFFIXES
 from servogen.units import Cycles
+from servogen.verify import Measurement, PinMeasurement
 
 MEASURED_SECONDS = 20.0
 """How long a program runs if nothing says so: two rounds of the printed lab programs."""
@@ -107,3 +112,46 @@ def unscheduled_edges(
         return EdgeTrace(clock, Machine(program.image, clock, options).stream(span), span)
     clock = clock_of(None, clock_hz)
     return read_edges(file, clock, None if seconds is None else clock.round_seconds(seconds)).stored()
+
+
+def servos_named(texts: Sequence[str]) -> dict[str, ServoModel]:
+    """ "RB0=futaba-s3001" as a model of that pin, "futaba-s3001" as that of every pin. Raises InputError."""
+    models: dict[str, ServoModel] = {}
+    for text in texts:
+        pin, _, name = text.rpartition("=")
+        if pin and pin not in PINS:
+            raise InputError(
+                "unknown-pin", f"unknown pin '{pin}'", Location(key="--servo"), did_you_mean(pin, PINS)
+            )
+        model = servo_model(name, place=Location(key="--servo"))
+        models |= dict.fromkeys((pin,) if pin else PINS, model)
+    return models
+
+
+def measured_warnings(measurement: Measurement, models: Mapping[str, ServoModel]) -> tuple[Diagnostic, ...]:
+    """Return the warnings; a pin without a model is judged by what every servo takes."""
+    found: list[Diagnostic] = []
+    for pin in measurement.pins:
+        model = models.get(PINS[pin.pin])
+        found += _of_pin(measurement, pin, model)
+    return tuple(found)
+
+
+def _of_pin(
+    measurement: Measurement, pin: PinMeasurement, model: ServoModel | None
+) -> tuple[Diagnostic, ...]:
+    name = PINS[pin.pin]
+    periods = [float(measurement.us(each)) for each in _periods(pin)]
+    if model is None:
+        widths = [float(measurement.us(width)) for width in pin.widths]
+        return (*check_unknown(name, widths), *check_periods(periods, name))
+    widths = [float(measurement.us(width)) for width in pin.widths_in_order()]
+    return check_measured(servo(name, name, model), widths, periods)
+
+
+def _periods(pin: PinMeasurement) -> list[int]:
+    """The period of each kind of frame, not of the changes from one kind to the next.
+
+    A pin with one pulse or two has no kind: all its periods.
+    """
+    return [kind.period for kind in pin.kinds] or list(pin.periods)

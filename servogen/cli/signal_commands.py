@@ -103,7 +103,7 @@ def verify(
 def _verify_forever(
     file: Path, schedule: PulseSchedule, seconds: float | None, board: Options, json: bool
 ) -> int:
-    from servogen.build.recurrence import prove_forever
+    from servogen.build.proof import prove_forever
     from servogen.build.signals import is_program, program_for
     from servogen.verify import verdict_lines
 
@@ -128,7 +128,7 @@ def _verify_capture(file: Path, schedule: PulseSchedule, rate: int | None, parti
 
     The analyser's own clock, the crystal's error and the samples' grid are allowed for.
     """
-    from servogen.build.proof_of_capture import prove_capture
+    from servogen.build.proof import prove_capture
     from servogen.traces.captures import read_capture, sampled_at
     from servogen.verify import capture_lines
 
@@ -155,8 +155,7 @@ def measure(
     json: Json = False,
 ) -> None:
     """Measure the pulses of a program (for 20 s) or of recorded edges, and warn of doubtful ones."""
-    from servogen.build.measuring import measured_warnings, servos_named
-    from servogen.build.signals import refuse_chip_options, unscheduled_edges
+    from servogen.build.signals import measured_warnings, refuse_chip_options, servos_named, unscheduled_edges
     from servogen.pic.device import DEVICES
     from servogen.verify import measure as measured
     from servogen.verify import measurement_lines

@@ -7,7 +7,7 @@ The job file is not read again. Every error names the line and the key that cann
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 
 import numpy as np
@@ -18,12 +18,13 @@ from servogen.job.job import Job, NamedPose, PlannedJob
 from servogen.job.poses import poses_of
 from servogen.job.programs import program_of
 from servogen.job.schema import SECTIONS, DriveTable, MotionTable, ProgramTable, Section, WalkTable
-from servogen.job.torques import arm_torques
 from servogen.job.walks import walk_of
+from servogen.kinematics.statics import gravity_torques, has_masses
 from servogen.motion import JointTrajectory, Motion, Planned, trajectory
 from servogen.motion.gait.steps import Segment
 from servogen.motion.limits import Limits
 from servogen.motion.trajectory import MAX_FRAMES
+from servogen.pulse.lint import check_torque
 from servogen.robot.servo import Servo
 from servogen.toml import file as toml_file
 from servogen.units import Clock, Cycles
@@ -44,7 +45,7 @@ def plan_job(job: Job, way: Mapping[str, float] | None = None, others: Sequence[
         **{**values, "section": section},
         trajectory=planned.trajectory,
         poses=poses,
-        warnings=(*planned.warnings, *_heavy(job, planned)),
+        warnings=(*planned.warnings, *_overloads(job, planned)),
         notes=planned.notes,
     )
 
@@ -136,11 +137,27 @@ def _limits(job: Job) -> tuple[Limits, ...]:
     return tuple(limits)
 
 
-def _heavy(job: Job, planned: Planned) -> tuple[Diagnostic, ...]:
-    """Return warnings about servos of an arm that cannot carry its weight."""
-    if job.tip is None:
-        return ()
-    return tuple(arm_torques(job.tip, planned.trajectory.angles, job.servos))
+def _overloads(job: Job, planned: Planned) -> Iterator[Diagnostic]:
+    """Yield a warning for each servo of an arm whose links and payload need more than its torque.
+
+    An arm without stated masses is not checked. A servo that turns `ratio` radians for each unit of a joint
+    gives 1 / ratio of the joint's torque; a frame without pulses (NaN) needs none.
+    """
+    tip = job.tip
+    if tip is None or not has_masses(tip.limb.arm):
+        return
+    columns = [job.servos.index(servo) for servo in tip.servos]
+    angles = planned.trajectory.angles[:, columns]
+    pulsed = np.flatnonzero(~np.isnan(angles).any(axis=1))
+    if not len(pulsed):
+        return
+    distinct, back = np.unique(angles[pulsed], axis=0, return_inverse=True)
+    joints = [binding.position(column) for binding, column in zip(tip.bindings, distinct.T, strict=True)]
+    torques = gravity_torques(tip.limb.arm, np.stack(joints, axis=1))[back.reshape(-1)]
+    for index, (binding, servo) in enumerate(zip(tip.bindings, tip.servos, strict=True)):
+        torque = np.full(len(angles), np.nan)
+        torque[pulsed] = np.abs(torques[:, index] / binding.ratio)
+        yield from check_torque(servo, binding.joint, torque)
 
 
 def _check_travel(job: Job, section: Section | None, planned: Planned) -> None:

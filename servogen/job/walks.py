@@ -7,20 +7,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from servogen.errors import Diagnostic, InputError, did_you_mean
 from servogen.job.job import Job
 from servogen.job.schema import WalkTable
-from servogen.job.torques import walk_torques
 from servogen.kinematics.protocol import Posture, WalkingRobot, mounts_of
 from servogen.motion import JointTrajectory, Planned, bound
 from servogen.motion.gait.phases import Gait, custom, gait
 from servogen.motion.gait.steps import Segment
 from servogen.motion.gait.walk import Walk, walk
 from servogen.motion.limits import Limits
+from servogen.motion.loads import loads_of
+from servogen.pulse.lint import SAME_DIGITS, check_torque
 from servogen.robot.binding import Binding
+from servogen.robot.servo import Servo
 from servogen.toml.file import Document, exact
 from servogen.units import Clock, Cycles
 
@@ -78,10 +81,10 @@ def walk_of(
     except InputError as error:
         raise error.at(document.place("walk")) from error
     trajectory = _ended(_bound(document, planned.trajectory, job.bindings), table)
-    heavy = tuple(walk_torques(robot, planned, job.bindings, job.servos))
+    overloads = tuple(_overloads(robot, planned, job.bindings, job.servos))
     return Planned(
         trajectory,
-        warnings=(*heavy, *_upright(document, planned)),
+        warnings=(*overloads, *_upright(document, planned)),
         notes=tuple(_notes(document, planned, table)),
     )
 
@@ -188,6 +191,24 @@ def _turns(document: Document, planned: Walk) -> Iterator[Diagnostic]:
     texts = [*planned.centre_texts(), *((each.segment, each.text()) for each in planned.held_back)]
     for index, text in sorted(texts):
         yield Diagnostic("note", "turn", f"way {index + 1}: {text}", document.place("walk", "way", index))
+
+
+def _overloads(
+    robot: WalkingRobot, walk: Walk, bindings: Sequence[Binding], servos: Sequence[Servo]
+) -> Iterator[Diagnostic]:
+    """Yield a warning for each servo of a walking robot whose weight needs more than its torque."""
+    loads = loads_of(robot, walk)
+    if loads is None:
+        return
+    by_joint = {binding.joint: binding for binding in bindings}
+    by_name = {servo.name: servo for servo in servos}
+    for index, leg in enumerate(loads.legs):
+        binding = by_joint[f"{leg}_{robot.lifting_joint}"]
+        torque = loads.torques[:, index] / abs(binding.ratio)
+        warnings = check_torque(by_name[binding.servo], binding.joint, torque)
+        for warning in warnings:
+            frame = int(np.nanargmax(np.round(torque, SAME_DIGITS)))
+            yield replace(warning, message=f"{warning.message}; {loads.detail(index, frame)}")
 
 
 def _upright(document: Document, planned: Walk) -> Iterator[Diagnostic]:

@@ -22,9 +22,9 @@ from servogen.build.proof import (
     cycle_of,
     end_of,
     prove,
+    prove_capture,
     prove_file,
 )
-from servogen.build.proof_of_capture import prove_capture
 from servogen.edges import PINS, EdgeTrace
 from servogen.engines.board import machine_of
 from servogen.errors import Diagnostic, InputError, Location

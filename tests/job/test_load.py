@@ -423,7 +423,7 @@ def test_which_frames_an_engine_refuses_is_asked_of_its_line_in_the_registry(
         raise InputError("frame-too-short", "this engine plays no frames at all")
 
     stubborn = {**ENGINES, "player": replace(ENGINES["player"], check_frame=refuse)}
-    monkeypatch.setattr("servogen.job.firmware.ENGINES", stubborn)
+    monkeypatch.setattr("servogen.job.reader.ENGINES", stubborn)
     for engine in ("sequence", "auto"):
         loads(JOB + f'[firmware]\nengine = "{engine}"\n', "job.toml")
     with pytest.raises(InputError, match="plays no frames at all"):

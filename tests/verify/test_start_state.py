@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from servogen.build import checked_cycles, prove, prove_image, running
-from servogen.build.recurrence import prove_forever
+from servogen.build.proof import prove_forever
 from servogen.programs import read_program, read_schedule
 from servogen.testing.targets import Simulator, check
 from servogen.units import Cycles

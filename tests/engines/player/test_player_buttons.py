@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from servogen.build.build import Program
-from servogen.build.recurrence import prove_forever
+from servogen.build.proof import prove_forever
 from servogen.edges import HIGH, LOW, EdgeTrace
 from servogen.engines.board import board_of
 from servogen.engines.player.buttons import waited

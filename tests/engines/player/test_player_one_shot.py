@@ -4,7 +4,7 @@ from math import radians
 
 import pytest
 
-from servogen.build.recurrence import prove_forever
+from servogen.build.proof import prove_forever
 from servogen.units import Cycles
 from tests.engines.player.player_jobs import ROOT, built_text, job_text, poses
 

@@ -12,8 +12,7 @@ import pytest
 
 from servogen.build import build, prove, running
 from servogen.build.build import Build, proven, report
-from servogen.build.proof import checked_cycles, motion_cycles
-from servogen.build.recurrence import prove_forever
+from servogen.build.proof import checked_cycles, motion_cycles, prove_forever
 from servogen.compiler import Options, Source, compile_sources
 from servogen.edges import HIGH, LOW, PINS, Driven, EdgeChunk, EdgeTrace, join, part
 from servogen.engines.board import board_of
