@@ -1,21 +1,125 @@
-"""One move as frames: between two poses, along a path, through via points.
+"""One move as frames: between two poses, along a path, through via points on a spline.
 
-In: start and end, a law, a number of frames or the joints' limits. Out: the angles of each frame of
-the move, the start exclusive and the end inclusive.
+In: start and end, a law, a number of frames or the joints' limits. Out: the angles of each frame of the
+move, the start exclusive and the end inclusive.
+
+A spline over all joints at once passes its points with continuous speed and acceleration; it is at rest at
+both ends, or closed, so that a loop never stops.
+
+    joint   ●╌╌╲     ╱╌●        speeds m at the points solve, for each inner point i with h the intervals,
+            rest ╲●╱   rest     m[i-1]/h[i-1] + 2 m[i] (1/h[i-1] + 1/h[i]) + m[i+1]/h[i]
+                  via             = 3 (Δ[i-1]/h[i-1]² + Δ[i]/h[i]²)
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from servogen.errors import InputError
 from servogen.motion.follow import Followed
 from servogen.motion.laws import law
 from servogen.motion.limits import Limits, fastest, stretch
-from servogen.motion.splines import fastest_spline, spline
 from servogen.motion.trajectory import Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spline:
+    """`points` (n, joints) passed at `times` (n,) with `speeds` (n, joints)."""
+
+    times: Floats
+    points: Floats
+    speeds: Floats
+
+    @property
+    def duration(self) -> float:
+        return float(self.times[-1] - self.times[0])
+
+    def at(self, time: ArrayLike, order: int = 0) -> Floats:
+        """Return positions, or their derivatives of `order`, at times, shape (..., joints)."""
+        when: Floats = np.clip(np.asarray(time, float), self.times[0], self.times[-1])
+        piece = np.clip(np.searchsorted(self.times, when, side="right") - 1, 0, len(self.times) - 2)
+        a, b, c, d = (part[piece] for part in self._coefficients())
+        t = (when - self.times[piece])[..., None]
+        if order == 0:
+            return np.asarray(a + t * (b + t * (c + t * d)))
+        if order == 1:
+            return np.asarray(b + t * (2 * c + t * 3 * d))
+        if order == 2:
+            return np.asarray(2 * c + 6 * d * t)
+        return np.asarray(6 * d + 0 * t)
+
+    def peaks(self) -> tuple[Floats, Floats]:
+        """Return the greatest speed and acceleration of each joint, which lie at the points or where a speed
+        turns.
+        """
+        _, b, c, d = self._coefficients()
+        h = np.diff(self.times)[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            turn = np.clip(np.nan_to_num(-c / (3 * d)), 0.0, h)
+        speeds = (b, b + h * (2 * c + h * 3 * d), b + turn * (2 * c + turn * 3 * d))
+        accelerations = (2 * c, 2 * c + 6 * d * h)
+        return (
+            np.max(np.abs(np.stack(speeds)), axis=(0, 1)),
+            np.max(np.abs(np.stack(accelerations)), axis=(0, 1)),
+        )
+
+    def slower(self, factor: float) -> Spline:
+        """Return the same spline in `factor` times the time."""
+        return Spline(self.times * factor, self.points, self.speeds / factor)
+
+    def _coefficients(self) -> tuple[Floats, Floats, Floats, Floats]:
+        h = np.diff(self.times)[:, None]
+        slope = np.diff(self.points, axis=0) / h
+        m0, m1 = self.speeds[:-1], self.speeds[1:]
+        return self.points[:-1], m0, (3 * slope - 2 * m0 - m1) / h, (m0 + m1 - 2 * slope) / h**2
+
+
+def spline(points: ArrayLike, times: ArrayLike, closed: bool = False) -> Spline:
+    """Return the spline through `points` at rising `times`; if closed, the last point is the first again."""
+    points, times = np.asarray(points, float), np.asarray(times, float)
+    if len(points) < 2 or len(times) != len(points) or not (np.diff(times) > 0).all():
+        raise InputError("pose-keys", "a spline needs two points or more, and a later time for each")
+    h = np.diff(times)
+    pull = np.diff(points, axis=0) / (h**2)[:, None]
+    n = len(points)
+    matrix, right = np.zeros((n, n)), np.zeros_like(points)
+    for i in range(1, n - 1):
+        matrix[i, i - 1 : i + 2] = 1 / h[i - 1], 2 / h[i - 1] + 2 / h[i], 1 / h[i]
+        right[i] = 3 * (pull[i - 1] + pull[i])
+    if closed:
+        # The first point's equation takes in the last interval; the last point's speed is the first's.
+        matrix[0, [0, 1]] = 2 / h[-1] + 2 / h[0], 1 / h[0]
+        matrix[0, n - 2] += 1 / h[-1]
+        right[0] = 3 * (pull[-1] + pull[0])
+        matrix[-1, [0, -1]] = 1.0, -1.0
+    else:
+        matrix[0, 0] = matrix[-1, -1] = 1.0
+    return Spline(times, points, np.linalg.solve(matrix, right))
+
+
+def fastest_spline(points: ArrayLike, limits: Sequence[Limits], closed: bool = False) -> Spline:
+    """Return the spline through `points` as fast as the limits allow, the intervals in proportion to their
+    travel.
+
+    Raises InputError if nothing limits a joint that moves, and for two equal points in a row.
+    """
+    points = np.asarray(points, float)
+    most = np.array([limit.speed for limit in limits])
+    if np.isinf(most[np.ptp(points, axis=0) > 0]).any():
+        raise InputError("no-speed", "via points without a time need a speed limit of every joint that moves")
+    h = (np.abs(np.diff(points, axis=0)) / most).max(axis=1)
+    if not (h > 0).all():
+        raise InputError("pose-keys", "two via points in a row are the same")
+    first = spline(points, np.concatenate(([0.0], np.cumsum(h))), closed)
+    speed, acceleration = first.peaks()
+    bound = np.array([limit.acceleration for limit in limits])
+    return first.slower(max(float((speed / most).max()), float(np.sqrt((acceleration / bound).max()))))
+
 
 Way = Callable[[Floats], Followed]
 """Shares of a path (n,) -> the angles of all joints there (n, joints), and their distance from the path."""

@@ -1,9 +1,8 @@
 """The arm command language: from the text of a program to the trajectory of the arm that it moves."""
 
-from servogen.movemaster.arm import Manipulator, manipulator
-from servogen.movemaster.mover import Hand
+from servogen.movemaster.arm import Hand, Manipulator, manipulator
+from servogen.movemaster.memory import Input, Output, input_of
 from servogen.movemaster.parser import Source, parse, read
-from servogen.movemaster.ports import Input, Output, input_of
 from servogen.movemaster.run import Budget, Run, run
 
 __all__ = [

@@ -15,13 +15,10 @@ import numpy as np
 
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.motion.trajectory import JointTrajectory
-from servogen.movemaster.arm import Manipulator
-from servogen.movemaster.commands import ACTIONS
+from servogen.movemaster.arm import Hand, Manipulator, Mover
 from servogen.movemaster.interpreter import Controller, Step
-from servogen.movemaster.memory import CLOSED, Position
-from servogen.movemaster.mover import Hand, Mover
+from servogen.movemaster.memory import CLOSED, Input, InputPort, Output, Position
 from servogen.movemaster.parser import Source, Statement
-from servogen.movemaster.ports import Input, InputPort, Output
 from servogen.units import Clock, Cycles
 
 SAME = 1e-9
@@ -98,7 +95,7 @@ def run(
     """
     period_s = clock.seconds(period)
     mover = Mover(arm, hand, period_s, budget.seconds)
-    controller = Controller(mover, InputPort(inputs, period_s), budget.commands, ACTIONS)
+    controller = Controller(mover, InputPort(inputs, period_s), budget.commands)
     start = _once(controller, source)
     if repeat:
         first, loop_start, end = _repeated(controller, source, start, inputs)

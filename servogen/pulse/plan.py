@@ -16,8 +16,7 @@ from servogen.errors import Diagnostic
 from servogen.motion.trajectory import JointTrajectory
 from servogen.plan_error import PlanError
 from servogen.pulse.lint import check_calibration, check_motion, check_period
-from servogen.pulse.plan_errors import error_of_rows, largest
-from servogen.pulse.quantise import NO_PULSE, Quantised, quantise
+from servogen.pulse.quantise import NO_PULSE, Quantised, error_of_rows, largest, quantise
 from servogen.pulse.schedule import Channel, Pulse, PulseSchedule, Run
 from servogen.pulse.slots import Frame, rises
 from servogen.robot.servo import Servo

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from servogen.errors import InputError
-from servogen.kinematics.axes_to_rows import JointAxis, arm_of_axes
 from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk, row_axes
 from servogen.kinematics.orientation import from_axis_angle
 from servogen.kinematics.transforms import about_point, rotation, transform, translation
+from servogen.kinematics.urdf import JointAxis, arm_of_axes
 from servogen.robot.model import Arm, Joint
 
 

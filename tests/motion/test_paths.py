@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from servogen.errors import InputError
 from servogen.motion.follow import ChangesBranch, Inverse, LeavesReach, trace
 from servogen.motion.limits import Limits
+from servogen.motion.moves import fastest_spline, spline
 from servogen.motion.paths import Line, Path, arc
-from servogen.motion.splines import fastest_spline, spline
 
 SHARES = np.linspace(0, 1, 101)
 coordinate = st.floats(-1, 1)

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from servogen.kinematics.catalogue import arm
-from servogen.movemaster import Run, mover
+from servogen.movemaster import Run
+from servogen.movemaster import arm as movemaster_arm
 from tests.movemaster.conftest import full_turns
 
 Ran = Callable[..., Run]
@@ -142,7 +143,7 @@ def test_ms_with_few_points_warns_and_says_how_many_are_enough(ran: Ran) -> None
 def test_where_no_number_of_points_is_enough_none_is_advised(
     ran: Ran, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(mover, "OFF_THE_LINE_MM", 1e-3)
+    monkeypatch.setattr(movemaster_arm, "OFF_THE_LINE_MM", 1e-3)
     (warning,) = ran(P_FAR + "10 MO 1\n20 MS 2, 99").warnings
     assert warning.message.endswith(
         "99 intermediate points, the most there are, do not keep it within 0.001 mm"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from servogen.movemaster.commands import ACTIONS
+from servogen.movemaster.interpreter import ACTIONS
 from servogen.movemaster.language import COMMANDS, Where
 
 # Specification: number, mnemonic, least and most arguments, allowed in a program.

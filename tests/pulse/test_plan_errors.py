@@ -13,7 +13,7 @@ from servogen.errors import InputError
 from servogen.job import load, loads, plan_job
 from servogen.plan_error import NO_PLAN, PlanError, plan_words
 from servogen.pulse import PulseSchedule, from_json
-from servogen.pulse.plan_errors import channel_error, largest
+from servogen.pulse.quantise import channel_error, largest
 from servogen.robot.servo import servo
 from servogen.robot.servo_models import servo_model
 

@@ -23,8 +23,7 @@ from servogen.motion.trajectory import Floats, JointTrajectory
 from servogen.plan_error import PlanError
 from servogen.pulse.lint import check_calibration, check_motion, check_period
 from servogen.pulse.plan import PulsePlan
-from servogen.pulse.plan_errors import channel_error, largest
-from servogen.pulse.quantise import PARTS, Quantised
+from servogen.pulse.quantise import PARTS, Quantised, channel_error, largest
 from servogen.pulse.schedule import Channel, Pulse, PulseSchedule, Run
 from servogen.pulse.slots import Frame
 from servogen.robot.binding import Binding

@@ -16,8 +16,7 @@ from servogen.engines.stream.settings import OFF, Stream, bit_units
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.pulse.lint import check_calibration, check_period
 from servogen.pulse.plan import PulsePlan
-from servogen.pulse.plan_errors import error_of_rows, largest
-from servogen.pulse.quantise import PARTS, Quantised
+from servogen.pulse.quantise import PARTS, Quantised, error_of_rows, largest
 from servogen.pulse.schedule import Channel, Pulse, PulseSchedule, Run
 from servogen.pulse.slots import Frame
 from servogen.robot.servo import Servo

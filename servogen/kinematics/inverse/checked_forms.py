@@ -19,8 +19,7 @@ from servogen.errors import InputError, did_you_mean
 from servogen.kinematics import catalogue
 from servogen.kinematics.forward import BLOCK, fk, whole_chain
 from servogen.kinematics.inverse import numerical
-from servogen.kinematics.inverse.closed_forms import CLOSED_FORMS, DIVISORS
-from servogen.kinematics.inverse.target import Branch, Target
+from servogen.kinematics.inverse.closed_forms import CLOSED_FORMS, DIVISORS, Branch, Target
 from servogen.kinematics.transforms import Floats, frame_matrix, inverse
 from servogen.robot.model import Arm, Frame
 
