@@ -44,8 +44,7 @@ from servogen.compiler.codegen.operands import (
     widen,
     widen_result,
 )
-from servogen.compiler.codegen.operators import simple, to_w
-from servogen.compiler.codegen.shifts import right_shift, shift
+from servogen.compiler.codegen.operators import right_shift, shift, simple, to_w
 from servogen.compiler.ir.instruction import Byte, Loc, Operand, exposed
 
 

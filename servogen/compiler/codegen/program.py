@@ -10,14 +10,15 @@ from dataclasses import replace
 
 from servogen.compiler.ast.nodes import Symbol
 from servogen.compiler.ast.types import IntType, VoidType
+from servogen.compiler.codegen.builtins import builtin
 from servogen.compiler.codegen.calls import call, divide, multiply
 from servogen.compiler.codegen.conditions import jump
 from servogen.compiler.codegen.expressions import boolean, condition_to_w, into
-from servogen.compiler.codegen.flash import builtin, flash_byte, from_flash, wide_load
 from servogen.compiler.codegen.generator import Context, FunctionGenerator, Lowering
 from servogen.compiler.codegen.indirect import one_byte_indirect
 from servogen.compiler.codegen.runtime import build
 from servogen.compiler.codegen.statements import generate
+from servogen.compiler.codegen.tables import flash_byte, from_flash, wide_load
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.ir.function import ISR_SUFFIX, Function
 from servogen.compiler.limits import INSTRUCTIONS

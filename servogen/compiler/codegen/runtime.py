@@ -10,20 +10,333 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from servogen.compiler.codegen.routine import parameter
-from servogen.compiler.codegen.runtime_arithmetic import divide, divide_signed, multiply
-from servogen.compiler.codegen.runtime_devices import (
-    delay_variable,
-    eeprom_read,
-    eeprom_write,
-    getchar,
-    putchar,
-)
+from servogen.compiler.ast.nodes import Symbol
+from servogen.compiler.ast.types import U8, U16, U24, U32, IntType
+from servogen.compiler.codegen.arithmetic import add, compare_less, negate, one_left, one_right, subtract
 from servogen.compiler.ir.builder import InstructionBuilder
 from servogen.compiler.ir.function import Function
-from servogen.compiler.ir.instruction import FSR, INDF, PCL, PCLATH
+from servogen.compiler.ir.instruction import (
+    DELAY,
+    FSR,
+    INDF,
+    INTCON,
+    PCL,
+    PCLATH,
+    STATUS,
+    Byte,
+    C,
+    Instruction,
+    Loc,
+    Reg,
+    Z,
+)
+from servogen.pic.device import register_bits, registers
 
 Library = Callable[[str, tuple[int, ...]], Function]
+"""Returns a routine by its kind and sizes, generated when it is first asked for."""
+
+_UNSIGNED: tuple[IntType, ...] = (U8, U16, U24, U32)
+
+
+def variable(
+    gen: InstructionBuilder, name: str, size: int, *, parameter: bool = False, in_w: bool = False
+) -> list[Loc]:
+    """Return the bytes of a new variable of a library routine, low byte first."""
+    symbol = Symbol(name, _UNSIGNED[size - 1], "param" if parameter else "temp", function=gen.function.name)
+    gen.function.own.append(symbol)
+    if parameter:
+        gen.function.parameters.append(symbol)
+    if in_w:
+        gen.function.w_parameter = symbol
+    return [Byte(symbol, each) for each in range(size)]
+
+
+def parameter(gen: InstructionBuilder, name: str, size: int, *, in_w: bool = False) -> list[Loc]:
+    """Return the bytes of a new parameter of a library routine, low byte first."""
+    return variable(gen, name, size, parameter=True, in_w=in_w)
+
+
+def multiply(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    width, size = key
+    if width == 1 and size == 2:
+        _multiply_8_to_16(gen)
+        return
+    a, b = parameter(gen, "a", size), parameter(gen, "b", size)
+    product = variable(gen, "product", size)
+    assert isinstance(product[0], Byte)
+    gen.function.result = product[0].symbol
+    for each in product:
+        gen.emit("CLRF", each)
+    loop, no_add = gen.new_label(), gen.new_label()
+    gen.function.bounds[loop] = 8 * size
+    gen.label(loop)
+    one_right(gen, b, signed=False)
+    gen.goto_if(C, False, no_add)
+    add(gen, product, list(product), list(a))
+    gen.label(no_add)
+    one_left(gen, a)
+    gen.load(b[0])
+    for each in b[1:]:
+        gen.emit("IORWF", each, 0)
+    if size == 1:
+        gen.emit("IORLW", k=0)
+    gen.goto_if(Z, False, loop)
+    gen.emit("RETURN")
+
+
+def _multiply_8_to_16(gen: InstructionBuilder) -> None:
+    """Emit a shift-and-add multiplication from the low bit; a sentinel that starts at the top of the low byte
+    ends the loop.
+    """
+    a, b = parameter(gen, "a", 1), parameter(gen, "b", 1, in_w=True)
+    low, high = variable(gen, "product", 2)
+    assert isinstance(low, Byte)
+    gen.function.result = low.symbol
+    gen.store(b[0])
+    gen.emit("CLRF", high)
+    gen.emit("MOVLW", k=0x80)
+    gen.store(low)
+    gen.load(a[0])
+    loop = gen.new_label()
+    gen.function.bounds[loop] = 8
+    gen.label(loop)
+    gen.emit("RRF", b[0], 1)
+    gen.skip_if(C, False)
+    gen.emit("ADDWF", high, 1)
+    gen.emit("RRF", high, 1)
+    gen.emit("RRF", low, 1)
+    gen.goto_if(C, False, loop)
+    gen.emit("RETURN")
+
+
+def divide(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """Emit an unsigned bit-by-bit division; the quotient fills the bits that the dividend vacates."""
+    (size,) = key
+    a, b = parameter(gen, "quotient", size), parameter(gen, "divisor", size)
+    rest, count = variable(gen, "remainder", size), variable(gen, "count", 1)[0]
+    for each in rest:
+        gen.emit("CLRF", each)
+    gen.emit("MOVLW", k=8 * size)
+    gen.store(count)
+    loop, take_away, after = gen.new_label(), gen.new_label(), gen.new_label()
+    gen.label(loop)
+    one_left(gen, [*a, *rest])
+    gen.goto_if(C, True, take_away)
+    compare_less(gen, list(rest), list(b))
+    gen.goto_if(C, False, after)
+    gen.label(take_away)
+    subtract(gen, rest, list(rest), list(b))
+    gen.emit("BSF", a[0], b=0)
+    gen.label(after)
+    gen.emit("DECFSZ", count, 1)
+    gen.goto(loop)
+    gen.emit("RETURN")
+
+
+def divide_signed(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """Emit a signed division: the unsigned division of the absolute values, sharing its variables."""
+    inner = library("divide", key)
+    dividend, divisor = inner.parameters
+    remainder = next(each for each in inner.own if each.name == "remainder")
+    size = key[0]
+    a, b, rest = ([Byte(symbol, each) for each in range(size)] for symbol in (dividend, divisor, remainder))
+    gen.function.parameters = [dividend, divisor]
+    signs = variable(gen, "signs", 1)[0]
+    gen.emit("CLRF", signs)
+    for operand, mask in ((a, 3), (b, 1)):
+        positive = gen.new_label()
+        gen.goto_if(7, False, positive, operand[-1])
+        negate(gen, list(operand), list(operand))
+        gen.emit("MOVLW", k=mask)
+        gen.emit("XORWF", signs, 1)
+        gen.label(positive)
+    gen.emit("CALL", target=inner.name)
+    for result, bit in ((a, 0), (rest, 1)):
+        positive = gen.new_label()
+        gen.goto_if(bit, False, positive, signs)
+        negate(gen, list(result), list(result))
+        gen.label(positive)
+    gen.emit("RETURN")
+
+
+_EEDATA, _EEADR, _EECON1, _EECON2 = (
+    Reg(registers()[name].address) for name in ("EEDATA", "EEADR", "EECON1", "EECON2")
+)
+_GIE, _RD, _WR, _WREN = (register_bits()[name][1] for name in ("GIE", "RD", "WR", "WREN"))
+
+
+def _fix(gen: InstructionBuilder) -> None:
+    """Mark every instruction as fixed, because the routine takes an exact time."""
+    for line in gen.function.lines():
+        line.fixed = not (isinstance(line, Instruction) and line.op == DELAY)
+
+
+def delay_variable(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """Emit a variable delay; none of its instructions may be optimised away."""
+    _delay_body(gen, key)
+    _fix(gen)
+
+
+def _delay_body(gen: InstructionBuilder, key: tuple[int, ...]) -> None:
+    """Emit a delay of W times `unit` cycles, from the load of W to after the call; values below the minimum
+    return at once.
+    """
+    (unit,) = key
+    least = least_units(unit)
+    gen.emit("ADDLW", k=-least)
+    gen.skip_if(C, True)
+    gen.emit("RETURN")
+    loop = gen.new_label()
+    gen.function.bounds[loop] = (255 - least >> {1: 2, 2: 1}.get(unit, 0)) + 1
+    if unit in (1, 2):
+        held = variable(gen, "count", 1)[0]
+        gen.store(held)
+        bits = (0, 1, 1) if unit == 1 else (0, 0)
+        for bit in bits:  # two cycles when the bit is 0, three when it is 1
+            after = gen.new_label()
+            gen.goto_if(bit, True, after, held)
+            gen.label(after)
+        if unit == 1:
+            gen.emit("RRF", held, 1)
+            gen.emit("RRF", held, 0)
+            gen.emit("ANDLW", k=0x3F)
+        else:
+            gen.emit("NOP")
+            gen.emit("RRF", held, 0)
+            gen.emit("ANDLW", k=0x7F)
+        _count_w(gen, loop)
+    elif unit == 4:
+        _count_w(gen, loop)
+    else:
+        held = variable(gen, "count", 1)[0]
+        gen.store(held)
+        gen.emit("INCF", held, 1)
+        if unit == 3:
+            gen.label(loop)
+            gen.emit("DECFSZ", held, 1)
+            gen.goto(loop)
+        else:
+            body = gen.new_label()
+            gen.delay(unit * least - 12)
+            gen.label(loop)
+            gen.emit("DECFSZ", held, 1)
+            gen.goto(body)
+            gen.emit("RETURN")
+            gen.label(body)
+            gen.delay(unit - 5)
+            gen.goto(loop)
+            return
+    gen.emit("RETURN")
+
+
+def _count_w(gen: InstructionBuilder, loop: str) -> None:
+    """Emit a loop of 4 W + 4 cycles."""
+    gen.emit("ADDLW", k=1)
+    gen.label(loop)
+    gen.emit("ADDLW", k=-1)
+    gen.goto_if(Z, False, loop)
+
+
+def least_units(unit: int) -> int:
+    """Return the minimum argument for which a variable delay with steps of `unit` cycles is exact."""
+    return {1: 22, 2: 10, 3: 4, 4: 3}.get(unit, -(-12 // unit))
+
+
+def eeprom_read(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """Emit a read of the EEPROM (DS35007 section 3.1)."""
+    gen.store(_EEADR)
+    gen.emit("BSF", _EECON1, b=_RD)
+    gen.emit("MOVF", _EEDATA, 0)
+    gen.emit("RETURN")
+
+
+def eeprom_write(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """Emit a write to the EEPROM that waits for its completion. No interrupt may come between 0x55 and 0xAA
+    (DS35007 section 3.2).
+    """
+    gen.function.waits_for = "the EEPROM"
+    address, value = parameter(gen, "address", 1)[0], parameter(gen, "value", 1, in_w=True)[0]
+    enabled = variable(gen, "enabled", 1)[0]
+    del value
+    gen.store(_EEDATA)
+    gen.load(address)
+    gen.store(_EEADR)
+    gen.emit("CLRF", enabled)
+    gen.skip_if(_GIE, False, INTCON)
+    gen.emit("INCF", enabled, 1)
+    gen.emit("BCF", INTCON, b=_GIE)
+    gen.emit("BSF", _EECON1, b=_WREN)
+    gen.emit("MOVLW", k=0x55)
+    gen.store(_EECON2)
+    gen.emit("MOVLW", k=0xAA)
+    gen.store(_EECON2)
+    gen.emit("BSF", _EECON1, b=_WR)
+    gen.emit("BCF", _EECON1, b=_WREN)
+    gen.skip_if(0, False, enabled)
+    gen.emit("BSF", INTCON, b=_GIE)
+    wait = gen.new_label()
+    gen.label(wait)
+    gen.emit("MOVF", _EECON1, 0)
+    gen.emit("ANDLW", k=1 << _WR)
+    gen.goto_if(Z, False, wait)
+    gen.emit("RETURN")
+
+
+def putchar(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """Emit a routine that sends 8 data bits, low bit first, and one stop bit, each exactly `cycles` long."""
+    port_address, pin, cycles, inverted = key
+    port = Reg(port_address)
+    value = parameter(gen, "value", 1, in_w=True)[0]
+    count = variable(gen, "count", 1)[0]
+    zero, one = ("BSF", "BCF") if inverted else ("BCF", "BSF")
+    loop, high, after = gen.new_label(), gen.new_label(), gen.new_label()
+    gen.store(value)
+    gen.emit("MOVLW", k=9)
+    gen.store(count)
+    gen.emit(zero, port, b=pin)
+    gen.delay(5)
+    gen.label(loop)
+    gen.delay(cycles - 11)
+    gen.emit("BSF", STATUS, b=C)
+    gen.emit("RRF", value, 1)
+    gen.goto_if(C, True, high)
+    gen.emit("NOP")
+    gen.emit(zero, port, b=pin)
+    gen.goto(after)
+    gen.label(high)
+    gen.emit(one, port, b=pin)
+    gen.goto(after)
+    gen.label(after)
+    gen.emit("DECFSZ", count, 1)
+    gen.goto(loop)
+    gen.delay(cycles - 6)
+    gen.emit("RETURN")
+    _fix(gen)
+
+
+def getchar(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
+    """Emit a routine that waits for a start bit and samples each data bit in its middle."""
+    port_address, pin, cycles, inverted = key
+    port = Reg(port_address)
+    value, count = variable(gen, "value", 1)[0], variable(gen, "count", 1)[0]
+    wait, loop = gen.new_label(), gen.new_label()
+    gen.function.waits_for = "a start bit"
+    gen.label(wait)
+    gen.goto_if(pin, not inverted, wait, port)
+    gen.emit("MOVLW", k=8)
+    gen.store(count)
+    gen.delay(cycles + cycles // 2 - 6)
+    gen.label(loop)
+    gen.emit("BSF" if inverted else "BCF", STATUS, b=C)
+    gen.skip_if(pin, False, port)
+    gen.emit("BCF" if inverted else "BSF", STATUS, b=C)
+    gen.emit("RRF", value, 1)
+    gen.delay(cycles - 7)
+    gen.emit("DECFSZ", count, 1)
+    gen.goto(loop)
+    gen.load(value)
+    gen.emit("RETURN")
+    _fix(gen)
 
 
 def build(kind: str, key: tuple[int, ...], function: Function, library: Library) -> None:
