@@ -26,7 +26,15 @@ PINS = dict(
     if not line.startswith("#")
 )
 
-OPTIONAL_MODULES = ("matplotlib", "sympy", "urdf_parser_py", "picpro", "distributed", "roboticstoolbox")
+OPTIONAL_MODULES = (
+    "matplotlib",
+    "sympy",
+    "urdf_parser_py",
+    "picpro",
+    "distributed",
+    "roboticstoolbox",
+    "websockets",
+)
 """The modules of the extras for users, by the names that Python imports."""
 
 

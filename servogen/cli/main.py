@@ -31,6 +31,7 @@ from servogen.cli import (
     robot_commands,
     signal_commands,
     simulate_commands,
+    watch_commands,
 )
 from servogen.cli.show import begin, show_error
 from servogen.errors import InputError, Location, ServogenError, ToolError
@@ -76,6 +77,7 @@ GROUPS = (
     drive_commands,
     grade_commands,
     doctor_commands,
+    watch_commands,
 )
 for group in GROUPS:
     group.register(app)

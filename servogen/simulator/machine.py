@@ -145,6 +145,11 @@ class Machine:
         return bytes((self._s[RAM_FIRST : RAM_LAST + 1] & 0xFF).astype(np.uint8))
 
     @property
+    def pins(self) -> int:
+        """Return the level at each pin, driven or read, as a number: bit n is pin n of `PINS`."""
+        return int(self._s[at.PINS])
+
+    @property
     def levels(self) -> tuple[int, ...]:
         """Return what the chip drives each pin to, as in its edges."""
         driven, high = int(self._s[at.DRIVEN]), int(self._s[at.DRIVEN_HIGH])

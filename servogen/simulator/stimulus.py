@@ -31,9 +31,13 @@ class Stimuli:
 
     sources: Sequence[Source]
 
+    def all_changes(self, clock: Clock) -> Iterator[Change]:
+        """Yield every change, one by one, in order of cycles."""
+        return merge(*(source.changes(clock) for source in self.sources), key=lambda change: change.cycle)
+
     def changes(self, clock: Clock) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
         """Yield pieces: (the cycle before which they all lie, the packed changes)."""
-        merged = merge(*(source.changes(clock) for source in self.sources), key=lambda change: change.cycle)
+        merged = self.all_changes(clock)
         ordered = takewhile(lambda change: change.cycle < _END, merged)
         ahead = next(ordered, None)
         before = 0
@@ -82,8 +86,7 @@ def _pins_of(source: Source) -> Sequence[int]:
 
 def record(stimuli: Stimuli, clock: Clock, end: int) -> tuple[Change, ...]:
     """Return every change before cycle `end`, for replay by `Recorded`."""
-    ordered = merge(*(source.changes(clock) for source in stimuli.sources), key=lambda change: change.cycle)
-    return tuple(takewhile(lambda change: change.cycle < end, ordered))
+    return tuple(takewhile(lambda change: change.cycle < end, stimuli.all_changes(clock)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,6 +25,11 @@ def _parser() -> Parser:
     return tree_sitter.Parser(tree_sitter.Language(tree_sitter_toml.language()))
 
 
+def syntax_tree(raw: bytes) -> Node:
+    """Return the root of a document's concrete syntax tree."""
+    return _parser().parse(raw).root_node
+
+
 MAX_ENTRIES = 200_000
 """Keys, tables and array elements of a document."""
 
@@ -95,7 +100,7 @@ def places_of(text: str) -> dict[Key, tuple[int, int]]:
                 note((*key, index), child)
                 inside(child, (*key, index))
 
-    for node in _parser().parse(raw).root_node.named_children:
+    for node in syntax_tree(raw).named_children:
         if node.type == "pair":
             pair(node, ())
         elif node.type in ("table", "table_array_element"):

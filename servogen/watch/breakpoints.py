@@ -141,15 +141,22 @@ def _variable(name: str, listing: Listing | None) -> tuple[int, int]:
     variables = {label: (address, size) for address, label, size in (listing.variables if listing else ())}
     if name not in variables:
         raise InputError(
-            "unknown-variable", f"there is no variable '{name}'", hint=did_you_mean(name, tuple(variables))
+            "unknown-name", f"there is no variable '{name}'", hint=did_you_mean(name, tuple(variables))
         )
     return variables[name]
 
 
 def run_to(
-    machine: TimeMachine, end: int, breakpoints: Sequence[Breakpoint], image: Image
+    machine: TimeMachine,
+    end: int,
+    breakpoints: Sequence[Breakpoint],
+    image: Image,
+    made: list[EdgeChunk] | None = None,
 ) -> Breakpoint | None:
-    """Run to the first moment that is not before `end`, or to a breakpoint, which is returned."""
+    """Run to the first moment that is not before `end`, or to a breakpoint, which is returned.
+
+    The edges are appended to `made`.
+    """
     addresses = {
         address: each for each in breakpoints if isinstance(each, AtAddress) for address in each.addresses
     }
@@ -164,7 +171,7 @@ def run_to(
         return marked
 
     while machine.now < end:
-        stop = machine.run(end, stops={*addresses, *writers}, wanted=wanted if edges else None)
+        stop = machine.run(end, stops={*addresses, *writers}, wanted=wanted if edges else None, edges=made)
         if stop is None:
             return None
         if stop.edge is not None:

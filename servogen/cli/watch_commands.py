@@ -1,0 +1,76 @@
+"""The command `watch`: a job, a program or a capture in a browser."""
+
+from __future__ import annotations
+
+import asyncio
+import webbrowser
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from servogen.cli.options import ChipOptions, ClockHz, DeviceName, takes_chip_options
+from servogen.errors import ToolError
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the application."""
+    app.command()(takes_chip_options(watch))
+
+
+def watch(
+    file: Annotated[
+        Path,
+        typer.Argument(help="A job (.toml), a program (.hex, .c, .asm) or a capture.", show_default=False),
+    ],
+    chip: ChipOptions,
+    against: Annotated[
+        Path | None,
+        typer.Option("--against", help="The schedule.json that a program or a capture is held against."),
+    ] = None,
+    stimulus: Annotated[
+        Path | None, typer.Option("--stimulus", help="What happens to the pins from outside (TOML).")
+    ] = None,
+    port: Annotated[
+        int, typer.Option("--port", min=0, max=65_535, help="Of the server (default: any that is free).")
+    ] = 0,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Whether to open the page in the browser.")
+    ] = True,
+    clock_hz: ClockHz = None,
+    device: DeviceName = "PIC16F84",
+) -> None:
+    """Show a job, a program or a capture in the browser: robot, chip, waves, forwards and backwards.
+
+    The page is on this machine only, at an address that is printed; the command ends with Ctrl-C.
+    """
+    try:
+        from servogen.watch.server import WatchServer
+    except ModuleNotFoundError as error:
+        raise ToolError(
+            "tool-missing",
+            f"watching needs the package {error.name}, which is not installed",
+            hint="pip install 'servogen[watch]'",
+        ) from error
+    from servogen.programs import read_schedule
+    from servogen.watch.editing import Editor
+    from servogen.watch.subject import JOB_SUFFIX, Setting, check, load_subject
+
+    check(file)
+    setting = Setting(chip.on(device), clock_hz, stimulus, read_schedule(against) if against else None)
+    is_job = file.suffix.lower() == JOB_SUFFIX
+    server = WatchServer(
+        lambda progress: load_subject(file, setting, progress), Editor(file, setting) if is_job else None
+    )
+
+    def ready(url: str) -> None:
+        print(f"{file.name}: {url}  (Ctrl-C ends)", flush=True)
+        if browser:
+            webbrowser.open(url)
+
+    try:
+        with suppress(KeyboardInterrupt):
+            asyncio.run(server.run(port, ready))
+    except OSError as error:
+        raise ToolError("port-in-use", f"port {port} cannot be opened: {error.strerror}") from error

@@ -1,0 +1,100 @@
+"""A job's robot as plain numbers, from which a page draws it at any angles of its servos.
+
+In: a planned job. Out: a value that JSON can hold, in metres and radians: the servos' calibrations, the rows
+or lengths of each leg or arm, the body or the base. `templates/watch/robot.js` calculates the points.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from servogen.edges import PINS
+from servogen.job import PlannedJob
+from servogen.kinematics.protocol import DrivingRobot
+from servogen.kinematics.transforms import frame_matrix
+from servogen.report.drawing import PALETTE
+from servogen.report.tracks import End, ends_of
+from servogen.robot.servo import Servo
+
+UNLIMITED = 1000.0
+"""Radians a second, of a servo whose model does not state its speed."""
+
+
+def robot_model(job: PlannedJob) -> dict[str, object]:
+    """Return the servos and what they move."""
+    mounts = [limb.mount for limb in job.limbs if limb.mount is not None]
+    order = sorted(mounts, key=lambda mount: math.atan2(mount.y, mount.x))
+    return {
+        "servos": [_servo(servo, index) for index, servo in enumerate(job.servos)],
+        "ends": [_end(end) for end in ends_of(job)],
+        "body": [[mount.x, mount.y, mount.z] for mount in order],
+        "base": None if job.base is None else _base(job, job.base),
+    }
+
+
+def _servo(servo: Servo, index: int) -> dict[str, object]:
+    """Return a servo; its `widths_us` rise and contain its trim, and `angles` are those of the shaft."""
+    points = sorted(
+        (point.width_us + servo.trim_us, servo.mounted(point.angle)) for point in servo.calibration.points
+    )
+    return {
+        "name": servo.name,
+        "pin": PINS.index(servo.pin),
+        "colour": PALETTE[index % len(PALETTE)],
+        "widths_us": [width for width, _ in points],
+        "angles": [angle for _, angle in points],
+        "speed": servo.model.speed or UNLIMITED,
+        "neutral": servo.neutral,
+        "limits": list(servo.limits),
+        "continuous": servo.model.continuous,
+    }
+
+
+def _end(end: End) -> dict[str, object]:
+    """Return a leg or an arm; `joints` say how the positions of its joints follow from the servos' angles."""
+    arm, lengths = end.arm, end.arm.length
+    joints = zip(end.bindings, end.columns, strict=True)
+    shape: dict[str, object]
+    if arm.closed_form == "leg":
+        shape = {"leg": {name: lengths[name] for name in ("ab", "bc", "cd", "df")}}
+    else:
+        shape = {
+            "modified": arm.convention == "modified",
+            "base": frame_matrix(arm.base).ravel().tolist(),
+            "tool": frame_matrix(arm.tool).ravel().tolist(),
+            "rows": [
+                {
+                    "theta": row.theta,
+                    "d": row.d.value(lengths),
+                    "a": row.a.value(lengths),
+                    "alpha": row.alpha,
+                    "joint": row.joint,
+                    "ratio": row.ratio,
+                    "turning": row.joint is None or arm.joints[row.joint].turning,
+                }
+                for row in arm.rows
+            ],
+        }
+    return {
+        "name": end.name,
+        "kind": end.kind,
+        "place": np.asarray(end.place).ravel().tolist(),
+        "joints": [
+            {"servo": column, "zero": binding.zero, "ratio": binding.ratio} for binding, column in joints
+        ],
+        **shape,
+    }
+
+
+def _base(job: PlannedJob, base: DrivingRobot) -> dict[str, object]:
+    """Return a base; `speeds` is the matrix from the wheels' speeds to its own: vx, vy, turn."""
+    wheels = job.wheel_columns
+    return {
+        "wheels": wheels,
+        "speeds": base.body_speed(np.eye(len(wheels))).T.tolist(),
+        "outline": [
+            [[float(point.real), float(point.imag)] for point in shape.ravel()] for shape in base.outline()
+        ],
+    }

@@ -1,0 +1,296 @@
+"""The web server of `servogen watch`: the page's files and a socket for each window, on this machine only.
+
+In: what loads the subject. Out: pages at http://127.0.0.1:PORT/TOKEN/, until the command ends.
+
+Whoever may not see the job is answered 403 before anything of it is read: a request without the token, with
+the Host or the Origin of another site (a name that leads here, a page elsewhere), and one that says neither
+that it comes from this page nor that a person typed it. Files come from `templates/watch/` alone, by name.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import secrets
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from http import HTTPStatus
+from types import MappingProxyType
+from typing import Any
+
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+
+from servogen.engines.c_text import template_folder
+from servogen.errors import ServogenError
+from servogen.watch.editing import Editor
+from servogen.watch.session import Message, Session
+from servogen.watch.subject import Subject
+
+LOOPBACK = "127.0.0.1"
+PICTURES_PER_S = 30
+MAX_SESSIONS = 16
+"""Kept for windows that were closed or are being loaded again; then the oldest of these is dropped."""
+MAX_REQUEST_BYTES = 2 << 20
+"""A job with all its text."""
+
+FILES: Mapping[str, str] = MappingProxyType(
+    {
+        "": "index.html",
+        "style.css": "style.css",
+        **{f"{name}.js": f"{name}.js" for name in ("app", "chip", "editor", "hands", "robot", "waves")},
+    }
+)
+"""What may be asked for below the token, and its file in `templates/watch/`."""
+
+TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
+
+Load = Callable[[Callable[[str], None]], Subject]
+"""Loads the subject, telling what it is doing. Raises ServogenError."""
+
+
+@dataclass(slots=True)
+class Window:
+    """A session and the socket that shows it, if any does just now."""
+
+    session: Session | None = None
+    socket: ServerConnection | None = None
+
+
+class WatchServer:
+    """The server's state: what is watched, the windows, and the page's address."""
+
+    def __init__(self, load: Load, editor: Editor | None = None) -> None:
+        self._load = load
+        self._editor = editor
+        self._token = secrets.token_urlsafe(24)
+        self._subject: Subject | None = None
+        self._status: Message = {"is": "status", "text": "starting"}
+        self._windows: dict[str, Window] = {}
+        self._sending: set[asyncio.Future[None]] = set()
+        self.port = 0
+
+    @property
+    def url(self) -> str:
+        return f"http://{LOOPBACK}:{self.port}/{self._token}/"
+
+    async def run(self, port: int, ready: Callable[[str], None]) -> None:
+        """Serve until it is cancelled; `ready` is called with the page's address."""
+        async with serve(
+            self._window,
+            LOOPBACK,
+            port,
+            process_request=self._respond,
+            max_size=MAX_REQUEST_BYTES,
+            server_header=None,
+        ) as server:
+            self.port = next(iter(server.sockets)).getsockname()[1]
+            ready(self.url)
+            loading = asyncio.create_task(self._loading(self._load))
+            try:
+                await self._ticking()
+            finally:
+                loading.cancel()
+
+    async def _loading(self, load: Load) -> None:
+        """Load the subject in a thread, so that the page can say what is being done."""
+        loop = asyncio.get_running_loop()
+
+        def progress(text: str) -> None:
+            loop.call_soon_threadsafe(self._say, {"is": "status", "text": text})
+
+        try:
+            subject = await asyncio.to_thread(load, progress)
+        except ServogenError as error:
+            self._say({"is": "status", "failed": True, "text": str(error)})
+            return
+        except Exception as error:  # a defect: the page says so, and the server goes on
+            self._say({"is": "status", "failed": True, "text": f"a defect of servogen: {error!r}"})
+            return
+        self._show(subject)
+
+    def _show(self, subject: Subject) -> None:
+        """Show another subject in every window, at the moment where each is."""
+        self._subject = subject
+        self._say({"is": "status", "text": ""})
+        for window in self._windows.values():
+            window.session = window.session.continued(subject) if window.session else Session(subject)
+            self._send(window, window.session.model())
+            self._send(window, window.session.shown())
+
+    def _say(self, message: Message) -> None:
+        self._status = message
+        for window in self._windows.values():
+            self._send(window, message)
+
+    def _send(self, window: Window, message: Message) -> None:
+        """Send without waiting: a window that does not read its messages misses some."""
+        socket = window.socket
+        if socket is not None and socket.transport.get_write_buffer_size() < MAX_REQUEST_BYTES:
+            task = asyncio.ensure_future(_sent(socket, json.dumps(message, separators=(",", ":"))))
+            self._sending.add(task)
+            task.add_done_callback(self._sending.discard)
+
+    async def _ticking(self) -> None:
+        """Let the simulated time of every running window pass."""
+        last = time.monotonic()
+        while True:
+            await asyncio.sleep(1 / PICTURES_PER_S)
+            now = time.monotonic()
+            elapsed, last = now - last, now
+            for window in list(self._windows.values()):
+                if window.session is not None and window.socket is not None:
+                    self._answer(window, _guarded(window.session, lambda s: s.tick(elapsed)))  # noqa: B023
+
+    def _answer(self, window: Window, messages: Iterator[Message]) -> None:
+        for message in messages:
+            self._send(window, message)
+
+    def _respond(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Answer a request with a file of the page, with 403, or with None: a socket may be opened."""
+        path, _, _ = request.path.partition("?")
+        token, _, name = path.removeprefix("/").partition("/")
+        socket = request.headers.get("Upgrade", "").lower() == "websocket"
+        if not self._may(request.headers, token, socket):
+            return _plain(connection, HTTPStatus.FORBIDDEN, "This page is for the one who started it.\n")
+        if socket:
+            return (
+                None
+                if name == "socket"
+                else _plain(connection, HTTPStatus.NOT_FOUND, "There is no such socket.\n")
+            )
+        file = FILES.get(name)
+        if file is None:
+            return _plain(connection, HTTPStatus.NOT_FOUND, "There is no such file.\n")
+        return _file(file, (template_folder() / "watch" / file).read_bytes(), self.port)
+
+    def _may(self, headers: Headers, token: str, socket: bool) -> bool:
+        """Return whether a request comes from the page itself, or from the person who was given its address.
+
+        A browser states the origin of every socket. Of a page that is typed, and of its own files, it states
+        with Sec-Fetch-Site that no other site asked for them.
+        """
+        hosts = (f"{LOOPBACK}:{self.port}", f"localhost:{self.port}")
+        host, origin = headers.get("Host"), headers.get("Origin")
+        if host not in hosts or not secrets.compare_digest(token.encode(), self._token.encode()):
+            return False
+        if origin is not None:
+            return origin == f"http://{host}"
+        return not socket and headers.get("Sec-Fetch-Site") in ("none", "same-origin")
+
+    async def _window(self, socket: ServerConnection) -> None:
+        """Serve one window until it is closed. Its session stays, for when it is loaded again."""
+        window = None
+        try:
+            async for text in socket:
+                message = _request(text)
+                if window is None:
+                    window = self._opened(str(message.get("window", ""))[:64], socket)
+                    continue
+                if message.get("do") in ("check", "save", "build", "record"):
+                    await self._edit(window, message)
+                elif window.session is not None:
+                    self._answer(window, _guarded(window.session, lambda s: s.handle(message)))  # noqa: B023
+        except ConnectionClosed:
+            pass
+        finally:
+            if window is not None and window.socket is socket:
+                window.socket = None
+
+    def _opened(self, name: str, socket: ServerConnection) -> Window:
+        """Return the window of that name as it was; a new one where none is, or where it is open already."""
+        window = self._windows.get(name)
+        if window is None or window.socket is not None:
+            session = Session(self._subject) if self._subject else None
+            if window is not None and window.session is not None and session is not None:
+                session = window.session.continued(window.session.subject)
+            window = Window(session)
+            name = secrets.token_urlsafe(12)
+            self._windows[name] = window
+            self._forget()
+        window.socket = socket
+        self._send(window, {"is": "window", "name": name})
+        self._send(window, self._status)
+        if self._editor is not None:
+            self._send(window, self._editor.opened())
+        if window.session is not None:
+            self._send(window, window.session.model())
+            self._send(window, window.session.shown())
+        return window
+
+    def _forget(self) -> None:
+        closed = [name for name, window in self._windows.items() if window.socket is None]
+        for name in closed[: max(0, len(self._windows) - MAX_SESSIONS)]:
+            del self._windows[name]
+
+    async def _edit(self, window: Window, message: Mapping[str, Any]) -> None:
+        """Check, save, extend or build the job, in a thread."""
+        if self._editor is None:
+            self._send(window, {"is": "problem", "text": "only a job file can be changed here"})
+            return
+        loop = asyncio.get_running_loop()
+
+        def progress(text: str) -> None:
+            loop.call_soon_threadsafe(self._send, window, {"is": "building", "text": text})
+
+        try:
+            answer, subject = await asyncio.to_thread(self._editor.handle, message, progress)
+        except Exception as error:
+            answer, subject = {"is": "problem", "text": f"a defect of servogen: {error!r}"}, None
+        self._send(window, answer)
+        if subject is not None:
+            self._show(subject)
+
+
+def _guarded(session: Session, work: Callable[[Session], Iterator[Message]]) -> Iterator[Message]:
+    """Yield a session's messages; where it fails, that is what the window is told, and it pauses."""
+    try:
+        yield from work(session)
+    except Exception as error:
+        session.running = False
+        yield {"is": "problem", "text": f"a defect of servogen: {error!r}"}
+
+
+async def _sent(socket: ServerConnection, text: str) -> None:
+    with suppress(ConnectionClosed):
+        await socket.send(text)
+
+
+def _request(text: str | bytes) -> Mapping[str, Any]:
+    """Return a window's message; what is not a JSON object is an empty one."""
+    try:
+        message = json.loads(text)
+    except (ValueError, RecursionError):
+        return {}
+    return message if isinstance(message, dict) else {}
+
+
+def _plain(connection: ServerConnection, status: HTTPStatus, text: str) -> Response:
+    return connection.respond(status, text)
+
+
+def _file(name: str, body: bytes, port: int) -> Response:
+    """Return a file of the page. Its policy lets nothing run or load that is not from here."""
+    sockets = " ".join(f"ws://{host}:{port}" for host in (LOOPBACK, "localhost"))
+    policy = (
+        f"default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
+        f"connect-src 'self' {sockets}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    )
+    headers = Headers(
+        {
+            "Content-Type": f"{TYPES[name.rpartition('.')[2]]}; charset=utf-8",
+            "Content-Length": str(len(body)),
+            "Content-Security-Policy": policy,
+            "X-Content-Type-Options": "nosniff",
+            "Referrer-Policy": "no-referrer",
+            "Cross-Origin-Resource-Policy": "same-origin",
+            "Cross-Origin-Opener-Policy": "same-origin",
+            "Cache-Control": "no-store",
+            "Connection": "close",
+        }
+    )
+    return Response(HTTPStatus.OK, "OK", headers, body)

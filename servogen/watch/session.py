@@ -1,0 +1,506 @@
+"""`Session`: one window's moment in what is watched, and what it does there.
+
+In: a `Subject`, the window's messages, the time that passes. Out: messages for the window: what the chip, its
+pins and servos are at the moment, and the edges of the part of the waves that is shown. Nothing here knows of
+sockets; every message is a value that JSON can hold.
+
+    window ── {"do": "step", "what": "line", "count": -1} ──▶ handle ──▶ {"is": "now", "cycle": …} ──▶ window
+    clock ──▶ tick ──▶ {"is": "now", …} ──▶ window
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from fractions import Fraction
+from itertools import islice, takewhile
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from servogen.edges import HIGH, PINS, UNDRIVEN, Driven, EdgeChunk, join
+from servogen.engines.stream.protocol import MAX_VALUE, SYNC
+from servogen.errors import InputError, ServogenError
+from servogen.pic.device import EEPROM_BYTES, PACKAGE, RAM_FIRST
+from servogen.pulse.schedule import Run
+from servogen.report.robot_model import robot_model
+from servogen.simulator import Change, Serial
+from servogen.simulator.layout import MCLR_PIN
+from servogen.simulator.observe import plain_assembly
+from servogen.simulator.sources import pin_number
+from servogen.watch.breakpoints import Breakpoint, parse_breakpoint, run_to
+from servogen.watch.differences import Edge, differing
+from servogen.watch.pins import explain_pin
+from servogen.watch.recording import Recording
+from servogen.watch.subject import Subject
+from servogen.watch.time_machine import NO_LINE, TimeMachine
+
+Message = dict[str, Any]
+
+MAX_WINDOW_S = 4
+"""Of the waves, shown at once."""
+MAX_EDGES = 20_000
+"""In one answer; a window with more is shown up to there."""
+SILENT_FRAMES = 2
+"""A servo that has no pulse for so long is not driven."""
+FRAME_S = Fraction(20, 1000)
+"""Of a program without a schedule."""
+FULL_S = 0.2
+"""While it runs, how often the whole chip is shown."""
+SLICE_S = 0.012
+"""As fast as it goes: how long the server calculates between two messages."""
+LONGEST_TICK_S = 0.1
+"""Time that is made up at most after a pause of the server."""
+MAX_SPEED = 1000.0
+MIN_SPEED = 1e-5
+MAX_SERIAL_BYTES = 256
+MAX_BREAKPOINTS = 32
+MAX_CHANGES = 50_000
+"""Of a stimulus, that are shown in the waves."""
+LAST = 8
+"""Executed instructions that are shown."""
+
+
+class Session:
+    """A window's own machine: its moment, speed and breakpoints."""
+
+    def __init__(self, subject: Subject) -> None:
+        self.subject = subject
+        self.chip: TimeMachine | None = None
+        if subject.image is not None:
+            self.chip = TimeMachine(
+                subject.image, subject.clock, subject.options, subject.stimuli, subject.listing
+            )
+        self.recording = Recording(subject.trace) if subject.trace is not None else None
+        self.running = False
+        self.speed: float | None = 1.0
+        """Simulated seconds a second; None: as fast as it goes."""
+        self.breakpoints: list[Breakpoint] = []
+        self.outside = [UNDRIVEN] * (MCLR_PIN + 1)
+        """What a person holds each pin at."""
+        self._due = 0.0
+        self._since_full = 0.0
+        self._stopped = ""
+        self._line_free = 0
+        self._period = subject.schedule.period if subject.schedule else subject.clock.round_seconds(FRAME_S)
+        self._pulses = Pulses()
+
+    @property
+    def now(self) -> int:
+        return int(self._place.now)
+
+    @property
+    def _place(self) -> TimeMachine | Recording:
+        place = self.chip or self.recording
+        assert place is not None
+        return place
+
+    def model(self) -> Message:
+        """Return what does not change while it is watched."""
+        subject = self.subject
+        schedule, listing = subject.schedule, subject.listing
+        return {
+            "is": "model",
+            "name": subject.name,
+            "cycle_us": float(subject.clock.cycle_us),
+            "cycles_per_second": float(subject.clock.cycles_per_second),
+            "pins": list(PINS),
+            "package": [{"number": pin.number, "name": pin.name} for pin in PACKAGE],
+            "period": int(self._period),
+            "runs": self.subject.image is not None,
+            "end": int(self.recording.end) if self.recording else None,
+            "channels": [
+                {"name": channel.name, "pin": PINS.index(channel.pin)}
+                for channel in (schedule.channels if schedule else ())
+            ],
+            "schedule": None
+            if schedule is None
+            else {"lead_in": _runs(schedule.lead_in), "loop": _runs(schedule.loop)},
+            "origin": subject.wanted.origin if subject.wanted else None,
+            "first_difference": subject.first_difference,
+            "robot": robot_model(subject.job) if subject.job else None,
+            "inputs": _inputs(subject),
+            "serial": _serial(subject),
+            "sources": [{"name": name, "text": text} for name, text in (listing.sources if listing else ())],
+            "variables": [
+                {"address": address, "name": name, "bytes": size}
+                for address, name, size in (listing.variables if listing else ())
+            ],
+            "ram_first": RAM_FIRST,
+            "eeprom_bytes": EEPROM_BYTES,
+        }
+
+    def handle(self, message: Mapping[str, Any]) -> Iterator[Message]:
+        """Do what the window asks for and yield the answers. A request that is wrong is answered so."""
+        action = ACTIONS.get(str(message.get("do")))
+        if action is None:
+            yield _problem(f"unknown request {str(message.get('do'))[:40]!r}")
+            return
+        try:
+            yield from action(self, message)
+        except ServogenError as error:
+            yield _problem(" ".join(diagnostic.sentence for diagnostic in error.diagnostics))
+        except (ValueError, TypeError, KeyError, OverflowError) as error:
+            yield _problem(f"the request {str(message.get('do'))[:40]!r} is wrong: {error}")
+
+    def tick(self, elapsed_s: float) -> Iterator[Message]:
+        """Run for the time that has passed, at the chosen speed, and yield what is to be shown of it."""
+        if not self.running:
+            return
+        self._run_on(min(elapsed_s, LONGEST_TICK_S))
+        self._since_full += elapsed_s
+        whole = self._since_full >= FULL_S or not self.running
+        yield self.shown(whole=whole)
+
+    def _run_on(self, elapsed_s: float) -> None:
+        if self.recording is not None:
+            self._due += elapsed_s * (self.speed or MAX_SPEED) * float(self.subject.clock.cycles_per_second)
+            steps, self._due = int(self._due), self._due % 1
+            self.recording.seek(self.now + steps)
+            self._look_back()
+            if self.now >= self.recording.end:
+                self._stop("the end of the recording")
+            return
+        if self.speed is None:
+            begin = time.monotonic()
+            while self.running and time.monotonic() - begin < SLICE_S:
+                self._advance(self._period)
+            return
+        self._due += elapsed_s * self.speed * float(self.subject.clock.cycles_per_second)
+        if self._due >= 1:
+            before = self.now
+            self._advance(int(self._due))
+            self._due -= self.now - before
+
+    def _advance(self, cycles: int) -> None:
+        assert self.chip is not None and self.subject.image is not None
+        made: list[EdgeChunk] = []
+        hit = run_to(self.chip, self.now + cycles, self.breakpoints, self.subject.image, made)
+        self._pulses.add(join(made))
+        if hit is not None:
+            self._stop(hit.text)
+
+    def _stop(self, why: str) -> None:
+        self.running = False
+        self._stopped = why
+        self._due = 0.0
+
+    def _look_back(self) -> None:
+        """Find out what the pulses are after a jump: those of the frames just before."""
+        begin = max(0, self.now - (SILENT_FRAMES + 1) * self._period)
+        self._pulses = Pulses()
+        self._pulses.add(self._place.edges(begin, self.now))
+
+    def shown(self, *, whole: bool = True) -> Message:
+        """Return the moment: pins and pulses, and with `whole` everything in the chip."""
+        message: Message = {
+            "is": "now",
+            "cycle": self.now,
+            "reach": int(self._place.reach),
+            "running": self.running,
+            "widths": self._pulses.widths(self.now, SILENT_FRAMES * self._period),
+            "levels": self._levels(),
+        }
+        if whole:
+            self._since_full = 0.0
+            message |= {
+                "speed": self.speed,
+                "stopped": self._stopped,
+                "breakpoints": [each.text for each in self.breakpoints],
+            }
+            if self.chip is not None:
+                message["chip"] = self._chip(self.chip)
+        return message
+
+    def _levels(self) -> str:
+        """Return a letter for each pin: 0 or 1 driven by the chip, l or h read at an input."""
+        if self.chip is None:
+            return "".join("l1"[level] if level < UNDRIVEN else "l" for level in self._pulses.levels)
+        read = self.chip.machine.pins
+        return "".join(
+            "lh"[read >> pin & 1] if level == UNDRIVEN else "01"[level]
+            for pin, level in enumerate(self.chip.machine.levels)
+        )
+
+    def _chip(self, chip: TimeMachine) -> Message:
+        state = chip.machine.state()
+        rows = [] if self.running else chip.executed(LAST).tolist()
+        return {
+            "pc": state.pc,
+            "w": state.w,
+            "registers": dict(state.registers),
+            "ram": state.ram.hex(),
+            "written": list(state.ram_written),
+            "eeprom": state.eeprom.hex(),
+            "stack": list(state.stack[: min(state.stack_depth, 8)]),
+            "deepest": state.deepest_stack,
+            "asleep": chip.machine.asleep,
+            "prescaler": state.prescaler,
+            "watchdog_at": state.watchdog_at,
+            "interrupts": state.interrupts,
+            "resets": dict(state.resets),
+            "next": self._instruction(chip, state.pc),
+            "executed": [
+                {"cycle": cycle, "w": w, **self._instruction(chip, address)} for cycle, address, w, _ in rows
+            ],
+            "warnings": [warning.sentence for warning in state.warnings],
+            "outside": list(self.outside),
+        }
+
+    def _instruction(self, chip: TimeMachine, address: int) -> Message:
+        address %= len(chip.line_ids)
+        listing = self.subject.listing
+        text = (
+            next((row.assembly for row in listing.rows if row.address == address), None) if listing else None
+        )
+        number = int(chip.line_ids[address])
+        file, line = chip.lines[number] if number != NO_LINE else (None, None)
+        assert self.subject.image is not None
+        return {
+            "address": address,
+            "text": text or plain_assembly(self.subject.image, address),
+            "file": file,
+            "line": line,
+        }
+
+    def _do_run(self, message: Mapping[str, Any]) -> Iterator[Message]:
+        speed = message.get("speed", self.speed)
+        self.speed = None if speed is None else min(MAX_SPEED, max(MIN_SPEED, float(speed)))
+        self.running, self._stopped = bool(message.get("running", True)), ""
+        yield self.shown()
+
+    def _do_step(self, message: Mapping[str, Any]) -> Iterator[Message]:
+        count = max(-10_000, min(10_000, int(message.get("count", 1))))
+        what = str(message.get("what"))
+        if what not in STEPS:
+            raise InputError("not-allowed", f"'{what[:40]}' is not a step", hint=", ".join(STEPS))
+        self._stop("")
+        forwards = count > 0
+        if what == "frame":
+            self._place.seek(max(0, self._frame_begin(count)))
+        elif what == "edge":
+            pin = message.get("pin")
+            pins = frozenset() if pin is None else frozenset((int(pin),))
+            if not self._place.step_edge(forwards, pins):
+                self._stopped = "there are no more edges"
+        elif self.chip is None:
+            raise InputError("not-allowed", "a recording has edges and frames, but no instructions")
+        elif what == "line":
+            if not self.chip.step_line(forwards):
+                self._stopped = "there is no other line"
+        else:
+            self.chip.step(count)
+        self._look_back()
+        yield self.shown()
+
+    def _frame_begin(self, count: int) -> int:
+        """Return where the frame `count` frames from here begins; backwards, first the one that it is in."""
+        origin = self.subject.wanted.origin if self.subject.wanted else 0
+        number, inside = divmod(self.now - origin, self._period)
+        if count < 0 and inside:
+            number += 1
+        return int(origin + (number + count) * self._period)
+
+    def _do_seek(self, message: Mapping[str, Any]) -> Iterator[Message]:
+        cycle = int(message["cycle"])
+        longest = int(self.subject.clock.round_seconds(7 * 86_400))
+        self._due = 0.0
+        self._place.seek(max(0, min(cycle, longest)))
+        self._look_back()
+        yield self.shown()
+
+    def _do_breakpoints(self, message: Mapping[str, Any]) -> Iterator[Message]:
+        texts = [str(text) for text in message["texts"]][:MAX_BREAKPOINTS]
+        self.breakpoints = [parse_breakpoint(text, self.subject.listing) for text in texts]
+        yield self.shown()
+
+    def _do_waves(self, message: Mapping[str, Any]) -> Iterator[Message]:
+        """Answer with the edges of a window of the past, what the schedule asks for, and how they differ."""
+        longest = int(self.subject.clock.round_seconds(MAX_WINDOW_S))
+        begin = max(0, int(message["begin"]))
+        end = max(begin + 1, min(int(message["end"]), begin + longest))
+        seen = min(end, int(self._place.reach))
+        made = self._place.edges(begin, seen) if begin < seen else join(())
+        before = self._place.levels_before(begin)
+        wanted = self.subject.wanted
+        asked = wanted.edges(begin, end) if wanted else []
+        differences = differing(wanted, _driven(before, made), begin, seen) if wanted else []
+        given = self._outside(begin, seen)
+        yield {
+            "is": "waves",
+            "begin": begin,
+            "end": end,
+            "seen": seen,
+            "before": list(before),
+            "edges": _packed(zip(*(column.tolist() for column in made), strict=True), begin),
+            "inputs": _packed((edge for edge in given if edge[0] >= begin), begin),
+            "inputs_before": {edge[1]: edge[2] for edge in given if edge[0] < begin},
+            "wanted": _packed(asked, begin),
+            "differing": _packed(differences, begin),
+        }
+
+    def _outside(self, begin: int, end: int) -> list[Edge]:
+        """Return the changes from outside before `end`: the last of each pin before `begin`, and the rest."""
+        if self.chip is None:
+            return []
+        stimuli, live = self.subject.stimuli, self.chip.inputs
+        known = takewhile(
+            lambda change: change.cycle < end,
+            stimuli.all_changes(self.subject.clock) if stimuli else iter(()),
+        )
+        changes = [*islice(known, MAX_CHANGES), *(change for change in live if change.cycle < end)]
+        changes.sort(key=lambda change: change.cycle)
+        before = {change.pin: change for change in changes if change.cycle < begin}
+        shown = (*before.values(), *(change for change in changes if change.cycle >= begin))
+        return [(change.cycle, change.pin, change.level) for change in shown]
+
+    def _do_pin(self, message: Mapping[str, Any]) -> Iterator[Message]:
+        """Hold a pin (or MCLR) at a level from outside, or let it go."""
+        pin, level = pin_number(str(message["pin"])), int(message["level"])
+        if level not in (0, 1, UNDRIVEN):
+            raise InputError("not-allowed", f"level {level} is neither 0, 1 nor 2 (let go)")
+        self._program().apply([Change(self.now + 1, pin, level)])
+        self.outside[pin] = level
+        yield self.shown()
+
+    def _do_serial(self, message: Mapping[str, Any]) -> Iterator[Message]:
+        """Send bytes to the chip, after those that are still on the line."""
+        data = bytes(int(byte) for byte in message["bytes"])[:MAX_SERIAL_BYTES]
+        self._send(data, str(message["pin"]), Fraction(int(message["baud"])))
+        yield self.shown(whole=False)
+
+    def _do_servo(self, message: Mapping[str, Any]) -> Iterator[Message]:
+        """Command a position of 0 to 254 to a servo of a stream job."""
+        job = self.subject.job
+        if job is None or job.stream is None:
+            raise InputError("not-allowed", "only a job with [stream] takes positions")
+        number = int(message["servo"])
+        position = max(0, min(MAX_VALUE, int(message["position"])))
+        if not 0 <= number < len(job.servos):
+            raise InputError("not-allowed", f"there is no servo {number}")
+        self._send(bytes((SYNC, number, position)), job.stream.receive_pin, Fraction(job.stream.baud))
+        yield self.shown(whole=False)
+
+    def _send(self, data: bytes, pin: str, baud: Fraction) -> None:
+        if not 50 <= baud <= 115_200:
+            raise InputError("not-allowed", f"{baud} baud: allowed are 50 to 115200")
+        begin = (
+            max(self.now + 1, self._line_free) if self._line_free - self.now < 10_000_000 else self.now + 1
+        )
+        source = Serial(pin_number(pin), data, baud, start=begin)
+        changes = [change for change in source.changes(self.subject.clock) if change.cycle > self.now]
+        bits = 10 * len(data) * self.subject.clock.cycles_per_second / baud
+        self._line_free = begin + int(bits) + 1
+        self._program().apply(changes)
+
+    def _program(self) -> TimeMachine:
+        if self.chip is None:
+            raise InputError("not-allowed", "a recording has no inputs")
+        return self.chip
+
+    def _do_explain(self, message: Mapping[str, Any]) -> Iterator[Message]:
+        pin = pin_number(str(message["pin"]))
+        yield {"is": "explanation", "pin": pin, "lines": explain_pin(self._program(), pin)}
+
+    def continued(self, subject: Subject) -> Session:
+        """Return a session of another version of the subject at the same moment."""
+        fresh = Session(subject)
+        fresh.speed, fresh.running = self.speed, self.running
+        fresh._place.seek(self.now)
+        fresh._look_back()
+        return fresh
+
+
+class Pulses:
+    """The level of each pin, and the width of its latest pulse."""
+
+    def __init__(self) -> None:
+        self.levels = [UNDRIVEN] * len(PINS)
+        self._rise: list[int | None] = [None] * len(PINS)
+        self._width = [0] * len(PINS)
+        self._fall = [0] * len(PINS)
+
+    def add(self, chunk: EdgeChunk) -> None:
+        """Take further edges into account."""
+        for cycle, pin, level in zip(*(column.tolist() for column in chunk), strict=True):
+            rise = self._rise[pin]
+            if level == HIGH:
+                self._rise[pin] = cycle
+            elif rise is not None:
+                self._width[pin], self._fall[pin], self._rise[pin] = cycle - rise, cycle, None
+            self.levels[pin] = level
+
+    def widths(self, now: int, silence: int) -> list[int]:
+        """Return the width of the latest pulse of each pin; 0 where the latest is older than `silence`."""
+        return [
+            width if width and now - fall <= silence else 0
+            for width, fall in zip(self._width, self._fall, strict=True)
+        ]
+
+
+STEPS = ("instruction", "line", "edge", "frame")
+
+ACTIONS: Mapping[str, Callable[[Session, Mapping[str, Any]], Iterator[Message]]] = MappingProxyType(
+    {
+        "run": Session._do_run,
+        "step": Session._do_step,
+        "seek": Session._do_seek,
+        "breakpoints": Session._do_breakpoints,
+        "waves": Session._do_waves,
+        "pin": Session._do_pin,
+        "serial": Session._do_serial,
+        "servo": Session._do_servo,
+        "explain": Session._do_explain,
+    }
+)
+"""What a window may ask a session for."""
+
+
+def _problem(text: str) -> Message:
+    return {"is": "problem", "text": text}
+
+
+def _packed(edges: Iterable[Edge], begin: int) -> list[int]:
+    """Return edges as differences of cycles and pin * 4 + level, one after the other."""
+    packed, last = [], begin
+    for cycle, pin, level in islice(edges, MAX_EDGES):
+        packed += [cycle - last, pin * 4 + level]
+        last = cycle
+    return packed
+
+
+def _driven(before: tuple[int, ...], made: EdgeChunk) -> EdgeChunk:
+    """Return the edges with an undriven pin counted as low, given the levels before them."""
+    driven = Driven()
+    high = [pin for pin, level in enumerate(before) if level == HIGH]
+    begin = int(made.cycle[0]) if len(made.cycle) else 0
+    start = EdgeChunk(
+        np.full(len(high), begin, np.int64), np.array(high, np.uint8), np.ones(len(high), np.uint8)
+    )
+    driven(start)
+    return driven(made)
+
+
+def _runs(runs: tuple[Run, ...]) -> list[list[Any]]:
+    """Return runs of frames: how many, and the [rise, width] of each channel's pulse."""
+    return [
+        [run.frames, [[pulse.rise, pulse.width] if pulse else None for pulse in run.pulses]] for run in runs
+    ]
+
+
+def _inputs(subject: Subject) -> list[Message]:
+    """Return the buttons of a job: name, pin, and the level at which each is pressed."""
+    if subject.job is None:
+        return []
+    buttons = subject.job.firmware.buttons
+    named = (("start", buttons.start), ("stop", buttons.stop))
+    return [{"name": name, "pin": each.pin, "pressed": each.level} for name, each in named if each]
+
+
+def _serial(subject: Subject) -> Message | None:
+    """Return the serial line of a job."""
+    stream = subject.job.stream if subject.job else None
+    if stream is None:
+        return None
+    return {"pin": stream.receive_pin, "baud": stream.baud, "answers": stream.transmit_pin}

@@ -1,0 +1,165 @@
+"""What is watched: a job, a program, or a recording, loaded from its file.
+
+In: a path and what the command line says about it. Out: `Subject`. Loading a job compiles its firmware, which
+takes seconds; `check` is quick, and raises what can be known at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from servogen.build.engines import planned
+from servogen.edges import EdgeTrace
+from servogen.engines.board import board_of, inputs_of, machine_of
+from servogen.errors import InputError, Location
+from servogen.inputs import open_input
+from servogen.job import PlannedJob, load, plan_job
+from servogen.pic.image import Image
+from servogen.pic.listing import Listing
+from servogen.programs import (
+    ASSEMBLY_SUFFIXES,
+    C_SUFFIX,
+    HEX_SUFFIXES,
+    PROGRAM_SUFFIXES,
+    clock_of,
+    read_program,
+)
+from servogen.pulse import PulseSchedule
+from servogen.simulator import Options, Stimuli, load_stimuli
+from servogen.traces.captures import SUFFIXES as CAPTURE_SUFFIXES
+from servogen.traces.captures import is_capture, read_capture
+from servogen.traces.vcd import read_vcd
+from servogen.units import Clock, Cycles
+from servogen.watch.differences import Wanted, first_difference, wanted_of
+
+JOB_SUFFIX = ".toml"
+START_FRAMES = 50
+"""How long a program may take from reset to its first pulse."""
+LOOPS = 2
+"""How often the loop is searched for the first difference."""
+MAX_SEARCH_S = 600
+"""The longest simulated time in which the first difference is searched."""
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What the command line says besides the file."""
+
+    options: Options = Options()  # noqa: RUF009 - frozen
+    clock_hz: int | None = None
+    stimulus: Path | None = None
+    schedule: PulseSchedule | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Subject:
+    """Either a program (`image`) or a recording (`trace`); `schedule` is what its edges are held against."""
+
+    path: Path
+    clock: Clock
+    options: Options = Options()  # noqa: RUF009 - frozen
+    image: Image | None = None
+    listing: Listing | None = None
+    stimuli: Stimuli | None = None
+    trace: EdgeTrace | None = None
+    schedule: PulseSchedule | None = None
+    job: PlannedJob | None = None
+    wanted: Wanted | None = None
+    first_difference: Cycles | None = None
+
+    @property
+    def name(self) -> str:
+        return self.path.name
+
+
+def check(path: Path) -> None:
+    """Raise InputError for a file that cannot be watched, as far as that can be known at once."""
+    suffix = path.suffix.lower()
+    known = (JOB_SUFFIX, *PROGRAM_SUFFIXES, *CAPTURE_SUFFIXES)
+    if suffix not in known:
+        raise InputError(
+            "unknown-suffix",
+            f"'{path.suffix}' is neither the ending of a job, of a program nor of a capture",
+            Location(str(path)),
+            f"one of: {', '.join(dict.fromkeys(known))}",
+        )
+    open_input(path).close()
+    if suffix == JOB_SUFFIX:
+        load(path)
+
+
+def load_subject(path: Path, setting: Setting, progress: Callable[[str], None] = lambda _: None) -> Subject:
+    """Return the subject in a file. Raises InputError."""
+    suffix = path.suffix.lower()
+    if suffix == JOB_SUFFIX:
+        return job_subject(path, plan_job(load(path)), setting, progress)
+    if suffix in (C_SUFFIX, *ASSEMBLY_SUFFIXES, *HEX_SUFFIXES):
+        progress("compiling" if suffix not in HEX_SUFFIXES else "reading")
+        program = read_program(path, setting.options.device)
+        clock = clock_of(program, setting.clock_hz)
+        options, schedule = setting.options, setting.schedule
+        stimuli = load_stimuli(setting.stimulus, clock) if setting.stimulus else None
+        if schedule is not None:
+            options, clock = board_of(schedule, options), schedule.clock
+            stimuli = stimuli or inputs_of(schedule)
+        subject = Subject(path, clock, options, program.image, program.listing, stimuli, schedule=schedule)
+        return _compared(subject, progress)
+    progress("reading")
+    return _compared(_recorded(path, setting), progress)
+
+
+def job_subject(
+    path: Path, job: PlannedJob, setting: Setting, progress: Callable[[str], None] = lambda _: None
+) -> Subject:
+    """Return the subject that a planned job becomes: its firmware, held against its schedule."""
+    progress("planning")
+    found = planned(job)
+    progress(f"compiling {job.firmware.dialect}")
+    firmware = found.make(job.firmware.dialect)
+    schedule = found.plan.schedule
+    stimuli = load_stimuli(setting.stimulus, schedule.clock) if setting.stimulus else inputs_of(schedule)
+    subject = Subject(
+        path,
+        schedule.clock,
+        board_of(schedule, setting.options),
+        firmware.compilation.image,
+        firmware.compilation.listing,
+        stimuli,
+        schedule=schedule,
+        job=found.job,
+    )
+    return _compared(subject, progress)
+
+
+def _recorded(path: Path, setting: Setting) -> Subject:
+    """Return a recording: in its own time steps, or in cycles of the chip."""
+    schedule = setting.schedule
+    if not is_capture(path):
+        clock = schedule.clock if schedule else Clock(setting.clock_hz or 4_000_000)
+        if path.suffix.lower() == ".vcd":
+            return Subject(path, clock, trace=read_vcd(path, clock).stored(), schedule=schedule)
+    capture = read_capture(path)
+    return Subject(path, capture.trace.clock, trace=capture.trace.stored(), schedule=schedule)
+
+
+def _compared(subject: Subject, progress: Callable[[str], None]) -> Subject:
+    """Return the subject with the schedule laid beside it, from its first pulse on."""
+    schedule = subject.schedule
+    if schedule is None or schedule.clock != subject.clock:
+        return subject  # an analyser's samples are compared by `verify`, not by eye
+    progress("comparing with the schedule")
+    frames = schedule.lead_in_frames + LOOPS * schedule.loop_frames
+    longest = schedule.clock.round_seconds(MAX_SEARCH_S)
+    end = Cycles(min(longest, (frames + START_FRAMES) * schedule.period))
+    trace = subject.trace
+    if trace is None:
+        assert subject.image is not None
+        machine = machine_of(schedule, subject.image, subject.options)
+        trace = EdgeTrace(schedule.clock, machine.stream(end), end).stored()
+    wanted = wanted_of(schedule, trace)
+    if wanted is None:
+        return subject
+    last = min(end, trace.end, wanted.begin_of(frames))
+    return replace(subject, wanted=wanted, first_difference=first_difference(wanted, trace, last))

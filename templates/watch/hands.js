@@ -1,0 +1,93 @@
+// What a person does to the robot: sliders for the servos, buttons on pins, bytes on the serial line.
+
+import { element } from "./chip.js";
+import { angleOf, widthOf } from "./robot.js";
+
+const POSITIONS = 254;
+const degrees = angle => angle * 180 / Math.PI;
+
+export class Hands {
+  constructor(model, places, send, posed) {
+    this.model = model;
+    this.places = places;
+    this.send = send;
+    this.posed = posed;
+    this.angles = model.robot ? model.robot.servos.map(servo => servo.neutral) : [];
+    this.touched = false;
+    this.sliders();
+    this.buttons();
+    this.console();
+  }
+  sliders() {
+    const servos = this.model.robot ? this.model.robot.servos : [];
+    this.places.pose.hidden = !servos.length;
+    this.inputs = servos.map((servo, index) => {
+      const ends = servo.limits.map(degrees), id = `servo-${index}`;
+      const input = element("input", { type: "range", id, min: ends[0].toFixed(1), max: ends[1].toFixed(1), step: "0.1" });
+      input.value = degrees(this.angles[index]);
+      const said = element("output", { for: id });
+      input.addEventListener("input", () => this.move(index, input.value * Math.PI / 180, said));
+      this.places.sliders.append(element("div", { class: "slider" }, element("label", { for: id }, servo.name), input, said));
+      said.textContent = `${(+input.value).toFixed(1)}${servo.continuous ? " °/s" : "°"}`;
+      return [input, said];
+    });
+    this.places.record.addEventListener("click", () => this.posed.record(this.angles));
+  }
+  move(index, angle, said) {
+    const servo = this.model.robot.servos[index];
+    this.angles[index] = angle;
+    this.touched = true;
+    said.textContent = `${degrees(angle).toFixed(1)}${servo.continuous ? " °/s" : "°"}`;
+    if (this.model.serial) {
+      const width = widthOf(servo, angle), ends = servo.limits.map(limit => widthOf(servo, limit)).sort((a, b) => a - b);
+      const position = Math.round((width - ends[0]) / (ends[1] - ends[0]) * POSITIONS);
+      this.send({ do: "servo", servo: index, position: Math.max(0, Math.min(POSITIONS, position)) });
+    }
+    this.posed.shown(this.angles);
+  }
+  // Put the sliders where the pulses are, until a hand has moved one.
+  follow(widths) {
+    if (this.touched) return;
+    this.inputs.forEach(([input, said], index) => {
+      const servo = this.model.robot.servos[index], width = widths[index];
+      if (!width) return;
+      this.angles[index] = angleOf(servo, width);
+      input.value = degrees(this.angles[index]);
+      said.textContent = `${degrees(this.angles[index]).toFixed(1)}${servo.continuous ? " °/s" : "°"}`;
+    });
+  }
+  buttons() {
+    for (const each of this.model.inputs) {
+      const made = element("button", { type: "button", class: each.name === "stop" ? "stop" : "" }, each.name === "stop" ? "emergency stop" : each.name);
+      const press = down => () => {
+        made.classList.toggle("pressed", down);
+        this.send({ do: "pin", pin: each.pin, level: down ? each.pressed : 1 - each.pressed });
+      };
+      made.addEventListener("pointerdown", press(true));
+      made.addEventListener("pointerup", press(false));
+      made.addEventListener("keydown", event => { if ((event.key === " " || event.key === "Enter") && !event.repeat) press(true)(); });
+      made.addEventListener("keyup", event => { if (event.key === " " || event.key === "Enter") press(false)(); });
+      this.places.buttons.append(made);
+    }
+    this.places.area.hidden = !this.model.runs;
+    if (!this.model.runs) return;
+    for (const name of [...this.model.pins, "MCLR"]) this.places.pin.append(element("option", { value: name }, name));
+    for (const [place, level] of [[this.places.high, 1], [this.places.low, 0], [this.places.free, 2]])
+      place.addEventListener("click", () => this.send({ do: "pin", pin: this.places.pin.value, level }));
+  }
+  console() {
+    const { serial } = this.model;
+    this.places.serial.hidden = !this.model.runs;
+    if (!this.model.runs) return;
+    for (const name of this.model.pins) this.places.serialPin.append(element("option", { value: name }, name));
+    if (serial) { this.places.serialPin.value = serial.pin; this.places.baud.value = serial.baud; }
+    this.places.serialForm.addEventListener("submit", event => {
+      event.preventDefault();
+      const text = this.places.bytes.value.trim();
+      const plain = /^([0-9a-f]{1,2}\s+)*[0-9a-f]{1,2}$/i.test(text);
+      const bytes = plain ? text.split(/\s+/).map(byte => parseInt(byte, 16)) : [...new TextEncoder().encode(text)];
+      this.send({ do: "serial", pin: this.places.serialPin.value, baud: +this.places.baud.value, bytes });
+      this.places.sent.prepend(element("li", {}, bytes.map(byte => byte.toString(16).toUpperCase().padStart(2, "0")).join(" ")));
+    });
+  }
+}

@@ -1,0 +1,339 @@
+"""The server of `servogen watch`: who is let in, what is served, windows that keep their places."""
+
+from __future__ import annotations
+
+import asyncio
+import http.client
+import json
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+
+pytest.importorskip("websockets", reason="the extra 'watch' is not installed")
+
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+
+from servogen.errors import InputError
+from servogen.watch.server import FILES, WatchServer
+from servogen.watch.session import Session
+from servogen.watch.subject import Setting, Subject, load_subject
+
+ROOT = Path(__file__).parent.parent.parent
+HEX = ROOT / "firmware" / "lab8-exercise" / "main.hex"
+
+
+class Running:
+    """A server in a thread of its own."""
+
+    def __init__(self, load: Callable[[Callable[[str], None]], Subject]) -> None:
+        self.server = WatchServer(load)
+        self._loop = asyncio.new_event_loop()
+        ready = threading.Event()
+        self._task = self._loop.create_task(self.server.run(0, lambda url: ready.set()))
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+        assert ready.wait(10)
+        parts = urlsplit(self.server.url)
+        self.host, self.token = parts.netloc, parts.path.strip("/")
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        try:
+            self._loop.run_until_complete(self._task)
+        except asyncio.CancelledError:
+            pass
+        finally:
+            self._loop.close()
+
+    def stop(self) -> None:
+        self._loop.call_soon_threadsafe(self._task.cancel)
+        self._thread.join(10)
+        assert not self._thread.is_alive()
+
+    def get(self, path: str, **headers: str) -> tuple[int, str, dict[str, str]]:
+        """Ask as a browser does that a person gave the address, unless `headers` say otherwise."""
+        connection = http.client.HTTPConnection(self.host, timeout=10)
+        asked = {"Host": self.host, "Sec-Fetch-Site": "none"} | headers
+        connection.putrequest("GET", path, skip_host=True, skip_accept_encoding=True)
+        for name, value in asked.items():
+            if value:
+                connection.putheader(name.replace("_", "-"), value)
+        connection.endheaders()
+        answer = connection.getresponse()
+        return answer.status, answer.read().decode(), dict(answer.getheaders())
+
+    def socket(self, token: str | None = None, **headers: str | None) -> ClientConnection:
+        """Open a socket as the page does."""
+        asked = {"Origin": f"http://{self.host}"} | headers
+        return connect(
+            f"ws://{self.host}/{self.token if token is None else token}/socket",
+            additional_headers={name: value for name, value in asked.items() if value},
+            proxy=None,
+        )
+
+
+def hex_subject(progress: Callable[[str], None]) -> Subject:
+    return load_subject(HEX, Setting())
+
+
+@pytest.fixture(scope="module")
+def running() -> Iterator[Running]:
+    served = Running(hex_subject)
+    yield served
+    served.stop()
+
+
+def messages(socket: ClientConnection, until: str) -> list[dict[str, Any]]:
+    """Every message up to the first of a kind."""
+    found = []
+    while not found or found[-1]["is"] != until:
+        found.append(json.loads(socket.recv(timeout=10)))
+    return found
+
+
+def opened(socket: ClientConnection, name: str = "") -> list[dict[str, Any]]:
+    socket.send(json.dumps({"window": name}))
+    return messages(socket, "now")
+
+
+def asked(socket: ClientConnection, kind: str = "now", **request: Any) -> dict[str, Any]:
+    socket.send(json.dumps(request))
+    return messages(socket, kind)[-1]
+
+
+def test_the_page_and_its_files_are_served_to_who_has_the_address(running: Running) -> None:
+    for name in FILES:
+        status, text, headers = running.get(f"/{running.token}/{name}")
+        assert status == 200 and text, name
+        policy = headers["Content-Security-Policy"]
+        assert "default-src 'none'" in policy and "script-src 'self'" in policy
+        assert "unsafe" not in policy
+        assert headers["Referrer-Policy"] == "no-referrer"
+
+
+@pytest.mark.parametrize(
+    ("headers", "what"),
+    [
+        ({"Origin": "http://evil.example"}, "a foreign origin"),
+        ({"Origin": "null"}, "the origin of a file or a sandbox"),
+        ({"Host": "evil.example"}, "a foreign host"),
+        ({"Host": ""}, "no host"),
+        ({"Sec-Fetch-Site": "cross-site"}, "a link on a foreign page"),
+        ({"Sec-Fetch-Site": ""}, "neither an origin nor a word of where it comes from"),
+    ],
+)
+def test_a_page_is_refused(running: Running, headers: dict[str, str], what: str) -> None:
+    status, text, _ = running.get(f"/{running.token}/", **headers)
+    assert status in (400, 403) if what == "no host" else status == 403
+    assert "lab8" not in text and "<html" not in text
+
+
+@pytest.mark.parametrize("token", ["", "x", "favicon.ico", "../"])
+def test_a_wrong_token_is_refused_for_the_page(running: Running, token: str) -> None:
+    for path in (f"/{token}", f"/{token}/", f"/{token}/app.js", f"/{running.token[:-1]}/"):
+        assert running.get(path)[0] == 403
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Origin": "http://evil.example"},
+        {"Origin": None},
+        {"Origin": "null"},
+        {"Origin": "https://127.0.0.1"},
+    ],
+)
+def test_a_socket_of_a_foreign_or_unknown_origin_is_refused(
+    running: Running, headers: dict[str, str | None]
+) -> None:
+    with pytest.raises(InvalidStatus) as refused, running.socket(**headers):
+        pass
+    assert refused.value.response.status_code == 403
+
+
+def test_a_socket_with_a_wrong_token_is_refused(running: Running) -> None:
+    for token in ("x", "", running.token[:-1], running.token + "x"):
+        with pytest.raises(InvalidStatus) as refused, running.socket(token):
+            pass
+        assert refused.value.response.status_code == 403
+
+
+def test_a_socket_with_a_foreign_host_is_refused(running: Running) -> None:
+    """The name leads to this machine, as that of a page may that rebinds it; its origin is its own."""
+    connection = http.client.HTTPConnection(running.host, timeout=10)
+    connection.putrequest("GET", f"/{running.token}/socket", skip_host=True)
+    for name, value in (
+        ("Host", "evil.example"),
+        ("Origin", "http://evil.example"),
+        ("Upgrade", "websocket"),
+        ("Connection", "Upgrade"),
+        ("Sec-WebSocket-Version", "13"),
+        ("Sec-WebSocket-Key", "dGhlIHNhbXBsZSBub25jZQ=="),
+    ):
+        connection.putheader(name, value)
+    connection.endheaders()
+    assert connection.getresponse().status == 403
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../../pyproject.toml",
+        "..%2f..%2fpyproject.toml",
+        "/etc/passwd",
+        "app.js/../../x",
+        "main.hex",
+        ".",
+        "socket",
+    ],
+)
+def test_no_other_file_is_served(running: Running, name: str) -> None:
+    status, text, _ = running.get(f"/{running.token}/{name}")
+    assert status == 404
+    assert "servogen" not in text
+
+
+def test_the_address_is_this_machine_only(running: Running) -> None:
+    assert running.host.startswith("127.0.0.1:")
+    assert len(running.token) >= 32
+
+
+def test_nothing_is_said_before_the_window_says_who_it_is(running: Running) -> None:
+    with running.socket() as socket, pytest.raises(TimeoutError):
+        socket.recv(timeout=0.2)
+
+
+def test_windows_have_places_of_their_own_and_a_reload_keeps_them(running: Running) -> None:
+    with running.socket() as first, running.socket() as second:
+        name = opened(first)[0]["name"]
+        other = opened(second)[0]["name"]
+        assert name != other
+        assert asked(first, do="seek", cycle=123_456)["cycle"] in (123_456, 123_457)
+        assert asked(second, do="seek", cycle=5000)["cycle"] in (5000, 5001)
+        assert asked(first, do="step", what="instruction", count=-1)["cycle"] in range(123_453, 123_457)
+    with running.socket() as again:
+        found = opened(again, name)
+        assert found[0]["name"] == name
+        assert found[-1]["cycle"] in range(123_453, 123_457)
+
+
+def test_a_window_that_is_copied_begins_where_the_other_is(running: Running) -> None:
+    with running.socket() as first, running.socket() as copy:
+        name = opened(first)[0]["name"]
+        here = asked(first, do="seek", cycle=40_000)["cycle"]
+        found = opened(copy, name)
+        assert found[0]["name"] != name
+        assert found[-1]["cycle"] == here
+        asked(copy, do="seek", cycle=7)
+        assert asked(first, do="run", running=False)["cycle"] == here
+
+
+def test_it_runs_at_the_chosen_speed_until_it_is_paused(running: Running) -> None:
+    with running.socket() as socket:
+        opened(socket)
+        asked(socket, do="run", running=True, speed=None)
+        before = messages(socket, "now")[-1]["cycle"]
+        after = messages(socket, "now")[-1]
+        assert after["running"] and after["cycle"] > before
+        paused = asked(socket, do="run", running=False)
+        while paused["running"]:
+            paused = messages(socket, "now")[-1]
+        with pytest.raises(TimeoutError):
+            socket.recv(timeout=0.2)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "{",
+        "[]",
+        '"run"',
+        "[" * 5000,
+        '{"do": "fly"}',
+        '{"do": "seek"}',
+        '{"do": "seek", "cycle": "x"}',
+        '{"do": "step", "what": "__class__"}',
+        '{"do": "waves", "begin": -5, "end": 1e400}',
+        '{"do": "pin", "pin": "VDD", "level": 1}',
+        '{"do": "pin", "pin": "RB0", "level": 7}',
+        '{"do": "serial", "pin": "RB0", "baud": 0, "bytes": [1]}',
+        '{"do": "serial", "pin": "RB0", "baud": 2400, "bytes": [999]}',
+        '{"do": "breakpoints", "texts": ["__import__(1)"]}',
+        '{"do": "save", "text": "x"}',
+        '{"do": "build", "text": "x"}',
+    ],
+)
+def test_a_wrong_request_is_answered_and_the_window_goes_on(running: Running, text: str) -> None:
+    with running.socket() as socket:
+        opened(socket)
+        socket.send(text)
+        assert messages(socket, "problem")[-1]["text"]
+        assert asked(socket, do="seek", cycle=9)["cycle"] in (9, 10)
+
+
+def test_a_defect_of_a_session_does_not_end_the_server(
+    running: Running, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with running.socket() as socket:
+        opened(socket)
+        with monkeypatch.context() as broken:
+            broken.setattr(Session, "_run_on", lambda *_: 1 / 0)
+            socket.send(json.dumps({"do": "run", "running": True}))
+            assert "ZeroDivisionError" in messages(socket, "problem")[-1]["text"]
+        assert not asked(socket, do="seek", cycle=9)["running"]
+
+
+def test_a_program_that_crashes_does_not_end_the_server() -> None:
+    """A chip that wraps its stack and executes words that no data sheet defines."""
+    from servogen.pic.image import Image
+    from servogen.units import Clock
+
+    wild = Image({address: 0x0001 if address % 3 else 0x2000 for address in range(1024)}, 0x3FFF)
+    served = Running(lambda progress: Subject(Path("wild.hex"), Clock(4_000_000), image=wild))
+    try:
+        with served.socket() as socket:
+            opened(socket)
+            chip = asked(socket, do="seek", cycle=100_000)["chip"]
+            assert chip["warnings"] and chip["deepest"] == 8
+    finally:
+        served.stop()
+
+
+def test_a_job_that_cannot_be_loaded_is_said_in_the_page() -> None:
+    def fail(progress: Callable[[str], None]) -> Subject:
+        raise InputError("does-not-fit", "the motion is too long for the chip")
+
+    served = Running(fail)
+    try:
+        with served.socket() as socket:
+            socket.send(json.dumps({"window": ""}))
+            status = messages(socket, "status")[-1]
+            while not status.get("failed"):
+                status = messages(socket, "status")[-1]
+            assert "too long for the chip" in status["text"]
+    finally:
+        served.stop()
+
+
+def test_an_old_window_is_forgotten_only_after_many() -> None:
+    served = Running(hex_subject)
+    try:
+        names = []
+        for _ in range(20):
+            with served.socket() as socket:
+                socket.send(json.dumps({"window": ""}))
+                names.append(messages(socket, "window")[-1]["name"])
+        with served.socket() as socket:
+            socket.send(json.dumps({"window": names[-1]}))
+            assert messages(socket, "window")[-1]["name"] == names[-1]
+        with served.socket() as socket:
+            socket.send(json.dumps({"window": names[0]}))
+            assert messages(socket, "window")[-1]["name"] != names[0]
+    finally:
+        served.stop()
