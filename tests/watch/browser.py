@@ -129,8 +129,10 @@ class Page:
 
     def click(self, selector: str) -> None:
         """Click the middle of an element, as a mouse does."""
-        found = f"const e = document.querySelector({json.dumps(selector)}); e.scrollIntoView({{block: 'center'}});"
-        place = "const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2];"
+        found = (
+            f"const e = document.querySelector({json.dumps(selector)}); e.scrollIntoView({{block: 'center'}})"
+        )
+        place = "; const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2];"
         box = self.run(f"(() => {{ {found} {place} }})()")
         for kind in ("mousePressed", "mouseReleased"):
             self.call("Input.dispatchMouseEvent", type=kind, x=box[0], y=box[1], button="left", clickCount=1)
