@@ -174,6 +174,7 @@ LATE_IMPORTS = {
     "simulator/aot_cache.py": "start-up time: numba takes seconds, and only an empty cache needs it",
     "testing/plugin.py": "start-up time: pytest loads the plugin for every project",
     "toml/locations.py": "start-up time: only a file with an error needs the parser that knows lines",
+    "twin/world.py": "MuJoCo is an optional extra",
     "traces/formats.py": "start-up time: only the format of the file is loaded",
 }
 """Where imports may stand inside functions, and why."""

@@ -18,7 +18,8 @@ from servogen.robot.servo_models import ModelTable
 PAGE = (Path(__file__).parent.parent / "docs" / "job.md").read_text()
 BLOCKS = dict(re.findall(r"`(\w+\.toml)`[^`]*?(?:(?!```)[\s\S])*?```toml\n(.*?)^```", PAGE, re.M | re.S))
 
-HEADINGS = {**{name: f"`[{name}]`" for name in JobTable.model_fields}, "servo": "`[[servo]]`"}
+LISTS = ("servo", "sensor")
+HEADINGS = {name: f"`[[{name}]]`" if name in LISTS else f"`[{name}]`" for name in JobTable.model_fields}
 
 
 def rows(heading: str) -> dict[str, str]:

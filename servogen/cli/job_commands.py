@@ -265,6 +265,12 @@ def _show_plan(facts: PlanFacts) -> None:
         _show_ends(facts)
     for note in job.notes:
         print(note.message)
+    if facts.rigid_way is not None:
+        x, y, yaw = facts.rigid_way
+        print(
+            f"rigid legs take the body {1000 * x:z.1f} mm forward, {1000 * y:z.1f} mm to the left "
+            f"and turn it by {degrees(yaw):z.1f}°"
+        )
     if facts.worst is not None:
         worst = facts.worst
         print(

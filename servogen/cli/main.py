@@ -31,6 +31,7 @@ from servogen.cli import (
     robot_commands,
     signal_commands,
     simulate_commands,
+    twin_commands,
     watch_commands,
 )
 from servogen.cli.show import begin, show_error
@@ -77,6 +78,7 @@ GROUPS = (
     drive_commands,
     grade_commands,
     doctor_commands,
+    twin_commands,
     watch_commands,
 )
 for group in GROUPS:

@@ -39,6 +39,9 @@ def robots(
         Path | None,
         typer.Option("--urdf", help="Write this arm as URDF, the robot description of ROS."),
     ] = None,
+    mjcf: Annotated[
+        Path | None, typer.Option("--mjcf", help="Write its bodies as MJCF, the models of MuJoCo.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """List the robots of the catalogue, or all there is to one of them."""
@@ -46,6 +49,8 @@ def robots(
 
     if urdf is not None:
         _write_urdf(name, urdf)
+    elif mjcf is not None:
+        _write_mjcf(name, mjcf)
     elif name is None:
         found = queries.robot_list()
         if json:
@@ -70,6 +75,25 @@ def _write_urdf(name: str | None, path: Path) -> None:
             "missing-option", "which robot is to be written?", hint="servogen robots scara --urdf scara.urdf"
         )
     write_text(path, to_urdf(arm(name)))
+    print(path)
+
+
+def _write_mjcf(name: str | None, path: Path) -> None:
+    from servogen.errors import InputError
+    from servogen.kinematics.catalogue import robot
+    from servogen.outputs import write_text
+    from servogen.twin.bodies import bodies
+
+    if name is None:
+        raise InputError(
+            "missing-option",
+            "which robot is to be written?",
+            hint="servogen robots hexapod --mjcf hexapod.xml",
+        )
+    made = bodies(robot(name))
+    write_text(path, made.text)
+    for text in made.assumptions:
+        print(text)
     print(path)
 
 

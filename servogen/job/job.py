@@ -10,7 +10,7 @@ from fractions import Fraction
 from servogen.engines.player.buttons import Buttons
 from servogen.engines.stream.settings import Stream
 from servogen.errors import Diagnostic, Location
-from servogen.job.schema import Section
+from servogen.job.schema import ExpectTable, Section, SensorTable, SupplyTable
 from servogen.job.tip import Tip
 from servogen.kinematics.protocol import DrivingRobot
 from servogen.motion import JointTrajectory
@@ -69,6 +69,9 @@ class Job:
     """The serial line, which only the stream engine reads; None: there is none."""
     section: Section | None
     """The section that moves the servos; None: a stream job without a motion of its own."""
+    supply: SupplyTable | None
+    sensors: tuple[SensorTable, ...]
+    expect: ExpectTable
 
     @property
     def limbs(self) -> tuple[Limb, ...]:

@@ -20,9 +20,10 @@ from servogen.engines.stream.settings import Stream, bit_units
 from servogen.errors import InputError, Location, did_you_mean
 from servogen.job.job import Firmware, Job
 from servogen.job.rig import rig_of, servos_of
-from servogen.job.schema import SECTIONS, FirmwareTable, JobTable, Section, StreamTable
+from servogen.job.schema import SECTIONS, FirmwareTable, JobTable, Section, SensorTable, StreamTable
 from servogen.pic.device import OPEN_DRAIN_PIN, Device, device
 from servogen.pulse.slots import Frame
+from servogen.robot.model import Robot
 from servogen.robot.servo import Servo
 from servogen.toml import file as toml_file
 from servogen.toml.file import Document, exact
@@ -214,7 +215,48 @@ def _job(document: Document) -> Job:
         firmware=firmware,
         stream=stream,
         section=_section(document, table, needed=stream is None),
+        supply=table.supply,
+        sensors=_sensors(document, table, rig.robot, servos),
+        expect=table.expect,
     )
+
+
+def _sensors(
+    document: Document, table: JobTable, robot: Robot | None, servos: Sequence[Servo]
+) -> tuple[SensorTable, ...]:
+    """Return the sensors. Raises InputError for a pin that is taken and for what a sensor cannot sense."""
+    legs = [limb.name for limb in robot.limbs] if robot else []
+    joints = [name for limb in robot.limbs for name in limb.joints] if robot else []
+    taken = {servo.pin: servo.name for servo in servos}
+    for index, row in enumerate(table.sensor):
+        key = ("sensor", index)
+        if row.pin not in PINS:
+            raise document.error(
+                "unknown-pin", (*key, "pin"), f"unknown pin '{row.pin}'", did_you_mean(row.pin, PINS)
+            )
+        if row.pin in taken:
+            raise document.error(
+                "pin-in-use", (*key, "pin"), f"{row.pin} is taken by {taken[row.pin]}", "use another pin"
+            )
+        taken[row.pin] = f"sensor[{index + 1}]"
+        names = {"foot": legs, "end-stop": joints, "stall": []}[row.kind]
+        if row.kind != "stall" and row.of not in names:
+            what = "leg" if row.kind == "foot" else "joint"
+            raise document.error(
+                "unknown-name",
+                (*key, "of"),
+                f"the robot has no {what} '{row.of}'" if row.of else f"which {what} does it watch?",
+                did_you_mean(row.of or "", names),
+            )
+        if row.kind == "end-stop" and (row.at_deg is None) == (row.at_mm is None):
+            raise document.error(
+                "missing-key", key, "an end stop needs its position", "add at_deg = … or at_mm = …"
+            )
+        if row.kind == "stall" and row.above_a is None:
+            raise document.error(
+                "missing-key", key, "a stall comparator needs its current", "add above_a = …"
+            )
+    return table.sensor
 
 
 def _section(document: Document, table: JobTable, needed: bool) -> Section | None:

@@ -222,6 +222,51 @@ class StreamTable(Table):
     fail_safe: Literal["hold", "neutral", "off"] = "neutral"
 
 
+class SupplyTable(Table):
+    """[supply]: the battery or power supply of all servos, for `servogen twin`."""
+
+    voltage_v: float = Field(gt=0, le=100)
+    """Without load."""
+    resistance_ohm: float = Field(default=0.0, ge=0, le=100)
+    limit_a: float | None = Field(default=None, gt=0, le=1000)
+    feeds_chip: bool = True
+
+
+class SensorTable(Table):
+    """One [[sensor]]: what drives an input pin, for `servogen twin`."""
+
+    pin: str
+    kind: Literal["foot", "end-stop", "stall"]
+    of: str | None = None
+    """The leg of a foot switch, the joint of an end stop; a stall comparator measures the whole supply."""
+    force_n: float = Field(default=0.2, gt=0, le=1000)
+    """The force at which a foot switch closes."""
+    at_deg: float | None = Field(default=None, ge=-360, le=360)
+    at_mm: float | None = Field(default=None, ge=-MAX_MM, le=MAX_MM)
+    side: Literal["above", "below"] = "above"
+    """On which side of `at_deg` or `at_mm` an end stop is pressed."""
+    above_a: float | None = Field(default=None, gt=0, le=1000)
+    level: Literal["low", "high"] = "low"
+    """The level of the pin while the sensor is active."""
+
+
+class ExpectTable(Table):
+    """[expect]: what `servogen twin` checks."""
+
+    way_within_mm: float | None = Field(default=None, gt=0, le=MAX_MM)
+    """The distance of the robot's position at the end from the planned one."""
+    turn_within_deg: float | None = Field(default=None, gt=0, le=360)
+    end_within_mm: float | None = Field(default=None, gt=0, le=MAX_MM)
+    """The distance of the tool from its planned path wherever the motion stops."""
+    no_fall: bool = True
+    drag_mm: float | None = Field(default=None, gt=0, le=MAX_MM)
+    """The way that a foot is dragged in one stance."""
+    torque_nm: float | None = Field(default=None, gt=0, le=1000)
+    current_a: float | None = Field(default=None, gt=0, le=1000)
+    within_s: float | None = Field(default=None, gt=0, le=MAX_S)
+    """The time from power-up in which the motion has been done once."""
+
+
 class JobTable(Table):
     """A whole job file."""
 
@@ -236,3 +281,6 @@ class JobTable(Table):
     stream: StreamTable | None = None
     frame: FrameTable = FrameTable()
     firmware: FirmwareTable = FirmwareTable()
+    supply: SupplyTable | None = None
+    sensor: tuple[SensorTable, ...] = ()
+    expect: ExpectTable = ExpectTable()

@@ -15,7 +15,7 @@ import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -60,6 +60,10 @@ class Hexapod:
     source: str = ""
     mass: float | None = None
     """Of the whole robot, kg; None: not stated."""
+    leg_masses: tuple[tuple[str, float], ...] = ()
+    """Of the parts of each leg, kg: coxa (A to B), thigh (B to C), foot (C to F); those that are stated."""
+    spring: float | None = None
+    """The stiffness of the legs' springs E', N/m; None: not stated."""
 
     @property
     def limbs(self) -> tuple[Limb, ...]:
@@ -341,6 +345,10 @@ class HexapodTable(RobotTable):
     mount: tuple[MountTable, ...] = ()
     centre_of_mass_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     mass_g: float | None = Field(default=None, gt=0, le=MAX_GRAMS)
+    leg_mass_g: dict[Literal["coxa", "thigh", "foot"], Annotated[float, Field(gt=0, le=MAX_GRAMS)]] = Field(
+        default_factory=dict
+    )
+    spring_n_m: float | None = Field(default=None, gt=0, le=1e7)
 
 
 def _read(document: Document, table: HexapodTable, find: Find) -> Hexapod:
@@ -371,6 +379,9 @@ def _read(document: Document, table: HexapodTable, find: Find) -> Hexapod:
         dimensions=table.dimensions,
         source=table.source,
         mass=kilograms(table.mass_g, model.mass if model else None),
+        leg_masses=tuple((part, grams / 1000) for part, grams in table.leg_mass_g.items())
+        or (model.leg_masses if model else ()),
+        spring=table.spring_n_m if table.spring_n_m is not None else model.spring if model else None,
     )
 
 

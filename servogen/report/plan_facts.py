@@ -14,9 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.job import PlannedJob
+from servogen.kinematics.protocol import WalkingRobot
+from servogen.motion.gait.quasistatic import way_of
+from servogen.motion.loads import MIN_LEGS
 from servogen.motion.trajectory import Floats
 from servogen.pulse import PulsePlan
-from servogen.report.tracks import EndError, Track, errors_of, tracks_of, worst_of
+from servogen.report.tracks import EndError, Track, ends_of, errors_of, tracks_of, worst_of
 from servogen.robot.servo import Servo
 
 Ints = npt.NDArray[np.int64]
@@ -123,6 +126,8 @@ class PlanFacts:
     servos: tuple[ServoFacts, ...]
     tracks: tuple[Track, ...]
     ends: tuple[EndError, ...]
+    rigid_way: tuple[float, float, float] | None = None
+    """Where rigid legs take a walking body in all planned frames: x, y, yaw; None: it does not walk."""
 
     def seconds(self, frames: int) -> float:
         """Return how long a number of frames lasts."""
@@ -152,6 +157,7 @@ class PlanFacts:
             "loop_s": self.seconds(schedule.loop_frames),
             "servos": [each.to_json() for each in self.servos],
             "ends": [self._end(each) for each in self.ends],
+            "rigid_way": list(self.rigid_way) if self.rigid_way else None,
         }
 
     def _end(self, end: EndError) -> dict[str, object]:
@@ -163,4 +169,15 @@ class PlanFacts:
 def plan_facts(job: PlannedJob, plan: PulsePlan) -> PlanFacts:
     """Return the facts of a job whose pulses are `plan`."""
     tracks = tracks_of(job, plan.schedule)
-    return PlanFacts(job, plan, servo_facts(job), tracks, errors_of(tracks))
+    return PlanFacts(job, plan, servo_facts(job), tracks, errors_of(tracks), rigid_way(job))
+
+
+def rigid_way(job: PlannedJob) -> tuple[float, float, float] | None:
+    """Return where rigid legs take the body of a walk (`motion.gait.quasistatic`); None for other jobs."""
+    ends = ends_of(job)
+    angles = job.trajectory.angles
+    if not isinstance(job.robot, WalkingRobot) or len(ends) < MIN_LEGS or np.isnan(angles).any():
+        return None
+    feet = np.stack([end.points(angles) for end in ends], axis=1)
+    x, y, yaw = way_of(feet, job.robot.centre_of_mass[:2]).pose[-1].tolist()
+    return x, y, yaw

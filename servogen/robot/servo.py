@@ -95,6 +95,31 @@ def calibration(points: tuple[tuple[float, float], ...], place: Location | None 
 
 
 @dataclass(frozen=True, slots=True)
+class Motor:
+    """What a servo's file states of its motor and electronics, for the physics; None: nothing is stated.
+
+    `assumed` are the keys of the file whose values are not the maker's.
+    """
+
+    stall_a: float | None = None
+    """The current at standstill with the full voltage, without that of the electronics."""
+    no_load_a: float | None = None
+    """The motor's current at full speed without load: what its dry friction needs."""
+    efficiency: float | None = None
+    """The efficiency of the gear; it gives the stall current where that is not stated."""
+    dead_band_us: float | None = None
+    full_drive_us: float | None = None
+    """The error beyond the dead band at which the motor gets the full voltage."""
+    lost_s: float | None = None
+    """The time without a pulse after which the electronics stop driving the motor."""
+    start_s: float | None = None
+    """The mechanical time constant of the motor without load."""
+    backlash: float | None = None
+    """Of the gear, radians at the shaft."""
+    assumed: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class ServoModel:
     """Facts about a model; None means that its data sheet does not specify the value."""
 
@@ -118,6 +143,9 @@ class ServoModel:
     source: str
     continuous: bool = False
     """Whether its angles are speeds."""
+    supply_v: float | None = None
+    """The voltage at which speed and torque hold; None: the file states no voltage."""
+    motor: Motor = Motor()
 
     @property
     def unit(self) -> str:

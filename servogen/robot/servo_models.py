@@ -16,7 +16,7 @@ from typing import Literal
 from pydantic import Field
 
 from servogen.errors import InputError, Location, did_you_mean
-from servogen.robot.servo import Calibration, ServoModel, calibration
+from servogen.robot.servo import Calibration, Motor, ServoModel, calibration
 from servogen.toml import file as toml_file
 from servogen.toml.file import Document, Table
 
@@ -63,6 +63,20 @@ class SupplyTable(Table):
         return self.speed_rad_s if self.speed_deg_s is None else math.radians(self.speed_deg_s)
 
 
+class MotorTable(Table):
+    """[motor]: what only the physics of `servogen twin` needs."""
+
+    stall_ma: float | None = Field(default=None, gt=0)
+    no_load_ma: float | None = Field(default=None, ge=0)
+    efficiency: float | None = Field(default=None, gt=0, le=1)
+    dead_band_us: float | None = Field(default=None, ge=0, le=100)
+    full_drive_us: float | None = Field(default=None, gt=0, le=1000)
+    lost_ms: float | None = Field(default=None, gt=0, le=100_000)
+    start_ms: float | None = Field(default=None, ge=1, le=10_000)
+    backlash_deg: float | None = Field(default=None, ge=0, le=30)
+    assumed: tuple[str, ...] = ()
+
+
 class ModelTable(FactTable):
     """A servo model's file. Without [[supply]], its speed and torque are valid at any voltage."""
 
@@ -71,6 +85,7 @@ class ModelTable(FactTable):
     kind: Literal["position", "continuous"] = "position"
     points: tuple[PointTable, ...] = Field(min_length=2)
     supply: tuple[SupplyTable, ...] = ()
+    motor: MotorTable | None = None
 
 
 def names() -> tuple[str, ...]:
@@ -111,6 +126,37 @@ def servo_model(
         size_m=None if facts.size_mm is None else _metres(facts.size_mm),
         source=table.source,
         continuous=continuous,
+        supply_v=_voltage(table, supply_v),
+        motor=_motor(document, table),
+    )
+
+
+def _voltage(table: ModelTable, supply_v: float | None) -> float | None:
+    return min((row.supply_v for row in table.supply), default=None) if supply_v is None else supply_v
+
+
+def _motor(document: Document, table: ModelTable) -> Motor:
+    """Return the motor's facts. Raises InputError for an assumption about a key that is not there."""
+    motor = table.motor or MotorTable()
+    keys = [*MotorTable.model_fields, *FactTable.model_fields]
+    for index, key in enumerate(motor.assumed):
+        if key not in keys:
+            raise InputError(
+                "unknown-name",
+                f"there is no key '{key}' whose value could be assumed",
+                document.place("motor", "assumed", index),
+                did_you_mean(key, keys),
+            )
+    return Motor(
+        stall_a=_scaled(motor.stall_ma, 1000),
+        no_load_a=_scaled(motor.no_load_ma, 1000),
+        efficiency=motor.efficiency,
+        dead_band_us=motor.dead_band_us,
+        full_drive_us=motor.full_drive_us,
+        lost_s=_scaled(motor.lost_ms, 1000),
+        start_s=_scaled(motor.start_ms, 1000),
+        backlash=_scaled(motor.backlash_deg, math.degrees(1)),
+        assumed=motor.assumed,
     )
 
 

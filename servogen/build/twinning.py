@@ -1,0 +1,50 @@
+"""From a job to its twin: the program, compiled or from a file, in its robot.
+
+In: a planned job, settings. Out: `Verdict`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from servogen.build.build import Progress
+from servogen.build.engines import Planned, planned
+from servogen.job import PlannedJob
+from servogen.pic.image import Image
+from servogen.programs import read_program
+from servogen.simulator import Stimuli
+from servogen.twin import Settings, Verdict, planned_of, simulate, verdict_of
+
+
+def twin_of(
+    job: PlannedJob,
+    settings: Settings = Settings(),  # noqa: B008 - frozen
+    program: Path | None = None,
+    stimuli: Stimuli | None = None,
+    progress: Progress = lambda step: None,
+) -> Verdict:
+    """Return what the robot does with the job's own program, or with the one in a file. Raises InputError."""
+    found = planned(job)
+    progress("compiling")
+    image = _image(found, program)
+    progress("moving")
+    return twin_of_image(job, found, image, settings, stimuli)
+
+
+def twin_of_image(
+    job: PlannedJob,
+    found: Planned,
+    image: Image,
+    settings: Settings = Settings(),  # noqa: B008 - frozen
+    stimuli: Stimuli | None = None,
+) -> Verdict:
+    """Return what the robot does with an image; `found` is the job as its engine plays it."""
+    lead_in = found.job.trajectory.loop_start - job.trajectory.loop_start
+    record = simulate(found.job, found.plan.schedule, image, lead_in, settings, stimuli)
+    return verdict_of(record, job, planned_of(found.job, lead_in, settings.loops))
+
+
+def _image(found: Planned, program: Path | None) -> Image:
+    if program is not None:
+        return read_program(program, found.job.device.name).image
+    return found.make(found.job.firmware.dialect).compilation.image

@@ -1,0 +1,117 @@
+"""`servogen twin`: does the robot do what its job plans?"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from servogen.cli.options import Json
+from servogen.cli.show import as_json, status, table, warn_of_all
+
+if TYPE_CHECKING:
+    from servogen.twin import Verdict
+
+
+def register(app: typer.Typer) -> None:
+    app.command()(twin)
+
+
+def twin(
+    job: Annotated[Path, typer.Argument(help="A job file (TOML).", show_default=False)],
+    hexfile: Annotated[
+        Path | None, typer.Option("--hex", help="The program to run (default: the job's, compiled).")
+    ] = None,
+    friction: Annotated[float, typer.Option("--friction", help="Between feet or wheels and ground.")] = 0.8,
+    slope_deg: Annotated[float, typer.Option("--slope-deg", help="The ground rises forward.")] = 0.0,
+    step_mm: Annotated[float, typer.Option("--step-mm", help="A step up, 150 mm before the robot.")] = 0.0,
+    rough_mm: Annotated[float, typer.Option("--rough-mm", help="Random heights of the ground.")] = 0.0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the rough ground.")] = 1,
+    broken: Annotated[
+        list[str] | None, typer.Option("--broken", help="A servo whose gear is broken.")
+    ] = None,
+    unplugged: Annotated[
+        list[str] | None, typer.Option("--unplugged", help="A servo that receives no pulses.")
+    ] = None,
+    loops: Annotated[int, typer.Option("--loops", min=1, help="How often the motion is played.")] = 1,
+    seconds: Annotated[
+        float | None, typer.Option("--seconds", min=0, help="How long, from power-up, instead.")
+    ] = None,
+    stimulus: Annotated[
+        Path | None, typer.Option("--stimulus", help="Buttons and serial lines (TOML).")
+    ] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option("--plot", help="Draw path, torques, supply and feet: .png, .svg, .pdf."),
+    ] = None,
+    film: Annotated[
+        Path | None, typer.Option("--film", help="Film the robot: .gif or .mp4 (ffmpeg).")
+    ] = None,
+    csv: Annotated[Path | None, typer.Option("--csv", help="Write one row per 5 ms.")] = None,
+    json: Json = False,
+) -> None:
+    """Run a job's HEX in its robot: servos with motors, a supply, bodies and contacts (needs MuJoCo)."""
+    from servogen.build.twinning import twin_of
+    from servogen.cli.files import keep_apart
+    from servogen.job import load, plan_job
+    from servogen.outputs import write_text
+    from servogen.simulator import load_stimuli
+    from servogen.twin import Ground, Settings
+    from servogen.twin.pictures import csv_text, twin_plot, twin_scene
+
+    keep_apart([path for path in (job, hexfile, stimulus) if path], picture, film, csv)
+    loaded = plan_job(load(job))
+    settings = Settings(
+        ground=Ground(friction, math.radians(slope_deg), step_mm / 1000, rough=rough_mm / 1000, seed=seed),
+        broken=tuple(broken or ()),
+        unplugged=tuple(unplugged or ()),
+        seconds=seconds,
+        loops=loops,
+    )
+    stimuli = load_stimuli(stimulus, loaded.clock) if stimulus else None
+    with status(f"{loaded.name}: planning") as tell:
+        verdict = twin_of(loaded, settings, hexfile, stimuli, lambda step: tell(f"{loaded.name}: {step}"))
+        if csv:
+            write_text(csv, csv_text(verdict))
+        if picture:
+            twin_plot(verdict, loaded.name, picture)
+        if film:
+            from servogen.report.film import film as write_film
+
+            write_film(twin_scene(verdict, loaded.name), film)
+    if json:
+        as_json({"job": loaded.name, **verdict.to_json()}, loaded.warnings)
+    else:
+        _show(verdict, str(job))
+        warn_of_all(loaded.warnings)
+    raise typer.Exit(0 if verdict.passed else 1)
+
+
+def _show(verdict: Verdict, name: str) -> None:
+    from servogen.twin.pictures import comparison_rows, servo_rows
+
+    table(
+        "Planned and simulated",
+        ("what", "asked", "rigid legs, ideal wheels", "simulated"),
+        list(comparison_rows(verdict)),
+    )
+    table("Servos", ("servo", "peak N·m", "stall N·m", "rms N·m", "lag °"), list(servo_rows(verdict)))
+    if verdict.checks:
+        rows = [
+            (check.name, f"{check.measured:z.4g}", f"{check.allowed:g}", check.unit, _word(check.passed))
+            for check in verdict.checks
+        ]
+        table("Expectations", ("what", "measured", "allowed", "unit", ""), rows)
+    for text in (*verdict.record.bodies.assumptions, *verdict.record.rig.assumptions):
+        print(f"assumed: {text}")
+    for event in verdict.events:
+        print(f"{event.seconds:.2f} s: {event.text}")
+    for reason in verdict.reasons():
+        print(reason)
+    print(f"{name}: {verdict.word}; {verdict.record.settings.ground.text()}")
+
+
+def _word(passed: bool) -> str:
+    return "" if passed else "FAILS"

@@ -1,0 +1,176 @@
+"""What went wrong, in order of time: the first is the cause, the others follow from it.
+
+In: a `Record` and the planned motion. Out: `Event`s.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.job import PlannedJob
+from servogen.twin.bodies import BODY_HEIGHT_M
+from servogen.twin.planned import Planned
+from servogen.twin.run import SAMPLE_S, Record
+
+SATURATED_S = 0.06
+"""A servo that gets the full voltage for so long without moving has reached its limit: three pulses."""
+
+SLOW = 0.1
+"""Of the speed without load: a servo below it hardly moves."""
+
+FULL = 0.999
+TILT = math.radians(30)
+SUNK = 0.15
+"""Of the planned height of the body."""
+
+OFF_S = 0.05
+"""How long a servo that should have pulses may be without, beyond its own time of patience."""
+
+
+class Kind(IntEnum):
+    """What an event is about; of two at one moment the lower kind is the cause."""
+
+    BROKEN = 0
+    NO_PULSES = 1
+    SUPPLY = 2
+    STOP = 3
+    SATURATED = 4
+    SUNK = 5
+    FALL = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """What happened at a time in seconds since power-up; `kind` orders events of one moment."""
+
+    seconds: float
+    kind: Kind
+    text: str
+
+    def to_json(self) -> dict[str, object]:
+        """Return plain values for a JSON file."""
+        return {"seconds": self.seconds, "kind": self.kind.name.lower(), "text": self.text}
+
+
+def events_of(record: Record, job: PlannedJob, planned: Planned) -> tuple[Event, ...]:
+    """Return the events of a run, the first first."""
+    found = [
+        *_broken(record),
+        *_silent(record, job),
+        *_supply(record),
+        *_saturated(record),
+        *_body(record, planned),
+    ]
+    return tuple(sorted(found, key=lambda event: (round(event.seconds / SATURATED_S), event.kind)))
+
+
+def brown_out(record: Record) -> float | None:
+    """Return when the chip's voltage left its range; None: never, or the chip has a supply of its own."""
+    supply = record.rig.supply
+    low = np.flatnonzero(record.voltage < supply.chip_least_v)
+    return float(record.time[low[0]]) if supply.feeds_chip and len(low) else None
+
+
+def _broken(record: Record) -> Iterator[Event]:
+    for servo, wiring in zip(record.rig.servos, record.rig.wirings, strict=True):
+        if wiring.broken:
+            yield Event(0.0, Kind.BROKEN, f"{servo.name} turns nothing: its gear is broken")
+
+
+def _silent(record: Record, job: PlannedJob) -> Iterator[Event]:
+    """Yield the servos that are not driven although the plan has pulses for them throughout."""
+    planned = ~np.isnan(job.trajectory.angles)
+    for index, (servo, column) in enumerate(zip(record.rig.servos, record.rig.columns, strict=True)):
+        if not planned[:, column].all():
+            continue
+        idle = record.time[~record.pulsed[:, index] & (record.time >= OFF_S)]
+        if len(idle):
+            first = float(idle[0])
+            when = "at all" if first < 2 * OFF_S else f"from {first:.2f} s"
+            seconds = 0.0 if first < 2 * OFF_S else first
+            yield Event(seconds, Kind.NO_PULSES, f"{servo.name} receives no pulses {when}")
+
+
+def _supply(record: Record) -> Iterator[Event]:
+    supply = record.rig.supply
+    if supply.limit_a is not None:
+        at = np.flatnonzero(record.current >= supply.limit_a * FULL)
+        if len(at):
+            when, volts = float(record.time[at[0]]), float(record.voltage[at].min())
+            yield Event(
+                when,
+                Kind.SUPPLY,
+                f"the supply is at its limit of {supply.limit_a:g} A from {when:.2f} s: "
+                f"its voltage falls to {volts:.2f} V",
+            )
+    when_low = brown_out(record)
+    if when_low is not None:
+        yield Event(
+            when_low,
+            Kind.SUPPLY,
+            f"the chip's voltage is below {supply.chip_least_v:g} V at {when_low:.2f} s: "
+            "what follows is not guaranteed",
+        )
+
+
+def _saturated(record: Record) -> Iterator[Event]:
+    """Yield each servo that gets all the voltage there is and does not move, the first time."""
+    top = np.array([drive.no_load_speed for drive in record.rig.drives])
+    stuck = (np.abs(record.duty) >= FULL) & (np.abs(record.speed) < SLOW * top)
+    least = max(1, round(SATURATED_S / SAMPLE_S))
+    for index, servo in enumerate(record.rig.servos):
+        start = _first_run(stuck[:, index], least)
+        rig = record.rig
+        if start is None or rig.drives[index].continuous or rig.wirings[index].broken:
+            continue
+        when = float(record.time[start])
+        torque = float(np.abs(record.torque[start : start + least, index]).max())
+        error = math.degrees(float(np.abs(record.target - record.angle)[start + least - 1, index]))
+        yield Event(
+            when,
+            Kind.SATURATED,
+            f"{servo.name} saturates at {torque:.2f} N·m from {when:.2f} s, {error:.1f}° from its target",
+        )
+
+
+def _first_run(flags: npt.NDArray[np.bool_], least: int) -> int | None:
+    """Return where the first run of at least that many True begins."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
+    for start, end in edges.reshape(-1, 2).tolist():
+        if end - start >= least:
+            return int(start)
+    return None
+
+
+def _body(record: Record, planned: Planned) -> Iterator[Event]:
+    """Yield that the body sinks below its planned height, tilts or lies on the ground."""
+    if planned.height is None:
+        return
+    height = record.pose[:, 2] - record.settings.ground.level
+    low = np.flatnonzero(height < (1 - SUNK) * planned.height)
+    if len(low):
+        when = float(record.time[low[0]])
+        yield Event(
+            when,
+            Kind.SUNK,
+            f"the body sinks from {when:.2f} s: to {1000 * height.min():.0f} mm "
+            f"instead of {1000 * planned.height:.0f} mm",
+        )
+    fallen = fallen_at(record)
+    if fallen is not None:
+        yield Event(fallen, Kind.FALL, f"the robot falls at {fallen:.2f} s")
+
+
+def fallen_at(record: Record) -> float | None:
+    """Return when the body first lies on the ground or is tilted by 30°; None: it never falls."""
+    lying = np.zeros(len(record.time), bool)
+    if record.floating and record.feet.shape[1]:
+        lying = record.pose[:, 2] - record.settings.ground.level < BODY_HEIGHT_M / 2 + 0.002
+    down = np.flatnonzero(lying | (record.tilt > TILT))
+    return float(record.time[down[0]]) if len(down) else None

@@ -1,0 +1,225 @@
+"""A servo as electronics, motor and gear: `ServoModel` -> `Drive`, the constants of its equations.
+
+In: a servo's model at its supply voltage U. Out: constants at the servo's shaft, and what was assumed.
+
+    electronics   e = commanded angle - angle - Td ω;  u = 0 within the dead band, ±1 at `band` beyond it
+    motor         i = (u Vs - Ke ω) / R          u: the share of the time for which the bridge is on
+    gear          τ = Kt i - τf sign ω           current from the supply: u i + idle
+
+    R = U / Is      Ke = (U - R i0) / ω0      Kt = τs / (Is - i0)      τf = Kt i0
+
+Is is the motor's current at standstill, i0 that at full speed: with these constants the no-load speed is ω0,
+the stall torque τs and the stall current Is, as the catalogue states them. Kt is less than Ke by the
+efficiency of the gear. The inertia at the shaft is J = T Kt Ke / R for a mechanical time constant T.
+Servos are built not to overshoot: Td, the feedback of the motor's speed, makes the loop without load
+critically damped. With the stiffness K = τs / band and the motor's own damping D = Kt Ke / R that is
+
+    Td = (2 √(K J) - D) / K      or 0 where the motor's own damping is enough
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from servogen.errors import InputError
+from servogen.robot.servo import Servo, ServoModel
+
+DEAD_BAND_US, FULL_DRIVE_US = 2.0, 5.0
+LOST_S = 0.1
+"""Labs use periods of up to 43 ms."""
+START_S = 0.01
+EFFICIENCY = 0.66
+"""Of four stages of spur gears with 0.9 each."""
+IDLE_A = 0.008
+"""The S3001's."""
+SUPPLY_V = 5.0
+
+MAX_STIFFNESS = 300.0**2
+"""Of the loop over its inertia, 1/s²: a step of 1 ms follows what turns by 0.3 rad of phase in it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """The constants of one servo, at its shaft, in SI units; `assumptions` are sentences."""
+
+    supply_v: float
+    resistance: float
+    torque_constant: float
+    speed_constant: float
+    friction: float
+    inertia: float
+    idle_a: float
+    dead_band: float
+    band: float
+    """Radians (of a continuous servo: radians per second) beyond the dead band up to the full voltage."""
+    damping_s: float
+    """Td, the feedback of the speed."""
+    lost_s: float
+    backlash: float
+    continuous: bool
+    assumptions: tuple[str, ...]
+
+    @property
+    def stall_torque(self) -> float:
+        """Return the torque at standstill with the full voltage."""
+        return self.torque_constant * (self.supply_v / self.resistance) - self.friction
+
+    @property
+    def no_load_speed(self) -> float:
+        """Return the speed without load at the full voltage."""
+        needed = self.friction / self.torque_constant
+        return (self.supply_v - self.resistance * needed) / self.speed_constant
+
+    @property
+    def stall_current(self) -> float:
+        """Return the current from the supply at standstill, with that of the electronics."""
+        return self.supply_v / self.resistance + self.idle_a
+
+
+def drive_of(servo: Servo) -> Drive:
+    """Return the constants of a servo. Raises InputError for a model without speed or torque."""
+    model, said = servo.model, _Said(servo.model)
+    supply = said.value("supply_v", model.supply_v, SUPPLY_V, "V")
+    speed = _needed(servo, model.speed, "speed_deg_s")
+    if model.continuous and model.torque_nm is None:
+        torque = said.value("torque_ncm", None, CONTINUOUS_TORQUE, "N·m")
+    else:
+        torque = _needed(servo, model.torque_nm, "torque_ncm")
+    motor = model.motor
+    idle = said.value("idle_ma", model.idle_a, IDLE_A, "A")
+    no_load = said.value("no_load_ma", motor.no_load_a, 0.0, "A, no dry friction")
+    stall = motor.stall_a
+    if stall is None and model.max_a is not None:
+        said.tell("max_ma", f"the current at standstill is its max_ma, {model.max_a:g} A")
+        stall = model.max_a - idle
+    if stall is None:
+        efficiency = said.value("efficiency", motor.efficiency, EFFICIENCY, "")
+        stall = torque * speed / (efficiency * supply) + no_load
+        said.note(f"the current at standstill is {stall:.3g} A, from speed, torque and efficiency")
+    if stall <= no_load:
+        raise InputError(
+            "out-of-range",
+            f"{servo.name}: its current at standstill of {stall:g} A is not above that at full speed",
+            servo.place,
+        )
+    resistance = supply / stall
+    speed_constant = (supply - resistance * no_load) / speed
+    torque_constant = torque / (stall - no_load)
+    if torque_constant > speed_constant * (1 + 1e-9):
+        raise InputError(
+            "out-of-range",
+            f"{servo.name}: {torque:g} N·m at {stall:g} A and {math.degrees(speed):.4g} °/s at {supply:g} V "
+            "are more power than the motor takes",
+            servo.place,
+            "its stall_ma or max_ma is too small",
+        )
+    start = said.value("start_ms", motor.start_s, START_S, "s")
+    (low, first), (high, last) = (
+        (point.angle, point.width_us) for point in (servo.calibration.points[0], servo.calibration.points[-1])
+    )
+    per_us = abs((high - low) / (last - first))
+    dead = said.value("dead_band_us", motor.dead_band_us, DEAD_BAND_US, "µs")
+    full = said.value("full_drive_us", motor.full_drive_us, FULL_DRIVE_US, "µs")
+    damping = torque_constant * speed_constant / resistance
+    stiffness = torque / (full * per_us)
+    if stiffness > MAX_STIFFNESS * start * damping:
+        raise InputError(
+            "out-of-range",
+            f"{servo.name}: with start_ms = {1000 * start:g} and full_drive_us = {full:g} "
+            "its loop is too fast for steps of 1 ms",
+            servo.place,
+            "state a greater start_ms or full_drive_us",
+        )
+    critical = 2 * math.sqrt(stiffness * start * damping)
+    return Drive(
+        supply_v=supply,
+        resistance=resistance,
+        torque_constant=torque_constant,
+        speed_constant=speed_constant,
+        friction=torque_constant * no_load,
+        inertia=start * damping,
+        idle_a=idle,
+        dead_band=dead * per_us,
+        band=full * per_us,
+        damping_s=max(0.0, (critical - damping) / stiffness),
+        lost_s=said.value("lost_ms", motor.lost_s, LOST_S, "s"),
+        backlash=said.value("backlash_deg", motor.backlash, 0.0, ""),
+        continuous=model.continuous,
+        assumptions=tuple(said.sentences),
+    )
+
+
+CONTINUOUS_TORQUE = 0.3
+"""Of a continuous-rotation servo whose file states none: that of a standard servo, N·m."""
+
+
+class _Said:
+    """The facts of a model as they are used, and a sentence for each that is assumed."""
+
+    def __init__(self, model: ServoModel) -> None:
+        self._model = model
+        self.sentences: list[str] = []
+
+    def value(self, key: str, stated: float | None, default: float, unit: str) -> float:
+        """Return the stated value, or the default, which is noted as an assumption."""
+        value = default if stated is None else stated
+        if stated is None or key in self._model.motor.assumed:
+            self.note(f"{key} = {_in_key(key, value):.4g} assumed" + (f" ({unit})" if "," in unit else ""))
+        return value
+
+    def tell(self, key: str, text: str) -> None:
+        """Note a sentence if the value of `key` is assumed."""
+        if key in self._model.motor.assumed:
+            self.note(f"{text} (assumed)")
+
+    def note(self, text: str) -> None:
+        self.sentences.append(f"{self._model.title}: {text}")
+
+
+def _in_key(key: str, value: float) -> float:
+    """Return a value in the unit of its key."""
+    if key.endswith(("_ma", "_ms")):
+        return 1000 * value
+    if key.endswith("_ncm"):
+        return 100 * value
+    return value
+
+
+def _needed(servo: Servo, value: float | None, key: str) -> float:
+    if value is None:
+        raise InputError(
+            "missing-key",
+            f"{servo.name}: its model '{servo.model.name}' states no {key}",
+            servo.place,
+            f"add {key} to the servo, or to its model's file",
+        )
+    return value
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bank:
+    """The constants of all servos of a robot as arrays, and their equations."""
+
+    resistance: np.ndarray[tuple[int], np.dtype[np.float64]]
+    torque_constant: np.ndarray[tuple[int], np.dtype[np.float64]]
+    speed_constant: np.ndarray[tuple[int], np.dtype[np.float64]]
+    dead_band: np.ndarray[tuple[int], np.dtype[np.float64]]
+    band: np.ndarray[tuple[int], np.dtype[np.float64]]
+    damping: np.ndarray[tuple[int], np.dtype[np.float64]]
+    idle_a: float
+
+
+def bank(drives: tuple[Drive, ...]) -> Bank:
+    """Return the constants of servos as arrays."""
+    return Bank(
+        np.array([each.resistance for each in drives]),
+        np.array([each.torque_constant for each in drives]),
+        np.array([each.speed_constant for each in drives]),
+        np.array([each.dead_band for each in drives]),
+        np.array([each.band for each in drives]),
+        np.array([each.damping_s for each in drives]),
+        sum(each.idle_a for each in drives),
+    )

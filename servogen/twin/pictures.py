@@ -1,0 +1,213 @@
+"""A twin's result for people: tables, a picture, a film and a CSV.
+
+In: a `Verdict`. Out: rows of text, files; matplotlib only where something is drawn.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.kinematics.protocol import DrivingRobot
+from servogen.report.film import Part, Scene
+from servogen.report.pictures import new_figure, plane, save
+from servogen.report.sticks import base_outline
+from servogen.twin.verdict import Verdict
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Floats = npt.NDArray[np.float64]
+
+MOST_PICTURES = 120
+"""Of a film."""
+
+MOST_ROWS = 4000
+"""Of a line in a picture: more would only make the file larger."""
+
+
+def comparison_rows(verdict: Verdict) -> Iterator[tuple[str, str, str, str]]:
+    """Yield what is compared: its name, as asked, with rigid legs or ideal wheels, as simulated."""
+    asked, rigid, done = verdict.planned.way, verdict.planned.rigid, verdict.done
+    record = verdict.record
+    if record.floating:
+        for index, (name, factor, unit) in enumerate(
+            (("forward", 1000.0, "mm"), ("left", 1000.0, "mm"), ("turn", math.degrees(1), "°"))
+        ):
+            yield (
+                name,
+                f"{factor * asked[index]:z.1f} {unit}" if asked else "",
+                f"{factor * rigid[-1, index]:z.1f} {unit}" if rigid is not None else "",
+                f"{factor * done[index]:z.1f} {unit}",
+            )
+        height = verdict.planned.height
+        yield (
+            "least body height",
+            f"{1000 * height:.1f} mm" if height is not None else "",
+            "",
+            f"{1000 * record.pose[record.first :, 2].min():z.1f} mm",
+        )
+    if verdict.tool_error is not None:
+        yield "tool, farthest from its path", "", "", f"{1000 * verdict.tool_error:.2f} mm"
+    if verdict.tool_rest_error is not None:
+        yield "tool, farthest at rest", "", "", f"{1000 * verdict.tool_rest_error:.2f} mm"
+    if record.feet.shape[1]:
+        leg = f" ({verdict.drag_leg})" if verdict.drag_leg else ""
+        yield "longest drag in a stance", "", "", f"{1000 * verdict.drag:.1f} mm{leg}"
+    current, supply = record.current, record.rig.supply
+    limit = "" if supply.limit_a is None else f"limit {supply.limit_a:g} A"
+    yield "current, peak and mean", limit, "", f"{current.max():.2f} A, {current.mean():.2f} A"
+    yield "voltage, least", f"{supply.volts:g} V", "", f"{record.voltage.min():.2f} V"
+
+
+def servo_rows(verdict: Verdict) -> Iterator[tuple[str, str, str, str, str]]:
+    """Yield for each servo its peak and rms torque, its stall torque, and how far it lags at most."""
+    record = verdict.record
+    part = slice(record.first, None)
+    for index, servo in enumerate(record.rig.servos):
+        torque = record.torque[part, index]
+        lag = np.abs(record.target[part, index] - record.angle[part, index])
+        drive = record.rig.drives[index]
+        yield (
+            servo.name,
+            f"{np.abs(torque).max():.3f}",
+            f"{drive.stall_torque:.3f}",
+            f"{np.sqrt(np.mean(torque**2)):.3f}",
+            "" if drive.continuous or np.isnan(lag).all() else f"{math.degrees(np.nanmax(lag)):.1f}",
+        )
+
+
+def csv_text(verdict: Verdict) -> str:
+    """Return one row per sample: time, pose, supply, and of each servo its angle, target and torque."""
+    record = verdict.record
+    columns: list[tuple[str, Floats]] = [
+        ("time_s", record.time),
+        ("x_mm", 1000 * record.pose[:, 0]),
+        ("y_mm", 1000 * record.pose[:, 1]),
+        ("z_mm", 1000 * record.pose[:, 2]),
+        ("yaw_deg", np.degrees(record.pose[:, 3])),
+        ("tilt_deg", np.degrees(record.tilt)),
+        ("voltage_v", record.voltage),
+        ("current_a", record.current),
+    ]
+    for index, servo in enumerate(record.rig.servos):
+        columns += [
+            (f"{servo.name}_deg", np.degrees(record.angle[:, index])),
+            (f"{servo.name}_target_deg", np.degrees(record.target[:, index])),
+            (f"{servo.name}_nm", record.torque[:, index]),
+        ]
+    for index, limb in enumerate(_legs(verdict)):
+        columns += [
+            (f"{limb}_foot_mm", 1000 * record.feet[:, index, 2]),
+            (f"{limb}_force_n", record.force[:, index]),
+        ]
+    lines = [",".join(name for name, _ in columns)]
+    for row in np.column_stack([values for _, values in columns]).tolist():
+        lines.append(",".join("" if math.isnan(value) else f"{value:z.5g}" for value in row))
+    return "\n".join(lines) + "\n"
+
+
+def twin_plot(verdict: Verdict, name: str, path: Path) -> None:
+    """Draw the path from above, torques, current, voltage and the heights of the feet."""
+    record = verdict.record
+    legs = _legs(verdict)
+    figure = new_figure(11.0, 10.0 if legs else 7.5, f"{name}: {verdict.word}")
+    grid = figure.add_gridspec(4 if legs else 3, 2, width_ratios=(1, 1.6))
+    above = figure.add_subplot(grid[:, 0])
+    _path(above, verdict)
+    rows = slice(None, None, max(1, len(record.time) // MOST_ROWS))
+    time = record.time[rows]
+    torque = figure.add_subplot(grid[0, 1])
+    for index, servo in enumerate(record.rig.servos):
+        torque.plot(time, record.torque[rows, index], lw=0.7, label=servo.name)
+    torque.set_ylabel("torque, N·m")
+    torque.legend(fontsize=6, ncols=4, loc="upper right")
+    current = figure.add_subplot(grid[1, 1], sharex=torque)
+    current.plot(time, record.current[rows], color="tab:red", lw=0.8)
+    current.set_ylabel("current, A")
+    voltage = figure.add_subplot(grid[2, 1], sharex=torque)
+    voltage.plot(time, record.voltage[rows], color="tab:green", lw=0.8)
+    voltage.set_ylabel("voltage, V")
+    axes = [torque, current, voltage]
+    if record.rig.supply.feeds_chip:
+        voltage.axhline(record.rig.supply.chip_least_v, color="0.4", ls="--", lw=0.8)
+    if legs:
+        feet = figure.add_subplot(grid[3, 1], sharex=torque)
+        for index, leg in enumerate(legs):
+            feet.plot(time, 1000 * record.feet[rows, index, 2], lw=0.8, label=leg)
+        feet.set_ylabel("foot height, mm")
+        feet.legend(fontsize=6, ncols=6, loc="upper right")
+        axes.append(feet)
+    for each in axes:
+        each.grid(alpha=0.3)
+        each.axvspan(*record.motion, color="0.95", zorder=0)
+        for event in verdict.events[:1]:
+            each.axvline(event.seconds, color="tab:red", ls=":", lw=1.0)
+    axes[-1].set_xlabel("time, s")
+    save(figure, path)
+
+
+def _path(axes: Axes, verdict: Verdict) -> None:
+    record, rigid = verdict.record, verdict.planned.rigid
+    if record.floating:
+        first = record.pose[record.first]
+        at = _seen_from(first, record.pose[record.first :, :2])
+        if rigid is not None:
+            axes.plot(*(1000 * rigid[:, :2].T), "--", color="0.5", label="rigid legs, ideal wheels")
+        axes.plot(*(1000 * at.T), color="tab:blue", label="simulated")
+        for index, leg in enumerate(_legs(verdict)):
+            stands = record.force[record.first :, index] > 0.1
+            feet = _seen_from(first, record.feet[record.first :, index, :2])[stands]
+            axes.plot(*(1000 * feet.T), ",", color=f"C{index + 1}", label=leg)
+        if verdict.planned.way is not None:
+            x, y, _ = verdict.planned.way
+            axes.plot(1000 * x, 1000 * y, "x", color="black", label="asked")
+    elif record.tool.shape[1] and verdict.planned.tool is not None:
+        axes.plot(*(1000 * verdict.planned.tool[:, :2].T), "--", color="0.5", label="planned")
+        axes.plot(*(1000 * record.tool[record.first :, :2].T), color="tab:blue", label="simulated")
+    plane(axes, "x", "y", "from above")
+    axes.legend(fontsize=7, loc="upper left")
+
+
+def _seen_from(pose: Floats, points: Floats) -> Floats:
+    """Return points (n, 2) of the ground in the frame of a pose (x, y, z, yaw)."""
+    local = (points[:, 0] + 1j * points[:, 1] - complex(pose[0], pose[1])) * np.exp(-1j * pose[3])
+    return np.column_stack([local.real, local.imag])
+
+
+def twin_scene(verdict: Verdict, name: str) -> Scene:
+    """Return the film of a run in the world's frame."""
+    record = verdict.record
+    step = max(1, math.ceil(len(record.time) / MOST_PICTURES))
+    rows = slice(None, None, step)
+    robot, places = record.rig.robot, record.places
+    parts = []
+    legs = _legs(verdict)
+    if legs:
+        middle = np.mean([places[f"{leg}_coxa"][0] for leg in legs], axis=0)
+        around = sorted(legs, key=lambda leg: math.atan2(*(places[f"{leg}_coxa"][0] - middle)[1::-1]))
+        corners = [places[f"{leg}_coxa"][rows] for leg in (*around, around[0])]
+        parts.append(Part(list(np.stack(corners, axis=1)), "0.35", 3.0, marks=False))
+    for index, leg in enumerate(legs):
+        joints = [places[f"{leg}_{part}"][rows] for part in ("coxa", "thigh", "foot")]
+        line = np.stack([*joints, record.feet[rows, index]], axis=1)
+        parts.append(Part(list(line), f"C{index % 10}"))
+    if isinstance(robot, DrivingRobot):
+        at = record.pose[rows][:, [0, 1, 3]]
+        parts += [Part(list(each), "tab:blue", marks=False) for each in base_outline(robot, at)]
+    elif not legs:
+        chain = [place[rows] for place in places.values()]
+        line = np.stack([np.zeros_like(chain[0]), *chain, record.tool[rows]], axis=1)
+        parts.append(Part(list(line), "C0"))
+    picture_s = step * float(record.time[1] - record.time[0])
+    return Scene(f"{name}: {verdict.word}", tuple(parts), picture_s)
+
+
+def _legs(verdict: Verdict) -> list[str]:
+    robot = verdict.record.rig.robot
+    return [limb.name for limb in robot.limbs if limb.mount is not None]

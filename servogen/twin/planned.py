@@ -1,0 +1,78 @@
+"""What a job asks of its robot, to be held against what the physics does.
+
+In: a planned job. Out: `Planned`: where the body, base or tool should be, and where rigid legs would take it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.job import PlannedJob
+from servogen.job.schema import WalkTable
+from servogen.motion.drive import positions
+from servogen.motion.gait.quasistatic import way_of
+from servogen.motion.gait.steps import Segment
+from servogen.motion.loads import MIN_LEGS
+from servogen.report.tracks import ends_of
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Planned:
+    """`way`: x, y, yaw at the end, as the job asks; `rigid`: in each frame, with rigid legs or ideal wheels.
+
+    `rigid` has x, y, yaw. `tool` (frames, 3): an arm's tool. `height`: the least height of a walking body.
+    None: the robot has none.
+    Frames are those of the job's own motion, its loop as often as the run plays it.
+    """
+
+    frame_s: float
+    way: tuple[float, float, float] | None = None
+    rigid: Floats | None = None
+    tool: Floats | None = None
+    height: float | None = None
+
+
+def planned_of(job: PlannedJob, lead_in_frames: int, loops: int) -> Planned:
+    """Return what a job asks; its trajectory begins with `lead_in_frames` of the engine."""
+    made = job.trajectory
+    loop = made.angles[made.loop_start :]
+    angles = np.concatenate([made.angles[lead_in_frames : made.loop_start], *[loop] * loops])
+    frame_s = float(made.clock.seconds(made.period))
+    if job.base is not None:
+        poses = positions(job.base, np.nan_to_num(angles[:, job.wheel_columns]), frame_s)
+        x, y, yaw = poses[-1].tolist()
+        return Planned(frame_s, (x, y, yaw), poses)
+    ends = ends_of(job)
+    if not ends or np.isnan(angles).any():
+        return Planned(frame_s)
+    if ends[0].kind == "tool":
+        return Planned(frame_s, tool=ends[0].points(angles))
+    feet = np.stack([end.points(angles) for end in ends], axis=1)
+    if len(ends) < MIN_LEGS:
+        return Planned(frame_s)
+    centre = getattr(job.robot, "centre_of_mass", (0.0, 0.0, 0.0))
+    rigid = way_of(feet, centre[:2]).pose
+    height = float((-feet[..., 2].min(axis=1)).min())
+    return Planned(frame_s, _asked(job, loops), rigid, height=height)
+
+
+def _asked(job: PlannedJob, loops: int) -> tuple[float, float, float] | None:
+    """Return where [walk] leads: x, y, yaw after all of its way; None for a job without one."""
+    if not isinstance(job.section, WalkTable):
+        return None
+    at, yaw = 0j, 0.0
+    rows = [row for row in job.section.way if row.cycles is not None]
+    if len(rows) < len(job.section.way):
+        return None
+    for row in [row for _ in range(loops) for row in rows]:
+        segment = Segment(row.forward_mm / 1000, row.left_mm / 1000, math.radians(row.turn_deg), row.cycles)
+        position, heading = segment.travelled(np.array(float(row.cycles or 0)))
+        at += complex(position) * complex(math.cos(yaw), math.sin(yaw))
+        yaw += float(heading)
+    return at.real, at.imag, yaw

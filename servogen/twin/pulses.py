@@ -1,0 +1,60 @@
+"""Edges of pins -> what the servos receive: pulses with their own widths, at steps of the physics.
+
+In: chunks of edges, in order, cut anywhere. Out: for each pulse the servo, the first physics step at or after
+its falling edge, and its width in microseconds. The cut does not matter: a pulse belongs to the step of its
+falling edge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import NamedTuple
+
+from servogen.edges import HIGH, PINS, EdgeChunk
+from servogen.units import Clock
+
+
+class Pulse(NamedTuple):
+    """A pulse of servo number `servo`, which takes effect at `step`."""
+
+    step: int
+    servo: int
+    width_us: float
+
+
+@dataclass(slots=True)
+class _Wire:
+    servo: int
+    rise: int | None = None
+
+
+class Receiver:
+    """The pins of the servos, listening."""
+
+    def __init__(self, pins: Sequence[str], clock: Clock, step_s: Fraction) -> None:
+        self._wires = {PINS.index(pin): _Wire(servo) for servo, pin in enumerate(pins)}
+        self._cycles_per_step = clock.cycles_per_second * step_s
+        self._us = float(1_000_000 / Fraction(clock.cycles_per_second))
+
+    def cycle_of(self, step: int) -> int:
+        """Return the first cycle at or after the beginning of a step."""
+        return -(-step * self._cycles_per_step.numerator // self._cycles_per_step.denominator)
+
+    def pulses(self, chunk: EdgeChunk) -> list[Pulse]:
+        """Return the pulses that end in a chunk of edges, in order."""
+        found = []
+        per = self._cycles_per_step
+        for cycle, pin, level in zip(*(column.tolist() for column in chunk), strict=True):
+            wire = self._wires.get(pin)
+            if wire is None:
+                continue
+            if level == HIGH:
+                if wire.rise is None:
+                    wire.rise = cycle
+            elif wire.rise is not None:
+                step = -(-cycle * per.denominator // per.numerator)
+                found.append(Pulse(step, wire.servo, (cycle - wire.rise) * self._us))
+                wire.rise = None
+        return found

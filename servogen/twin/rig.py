@@ -1,0 +1,119 @@
+"""A job's servos on the joints of its robot: `Job` -> actuators for the bodies, wirings for the physics.
+
+In: a job, deviations of one specimen. Out: `Rig`. Every servo that turns a joint or a wheel has an actuator;
+others, such as a hand's, are not modelled.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from servogen.errors import InputError, did_you_mean
+from servogen.job import Job
+from servogen.robot.binding import Binding
+from servogen.robot.model import Robot
+from servogen.robot.servo import Servo
+from servogen.twin.bodies import Actuator
+from servogen.twin.drive import Drive, drive_of
+from servogen.twin.supply import Supply
+from servogen.twin.world import Wiring
+
+HIGH_SPEED_HZ = 4_000_000
+"""Above it the crystal's mode is HS, whose least voltage is higher (DS35007 section 9.1, D001 and D001A)."""
+
+LEAST_V, LEAST_HS_V = 4.0, 4.5
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """Actuators and wirings, one for each of `servos`, in the same order; `columns` are their job columns."""
+
+    robot: Robot
+    servos: tuple[Servo, ...]
+    columns: tuple[int, ...]
+    bindings: tuple[Binding, ...]
+    drives: tuple[Drive, ...]
+    actuators: tuple[Actuator, ...]
+    wirings: tuple[Wiring, ...]
+    supply: Supply
+    assumptions: tuple[str, ...]
+
+
+def rig_of(job: Job, broken: Sequence[str] = ()) -> Rig:
+    """Return a job's servos on its robot. Raises InputError where there is none, or no such servo."""
+    if job.robot is None:
+        raise InputError(
+            "missing-robot",
+            f"{job.name}: the twin needs a robot",
+            job.document.place("robot"),
+            'add [robot] name = "…"',
+        )
+    names = [servo.name for servo in job.servos]
+    for name in broken:
+        if name not in names:
+            raise InputError("unknown-servo", f"there is no servo '{name}'", hint=did_you_mean(name, names))
+    bindings = job.bindings
+    if job.wheels:
+        bindings = tuple(Binding(f"wheel{number}", name) for number, name in enumerate(job.wheels, 1))
+    columns = tuple(names.index(binding.servo) for binding in bindings)
+    servos = tuple(job.servos[column] for column in columns)
+    drives = tuple(drive_of(servo) for servo in servos)
+    actuators = tuple(
+        _actuator(servo, binding, drive)
+        for servo, binding, drive in zip(servos, bindings, drives, strict=True)
+    )
+    wirings = tuple(
+        Wiring(drive, servo.angle, binding.zero, servo.name in broken)
+        for servo, binding, drive in zip(servos, bindings, drives, strict=True)
+    )
+    supply, said = _supply(job, drives)
+    assumptions = dict.fromkeys(text for drive in drives for text in drive.assumptions)
+    unmodelled = [name for name in names if name not in {binding.servo for binding in bindings}]
+    if unmodelled:
+        said.append(f"{', '.join(unmodelled)} turns no joint and is not modelled")
+    return Rig(
+        job.robot, servos, columns, bindings, drives, actuators, wirings, supply, (*assumptions, *said)
+    )
+
+
+def unplugged(rig: Rig, names: Sequence[str]) -> frozenset[int]:
+    """Return the numbers of servos whose signal wire is off. Raises InputError for an unknown name."""
+    known = [servo.name for servo in rig.servos]
+    for name in names:
+        if name not in known:
+            raise InputError("unknown-servo", f"there is no servo '{name}'", hint=did_you_mean(name, known))
+    return frozenset(known.index(name) for name in names)
+
+
+def _actuator(servo: Servo, binding: Binding, drive: Drive) -> Actuator:
+    lower, upper = -math.inf, math.inf
+    if not servo.model.continuous:
+        lower, upper = sorted(float(binding.position(angle)) for angle in servo.model.travel)
+    return Actuator(
+        servo.name,
+        binding.joint,
+        binding.ratio,
+        lower,
+        upper,
+        drive.friction,
+        drive.inertia,
+        drive.backlash,
+    )
+
+
+def _supply(job: Job, drives: Sequence[Drive]) -> tuple[Supply, list[str]]:
+    """Return the job's supply; without one, an ideal source of the servos' own voltage."""
+    least = LEAST_V if job.clock.hz <= HIGH_SPEED_HZ else LEAST_HS_V
+    if job.supply is None:
+        volts = min(drive.supply_v for drive in drives)
+        said = [f"supply: {volts:g} V without resistance or limit assumed (no [supply])"]
+        return Supply(volts, feeds_chip=False, chip_least_v=least), said
+    table = job.supply
+    return Supply(table.voltage_v, table.resistance_ohm, table.limit_a, table.feeds_chip, least), []
+
+
+def with_supply(rig: Rig, supply: Supply) -> Rig:
+    """Return the rig on another supply."""
+    return replace(rig, supply=supply)

@@ -1,0 +1,363 @@
+"""The coupling: a program on the simulated chip, its edges into servos, the servos into bodies.
+
+In: a job as its engine plays it, an image, settings. Out: `Record`, what happened, every `SAMPLE_S`.
+
+A pulse takes effect at the first step of the physics at or after its falling edge. So the chip may run ahead
+in chunks of any length: the result is the same. With sensors the chip waits for the physics at every
+millisecond: the levels that it sees from t on are those of the bodies at t.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.edges import PINS
+from servogen.engines.board import board_of
+from servogen.errors import InputError
+from servogen.job import PlannedJob
+from servogen.job.schema import SensorTable
+from servogen.pic.image import Image
+from servogen.pulse import PulseSchedule
+from servogen.simulator import Change, Levels, Machine, Stimuli
+from servogen.simulator.sources import pin_number
+from servogen.twin.bodies import FOOT_RADIUS_M, Bodies, Variation, bodies
+from servogen.twin.ground import Ground
+from servogen.twin.pulses import Pulse, Receiver
+from servogen.twin.rig import Rig, rig_of, unplugged
+from servogen.twin.sensors import Feed, Sensor
+from servogen.twin.world import Energies, World
+
+Floats = npt.NDArray[np.float64]
+
+SAMPLE_S = 0.005
+MAX_SAMPLES = 400_000
+"""Of a record: more than half an hour."""
+
+SILENT_S = 2.0
+"""A program without a pulse for this long after reset does nothing that moves."""
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """How a twin runs. `seconds` None: until the motion was done `loops` times."""
+
+    ground: Ground = field(default_factory=Ground)
+    variation: Variation = field(default_factory=Variation)
+    broken: tuple[str, ...] = ()
+    """Servos whose gear is broken."""
+    unplugged: tuple[str, ...] = ()
+    """Servos whose signal wire is off."""
+    seconds: float | None = None
+    loops: int = 1
+    chunk_ms: int = 20
+    steps_per_ms: int = 1
+    contacts: bool = True
+    energies: bool = False
+    """Whether the motors' energies are added up, which takes time."""
+
+    def __post_init__(self) -> None:
+        """Raise InputError for values that no run can have."""
+        for name, value, low, high in (
+            ("loops", self.loops, 1, 1000),
+            ("chunk_ms", self.chunk_ms, 1, 1000),
+            ("steps_per_ms", self.steps_per_ms, 1, 20),
+        ):
+            if not low <= value <= high:
+                raise InputError("out-of-range", f"{name} = {value} is not between {low} and {high}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Record:
+    """What happened, one row per sample; a column per servo of `rig`, per leg or per end.
+
+    `pose` is x, y, z and yaw (unwrapped) of the body, `tilt` its angle from the ground's normal; `angle` and
+    `target` are the servos', radians at the shaft, NaN before the first pulse; `pulsed` whether pulses drive
+    them; `torque` N·m at the shaft, `speed` its speed. `feet` (legs, 3) and `force` (N) are the feet's,
+    `tool` is that of an arm. `motion` is the span in seconds in which the job's motion was played.
+    """
+
+    rig: Rig
+    bodies: Bodies
+    time: Floats
+    pose: Floats
+    tilt: Floats
+    angle: Floats
+    target: Floats
+    pulsed: npt.NDArray[np.bool_]
+    duty: Floats
+    torque: Floats
+    speed: Floats
+    voltage: Floats
+    current: Floats
+    feet: Floats
+    force: Floats
+    tool: Floats
+    places: Mapping[str, Floats]
+    """Where the origin of each body is, (samples, 3)."""
+    motion: tuple[float, float]
+    floating: bool
+    """Whether the body is free; a robot of one or two legs and an arm are held."""
+    energies: Energies | None = None
+    changes: tuple[Change, ...] = ()
+    """Of the sensors' pins."""
+    settings: Settings = field(default_factory=Settings)
+
+    def digest(self) -> bytes:
+        """Return all numbers as bytes: equal for equal runs."""
+        parts = (self.pose, self.angle, self.torque, self.voltage, self.current, self.feet, self.tool)
+        return b"".join(np.ascontiguousarray(part).tobytes() for part in parts)
+
+    @property
+    def first(self) -> int:
+        """Return the sample at which the motion begins."""
+        return min(int(np.searchsorted(self.time, self.motion[0] - 1e-9)), len(self.time) - 1)
+
+
+def simulate(
+    job: PlannedJob,
+    schedule: PulseSchedule,
+    image: Image,
+    lead_in_frames: int,
+    settings: Settings = Settings(),
+    stimuli: Stimuli | None = None,
+) -> Record:
+    """Run a program in its robot from power-up on.
+
+    `job` has the trajectory that the engine plays; its first `lead_in_frames` come before the job's own
+    motion. `stimuli` are applied to the pins besides the job's sensors.
+
+    Raises InputError, and ToolError where MuJoCo is missing.
+    """
+    rig = rig_of(job, settings.broken)
+    step = Fraction(1, 1000 * settings.steps_per_ms)
+    made = bodies(rig.robot, rig.actuators, settings.ground, settings.variation, float(step))
+    world = World(made, rig.wirings, rig.supply, float(step), contacts=settings.contacts)
+    world.energies = Energies() if settings.energies else None
+    _stand(world, job, rig, settings.ground)
+    return _Run(job, schedule, image, lead_in_frames, settings, stimuli, rig, world, made, step).done()
+
+
+def _stand(world: World, job: PlannedJob, rig: Rig, ground: Ground) -> None:
+    """Put the robot where its first pulses will hold it, with its lowest foot on the ground."""
+    angles = job.trajectory.angles
+    start = {}
+    for column, servo, binding in zip(rig.columns, rig.servos, rig.bindings, strict=True):
+        if servo.model.continuous:
+            continue
+        known = angles[~np.isnan(angles[:, column]), column]
+        position = float(binding.position(known[0] if len(known) else servo.neutral))
+        start[binding.joint] = position
+    names = {world.model.joint(index).name for index in range(world.model.njnt)}
+    for name in tuple(start):
+        level = name.removesuffix("_beta") + "_level"
+        if name.endswith("_beta") and level in names:
+            start[level] = -start[name]
+    world.place(start)
+    if "body" in names:
+        feet = [
+            world.data.site(index).xpos[2] - FOOT_RADIUS_M
+            for index in range(world.model.nsite)
+            if world.model.site(index).name.endswith("_foot")
+        ]
+        lowest = min(feet, default=0.0)
+        world.place(start, float(world.data.qpos[2]) - lowest + ground.rough)
+
+
+class _Run:
+    """One run: the chip, the physics and the record as they go."""
+
+    def __init__(
+        self,
+        job: PlannedJob,
+        schedule: PulseSchedule,
+        image: Image,
+        lead_in_frames: int,
+        settings: Settings,
+        stimuli: Stimuli | None,
+        rig: Rig,
+        world: World,
+        made: Bodies,
+        step: Fraction,
+    ) -> None:
+        self.job, self.schedule, self.settings = job, schedule, settings
+        self.rig, self.world, self.bodies = rig, world, made
+        self.lead_in_frames = lead_in_frames
+        self.receiver = Receiver([servo.pin for servo in rig.servos], job.clock, step)
+        self.off = unplugged(rig, settings.unplugged)
+        self.sensors = [_sensor(row, world, rig) for row in job.sensors]
+        held = [Levels(pin_number(each.pin), ((0, each.level),)) for each in schedule.inputs]
+        scripted = Stimuli([*held, *(stimuli.sources if stimuli else ())])
+        self.feed = Feed(scripted, job.clock) if self.sensors else None
+        source = self.feed or (scripted if scripted.sources else None)
+        self.machine = Machine(image, job.clock, board_of(schedule), source)
+        self.chunk = settings.steps_per_ms * (1 if self.sensors else settings.chunk_ms)
+        self.every = max(1, round(SAMPLE_S / float(step)))
+        self.step = step
+        self.limbs = [limb.name for limb in rig.robot.limbs if limb.mount is not None]
+        self.sites = [world.model.site(f"{name}_foot").id for name in self.limbs]
+        model = world.model
+        self.tool = next((i for i in range(model.nsite) if model.site(i).name == "tool"), None)
+        self.floating = bool(model.njnt) and model.joint(0).name == "body"
+        self.rows: list[Floats] = []
+        self.first_pulse: int | None = None
+
+    def done(self) -> Record:
+        """Run to the end and return the record."""
+        waiting: list[Pulse] = []
+        end = self._end(None)
+        step = 0
+        self._levels(0)
+        while step < end:
+            until = min(step + self.chunk, end)
+            if self.feed is not None:
+                self.feed.know(self.receiver.cycle_of(until + 1))
+            waiting += self._edges(self.receiver.cycle_of(until))
+            done = 0
+            for step in range(step, until):  # noqa: B020 - continues where it was
+                while done < len(waiting) and waiting[done].step <= step:
+                    self._receive(waiting[done], step)
+                    done += 1
+                if step % self.every == 0:
+                    self._sample(step)
+                self.world.advance()
+            del waiting[:done]
+            step = until
+            self._levels(step)
+            if self.first_pulse is not None:
+                end = self._end(self.first_pulse)
+        if not np.isfinite(self.world.data.qpos).all():
+            raise InputError("unstable", f"{self.job.name}: the physics diverged")
+        return self._record()
+
+    def _edges(self, cycle: int) -> Iterator[Pulse]:
+        """Run the chip to a cycle and yield the pulses that ended."""
+        if cycle > self.machine.cycles:
+            yield from self.receiver.pulses(self.machine.run(cycle - self.machine.cycles))
+
+    def _receive(self, pulse: Pulse, step: int) -> None:
+        if pulse.servo in self.off:
+            return
+        if self.first_pulse is None:
+            self.first_pulse = step
+        self.world.pulse(pulse)
+
+    def _levels(self, step: int) -> None:
+        """Give the sensors' levels at the beginning of a step to the chip."""
+        if self.feed is None:
+            return
+        for sensor in self.sensors:
+            level = sensor.active if sensor.reads() else 1 - sensor.active
+            self.feed.push(self.receiver.cycle_of(step), sensor.pin, level)
+
+    def _end(self, first_pulse: int | None) -> int:
+        """Return the step at which the run ends."""
+        per_second = 1000 * self.settings.steps_per_ms
+        if self.settings.seconds is not None:
+            steps = round(self.settings.seconds * per_second)
+        elif first_pulse is None:
+            steps = round(SILENT_S * per_second)
+        else:
+            frames = self.lead_in_frames + self._frames()
+            steps = first_pulse + round(frames * self._frame_s() * per_second)
+        if steps // self.every > MAX_SAMPLES:
+            raise InputError("too-many-frames", f"{self.job.name}: the run is longer than half an hour")
+        return steps
+
+    def _frames(self) -> int:
+        """Return the frames of the motion: the lead-in of its own and its loop as often as asked."""
+        made = self.job.trajectory
+        own = made.loop_start - self.lead_in_frames
+        return own + self.settings.loops * (len(made.angles) - made.loop_start)
+
+    def _frame_s(self) -> float:
+        return float(self.schedule.clock.seconds(self.schedule.period))
+
+    def _sample(self, step: int) -> None:
+        world, data = self.world, self.world.data
+        hot = world.state
+        pose = data.qpos[:7] if self.floating else _AT_REST
+        row = (
+            [step * world.step_s, world.voltage, world.current],
+            pose,
+            data.actuator_length,
+            hot.target,
+            hot.driven,
+            world.duty,
+            data.actuator_force,
+            data.actuator_velocity,
+            data.site_xpos[self.sites].ravel() if self.sites else (),
+            data.sensordata[: len(self.sites)],
+            () if self.tool is None else data.site_xpos[self.tool],
+            data.xpos[1:].ravel(),
+        )
+        self.rows.append(np.concatenate(row))
+
+    def _record(self) -> Record:
+        count, legs, rig = len(self.rig.servos), len(self.sites), self.rig
+        table = np.array(self.rows)
+        cuts = np.cumsum([3, 7, *[count] * 6, 3 * legs, legs, 0 if self.tool is None else 3])
+        head, pose, angle, target, driven, duty, torque, speed, feet, force, tool, places = np.split(
+            table, cuts, axis=1
+        )
+        model = self.world.model
+        names = [model.body(index).name for index in range(1, model.nbody)]
+        zero = np.array([binding.zero for binding in rig.bindings])
+        w, x, y, z = pose[:, 3:7].T
+        yaw = np.unwrap(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+        tilt = np.arccos(np.clip(1 - 2 * (x * x + y * y), -1, 1))
+        pulsed = driven > 0
+        seen = np.maximum.accumulate(pulsed, axis=0)
+        begin = (self.first_pulse or 0) * self.world.step_s + self.lead_in_frames * self._frame_s()
+        return Record(
+            rig=rig,
+            bodies=self.bodies,
+            time=head[:, 0],
+            pose=np.column_stack([pose[:, :3], yaw]),
+            tilt=tilt,
+            angle=angle + zero,
+            target=np.where(seen, target + zero, np.nan),
+            pulsed=pulsed,
+            duty=duty,
+            torque=torque,
+            speed=speed,
+            voltage=head[:, 1],
+            current=head[:, 2],
+            feet=feet.reshape(-1, legs, 3) - [0.0, 0.0, FOOT_RADIUS_M],
+            force=force,
+            tool=tool,
+            places={name: places[:, 3 * at : 3 * at + 3] for at, name in enumerate(names)},
+            motion=(begin, begin + self._frames() * self._frame_s()),
+            floating=self.floating,
+            energies=self.world.energies,
+            changes=tuple(self.feed.seen) if self.feed else (),
+            settings=self.settings,
+        )
+
+
+_AT_REST = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+
+
+def _sensor(row: SensorTable, world: World, rig: Rig) -> Sensor:
+    """Return a sensor of the job in this world."""
+    pin, active = PINS.index(row.pin), int(row.level == "high")
+    if row.kind == "foot":
+        address = world.model.sensor(f"{row.of}_touch").adr[0]
+        return Sensor(
+            pin, active, lambda: bool(world.data.sensordata[address] >= row.force_n), f"foot {row.of}"
+        )
+    if row.kind == "stall":
+        limit = row.above_a or math.inf
+        return Sensor(pin, active, lambda: world.current > limit, "stall comparator")
+    joint = world.model.joint(row.of)
+    address = joint.qposadr[0]
+    at = math.radians(row.at_deg) if row.at_deg is not None else (row.at_mm or 0.0) / 1000
+    sign = 1.0 if row.side == "above" else -1.0
+    return Sensor(
+        pin, active, lambda: bool(sign * (world.data.qpos[address] - at) >= 0), f"end stop {row.of}"
+    )

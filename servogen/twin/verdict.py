@@ -1,0 +1,235 @@
+"""Planned against simulated: what a run measured, what [expect] asks, and the first cause where it fails.
+
+In: a `Record`, the plan, the job's expectations. Out: `Verdict`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.job import PlannedJob
+from servogen.job.schema import ExpectTable
+from servogen.twin.causes import Event, brown_out, events_of, fallen_at
+from servogen.twin.planned import Planned
+from servogen.twin.run import Record
+
+Floats = npt.NDArray[np.float64]
+
+TOUCH_N = 0.1
+"""A foot that presses less does not stand."""
+
+REST_S = 0.3
+"""A tool has arrived where the plan has rested for so long."""
+
+REST_M = 1e-6
+
+Word = Literal["as expected", "NOT as expected", "not guaranteed"]
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One expectation: what was measured, in the unit of its name, what is allowed, since when it fails."""
+
+    name: str
+    measured: float
+    allowed: float
+    unit: str
+    passed: bool
+    seconds: float | None = None
+
+    def to_json(self) -> dict[str, object]:
+        """Return plain values for a JSON file."""
+        return {
+            "name": self.name,
+            "measured": self.measured,
+            "allowed": self.allowed,
+            "unit": self.unit,
+            "passed": self.passed,
+            "seconds": self.seconds,
+        }
+
+    @property
+    def text(self) -> str:
+        """Return the check as a sentence."""
+        when = "" if self.seconds is None else f" at {self.seconds:.2f} s"
+        return f"{self.name}: {self.measured:z.4g} {self.unit}{when}, allowed {self.allowed:g} {self.unit}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Verdict:
+    """The comparison of a run with its plan; lengths in metres, angles in radians.
+
+    `asked`, `rigid`, `done`: x, y, yaw at the end, as the job asks, with rigid legs, as simulated.
+    """
+
+    record: Record
+    planned: Planned
+    checks: tuple[Check, ...]
+    events: tuple[Event, ...]
+    not_guaranteed_from: float | None
+    done: tuple[float, float, float]
+    drag: float
+    drag_leg: str
+    tool_error: float | None
+    tool_rest_error: float | None
+
+    @property
+    def passed(self) -> bool:
+        """Return whether every expectation holds, and the chip's voltage was always in its range."""
+        return all(check.passed for check in self.checks) and self.not_guaranteed_from is None
+
+    @property
+    def word(self) -> Word:
+        """Return the verdict in words."""
+        if self.not_guaranteed_from is not None:
+            return "not guaranteed"
+        return "as expected" if self.passed else "NOT as expected"
+
+    @property
+    def cause(self) -> Event | None:
+        """Return what happened first; None if nothing did."""
+        return self.events[0] if self.events else None
+
+    def reasons(self) -> list[str]:
+        """Return what fails, and then the first cause, as sentences."""
+        found = [check.text for check in self.checks if not check.passed]
+        if self.cause is not None and (found or self.not_guaranteed_from is not None):
+            found.append(f"first cause: {self.cause.text}")
+        return found
+
+    def to_json(self) -> dict[str, object]:
+        """Return plain values for a JSON file: metres, radians, seconds, N·m, A, V."""
+        record = self.record
+        rigid = self.planned.rigid
+        return {
+            "verdict": self.word,
+            "passed": self.passed,
+            "asked": list(self.planned.way) if self.planned.way else None,
+            "rigid_legs": None if rigid is None else rigid[-1].tolist(),
+            "simulated": list(self.done),
+            "drag_m": self.drag,
+            "drag_leg": self.drag_leg or None,
+            "tool_error_m": self.tool_error,
+            "tool_rest_error_m": self.tool_rest_error,
+            "least_height_m": float(record.pose[:, 2].min()) if record.floating else None,
+            "torque_nm": {
+                servo.name: float(np.abs(record.torque[:, index]).max())
+                for index, servo in enumerate(record.rig.servos)
+            },
+            "current_a": float(record.current.max()),
+            "voltage_v": float(record.voltage.min()),
+            "charge_as": float(np.mean(record.current) * record.time[-1]),
+            "seconds": float(record.time[-1]),
+            "motion_s": list(record.motion),
+            "not_guaranteed_from_s": self.not_guaranteed_from,
+            "checks": [check.to_json() for check in self.checks],
+            "events": [event.to_json() for event in self.events],
+            "assumptions": [*record.bodies.assumptions, *record.rig.assumptions],
+        }
+
+
+def verdict_of(record: Record, job: PlannedJob, planned: Planned) -> Verdict:
+    """Return the comparison of a run with the plan of its job."""
+    first = record.pose[record.first]
+    turned = np.exp(-1j * first[3]) * complex(*(record.pose[-1] - first)[:2])
+    done = (float(turned.real), float(turned.imag), float(record.pose[-1, 3] - first[3]))
+    drag, leg, drag_time = _drag(record)
+    tool, rest, rest_time = _tool(record, planned)
+    checks = _checks(record, job.expect, planned, done, (drag, leg, drag_time), (rest, rest_time))
+    return Verdict(
+        record,
+        planned,
+        tuple(checks),
+        events_of(record, job, planned),
+        brown_out(record),
+        done,
+        drag,
+        leg,
+        tool,
+        rest,
+    )
+
+
+def _checks(
+    record: Record,
+    expect: ExpectTable,
+    planned: Planned,
+    done: tuple[float, float, float],
+    drag: tuple[float, str, float],
+    rest: tuple[float | None, float | None],
+) -> list[Check]:
+    found: list[Check] = []
+
+    def check(name: str, measured: float, allowed: float | None, unit: str, at: float | None = None) -> None:
+        if allowed is not None:
+            passed = bool(measured <= allowed)
+            found.append(Check(name, measured, allowed, unit, passed, None if passed else at))
+
+    fallen = fallen_at(record)
+    if expect.no_fall and record.floating:
+        found.append(Check("falls", float(fallen is not None), 0.0, "times", fallen is None, fallen))
+    if planned.way is not None:
+        x, y, yaw = planned.way
+        check("way", 1000 * math.hypot(done[0] - x, done[1] - y), expect.way_within_mm, "mm off")
+        check("turn", abs(math.degrees(done[2] - yaw)), expect.turn_within_deg, "° off")
+    if rest[0] is not None:
+        check("tool at rest", 1000 * rest[0], expect.end_within_mm, "mm off", rest[1])
+    if record.feet.shape[1]:
+        name = f"drag of {drag[1]}" if drag[1] else "drag"
+        check(name, 1000 * drag[0], expect.drag_mm, "mm", drag[2])
+    torque = np.abs(record.torque)
+    row, column = np.unravel_index(int(np.argmax(torque)), torque.shape)
+    check(
+        f"torque of {record.rig.servos[column].name}",
+        float(torque[row, column]),
+        expect.torque_nm,
+        "N·m",
+        float(record.time[row]),
+    )
+    peak = int(np.argmax(record.current))
+    check("current", float(record.current[peak]), expect.current_a, "A", float(record.time[peak]))
+    check("time", record.motion[1], expect.within_s, "s", record.motion[1])
+    return found
+
+
+def _drag(record: Record) -> tuple[float, str, float]:
+    """Return the longest way that a foot slides in one stance of the motion, its leg and the stance's end."""
+    part = slice(record.first, None)
+    feet, stands = record.feet[part], record.force[part] > TOUCH_N
+    worst, leg, when = 0.0, "", 0.0
+    names = [limb.name for limb in record.rig.robot.limbs]
+    for index in range(feet.shape[1]):
+        ways = np.linalg.norm(np.diff(feet[:, index, :2], axis=0), axis=1)
+        on = stands[1:, index] & stands[:-1, index]
+        total = np.cumsum(np.where(on, ways, 0.0))
+        dragged = total - np.maximum.accumulate(np.where(on, 0.0, total))
+        last = int(np.argmax(dragged)) if len(dragged) else 0
+        if len(dragged) and dragged[last] > worst:
+            worst, leg, when = float(dragged[last]), names[index], float(record.time[part][last + 1])
+    return worst, leg, when
+
+
+def _tool(record: Record, planned: Planned) -> tuple[float | None, float | None, float | None]:
+    """Return the tool's greatest distance from its plan, that at rest, and when the latter is."""
+    if planned.tool is None or not record.tool.shape[1]:
+        return None, None, None
+    time = record.time[record.first :] - record.motion[0]
+    frame = np.clip((time / planned.frame_s).astype(int), 0, len(planned.tool) - 1)
+    error = np.linalg.norm(record.tool[record.first :] - planned.tool[frame], axis=1)
+    steps = np.linalg.norm(np.diff(planned.tool, axis=0), axis=1) < REST_M
+    needed = max(1, round(REST_S / planned.frame_s))
+    rests = np.zeros(len(planned.tool), bool)
+    run = 0
+    for index, still in enumerate(steps.tolist()):
+        run = run + 1 if still else 0
+        rests[index + 1] = run >= needed
+    resting = rests[frame]
+    if not resting.any():
+        return float(error.max()), None, None
+    at = int(np.argmax(np.where(resting, error, -1.0)))
+    return float(error.max()), float(error[at]), float(record.time[record.first + at])

@@ -1,0 +1,207 @@
+"""The physics: bodies, servos and supply together, one step at a time.
+
+In: `Bodies`, the drives of its actuators, the supply, pulses. Out: the state at each step. MuJoCo (the extra
+`twin`) integrates; the servos' electronics and the supply are calculated here before each of its steps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from servogen.errors import ToolError
+from servogen.twin.bodies import Bodies
+from servogen.twin.drive import Drive, bank
+from servogen.twin.pulses import Pulse
+from servogen.twin.supply import Supply
+
+Floats = npt.NDArray[np.float64]
+
+NEVER = -(1 << 60)
+
+
+def mujoco() -> Any:
+    """Return the module. Raises ToolError where it is not installed."""
+    try:
+        import mujoco as found
+    except ImportError as error:
+        raise ToolError(
+            "tool-missing", "the twin needs MuJoCo", hint="pip install 'servogen[twin]'"
+        ) from error
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Wiring:
+    """A servo between its pulses and its actuator.
+
+    `angles` gives the shaft's angle that a width commands (`width_us` -> radians; of a continuous servo a
+    speed), `zero` the shaft's angle at the joint's position 0.
+    """
+
+    drive: Drive
+    angle_of: Any
+    zero: float
+    broken: bool = False
+    """Whether its gear is broken: it turns nothing."""
+
+
+@dataclass(slots=True)
+class State:
+    """What changes from step to step, one element per servo."""
+
+    target: Floats
+    last: npt.NDArray[np.int64]
+    lost_after: npt.NDArray[np.int64]
+    driven: Floats
+    wake: int = field(default=NEVER)
+
+
+@dataclass(slots=True)
+class Energies:
+    """What went through the motors so far, J: from the supply, into copper and gears, to the joints."""
+
+    electric: float = 0.0
+    heat: float = 0.0
+    work: float = 0.0
+
+
+class World:
+    """A robot in its world, from its start on."""
+
+    def __init__(
+        self,
+        bodies: Bodies,
+        wirings: Sequence[Wiring],
+        supply: Supply,
+        step_s: float,
+        *,
+        contacts: bool = True,
+    ) -> None:
+        engine = mujoco()
+        self.model = engine.MjModel.from_xml_string(bodies.text)
+        self.data = engine.MjData(self.model)
+        self._step_once = engine.mj_step
+        self._forward = engine.mj_forward
+        self.step_s = step_s
+        self.step = 0
+        self.supply = supply
+        self.voltage, self.current = supply.volts, 0.0
+        self._wirings = tuple(wirings)
+        self._bank = bank(tuple(each.drive for each in wirings))
+        count = len(self._wirings)
+        self.state = State(
+            np.zeros(count),
+            np.full(count, NEVER, np.int64),
+            np.array([round(each.drive.lost_s / step_s) for each in wirings], np.int64),
+            np.zeros(count),
+        )
+        self._unbroken = np.array([float(not each.broken) for each in wirings])
+        self._continuous = np.array([each.drive.continuous for each in wirings], bool)
+        self._any_continuous = bool(self._continuous.any())
+        self._top = np.array([each.drive.no_load_speed for each in wirings])
+        self.duty = np.zeros(count)
+        if not contacts:
+            self.model.opt.disableflags |= int(engine.mjtDisableBit.mjDSBL_CONTACT)
+        b = self._bank
+        self._gain = b.torque_constant / b.resistance
+        self._per_resistance = 1.0 / b.resistance
+        self._emf = b.speed_constant / b.resistance
+        if count:
+            self.model.actuator_gainprm[:, 0] = self._gain * self._unbroken
+        self._damping = self._gain * b.speed_constant
+        self._set_driven()
+        self.energies: Energies | None = None
+        """Kept where a caller puts an account here before the first step."""
+
+    def _set_driven(self) -> None:
+        """Tell MuJoCo which motors' circuits are closed: only those brake by their own voltage."""
+        if len(self._wirings):
+            self.model.actuator_biasprm[:, 2] = -self._damping * self.state.driven * self._unbroken
+
+    def place(self, positions: dict[str, float], height: float | None = None) -> None:
+        """Put joints (or the free body's height) in their starting positions, at rest."""
+        for name, value in positions.items():
+            self.data.qpos[self.model.joint(name).qposadr[0]] = value
+        if height is not None:
+            self.data.qpos[2] = height
+        self._forward(self.model, self.data)
+
+    def pulse(self, pulse: Pulse) -> None:
+        """Let a servo receive a pulse in this step."""
+        hot, wiring = self.state, self._wirings[pulse.servo]
+        hot.target[pulse.servo] = wiring.angle_of(pulse.width_us) - wiring.zero
+        hot.last[pulse.servo] = self.step
+        hot.wake = NEVER
+
+    def advance(self) -> None:
+        """Do one step: electronics, supply, bodies."""
+        hot, data, b = self.state, self.data, self._bank
+        if self.step >= hot.wake:
+            driven = (self.step - hot.last <= hot.lost_after).astype(float)
+            if not np.array_equal(driven, hot.driven):
+                hot.driven = driven
+                self._set_driven()
+            ends = (hot.last + hot.lost_after + 1)[driven > 0]
+            hot.wake = int(ends.min()) if len(ends) else 1 << 60
+        speed = data.actuator_velocity
+        error = hot.target - data.actuator_length - b.damping * speed
+        if self._any_continuous:
+            error = np.where(self._continuous, 0.0, error)
+        beyond = np.abs(error)
+        beyond -= b.dead_band
+        beyond /= b.band
+        duty = np.copysign(np.minimum(np.maximum(beyond, 0.0), 1.0), error)
+        if self._any_continuous:
+            open_loop = np.clip(hot.target / self._top, -1.0, 1.0)
+            duty = np.where(self._continuous, open_loop, duty)
+        duty *= hot.driven
+        a = float((duty * duty) @ self._per_resistance)
+        back = (
+            float((duty * speed) @ self._emf)
+            if self._unbroken.all()
+            else float((duty * speed * self._unbroken) @ self._emf)
+        )
+        self.voltage, self.current = self.supply.under(b.idle_a, a, back)
+        self.duty = duty
+        data.ctrl[:] = duty * self.voltage
+        if self.energies is None:
+            self._step_once(self.model, data)
+        else:
+            before = speed.copy()
+            self._step_once(self.model, data)
+            self._keep_account(self.energies, before, data.actuator_velocity)
+        self.step += 1
+
+    def _keep_account(self, account: Energies, before: Floats, after: Floats) -> None:
+        """Add this step's energies. The integrator's force is that of the speed at the end of the step."""
+        b, mean = self._bank, (before + after) / 2
+        terminal = self.duty * self.voltage * self._unbroken
+        amperes = (terminal - b.speed_constant * after) * self._per_resistance * self.state.driven
+        copper = b.resistance * amperes**2
+        gear = (b.speed_constant - b.torque_constant) * amperes * mean
+        account.electric += float(terminal @ amperes) * self.step_s
+        account.heat += float((copper + gear).sum()) * self.step_s
+        account.work += float((b.torque_constant * amperes) @ mean) * self.step_s
+
+    @property
+    def seconds(self) -> float:
+        """Return the time since the start."""
+        return self.step * self.step_s
+
+    def energy(self) -> float:
+        """Return kinetic and potential energy of the bodies, J."""
+        engine = mujoco()
+        engine.mj_energyPos(self.model, self.data)
+        engine.mj_energyVel(self.model, self.data)
+        return float(self.data.energy.sum())
+
+    @property
+    def tilt(self) -> float:
+        """Return the angle of the first body's z axis from the ground's normal."""
+        return math.acos(min(1.0, max(-1.0, float(self.data.xmat[1][8]))))

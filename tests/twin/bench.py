@@ -1,0 +1,92 @@
+"""One servo with a disc on its shaft, in the physics: what a workbench would measure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from xml.etree import ElementTree as xml
+
+import numpy as np
+
+from servogen.robot.servo import Servo
+from servogen.twin.bodies import Bodies, document
+from servogen.twin.drive import Drive, drive_of
+from servogen.twin.ground import Ground
+from servogen.twin.pulses import Pulse
+from servogen.twin.supply import Supply
+from servogen.twin.world import Energies, Wiring, World
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The greatest steady speed, the torque and the current at a stop."""
+
+    speed: float
+    torque: float
+    current: float
+
+
+def disc(drive: Drive, upper: float, step_s: float = 0.001, inertia: float = 1e-5) -> Bodies:
+    """Return a disc on the servo's shaft, which a stop holds at the angle `upper`."""
+    root, world = document("disc", Ground(), step_s)
+    body = xml.SubElement(world, "body", pos="0 0 1")
+    friction = {"frictionloss": str(drive.friction)} if drive.friction else {}
+    xml.SubElement(
+        body,
+        "joint",
+        name="shaft",
+        axis="0 0 1",
+        armature=str(drive.inertia),
+        range=f"-100 {upper}",
+        **friction,
+    )
+    xml.SubElement(body, "inertial", pos="0 0 0", mass="0.01", diaginertia=f"{inertia} {inertia} {inertia}")
+    actuators = xml.SubElement(root, "actuator")
+    xml.SubElement(
+        actuators, "general", joint="shaft", gaintype="fixed", biastype="affine", gainprm="1", biasprm="0 0 0"
+    )
+    return Bodies(xml.tostring(root, encoding="unicode"), (), 0.01)
+
+
+def world_of(servo: Servo, upper: float, supply: Supply | None = None, **options: float) -> World:
+    """Return the bench: the servo turns its disc towards any angle that a width names as radians."""
+    drive = drive_of(servo)
+    return World(
+        disc(drive, upper, **options),
+        [Wiring(drive, lambda width: width, 0.0)],
+        supply or Supply(drive.supply_v),
+        options.get("step_s", 0.001),
+    )
+
+
+def on_the_bench(servo: Servo) -> Seen:
+    """Return what the servo does when it is sent far away, with and without a stop in its way."""
+    free = world_of(servo, 1e3)
+    speeds = []
+    for step in range(200):
+        if step % 20 == 0:
+            free.pulse(Pulse(step, 0, 500.0))
+        free.advance()
+        speeds.append(float(free.data.actuator_velocity[0]))
+    held = world_of(servo, 0.0)
+    for step in range(300):
+        if step % 20 == 0:
+            held.pulse(Pulse(step, 0, 500.0))
+        held.advance()
+    return Seen(float(np.max(speeds)), float(held.data.actuator_force[0]), held.current)
+
+
+def weight_world(servo: Servo, mass: float, arm: float) -> tuple[World, Energies]:
+    """Return a servo that lifts a weight on an arm from where it hangs, and its account of energies."""
+    drive = drive_of(servo)
+    root, world = document("weight", Ground())
+    body = xml.SubElement(world, "body", pos="0 0 1")
+    xml.SubElement(body, "joint", name="shaft", axis="0 -1 0", armature=str(drive.inertia))
+    xml.SubElement(body, "inertial", pos=f"0 0 {-arm}", mass=str(mass), diaginertia="1e-9 1e-9 1e-9")
+    actuators = xml.SubElement(root, "actuator")
+    xml.SubElement(
+        actuators, "general", joint="shaft", gaintype="fixed", biastype="affine", gainprm="1", biasprm="0 0 0"
+    )
+    made = Bodies(xml.tostring(root, encoding="unicode"), (), mass)
+    found = World(made, [Wiring(drive, lambda width: width, 0.0)], Supply(drive.supply_v), 0.001)
+    found.energies = Energies()
+    return found, found.energies

@@ -1,0 +1,123 @@
+"""The coupled run: chip, servos, supply and bodies, on a tripod of two cycles at 130 mm."""
+
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo: pip install 'servogen[twin]'")
+
+from servogen.twin import Ground, Settings, Verdict
+from servogen.twin.causes import Kind
+from tests.twin.walking import AHEAD, SUPPLIED, walking
+
+
+@pytest.fixture(scope="module")
+def ahead() -> Verdict:
+    return walking(AHEAD, extra=SUPPLIED).twin()
+
+
+def test_the_tripod_goes_95_to_102_percent_of_its_way(ahead: Verdict) -> None:
+    assert ahead.planned.way == pytest.approx((0.080, 0.0, 0.0))
+    assert 0.95 * 80 <= 1000 * ahead.done[0] <= 1.02 * 80
+    assert abs(math.degrees(ahead.done[2])) < 3
+    assert ahead.passed and ahead.events == ()
+
+
+@pytest.mark.parametrize("chunk_ms", [1, 7])
+def test_the_length_of_the_chunks_changes_nothing(ahead: Verdict, chunk_ms: int) -> None:
+    other = walking(AHEAD, extra=SUPPLIED).twin(Settings(chunk_ms=chunk_ms))
+    assert other.record.digest() == ahead.record.digest()
+
+
+def test_another_ground_changes_the_run(ahead: Verdict) -> None:
+    """The digest sees differences at all."""
+    other = walking(AHEAD, extra=SUPPLIED).twin(Settings(ground=Ground(0.79)))
+    assert other.record.digest() != ahead.record.digest()
+
+
+def test_half_the_step_gives_the_same_way(ahead: Verdict) -> None:
+    half = walking(AHEAD, extra=SUPPLIED).twin(Settings(steps_per_ms=2))
+    assert half.done[0] == pytest.approx(ahead.done[0], rel=0.02)
+
+
+def test_without_contacts_the_joints_follow_the_plan_within_the_lag_of_the_servos() -> None:
+    """The lag that the equations give: dead band, band for the speed, Td ω; and the step of one frame."""
+    job = walking(AHEAD)
+    seen = job.twin(Settings(contacts=False))
+    record = seen.record
+    part = slice(record.first, None)
+    for index, drive in enumerate(record.rig.drives):
+        error = np.abs(record.target - record.angle)[part, index]
+        frame = np.abs(np.diff(job.found.job.trajectory.angles[:, record.rig.columns[index]])).max()
+        fast = float(np.abs(record.speed[part, index]).max())
+        lag = drive.dead_band + drive.band * fast / drive.no_load_speed + drive.damping_s * fast + frame
+        assert error.max() <= lag, record.rig.servos[index].name
+
+
+def test_a_robot_too_heavy_for_its_servos_is_seen_with_its_cause() -> None:
+    extra = "\n[expect]\nway_within_mm = 10\n"
+    heavy = walking(AHEAD, height=120, extra=extra).twin(mass=2.24)
+    assert not heavy.passed
+    assert heavy.cause is not None and heavy.cause.kind == Kind.SATURATED
+    assert re.fullmatch(
+        r"[LR][123]-lift saturates at 0\.2\d N·m from \d\.\d\d s, \d+\.\d° from its target", heavy.cause.text
+    )
+    assert heavy.reasons()[-1] == f"first cause: {heavy.cause.text}"
+    light = walking(AHEAD, height=120, extra=extra).twin()
+    assert light.passed and light.events == ()
+
+
+def test_a_servo_without_pulses_is_the_first_cause() -> None:
+    seen = walking(AHEAD, extra="\n[expect]\nturn_within_deg = 3\n").twin(Settings(unplugged=("R2-lift",)))
+    assert not seen.passed
+    assert seen.cause is not None and seen.cause.text == "R2-lift receives no pulses at all"
+
+
+def test_a_broken_gear_is_the_first_cause() -> None:
+    seen = walking(AHEAD).twin(Settings(broken=("L1-turn", "L1-lift")))
+    assert seen.cause is not None and seen.cause.text == "L1-turn turns nothing: its gear is broken"
+    assert not any(event.text.startswith("L1-lift saturates") for event in seen.events)
+
+
+def test_a_supply_that_gives_in_makes_the_rest_not_guaranteed() -> None:
+    """Twelve servos that hold a robot of 2.24 kg ask a supply of 3.5 A for more."""
+    extra = "\n[supply]\nvoltage_v = 5.0\nresistance_ohm = 0.05\nlimit_a = 3.5\n"
+    seen = walking(AHEAD, height=120, extra=extra).twin(mass=2.24)
+    assert seen.word == "not guaranteed" and not seen.passed
+    assert seen.record.current.max() == pytest.approx(3.5)
+    limit = next(event for event in seen.events if event.kind == Kind.SUPPLY)
+    assert limit.text.startswith("the supply is at its limit of 3.5 A from")
+    assert seen.not_guaranteed_from == pytest.approx(
+        float(seen.record.time[np.argmax(seen.record.voltage < 4.0)])
+    )
+    separate = walking(AHEAD, height=120, extra=extra + "feeds_chip = false\n").twin(mass=2.24)
+    assert separate.not_guaranteed_from is None
+
+
+@pytest.mark.parametrize(("steps_per_ms", "within"), [(1, 0.03), (4, 0.01)])
+def test_the_energies_of_a_walk_add_up(steps_per_ms: int, within: float) -> None:
+    """What comes from the supply is heat in copper and gears, and work; what is lost goes with the step."""
+    seen = walking(AHEAD, extra=SUPPLIED).twin(Settings(energies=True, steps_per_ms=steps_per_ms))
+    account = seen.record.energies
+    assert account is not None and account.electric > 1.0
+    assert account.electric == pytest.approx(account.heat + account.work, rel=within)
+    height = seen.record.pose[-1, 2] - seen.record.pose[0, 2]
+    friction = account.work - 0.64 * 9.80665 * height
+    assert friction > -within * account.electric  # sliding feet and contacts take energy, they give none
+
+
+def test_a_lighter_foot_friction_and_a_moved_centre_change_little() -> None:
+    from servogen.twin import Variation
+
+    ground = Variation((0.7, 1.3, 1.0, 0.9, 1.1, 0.8), (0.01, -0.01))
+    seen = walking(AHEAD, extra=SUPPLIED).twin(Settings(variation=ground))
+    assert 0.9 * 80 <= 1000 * seen.done[0] <= 1.05 * 80
+
+
+def test_the_record_can_be_cut_at_any_time() -> None:
+    short = walking(AHEAD).twin(Settings(seconds=0.5))
+    assert short.record.time[-1] == pytest.approx(0.495)
+    assert replace(short.record.settings, seconds=None) == Settings()

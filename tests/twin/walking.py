@@ -1,0 +1,55 @@
+"""Jobs of the six-legged robot for the twin's tests, planned and compiled once each."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from servogen.build.engines import Planned, planned
+from servogen.build.twinning import twin_of_image
+from servogen.job import PlannedJob, loads, plan_job
+from servogen.pic.image import Image
+from servogen.twin import Settings, Verdict
+
+JOBS = Path(__file__).parent.parent.parent / "jobs"
+
+
+@dataclass(frozen=True)
+class Firmware:
+    """A planned job, as its engine plays it, and its program."""
+
+    job: PlannedJob
+    found: Planned
+    image: Image
+
+    def twin(self, settings: Settings | None = None, **robot: Any) -> Verdict:
+        """Return what the robot does; `robot` replaces facts of it."""
+        job, found = self.job, self.found
+        if robot:
+            job = replace(job, robot=replace(job.robot, **robot))  # type: ignore[type-var]
+            found = replace(found, job=replace(found.job, robot=job.robot))
+        return twin_of_image(job, found, self.image, settings or Settings())
+
+
+@cache
+def walking(way: str, gait: str = "tripod", height: float = 130, extra: str = "") -> Firmware:
+    """Return the firmware of a walk along `way`, the rows of [walk] way."""
+    text = (JOBS / "hexapod-tripod.toml").read_text()
+    text = re.sub(r"way = .*", f"way = [{way}]\nbody_height_mm = {height:g}", text)
+    text = text.replace('gait = "tripod"', f'gait = "{gait}"')
+    text = text.replace("[firmware]", "[firmware]\nsoft_start_s = 0.3")
+    return firmware(text + extra)
+
+
+def firmware(text: str) -> Firmware:
+    """Return the firmware of a job's text."""
+    job = plan_job(loads(text, str(JOBS / "test.toml")))
+    found = planned(job)
+    return Firmware(job, found, found.make(job.firmware.dialect).compilation.image)
+
+
+AHEAD = "{ forward_mm = 40, cycles = 2 }"
+SUPPLIED = "\n[supply]\nvoltage_v = 5.0\nresistance_ohm = 0.1\n"
