@@ -114,7 +114,6 @@ class Singularity:
 
     rank: int
     full_rank: int
-    singular_values: tuple[float, ...]
     lost: tuple[tuple[float, ...], ...]
     idle: tuple[tuple[float, ...], ...]
 
@@ -143,7 +142,6 @@ def singularity(arm: Arm, q: ArrayLike) -> Singularity:
     return Singularity(
         rank,
         full,
-        tuple(values.tolist()),
         tuple(tuple(missing[:, index].tolist()) for index in order),
         tuple(tuple(row.tolist()) for row in right[rank:]),
     )

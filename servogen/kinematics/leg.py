@@ -40,14 +40,13 @@ REACH_TOLERANCE_M = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Stance:
-    """A planned stance, sample by sample: joint angles, where the foot is, where it should be.
+    """A planned stance, sample by sample: joint angles, and where the foot is.
 
-    `correction_m` = wanted - foot, shape (n, 3): what the passive spring joint E' must give.
+    `correction_m` (n, 3) leads from there to where it should be: what the passive spring joint E' gives.
     """
 
     alpha: Floats
     beta: Floats
-    wanted_m: Floats
     foot_m: Floats
     correction_m: Floats
 
@@ -207,7 +206,7 @@ class Leg:
         angles = self.at_height(path)[:, 0 if beta_sign == 1 else 1, :]
         alpha = np.unwrap(angles[:, 0])
         foot = self.fk(alpha, angles[:, 1])
-        return Stance(alpha, angles[:, 1], path, foot, path - foot)
+        return Stance(alpha, angles[:, 1], foot, path - foot)
 
     def torque(self, beta: ArrayLike, force_n: ArrayLike) -> Floats:
         """Return the static torque on joint B, in N·m, under a vertical force at the foot: F l_BC sin β."""

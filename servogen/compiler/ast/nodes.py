@@ -337,4 +337,3 @@ class Program:
     asm: list[Asm]
     """Assembly at file level."""
     eeprom: dict[int, int]
-    config_words: list[tuple[str, str, Location]]

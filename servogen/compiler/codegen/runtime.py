@@ -8,7 +8,6 @@ function.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from servogen.compiler.ast.nodes import Symbol
 from servogen.compiler.ast.types import U8, U16, U24, U32, IntType
@@ -342,11 +341,6 @@ def getchar(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> 
 def build(kind: str, key: tuple[int, ...], function: Function, library: Library) -> None:
     """Fill `function` with the instructions of a routine."""
     _BUILDERS[kind](InstructionBuilder(function), key, library)
-
-
-def with_result(function: Function, name: str) -> Function:
-    """Return the same routine with another of its variables as the result."""
-    return replace(function, result=next(each for each in function.own if each.name == name))
 
 
 def _flash_read(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:

@@ -79,7 +79,7 @@ class Analyser:
         self.serial_settings = serial_settings
         self.asm_blocks = asm_blocks
         self.scopes = Scopes(lower_case=True)
-        self.program = Program({}, [], [], {}, [])
+        self.program = Program({}, [], [], {})
         self.function: FunctionDefinition | None = None
         self.body = Body()
         self.strings: dict[tuple[int, ...], Symbol] = {}

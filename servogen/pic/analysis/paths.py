@@ -10,7 +10,7 @@ turn by turn, until an address has `MAX_STATES` of them; from then on they are j
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from servogen.pic.analysis import values
@@ -492,11 +492,6 @@ def _low_byte(state: State, word: Word, at: int) -> Value:
 def explore(words: Mapping[int, int]) -> Paths:
     """Return what the paths of a program do."""
     return Explorer(words).explore()
-
-
-def places_text(places: Iterable[Place], names: Mapping[int, str]) -> str:
-    """Return places as a reader knows them: variables by name, registers and flags by theirs."""
-    return ", ".join(place_text(place, names) for place in sorted(places))
 
 
 _NAMES = {

@@ -10,7 +10,7 @@ to the register whose value at the interrupt it holds, and whether its nibbles a
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -56,14 +56,6 @@ def bits(places: Iterable[Place]) -> int:
     for place in places:
         found |= bit(place)
     return found
-
-
-def places_in(bit_set: int) -> Iterator[Place]:
-    """Yield the places in a bit set."""
-    while bit_set:
-        lowest = bit_set & -bit_set
-        yield lowest.bit_length() - 1 - _FIRST_BIT
-        bit_set ^= lowest
 
 
 @dataclass(slots=True)
