@@ -16,7 +16,7 @@ from servogen.pic.image import Image
 from servogen.prove.prover import Proof
 from servogen.prove.transitions import Transitions
 from servogen.pulse import PulseSchedule
-from servogen.simulator import unknown
+from servogen.simulator import layout
 from servogen.simulator.abstract import BASE, CELL_MASK_SHIFT, CELL_PHASED, FIELD
 from servogen.simulator.layout import NEVER
 
@@ -81,7 +81,7 @@ def _row(transitions: Transitions, number: int) -> dict[str, int]:
 
     def cell(value: str, mask: str) -> int:
         bits = get(mask)
-        if bits == unknown.PHASED:
+        if bits == layout.PHASED:
             return get(value) | CELL_PHASED
         return get(value) & ~bits & 0xFF | (bits & 0xFF) << CELL_MASK_SHIFT
 

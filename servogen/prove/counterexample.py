@@ -18,10 +18,10 @@ from servogen.prove.specification import BEFORE, START_FRAMES, Edge, Specificati
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Levels, Machine, Options, Stimuli
 from servogen.simulator.abstract import Choice
+from servogen.simulator.layout import INTF, RBIF
 from servogen.simulator.options import START_VALUES
 from servogen.simulator.resets import FETCH
 from servogen.simulator.sources import Reset, Source
-from servogen.simulator.unknown import INTF, RBIF
 
 RB0, RB7 = PINS.index("RB0"), PINS.index("RB7")
 

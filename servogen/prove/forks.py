@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from servogen.pic.image import Image
 from servogen.pic.isa import Decoded, decode
-from servogen.simulator import unknown
+from servogen.simulator import layout
 from servogen.simulator.abstract import CELL_MASK_SHIFT, CELL_PHASED, FIELD, ChipState, Choice, Use
 
 INDF, TMR0, PCL, STATUS, FSR, PORTA, PORTB, EEDATA, EEADR, INTCON = 0, 1, 2, 3, 4, 5, 6, 8, 9, 0x0B
@@ -112,22 +112,22 @@ def ways_of(program: Program, state: ChipState, use: Use, chosen: Choices) -> li
     """
     if len(chosen) >= MAX_CHOICES:
         return None
-    if use.kind == unknown.USE_INTERRUPT and use.subject & unknown.T0IF and state["T0_UNKNOWN"]:
+    if use.kind == layout.USE_INTERRUPT and use.subject & layout.T0IF and state["T0_UNKNOWN"]:
         return None
-    if use.kind == unknown.USE_INTERRUPT:
+    if use.kind == layout.USE_INTERRUPT:
         flags = [1 << bit for bit in range(3) if use.subject >> bit & 1]
         ways = [Choice(field, flag, flag) for flag in flags for field in ("INTCON", "INTCON_LATE")]
         return [(*chosen, way) for way in (Choice("INTCON", use.subject, 0), *ways)]
     decoded = program.at(state["PC"])
-    if decoded is None or use.kind == unknown.USE_WAKE:
+    if decoded is None or use.kind == layout.USE_WAKE:
         return None
     for field in _operands(decoded, state, use):
         mask = _unknown_mask(state, field) & ~sum(each.bits for each in chosen if each.field == field)
-        if use.kind == unknown.USE_SKIP and "b" in decoded.instruction.operands:
+        if use.kind == layout.USE_SKIP and "b" in decoded.instruction.operands:
             mask &= _bit_of(decoded, field)
         if not mask:
             continue
-        if decoded.instruction.writes and field.startswith("0x") and use.kind == unknown.USE_SKIP:
+        if decoded.instruction.writes and field.startswith("0x") and use.kind == layout.USE_SKIP:
             return _counted(decoded, state, field, chosen)
         bit = mask & -mask
         return [(*chosen, Choice(field, bit, value)) for value in (0, bit)]
@@ -141,7 +141,7 @@ def _bit_of(decoded: Decoded, field: str) -> int:
 
 def _operands(decoded: Decoded, state: ChipState, use: Use) -> list[str]:
     """Return the fields that an instruction depends on, the most likely first."""
-    if use.kind == unknown.USE_POINTER:
+    if use.kind == layout.USE_POINTER:
         return ["FSR"]
     row = decoded.instruction
     found = []

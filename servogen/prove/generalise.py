@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from servogen.prove.transitions import Ram, Transitions, applied
-from servogen.simulator import unknown
+from servogen.simulator import layout
 from servogen.simulator.abstract import (
     ALL_UNKNOWN,
     BASE,
@@ -126,12 +126,12 @@ class Generaliser:
             put(PRESCALER=get("PRESCALER") & ~idle, PRESCALER_UNKNOWN=get("PRESCALER_UNKNOWN") | idle)
         if guess.phased is not None and quiet and not get("T0_UNKNOWN") and not get("OPTION") & T0CS:
             timer = get("T0_VALUE")
-            put(T0_VALUE=0, T0_UNKNOWN=unknown.PHASED, T0_FLAGGED=-1)
+            put(T0_VALUE=0, T0_UNKNOWN=layout.PHASED, T0_FLAGGED=-1)
         moved = 0
-        if get("T0_UNKNOWN") == unknown.PHASED:
+        if get("T0_UNKNOWN") == layout.PHASED:
             moved = get("T0_VALUE")
             for name in ("W", "FSR", "EEDATA", "EEADR"):
-                if get(f"{name}_UNKNOWN") == unknown.PHASED:
+                if get(f"{name}_UNKNOWN") == layout.PHASED:
                     put(**{name: get(name) - moved & 0xFF})
             put(T0_VALUE=0)
             if quiet:

@@ -109,12 +109,6 @@ class ChipState:
     def __getitem__(self, field: str) -> int:
         return self.rest[FIELD[field]]
 
-    def with_fields(self, **fields: int) -> ChipState:
-        rest = list(self.rest)
-        for name, value in fields.items():
-            rest[FIELD[name]] = value
-        return ChipState(self.ram, tuple(rest))
-
 
 @dataclass(frozen=True, slots=True)
 class Choice:
@@ -218,7 +212,7 @@ class AbstractChip:
         s[at.EXT_MASK] = sum(1 << pin for pin in held)
         s[at.PINS] = s[at.EXT_LEVEL] = sum(level << pin for pin, level in held.items())
         s[at.PINS_UNKNOWN] = ((1 << len(PINS)) - 1) & ~int(s[at.EXT_MASK])
-        s[at.INTCON_UNKNOWN] |= unknown.T0IF
+        s[at.INTCON_UNKNOWN] |= at.T0IF
         s[at.T0_PHASE] = 0
         if s[at.WDT_PERIOD]:
             if not any_watchdog:
@@ -247,8 +241,8 @@ class AbstractChip:
                 s[_MASK_OF[name]] &= ~BITS_OF[name][1] & 0x1FFF
         differs = int(s[at.PINS] ^ s[at.RB_OLD]) & ~int(s[at.PINS_UNKNOWN] | s[at.RB_OLD_UNKNOWN])
         if differs & RB4_TO_7:
-            s[at.INTCON] |= unknown.RBIF
-            s[at.INTCON_UNKNOWN] &= ~unknown.RBIF
+            s[at.INTCON] |= at.RBIF
+            s[at.INTCON_UNKNOWN] &= ~at.RBIF
         return self._canonical()
 
     def after_reset(self, written: Set[int]) -> ChipState:
@@ -299,7 +293,7 @@ class AbstractChip:
             held = [self._hold(choice) for choice in choices]
             self._call(self._plain, BASE + 1, BASE)
             steered = any(choice.steer for choice in choices)
-            if steered or s[at.USE_KIND] == unknown.USE_INTERRUPT:
+            if steered or s[at.USE_KIND] == at.USE_INTERRUPT:
                 s[at.USE_KIND] = 0  # the way is chosen; an interrupt in doubt is looked at after each step
             if s[at.USE_KIND]:
                 return
@@ -343,7 +337,7 @@ class AbstractChip:
         s[:] = self._template
         cells = np.array(state.ram, dtype=np.int64)
         masks = cells >> CELL_MASK_SHIFT & 0xFF
-        masks[cells >= CELL_PHASED] = unknown.PHASED
+        masks[cells >= CELL_PHASED] = at.PHASED
         s[_RAM] = cells & 0xFF | masks << at.UNKNOWN_SHIFT | at.NOT_WRITTEN
         s[_REST] = state.rest
         s[at.CYCLE] = BASE
@@ -366,15 +360,15 @@ class AbstractChip:
     def _interrupt_in_doubt(self) -> Use | None:
         """Return a use if an interrupt may come now, or not: pins change without an instruction."""
         intcon = int(self._s[at.INTCON])
-        if not intcon & unknown.GIE or self._s[at.SLEEPING]:
+        if not intcon & at.GIE or self._s[at.SLEEPING]:
             return None
         doubtful = int(self._s[at.INTCON_UNKNOWN])
         enabled = intcon >> 3 & 7
-        if intcon & unknown.T0IE and self._s[at.T0_UNKNOWN]:
-            doubtful |= unknown.T0IF  # it may overflow in any cycle from now on
+        if intcon & at.T0IE and self._s[at.T0_UNKNOWN]:
+            doubtful |= at.T0IF  # it may overflow in any cycle from now on
         if enabled & intcon & ~doubtful or not enabled & doubtful:
             return None
-        return Use(unknown.USE_INTERRUPT, enabled & doubtful, int(self._s[at.PC]) & 0x3FF)
+        return Use(at.USE_INTERRUPT, enabled & doubtful, int(self._s[at.PC]) & 0x3FF)
 
     def _hold(self, choice: Choice) -> int:
         """Make a choice's bits known and return what `_release` needs."""
@@ -401,7 +395,7 @@ class AbstractChip:
             s[mask_slot] = mask & ~choice.bits
         intcon = int(s[at.INTCON])
         requested = intcon >> 3 & choice.value & 7
-        if choice.field == "INTCON" and requested and intcon & unknown.GIE:
+        if choice.field == "INTCON" and requested and intcon & at.GIE:
             s[at.IRQ_AT] = min(int(s[at.IRQ_AT]), BASE)
         return before
 
@@ -413,7 +407,7 @@ class AbstractChip:
         elif choice.field == "INTCON_LATE":
             s[at.INTCON] |= choice.bits
             s[at.INTCON_UNKNOWN] &= ~choice.bits
-            if s[at.INTCON] & unknown.GIE:
+            if s[at.INTCON] & at.GIE:
                 s[at.IRQ_AT] = min(int(s[at.IRQ_AT]), BASE + 1)
         elif choice.field == "PINS":
             again = choice.bits & ~int(s[at.DRIVEN])
@@ -432,11 +426,11 @@ class AbstractChip:
         known = int(s[at.INTCON]) & ~int(s[at.INTCON_UNKNOWN])
         doubtful = 0
         if pins & RB0:
-            doubtful |= unknown.INTF
+            doubtful |= at.INTF
         if pins & int(s[at.TRIS]) & RB4_TO_7:
-            doubtful |= unknown.RBIF
-        if pins & RA4 and s[at.OPTION] & unknown.T0CS:
-            doubtful |= unknown.T0IF
+            doubtful |= at.RBIF
+        if pins & RA4 and s[at.OPTION] & at.T0CS:
+            doubtful |= at.T0IF
             s[at.T0_UNKNOWN] = 0xFF
         s[at.INTCON_UNKNOWN] |= doubtful & ~known
 
@@ -503,7 +497,7 @@ class AbstractChip:
             s[value] &= ~int(s[mask])
         s[at.RB_OLD] &= RB4_TO_7
         for value, mask in _BYTES:
-            if s[mask] != unknown.PHASED:
+            if s[mask] != at.PHASED:
                 s[mask] &= 0xFF
                 s[value] &= ~int(s[mask])
         s[at.PRESCALER] &= ~int(s[at.PRESCALER_UNKNOWN])  # only high bits, or all: a carry goes upward
@@ -513,7 +507,7 @@ class AbstractChip:
     def _cells(self) -> tuple[int, ...]:
         ram = self._s[_RAM]
         masks = ram >> at.UNKNOWN_SHIFT & 0xFFFF
-        phased = masks == unknown.PHASED
+        phased = masks == at.PHASED
         masks &= 0xFF
         cells = ram & 0xFF & ~masks | masks << CELL_MASK_SHIFT
         if phased.any():

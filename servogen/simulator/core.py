@@ -45,6 +45,10 @@ from servogen.simulator.layout import (
     TRACE_FULL,
     TRACE_ROOM,
     UNKNOWN_SHIFT,
+    USE_BANK,
+    USE_JUMP,
+    USE_POINTER,
+    USE_SKIP,
     W_UNKNOWN,
     WARN_ERASED,
     WARN_UNDEFINED,
@@ -57,18 +61,7 @@ from servogen.simulator.registers import read_register, write_option, write_regi
 from servogen.simulator.resets import PD, TO
 from servogen.simulator.stack import pop, push
 from servogen.simulator.timer import settle_counters, t0_advance, t0_news_at, t0_runs, t0_sync, wdt_clear
-from servogen.simulator.unknown import (
-    USE_BANK,
-    USE_JUMP,
-    USE_POINTER,
-    USE_SKIP,
-    doubt,
-    doubt_sleep,
-    propagate,
-    use,
-    without,
-    written_status,
-)
+from servogen.simulator.unknown import doubt, doubt_sleep, propagate, use, without, written_status
 from servogen.simulator.warn import warn
 
 ADDWF, ANDWF, CLRF, CLRW = OPS["ADDWF"], OPS["ANDWF"], OPS["CLRF"], OPS["CLRW"]

@@ -23,10 +23,14 @@ from servogen.simulator.layout import (
     EEDATA_UNKNOWN,
     EEPROM,
     NEVER,
+    SOURCE_EEADR,
+    SOURCE_NO_CELL,
+    USE_EEPROM,
+    USE_REGISTER,
     WARN_EE_ADDRESS,
     WARN_EE_SEQUENCE,
 )
-from servogen.simulator.unknown import SOURCE_EEADR, SOURCE_NO_CELL, USE_EEPROM, USE_REGISTER, use
+from servogen.simulator.unknown import use
 from servogen.simulator.warn import warn
 
 RD, WR, WREN, WRERR = 0x01, 0x02, 0x04, 0x08

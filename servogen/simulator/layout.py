@@ -136,6 +136,7 @@ GLITCH = 10
 as short."""
 
 T0CS, T0SE, PSA, PS = 0x20, 0x10, 0x08, 0x07  # of OPTION_REG: DS35007 section 2.3.2
+GIE, T0IE, T0IF, INTF, RBIF = 0x80, 0x20, 0x04, 0x02, 0x01  # of INTCON: DS35007 section 2.3.3
 
 # Edges and stimuli travel as cycle << 8 | pin << 2 | level.
 PACK_CYCLE, PACK_PIN, PACK_LEVELS = 8, 2, 3
@@ -165,3 +166,26 @@ GOES_ON, AT_END, EDGES_FULL, AT_BREAKPOINT, NEEDS_STIMULUS, TRACE_FULL = range(6
     WARN_EE_ADDRESS,
     WARN_WATCHDOG,
 ) = range(9)
+
+# Sources of unknown bits (unknown.py). 0x0C to 0x4F are the RAM bytes; pins are added to FLOATING_PIN and
+# UNWRITTEN_LATCH.
+SOURCE_W, SOURCE_FSR, SOURCE_FLAGS, SOURCE_TMR0, SOURCE_EEDATA, SOURCE_EEADR, SOURCE_WRERR = range(1, 8)
+SOURCE_RB_CHANGE, SOURCE_NO_CELL, SOURCE_PRESCALER = 8, 9, 10
+FLOATING_PIN, UNWRITTEN_LATCH = 0x50, 0x60
+SOURCE_PHASE = 0x70
+PHASED = 0xFF | SOURCE_PHASE << 8
+"""The unknown bits and source of a byte that is its value plus φ."""
+
+# Kinds of use of an unknown bit; what the subject is.
+(
+    USE_SKIP,
+    USE_JUMP,
+    USE_POINTER,
+    USE_OUTPUT,  # a pin
+    USE_DIRECTION,  # a port, 0 or 1
+    USE_BANK,
+    USE_REGISTER,  # an address
+    USE_EEPROM,
+    USE_INTERRUPT,  # a bit of INTCON
+    USE_WAKE,  # a bit of INTCON
+) = range(1, 11)

@@ -21,6 +21,7 @@ from servogen.simulator.layout import (
     EXT_LEVEL,
     EXT_MASK,
     FLOATING,
+    FLOATING_PIN,
     GLITCH,
     HERE,
     IN_RESET,
@@ -42,19 +43,14 @@ from servogen.simulator.layout import (
     T0SE,
     TRACKED,
     TRIS,
+    UNWRITTEN_LATCH,
+    USE_DIRECTION,
+    USE_OUTPUT,
     WARN_CONTENTION,
     WARN_DRIVEN_UNWRITTEN,
 )
 from servogen.simulator.timer import t0_runs
-from servogen.simulator.unknown import (
-    FLOATING_PIN,
-    UNWRITTEN_LATCH,
-    USE_DIRECTION,
-    USE_OUTPUT,
-    doubt,
-    flags_in_doubt,
-    use,
-)
+from servogen.simulator.unknown import doubt, flags_in_doubt, use
 from servogen.simulator.warn import warn, warn_of
 
 A, B = 0x001F, 0x1FE0

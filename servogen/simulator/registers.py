@@ -27,6 +27,7 @@ from servogen.simulator.layout import (
     T0_UNKNOWN,
     TRACKED,
     TRIS,
+    USE_REGISTER,
 )
 from servogen.simulator.ports import (
     B_SHIFT,
@@ -40,7 +41,7 @@ from servogen.simulator.ports import (
     unknown_of_port,
 )
 from servogen.simulator.timer import option_write, t0_read, t0_runs, t0_sync, t0_write
-from servogen.simulator.unknown import USE_REGISTER, doubt, flags_in_doubt, source_of_flag, use, wrerr_source
+from servogen.simulator.unknown import doubt, flags_in_doubt, source_of_flag, use, wrerr_source
 
 BANK_1 = 0x80
 

@@ -21,8 +21,7 @@ from servogen.pic.device import (
 )
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
-from servogen.simulator.options import Options
-from servogen.simulator.unknown import (
+from servogen.simulator.layout import (
     INTF,
     RBIF,
     SOURCE_EEADR,
@@ -33,6 +32,7 @@ from servogen.simulator.unknown import (
     SOURCE_W,
     T0IF,
 )
+from servogen.simulator.options import Options
 from servogen.units import Clock
 
 UNPROGRAMMED_CONFIG = 0x3FFF

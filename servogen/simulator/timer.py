@@ -28,6 +28,7 @@ from servogen.simulator.layout import (
     PS,
     PSA,
     SLEEPING,
+    SOURCE_PRESCALER,
     T0_AT,
     T0_FLAGGED,
     T0_HELD,
@@ -43,7 +44,7 @@ from servogen.simulator.layout import (
     WDT_PERIOD,
     WDT_SHORTEST,
 )
-from servogen.simulator.unknown import SOURCE_PRESCALER, timer_flag_in_doubt
+from servogen.simulator.unknown import timer_flag_in_doubt
 
 INHIBITED = 3
 """Cycles from a write of TMR0 to the cycle that counts as its anchor."""

@@ -6,9 +6,9 @@ EEDATA, EEADR, the bits C, DC, Z, WRERR and RBIF. A pin that nobody drives reads
 simulator gives all of these a value, and beside it a mask of the bits that could be otherwise. The mask
 follows the data through every instruction: a bit of a result is known if no choice of the unknown bits
 changes it, as far as one instruction shows. Copying unknown bits is harmless; what counts is a *use*, by
-which they reach the program's course, its timing or its pins (the kinds below). The first use is kept.
+which they reach the program's course, its timing or its pins (its kind: `layout`). The first use is kept.
 
-An unknown byte travels as one integer of 16 bits: the mask, and above it the source (below) of one of its
+An unknown byte travels as one integer of 16 bits: the mask, and above it the source (`layout`) of one of its
 unknown bits, for the message.
 
 One kind of unknown byte carries more: PHASED means that the byte is its value plus φ, modulo 256, where φ is
@@ -23,46 +23,35 @@ from servogen.simulator.compiled import Vector, compiled
 from servogen.simulator.layout import (
     CYCLE,
     EECON1_UNKNOWN,
+    FLOATING_PIN,
+    GIE,
     HERE,
     INTCON,
     INTCON_UNKNOWN,
+    INTF,
     OPTION,
+    PHASED,
     PRESCALER_UNKNOWN,
+    PSA,
     SLEEPING,
+    SOURCE_PHASE,
+    SOURCE_RB_CHANGE,
+    SOURCE_TMR0,
+    SOURCE_WRERR,
     T0_UNKNOWN,
+    T0CS,
+    T0IF,
     USE_CYCLE,
+    USE_INTERRUPT,
     USE_KIND,
     USE_PLACE,
     USE_SOURCE,
     USE_SUBJECT,
+    USE_WAKE,
 )
 from servogen.simulator.program import OPS
 
-# Sources. 0x0C to 0x4F are the RAM bytes; pins are added to FLOATING_PIN and UNWRITTEN_LATCH.
-SOURCE_W, SOURCE_FSR, SOURCE_FLAGS, SOURCE_TMR0, SOURCE_EEDATA, SOURCE_EEADR, SOURCE_WRERR = range(1, 8)
-SOURCE_RB_CHANGE, SOURCE_NO_CELL, SOURCE_PRESCALER = 8, 9, 10
-FLOATING_PIN, UNWRITTEN_LATCH = 0x50, 0x60
-SOURCE_PHASE = 0x70
-PHASED = 0xFF | SOURCE_PHASE << 8
-"""The unknown bits and source of a byte that is its value plus φ."""
-
-# Kinds of use; what the subject is.
-(
-    USE_SKIP,
-    USE_JUMP,
-    USE_POINTER,
-    USE_OUTPUT,  # a pin
-    USE_DIRECTION,  # a port, 0 or 1
-    USE_BANK,
-    USE_REGISTER,  # an address
-    USE_EEPROM,
-    USE_INTERRUPT,  # a bit of INTCON
-    USE_WAKE,  # a bit of INTCON
-) = range(1, 11)
-
 C, DC, Z, PD, TO = 0x01, 0x02, 0x04, 0x08, 0x10
-GIE, T0IE, T0IF, INTF, RBIF = 0x80, 0x20, 0x04, 0x02, 0x01
-T0CS, PSA = 0x20, 0x08
 
 _ADDWF, _ADDLW, _SUBWF, _SUBLW = OPS["ADDWF"], OPS["ADDLW"], OPS["SUBWF"], OPS["SUBLW"]
 _ANDWF, _ANDLW, _IORWF, _IORLW = OPS["ANDWF"], OPS["ANDLW"], OPS["IORWF"], OPS["IORLW"]

@@ -23,7 +23,6 @@ from servogen.pic.device import (
 )
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
-from servogen.simulator import unknown
 from servogen.simulator.layout import GLITCH
 from servogen.units import Clock
 
@@ -75,26 +74,26 @@ CHIP_DEPENDENT = frozenset(
 _OF_PINS = (at.WARN_DRIVEN_UNWRITTEN, at.WARN_CONTENTION)
 
 _USES = {
-    unknown.USE_SKIP: "a skip depends on it",
-    unknown.USE_JUMP: "a jump by PCL depends on it",
-    unknown.USE_POINTER: "FSR points by it",
-    unknown.USE_OUTPUT: "it is driven out of {pin}",
-    unknown.USE_DIRECTION: "a port's direction depends on it",
-    unknown.USE_BANK: "the bank of registers depends on it",
-    unknown.USE_REGISTER: "it is written to {register}",
-    unknown.USE_EEPROM: "it is written to the EEPROM",
-    unknown.USE_INTERRUPT: "an interrupt depends on it",
-    unknown.USE_WAKE: "the end of SLEEP depends on it",
+    at.USE_SKIP: "a skip depends on it",
+    at.USE_JUMP: "a jump by PCL depends on it",
+    at.USE_POINTER: "FSR points by it",
+    at.USE_OUTPUT: "it is driven out of {pin}",
+    at.USE_DIRECTION: "a port's direction depends on it",
+    at.USE_BANK: "the bank of registers depends on it",
+    at.USE_REGISTER: "it is written to {register}",
+    at.USE_EEPROM: "it is written to the EEPROM",
+    at.USE_INTERRUPT: "an interrupt depends on it",
+    at.USE_WAKE: "the end of SLEEP depends on it",
 }
 _SOURCES = {
-    unknown.SOURCE_W: "W",
-    unknown.SOURCE_FSR: "FSR",
-    unknown.SOURCE_FLAGS: "C, DC or Z",
-    unknown.SOURCE_TMR0: "TMR0",
-    unknown.SOURCE_PHASE: "TMR0",
-    unknown.SOURCE_EEDATA: "EEDATA",
-    unknown.SOURCE_EEADR: "EEADR",
-    unknown.SOURCE_WRERR: "WRERR",
+    at.SOURCE_W: "W",
+    at.SOURCE_FSR: "FSR",
+    at.SOURCE_FLAGS: "C, DC or Z",
+    at.SOURCE_TMR0: "TMR0",
+    at.SOURCE_PHASE: "TMR0",
+    at.SOURCE_EEDATA: "EEDATA",
+    at.SOURCE_EEADR: "EEADR",
+    at.SOURCE_WRERR: "WRERR",
 }
 
 
@@ -146,8 +145,8 @@ def _first_use(s: npt.NDArray[np.int64]) -> list[Diagnostic]:
         return []
     subject = int(s[at.USE_SUBJECT])
     how = _USES[kind].format(
-        pin=PINS[subject] if kind == unknown.USE_OUTPUT else "",
-        register=_register(subject) if kind == unknown.USE_REGISTER else "",
+        pin=PINS[subject] if kind == at.USE_OUTPUT else "",
+        register=_register(subject) if kind == at.USE_REGISTER else "",
     )
     message = f"{_source(int(s[at.USE_SOURCE]))}, and {how}"
     where = _at(int(s[at.USE_CYCLE]), int(s[at.USE_PLACE]))
@@ -163,15 +162,15 @@ def _source(source: int) -> str:
     """Return a text that says what is unknown, and why."""
     if RAM_FIRST <= source <= RAM_LAST:
         return f"RAM 0x{source:02X} was not written since power-up"
-    if unknown.FLOATING_PIN <= source < unknown.FLOATING_PIN + len(PINS):
-        return f"{PINS[source - unknown.FLOATING_PIN]} is an input that nothing drives"
-    if unknown.UNWRITTEN_LATCH <= source < unknown.UNWRITTEN_LATCH + len(PINS):
-        return f"the latch of {PINS[source - unknown.UNWRITTEN_LATCH]} holds no known value yet"
-    if source == unknown.SOURCE_RB_CHANGE:
+    if at.FLOATING_PIN <= source < at.FLOATING_PIN + len(PINS):
+        return f"{PINS[source - at.FLOATING_PIN]} is an input that nothing drives"
+    if at.UNWRITTEN_LATCH <= source < at.UNWRITTEN_LATCH + len(PINS):
+        return f"the latch of {PINS[source - at.UNWRITTEN_LATCH]} holds no known value yet"
+    if source == at.SOURCE_RB_CHANGE:
         return "RBIF compares RB4 to RB7 with a reading of port B that was never made, or with a floating pin"
-    if source == unknown.SOURCE_NO_CELL:
+    if source == at.SOURCE_NO_CELL:
         return "EEADR lies beyond the EEPROM's end"
-    if source == unknown.SOURCE_PRESCALER:
+    if source == at.SOURCE_PRESCALER:
         return "the prescaler counted a pin that nothing drives"
     return f"{_SOURCES[source]} has no value at power-up"
 

@@ -27,7 +27,7 @@ from servogen.prove.specification import Edge, Specification, SpecState
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Change, Machine, Options, Recorded, State, Stimuli
 from servogen.simulator.abstract import FIELD
-from servogen.simulator.unknown import PHASED
+from servogen.simulator.layout import PHASED
 from tests.engines.player.player_jobs import built_text, job_text, sweep
 
 BUTTONS = 'start_pin = "RA4"\nstop_pin = "RB7"\n'

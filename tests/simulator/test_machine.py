@@ -174,6 +174,21 @@ def test_importing_the_simulator_loads_neither_numba_nor_numpy() -> None:
     assert done.stdout.split() == ["False", "False"]
 
 
+def test_a_compiled_simulator_runs_without_loading_numba() -> None:
+    """numba takes half a second to load, which is more than most runs of a program take."""
+    Machine(image("NOP"), CLOCK).run(1)  # compiles, if nothing is cached yet
+    code = (
+        "import sys; sys.modules['numba'] = None\n"
+        "from servogen.pic.assembler import assemble\n"
+        "from servogen.simulator import Machine\n"
+        "from servogen.units import Clock\n"
+        "machine = Machine(assemble('loop GOTO loop\\n END', 'x').image, Clock(4_000_000))\n"
+        "machine.run(100); print(machine.cycles, len(machine.state().warnings))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout.split() == ["100", "1"], done.stderr  # 50 GOTOs; there is no configuration word
+
+
 def test_names_are_what_they_are_after_their_modules_were_imported() -> None:
     import servogen.simulator as package
 

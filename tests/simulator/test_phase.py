@@ -13,7 +13,7 @@ import pytest
 from servogen.pic.device import RAM_FIRST
 from servogen.pic.isa import INSTRUCTIONS, encode
 from servogen.simulator import Machine, layout
-from servogen.simulator.unknown import PHASED
+from servogen.simulator.layout import PHASED
 from tests.simulator.helpers import CLOCK, image
 
 BYTES = range(RAM_FIRST, RAM_FIRST + 5)
