@@ -20,7 +20,7 @@ from servogen.engines.firmware import ResourceError
 from servogen.engines.player.arithmetic import ENTRIES, Whole, blended, weights
 from servogen.engines.player.encoding import Encoded, Rows, Scale, row_table, scale_of
 from servogen.engines.player.laws import SHAPES, table_of
-from servogen.engines.player.script import SILENT, STAY, STRAIGHT, Step, ordered, script, timing
+from servogen.engines.player.script import MOST_BYTES, SILENT, STAY, STRAIGHT, Step, ordered, script, timing
 from servogen.motion.trajectory import Floats
 
 LONGEST = 256
@@ -64,6 +64,13 @@ def poses_encoded(rows: Floats, marks: Sequence[int], loop_start: int, far: floa
     """
     whole = np.vstack((rows, rows[loop_start]))
     scale = scale_of(rows[~np.isnan(rows).any(axis=1)])
+    poses, moves = fewest(whole, far, near * (1 << scale.shift))
+    if poses * rows.shape[1] > MOST_BYTES or moves >= MOST_BYTES:
+        raise ResourceError(
+            "does-not-fit",
+            f"the motion needs {poses} or more poses and {moves} or more moves between them: "
+            f"the player's tables hold {MOST_BYTES // rows.shape[1]} and {MOST_BYTES - 1}",
+        )
     best: Encoded | None = None
     refused: ResourceError | None = None
     for laws in LAW_SETS:
@@ -81,6 +88,41 @@ def poses_encoded(rows: Floats, marks: Sequence[int], loop_start: int, far: floa
         assert refused is not None
         raise refused
     return best
+
+
+def fewest(rows: Floats, far: float, near: float) -> tuple[int, int]:
+    """Return lower bounds of the different poses and of the different moves between them, without a search.
+
+    Poses that are within `2 * near` cycles of each other may share a row. Counting stops where no table
+    holds more.
+    """
+    begins = np.flatnonzero(np.append(True, (rows[1:] != rows[:-1]).any(axis=1)))
+    held, lengths = rows[begins], np.diff(np.append(begins, len(rows)))
+    change = np.diff(held, axis=0)
+    before, after = change[:-1], change[1:]
+    # A law neither turns back nor rests between two jumps: a step must end in such a run of frames.
+    turns = ((before > 2 * far) & (after < -2 * far)) | ((before < -2 * far) & (after > 2 * far))
+    jumps = np.abs(change).max(axis=1, initial=0) > 4 * far
+    needed = turns.any(axis=1) | (jumps[:-1] & jumps[1:] & (lengths[1:-1] > 1))
+    poses = held[1:-1]
+    # A move that is made again may be in the script once, but its first time is a byte of its own.
+    both = needed[:-1] & needed[1:]
+    apart = 2 * (far + near)
+    return (
+        _far_apart(poses[needed], apart),
+        _far_apart(np.hstack((poses[:-1], poses[1:]))[both], apart),
+    )
+
+
+def _far_apart(points: Floats, apart: float) -> int:
+    """Return how many of the points lie more than `apart` from one another: some, up to a full table's."""
+    kept = points[:1]
+    for point in points[1:]:
+        if len(kept) > MOST_BYTES:
+            break
+        if np.abs(kept - point).max(axis=1).min() > apart:
+            kept = np.vstack((kept, point))
+    return len(kept)
 
 
 def _pieces(

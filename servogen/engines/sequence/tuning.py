@@ -15,13 +15,13 @@ import numpy as np
 from servogen.compiler import Compilation, Options
 from servogen.edges import EdgeChunk, EdgeTrace
 from servogen.engines.board import board_of
-from servogen.engines.firmware import Firmware, compiled_to_fit
+from servogen.engines.firmware import Firmware, ResourceError, compiled_to_fit
 from servogen.engines.sequence.overheads import Overheads, Path
 from servogen.engines.sequence.programs import Sequence
 from servogen.engines.sequence.rendering import render
 from servogen.engines.sequence.sequencing import sequence
 from servogen.errors import ServogenError
-from servogen.pic.device import Device
+from servogen.pic.device import PROGRAM_WORDS, Device
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Machine
 from servogen.units import Cycles
@@ -48,6 +48,14 @@ def tune(schedule: PulseSchedule, dialect: str, device: Device, title: str) -> F
     overheads = Overheads()
     for _ in range(ROUNDS):
         program = sequence(schedule, overheads)
+        steps = len(program.lead_in) + len(program.loop)
+        if steps > PROGRAM_WORDS:  # each is a call at least: refused before seconds of compiling
+            raise ResourceError(
+                "does-not-fit",
+                f"{title}: planned, but more than the sequence engine can hold: {steps} steps of one word or "
+                f"more each, the chip has {PROGRAM_WORDS}",
+                hint=SHORTER,
+            )
         file = f"main.{dialect}.c"
         text = render(program, dialect, device, title)
         options = Options(dialect=dialect, device=device)
