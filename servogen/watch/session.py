@@ -241,12 +241,23 @@ class Session:
             "interrupts": state.interrupts,
             "resets": dict(state.resets),
             "next": self._instruction(chip, state.pc),
+            "here": self._here(
+                chip, [state.pc, *(address - 1 for address in state.stack[: state.stack_depth])]
+            ),
             "executed": [
                 {"cycle": cycle, "w": w, **self._instruction(chip, address)} for cycle, address, w, _ in rows
             ],
             "warnings": [warning.sentence for warning in state.warnings],
             "outside": list(self.outside),
         }
+
+    def _here(self, chip: TimeMachine, addresses: list[int]) -> tuple[str, int] | None:
+        """Return the source line that runs: within a routine of the compiler, the one that called it."""
+        for address in addresses:
+            number = int(chip.line_ids[address % len(chip.line_ids)])
+            if number != NO_LINE:
+                return chip.lines[number]
+        return None
 
     def _instruction(self, chip: TimeMachine, address: int) -> Message:
         address %= len(chip.line_ids)

@@ -12,7 +12,7 @@ const SPEEDS = [[1e-5, "1/100 000"], [1e-4, "1/10 000"], [1e-3, "1/1000"], [1e-2
 
 let socket = null, model = null, robot = null, servos = null, waves = null, chip = null, hands = null, latest = null;
 let asked = 0, waiting = false, handPose = null;
-window.pictures = 0;   // painted so far, for whoever measures
+window.watched = { pictures: 0, latest: null };   // for whoever measures
 
 const send = message => { if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message)); };
 const editor = new Editor({ area: $("job"), name: $("job-name"), text: $("job-text"), lines: $("job-lines"), state: $("job-state"), problems: $("job-problems"), save: $("save"), build: $("build"), progress: $("build-progress"), download: $("download") }, send);
@@ -111,7 +111,7 @@ function ghost(cycle) {
 }
 
 function show(message) {
-  latest = { ...latest, ...message };
+  latest = window.watched.latest = { ...latest, ...message };
   if (servos) {
     const widths = widthsOf(message);
     if (!message.running) servos.jump(widths);
@@ -144,7 +144,7 @@ function picture() {
   painting = true;
   requestAnimationFrame(time => {
     painting = false;
-    window.pictures++;
+    window.watched.pictures++;
     const passed = Math.min(0.1, (time - painted) / 1000);
     painted = time;
     if (robot && servos && latest) {

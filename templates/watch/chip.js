@@ -48,14 +48,13 @@ export class ChipView {
     for (const [number, made] of this.pins) {
       made.dataset.level = levels[number];
       made.title = `${this.model.pins[number]}: ${LEVELS[levels[number]]}. Why?`;
-      made.setAttribute("aria-label", made.title);
     }
   }
   show(chip, cycle) {
     this.showRegisters(chip, cycle);
     this.showRam(chip);
     this.showInstructions(chip);
-    this.showSource(chip.next.file, chip.next.line);
+    this.showSource(...(chip.here || [null, null]));
     this.places.stack.textContent = chip.stack.length ? chip.stack.map(address => `0x${hex(address, 3)}`).join("  ") : "empty";
     this.places.eeprom.textContent = chip.eeprom.match(/../g).map((byte, index) => (index % 16 ? " " : index ? "\n" : "") + byte.toUpperCase()).join("");
     this.places.warnings.replaceChildren(...chip.warnings.map(text => element("li", {}, text)));

@@ -14,6 +14,7 @@ import tempfile
 import time
 import urllib.request
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +44,7 @@ class Browser:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
+        self._sockets = ExitStack()
         port_file = Path(self._profile.name) / "DevToolsActivePort"
         wait(lambda: port_file.exists() and port_file.read_text().count("\n") > 0)
         self._port = int(port_file.read_text().split()[0])
@@ -51,13 +53,15 @@ class Browser:
         request = urllib.request.Request(f"http://127.0.0.1:{self._port}/json/new?about:blank", method="PUT")
         with urllib.request.urlopen(request) as answer:
             made = json.load(answer)
-        page = Page(connect(made["webSocketDebuggerUrl"], max_size=None), made["id"])
+        socket = self._sockets.enter_context(connect(made["webSocketDebuggerUrl"], max_size=None, proxy=None))
+        page = Page(socket, made["id"])
         page.size(width, height)
         features = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
         page.call("Emulation.setEmulatedMedia", features=features)
         return page
 
     def close(self) -> None:
+        self._sockets.close()
         self._process.terminate()
         self._process.wait(10)
         self._profile.cleanup()
@@ -108,7 +112,7 @@ class Page:
         """Return what a script evaluates to."""
         found = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
         if "exceptionDetails" in found:
-            raise RuntimeError(f"{script}: {found['exceptionDetails']}")
+            raise RuntimeError(f"{script}: {found['exceptionDetails']['exception'].get('description')}")
         return found["result"].get("value")
 
     def until(self, script: str) -> Any:
@@ -116,15 +120,14 @@ class Page:
         found: list[Any] = []
 
         def true() -> bool:
-            found[:] = [self.run(script)]
+            found[:] = [self.run(f"typeof watched === 'undefined' ? false : ({script})")]
             return bool(found[0])
 
         try:
             wait(true)
         except TimeoutError as error:
-            raise TimeoutError(
-                f"{script}; {self.problems}; {self.run('document.body.innerText')[:600]}"
-            ) from error
+            said = self.run("document.getElementById('said')?.textContent")
+            raise TimeoutError(f"{script}; {self.problems}; {said}") from error
         return found[0]
 
     def click(self, selector: str) -> None:

@@ -2,79 +2,27 @@
 
 from __future__ import annotations
 
-import asyncio
 import http.client
 import json
-import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
 
 import pytest
 
 pytest.importorskip("websockets", reason="the extra 'watch' is not installed")
 
 from websockets.exceptions import InvalidStatus
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import ClientConnection
 
 from servogen.errors import InputError
-from servogen.watch.server import FILES, WatchServer
+from servogen.watch.server import FILES
 from servogen.watch.session import Session
 from servogen.watch.subject import Setting, Subject, load_subject
+from tests.watch.serving import Running
 
 ROOT = Path(__file__).parent.parent.parent
 HEX = ROOT / "firmware" / "lab8-exercise" / "main.hex"
-
-
-class Running:
-    """A server in a thread of its own."""
-
-    def __init__(self, load: Callable[[Callable[[str], None]], Subject]) -> None:
-        self.server = WatchServer(load)
-        self._loop = asyncio.new_event_loop()
-        ready = threading.Event()
-        self._task = self._loop.create_task(self.server.run(0, lambda url: ready.set()))
-        self._thread = threading.Thread(target=self._run)
-        self._thread.start()
-        assert ready.wait(10)
-        parts = urlsplit(self.server.url)
-        self.host, self.token = parts.netloc, parts.path.strip("/")
-
-    def _run(self) -> None:
-        asyncio.set_event_loop(self._loop)
-        try:
-            self._loop.run_until_complete(self._task)
-        except asyncio.CancelledError:
-            pass
-        finally:
-            self._loop.close()
-
-    def stop(self) -> None:
-        self._loop.call_soon_threadsafe(self._task.cancel)
-        self._thread.join(10)
-        assert not self._thread.is_alive()
-
-    def get(self, path: str, **headers: str) -> tuple[int, str, dict[str, str]]:
-        """Ask as a browser does that a person gave the address, unless `headers` say otherwise."""
-        connection = http.client.HTTPConnection(self.host, timeout=10)
-        asked = {"Host": self.host, "Sec-Fetch-Site": "none"} | headers
-        connection.putrequest("GET", path, skip_host=True, skip_accept_encoding=True)
-        for name, value in asked.items():
-            if value:
-                connection.putheader(name.replace("_", "-"), value)
-        connection.endheaders()
-        answer = connection.getresponse()
-        return answer.status, answer.read().decode(), dict(answer.getheaders())
-
-    def socket(self, token: str | None = None, **headers: str | None) -> ClientConnection:
-        """Open a socket as the page does."""
-        asked = {"Origin": f"http://{self.host}"} | headers
-        return connect(
-            f"ws://{self.host}/{self.token if token is None else token}/socket",
-            additional_headers={name: value for name, value in asked.items() if value},
-            proxy=None,
-        )
 
 
 def hex_subject(progress: Callable[[str], None]) -> Subject:

@@ -1,0 +1,63 @@
+"""The server of `servogen watch` in a thread of the tests."""
+
+from __future__ import annotations
+
+import asyncio
+import http.client
+import threading
+from urllib.parse import urlsplit
+
+from websockets.sync.client import ClientConnection, connect
+
+from servogen.watch.editing import Editor
+from servogen.watch.server import Load, WatchServer
+
+
+class Running:
+    """A server in a thread of its own."""
+
+    def __init__(self, load: Load, editor: Editor | None = None) -> None:
+        self.server = WatchServer(load, editor)
+        self._loop = asyncio.new_event_loop()
+        ready = threading.Event()
+        self._task = self._loop.create_task(self.server.run(0, lambda url: ready.set()))
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+        assert ready.wait(10)
+        parts = urlsplit(self.server.url)
+        self.host, self.token = parts.netloc, parts.path.strip("/")
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        try:
+            self._loop.run_until_complete(self._task)
+        except asyncio.CancelledError:
+            pass
+        finally:
+            self._loop.close()
+
+    def stop(self) -> None:
+        self._loop.call_soon_threadsafe(self._task.cancel)
+        self._thread.join(10)
+        assert not self._thread.is_alive()
+
+    def get(self, path: str, **headers: str) -> tuple[int, str, dict[str, str]]:
+        """Ask as a browser does that a person gave the address, unless `headers` say otherwise."""
+        connection = http.client.HTTPConnection(self.host, timeout=10)
+        asked = {"Host": self.host, "Sec-Fetch-Site": "none"} | headers
+        connection.putrequest("GET", path, skip_host=True, skip_accept_encoding=True)
+        for name, value in asked.items():
+            if value:
+                connection.putheader(name.replace("_", "-"), value)
+        connection.endheaders()
+        answer = connection.getresponse()
+        return answer.status, answer.read().decode(), dict(answer.getheaders())
+
+    def socket(self, token: str | None = None, **headers: str | None) -> ClientConnection:
+        """Open a socket as the page does."""
+        asked = {"Origin": f"http://{self.host}"} | headers
+        return connect(
+            f"ws://{self.host}/{self.token if token is None else token}/socket",
+            additional_headers={name: value for name, value in asked.items() if value},
+            proxy=None,
+        )

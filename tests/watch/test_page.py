@@ -1,0 +1,257 @@
+"""The ways of a beginner through the page, in a real browser; skipped where there is none."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("websockets", reason="the extra 'watch' is not installed")
+
+from servogen.programs import read_schedule
+from servogen.watch.editing import Editor
+from servogen.watch.subject import JOB_SUFFIX, Setting, load_subject
+from tests.watch.browser import Browser, Page, chromium
+from tests.watch.serving import Running
+
+PROGRAM = chromium()
+pytestmark = pytest.mark.skipif(PROGRAM is None, reason="there is no chromium here")
+
+ROOT = Path(__file__).parent.parent.parent
+LAB8 = ROOT / "jobs" / "lab8-exercise.toml"
+AXE = os.environ.get("SERVOGEN_AXE")
+"""The file axe.min.js of the npm package axe-core, where somebody has installed it."""
+
+Open = Callable[..., Page]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    assert PROGRAM is not None
+    started = Browser(PROGRAM)
+    yield started
+    started.close()
+
+
+@pytest.fixture
+def watch(browser: Browser) -> Iterator[Open]:
+    """Opens a file as `servogen watch` does; at the end nothing may have gone wrong in the page."""
+    running: list[Running] = []
+    pages: list[Page] = []
+
+    def opened(path: Path, schedule: Path | None = None, **size: int) -> Page:
+        setting = Setting(schedule=read_schedule(schedule) if schedule else None)
+        editor = Editor(path, setting) if path.suffix == JOB_SUFFIX else None
+        running.append(Running(lambda progress: load_subject(path, setting, progress), editor))
+        pages.append(browser.page(**size))
+        pages[-1].open(running[-1].server.url)
+        pages[-1].until("!document.getElementById('views').hidden && watched.latest")
+        return pages[-1]
+
+    yield opened
+    try:
+        for page, served in zip(pages, running, strict=True):
+            page.run("0")
+            assert page.problems == []
+            hosts = {address.split("/")[2] for address in page.requests if not address.startswith("data:")}
+            assert hosts <= {served.host, ""}
+            page.close()
+    finally:
+        for served in running:
+            served.stop()
+
+
+def go(page: Page, cycle: int) -> None:
+    move = f"m => {{ m.max = 1e9; m.value = {cycle}; m.dispatchEvent(new Event('input')); }}"
+    page.run(f"({move})(document.getElementById('moment'))")
+    page.until(f"Math.abs(watched.latest.cycle - {cycle}) < 3")
+
+
+def slide(page: Page, value: str) -> None:
+    """Move the first servo's slider."""
+    move = f"e => {{ e.value = {value}; e.dispatchEvent(new Event('input')); }}"
+    page.run(f"({move})(document.querySelector('#sliders input'))")
+
+
+def angles(page: Page) -> list[float]:
+    """The angles in degrees that the sliders say, which follow the pulses: of whole cycles, 0.18° each."""
+    return list(
+        page.run("[...document.querySelectorAll('#sliders output')].map(e => parseFloat(e.textContent))")
+    )
+
+
+def typed(page: Page, old: str, new: str) -> None:
+    """Select a text in the editor and type another over it."""
+    page.run(
+        f"(e => {{ const at = e.value.indexOf({json.dumps(old)}); e.focus();"
+        f" e.setSelectionRange(at, at + {len(old)}); }})(document.getElementById('job-text'))"
+    )
+    page.call("Input.insertText", text=new)
+
+
+def text(page: Page, selector: str) -> str:
+    return str(page.run(f"document.querySelector({json.dumps(selector)}).textContent"))
+
+
+def copy(path: Path, folder: Path) -> Path:
+    made = folder / path.name
+    made.write_text(path.read_text())
+    return made
+
+
+def test_lab_8_goes_to_30_90_and_120_and_a_change_to_150_is_built_and_proven(
+    watch: Open, tmp_path: Path
+) -> None:
+    job = copy(LAB8, tmp_path)
+    page = watch(job)
+    for second, angle in ((1, 30), (4, 90), (8, 120)):
+        go(page, second * 1_000_000)
+        assert angles(page) == [pytest.approx(angle, abs=0.19)]
+    typed(page, "arm_deg = 120", "arm_deg = 999")
+    assert "999" in page.until("document.querySelector('#job-problems .error')?.textContent")
+    assert page.run("document.getElementById('build').disabled")
+    assert text(page, "#job-lines .error").strip() == "19"
+    typed(page, "arm_deg = 999", "arm_deg = 150")
+    page.until("!document.getElementById('build').disabled")
+    page.click("#build")
+    page.until("document.getElementById('build-progress').dataset.proven === 'true'")
+    assert "proven over" in text(page, "#build-progress")
+    page.until("Math.abs(parseFloat(document.querySelector('#sliders output').textContent) - 150) < 0.19")
+    written = job.read_text()
+    assert "arm_deg = 150, hold_s = 3 }, # 150 frames" in written
+    assert written == LAB8.read_text().replace("arm_deg = 120", "arm_deg = 150")
+
+
+NO_TRIS = """\
+#pragma CLOCK_FREQ 4000000
+void main(void)
+{
+    while (1) {
+        set_bit(portb, 0);
+        delay_us(100);
+    }
+}
+"""
+
+
+def test_one_click_says_why_rb0_is_low_in_a_program_that_forgot_tris(watch: Open, tmp_path: Path) -> None:
+    program = tmp_path / "blink.c"
+    program.write_text(NO_TRIS)
+    page = watch(program)
+    go(page, 5000)
+    page.click("[title^='RB0']")
+    said = page.until("document.getElementById('explanation').textContent")
+    assert "RB0 is an input" in said and "has written 1 to RB0" in said and "never writes TRISB" in said
+
+
+def test_from_a_wrong_edge_a_step_back_leads_to_its_line(watch: Open, tmp_path: Path) -> None:
+    folder = ROOT / "firmware" / "lab8-exercise"
+    good = (folder / "main.c2c.c").read_text()
+    wrong = good.replace("delay_us(", "delay_us(1 + ", 1)
+    assert wrong != good
+    program = tmp_path / "wrong.c"
+    program.write_text(wrong)
+    page = watch(program, folder / "schedule.json")
+    assert "first difference at" in text(page, "#difference-text")
+    page.click("#difference")
+    difference = page.until("watched.latest.cycle > 100 && watched.latest.cycle")
+    assert "arm low" in page.until("document.querySelector('.line.here')?.textContent")  # it comes too late
+    page.click("#back-instruction")
+    page.until(f"watched.latest.cycle < {difference}")
+    assert "delay_us(1 + " in page.until("document.querySelector('.line.here')?.textContent")
+
+
+def test_the_emergency_stop_of_a_walking_hexapod_shows_in_the_frame(watch: Open, tmp_path: Path) -> None:
+    job = tmp_path / "stop.toml"
+    job.write_text(
+        (ROOT / "jobs" / "hexapod-tripod.toml").read_text() + 'stop_pin = "RA4"\nstop_pulses = "off"\n'
+    )
+    page = watch(job)
+    go(page, 3_000_000)
+    assert page.run("watched.latest.widths.filter(w => w).length") == 12
+    page.run("document.querySelector('#buttons .stop').dispatchEvent(new PointerEvent('pointerdown'))")
+    page.until("watched.latest.chip.outside[4] === 0")
+    for _ in range(8):
+        before = page.run("watched.latest.cycle")
+        page.click("#next-frame")
+        page.until(f"watched.latest.cycle > {before}")
+    assert page.run("watched.latest.widths.filter(w => w).length") == 0
+    assert "frame 1" in text(page, "#now")
+
+
+def test_three_poses_are_recorded_with_sliders_and_built(watch: Open, tmp_path: Path) -> None:
+    job = copy(LAB8, tmp_path)
+    page = watch(job)
+    for angle in (45, 60, 75):
+        slide(page, str(angle))
+        page.click("#record")
+        page.until(f"document.getElementById('job-text').value.includes('arm_deg = {angle},')")
+    page.until("!document.getElementById('build').disabled")
+    page.click("#build")
+    page.until("document.getElementById('build-progress').dataset.proven === 'true'")
+    lines = [
+        line.strip() for line in job.read_text().splitlines() if "arm_deg" in line and line.strip()[0] == "{"
+    ]
+    assert lines[2].endswith("# 150 frames")
+    assert lines[3:] == [f"{{ arm_deg = {angle}, hold_s = 1 }}," for angle in (45, 60, 75)]
+
+
+def test_a_slider_moves_the_simulated_chip_of_a_stream_job(watch: Open) -> None:
+    page = watch(ROOT / "jobs" / "stream-arm.toml")
+    go(page, 500_000)
+    before = page.run("watched.latest.widths[5]")
+    slide(page, "e.max")
+    go(page, 800_000)
+    assert page.run("watched.latest.widths[5]") == pytest.approx(2000, abs=8) != before
+
+
+def test_a_window_keeps_its_place_when_it_is_loaded_again(watch: Open) -> None:
+    page = watch(ROOT / "firmware" / "lab8-exercise" / "main.hex")
+    go(page, 77_000)
+    here = page.run("watched.latest.cycle")
+    page.call("Page.reload")
+    page.until(f"watched.latest?.cycle === {here}")
+
+
+def test_the_keyboard_alone_suffices(watch: Open) -> None:
+    page = watch(LAB8)
+    page.press("f")
+    page.until("watched.latest.cycle >= 20000")
+    page.press("n")
+    page.until("watched.latest.cycle % 20000 !== 0")
+    page.press(" ")
+    page.until("watched.latest.running")
+    page.press(" ")
+    page.until("!watched.latest.running")
+    reached = []
+    for _ in range(70):
+        page.press("Tab")
+        reached.append(
+            page.run("document.activeElement.id || document.activeElement.getAttribute('aria-label')")
+        )
+    controls = page.run(
+        "[...document.querySelectorAll('button, select, input, textarea, canvas')]"
+        ".filter(e => e.offsetParent && !e.disabled)"
+        ".map(e => e.id || e.getAttribute('aria-label')).filter(Boolean)"
+    )
+    assert set(controls) <= set(reached)
+
+
+@pytest.mark.parametrize("job", ["lab8-exercise", "hexapod-tripod"])
+def test_a_narrow_page_does_not_scroll_sideways(watch: Open, job: str) -> None:
+    page = watch(ROOT / "jobs" / f"{job}.toml", width=390, height=844)
+    assert page.run("document.documentElement.scrollWidth") <= 390
+
+
+@pytest.mark.skipif(AXE is None, reason="SERVOGEN_AXE does not name axe.min.js")
+def test_axe_finds_nothing(watch: Open) -> None:
+    page = watch(LAB8)
+    assert AXE is not None
+    page.run(Path(AXE).read_text() + "; 0")
+    found = page.run(
+        "axe.run().then(r => r.violations.map(v => v.id + ': ' + v.nodes.map(n => n.target).join(' ')))"
+    )
+    assert found == []
