@@ -19,6 +19,11 @@ class Fatal(Exception):
     """Raised inside the compiler to abandon a construct whose error has been reported."""
 
 
+def is_own_file(place: Location) -> bool:
+    """Return whether a location is in a file of the compiler's own, such as `<string.h>`."""
+    return place.file is not None and place.file.startswith("<")
+
+
 class Reporter:
     """Collects diagnostics and keeps the text of each source file."""
 
@@ -54,7 +59,8 @@ class Reporter:
             raise self.failure()
 
     def warn(self, code: str, message: str, place: Location, hint: str | None = None) -> None:
-        self._add("warning", code, message, place, hint)
+        if not is_own_file(place):
+            self._add("warning", code, message, place, hint)
 
     def fatal(self, code: str, message: str, place: Location, hint: str | None = None) -> Fatal:
         """Report an error; the caller raises the exception that is returned."""

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
+import servogen.compiler.library as library
 from servogen.compiler.codegen.loop_counters import simplify_counters
 from servogen.compiler.codegen.program import ProgramGenerator
 from servogen.compiler.codegen.startup import RESET, arrange
@@ -97,7 +99,18 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
         for pragma in found.pragmas:
             settings.pragma(pragma)
     clock = settings.clock(all_macros, options.clock_hz)
-    analysis = analyse(files, options.dialect, reporter, blocks, settings, clock)
+    numbers = count(len(files))
+    analysis = analyse(
+        files,
+        options.dialect,
+        reporter,
+        blocks,
+        settings,
+        clock,
+        lambda name: _read(
+            Source(library.source(name), f"<{name}>"), options, reporter, blocks, next(numbers)
+        ),
+    )
     reporter.stop_on_error()
     graph = call_graph(analysis.program)
     check_calls(graph, reporter)
@@ -130,6 +143,7 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
         {word.address: word.value for word in layout.words},
         settings.config_word(clock),
         analysis.program.eeprom,
+        analysis.program.ids,
     )
     in_main = reached(functions, arrangement.roots[:1])
     times = function_times(layout, functions, main=in_main, interrupt=in_interrupt)

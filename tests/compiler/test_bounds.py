@@ -153,3 +153,13 @@ def test_what_the_chip_holds_is_not_refused() -> None:
         "/*" + "x" * 100_000 + "*/\n" + tables + "char i;\nvoid main(void) {" + uses + "RB0 = 1;" * 300 + "}"
     )
     assert compile_sources([Source(text, "main.c")]).words > 900
+
+
+def test_no_more_functions_have_numbers_than_a_byte_counts() -> None:
+    functions = "".join(f"void f{number}(void) {{ PORTA = 1; }}\n" for number in range(256))
+    uses = "".join(f"p = f{number};" for number in range(256))
+    text = f"#include <xc.h>\n{functions}void (*p)(void);\nvoid main(void) {{ {uses} }}"
+    with pytest.raises(CompileError) as caught:
+        compile_sources([Source(text, "many.c")], Options(dialect="xc8"))
+    messages = [each.message for each in caught.value.diagnostics if each.severity == "error"]
+    assert messages == ["more than 255 functions have their addresses taken"]

@@ -18,7 +18,7 @@ class Symbol:
     name: str
     type: CType
     kind: str
-    """ "global", "local", "param", "result", "temp", "fixed" (at `address`) or "flash"."""
+    """ "global", "local", "param", "result", "temp", "fixed" (at `address`), "flash" or "eeprom"."""
     place: Location = field(default_factory=Location)
     function: str | None = None
     address: int | None = None
@@ -202,6 +202,25 @@ class Builtin:
     data: object = None
 
 
+@dataclass(slots=True)
+class WideField:
+    """A bit-field of 9 to 15 bits: the low `width` bits of two bytes. The semantic analysis replaces it."""
+
+    container: Ref | Deref
+    width: int
+    type: CType
+    place: Location
+
+
+@dataclass(slots=True)
+class EepromObject:
+    """A variable in the EEPROM, or a part of one. The semantic analysis replaces it by reads and writes."""
+
+    address: Expr
+    type: CType
+    place: Location
+
+
 class ConstNum(Num):
     """The known value of a const object: a number that remembers its location, so that `&` works."""
 
@@ -227,6 +246,8 @@ Expr = (
     | Update
     | Call
     | Builtin
+    | WideField
+    | EepromObject
 )
 
 
@@ -321,6 +342,8 @@ class FunctionDefinition:
     place: Location
     body: Block | None = None
     interrupt: bool = False
+    naked: bool = False
+    """Its body is assembly that returns by itself: no code is added before or after it."""
     prototyped: bool = True
     static: bool = False
     locals: list[Symbol] = field(default_factory=list)
@@ -337,3 +360,5 @@ class Program:
     asm: list[Asm]
     """Assembly at file level."""
     eeprom: dict[int, int]
+    ids: dict[int, int] = field(default_factory=dict)
+    """The user's ID words, by number."""

@@ -1,6 +1,6 @@
-"""The operations of the chip and the library that a dialect offers as built-in functions.
+"""The operations of the chip and the library that a program calls by a built-in function's name.
 
-In: built-in operations of the typed tree. Out: instructions; a result of one byte is left in W.
+In: `Builtin` nodes. Out: instructions, delays, calls of library routines; a result is in W.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ from servogen.compiler.codegen.calls import library_call
 from servogen.compiler.codegen.generator import FunctionGenerator
 from servogen.compiler.codegen.operands import operands_of
 from servogen.compiler.codegen.operators import to_w
+from servogen.compiler.ir.instruction import PCL, PCLATH
+from servogen.errors import Location
 
 
 def builtin(gen: FunctionGenerator, expr: Builtin) -> None:
@@ -20,6 +22,12 @@ def builtin(gen: FunctionGenerator, expr: Builtin) -> None:
         case "delay":
             assert isinstance(expr.data, int)
             gen.delay(expr.data)
+        case "delay_watched":
+            assert isinstance(expr.data, tuple)
+            watched_delay(gen, *expr.data)
+        case "restart":
+            gen.emit("CLRF", PCLATH, fixed=True)
+            gen.emit("CLRF", PCL, fixed=True)
         case "delay_variable":
             assert isinstance(expr.data, int)
             function = gen.library("delay", (expr.data,))
@@ -35,3 +43,47 @@ def builtin(gen: FunctionGenerator, expr: Builtin) -> None:
             function = gen.library(expr.name, tuple(int(each) for each in data))
             operands = [operands_of(gen, each, 1) for each in expr.arguments]
             library_call(gen, function, operands)
+
+
+_LOOP_CYCLES = 4
+"""Of one round of a watched delay, beside the delay in it: CLRWDT, DECFSZ and GOTO."""
+MAX_CARRY_CYCLES = 8
+"""What a watched delay takes at most between two CLRWDT, beside the delay itself."""
+
+
+def watched_delay(gen: FunctionGenerator, cycles: int, unwatched: int) -> None:
+    """Emit a delay of so many cycles that clears the watchdog at its start, and again after at most
+    `unwatched` cycles.
+
+    The rounds are counted in two bytes. A round takes 4 cycles beside its delay, 2 more where the low byte
+    reaches 0, and the last one 1 more.
+    """
+    if cycles <= max(unwatched, MAX_CARRY_CYCLES):
+        if cycles:
+            gen.emit("CLRWDT", fixed=True)
+            gen.delay(cycles - 1)
+        return
+    wait = max(unwatched // 2 - MAX_CARRY_CYCLES, 1)
+    rounds = (cycles - 6) * 128 // ((wait + _LOOP_CYCLES) * 128 + 1)  # 2 cycles more in each 256th round
+    if rounds > 0xFFFF:
+        text = (
+            f"a delay of {cycles} cycles would have to clear the watchdog {rounds} times, 65535 are possible"
+        )
+        gen.context.reporter.error("c-argument", text, gen.place or Location())
+        return
+    low, high = rounds & 0xFF or 0x100, -(-rounds // 0x100)
+    used = 4 + rounds * (wait + _LOOP_CYCLES) + 2 * (high - 1) + 1
+    counter = gen.temp(2)
+    for byte, value in zip(counter, (low, high), strict=True):
+        gen.emit("MOVLW", k=value, fixed=True)
+        gen.emit("MOVWF", byte, fixed=True)
+    top = gen.new_label("wait")
+    gen.function.bounds[top] = rounds
+    gen.label(top)
+    gen.emit("CLRWDT", fixed=True)
+    gen.delay(wait)
+    for byte in counter:
+        gen.emit("DECFSZ", byte, 1, fixed=True)
+        gen.emit("GOTO", target=top, fixed=True)
+    gen.emit("CLRWDT", fixed=True)
+    gen.delay(cycles - used - 1)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from servogen.compiler.ast.nodes import AddressByte, Symbol
 from servogen.compiler.frontend.asm_numbers import RADIX, binary_constants
 from servogen.compiler.ir.function import Line
-from servogen.compiler.ir.instruction import Byte, Instruction, Label, Loc, Reg
+from servogen.compiler.ir.instruction import STATUS, Byte, Instruction, Label, Loc, Reg
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.pic.assembler.expressions import (
     Binary,
@@ -29,6 +29,11 @@ from servogen.pic.assembler.expressions import (
 from servogen.pic.assembler.instructions import ParsedInstruction, parse_line
 from servogen.pic.assembler.messages import SourceError
 from servogen.pic.device import RAM_FIRST, RAM_LAST, register_bits, registers
+
+BANK_1 = 0x80
+"""The bit of an address that is the bank; instructions hold the other seven."""
+BANK_MASK = 0x7F
+RP0 = register_bits()["RP0"][1]
 
 Names = Callable[[str], Symbol | None]
 Labels = Callable[[str], str]
@@ -51,12 +56,36 @@ def source_label(label: str) -> str | None:
 def assemble_line(text: str, place: Location, names: Names, label: Labels) -> list[Line]:
     """Return the label and the instructions of a line, if it has them. Raises InputError."""
     code = re.split(r"//|/\*", text, maxsplit=1)[0]
+    if match := _BANK_DIRECTIVE.fullmatch(code):
+        return _selected_bank(match["word"], match["name"], place, names)
+    code = _BANKMASK.sub("(", code)
     parsed = parse_line(binary_constants(code), place, RADIX)
     lines: list[Line] = [Label(label(parsed.label), place)] if parsed.label else []
     try:
         return [*lines, *(_instruction(each, names, label) for each in parsed.instructions)]
     except SourceError as error:
         raise InputError.of([Diagnostic("error", error.code, error.text, place, error.hint)]) from error
+
+
+_BANK_DIRECTIVE = re.compile(
+    r"\s*(?P<word>banksel|pagesel|bankisel)\b\s*\(?\s*(?P<name>\w+)\s*\)?\s*(;.*)?", re.IGNORECASE
+)
+_BANKMASK = re.compile(r"\bBANKMASK\s*\(", re.IGNORECASE)
+"""XC8's macro that removes the bank from an address; registers are encoded without it in any case."""
+
+
+def _selected_bank(word: str, name: str, place: Location, names: Names) -> list[Line]:
+    """Return the instruction of BANKSEL: RP0 set for a register of bank 1, cleared for the others. One page
+    and one range for FSR need no instructions.
+    """
+    if word.lower() != "banksel":
+        return []
+    address = None if names(name) is not None else _ChipNames().value(name)
+    if address is None and names(name) is None:
+        problem = f"'{name}' is neither a register nor a variable"
+        raise InputError.of([Diagnostic("error", "c-asm", problem, place)])
+    mnemonic = "BSF" if address is not None and address & BANK_1 else "BCF"
+    return [Instruction(mnemonic, STATUS, b=RP0, place=place, fixed=True)]
 
 
 def _instruction(parsed: ParsedInstruction, names: Names, label: Labels) -> Instruction:
@@ -83,7 +112,8 @@ class _ChipNames:
     here = 0
 
     def value(self, name: str) -> int | None:
-        name = {"OPTION": "OPTION_REG"}.get(name.upper(), name.upper())
+        name = name.upper().removeprefix("_")  # the assembler names of C's registers begin with it
+        name = {"OPTION": "OPTION_REG"}.get(name, name)
         if self.registers and name in registers():
             return registers()[name].address
         return register_bits()[name][1] if self.bits and name in register_bits() else None
@@ -119,6 +149,8 @@ def _with_offset(expression: Expression, names: Names) -> tuple[Symbol, int] | N
         case Name(name):
             symbol = names(name)
             return None if symbol is None else (symbol, 0)
+        case Binary("&", left, Number(value)) if value == BANK_MASK:
+            return _with_offset(left, names)
         case Binary("+" | "-" as sign, left, right):
             offset = _constant(right, _ChipNames())
             if sign == "+" and offset is None:

@@ -74,7 +74,10 @@ def arrange(
             ins.f == PCLATH or ins.table is not None for function in isr for ins in function.instructions()
         )
         leaves = any(function.inline_asm and _leaves(function, functions) for function in isr)
-        _save_context(handler, fsr=fsr or leaves, pclath=pclath or leaves)
+        if program.functions[generator.graph.handler].naked:
+            handler.origin = INTERRUPT_VECTOR
+        else:
+            _save_context(handler, fsr=fsr or leaves, pclath=pclath or leaves)
         found.roots.append(handler.name)
         found.first = [RESET, handler.name]
     found.tables = add_tables(functions, statics)

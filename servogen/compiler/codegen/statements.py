@@ -46,7 +46,7 @@ def generate(gen: FunctionGenerator) -> Function:
     definition = gen.definition
     assert definition.body is not None
     gen.place = definition.place
-    if gen.function.w_parameter is not None:
+    if gen.function.w_parameter is not None and not definition.naked:
         gen.store(Byte(gen.function.w_parameter, 0))
     statement(gen, definition.body)
     gen.label(gen.end_label)

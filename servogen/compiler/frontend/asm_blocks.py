@@ -18,8 +18,9 @@ _TOKEN = re.compile(
     r"""(?P<comment>//[^\n]*|/\*.*?(?:\*/|\Z))
       | (?P<string>"(?:[^"\\\n]|\\.)*"|'(?:[^'\\\n]|\\.)*')
       | (?P<hash>\#[ \t]*asm\b.*?(?:\#[ \t]*endasm\b[^\n]*|\Z))
-      | (?P<sdcc>\b_?_asm\b(?!\s*[({])(?:(?!\b_?_asm\b).)*?\b_?_endasm\b[ \t]*;?)
-      | (?P<asm>\b(?:__asm__|__asm|_asm|asm)\b(?!\s*\())
+      | (?P<sdcc>\b_?_asm\b(?!\s*(?:(?:__)?volatile(?:__)?\s*)?[({])
+          (?:(?!\b_?_asm\b).)*?\b_?_endasm\b[ \t]*;?)
+      | (?P<asm>\b(?:__asm__|__asm|_asm|asm)\b(?!\s*(?:(?:__)?volatile(?:__)?\s*)?\())
       | (?P<binary>\b(?:0[bB][01]+|[01]+[bB])\b)
       | (?P<word>\b\w+\b)""",
     re.VERBOSE | re.DOTALL,

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 
+import servogen.compiler.library as library
 from servogen.compiler.ast.types import (
     BIT,
     BOOL,
@@ -51,6 +52,8 @@ _STDINT_MORE: Mapping[str, CType] = {
     **{f"uint_least{bits}_t": kind for bits, kind in ((8, U8), (16, U16), (32, U32))},
     **{f"int_fast{bits}_t": kind for bits, kind in ((8, S8), (16, S16), (32, S32))},
     **{f"uint_fast{bits}_t": kind for bits, kind in ((8, U8), (16, U16), (32, U32))},
+    "__int24": S24,
+    "__uint24": U24,
     "intmax_t": S32,
     "uintmax_t": U32,
     "intptr_t": S16,
@@ -58,6 +61,17 @@ _STDINT_MORE: Mapping[str, CType] = {
     "size_t": U16,
     "ptrdiff_t": S16,
 }
+
+
+WIDE_TYPES = frozenset(["int64_t", "uint64_t", "int_least64_t", "uint_least64_t"])
+"""Types of <stdint.h> that this compiler does not have."""
+
+
+@cache
+def type_names() -> frozenset[str]:
+    """Return every name that the parser must take for a type."""
+    fields = {f"{name}bits_t" for name in registers()}
+    return frozenset(named_types()) | fields | WIDE_TYPES
 
 
 @cache
@@ -186,7 +200,7 @@ def headers(dialect: str) -> Mapping[str, str]:
         "limits.h": _LIMITS,
         "stdbool.h": _STDBOOL,
         "stddef.h": _STDDEF,
-        "stdlib.h": _STDDEF,
+        **{name: library.header(name) for name in library.HEADERS},
     }
     if dialect == XC8:
         xc = _STDINT_LIMITS + _STDBOOL
@@ -229,6 +243,13 @@ def macros(dialect: str, device: Device) -> Mapping[str, str]:
 
 REGISTER_ALIASES: Mapping[str, str] = {"OPTION": "OPTION_REG"}
 """Other names of registers; a program's own declarations hide them."""
+
+REGISTER_FIELDS: Mapping[str, Mapping[str, tuple[int, int]]] = {
+    # DS35007 registers 2-1 and 2-2: (lowest bit, width)
+    "STATUS": {"RP": (5, 2)},
+    "OPTION_REG": {"PS": (0, 3)},
+}
+"""Fields of several bits, as XC8's and SDCC's headers name them."""
 
 _BIT_ALIASES: Mapping[str, str] = {
     "nRBPU": "RBPU",

@@ -11,12 +11,16 @@ from dataclasses import dataclass, field
 
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.frontend.asm_blocks import MARKER, AsmBlock
+from servogen.compiler.frontend.asm_numbers import assembler_number
 from servogen.compiler.frontend.preprocessor import PToken
+from servogen.compiler.frontend.settings import number
 from servogen.errors import Location
 
 EEPROM_NAME = "__servogen_eeprom"
 CONFIG_NAME = "__servogen_config"
+ID_NAME = "__servogen_id"
 BIT_MEMBER = "__servogen_bit"
+CRITICAL_LABEL = "__servogen_critical"
 _DROPPED = frozenset(
     [
         "near",
@@ -28,18 +32,43 @@ _DROPPED = frozenset(
         "__reentrant",
         "reentrant",
         "__ram",
-        "rom",
-        "__rom",
+        "__data",
+        "__idata",
+        "__xdata",
+        "__pdata",
     ]
 )
+_AFTER_NAME = frozenset(["=", ";", "(", ")", ",", "["])
+"""A word followed by one of these is a name of the program, not a qualifier."""
 _TYPE_WORDS = frozenset(["void", "int", "char", "unsigned", "signed", "long", "short", "static"])
+
+
+Position = tuple[str | None, int | None, int | None]
+"""File, line and column."""
+
+
+@dataclass(frozen=True, slots=True)
+class BitAddress:
+    """The fixed address of a bit variable: a bit of a register, of another variable, or of a byte."""
+
+    byte: str | int
+    bit: int
+
+
+FixedAddress = int | BitAddress
 
 
 @dataclass(slots=True)
 class Rewritten:
     tokens: list[PToken] = field(default_factory=list)
-    addresses: dict[tuple[str | None, int | None, int | None], int] = field(default_factory=dict)
-    """Fixed addresses by the (file, line, column) of the declared name."""
+    addresses: dict[Position, FixedAddress] = field(default_factory=dict)
+    """Fixed addresses by the position of the declared name."""
+    in_eeprom: set[Position] = field(default_factory=set)
+    """The positions of the names declared with `__eeprom`."""
+    naked: set[str] = field(default_factory=set)
+    """Functions declared with `__naked`."""
+    hoisted: list[PToken] = field(default_factory=list)
+    """Declarations at file level made from what stands inside functions."""
     interrupts: set[str] = field(default_factory=set)
     file_asm: list[tuple[int, Location]] = field(default_factory=list)
     """Blocks of assembly outside functions, by number."""
@@ -54,8 +83,10 @@ class _Rewriter:
         self.depth = 0
         self.at = 0
         self.serial = serial
-        self.pending_address: int | None = None
+        self.pending_address: FixedAddress | None = None
         self.pending_interrupt = False
+        self.pending_eeprom: int | None = None
+        """The depth of braces at which a declaration with `__eeprom` stands."""
 
     def text(self, ahead: int = 0) -> str:
         index = self.at + ahead
@@ -70,6 +101,7 @@ class _Rewriter:
             handler = _HANDLERS.get(token.text)
             if handler is None or not handler(self, token):
                 self.plain(token)
+        self.out.tokens += self.out.hoisted
         return self.out
 
     def plain(self, token: PToken) -> None:
@@ -81,11 +113,15 @@ class _Rewriter:
         if self.pending_interrupt and is_name and self.text(1) == "(":
             self.out.interrupts.add(token.text)
             self.pending_interrupt = False
-        if self.pending_address is not None and is_name and self.text(1) in (";", "=", "[", ","):
-            self.out.addresses[(token.place.file, token.place.line, token.place.column)] = (
-                self.pending_address
-            )
+        declared = is_name and self.text(1) in (";", "=", "[", ",")
+        if self.pending_address is not None and declared:
+            self.out.addresses[_position(token)] = self.pending_address
             self.pending_address = None
+        if self.pending_eeprom == self.depth:
+            if declared:
+                self.out.in_eeprom.add(_position(token))
+            if token.text == ";":
+                self.pending_eeprom = None
         self.out.tokens.append(token)
         self.at += 1
 
@@ -101,19 +137,34 @@ class _Rewriter:
             found.append(token)
         return found[1:]
 
-    def constant(self, tokens: list[PToken], place: Location) -> int:
-        words = [re.sub(r"(?<=\w)[uUlL]+$", "", token.text) for token in tokens if token.text not in "()"]
-        total, sign = 0, 1
-        try:
-            for word in words:
-                if word in "+-":
-                    sign = 1 if word == "+" else -1
-                else:
-                    total, sign = total + sign * int(word, 8 if re.fullmatch("0[0-7]+", word) else 0), 1
-        except ValueError:
+    def address(self, tokens: list[PToken], place: Location) -> FixedAddress:
+        """Return a fixed address: a number, `name.bit`, or XC8's `&name * 8 + bit`."""
+        text = "".join(token.text for token in tokens if token.text not in ("(", ")", "unsigned", "int"))
+        if match := re.fullmatch(r"&([A-Za-z_]\w*)\*8(?:\+(\d+))?", text):
+            return BitAddress(match[1], int(match[2] or 0))
+        if match := re.fullmatch(r"([A-Za-z_]\w*)\.(\d+)", text):
+            return BitAddress(match[1], int(match[2]))
+        if match := re.fullmatch(r"(\w+)\.(\d+)", text):
+            byte = number(match[1])
+            if byte is not None:
+                return BitAddress(byte, int(match[2]))
+        value = assembler_number("".join(_assembler_spelling(token.text) for token in tokens))
+        if value is None:
             self.reporter.error("c-address", "a fixed address must be a number", place)
             return 0
-        return total
+        return value
+
+
+def _position(token: PToken) -> Position:
+    return token.place.file, token.place.line, token.place.column
+
+
+def _assembler_spelling(text: str) -> str:
+    """Return a token of a constant expression as the assembler spells it: without suffixes, octal as
+    decimal.
+    """
+    text = re.sub(r"(?<=\w)[uUlL]+$", "", text)
+    return str(int(text, 8)) if re.fullmatch("0[0-7]+", text) else text
 
 
 def _declared_name(tokens: list[PToken]) -> PToken | None:
@@ -134,20 +185,24 @@ def _at_sign(self: _Rewriter, token: PToken) -> bool:
     while self.at < len(self.tokens) and self.text() not in (";", ",", "="):
         found.append(self.tokens[self.at])
         self.at += 1
-    place = name.place if name is not None else token.place
-    self.out.addresses[(place.file, place.line, place.column)] = self.constant(found, token.place)
+    self.out.addresses[_position(name or token)] = self.address(found, token.place)
     return True
 
 
 def _at_word(self: _Rewriter, token: PToken) -> bool:
-    """Rewrite `__at(address)` before or after the name."""
-    if self.text(1) != "(":
+    """Rewrite `__at(address)` or `__at address`, before or after the name."""
+    if self.text(1) in ("", ";", "=", ","):
         return False
     self.at += 1
-    value = self.constant(self.arguments(), token.place)
+    if self.text() == "(":
+        tokens = self.arguments()
+    else:
+        tokens = [self.tokens[self.at]]
+        self.at += 1
+    value = self.address(tokens, token.place)
     before = _declared_name(self.out.tokens)
     if self.text() in (";", "=", ",") and before is not None:
-        self.out.addresses[(before.place.file, before.place.line, before.place.column)] = value
+        self.out.addresses[_position(before)] = value
     else:
         self.pending_address = value
     return True
@@ -165,6 +220,8 @@ def _interrupt(self: _Rewriter, token: PToken) -> bool:
     self.at += 1
     if self.text() == "(":
         self.arguments()
+    elif self.text().isdigit():
+        self.at += 1
     if self.out.tokens and self.out.tokens[-1].text == ")":
         self.out.interrupts.add(_name_before_parameters(self.out.tokens))
     else:
@@ -188,6 +245,80 @@ def _code(self: _Rewriter, token: PToken) -> bool:
     return True
 
 
+def _rom(self: _Rewriter, token: PToken) -> bool:
+    """Rewrite BoostC's `rom char *name = …` as a constant array, and `rom` elsewhere as const."""
+    if self.text(1) in _AFTER_NAME:
+        return False
+    words = [self.text(ahead) for ahead in range(1, 5)]
+    star = words.index("*") if "*" in words else None
+    self.emit("const", token.place)
+    self.at += 1
+    if star is not None and all(word in _TYPE_WORDS for word in words[:star]) and self.text(star + 2) == "=":
+        self.out.tokens += self.tokens[self.at : self.at + star]
+        name = self.tokens[self.at + star + 1]
+        self.out.tokens.append(name)
+        self.emit("[", name.place)
+        self.emit("]", name.place)
+        self.at += star + 2
+    return True
+
+
+def _sfr(self: _Rewriter, token: PToken) -> bool:
+    """Rewrite SDCC's `__sfr` and `__sbit` as the types of a register and of a bit."""
+    words = ["volatile", "unsigned", "char"] if token.text == "__sfr" else ["bit"]
+    for word in words:
+        self.emit(word, token.place)
+    self.at += 1
+    return True
+
+
+def _eeprom(self: _Rewriter, token: PToken) -> bool:
+    """Rewrite XC8's `__eeprom`: the variables of the declaration are in the EEPROM."""
+    if self.text(1) in _AFTER_NAME:
+        return False
+    self.at += 1
+    self.pending_eeprom = self.depth
+    return True
+
+
+def _naked(self: _Rewriter, token: PToken) -> bool:
+    """Rewrite SDCC's `__naked` behind the parameters of a function."""
+    if self.depth or not self.out.tokens or self.out.tokens[-1].text != ")":
+        return False
+    self.at += 1
+    self.out.naked.add(_name_before_parameters(self.out.tokens))
+    return True
+
+
+def _critical(self: _Rewriter, token: PToken) -> bool:
+    """Rewrite SDCC's `__critical { … }`, and a function's body declared with it, as a labelled block."""
+    self.at += 1
+    if self.text() != "{":
+        return self.text() == ";" and not self.depth  # a prototype
+    self.serial += 1
+    label = f"{CRITICAL_LABEL}{self.serial}"
+    if self.depth:
+        self.emit(label, token.place)
+        self.emit(":", token.place)
+        return True
+    closing = _matching_brace(self.tokens, self.at)
+    self.tokens.insert(closing, PToken("}", self.tokens[closing].place))
+    self.tokens.insert(self.at + 1, PToken("{", token.place))
+    self.tokens.insert(self.at + 1, PToken(":", token.place))
+    self.tokens.insert(self.at + 1, PToken(label, token.place))
+    return True
+
+
+def _matching_brace(tokens: list[PToken], at: int) -> int:
+    """Return the index of the brace that closes the one at `at`, or of the last token if none does."""
+    depth = 0
+    for index in range(at, len(tokens)):
+        depth += {"{": 1, "}": -1}.get(tokens[index].text, 0)
+        if depth == 0:
+            return index
+    return len(tokens) - 1
+
+
 def _drop(self: _Rewriter, token: PToken) -> bool:
     if self.depth and self.text(1) in ("=", ";", "(", ")", ","):
         return False
@@ -197,7 +328,7 @@ def _drop(self: _Rewriter, token: PToken) -> bool:
 
 def _asm_call(self: _Rewriter, token: PToken) -> bool:
     """Rewrite `asm("…")`; adjacent strings are joined, as everywhere in C."""
-    if self.text(1) == "volatile":
+    if self.text(1) in ("volatile", "__volatile__"):
         self.at += 1
     if self.text(1) != "(":
         return False
@@ -239,25 +370,34 @@ def _asm_marker(self: _Rewriter, token: PToken, number: int) -> None:
 
 
 def _declaration_call(self: _Rewriter, token: PToken) -> bool:
-    """Rewrite `__EEPROM_DATA(…)` and `__CONFIG(…)` as declarations that the semantic analysis evaluates."""
-    if self.text(1) != "(" or self.depth:
+    """Rewrite `__EEPROM_DATA(…)`, `__CONFIG(…)` and `__IDLOC(…)`, inside functions too, as declarations at
+    file level that the semantic analysis evaluates.
+    """
+    if self.text(1) != "(":
         return False
     self.at += 1
     inside = self.arguments()
     self.serial += 1
+    closing = ["}", ";"]
     if token.text == "__EEPROM_DATA":
         words = ["const", "unsigned", "char", f"{EEPROM_NAME}{self.serial}", "[", "]", "=", "{"]
-        closing = ["}"]
+    elif token.text == "__IDLOC":
+        digits = "".join(each.text for each in inside)
+        if not re.fullmatch("[0-9A-Fa-f]{1,4}", digits):
+            self.reporter.error(
+                "c-configuration", f"__IDLOC takes up to four hexadecimal digits, not '{digits}'", token.place
+            )
+            digits = "0"
+        words, inside = ["enum", "{", f"{ID_NAME}{self.serial}", "="], [PToken(f"0x{digits}", token.place)]
     else:
         words = ["enum", "{", f"{CONFIG_NAME}{self.serial}", "=", "("]
-        closing = [")", "}"]
-    for word in words:
-        self.emit(word, token.place)
-    self.out.tokens += inside
-    for word in closing:
-        self.emit(word, token.place)
-    if self.text() != ";":
-        self.emit(";", token.place)
+        closing = [")", *closing]
+    target = self.out.hoisted if self.depth else self.out.tokens
+    target += [PToken(word, token.place) for word in words]
+    target += inside
+    target += [PToken(word, token.place) for word in closing]
+    if self.text() == ";" and not self.depth:
+        self.at += 1
     return True
 
 
@@ -281,12 +421,21 @@ _HANDLERS = {
     "interrupt": _interrupt,
     "__interrupt": _interrupt,
     "__code": _code,
+    "rom": _rom,
+    "__rom": _rom,
+    "__sfr": _sfr,
+    "__sbit": _sfr,
+    "__eeprom": _eeprom,
+    "eeprom": _eeprom,
+    "__naked": _naked,
+    "__critical": _critical,
     "asm": _asm_call,
     "__asm": _asm_call,
     "__asm__": _asm_call,
     MARKER: _asm_block,
     "__EEPROM_DATA": _declaration_call,
     "__CONFIG": _declaration_call,
+    "__IDLOC": _declaration_call,
     ".": _bit_number,
     **dict.fromkeys(_DROPPED, _drop),
 }

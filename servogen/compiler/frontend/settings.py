@@ -13,7 +13,17 @@ from servogen.compiler.frontend.asm_numbers import assembler_number
 from servogen.compiler.frontend.dialects import config_names
 from servogen.compiler.frontend.preprocessor import Pragma
 from servogen.errors import Location, did_you_mean
-from servogen.pic.device import OSCILLATORS, Device, config_word, oscillator_for
+from servogen.pic.device import (
+    CONFIG_ADDRESS,
+    EEPROM_ADDRESS,
+    EEPROM_BYTES,
+    ID_ADDRESS,
+    ID_WORDS,
+    OSCILLATORS,
+    Device,
+    config_word,
+    oscillator_for,
+)
 from servogen.units import Clock
 
 CODE_PROTECT_MASK = 0x3FF0  # DS35007 section 6.1
@@ -43,6 +53,9 @@ class Settings:
         self.config: dict[str, tuple[str, Location]] = {}
         self.config_mask: tuple[int, Location] | None = None
         self.serial: dict[str, str] = {}
+        self.eeprom: dict[int, int] = {}
+        self.ids: dict[int, int] = {}
+        """The bytes and words that `#pragma DATA` puts there."""
 
     def pragma(self, pragma: Pragma) -> None:
         """Read one `#pragma` line."""
@@ -65,6 +78,8 @@ class Settings:
                 self.serial[name.upper().removeprefix("RS232_")] = rest
             case "TRUE_RS232":
                 self.serial["TRUE"] = rest
+            case "DATA":
+                self._data(rest, pragma.place)
             case _ if (macro := name.partition("(")[0]) in ("push_macro", "pop_macro"):
                 self.reporter.error("c-pragma", f"#pragma {macro} is not supported", pragma.place)
             case _ if name.lower() not in _IGNORED:
@@ -99,6 +114,34 @@ class Settings:
                 )
             else:
                 self.config[name] = (value, place)
+
+    def _data(self, rest: str, place: Location) -> None:
+        """Read BoostC's `#pragma DATA address, value, …`: the configuration word, ID words, the EEPROM."""
+        where, _, values = rest.partition(",")
+        where = where.strip()
+        start = {"_CONFIG": CONFIG_ADDRESS, "_EEPROM": EEPROM_ADDRESS, "_IDLOC0": ID_ADDRESS}.get(
+            where.upper(), number(where)
+        )
+        if start == CONFIG_ADDRESS:
+            self.asm_config(values, place)
+            return
+        for offset, text in enumerate(values.split(",")):
+            value, at = assembler_number(text.strip()), (start or 0) + offset
+            if value is None or not 0 <= value <= 0xFF:
+                self.reporter.error("c-pragma", f"#pragma DATA: '{text.strip()}' is not 0 to 255", place)
+            elif EEPROM_ADDRESS <= at < EEPROM_ADDRESS + EEPROM_BYTES:
+                self.eeprom[at - EEPROM_ADDRESS] = value
+            elif ID_ADDRESS <= at < ID_ADDRESS + ID_WORDS:
+                self.ids[at - ID_ADDRESS] = value
+            else:
+                self.reporter.error(
+                    "c-pragma",
+                    f"#pragma DATA: there is no data at '{where}'",
+                    place,
+                    hint=f"0x{CONFIG_ADDRESS:X} is the configuration word, the EEPROM begins at "
+                    f"0x{EEPROM_ADDRESS:X}, the ID words at 0x{ID_ADDRESS:X}",
+                )
+                return
 
     def asm_config(self, text: str, place: Location) -> None:
         """Read `__config` of the assembler: an expression of numbers and masks joined by &."""

@@ -22,16 +22,33 @@ from servogen.compiler.ast.nodes import (
     Switch,
     Symbol,
 )
-from servogen.compiler.ast.types import C2C_INT, C2C_SIGNED, S16, S32, U16, U32, ArrayType, CType, IntType
+from servogen.compiler.ast.types import (
+    C2C_INT,
+    C2C_SIGNED,
+    S16,
+    S32,
+    U16,
+    U32,
+    ArrayType,
+    CType,
+    FuncType,
+    IntType,
+)
 from servogen.compiler.diagnostics import Fatal, Reporter
 from servogen.compiler.frontend.asm_blocks import AsmBlock
 from servogen.compiler.frontend.dialects import C2C, named_types
+from servogen.compiler.frontend.extensions import FixedAddress, Position, Rewritten
+from servogen.compiler.frontend.preprocessor import Preprocessed
 from servogen.compiler.frontend.syntax_errors import place_of
 from servogen.compiler.sema.scopes import Scopes
 from servogen.errors import Location
 from servogen.units import Clock
 
 U8_CONST = IntType("unsigned char", 1, False, const=True)
+
+
+ReadFile = Callable[[str], tuple[Preprocessed, Rewritten]]
+"""Reads a file of the library by its name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +62,8 @@ class Dispatch:
     builtin: Callable[[Analyser, str, Any, list[Any]], Expr | None]
     """The meaning of a call of a built-in function; None when there is none of that name."""
     builtin_names: Callable[[Analyser], list[str]]
+    library: Callable[[Analyser, str], FunctionDefinition]
+    """A function of the library, whose file is read the first time."""
 
 
 @dataclass(slots=True)
@@ -56,6 +75,8 @@ class Body:
     loops: int = 0
     breakable: int = 0
     switches: list[tuple[Switch, IntType]] = field(default_factory=list)
+    critical: list[Symbol] = field(default_factory=list)
+    """What INTCON was before each of the critical blocks that are open, the outermost first."""
 
 
 class Analyser:
@@ -70,6 +91,7 @@ class Analyser:
         clock: Clock | None,
         serial_settings: dict[str, str],
         asm_blocks: list[AsmBlock],
+        read_library: ReadFile,
     ) -> None:
         self.dialect = dialect
         self.c2c = dialect == C2C
@@ -78,6 +100,19 @@ class Analyser:
         self.clock = clock
         self.serial_settings = serial_settings
         self.asm_blocks = asm_blocks
+        self.read_library = read_library
+        self.library_files: set[str] = set()
+        """The files of the library that have been read."""
+        self.library_bodies: dict[str, tuple[FunctionDefinition, Any, Scopes]] = {}
+        """The bodies of its functions that nothing has called yet."""
+        self.called: set[str] = set()
+        """The functions that a call names."""
+        self.function_numbers: dict[str, int] = {}
+        """The functions whose addresses are taken, numbered from 1."""
+        self.dispatchers: list[tuple[FuncType, FunctionDefinition]] = []
+        self.bodies: list[tuple[FunctionDefinition, Any, Scopes]] = []
+        """The functions whose bodies remain to be analysed, with the scopes of their files."""
+        self.file_scopes: list[Scopes] = []
         self.scopes = Scopes(lower_case=True)
         self.program = Program({}, [], [], {})
         self.function: FunctionDefinition | None = None
@@ -85,7 +120,11 @@ class Analyser:
         self.strings: dict[tuple[int, ...], Symbol] = {}
         self.types = dict(named_types())
         self.asm_symbols: dict[str, Symbol] = {}
-        self.addresses: dict[tuple[str | None, int | None, int | None], int] = {}
+        self.addresses: dict[Position, FixedAddress] = {}
+        self.in_eeprom: set[Position] = set()
+        self.eeprom_used = 0
+        """The bytes of the EEPROM that declarations have taken so far."""
+        self.naked: set[str] = set()
         self.interrupts: set[str] = set()
         self.reading_config = False
         """Inside __CONFIG(…), where the names of the masks are known."""

@@ -14,16 +14,30 @@ from typing import Any
 
 from pycparser import c_ast
 
-from servogen.compiler.ast.nodes import Assign, Binary, Builtin, Cast, Deref, Expr, Num, Ref, Unary, Update
-from servogen.compiler.ast.types import BIT, U8, VOID, IntType
-from servogen.compiler.frontend.dialects import C2C, NAMES, XC8, ChipBit
+import servogen.compiler.sema.formats as formats
+from servogen.compiler.ast.nodes import (
+    Assign,
+    Binary,
+    Builtin,
+    Call,
+    Cast,
+    Comma,
+    Deref,
+    Expr,
+    Num,
+    Ref,
+    Unary,
+    Update,
+)
+from servogen.compiler.ast.types import BIT, U8, U16, U32, VOID, IntType
+from servogen.compiler.frontend.dialects import C2C, DIALECTS, NAMES, XC8, ChipBit
 from servogen.compiler.sema.analyser import Analyser
-from servogen.compiler.sema.conversions import arithmetic, convert, rvalue
+from servogen.compiler.sema.conversions import arithmetic, cast, convert, rvalue
 from servogen.compiler.sema.lvalues import assignable, bit_of
-from servogen.compiler.sema.names import expression
+from servogen.compiler.sema.names import characters, expression
 from servogen.errors import Location
 from servogen.pic.device import RAM_LAST, register_bits, registers
-from servogen.units import Cycles
+from servogen.units import Clock, Cycles
 
 
 def register_ref(analyser: Analyser, name: str, place: Location) -> Ref:
@@ -142,8 +156,12 @@ def _decimal(value: Fraction) -> str:
 MAX_DELAY = 50_463_240
 """The longest `_delay(n)`, in cycles, as XC8 documents it."""
 
-UNITS_US = {"delay_us": 1, "delay_10us": 10, "delay_ms": 1000, "delay_s": 1_000_000}
-XC8_UNITS_US = {"__delay_us": 1, "__delay_ms": 1000}
+WDT_MIN_US = 7000
+"""The shortest period of the watchdog without prescaler (DS35007 table 9-4, parameter 31)."""
+UNKNOWN_CLOCK_HZ = 4_000_000
+
+UNITS_US = {"delay_us": 1, "delay_10us": 10, "delay_100us": 100, "delay_ms": 1000, "delay_s": 1_000_000}
+XC8_UNITS_US = {"__delay_us": 1, "__delay_ms": 1000, "__delaywdt_us": 1, "__delaywdt_ms": 1000}
 
 
 def bit_function(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
@@ -197,6 +215,11 @@ def port_bit(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> 
     return bit_function(analyser, function, node, [register, arguments[0]])
 
 
+def port_input(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    register = c_ast.ID("PORTA" if name.endswith("a") else "PORTB", node.coord)
+    return bit_function(analyser, "test_bit", node, [register, arguments[0]])
+
+
 def interrupt_bit(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
     register = c_ast.ID("INTCON", node.coord)
     return bit_function(
@@ -239,8 +262,28 @@ def delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Exp
 
 
 def xc8_delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
-    place = analyser.place(node)
-    value = constant_us(analyser, arguments[0], fractions=name != "_delay")
+    return Builtin("delay", [], VOID, analyser.place(node), _xc8_cycles(analyser, name, node, arguments))
+
+
+def watched_delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    """Return a delay that clears the watchdog when it begins, and again before the shortest time after which
+    a watchdog without prescaler resets the chip.
+    """
+    cycles = _xc8_cycles(analyser, name, node, arguments)
+    clock = analyser.clock or Clock(UNKNOWN_CLOCK_HZ)
+    unwatched = int(WDT_MIN_US // clock.cycle_us)
+    return Builtin("delay_watched", [], VOID, analyser.place(node), (cycles, unwatched))
+
+
+def reset(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    """Return a jump to address 0; the chip has no instruction that resets it."""
+    return Builtin("restart", [], VOID, analyser.place(node))
+
+
+def _xc8_cycles(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> int:
+    """Return the cycles of a delay of XC8, whose argument is constant."""
+    counted = name in ("_delay", "_delaywdt")
+    value = constant_us(analyser, arguments[0], fractions=not counted)
     if value is None:
         raise analyser.fail(
             "c-argument",
@@ -248,11 +291,11 @@ def xc8_delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]) ->
             arguments[0],
             hint="call it in a loop that counts the variable",
         )
-    if name == "_delay":
+    if counted:
         cycles = int(value)
         if not 0 <= cycles <= MAX_DELAY:
             raise analyser.fail(
-                "c-argument", f"'_delay' takes 0 to {MAX_DELAY} cycles, not {cycles}", arguments[0]
+                "c-argument", f"'{name}' takes 0 to {MAX_DELAY} cycles, not {cycles}", arguments[0]
             )
     else:
         if value < 0:
@@ -265,7 +308,7 @@ def xc8_delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]) ->
                 arguments[0],
                 hint="call it several times, or in a loop",
             )
-    return Builtin("delay", [], VOID, place, cycles)
+    return cycles
 
 
 def eeprom_read(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
@@ -277,6 +320,72 @@ def eeprom_write(analyser: Analyser, name: str, node: Any, arguments: list[Any])
     address = convert(analyser, expression(analyser, arguments[0]), U8, "the address")
     value = convert(analyser, expression(analyser, arguments[1]), U8, "the value")
     return Builtin("eeprom_write", [address, value], VOID, analyser.place(node))
+
+
+def formatted(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+    """Return the calls that write the parts of a constant format string, one for each conversion and for the
+    text between two.
+    """
+    place = analyser.place(node)
+    fixed = 2 if name == "sprintf" else 1
+    if len(arguments) < fixed:
+        raise analyser.fail("c-argument", f"'{name}' needs a format", node)
+    text = arguments[fixed - 1]
+    if not isinstance(text, c_ast.Constant) or text.type != "string":
+        raise analyser.fail("c-unsupported", f"the format of '{name}' must be a string constant", text)
+    rest = list(arguments[fixed:])
+    target = [expression(analyser, arguments[0])] if name == "sprintf" else []
+    steps = [_library_call(analyser, f"__{name}_begin", target, node)]
+    for part in formats.parts(bytes(characters(analyser, text.value, place))):
+        if part.problem:
+            raise analyser.fail("c-unsupported", f"the format of '{name}': {part.problem}", text)
+        values: list[Expr] = []
+        if part.takes_value:
+            if not rest:
+                raise analyser.fail("c-argument", f"'{name}': there is no argument for {part.spelling}", node)
+            values = [_value_to_format(analyser, name, part, rest.pop(0))]
+        elif part.function == "text":
+            values = [analyser.string([*part.text, 0], place)]
+        numbers: list[Expr] = [Num(each, U8, place) for each in part.numbers]
+        steps.append(_library_call(analyser, f"__{name}_{part.function}", values + numbers, node))
+    if rest:
+        raise analyser.fail(
+            "c-argument", f"'{name}': the format has no conversion for this argument", rest[0]
+        )
+    found = _library_call(analyser, f"__{name}_end", [], node)
+    for step in reversed(steps):
+        found = Comma(step, found, found.type, place)
+    return found
+
+
+def _value_to_format(analyser: Analyser, name: str, part: formats.Part, argument: Any) -> Expr:
+    value = rvalue(analyser, expression(analyser, argument))
+    wanted = 4 if part.function == "long" else 2
+    if (
+        part.function not in ("text", "string")
+        and isinstance(value.type, IntType)
+        and value.type.size > wanted
+    ):
+        analyser.reporter.warn(
+            "c-conversion",
+            f"'{name}': {part.spelling} shows {8 * wanted} bits of '{value.type}'",
+            analyser.place(argument),
+            hint=f"%l{part.spelling[-1]} shows 32 bits" if wanted == 2 else None,
+        )
+    kinds = {"int": U16, "long": U32, "char": U8}
+    if isinstance(value.type, IntType) and part.function in kinds:
+        return cast(analyser, value, kinds[part.function])
+    return value
+
+
+def _library_call(analyser: Analyser, name: str, arguments: list[Expr], node: Any) -> Expr:
+    function = analyser.dispatch.library(analyser, name)
+    analyser.called.add(function.name)
+    converted = [
+        convert(analyser, given, parameter.type, f"the argument of '{name.split('_')[2]}'")
+        for given, parameter in zip(arguments, function.parameters, strict=True)
+    ]
+    return Call(function.name, converted, function.result.plain(), analyser.place(node))
 
 
 def serial(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
@@ -333,7 +442,7 @@ def builtin(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> E
             raise analyser.fail("c-unsupported", f"'{name}' belongs to the {NAMES[row[0][0]]} dialect", node)
         return None
     _, count, handler = row
-    if len(arguments) != count:
+    if count is not None and len(arguments) != count:
         raise analyser.fail(
             "c-argument",
             f"'{name}' takes {count} argument{'s' * (count != 1)}, {len(arguments)} "
@@ -345,13 +454,15 @@ def builtin(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> E
 
 _Handler = Callable[[Analyser, str, Any, list[Any]], Expr]
 _BOTH, _C, _X = (C2C, XC8), (C2C,), (XC8,)
-_TABLE: dict[str, tuple[tuple[str, ...], int, _Handler]] = {
+_TABLE: dict[str, tuple[tuple[str, ...], int | None, _Handler]] = {
+    # name: dialects, number of arguments (None: any), meaning
     **dict.fromkeys(("set_bit", "clear_bit", "test_bit", "toggle_bit"), (_C, 2, bit_function)),
     **dict.fromkeys(
         ("set_tris_a", "set_tris_b", "output_port_a", "output_port_b", "set_option"), (_C, 1, port_write)
     ),
     **dict.fromkeys(("input_port_a", "input_port_b"), (_C, 0, port_read)),
     **{f"output_{level}_port_{port}": (_C, 1, port_bit) for level in ("high", "low") for port in ("a", "b")},
+    **dict.fromkeys(("input_pin_port_a", "input_pin_port_b"), (_C, 1, port_input)),
     "enable_interrupt": (_C, 1, interrupt_bit),
     "disable_interrupt": (_C, 1, interrupt_bit),
     **dict.fromkeys(("nop", "clear_wdt", "sleep"), (_C, 0, instruction)),
@@ -359,8 +470,13 @@ _TABLE: dict[str, tuple[tuple[str, ...], int, _Handler]] = {
     **dict.fromkeys(("ei", "di"), (_X, 0, global_interrupts)),
     **dict.fromkeys(UNITS_US, (_C, 1, delay)),
     **dict.fromkeys(("__delay_us", "__delay_ms", "_delay"), (_X, 1, xc8_delay)),
-    "eeprom_read": (_X, 1, eeprom_read),
-    "eeprom_write": (_X, 2, eeprom_write),
+    **dict.fromkeys(("printf", "sprintf"), (DIALECTS, None, formatted)),
+    "reset": (_C, 0, reset),
+    **dict.fromkeys(("_delaywdt", "__delaywdt_us", "__delaywdt_ms"), (_X, 1, watched_delay)),
+    "eeprom_read": (_BOTH, 1, eeprom_read),
+    "eeprom_write": (_BOTH, 2, eeprom_write),
+    "EEPROM_READ": (_X, 1, eeprom_read),
+    "EEPROM_WRITE": (_X, 2, eeprom_write),
     "putchar": (_C, 1, serial),
     "getchar": (_C, 0, serial),
 }

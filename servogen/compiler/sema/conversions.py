@@ -6,13 +6,25 @@ of information.
 
 from __future__ import annotations
 
-from servogen.compiler.ast.nodes import AddressOf, Binary, Cast, Deref, Expr, Num, Ref
+from servogen.compiler.ast.nodes import (
+    AddressOf,
+    Binary,
+    Cast,
+    Comma,
+    Deref,
+    EepromObject,
+    Expr,
+    Num,
+    Ref,
+    WideField,
+)
 from servogen.compiler.ast.types import (
     C2C_INT,
     U8,
     U16,
     ArrayType,
     CType,
+    FuncType,
     IntType,
     PointerType,
     StructType,
@@ -21,6 +33,7 @@ from servogen.compiler.ast.types import (
     promote,
     same,
 )
+from servogen.compiler.sema.accessors import load
 from servogen.compiler.sema.analyser import Analyser
 
 _ALL_ONES = (1 << 16, 1 << 24, 1 << 32)
@@ -37,6 +50,11 @@ def decay(analyser: Analyser, expr: Expr) -> Expr:
             return address(analyser, expr, kind)
         if isinstance(expr, Deref):
             return offset_pointer(analyser, expr.pointer, expr.offset, kind)
+        if isinstance(expr, Comma):
+            second = decay(analyser, expr.second)
+            return Comma(expr.first, second, second.type, expr.place)
+        if isinstance(expr, EepromObject):
+            raise analyser.fail("c-unsupported", "there are no pointers into the EEPROM", expr)
     return expr
 
 
@@ -59,6 +77,8 @@ def address_int(analyser: Analyser, kind: CType) -> IntType:
 
 def rvalue(analyser: Analyser, expr: Expr) -> Expr:
     """Return the value of an expression: arrays decay; void has no value."""
+    if isinstance(expr, (WideField, EepromObject)):
+        return load(analyser, expr)
     expr = decay(analyser, expr)
     if isinstance(expr.type, VoidType):
         raise analyser.fail("c-type", "this has no value: its type is void", expr)
@@ -121,7 +141,12 @@ def convert(analyser: Analyser, expr: Expr, kind: CType, what: str) -> Expr:
         if kind.is_bool:
             return cast(analyser, expr, kind)
         analyser.reporter.warn(
-            "c-conversion", f"{what} makes '{kind}' of the pointer '{expr.type}' without a cast", expr.place
+            "c-conversion",
+            f"{what} makes '{kind}' of the pointer '{expr.type}' without a cast",
+            expr.place,
+            hint="to call a function, write its name and parentheses"
+            if isinstance(expr.type.target, FuncType)
+            else None,
         )
         return cast(analyser, expr, kind)
     raise analyser.fail("c-type", f"{what} needs '{kind}', this is '{expr.type}'", expr)

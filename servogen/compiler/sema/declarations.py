@@ -10,8 +10,18 @@ from typing import Any
 
 from pycparser import c_ast
 
-from servogen.compiler.ast.nodes import Assign, ExprStmt, FunctionDefinition, Num, Ref, Symbol
+from servogen.compiler.ast.nodes import (
+    Assign,
+    Comma,
+    Expr,
+    ExprStmt,
+    FunctionDefinition,
+    Num,
+    Ref,
+    Symbol,
+)
 from servogen.compiler.ast.types import (
+    U8,
     ArrayType,
     CType,
     FuncType,
@@ -23,14 +33,25 @@ from servogen.compiler.ast.types import (
     qualified,
     same,
 )
+from servogen.compiler.diagnostics import is_own_file
+from servogen.compiler.frontend.dialects import SDCC
+from servogen.compiler.frontend.extensions import BitAddress, FixedAddress
 from servogen.compiler.sema.analyser import Analyser
 from servogen.compiler.sema.conversions import convert
 from servogen.compiler.sema.initialisers import complete, fill, initialise
 from servogen.compiler.sema.names import expression, use
-from servogen.compiler.sema.scopes import TypeName
+from servogen.compiler.sema.scopes import BitAlias, TypeName
 from servogen.compiler.sema.type_names import declared_type, enter_name
 from servogen.errors import Location
-from servogen.pic.device import CONFIG_ADDRESS, RAM_BYTES, RAM_FIRST, RAM_LAST, data_byte_exists
+from servogen.pic.device import (
+    CONFIG_ADDRESS,
+    EEPROM_BYTES,
+    RAM_BYTES,
+    RAM_FIRST,
+    RAM_LAST,
+    data_byte_exists,
+    registers,
+)
 
 
 def declare(analyser: Analyser, node: Any) -> None:
@@ -53,6 +74,11 @@ def declare(analyser: Analyser, node: Any) -> None:
     storage = node.storage or []
     static = "static" in storage
     address = analyser.addresses.get((place.file, place.line, place.column))
+    if address is not None and isinstance(kind, IntType) and kind.is_bit:
+        _bit_alias(analyser, node, address)
+        return
+    if isinstance(address, BitAddress):
+        raise analyser.fail("c-address", "a fixed address must be a number", node)
     if analyser.scopes.file_level:
         _global(analyser, node, kind, static, "extern" in storage, address)
     elif "extern" in storage:
@@ -71,7 +97,37 @@ def declare(analyser: Analyser, node: Any) -> None:
         _local(analyser, node, kind, static, address)
 
 
+def _bit_alias(analyser: Analyser, node: Any, address: FixedAddress) -> None:
+    """Declare a bit variable at a fixed address; a number counts bits, as in XC8 and SDCC: 8 * byte + bit."""
+    if node.init is not None:
+        raise analyser.fail(
+            "c-initialiser", f"the bit '{node.name}' at a fixed address has no initial value", node
+        )
+    byte, bit = (
+        (address.byte, address.bit) if isinstance(address, BitAddress) else (address // 8, address % 8)
+    )
+    place = analyser.place(node)
+    if isinstance(byte, str):
+        found = analyser.scopes.find(byte)
+        if not isinstance(found, Symbol):
+            raise analyser.fail("c-undeclared", f"'{byte}' is not declared", node)
+    else:
+        found = next(
+            (analyser.scopes.register(each) for each in registers().values() if each.address == byte), None
+        )
+        if found is None:
+            found = Symbol(f"0x{byte:02X}", U8, "fixed", place)
+            _fix(analyser, found, byte, place)
+            analyser.program.symbols.append(found)
+    if not 0 <= bit < 8 * found.type.size:
+        raise analyser.fail("c-bit", f"'{found.type}' has no bit {bit}", node)
+    found.pinned = True
+    enter_name(analyser, node.name, BitAlias(found, bit, place), node)
+
+
 def _new_global(analyser: Analyser, name: str, kind: CType, place: Location, address: int | None) -> Symbol:
+    if (place.file, place.line, place.column) in analyser.in_eeprom:
+        return _in_eeprom(analyser, name, kind, place)
     if address == CONFIG_ADDRESS:
         return _configuration(analyser, name, kind, place)
     where = "flash" if is_const_object(kind) else "global"
@@ -82,6 +138,21 @@ def _new_global(analyser: Analyser, name: str, kind: CType, place: Location, add
     elif where == "flash" and symbol.volatile:
         raise analyser.reporter.fatal(
             "c-const", f"the constant '{name}' cannot have a volatile member", place
+        )
+    analyser.program.symbols.append(symbol)
+    return symbol
+
+
+def _in_eeprom(analyser: Analyser, name: str, kind: CType, place: Location) -> Symbol:
+    """Return the symbol of a variable in the EEPROM, behind those declared before it."""
+    symbol = Symbol(name, kind, "eeprom", place, address=analyser.eeprom_used)
+    symbol.initial = {}
+    analyser.eeprom_used += kind.size
+    if analyser.eeprom_used > EEPROM_BYTES:
+        raise analyser.reporter.fatal(
+            "program-too-large",
+            f"'{name}' ends at byte {analyser.eeprom_used} of the EEPROM, which has {EEPROM_BYTES}",
+            place,
         )
     analyser.program.symbols.append(symbol)
     return symbol
@@ -135,7 +206,7 @@ def _redeclare(analyser: Analyser, symbol: Symbol, kind: CType, place: Location,
 
 def _configuration(analyser: Analyser, name: str, kind: CType, place: Location) -> Symbol:
     """Return the symbol for SDCC's form of the configuration word: a constant at its address."""
-    if not is_const_object(kind) or kind.size != 2:
+    if kind.size != 2 or not (is_const_object(kind) or analyser.dialect == SDCC):
         raise analyser.reporter.fatal(
             "c-configuration",
             f"the configuration word at 0x{CONFIG_ADDRESS:X} is a constant of 16 bits",
@@ -172,7 +243,7 @@ def _global(
             analyser.externals[name] = symbol
     analyser.asm_symbols[f"_{name}"] = symbol
     if node.init is not None:
-        if symbol.initial is not None:
+        if symbol.initial is not None and symbol.kind != "eeprom":
             raise analyser.fail("c-initialiser", f"'{name}' is initialised twice", node)
         symbol.initial = {}
         initialise(analyser, symbol.initial, kind, node.init, 0)
@@ -185,6 +256,9 @@ def _local(analyser: Analyser, node: Any, kind: CType, static: bool, address: in
     assert analyser.function is not None
     place, name = analyser.place(node), node.name
     constant = is_const_object(kind) and node.init is not None
+    in_eeprom = (place.file, place.line, place.column) in analyser.in_eeprom
+    if in_eeprom and not static:
+        raise analyser.fail("c-type", f"'{name}' in the EEPROM must be static or outside functions", node)
     if static or address is not None or (constant and isinstance(kind, (ArrayType, StructType))):
         symbol = _new_global(analyser, name, kind, place, address)
         symbol.function = analyser.function.name
@@ -211,6 +285,28 @@ def _local(analyser: Analyser, node: Any, kind: CType, static: bool, address: in
             _initialise_local(analyser, symbol, node)
     symbol.asm_name = f"_{name}_{analyser.function.name}"
     analyser.asm_symbols[symbol.asm_name] = symbol
+
+
+def compound_literal(analyser: Analyser, node: Any) -> Expr:
+    """Return an unnamed variable after the assignments that initialise it (ISO C 6.5.2.5)."""
+    place = analyser.place(node)
+    kind = analyser.dispatch.declared_type(analyser, node.type)
+    if analyser.function is None:
+        raise analyser.fail("c-unsupported", "a compound literal outside functions is not supported", node)
+    named = c_ast.Decl(None, [], [], [], [], node.type, node.init, None, node.coord)
+    kind = complete(analyser, kind.plain(), named)
+    symbol = Symbol(
+        f"literal{len(analyser.function.locals)}", kind, "local", place, function=analyser.function.name
+    )
+    symbol.pinned = isinstance(kind, (ArrayType, StructType))
+    analyser.function.locals.append(symbol)
+    waiting, analyser.pending = analyser.pending, []
+    fill(analyser, symbol, kind, node.init, 0, place)
+    steps, analyser.pending = [each.expr for each in analyser.pending], waiting
+    found: Expr = Ref(symbol, 0, None, kind, place)
+    for step in reversed(steps):
+        found = Comma(step, found, kind, place)
+    return found
 
 
 def _constant_local(analyser: Analyser, node: Any, kind: CType, place: Location) -> bool:
@@ -264,9 +360,15 @@ def declare_function(
         known.prototyped = kind.parameters is not None or define
         known.static = static
         known.interrupt = name in analyser.interrupts
+        known.naked = name in analyser.naked
         analyser.program.functions[mangled] = known
         if not static:
             analyser.externals[name] = known
+    elif known.prototyped and is_own_file(place) and len(known.parameters) == len(kind.parameters or ()):
+        # the library's body takes the types that the program declares
+        kind = FuncType(known.result, tuple(each.type for each in known.parameters))
+    elif is_own_file(known.place):
+        _replace_library(analyser, known, kind, node)
     else:
         _same_signature(analyser, known, kind, node, define=define)
     analyser.scopes.stack[0].names[name] = known
@@ -283,6 +385,13 @@ def declare_function(
         known.place = place
         known.prototyped = True
     return known
+
+
+def _replace_library(analyser: Analyser, known: FunctionDefinition, kind: FuncType, node: Any) -> None:
+    """Let the program declare a function of the library with other types: its own declaration holds."""
+    known.result, known.place = kind.result, analyser.place(node)
+    known.parameters = _parameter_symbols(analyser, node, kind, known.name)
+    known.prototyped = kind.parameters is not None
 
 
 def _same_signature(

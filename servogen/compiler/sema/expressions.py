@@ -17,11 +17,13 @@ from servogen.compiler.ast.nodes import (
     Binary,
     Cast,
     Choice,
+    EepromObject,
     Expr,
     Logic,
     Num,
     Unary,
     Update,
+    WideField,
 )
 from servogen.compiler.ast.types import (
     U8,
@@ -35,6 +37,7 @@ from servogen.compiler.ast.types import (
     promote,
     same,
 )
+from servogen.compiler.sema.accessors import Accessor, evaluated_once, load, store
 from servogen.compiler.sema.analyser import Analyser
 from servogen.compiler.sema.conversions import (
     address_int,
@@ -98,6 +101,12 @@ def _step(analyser: Analyser, node: Any) -> Expr:
     post = node.op.startswith("p")
     place = analyser.place(node)
     one = Num(1, U8, place)
+    if isinstance(target, (WideField, EepromObject)):
+        changed = _computed(analyser, target, op, one, node)
+        if not post:
+            return changed
+        back = binary_of(analyser, "-" if op == "+" else "+", changed, one, place)
+        return cast(analyser, back, target.type)
     if isinstance(target.type, PointerType):
         one = Num(target.type.target.size, U8, place)
         return Update(op, target, one, address_int(analyser, target.type), post, target.type.plain(), place)
@@ -199,6 +208,23 @@ def _pointer_operator(analyser: Analyser, op: str, left: Expr, right: Expr, node
     raise analyser.fail("c-type", f"'{op}' cannot combine '{left.type}' and '{right.type}'", node)
 
 
+def _computed(analyser: Analyser, target: Accessor, op: str, value: Expr, node: Any) -> Expr:
+    """Return `target op= value` for an object that is read and stored by expressions."""
+    evaluated_once(analyser, target)
+    now = load(analyser, target)
+    result = binary_of(analyser, op, now, value, analyser.place(node))
+    return store(analyser, target, cast(analyser, result, target.type))
+
+
+def binary_of(analyser: Analyser, op: str, left: Expr, right: Expr, place: Location) -> Expr:
+    """Return the value of an arithmetic operator on integers."""
+    if op in ("<<", ">>"):
+        left, right = promoted(analyser, left), promoted(analyser, right)
+        return binary(analyser, op, left, right, left.type, place)
+    left, right, kind = balance(analyser, left, right)
+    return binary(analyser, op, left, right, kind, place)
+
+
 def ternary_op(analyser: Analyser, node: Any) -> Expr:
     condition = truth(analyser, condition_operand(analyser, node.cond))
     yes, no = (
@@ -230,9 +256,13 @@ def assignment(analyser: Analyser, node: Any) -> Expr:
     kind = target.type.plain()
     if node.op == "=":
         value = convert(analyser, expression(analyser, node.rvalue), kind, "the assignment")
+        if isinstance(target, (WideField, EepromObject)):
+            return store(analyser, target, value)
         return Assign(target, value, kind, place)
     op = node.op[:-1]
     value = arithmetic(analyser, expression(analyser, node.rvalue))
+    if isinstance(target, (WideField, EepromObject)):
+        return _computed(analyser, target, op, value, node)
     if isinstance(kind, PointerType):
         if op not in "+-":
             raise analyser.fail("c-type", f"'{node.op}' cannot change a pointer", node)

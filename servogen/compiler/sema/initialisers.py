@@ -23,8 +23,10 @@ from servogen.compiler.ast.nodes import (
     Num,
     Ref,
     Symbol,
+    WideField,
 )
 from servogen.compiler.ast.types import U8, ArrayType, CType, IntType, StructType, VoidType
+from servogen.compiler.sema.accessors import store
 from servogen.compiler.sema.analyser import Analyser
 from servogen.compiler.sema.conversions import convert
 from servogen.compiler.sema.names import characters, constant, expression
@@ -98,6 +100,11 @@ def _assign(analyser: Analyser, symbol: Symbol, leaf: Leaf, place: Location) -> 
     else:
         place = analyser.place(leaf.value)
         value = convert(analyser, expression(analyser, leaf.value), leaf.type, "the initialiser")
+    if leaf.width > 8:
+        container = Ref(symbol, leaf.at, None, kind, place)
+        field = WideField(container, leaf.width, kind, place)
+        analyser.pending.append(ExprStmt(store(analyser, field, value)))
+        return
     target = Ref(symbol, leaf.at, None, kind, place, leaf.bit, leaf.width)
     analyser.pending.append(ExprStmt(Assign(target, value, kind, place)))
 
@@ -113,19 +120,20 @@ def initialise(analyser: Analyser, data: dict[int, Data], kind: CType, init: Any
         expr = convert(analyser, expression(analyser, leaf.value), leaf.type, "the initialiser")
         found = _bytes(analyser, expr, leaf.type.size, leaf.value)
         if leaf.width:
-            _set_field(analyser, data, leaf, found[0])
+            _set_field(analyser, data, leaf, found)
             continue
         for number, byte in enumerate(found):
             data[leaf.at + number] = byte
 
 
-def _set_field(analyser: Analyser, data: dict[int, Data], leaf: Leaf, value: Data) -> None:
+def _set_field(analyser: Analyser, data: dict[int, Data], leaf: Leaf, value: list[Data]) -> None:
     """Insert the value of a bit-field between those of its neighbours."""
-    before = data.get(leaf.at, 0)
-    if not isinstance(value, int) or not isinstance(before, int):
-        raise analyser.fail("c-not-constant", "the initialiser must be a constant", leaf.value)
-    mask = (1 << leaf.width) - 1
-    data[leaf.at] = before | (value & mask) << (leaf.bit or 0)
+    for number, byte in enumerate(value[: -(-leaf.width // 8)]):
+        before = data.get(leaf.at + number, 0)
+        if not isinstance(byte, int) or not isinstance(before, int):
+            raise analyser.fail("c-not-constant", "the initialiser must be a constant", leaf.value)
+        mask = (1 << min(leaf.width - 8 * number, 8)) - 1
+        data[leaf.at + number] = before | (byte & mask) << (leaf.bit or 0)
 
 
 def _bytes(analyser: Analyser, expr: Expr, size: int, node: Any) -> list[Data]:

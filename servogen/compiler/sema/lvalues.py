@@ -5,10 +5,13 @@ In: pycparser nodes. Out: typed references whose addresses are byte offsets, poi
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from pycparser import c_ast
 
+import servogen.compiler.library as library
+import servogen.compiler.sema.function_pointers as function_pointers
 from servogen.compiler.ast.constant_folding import fold
 from servogen.compiler.ast.nodes import (
     AddressOf,
@@ -18,11 +21,13 @@ from servogen.compiler.ast.nodes import (
     Comma,
     ConstNum,
     Deref,
+    EepromObject,
     Expr,
     FunctionDefinition,
     Num,
     Ref,
     Symbol,
+    WideField,
 )
 from servogen.compiler.ast.types import (
     BIT,
@@ -30,6 +35,7 @@ from servogen.compiler.ast.types import (
     U16,
     ArrayType,
     CType,
+    FuncType,
     IntType,
     Member,
     PointerType,
@@ -41,6 +47,7 @@ from servogen.compiler.ast.types import (
 from servogen.compiler.diagnostics import Fatal
 from servogen.compiler.frontend.dialects import ChipBit
 from servogen.compiler.frontend.extensions import BIT_MEMBER
+from servogen.compiler.sema.accessors import Accessor, element
 from servogen.compiler.sema.analyser import Analyser
 from servogen.compiler.sema.conversions import (
     address,
@@ -56,6 +63,8 @@ from servogen.compiler.sema.names import expression
 from servogen.errors import Location, did_you_mean
 from servogen.pic.device import RAM_FIRST, RAM_LAST, data_byte_exists
 
+BITS_OF_BYTE = 8
+
 
 def array_ref(analyser: Analyser, node: Any) -> Expr:
     base, index = expression(analyser, node.name), expression(analyser, node.subscript)
@@ -64,6 +73,9 @@ def array_ref(analyser: Analyser, node: Any) -> Expr:
     index = arithmetic(analyser, index)
     if isinstance(base, Ref) and isinstance(base.type, ArrayType):
         return _element(analyser, base, index, node)
+    if isinstance(base, EepromObject) and isinstance(base.type, ArrayType):
+        kind = base.type.element
+        return element(base, scaled(analyser, index, kind.size, U8), kind)
     base = decay(analyser, base)
     if not isinstance(base.type, PointerType):
         raise analyser.fail("c-type", f"'{base.type}' cannot be indexed", node)
@@ -186,6 +198,10 @@ def struct_ref(analyser: Analyser, node: Any) -> Expr:
         hint = did_you_mean(name, base.type.layout.members) if base.type.layout.members else None
         raise analyser.fail("c-undeclared", f"'{base.type}' has no member '{name}'", node.field, hint=hint)
     place = analyser.place(node)
+    if isinstance(base, EepromObject):
+        if member.width:
+            raise analyser.fail("c-unsupported", "bit-fields cannot be kept in the EEPROM", node)
+        return element(base, Num(member.offset, U8, place), member.type)
     if isinstance(base, (Ref, Deref)):
         return _member(analyser, base, member, place)
     if analyser.function is None:
@@ -200,6 +216,12 @@ def struct_ref(analyser: Analyser, node: Any) -> Expr:
 
 def _member(analyser: Analyser, base: Ref | Deref, member: Member, place: Location) -> Expr:
     kind = qualified(member.type, const=base.type.const, volatile=base.type.volatile)
+    if member.width > BITS_OF_BYTE:
+        whole = _member(analyser, base, replace(member, width=0, bit=None), place)
+        if isinstance(whole, ConstNum):
+            whole = whole.reference
+        assert isinstance(whole, (Ref, Deref))
+        return WideField(whole, member.width, kind, place)
     if isinstance(base, Ref):
         target: Ref | Deref = Ref(
             base.symbol, base.offset + member.offset, base.index, kind, place, member.bit, member.width
@@ -224,11 +246,11 @@ def bit_of(analyser: Analyser, base: Expr, bit: int, node: Any) -> Expr:
 def func_call(analyser: Analyser, node: Any) -> Expr:
     arguments = list(node.args.exprs) if node.args is not None else []
     if not isinstance(node.name, c_ast.ID):
-        raise analyser.fail(
-            "c-unsupported", "only functions can be called; function pointers are not supported", node
-        )
+        return indirect_call(analyser, expression(analyser, node.name), arguments, node)
     name = node.name.name
     meaning = analyser.scopes.find(name)
+    if isinstance(meaning, Symbol) and isinstance(meaning.type, PointerType):
+        return indirect_call(analyser, expression(analyser, node.name), arguments, node)
     if not isinstance(meaning, FunctionDefinition):
         found = analyser.dispatch.builtin(analyser, name, node, arguments)
         if found is not None:
@@ -243,6 +265,8 @@ def func_call(analyser: Analyser, node: Any) -> Expr:
             if isinstance(what, FunctionDefinition)
         ]
         hint = did_you_mean(name, known + analyser.dispatch.builtin_names(analyser))
+        if header := library.declared_in(name):
+            hint = f"did you forget #include <{header}>?"
         raise analyser.fail(
             "c-undeclared",
             f"the function '{name}' is not declared",
@@ -252,24 +276,44 @@ def func_call(analyser: Analyser, node: Any) -> Expr:
     return _call(analyser, meaning, arguments, node)
 
 
-def _call(analyser: Analyser, function: FunctionDefinition, arguments: list[Any], node: Any) -> Expr:
+def indirect_call(analyser: Analyser, pointer: Expr, arguments: list[Any], node: Any) -> Expr:
+    """Return the call of the function that a pointer leads to, through the dispatcher of its type."""
+    pointer = rvalue(analyser, pointer)
+    kind = pointer.type.target if isinstance(pointer.type, PointerType) else None
+    if not isinstance(kind, FuncType):
+        raise analyser.fail("c-type", f"'{pointer.type}' is not a function", node)
+    dispatcher = function_pointers.dispatcher(analyser, kind)
+    found = _call(analyser, dispatcher, arguments, node, pointer)
+    assert isinstance(found, Call)
+    return found
+
+
+def _call(
+    analyser: Analyser,
+    function: FunctionDefinition,
+    arguments: list[Any],
+    node: Any,
+    pointer: Expr | None = None,
+) -> Expr:
     if function.interrupt:
         raise analyser.fail("c-interrupt", f"the interrupt function '{function.name}' cannot be called", node)
-    wanted = function.parameters
+    analyser.called.add(function.name)
+    wanted = function.parameters if pointer is None else function.parameters[:-1]
+    named = f"'{function.name}'" if pointer is None else "the function"
     if len(arguments) != len(wanted):
         raise analyser.fail(
             "c-argument",
-            f"'{function.name}' takes {len(wanted)} argument{'s' * (len(wanted) != 1)}, "
+            f"{named} takes {len(wanted)} argument{'s' * (len(wanted) != 1)}, "
             f"{len(arguments)} {'is' if len(arguments) == 1 else 'are'} given",
             node,
             hint=f"it is declared at {function.place}",
         )
     converted = [
-        convert(
-            analyser, expression(analyser, given), parameter.type, f"argument {number} of '{function.name}'"
-        )
+        convert(analyser, expression(analyser, given), parameter.type, f"argument {number} of {named}")
         for number, (given, parameter) in enumerate(zip(arguments, wanted, strict=True), 1)
     ]
+    if pointer is not None:
+        converted.append(cast(analyser, pointer, U8))
     return Call(function.name, converted, function.result.plain(), analyser.place(node))
 
 
@@ -287,6 +331,8 @@ def dereference(analyser: Analyser, operand: Expr, node: Any) -> Expr:
     operand = decay(analyser, operand)
     if not isinstance(operand.type, PointerType):
         raise analyser.fail("c-type", f"'*' needs a pointer, this is '{operand.type}'", node)
+    if isinstance(operand.type.target, FuncType):
+        return operand
     if isinstance(operand.type.target, VoidType):
         raise analyser.fail("c-type", "a void pointer cannot be dereferenced; cast it first", node)
     if isinstance(operand, AddressOf) and same(operand.type.target, operand.target.type):
@@ -302,10 +348,14 @@ def address_of(analyser: Analyser, node: Any) -> Expr:
     if isinstance(node.expr, c_ast.ID) and isinstance(
         analyser.scopes.find(node.expr.name), FunctionDefinition
     ):
-        raise analyser.fail("c-unsupported", "function pointers are not supported", node)
+        return expression(analyser, node.expr)
     target = expression(analyser, node.expr)
     if isinstance(target, ConstNum):
         target = target.reference
+    if isinstance(target, Comma) and isinstance(node.expr, c_ast.CompoundLiteral):
+        return _address_of_last(analyser, target)
+    if isinstance(target, EepromObject):
+        raise analyser.fail("c-unsupported", "there are no pointers into the EEPROM", node)
     if isinstance(target, Deref) and not target.width:
         return offset_pointer(
             analyser, rvalue(analyser, target.pointer), target.offset, PointerType(target.type)
@@ -316,12 +366,21 @@ def address_of(analyser: Analyser, node: Any) -> Expr:
     return address(analyser, target, PointerType(target.type))
 
 
-def assignable(analyser: Analyser, target: Expr, node: Any) -> Ref | Deref:
+def _address_of_last(analyser: Analyser, expr: Expr) -> Expr:
+    """Return the address of the variable that a compound literal is, after its assignments."""
+    if isinstance(expr, Comma):
+        second = _address_of_last(analyser, expr.second)
+        return Comma(expr.first, second, second.type, expr.place)
+    assert isinstance(expr, Ref)
+    return address(analyser, expr, PointerType(expr.type))
+
+
+def assignable(analyser: Analyser, target: Expr, node: Any) -> Ref | Deref | Accessor:
     if isinstance(target, ConstNum):
         raise analyser.fail(
             "c-const", f"'{target.reference.symbol.name}' is const and cannot be changed", node
         )
-    if not isinstance(target, (Ref, Deref)):
+    if not isinstance(target, (Ref, Deref, WideField, EepromObject)):
         raise analyser.fail("c-lvalue", "this cannot be assigned to", node)
     if isinstance(target.type, ArrayType):
         raise analyser.fail("c-lvalue", "an array cannot be assigned to", node)

@@ -7,8 +7,10 @@ numbers.
 from __future__ import annotations
 
 import re
+from functools import cache
 from typing import Any
 
+import servogen.compiler.sema.function_pointers as function_pointers
 from servogen.compiler.ast.constant_folding import has_effect
 from servogen.compiler.ast.nodes import (
     Binary,
@@ -17,6 +19,7 @@ from servogen.compiler.ast.nodes import (
     Choice,
     Comma,
     ConstNum,
+    EepromObject,
     Expr,
     FunctionDefinition,
     Logic,
@@ -24,14 +27,22 @@ from servogen.compiler.ast.nodes import (
     Ref,
     Symbol,
     Unary,
+    WideField,
 )
-from servogen.compiler.ast.types import BIT, IntType, Layout, Member, StructType, VoidType
+from servogen.compiler.ast.types import BIT, U8, IntType, Layout, Member, StructType, VoidType
 from servogen.compiler.diagnostics import Fatal
-from servogen.compiler.frontend.dialects import ChipBit, chip_bits, chip_registers, config_names
+from servogen.compiler.frontend.dialects import (
+    REGISTER_FIELDS,
+    ChipBit,
+    chip_bits,
+    chip_registers,
+    config_names,
+)
 from servogen.compiler.limits import DIGITS
+from servogen.compiler.sema.accessors import load
 from servogen.compiler.sema.analyser import Analyser
 from servogen.compiler.sema.conversions import arithmetic
-from servogen.compiler.sema.scopes import Constant
+from servogen.compiler.sema.scopes import BitAlias, Constant
 from servogen.errors import Location, did_you_mean
 
 _ESCAPES = {
@@ -136,17 +147,16 @@ def named(analyser: Analyser, node: Any, *, as_bit: bool) -> Expr:
             if not as_bit:
                 return Num(bit, analyser.int_type, place)
             return Ref(analyser.scopes.register(register), 0, None, BIT, place, bit, 1)
+        case BitAlias(symbol, bit):
+            return Ref(symbol, bit // 8, None, BIT, place, bit % 8, 1)
         case FunctionDefinition():
-            raise analyser.fail(
-                "c-unsupported",
-                f"'{node.name}' is a function; function pointers are not supported",
-                node,
-                hint=f"to call it, write {node.name}()",
-            )
+            return function_pointers.address(analyser, meaning, place)
+    if node.name in ("__func__", "__FUNCTION__") and analyser.function is not None:
+        return analyser.string([*analyser.function.name.encode(), 0], place)
     match = re.fullmatch(r"(\w+)bits", node.name)
     register_symbol = analyser.scopes.chip(match[1]) if match else None
     if isinstance(register_symbol, Symbol):
-        return Ref(register_symbol, 0, None, StructType(_register_layout(match[1])), place)  # type: ignore[index]
+        return Ref(register_symbol, 0, None, StructType(register_layout(match[1])), place)  # type: ignore[index]
     if analyser.reading_config and node.name in config_names():
         return Num(config_names()[node.name], analyser.int_type, place)
     if node.name in analyser.reporter.lost:
@@ -163,6 +173,8 @@ def _suggest(analyser: Analyser, name: str) -> str | None:
 
 def use(analyser: Analyser, symbol: Symbol, place: Location) -> Expr:
     kind = symbol.type
+    if symbol.kind == "eeprom":
+        return EepromObject(Num(symbol.address or 0, U8, place), kind, place)
     if symbol.kind == "flash" and kind.scalar and symbol.initial is not None:
         data = [symbol.initial.get(offset, 0) for offset in range(kind.size)]
         if all(isinstance(each, int) for each in data) and isinstance(kind, IntType):
@@ -175,12 +187,17 @@ def use(analyser: Analyser, symbol: Symbol, place: Location) -> Expr:
 
 def expression_list(analyser: Analyser, node: Any) -> Expr:
     *before, last = node.exprs
-    found = expression(analyser, last)
+    found = value_of(analyser, expression(analyser, last))
     for each in reversed(before):
-        first = expression(analyser, each)
+        first = value_of(analyser, expression(analyser, each))
         warn_unused(analyser, first)
         found = Comma(first, found, found.type, analyser.place(each))
     return found
+
+
+def value_of(analyser: Analyser, expr: Expr) -> Expr:
+    """Return an expression whose value is read by the code generator itself."""
+    return load(analyser, expr) if isinstance(expr, (WideField, EepromObject)) else expr
 
 
 def warn_unused(analyser: Analyser, expr: Expr) -> None:
@@ -204,11 +221,17 @@ def warn_unused(analyser: Analyser, expr: Expr) -> None:
         analyser.reporter.warn("c-unused-result", "the result of this expression is not used", expr.place)
 
 
-def _register_layout(name: str) -> Any:
+@cache
+def register_layout(name: str) -> Layout:
+    """Return the bits and fields of a register as members of a structure."""
     register = chip_registers()[name]
     members = {
         bit_name: Member(bit_name, BIT, 0, bit.bit, 1)
         for bit_name, bit in chip_bits().items()
         if bit.register is register
     }
-    return Layout(f"{register.name}bits", False, members, size=1)
+    fields = {
+        field: Member(field, U8, 0, bit, width)
+        for field, (bit, width) in REGISTER_FIELDS.get(register.name, {}).items()
+    }
+    return Layout(f"{register.name}bits", False, {**members, **fields}, size=1)

@@ -26,7 +26,16 @@ class Constant:
     type: CType
 
 
-Meaning = Symbol | FunctionDefinition | TypeName | Constant | ChipBit
+@dataclass(frozen=True, slots=True)
+class BitAlias:
+    """The meaning of a bit variable with a fixed address: a bit of another variable or of a register."""
+
+    symbol: Symbol
+    bit: int
+    place: Location
+
+
+Meaning = Symbol | FunctionDefinition | TypeName | Constant | ChipBit | BitAlias
 
 
 @dataclass(slots=True)

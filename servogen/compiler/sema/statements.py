@@ -13,6 +13,7 @@ from pycparser import c_ast
 
 from servogen.compiler.ast.nodes import (
     Asm,
+    Assign,
     Block,
     Call,
     CaseLabel,
@@ -24,19 +25,22 @@ from servogen.compiler.ast.nodes import (
     LabelStmt,
     Loop,
     Num,
+    Ref,
     Return,
     Stmt,
     Switch,
     Symbol,
 )
-from servogen.compiler.ast.types import IntType, VoidType, promote
+from servogen.compiler.ast.types import BIT, U8, IntType, VoidType, promote
 from servogen.compiler.diagnostics import Fatal
 from servogen.compiler.frontend.asm_blocks import MARKER
+from servogen.compiler.frontend.extensions import CRITICAL_LABEL
 from servogen.compiler.sema.analyser import Analyser, Body
+from servogen.compiler.sema.builtins import chip_bit, register_ref, set_bit
 from servogen.compiler.sema.conversions import convert, promoted, truth
 from servogen.compiler.sema.declarations import declare
 from servogen.compiler.sema.expressions import condition_operand
-from servogen.compiler.sema.names import constant, expression, warn_unused
+from servogen.compiler.sema.names import constant, expression, value_of, warn_unused
 from servogen.compiler.sema.type_names import specified
 from servogen.errors import Location, did_you_mean
 
@@ -135,12 +139,13 @@ def _asm_calls(analyser: Analyser, lines: list[tuple[Location, str]]) -> Iterato
         match = re.match(r"(?i)(?:.*:)?\s*l?call\s+_(\w+)\s*(?:;|//|$)", text)
         called = analyser.scopes.find(match[1]) if match else None
         if isinstance(called, FunctionDefinition):
+            analyser.called.add(called.name)
             yield Call(called.name, [], called.result, place)
 
 
 def effect_of(analyser: Analyser, node: Any) -> Expr:
     """Return an expression that is evaluated for its effect."""
-    expr = expression(analyser, node)
+    expr = value_of(analyser, expression(analyser, node))
     warn_unused(analyser, expr)
     return expr
 
@@ -316,26 +321,70 @@ def _labelled(analyser: Analyser, label: CaseLabel | LabelStmt, nodes: list[Any]
     return block
 
 
+def _stmt_critical(analyser: Analyser, node: Any) -> Stmt:
+    """Analyse a block in which no interrupt comes. GIE is cleared until it reads 0, because an interrupt that
+    comes during the BCF sets it again when it returns.
+    """
+    assert analyser.function is not None
+    place = analyser.place(node)
+    before = Symbol(
+        f"intcon{len(analyser.function.locals)}", U8, "local", place, function=analyser.function.name
+    )
+    analyser.function.locals.append(before)
+    held = analyser.body.loops, analyser.body.breakable
+    analyser.body.loops = analyser.body.breakable = 0
+    analyser.body.critical.append(before)
+    gie = chip_bit(analyser, "GIE", place)
+    out: list[Stmt] = [
+        ExprStmt(Assign(Ref(before, 0, None, U8, place), register_ref(analyser, "INTCON", place), U8, place)),
+        Loop(gie, ExprStmt(set_bit(analyser, gie, 0)), None, True, place, "do"),
+        nested(analyser, node.stmt),
+        _allow_again(analyser, before, place),
+    ]
+    analyser.body.critical.pop()
+    analyser.body.loops, analyser.body.breakable = held
+    return Block(out)
+
+
+def _allow_again(analyser: Analyser, before: Symbol, place: Location) -> Stmt:
+    """Return the statement that allows interrupts again if they were allowed before a critical block."""
+    was = Ref(before, 0, None, BIT, place, 7, 1)
+    return If(was, ExprStmt(set_bit(analyser, chip_bit(analyser, "GIE", place), 1)), None, place)
+
+
 def _stmt_label(analyser: Analyser, node: Any) -> Stmt:
+    if node.name.startswith(CRITICAL_LABEL):
+        return _stmt_critical(analyser, node)
     if node.name in analyser.body.labels:
         raise analyser.fail("c-jump", f"the label '{node.name}' is there twice", node)
     analyser.body.labels[node.name] = analyser.place(node)
     return _labelled(analyser, LabelStmt(node.name, analyser.place(node)), [node.stmt])
 
 
+def _no_way_out(analyser: Analyser, word: str, what: str, node: Any) -> Fatal:
+    inside = (
+        f" in a critical block cannot leave {what} around it"
+        if analyser.body.critical
+        else f" outside {what}"
+    )
+    return analyser.fail("c-jump", f"'{word}'{inside}", node)
+
+
 def _stmt_break(analyser: Analyser, node: Any) -> Stmt:
     if not analyser.body.breakable:
-        raise analyser.fail("c-jump", "'break' outside a loop or switch", node)
+        raise _no_way_out(analyser, "break", "a loop or switch", node)
     return Jump("break", "", analyser.place(node))
 
 
 def _stmt_continue(analyser: Analyser, node: Any) -> Stmt:
     if not analyser.body.loops:
-        raise analyser.fail("c-jump", "'continue' outside a loop", node)
+        raise _no_way_out(analyser, "continue", "a loop", node)
     return Jump("continue", "", analyser.place(node))
 
 
 def _stmt_goto(analyser: Analyser, node: Any) -> Stmt:
+    if analyser.body.critical:
+        raise analyser.fail("c-jump", "'goto' in a critical block is not supported", node)
     analyser.body.gotos.append((node.name, node))
     return Jump("goto", node.name, analyser.place(node))
 
@@ -347,13 +396,31 @@ def _stmt_return(analyser: Analyser, node: Any) -> Stmt:
     if node.expr is None:
         if not isinstance(result, VoidType) and analyser.function.name != "main":
             analyser.reporter.warn("c-return", f"'{analyser.function.name}' should return '{result}'", place)
-        return Return(None, place)
+        return _leaving(analyser, None, place)
     expr = expression(analyser, node.expr)
     if isinstance(result, VoidType):
         if isinstance(expr.type, VoidType):
             return Return(expr, place)
         raise analyser.fail("c-return", f"'{analyser.function.name}' returns void, not a value", node)
-    return Return(convert(analyser, expr, result, "the result"), place)
+    return _leaving(analyser, convert(analyser, expr, result, "the result"), place)
+
+
+def _leaving(analyser: Analyser, value: Expr | None, place: Location) -> Stmt:
+    """Return a return statement; one in a critical block allows interrupts again once the value is
+    computed.
+    """
+    if not analyser.body.critical:
+        return Return(value, place)
+    assert analyser.function is not None
+    allow = _allow_again(analyser, analyser.body.critical[0], place)
+    if value is None or isinstance(value, Num):
+        return Block([allow, Return(value, place)])
+    held = Symbol(
+        f"result{len(analyser.function.locals)}", value.type, "local", place, function=analyser.function.name
+    )
+    analyser.function.locals.append(held)
+    target = Ref(held, 0, None, value.type, place)
+    return Block([ExprStmt(Assign(target, value, value.type, place)), allow, Return(target, place)])
 
 
 def _stmt_pragma(analyser: Analyser, node: Any) -> Stmt:

@@ -9,20 +9,28 @@ from typing import Any
 
 from pycparser import c_ast
 
+import servogen.compiler.library as library
+import servogen.compiler.sema.function_pointers as function_pointers
 from servogen.compiler.ast.nodes import FunctionDefinition
 from servogen.compiler.ast.types import FuncType
-from servogen.compiler.diagnostics import Fatal, Reporter
+from servogen.compiler.diagnostics import Fatal, Reporter, is_own_file
 from servogen.compiler.frontend.asm_blocks import AsmBlock
-from servogen.compiler.frontend.dialects import named_types
-from servogen.compiler.frontend.extensions import CONFIG_NAME, EEPROM_NAME, Rewritten
+from servogen.compiler.frontend.dialects import type_names
+from servogen.compiler.frontend.extensions import CONFIG_NAME, EEPROM_NAME, ID_NAME, Rewritten
 from servogen.compiler.frontend.parser import parse
 from servogen.compiler.frontend.preprocessor import Preprocessed
 from servogen.compiler.frontend.settings import Settings
 from servogen.compiler.frontend.syntax_errors import place_of
-from servogen.compiler.sema.analyser import Analyser, Dispatch
+from servogen.compiler.sema.analyser import Analyser, Dispatch, ReadFile
 from servogen.compiler.sema.builtins import builtin, builtin_names
-from servogen.compiler.sema.declarations import declare, declare_function
-from servogen.compiler.sema.expressions import assignment, binary_op, cast_expression, ternary_op, unary_op
+from servogen.compiler.sema.declarations import compound_literal, declare, declare_function
+from servogen.compiler.sema.expressions import (
+    assignment,
+    binary_op,
+    cast_expression,
+    ternary_op,
+    unary_op,
+)
 from servogen.compiler.sema.lvalues import array_ref, func_call, struct_ref
 from servogen.compiler.sema.names import expression_list, identifier, literal
 from servogen.compiler.sema.scopes import Constant, Scopes
@@ -40,8 +48,11 @@ EEPROM_DATA_VALUES = 8
 def begin_file(analyser: Analyser, rewritten: Rewritten) -> None:
     """Start a new file: a scope of its own in the same program."""
     analyser.scopes = Scopes(lower_case=True)
+    analyser.file_scopes.append(analyser.scopes)
     analyser.addresses = rewritten.addresses
     analyser.interrupts = rewritten.interrupts
+    analyser.in_eeprom = rewritten.in_eeprom
+    analyser.naked = rewritten.naked
 
 
 def head(analyser: Analyser, unit: Any) -> FunctionDefinition:
@@ -85,9 +96,20 @@ def finish(analyser: Analyser, settings: Settings) -> None:
                 )
                 break
             analyser.program.eeprom[at] = value if isinstance(value, int) else 0
-    for name, meaning in analyser.scopes.stack[0].names.items():
+    for symbol in [each for each in analyser.program.symbols if each.kind == "eeprom"]:
+        analyser.program.symbols.remove(symbol)
+        for offset in range(symbol.size):
+            value = (symbol.initial or {}).get(offset, 0)
+            analyser.program.eeprom[(symbol.address or 0) + offset] = value if isinstance(value, int) else 0
+    analyser.program.eeprom.update(settings.eeprom)
+    analyser.program.ids.update(settings.ids)
+    everywhere = [each for scopes in analyser.file_scopes for each in scopes.stack[0].names.items()]
+    for name, meaning in everywhere:
         if name.startswith(CONFIG_NAME) and isinstance(meaning, Constant):
             settings.config_mask = (meaning.value & WORD_MASK, Location())
+        if name.startswith(ID_NAME) and isinstance(meaning, Constant):
+            digits = [meaning.value >> shift & 0xF for shift in (12, 8, 4, 0)]
+            analyser.program.ids = dict(enumerate(digits))
     for symbol in analyser.program.symbols:
         if symbol.address == CONFIG_ADDRESS:
             low, high = ((symbol.initial or {}).get(offset, 0) for offset in (0, 1))
@@ -102,9 +124,10 @@ def analyse(
     blocks: list[AsmBlock],
     settings: Settings,
     clock: Clock | None,
+    read_library: ReadFile,
 ) -> Analyser:
-    """Parse and check every file. Function heads come first, so that functions may be called before their
-    definition.
+    """Parse and check every file, and the files of the library that define what is missing. Function heads
+    come first, so that functions may be called before their definition.
     """
     analysis = Analyser(
         dialect,
@@ -113,33 +136,96 @@ def analyse(
         clock=clock,
         serial_settings=settings.serial,
         asm_blocks=blocks,
+        read_library=read_library,
     )
-    bodies: list[tuple[Any, Any, Any]] = []
+    analysis.eeprom_used = EEPROM_DATA_VALUES * sum(
+        token.text.startswith(EEPROM_NAME) for _, rewritten in files for token in rewritten.tokens
+    )
     for _, rewritten in files:
-        units = parse(rewritten.tokens, named_types(), reporter)
-        begin_file(analysis, rewritten)
-        for unit in units:
-            try:
-                if isinstance(unit, c_ast.FuncDef):
-                    bodies.append((head(analysis, unit), unit, analysis.scopes))
-                elif isinstance(unit, (c_ast.Decl, c_ast.Typedef)):
-                    declare(analysis, unit)
-                elif isinstance(unit, c_ast.StaticAssert):
-                    static_assertion(analysis, unit)
-            except RecursionError:
-                raise reporter.too_deep(place_of(unit.coord)) from None
-            except Fatal:
-                declared = unit.decl if isinstance(unit, c_ast.FuncDef) else unit
-                reporter.lost.update(filter(None, [getattr(declared, "name", None)]))
+        _declarations(analysis, rewritten)
         file_assembly(analysis, rewritten, settings)
-    for function, unit, scopes in bodies:
+    _bodies(analysis)
+    while _called_of_library(analysis):
+        _bodies(analysis)
+    function_pointers.finish(analysis)
+    finish(analysis, settings)
+    return analysis
+
+
+def _declarations(analysis: Analyser, rewritten: Rewritten) -> None:
+    """Declare everything in a file, and note the bodies of its functions. A function of the library that the
+    program defines itself is left out.
+    """
+    reporter = analysis.reporter
+    units = parse(rewritten.tokens, type_names(), reporter)
+    begin_file(analysis, rewritten)
+    for unit in units:
+        try:
+            if isinstance(unit, c_ast.FuncDef):
+                known = analysis.externals.get(unit.decl.name)
+                replaced = known in analysis.defined and is_own_file(analysis.place(unit))
+                if not replaced:
+                    function = head(analysis, unit)
+                    body = (function, unit, analysis.scopes)
+                    if is_own_file(function.place):
+                        analysis.library_bodies[function.name] = body
+                    else:
+                        analysis.bodies.append(body)
+            elif isinstance(unit, (c_ast.Decl, c_ast.Typedef)):
+                declare(analysis, unit)
+            elif isinstance(unit, c_ast.StaticAssert):
+                static_assertion(analysis, unit)
+        except RecursionError:
+            raise reporter.too_deep(place_of(unit.coord)) from None
+        except Fatal:
+            declared = unit.decl if isinstance(unit, c_ast.FuncDef) else unit
+            reporter.lost.update(filter(None, [getattr(declared, "name", None)]))
+
+
+def _bodies(analysis: Analyser) -> None:
+    """Analyse the bodies that remain; one that calls the library may add others."""
+    while analysis.bodies:
+        function, unit, scopes = analysis.bodies.pop(0)
         analysis.scopes = scopes
         try:
             define_function(analysis, function, unit)
         except RecursionError:
-            raise reporter.too_deep(function.place) from None
-    finish(analysis, settings)
-    return analysis
+            raise analysis.reporter.too_deep(function.place) from None
+
+
+def _called_of_library(analysis: Analyser) -> bool:
+    """Add the bodies of the library's functions that are called and not yet defined; return whether there are
+    any.
+    """
+    for name in sorted(analysis.called & library.sources().keys()):
+        meaning = analysis.externals.get(name)
+        if isinstance(meaning, FunctionDefinition) and meaning not in analysis.defined:
+            library_function(analysis, name)
+    wanted = analysis.called & analysis.library_bodies.keys()
+    analysis.bodies += [analysis.library_bodies.pop(name) for name in sorted(wanted)]
+    return bool(wanted)
+
+
+def library_function(analysis: Analyser, name: str) -> FunctionDefinition:
+    """Return a function of the library; its file is declared the first time, its bodies wait for analysis."""
+    file = library.sources()[name]
+    if file not in analysis.library_files:
+        analysis.library_files.add(file)
+        before = analysis.scopes, analysis.addresses, analysis.interrupts, analysis.in_eeprom, analysis.naked
+        _, rewritten = analysis.read_library(file)
+        _declarations(analysis, rewritten)
+        if own_putchar := analysis.externals.get("putchar"):
+            analysis.file_scopes[-1].stack[0].names.setdefault("putchar", own_putchar)
+        (
+            analysis.scopes,
+            analysis.addresses,
+            analysis.interrupts,
+            analysis.in_eeprom,
+            analysis.naked,
+        ) = before
+    found = analysis.externals[name]
+    assert isinstance(found, FunctionDefinition)
+    return found
 
 
 _DISPATCH = Dispatch(
@@ -155,8 +241,10 @@ _DISPATCH = Dispatch(
         c_ast.TernaryOp: ternary_op,
         c_ast.Assignment: assignment,
         c_ast.Cast: cast_expression,
+        c_ast.CompoundLiteral: compound_literal,
     },
     declared_type=declared_type,
     builtin=builtin,
     builtin_names=builtin_names,
+    library=library_function,
 )

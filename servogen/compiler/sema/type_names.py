@@ -26,10 +26,10 @@ from servogen.compiler.ast.types import (
     qualified,
     same,
 )
-from servogen.compiler.frontend.dialects import int_type
+from servogen.compiler.frontend.dialects import WIDE_TYPES, chip_registers, int_type
 from servogen.compiler.frontend.extensions import CONFIG_NAME
 from servogen.compiler.sema.analyser import Analyser
-from servogen.compiler.sema.names import constant
+from servogen.compiler.sema.names import constant, register_layout
 from servogen.compiler.sema.scopes import Constant, TypeName
 from servogen.pic.device import PROGRAM_WORDS
 
@@ -44,8 +44,6 @@ def declared_type(analyser: Analyser, node: Any) -> CType:
             return _qualified(analyser, base, node.quals or [])
         case c_ast.PtrDecl():
             target = declared_type(analyser, node.type)
-            if isinstance(target, FuncType):
-                raise analyser.fail("c-unsupported", "function pointers are not supported", node)
             if isinstance(target, IntType) and target.is_bit:
                 raise analyser.fail("c-type", "there are no pointers to bits", node)
             return _qualified(analyser, PointerType(target), node.quals or [])
@@ -109,7 +107,7 @@ def _named(analyser: Analyser, names: tuple[str, ...], node: Any) -> CType:
         raise analyser.fail(
             "c-unsupported", "this compiler has no floating point", node, hint="use scaled integers"
         )
-    if names.count("long") > 1:
+    if names.count("long") > 1 or (len(names) == 1 and names[0] in WIDE_TYPES):
         raise analyser.fail(
             "c-unsupported", "64-bit integers are not supported", node, hint="the widest type is 32 bits"
         )
@@ -122,6 +120,9 @@ def _named(analyser: Analyser, names: tuple[str, ...], node: Any) -> CType:
             return meaning.type
         if names[0] in analyser.types:
             return analyser.types[names[0]]
+        register = names[0].removesuffix("bits_t")
+        if register in chip_registers():
+            return StructType(register_layout(register))
     if len(names) == 2 and names[0] == "unsigned" and names[1] in ("bit", "__bit"):
         return BIT
     raise analyser.fail("c-type", f"'{' '.join(names)}' is not a type", node)
@@ -162,12 +163,19 @@ def _members(analyser: Analyser, layout: Layout, decls: list[Any]) -> None:
         if isinstance(kind, IntType) and kind.is_bit and not is_field:
             width, is_field = 1, True
         if is_field:
-            if not isinstance(kind, IntType) or not 0 <= width <= 8:
+            if not isinstance(kind, IntType) or not 0 <= width <= min(MAX_FIELD, 8 * kind.size):
                 # the structure is read to its end, so that its members are known
+                most = min(MAX_FIELD, 8 * kind.size) if isinstance(kind, IntType) else MAX_FIELD
                 analyser.reporter.error(
-                    "c-bit", "a bit-field has 1 to 8 bits of an integer type", analyser.place(decl)
+                    "c-bit", f"a bit-field has 1 to {most} bits of an integer type", analyser.place(decl)
                 )
                 kind, width = U8, 8
+            if width > 8:
+                offset, bit = _wide_field(analyser, layout, decl, kind, width, offset + (bit > 0))
+                largest = max(largest, offset + (bit > 0))
+                if layout.union:
+                    offset = bit = 0
+                continue
             if width == 0 or bit + width > 8:
                 offset, bit = offset + (bit > 0), 0
             if width == 0:
@@ -208,6 +216,22 @@ def _members(analyser: Analyser, layout: Layout, decls: list[Any]) -> None:
             "program-too-large", f"a structure of {largest} bytes is larger than the chip's memory", decls[0]
         )
     layout.size = largest
+
+
+MAX_FIELD = 16
+"""Bits of a bit-field."""
+
+
+def _wide_field(
+    analyser: Analyser, layout: Layout, decl: Any, kind: IntType, width: int, offset: int
+) -> tuple[int, int]:
+    """Add a bit-field of more than 8 bits, which begins with a byte; return the byte and bit after it."""
+    two = analyser.types["int16_t" if kind.signed else "uint16_t"]
+    member = qualified(two, const=kind.const, volatile=kind.volatile)
+    if decl.name is not None:
+        layout.members[decl.name] = Member(decl.name, member, offset, 0, width if width < MAX_FIELD else 0)
+        layout.parts.append(layout.members[decl.name])
+    return (offset + 1, width - 8) if width < MAX_FIELD else (offset + 2, 0)
 
 
 def _enumeration(analyser: Analyser, node: Any) -> CType:

@@ -1,7 +1,7 @@
 // A bit-field that is too wide is one error; what it belongs to is known all the same.
 struct wide {
   // error: a bit-field has 1 to 8 bits of an integer type
-  int many : 12;
+  char many : 12;
   char few : 3;
 } s, other;
 struct wide third;

@@ -1,0 +1,13 @@
+unsigned char isdigit(unsigned char c);
+unsigned char isxdigit(unsigned char c);
+unsigned char isupper(unsigned char c);
+unsigned char islower(unsigned char c);
+unsigned char isalpha(unsigned char c);
+unsigned char isalnum(unsigned char c);
+unsigned char isspace(unsigned char c);
+unsigned char iscntrl(unsigned char c);
+unsigned char isgraph(unsigned char c);
+unsigned char isprint(unsigned char c);
+unsigned char ispunct(unsigned char c);
+unsigned char toupper(unsigned char c);
+unsigned char tolower(unsigned char c);

@@ -1,0 +1,135 @@
+// defines: abs
+int16_t abs(int16_t value) { return value < 0 ? -value : value; }
+
+// defines: labs
+int32_t labs(int32_t value) { return value < 0 ? -value : value; }
+
+// defines: atoi
+int16_t atoi(const unsigned char *text) {
+  uint16_t value = 0;
+  uint8_t negative = 0, c;
+  while ((c = *text) == ' ' || (uint8_t)(c - '\t') < 5) text++;
+  if (c == '-') negative = 1;
+  if (c == '-' || c == '+') text++;
+  while ((c = *text++ - '0') < 10) value = value * 10 + c;
+  return negative ? -value : value;
+}
+
+// defines: atol
+int32_t atol(const unsigned char *text) {
+  uint32_t value = 0;
+  uint8_t negative = 0, c;
+  while ((c = *text) == ' ' || (uint8_t)(c - '\t') < 5) text++;
+  if (c == '-') negative = 1;
+  if (c == '-' || c == '+') text++;
+  while ((c = *text++ - '0') < 10) value = value * 10 + c;
+  return negative ? -value : value;
+}
+
+static uint32_t random_state = 1;
+
+// defines: srand
+void srand(uint16_t seed) { random_state = seed; }
+
+// defines: rand
+// The generator of ISO C 7.22.2.
+int16_t rand(void) {
+  random_state = random_state * 1103515245UL + 12345;
+  return (uint16_t)(random_state >> 16) & 0x7FFF;
+}
+
+#define DIGIT(d) ((d) < 10 ? '0' + (d) : 'a' - 10 + (d))
+
+// Writes the digits from the last to the first, then reverses them.
+static void reversed(unsigned char *text, unsigned char *end) {
+  *end = 0;
+  while (text < --end) {
+    uint8_t c = *text;
+    *text++ = *end;
+    *end = c;
+  }
+}
+
+#ifdef __SDCC
+// defines: _uitoa
+void _uitoa(uint16_t value, unsigned char *text, unsigned char base)
+#else
+// defines: utoa
+unsigned char *utoa(unsigned char *text, uint16_t value, uint8_t base)
+#endif
+{
+  unsigned char *end = text;
+  do {
+    uint8_t digit = value % base;
+    *end++ = DIGIT(digit);
+    value /= base;
+  } while (value);
+  reversed(text, end);
+#ifndef __SDCC
+  return text;
+#endif
+}
+
+#ifdef __SDCC
+// defines: _itoa
+void _itoa(int16_t value, unsigned char *text, unsigned char base)
+#else
+// defines: itoa
+unsigned char *itoa(unsigned char *text, int16_t value, uint8_t base)
+#endif
+{
+  unsigned char *digits = text;
+  uint16_t size = value;
+  if (value < 0) {
+    *digits++ = '-';
+    size = -size;
+  }
+#ifdef __SDCC
+  _uitoa(size, digits, base);
+#else
+  utoa(digits, size, base);
+  return text;
+#endif
+}
+
+#ifdef __SDCC
+// defines: _ultoa
+void _ultoa(uint32_t value, unsigned char *text, unsigned char base)
+#else
+// defines: ultoa
+unsigned char *ultoa(unsigned char *text, uint32_t value, uint8_t base)
+#endif
+{
+  unsigned char *end = text;
+  do {
+    uint8_t digit = value % base;
+    *end++ = DIGIT(digit);
+    value /= base;
+  } while (value);
+  reversed(text, end);
+#ifndef __SDCC
+  return text;
+#endif
+}
+
+#ifdef __SDCC
+// defines: _ltoa
+void _ltoa(int32_t value, unsigned char *text, unsigned char base)
+#else
+// defines: ltoa
+unsigned char *ltoa(unsigned char *text, int32_t value, uint8_t base)
+#endif
+{
+  unsigned char *digits = text;
+  uint32_t size = value;
+  if (value < 0) {
+    *digits++ = '-';
+    size = -size;
+  }
+#ifdef __SDCC
+  _ultoa(size, digits, base);
+#else
+  ultoa(digits, size, base);
+  return text;
+#endif
+}

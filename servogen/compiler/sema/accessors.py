@@ -1,0 +1,135 @@
+"""Objects that are not plain bytes of RAM: bit-fields of 9 to 15 bits, and variables in the EEPROM.
+
+In: references to them. Out: the expression that reads one, and the one that stores a value.
+"""
+
+from __future__ import annotations
+
+from servogen.compiler.ast.constant_folding import has_effect
+from servogen.compiler.ast.nodes import (
+    Assign,
+    Binary,
+    Builtin,
+    Cast,
+    Comma,
+    Deref,
+    EepromObject,
+    Expr,
+    Num,
+    Ref,
+    Symbol,
+    WideField,
+)
+from servogen.compiler.ast.types import U8, U16, VOID, CType, IntType
+from servogen.compiler.sema.analyser import Analyser
+from servogen.errors import Location
+
+Accessor = WideField | EepromObject
+
+
+def load(analyser: Analyser, target: Accessor) -> Expr:
+    """Return the value of an object as an ordinary expression."""
+    place = target.place
+    if isinstance(target, EepromObject):
+        if not target.type.scalar:
+            raise analyser.fail(
+                "c-unsupported", "an array or structure in the EEPROM has no value as a whole", target
+            )
+        return _joined([_byte(target, number) for number in range(target.type.size)], target.type, place)
+    mask = Num((1 << target.width) - 1, U16, place)
+    field: Expr = Binary("&", target.container, mask, U16, place)
+    if isinstance(target.type, IntType) and target.type.signed:
+        sign = Num(1 << target.width - 1, U16, place)
+        field = Binary("-", Binary("^", field, sign, U16, place), sign, U16, place)
+    return Cast(field, target.type, place)
+
+
+def _byte(target: EepromObject, number: int) -> Expr:
+    return Builtin("eeprom_read", [_address(target, number)], U8, target.place)
+
+
+def _address(target: EepromObject, number: int) -> Expr:
+    if isinstance(target.address, Num):
+        return Num(target.address.value + number, U8, target.place)
+    if not number:
+        return target.address
+    return Binary("+", target.address, Num(number, U8, target.place), U8, target.place)
+
+
+def _joined(parts: list[Expr], kind: CType, place: Location) -> Expr:
+    """Return the value whose bytes are given, the low one first."""
+    if len(parts) == 1:
+        return Cast(parts[0], kind, place) if kind.plain() != U8 else parts[0]
+    work = IntType("", len(parts), False)
+    found: Expr = Cast(parts[0], work, place)
+    for number, part in enumerate(parts[1:], 1):
+        shifted = Binary("<<", Cast(part, work, place), Num(8 * number, U8, place), work, place)
+        found = Binary("|", found, shifted, work, place)
+    return Cast(found, kind, place)
+
+
+def store(analyser: Analyser, target: Accessor, value: Expr) -> Expr:
+    """Return the expression that stores a value, already converted to the object's type, and has that
+    value.
+    """
+    place = target.place
+    if isinstance(value, Num):
+        return Comma(_stored(target, value), value, target.type.plain(), place)
+    if analyser.function is None:
+        raise analyser.fail("c-not-constant", "the initialiser must be a constant", value)
+    held = Symbol(
+        f"stored{len(analyser.function.locals)}",
+        target.type.plain(),
+        "local",
+        place,
+        function=analyser.function.name,
+    )
+    analyser.function.locals.append(held)
+    kept = Ref(held, 0, None, held.type, place)
+    steps = Comma(Assign(kept, value, held.type, place), _stored(target, kept), VOID, place)
+    return Comma(steps, kept, target.type.plain(), place)
+
+
+def _stored(target: Accessor, value: Num | Ref) -> Expr:
+    place = target.place
+    if isinstance(target, EepromObject):
+        found: Expr | None = None
+        for number in range(target.type.size):
+            write = Builtin("eeprom_write", [_address(target, number), _part(value, number)], VOID, place)
+            found = write if found is None else Comma(found, write, VOID, place)
+        assert found is not None
+        return found
+    mask = (1 << target.width) - 1
+    kept = Binary("&", target.container, Num(0xFFFF & ~mask, U16, place), U16, place)
+    given = Binary("&", Cast(value, U16, place), Num(mask, U16, place), U16, place)
+    return Assign(target.container, Binary("|", kept, given, U16, place), U16, place)
+
+
+def _part(value: Num | Ref, number: int) -> Expr:
+    """Return one byte of a value."""
+    if isinstance(value, Num):
+        return Num(value.value >> 8 * number & 0xFF, U8, value.place)
+    return Ref(value.symbol, number, None, U8, value.place)
+
+
+def evaluated_once(analyser: Analyser, target: Accessor) -> None:
+    """Refuse an object that an operator would evaluate twice if evaluating it has an effect."""
+    inner: Expr = target.address if isinstance(target, EepromObject) else target.container
+    index = inner.index if isinstance(inner, Ref) else inner.pointer if isinstance(inner, Deref) else inner
+    if index is not None and has_effect(index):
+        raise analyser.fail(
+            "c-unsupported",
+            "the place of this object would be computed twice, and computing it has an effect",
+            target,
+            hint="compute the index in a statement of its own",
+        )
+
+
+def element(target: EepromObject, step: Expr, kind: CType) -> EepromObject:
+    """Return a part of an object in the EEPROM, `step` bytes further on."""
+    base = target.address
+    if isinstance(base, Num) and isinstance(step, Num):
+        address: Expr = Num(base.value + step.value, U8, target.place)
+    else:
+        address = Binary("+", step, base, U8, target.place)
+    return EepromObject(address, kind, target.place)

@@ -1,0 +1,93 @@
+"""The format strings of `printf` and `sprintf`, taken apart at compile time.
+
+In: the bytes of a format. Out: its parts, each with the library function that writes it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+_CONVERSION = re.compile(
+    rb"%(?P<flags>[-0+ #]*)(?P<width>\d+|\*)?(?P<precision>\.[\d*]*)?(?P<size>hh?|ll?)?(?P<kind>.?)",
+    re.DOTALL,
+)
+LEFT, ZEROS, PLUS, SPACE, SIGNED, CAPITALS = 1, 2, 4, 8, 16, 32
+"""The bits of the flags that the library's `format.c` takes."""
+_FLAGS = {ord("-"): LEFT, ord("0"): ZEROS, ord("+"): PLUS, ord(" "): SPACE}
+_NUMBERS = {
+    # conversion: base, flags
+    b"d": (10, SIGNED),
+    b"i": (10, SIGNED),
+    b"u": (10, 0),
+    b"x": (16, 0),
+    b"X": (16, CAPITALS),
+    b"o": (8, 0),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Text, or one conversion. `function` is the last word of the library function's name, `numbers` are its
+    further arguments.
+    """
+
+    function: str
+    text: bytes = b""
+    numbers: tuple[int, ...] = ()
+    spelling: str = ""
+    problem: str | None = None
+
+    @property
+    def takes_value(self) -> bool:
+        return bool(self.spelling)
+
+
+def parts(text: bytes) -> Iterator[Part]:
+    """Yield the parts of a format. A part with a `problem` says what is not supported."""
+    at, plain = 0, b""
+    while at < len(text):
+        match = _CONVERSION.match(text, at)
+        if match is None:
+            plain += text[at : at + 1]
+            at += 1
+            continue
+        at = match.end()
+        if match.group() == b"%%":
+            plain += b"%"
+            continue
+        yield from _plain(plain)
+        plain = b""
+        yield _conversion(match)
+    yield from _plain(plain)
+
+
+def _plain(text: bytes) -> Iterator[Part]:
+    if len(text) == 1:
+        yield Part("char", numbers=(text[0],))
+    elif text:
+        yield Part("text", text)
+
+
+def _conversion(match: re.Match[bytes]) -> Part:
+    kind, spelling = match["kind"], match.group().decode("latin-1")
+    width, flags = int(match["width"] or 0) if match["width"] != b"*" else 0, 0
+    for each in match["flags"]:
+        flags |= _FLAGS.get(each, 0)
+    unsupported = b"#" in match["flags"] or match["width"] == b"*" or match["precision"]
+    if unsupported or width > 255 or match["size"] == b"ll" or kind not in (b"c", b"s", *_NUMBERS):
+        allowed = "%d %i %u %x %X %o %c %s, flags - 0 + and space, a width up to 255, l"
+        return Part("", spelling=spelling, problem=f"'{spelling}' is not supported; there are {allowed}")
+    if kind == b"c":
+        return Part("char", spelling=spelling)
+    if kind == b"s":
+        if not width:
+            return Part("text", spelling=spelling)
+        return Part("string", numbers=(width, flags & LEFT), spelling=spelling)
+    base, more = _NUMBERS[kind]
+    if match["size"] == b"l":
+        return Part("long", numbers=(base, width, flags | more), spelling=spelling)
+    if base == 10 and not width and not flags:
+        return Part("signed" if more else "unsigned", spelling=spelling)
+    return Part("int", numbers=(base, width, flags | more), spelling=spelling)

@@ -1,0 +1,90 @@
+"""Function pointers: a function whose address is taken has a number, and a call through a pointer goes to
+a dispatcher, a function that calls the one with that number.
+
+In: functions and types of functions. Out: numbers, dispatchers. There is one dispatcher for each type; it
+calls every function of that type whose address is taken, so that the call graph knows all candidates. A
+pointer is one byte; 0 is no function, and calling it does nothing.
+"""
+
+from __future__ import annotations
+
+from servogen.compiler.ast.nodes import (
+    Block,
+    Call,
+    CaseLabel,
+    ExprStmt,
+    FunctionDefinition,
+    Num,
+    Ref,
+    Return,
+    Stmt,
+    Switch,
+    Symbol,
+)
+from servogen.compiler.ast.types import U8, FuncType, PointerType, VoidType, same
+from servogen.compiler.sema.analyser import Analyser
+from servogen.errors import Location
+
+MAX_FUNCTIONS = 255
+DISPATCHER = "__call"
+"""How the names of dispatchers begin."""
+
+
+def type_of(function: FunctionDefinition) -> FuncType:
+    parameters = tuple(each.type for each in function.parameters) if function.prototyped else None
+    return FuncType(function.result, parameters)
+
+
+def address(analyser: Analyser, function: FunctionDefinition, place: Location) -> Num:
+    """Return a function's number as a pointer to it."""
+    if function.interrupt:
+        raise analyser.fail(
+            "c-interrupt", f"the interrupt function '{function.name}' cannot be called", place
+        )
+    numbers = analyser.function_numbers
+    if len(numbers) == MAX_FUNCTIONS and function.name not in numbers:
+        raise analyser.fail(
+            "program-too-large", f"more than {MAX_FUNCTIONS} functions have their addresses taken", place
+        )
+    analyser.called.add(function.name)
+    return Num(numbers.setdefault(function.name, len(numbers) + 1), PointerType(type_of(function)), place)
+
+
+def dispatcher(analyser: Analyser, kind: FuncType) -> FunctionDefinition:
+    """Return the dispatcher of a type of function; its parameters are the function's and the number."""
+    for known, found in analyser.dispatchers:
+        if same(known, kind):
+            return found
+    name = f"{DISPATCHER}{len(analyser.dispatchers) + 1}"
+    parameters = [
+        Symbol(f"argument{number}", each.plain(), "param", function=name)
+        for number, each in enumerate(kind.parameters or (), 1)
+    ]
+    number = Symbol("number", U8, "param", function=name)
+    found = FunctionDefinition(name, kind.result, [*parameters, number], Location(), body=Block([]))
+    analyser.program.functions[name] = found
+    analyser.defined.add(found)
+    analyser.dispatchers.append((kind, found))
+    return found
+
+
+def finish(analyser: Analyser) -> None:
+    """Give the dispatchers their bodies, once every function whose address is taken is known."""
+    for kind, found in analyser.dispatchers:
+        *parameters, number = found.parameters
+        place = found.place
+        cases: list[tuple[int, CaseLabel]] = []
+        body: list[Stmt] = []
+        for name, value in analyser.function_numbers.items():
+            function = analyser.program.functions[name]
+            if not same(type_of(function), kind):
+                continue
+            label = CaseLabel(place)
+            cases.append((value, label))
+            given = [Ref(each, 0, None, each.type, place) for each in parameters]
+            call = Call(name, list(given), function.result.plain(), place)
+            empty = isinstance(function.result, VoidType)
+            body += [label, *([ExprStmt(call), Return(None, place)] if empty else [Return(call, place)])]
+        assert found.body is not None
+        value_of = Ref(number, 0, None, U8, place)
+        found.body.body = [Switch(value_of, cases, None, Block(body), place)]
