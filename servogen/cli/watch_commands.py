@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
-import webbrowser
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
@@ -45,6 +43,9 @@ def watch(
 
     The page is on this machine only, at an address that is printed; the command ends with Ctrl-C.
     """
+    import asyncio
+    import webbrowser
+
     try:
         from servogen.watch.server import WatchServer
     except ModuleNotFoundError as error:
