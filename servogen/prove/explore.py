@@ -114,6 +114,12 @@ class _Point:
     chosen: Choices = ()
     use: Use | None = None
 
+    @property
+    def key(self) -> tuple[object, ...]:
+        """Return what the ways from here depend on; before the first pulse also the time since the cut."""
+        waited = self.cycle if self.spec.phase == BEFORE else 0
+        return (self.ram, self.rest, self.spec, self.use, self.chosen, waited)
+
 
 class Explorer:
     """One search."""
@@ -181,9 +187,13 @@ class Explorer:
     def _expand(self, number: int) -> Search | None:
         node = self._nodes[number]
         points = [_Point(node.ram, node.rest, node.spec, 0)]
+        seen = set()
         count = 0
         while points:
             point = points.pop()
+            if point.key in seen:
+                continue  # another way has led to the same
+            seen.add(point.key)
             count += 1
             self._work += 1
             if count > MAX_POINTS or self._work > WORK_PER_STATE * self._max_states:
@@ -241,12 +251,10 @@ class Explorer:
             return self._ended(Answer.VIOLATED, finding)
         rest = transitions.number(outcome.rest)
         ram = applied(point.ram, outcome)
+        if spec.phase == BEFORE and cycle >= START_FRAMES * self._spec.period:
+            finding = Finding(number, _decisions(trail), cycle, "no pulse comes", True, transitions.pc(rest))
+            return self._ended(Answer.VIOLATED, finding)
         if outcome.reason is Reason.LIMIT:
-            if spec.phase == BEFORE and cycle >= START_FRAMES * self._spec.period:
-                finding = Finding(
-                    number, _decisions(trail), cycle, "no pulse comes", True, transitions.pc(rest)
-                )
-                return self._ended(Answer.VIOLATED, finding)
             return self._ended(Answer.CUT, None, transitions.pc(rest))
         if outcome.reason is Reason.STOP and transitions.pc(rest) in self._generaliser.cuts:
             self._store(ram, rest, spec, number, cycle, _decisions(trail))

@@ -2,32 +2,48 @@
 
     python -m tests.prove.attack --mutants 100 --seed 1
 
-One word of a small player job is changed: a bit, a table's byte, or the whole word. The simulator runs the
-mutant as `verify` does, and then under random presses of the buttons, noise on the other inputs, and random
-RAM and registers at power-up. A mutant that only these show to be wrong is given to the prover. What is
-expected comes from the checker's own state machine of the buttons, not from the prover's.
+One word of a small player job, or of one of the programs in `attack_programs`, is changed: a bit, a table's
+byte, or the whole word. The simulator runs the mutant as `verify` does, and then under random presses of the
+buttons, noise on the other inputs, random RAM and registers at power-up, and each phase of TMR0. A mutant
+that only these show to be wrong is given to `servogen prove`. If it prints a counterexample, the command that
+it prints is executed, and the edges that `servogen simulate` then writes must be wrong. What is expected
+comes from the checker's own state machine of the buttons, not from the prover's. Exit code 1 if anything is
+proven, or a counterexample does not replay.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
+import json
 import random
+import shlex
 import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from servogen.checker import Refused, check_certificate, read_certificate
 from servogen.checker.plan import OVER, Plan, read_plan
+from servogen.cli import main as command_line
+from servogen.edges import PINS, EdgeChunk, join
 from servogen.engines.board import board_of
-from servogen.pic.image import Image
+from servogen.pic.image import Image, to_hex
 from servogen.pic.isa import decode, encode
 from servogen.prove import certificate, prove_for_all
 from servogen.pulse import PulseSchedule
-from servogen.simulator import Levels, Machine, Options, Stimuli
+from servogen.simulator import Levels, Machine, Options, Stimuli, load_stimuli
+from servogen.simulator.options import start_value
 from servogen.simulator.sources import Source
+from servogen.traces import read_edges
+from servogen.units import Clock
 from tests.engines.player.player_jobs import built_text, job_text, sweep
+from tests.prove.attack_programs import programs
 
 JOBS = {
     "stop, hold": 'stop_pin = "RB7"\nstop_pulses = "hold"\n',
@@ -37,8 +53,12 @@ JOBS = {
     "no button": "",
 }
 FRAMES = 45
+MANY_FRAMES = 300
+"""Of the programs without a job, whose frames are short: TMR0 takes all the values that it can have there."""
 SETTLED = 1000
 """Cycles of a frame after which the pins change: long before they are read, after its last slot."""
+SILENT_PERIODS = 50
+"""Within which the first pulse must come."""
 ENVIRONMENTS = 16
 NEAR = 24
 """Words before and after an instruction that reads a port."""
@@ -56,6 +76,8 @@ class Target:
     plan: Plan
     first: int
     """The cycle of the first rise."""
+    frames: int = FRAMES
+    """That are run to find a fault."""
 
 
 @dataclass(frozen=True)
@@ -66,9 +88,17 @@ class Environment:
     noise: tuple[tuple[int, int, int], ...] = ()
     """(cycle, pin, level), in order."""
     start_seed: int | None = None
+    tmr0_phase: int = 0
 
 
 def target(name: str) -> Target:
+    """Return a job of `JOBS`, or a program of `attack_programs`."""
+    if name not in JOBS:
+        image, schedule = programs()[name]
+        first = Machine(image, schedule.clock).run_to_edge(PINS.index("RB1"), 1, 50 * schedule.period)
+        assert first is not None
+        text = schedule.json_text().encode()
+        return Target(name, image, schedule, text, read_plan(text, "schedule.json"), int(first), MANY_FRAMES)
     done = built_text(job_text(3, sweep(3, 0.32), firmware="soft_start_s = 0.16\n" + JOBS[name]))
     program = done.programs[0]
     assert program.verdict.start is not None
@@ -83,32 +113,32 @@ def as_verified(case: Target) -> Environment:
     for button, pressed in ((case.plan.start, True), (case.plan.stop, False)):
         if button:
             level |= (button.pressed if pressed else 1 - button.pressed) << button.pin
-    return Environment((level,) * FRAMES)
+    return Environment((level,) * case.frames)
 
 
 def random_environment(case: Target, rng: random.Random) -> Environment:
     """Presses of 1 to 9 frames, and perhaps noise and other values at power-up."""
-    levels = [0] * FRAMES
+    levels = [0] * case.frames
     for button in (case.plan.start, case.plan.stop):
         frame = 0
         level = rng.randrange(2)
-        while button and frame < FRAMES:
+        while button and frame < case.frames:
             span = rng.choice((1, 2, 3, 3, 4, 9, 30))
-            for each in range(frame, min(frame + span, FRAMES)):
+            for each in range(frame, min(frame + span, case.frames)):
                 levels[each] |= level << button.pin
             frame += span
             level ^= 1
     free = [pin for pin in range(13) if not (case.plan.channels | case.plan.buttons) >> pin & 1]
-    end = case.first + FRAMES * case.plan.period
+    end = case.first + case.frames * case.plan.period
     noise = [(rng.randrange(end), rng.choice(free), rng.randrange(2)) for _ in range(rng.choice((0, 60)))]
     seed = rng.choice((None, rng.randrange(1 << 20)))
-    return Environment(tuple(levels), tuple(sorted(noise)), seed)
+    return Environment(tuple(levels), tuple(sorted(noise)), seed, rng.randrange(4))
 
 
 def expected(case: Target, around: Environment) -> list[tuple[int, int]]:
     """(cycle since the first rise, levels of all pins), as the state machine of the buttons says."""
     position, found = case.plan.first(), []
-    for frame in range(FRAMES):
+    for frame in range(case.frames):
         at, out = case.plan.due(position)
         found += [(frame * case.plan.period + int(a), int(o)) for a, o in zip(at, out, strict=True)]
         if position != OVER:
@@ -121,7 +151,7 @@ def sources(case: Target, around: Environment) -> list[Source]:
     for pin in range(13):
         if case.plan.buttons >> pin & 1:
             levels = [around.buttons[0] >> pin & 1, *(each >> pin & 1 for each in around.buttons[1:])]
-            times = [0, *(case.first + frame * case.plan.period + SETTLED for frame in range(1, FRAMES))]
+            times = [0, *(case.first + frame * case.plan.period + SETTLED for frame in range(1, case.frames))]
             made.append(Levels(pin, list(zip(times, levels, strict=True))))
         else:
             changes = [(cycle, level) for cycle, each, level in around.noise if each == pin]
@@ -131,10 +161,17 @@ def sources(case: Target, around: Environment) -> list[Source]:
 
 def observed(case: Target, image: Image, around: Environment, frames: int) -> list[tuple[int, int]]:
     """What the simulator does, in the same form."""
-    options: Options = replace(board_of(case.schedule), start_seed=around.start_seed)
+    options: Options = replace(
+        board_of(case.schedule), start_seed=around.start_seed, tmr0_phase=around.tmr0_phase
+    )
     machine = Machine(image, case.schedule.clock, options, Stimuli(sources(case, around)))
+    found = levels_of(machine.run(case.first + frames * case.plan.period))
+    return [(cycle - found[0][0], out) for cycle, out in found]
+
+
+def levels_of(chunk: EdgeChunk) -> list[tuple[int, int]]:
+    """(cycle, levels of all pins from then on), undriven pins being low, at each change."""
     out, found = 0, []
-    chunk = machine.run(case.first + frames * case.plan.period)
     cycles = chunk.cycle.tolist()
     following_cycles = [*cycles, -1][1:] if cycles else []
     edges = zip(cycles, chunk.pin.tolist(), chunk.level.tolist(), following_cycles, strict=True)
@@ -142,10 +179,11 @@ def observed(case: Target, image: Image, around: Environment, frames: int) -> li
         out = out & ~(1 << pin) | (level == 1) << pin
         if following != cycle and out != (found[-1][1] if found else 0):
             found.append((cycle, out))
-    return [(cycle - found[0][0], out) for cycle, out in found]
+    return found
 
 
-def is_right(case: Target, image: Image, around: Environment, frames: int = FRAMES) -> bool:
+def is_right(case: Target, image: Image, around: Environment, frames: int | None = None) -> bool:
+    frames = case.frames if frames is None else frames
     end = (frames - 1) * case.plan.period
     wanted = [edge for edge in expected(case, around) if edge[0] < end]
     return [edge for edge in observed(case, image, around, frames) if edge[0] < end] == wanted
@@ -200,13 +238,124 @@ def attack(names: list[str], count: int, seed: int, max_states: int) -> tuple[Co
         if hidden(case, image, rng) is None:
             continue
         counts["hidden faults"] += 1
-        proof = prove_for_all(image, case.schedule, options=board_of(case.schedule), max_states=max_states)
-        answer = "proven" if proof.proven else "counterexample" if proof.counterexample else "not decided"
+        with TemporaryDirectory() as folder:
+            answer = answered(case, image, Path(folder), max_states)
         counts[answer] += 1
+        counts[f"{case.name}: {answer}"] += 1
         print(f"{counts['hidden faults']} of {counts['mutants']}: {case.name}, {what}: {answer}", flush=True)
-        if proof.proven:
-            wrong.append(f"{case.name}, {what}: {second_opinion(case, image, proof)}")
+        if answer not in (REPLAYED, UNDECIDED):
+            wrong.append(f"{case.name}, {what}: {answer}")
     return counts, wrong
+
+
+REPLAYED, NOT_REPLAYED, UNDECIDED = "counterexample, replayed", "counterexample, not replayed", "not decided"
+
+
+def answered(case: Target, image: Image, folder: Path, max_states: int) -> str:
+    """Return the answer of `servogen prove`, whose counterexample `servogen simulate` repeats."""
+    program, schedule = folder / "mutant.hex", folder / "schedule.json"
+    program.write_text(to_hex(image))
+    schedule.write_bytes(case.text)
+    with contextlib.chdir(folder):
+        answer = json.loads(
+            servogen("prove", program, "--against", schedule, "--max-states", max_states, "--json")
+        )
+        if answer["counterexample"] is None:
+            return str(answer["answer"])
+        words = shlex.split(answer["counterexample"]["command"])
+        servogen(*words[1:])
+        clock = Clock(int(words[words.index("--clock-hz") + 1]))
+        trace = read_edges(folder / "counterexample.csv", clock)
+        chunk = join(trace.chunks)
+        machine = repeated(case, image, words, clock)
+        fault = judged(case, image, chunk, machine, answer["counterexample"]["cycle"])
+    return REPLAYED if fault else NOT_REPLAYED
+
+
+def servogen(*words: object) -> str:
+    """Run a command in this process, and return what it prints."""
+    printed, before = io.StringIO(), sys.argv
+    sys.argv = ["servogen", *map(str, words)]
+    try:
+        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(io.StringIO()):
+            command_line()
+    except SystemExit as ended:
+        assert ended.code in (0, 1), sys.argv
+    finally:
+        sys.argv = before
+    return printed.getvalue()
+
+
+def repeated(case: Target, image: Image, words: list[str], clock: Clock) -> Machine:
+    """Return the machine that a `servogen simulate` command runs, to see what the program reads."""
+    values: dict[str, object] = {}
+    starts = []
+    for name, value in pairwise(words):
+        if name == "--start":
+            starts.append(start_value(value))
+        elif name.startswith("--") and name[2:].replace("-", "_") in OPTIONS:
+            field = name[2:].replace("-", "_")
+            values[field] = {"device": str, "ra4_pull_up": lambda _: True}.get(field, int)(value)
+    stimuli = (
+        load_stimuli(Path(words[words.index("--stimulus") + 1]), clock) if "--stimulus" in words else None
+    )
+    return Machine(image, clock, Options(**values, start=tuple(starts)), stimuli)  # type: ignore[arg-type]
+
+
+OPTIONS = {"device", "watchdog_us", "floating", "start_seed", "tmr0_phase", "ra4_pull_up"}
+
+
+def readings(case: Target, image: Image, machine: Machine, end: int) -> list[tuple[int, int, int]]:
+    """Return what the program reads of the buttons: (cycle, which, their levels)."""
+    if not case.plan.buttons:
+        return []
+    places = {}
+    for address, word in image.program.items():
+        row = decode(word)
+        if row is not None and "f" in row.instruction.reads and row.f in (5, 6):
+            shift, bits = (0, 0x1F) if row.f == 5 else (5, 0xFF)
+            places[address] = (1 << row.b if row.instruction.tests_bit else bits) << shift & case.plan.buttons
+    machine.breakpoints = {address for address, which in places.items() if which}
+    found = []
+    while machine.cycles < end:
+        machine.run(end - machine.cycles)
+        if machine.cycles < end:
+            state = machine.state().registers
+            found.append(
+                (int(machine.cycles), places[machine.pc & 0x3FF], state["PORTA"] | state["PORTB"] << 5)
+            )
+    return found
+
+
+def judged(case: Target, image: Image, chunk: EdgeChunk, machine: Machine, fault: int) -> bool:
+    """Return whether edges, the last ones around cycle `fault`, are not those of the plan.
+
+    A frame's sample of a button is the first reading in it; a frame in which a button is not read says
+    nothing of those that follow it.
+    """
+    plan, end = case.plan, fault + 2 * case.plan.period
+    seen = levels_of(chunk)
+    begun = next((cycle for cycle, out in seen if out), None)
+    if begun is None:
+        return fault >= SILENT_PERIODS * plan.period
+    reads = readings(case, image, machine, end)
+    position = plan.first()
+    frame = begun - int(plan.due(position)[0][0])
+    while frame + plan.period <= end:
+        at, out = plan.due(position)
+        wanted = [(frame + int(cycle), int(level)) for cycle, level in zip(at, out, strict=True)]
+        if [edge for edge in seen if frame <= edge[0] < frame + plan.period] != wanted:
+            return True
+        here = [read for read in reads if frame <= read[0] < frame + plan.period]
+        levels = 0
+        for bit in (1 << pin for pin in range(13)):
+            first = next((level for _, which, level in here if which & bit), None)
+            if plan.buttons & bit and first is None:
+                return False
+            levels |= bit & (first or 0)
+        position = plan.after(position, levels) if position != OVER else OVER
+        frame += plan.period
+    return False
 
 
 def survivors(names: list[str], count: int, seed: int, max_states: int) -> tuple[Counter[str], list[str]]:
@@ -257,7 +406,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--mutants", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--jobs", nargs="*", choices=list(JOBS), default=list(JOBS))
+    everything = [*JOBS, *programs()]
+    parser.add_argument("--jobs", nargs="*", choices=everything, default=everything)
     parser.add_argument("--max-states", type=int, default=20_000)
     parser.add_argument(
         "--survivors", action="store_true", help="mutants without a fault, if they are proven"

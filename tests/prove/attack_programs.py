@@ -1,0 +1,99 @@
+"""Programs without a job for the attack: each treats time, or its inputs, as the players do not.
+
+Every path through one is as long as the others, so that whatever is read changes no edge; one changed word
+changes that.
+"""
+
+from __future__ import annotations
+
+from servogen.pic.image import Image
+from servogen.pulse import PulseSchedule
+from tests.prove.test_prove_inputs import assembled, schedule_of
+
+PULSE = """
+        bsf PORTB, 1
+{inside}
+        movlw 100
+        movwf 0x21
+wide    decfsz 0x21, f
+        goto wide
+        bcf PORTB, 1
+"""
+PULSE_CYCLES = 1 + 2 + 299
+POLL = "        btfsc PORTA, 2\n        incf 0x23, f\n        btfsc 0x23, 3\n        nop\n"
+"""Counts in how many frames RA2 is high, in 4 cycles."""
+
+SAVED_ISR = f"""
+        movwf 0x0C
+        swapf STATUS, w
+        movwf 0x0D
+        bcf INTCON, T0IF
+{PULSE.format(inside=POLL)}
+        swapf 0x0D, w
+        movwf STATUS
+        swapf 0x0C, f
+        swapf 0x0C, w
+        retfie
+"""
+"""A pulse in each interrupt of TMR0, which nobody writes."""
+IN_AN_INTERRUPT = """
+        clrf 0x24
+        movlw 0xA0
+        movwf INTCON
+main    incf 0x24, f
+        btfsc 0x24, 4
+        nop
+        goto main
+"""
+
+ABSOLUTE = "        movf TMR0, w\n        xorlw 65\n        btfsc STATUS, Z\n        incf 0x25, f\n"
+CHANGED = """
+        btfss INTCON, RBIF
+        goto same
+        movf PORTB, w
+        bcf INTCON, RBIF
+        incf 0x26, f
+        goto both
+same    nop
+        nop
+        nop
+        nop
+both    nop
+"""
+"""8 cycles on either way."""
+REST = """
+        movlw 33
+        movwf 0x21
+rest    decfsz 0x21, f
+        goto rest
+"""
+REST_CYCLES = 2 + 98
+
+FRAME = "frame\n{pulse}{rest}{pad}        goto frame\n"
+
+START_CYCLES = 2 + 8 + 2
+"""From address 0 to the first frame: GOTO, the registers, the counter below."""
+SELF_RESET = (
+    "        movlw 3\n        movwf 0x27\nframe\n{pulse}{rest}        decfsz 0x27, f\n        goto on\n"
+)
+SELF_RESET += "        goto 0\non\n{pad}        goto frame\n"
+
+
+def _frames(inside: str, cycles: int) -> tuple[Image, int, int]:
+    """Return the program, its period and its width; the period is a multiple of 32."""
+    length = PULSE_CYCLES + cycles + 1 + REST_CYCLES + 2
+    pad = -length % 32 + 32
+    text = FRAME.format(pulse=PULSE.format(inside=inside), rest=REST, pad="        nop\n" * pad)
+    return assembled(text), length + pad, PULSE_CYCLES + cycles
+
+
+def programs() -> dict[str, tuple[Image, PulseSchedule]]:
+    """Return the programs with their schedules, by name."""
+    found = {"polls in an interrupt": (assembled(IN_AN_INTERRUPT, SAVED_ISR), 8192, PULSE_CYCLES + 4)}
+    found["TMR0 absolutely"] = _frames(ABSOLUTE, 4)
+    found["RB change"] = _frames(CHANGED, 8)
+    pad = "        nop\n" * (2 + 2 + START_CYCLES - 3 - 2)
+    text = SELF_RESET.format(pulse=PULSE.format(inside=POLL), rest=REST, pad=pad)
+    period = PULSE_CYCLES + 4 + 1 + REST_CYCLES + 2 + 2 + START_CYCLES
+    found["resets itself"] = (assembled(text), period, PULSE_CYCLES + 4)
+    return {name: (image, schedule_of(period, width)) for name, (image, period, width) in found.items()}
