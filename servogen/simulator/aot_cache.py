@@ -39,16 +39,16 @@ Loop = Callable[..., int]
 
 
 @cache
-def loop(observed: bool = False, tracked: bool = False) -> Loop:
+def loop(observed: bool = False, tracked: bool = False, visits: bool = False) -> Loop:
     """Return the compiled loop; it takes the addresses of vectors and returns the reason why it stopped."""
-    kind = "observed" if observed else "tracked" if tracked else "plain"
+    kind = "observed" if observed else "tracked" if tracked else "visits" if visits else "plain"
     name = f"simulator-{kind}-{_digest()}.o"
     for folder in _folders():
         kept = _kept(folder / name)
         if kept is not None:
             return _load(kept)
     _LOG.info("compiling the simulator for this processor, which takes about ten seconds")
-    code = compile_loop(observed, tracked)
+    code = compile_loop(observed, tracked, visits)
     _keep(name, code)
     return _load(code)
 
@@ -140,7 +140,7 @@ def _keep(name: str, code: bytes) -> None:
         return
 
 
-def compile_loop(observed: bool = False, tracked: bool = False) -> bytes:
+def compile_loop(observed: bool = False, tracked: bool = False, visits: bool = False) -> bytes:
     """Return an object file with the loop as ENTRY, in numba's calling convention: (result, error,
     arguments).
     """
@@ -150,7 +150,7 @@ def compile_loop(observed: bool = False, tracked: bool = False) -> bytes:
 
     kinds = {"p": types.CPointer(types.int64), "i": types.int64}  # type: ignore[no-untyped-call]
     signature = types.int64(*(kinds[kind] for kind in SIGNATURE))
-    made = cfunc(signature, error_model="numpy")(instruction_loop(observed, tracked))
+    made = cfunc(signature, error_model="numpy")(instruction_loop(observed, tracked, visits))
     text = _alone(made.inspect_llvm(), made.native_name.removeprefix("cfunc."))
     module = llvm.parse_assembly(text)
     return bytes(_target().emit_object(module))

@@ -4,7 +4,7 @@ In: decoded program. Out: code with these places marked. A region is a strongly 
 that access only W, STATUS's flags and a few bytes of RAM. Its effect and its duration depend on these alone,
 so the loop memoizes it (`memo.py`). A region nested in another one, without the outer one's heads, is a
 region of its own. A wait is a GOTO back over NOPs, CLRWDTs and at most one bit test: it reads the same until
-an event happens.
+an event happens, as does one for TMR0 to equal a byte, of which the end is known beforehand.
 
     outer  MOVLW 200        head of region 0: outer .. GOTO outer
            MOVWF a
@@ -39,6 +39,7 @@ from servogen.simulator.program import (
     OP_MASK,
     OPS,
     SPIN,
+    UNTIL,
     WAITS_BIT,
     Code,
 )
@@ -53,6 +54,9 @@ EEDATA), INTCON."""
 _N = PROGRAM_WORDS
 _ROWS = {OPS[row.mnemonic]: row for row in INSTRUCTIONS}
 _IDLE = ("NOP", "CLRWDT")
+_FOR_TMR0 = ("MOVF", "XORWF", "BTFSS")
+"""The body of the wait for TMR0 to equal a byte: MOVF TMR0,W; XORWF byte,W; BTFSS STATUS,Z."""
+TMR0_ADDRESS, Z = 0x01, 0x04
 _ON_W_ALONE = frozenset(
     OPS[row.mnemonic]
     for row in INSTRUCTIONS
@@ -108,8 +112,9 @@ def marked_code(code: Code, plain: Code, breakpoints: Set[int]) -> Code:
         return code
     code = code.copy()
     rows = code.reshape(-1, _N)
-    waits = (rows[0] & OP_MASK == SPIN) | (rows[0] >> WAITS_BIT != 0)
-    rows[0][waits] = plain[waits]
+    for wait in np.flatnonzero(is_wait(rows[0])).tolist():
+        if not breakpoints.isdisjoint(_span(int(rows[0, wait]), wait)):
+            rows[0, wait] = plain[wait]
     for address in breakpoints:
         if not 0 <= address < _N:
             raise InputError("out-of-range", f"breakpoint at 0x{address:04X}: the program has {_N} words")
@@ -119,6 +124,22 @@ def marked_code(code: Code, plain: Code, breakpoints: Set[int]) -> Code:
     for address in breakpoints:
         rows[0, address] = BREAK
     return code
+
+
+def is_wait(row: Code) -> npt.NDArray[np.bool_]:
+    """Return which words of a row are those at which a wait turns."""
+    marked: npt.NDArray[np.bool_] = np.isin(row & OP_MASK, (SPIN, UNTIL)) | (row >> WAITS_BIT != 0)
+    return marked
+
+
+def _span(word: int, address: int) -> range:
+    """Return the addresses of the wait that turns at `address`, by its marked word."""
+    if word & OP_MASK == UNTIL:
+        return range(address - len(_FOR_TMR0), address + 1)
+    spins = word & OP_MASK == SPIN
+    end = address if spins else address + 1
+    period = word >> (F_SHIFT if spins else WAITS_BIT + 1) & 0xFF
+    return range(end - (period - 2), end + 1)
 
 
 def _row(word: int) -> Instruction | None:
@@ -190,7 +211,16 @@ def _waits(words: list[int]) -> dict[int, int]:
             marked[address - 1] = (
                 tested | 1 << WAITS_BIT | period << (WAITS_BIT + 1) | clears << (WAITS_BIT + 9)
             )
+        elif tuple(body) == _FOR_TMR0 and _compares_tmr0(*words[target:address]):
+            marked[address] = UNTIL | _file(words[target + 1]) << F_SHIFT
     return marked
+
+
+def _compares_tmr0(load: int, compare: int, test: int) -> bool:
+    """Return whether the three words test, with Z, whether TMR0 equals a byte of RAM."""
+    to_w = not (load | compare) >> D_BIT & 1
+    equal = _file(test) == STATUS_ADDRESS and test >> MASK_SHIFT & 0xFF == Z
+    return to_w and equal and _file(load) == TMR0_ADDRESS and bool(compare >> DIRECT_BIT & 1)
 
 
 def _tests_bit(word: int) -> bool:

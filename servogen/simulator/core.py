@@ -1,6 +1,6 @@
 # ruff: noqa: SIM109 - in compiled code two comparisons are what they are; a tuple is an object
-"""The instruction loop. It is compiled three times: plain, with observation, and with tracking of unknown
-values.
+"""The instruction loop. It is compiled in four variants: plain, with observation, with tracking of unknown
+values, and noting the state at breakpoints.
 
 In: the state vector, the program, events from outside. Out: the state vector later, edges in a buffer, and
 the reason why it stopped. Instructions and cycles: DS35007 section 7, table 7-2; STATUS as a destination:
@@ -33,6 +33,8 @@ from servogen.simulator.layout import (
     NOT_WRITTEN,
     PC,
     PCLATH,
+    PHASED,
+    PRESCALER,
     READ_UNWRITTEN,
     RECORD,
     SLEEPING,
@@ -41,6 +43,8 @@ from servogen.simulator.layout import (
     STIM_COUNT,
     STIM_KNOWN,
     STIM_NEXT,
+    T0_AT,
+    T0_UNKNOWN,
     TRACE_COUNT,
     TRACE_FULL,
     TRACE_ROOM,
@@ -49,6 +53,7 @@ from servogen.simulator.layout import (
     USE_JUMP,
     USE_POINTER,
     USE_SKIP,
+    VISIT,
     W_UNKNOWN,
     WARN_ERASED,
     WARN_UNDEFINED,
@@ -56,11 +61,31 @@ from servogen.simulator.layout import (
 )
 from servogen.simulator.memo import lookup, pack_processor, pack_registers, recall, remember
 from servogen.simulator.ports import A, B, tris_write
-from servogen.simulator.program import BREAK, ERASED, EXIT, FILE_OPS, LOOP, OPS, SPIN, UNDEFINED, WAITS_BIT
+from servogen.simulator.program import (
+    BREAK,
+    ERASED,
+    EXIT,
+    FILE_OPS,
+    LOOP,
+    OPS,
+    SPIN,
+    UNDEFINED,
+    UNTIL,
+    WAITS_BIT,
+)
 from servogen.simulator.registers import read_register, write_option, write_register
 from servogen.simulator.resets import PD, TO
 from servogen.simulator.stack import pop, push
-from servogen.simulator.timer import settle_counters, t0_advance, t0_news_at, t0_runs, t0_sync, wdt_clear
+from servogen.simulator.timer import (
+    settle_counters,
+    t0_advance,
+    t0_news_at,
+    t0_read,
+    t0_runs,
+    t0_shift,
+    t0_sync,
+    wdt_clear,
+)
 from servogen.simulator.unknown import doubt, doubt_sleep, propagate, use, without, written_status
 from servogen.simulator.warn import warn
 
@@ -85,6 +110,8 @@ PCL_ADDRESS, STATUS_ADDRESS = 2, 3
 NO_SLOT = -1
 WAITS, PERIOD_SHIFT, CLEARS_SHIFT = 1 << WAITS_BIT, WAITS_BIT + 1, WAITS_BIT + 9
 PERIOD_MASK, SPIN_CLEARS_SHIFT = 0xFF, 16
+UNTIL_PERIOD, UNTIL_READ = 5, 3
+"""Cycles of a turn of a wait for TMR0, and from its reading of TMR0 to its GOTO."""
 PAGE_BITS = 0x18  # of PCLATH, for CALL and GOTO: section 2.4
 
 
@@ -94,10 +121,30 @@ def stays(s: Vector, plain: Vector, pc: int) -> bool:
     return s[PCLATH] & PAGE_BITS == 0 and (plain[pc & ROW_MASK] >> 8 & 0x7FF) >> 10 == pc >> 10
 
 
-def instruction_loop(observed: bool, tracked: bool) -> Callable[..., int]:
+@compiled
+def turns_until(s: Vector, at: int, value: int, horizon: int) -> int:
+    """Return how often the wait for TMR0 to equal `value` turns, from its GOTO in cycle `at` on, before
+    `horizon`.
+
+    Up to the last of these turns it has not read the value; after it the GOTO is still before `horizon`.
+    """
+    first = at + UNTIL_PERIOD - UNTIL_READ
+    ticks = (value - t0_read(s, first)) & 0xFF
+    turns = (horizon - 1 - at) // UNTIL_PERIOD
+    if ticks and t0_runs(s):
+        shift = t0_shift(s)
+        past = s[PRESCALER] & ((1 << shift) - 1)
+        counted = max(0, past + first - s[T0_AT]) >> shift
+        equal = s[T0_AT] + ((counted + ticks) << shift) - past
+        turns = min(turns, (equal - 1 - first) // UNTIL_PERIOD + 1)
+    return max(0, turns) if ticks else 0
+
+
+def instruction_loop(observed: bool, tracked: bool, visits: bool = False) -> Callable[..., int]:
     """Return the loop as a Python function to be compiled.
 
-    `observed` counts and traces every instruction, `tracked` tracks unknown values through each (unknown.py).
+    `observed` counts and traces every instruction, `tracked` tracks unknown values through each (unknown.py);
+    with `visits` it does not return at a breakpoint, but copies the state to the trace and goes on.
     """
 
     def run(
@@ -170,7 +217,15 @@ def instruction_loop(observed: bool, tracked: bool) -> Callable[..., int]:
                             if tracked:
                                 s[W_UNKNOWN], s[STATUS_UNKNOWN] = wu, su
                             settle_counters(s, cycle)
-                            return AT_BREAKPOINT
+                            if not visits:
+                                return AT_BREAKPOINT
+                            if s[TRACE_COUNT] == s[TRACE_ROOM]:
+                                return TRACE_FULL
+                            for slot in range(VISIT):
+                                trace[VISIT * s[TRACE_COUNT] + slot] = s[slot]
+                            s[TRACE_COUNT] += 1
+                            resume = cycle
+                            break
                     elif op == LOOP:
                         region = word >> 8
                         if s[PCLATH] & PAGE_BITS == 0:
@@ -205,6 +260,27 @@ def instruction_loop(observed: bool, tracked: bool) -> Callable[..., int]:
                         if cycle >= horizon:
                             break
                         start = cycle
+                    elif op == UNTIL and bank == 0 and stays(s, plain, pc):
+                        slot = word >> 8 & 127
+                        vu = s[slot] >> UNKNOWN_SHIFT
+                        ru = s[T0_UNKNOWN]
+                        if vu == ru and (ru == 0 or ru == PHASED):
+                            v = s[slot] & 0xFF
+                            turns = turns_until(s, cycle, v, horizon)
+                            if turns:
+                                s[READ_UNWRITTEN + slot] |= s[slot] & NOT_WRITTEN != 0
+                                cycle += turns * UNTIL_PERIOD
+                                start = cycle
+                                r = t0_read(s, cycle - UNTIL_READ)
+                                if tracked and ru | su:
+                                    su = propagate(MOVF, 0, r, ru, w, wu, su, r) >> 16
+                                    ru = propagate(XORWF, 0, v, vu, r, ru, su, v ^ r)
+                                    su = ru >> 16
+                                    ru &= 0xFFFF
+                                w = v ^ r
+                                status &= ~Z
+                                if tracked:
+                                    wu = ru
                     word = plain[pc & ROW_MASK]
                     op = word & 63
                 pc = (pc + 1) & PC_MASK

@@ -120,6 +120,8 @@ RAM_SLOTS = 128
 
 STACK = 216  # 8 levels: DS35007 section 2.4.1
 EEPROM = 224  # 64 bytes: DS35007 section 3
+VISIT = EEPROM
+"""The slots that are noted at a breakpoint: all but the EEPROM and what serves reports."""
 WARNINGS = 288
 WARNING_SLOTS, WARNING_FIELDS = 64, 3
 """Each warning is three slots: its code and subject, the cycle in which it was first due, and the address

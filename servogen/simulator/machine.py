@@ -39,6 +39,9 @@ EDGE_SLACK = 4 * len(PINS)
 SLICE = 1 << 28
 """Cycles that are run without coming back to Python, so that an interrupt from the keyboard is heard."""
 
+VISITS = 1 << 11
+"""Rows that `Machine.visits` yields at most at once."""
+
 Packed = npt.NDArray[np.int64]
 
 
@@ -307,6 +310,23 @@ class Machine:
             self._s[at.TRACE_COUNT] = 0
             if why in _RESTING or len(rows) or self._s[at.EDGE_COUNT]:
                 yield self._drain(), rows
+
+    def visits(self, cycles: int) -> Iterator[tuple[EdgeChunk, Packed]]:
+        """Run for `cycles` without stopping at breakpoints, but note the state before each instruction there.
+
+        Yields edges and rows of the slots in `layout`, up to `layout.VISIT`; the counters are settled in
+        them. A breakpoint at which the run begins is not noted.
+        """
+        rows = np.zeros((VISITS, at.VISIT), dtype=np.int64)
+        end = self.cycles + cycles
+        code = marked_code(self._fast.code, self._plain, self.breakpoints)
+        self._s[at.TRACE_ROOM] = VISITS
+        for why in self._runs(end, code, loop(visits=True), Observation(trace=rows)):
+            noted = rows[: self._s[at.TRACE_COUNT]].copy()
+            self._s[at.TRACE_COUNT] = 0
+            if why in _RESTING or len(noted) or self._s[at.EDGE_COUNT]:
+                yield self._drain(), noted
+        self._s[at.TRACE_ROOM] = 0
 
     def _advance(self, end: int, *, fast: bool, breakpoints: Set[int] | None = None) -> Iterator[EdgeChunk]:
         stops = frozenset(self.breakpoints if breakpoints is None else breakpoints)

@@ -6,8 +6,9 @@ In: an `Image`. Out: an int64 array of 1024, numbered from the table of `pic.isa
     bit   0-5  6  7      8-14  15      16-23      24     25-32   33-
           op   d  flags  f     direct  mask of b  waits  period  clears
 
-A literal k is in bits 8 to 18 instead of f and the rest; so are, from bit 8 on, a region's number, or a
-wait's\nperiod and clears, in the words that `block_cache.py` substitutes for instructions.
+A literal k is in bits 8 to 18 instead of f and the rest. So are, from bit 8 on, a region's number, a wait's
+period and clears, or the address of the byte with which TMR0 is compared, in the words that `block_cache.py`
+substitutes for instructions.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ OPS = {mnemonic: number for number, mnemonic in enumerate((*_ON_FILES, *_OTHERS)
 FILE_OPS = len(_ON_FILES)
 """The numbers below are those of instructions on file registers."""
 
-UNDEFINED, ERASED, EXIT, LOOP, SPIN, BREAK = range(len(OPS), len(OPS) + 6)
+UNDEFINED, ERASED, EXIT, LOOP, SPIN, UNTIL, BREAK = range(len(OPS), len(OPS) + 7)
 """What else can stand in a place: a word that no data sheet defines; a word never programmed (DS35007
-section 2.1); and what `loops.py` and breakpoints put in an instruction's stead."""
+section 2.1); and what `block_cache.py` and breakpoints put in an instruction's stead."""
 
 OP_MASK = 0x3F
 D_BIT, FLAGS_BIT, F_SHIFT, DIRECT_BIT, MASK_SHIFT, WAITS_BIT, K_SHIFT = 6, 7, 8, 15, 16, 24, 8

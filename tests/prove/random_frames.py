@@ -1,143 +1,259 @@
-"""Random presses, noise and start values on a plain chip: each frame is one that the proof allows.
+"""Random presses, noise and start values on a plain chip: each frame is one that the certificate allows.
 
     python -m tests.prove.random_frames --frames 1000000 --seed 1
 
-The plain simulator runs a player with buttons, whose pins change at random moments. At every cut point its
-registers and RAM must lie within one of the states of the proof with the same place in the specification;
-every edge on the way must be the one specified.
+The plain simulator runs a player with buttons, whose pins change at random moments. Every edge must be the
+one that the checker's own state machine of the buttons gives for the levels that were read; at every cut point
+the registers and the RAM must lie within one of the certificate's states with that place in the schedule.
 """
 
 from __future__ import annotations
 
 import argparse
-import random
 import sys
-from collections import defaultdict
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 
-from servogen.edges import PINS
+import numpy as np
+import numpy.typing as npt
+
+from servogen.checker import Certificate, read_certificate
+from servogen.checker.certificate import RAM
+from servogen.checker.plan import OVER, Plan, Position, read_plan
+from servogen.edges import PINS, EdgeChunk, join
 from servogen.engines.board import board_of
 from servogen.pic.image import Image
-from servogen.prove import Proof, prove_for_all
-from servogen.prove.explore import Node
-from servogen.prove.forks import Program
-from servogen.prove.specification import Edge, Specification, SpecState
+from servogen.pic.isa import decode
+from servogen.prove import certificate, prove_for_all
 from servogen.pulse import PulseSchedule
-from servogen.simulator import Change, Machine, Options, Recorded, State, Stimuli
-from servogen.simulator.abstract import FIELD
-from servogen.simulator.layout import PHASED
+from servogen.simulator import Machine, Options
+from servogen.simulator import layout as at
+from servogen.units import Clock
 from tests.engines.player.player_jobs import built_text, job_text, sweep
 
 BUTTONS = 'start_pin = "RA4"\nstop_pin = "RB7"\n'
 NOISE = ("RA0", "RA1", "RA2", "RA3")
-RUN_FRAMES = 400
+RUN_FRAMES = 2000
 """Frames from one power-up to the next."""
+
+Ints = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Target:
-    """A program with its proof."""
+    """A program with its certificate."""
 
     image: Image
     schedule: PulseSchedule
-    proof: Proof
-    by_place: dict[tuple[int, SpecState], list[Node]]
+    plan: Plan
+    claim: Certificate
+    by_place: dict[tuple[int, ...], Ints]
+    """The certificate's states by cut, time in the frame, position, and levels read."""
 
 
 @cache
 def target(buttons: str = BUTTONS) -> Target:
     done = built_text(job_text(3, sweep(3, 0.24), firmware=f"soft_start_s = 0.16\n{buttons}"))
     image, schedule = done.programs[0].image, done.plan.schedule
-    proof = prove_for_all(image, schedule)
-    assert proof.proven, proof.reason
-    places: dict[tuple[int, SpecState], list[Node]] = defaultdict(list)
-    for node in proof.nodes[1:]:
-        places[pc_of(proof, node), node.spec].append(node)
-    return Target(image, schedule, proof, places)
+    text = schedule.json_text().encode()
+    claim = read_certificate(
+        certificate(prove_for_all(image, schedule), image, schedule, text), "certificate"
+    )
+    return Target(image, schedule, read_plan(text, "schedule.json"), claim, places(claim))
 
 
-def rest_of(proof: Proof, node: Node) -> tuple[int, ...]:
-    assert proof.transitions is not None
-    return proof.transitions.rest(node.rest)
+def places(claim: Certificate) -> dict[tuple[int, ...], Ints]:
+    names = ("time", *Position._fields, "start_sample", "stop_sample")
+    columns = [claim.columns["pc"], *(claim.columns[f"spec.{name}"] for name in names)]
+    found: dict[tuple[int, ...], list[int]] = {}
+    for number, place in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
+        if claim.columns["spec.phase"][number] == 1:
+            found.setdefault(place, []).append(number)
+    return {place: np.array(numbers) for place, numbers in found.items()}
 
 
-def pc_of(proof: Proof, node: Node) -> int:
-    return rest_of(proof, node)[FIELD["PC"]] & 0x3FF
+@dataclass(frozen=True)
+class Noise:
+    """A stimulus: presses of some frames with bounces, and noise on pins that nobody reads."""
+
+    seed: int
+    period: int
+    frames: int
+
+    def changes(self, clock: Clock) -> Iterator[tuple[int, Ints]]:
+        rng = np.random.default_rng(self.seed)
+        end = self.period * self.frames
+        parts = [np.array([[0, PINS.index(name), 1] for name in ("RA4", "RB7")])]
+        for name in ("RA4", "RB7"):
+            pin = PINS.index(name)
+            spans = rng.integers(1, 12 * self.period, self.frames // 3)
+            moments = np.cumsum(spans)
+            levels = np.arange(len(moments)) & 1
+            bounces = rng.integers(0, 4, len(moments))
+            at_bounce = np.repeat(moments, bounces) + rng.integers(0, self.period // 4, bounces.sum())
+            for cycles, values in (
+                (moments, 1 - levels),
+                (at_bounce, rng.integers(0, 2, len(at_bounce))),
+                (moments + self.period // 4, levels),
+            ):
+                parts.append(np.column_stack([cycles, np.full(len(cycles), pin), values]))
+        for name in NOISE:
+            column = [rng.integers(0, end, self.frames), np.full(self.frames, PINS.index(name))]
+            parts.append(np.column_stack([*column, rng.integers(0, 2, self.frames)]))
+        every = np.concatenate(parts).astype(np.int64)
+        packed = every[:, 0] << at.PACK_CYCLE | every[:, 1] << at.PACK_PIN | every[:, 2]
+        yield at.NEVER, np.sort(packed)
 
 
-def presses(rng: random.Random, schedule: PulseSchedule, frames: int) -> list[Change]:
-    """Return random changes: presses of some frames with bounces, and noise on pins that nobody reads."""
-    end = frames * schedule.period
-    found = [Change(0, PINS.index(pin), 1) for pin in ("RA4", "RB7")]
-    for name in ("RA4", "RB7"):
-        at = rng.randrange(8 * schedule.period)
-        while at < end:
-            length = rng.randrange(1, 7 * schedule.period)
-            for level, moment in ((0, at), (1, at + length)):
-                for _ in range(rng.randrange(4)):
-                    bounce = moment + rng.randrange(schedule.period // 4)
-                    found += [Change(bounce, PINS.index(name), rng.randrange(2))]
-                found.append(Change(moment + schedule.period // 4, PINS.index(name), level))
-            at += length + rng.randrange(1, 12 * schedule.period)
-    for name in NOISE:
-        found += [Change(rng.randrange(end), PINS.index(name), rng.randrange(2)) for _ in range(frames)]
-    return sorted(found)
+@dataclass(frozen=True)
+class Reads:
+    """Of one button: its pin and the address of the only instruction that reads it."""
+
+    pin: int
+    address: int
+
+
+def reads_of(aim: Target) -> list[Reads | None]:
+    found: list[Reads | None] = []
+    for button in (aim.plan.start, aim.plan.stop):
+        places = [
+            address
+            for address, row in ((a, decode(word)) for a, word in aim.image.program.items())
+            if row is not None and button is not None and row.instruction.tests_bit
+            if row.f in (5, 6) and row.b + (5 if row.f == 6 else 0) == button.pin
+        ]
+        assert button is None or len(places) == 1
+        found.append(None if button is None else Reads(button.pin, places[0]))
+    return found
 
 
 def walk(aim: Target, seed: int, frames: int) -> Iterator[str]:
-    """Run from one power-up, and yield what the proof does not allow."""
-    rng = random.Random(seed)
-    changes = presses(rng, aim.schedule, frames)
-    board = board_of(aim.schedule, Options(start_seed=seed, tmr0_phase=rng.randrange(4)))
-    machine = Machine(aim.image, aim.schedule.clock, board, Stimuli([Recorded(changes)]))
-    spec = Specification(aim.schedule, aim.schedule.buttons)
-    reads = Program(aim.image).port_reads()
-    machine.breakpoints = set(aim.proof.cuts) | reads
-    state, high, end = spec.start(), 0, frames * aim.schedule.period
-    while machine.cycles < end:
-        before = machine.cycles
-        edges, high = driven(machine.run(end), before, high)
-        state = spec.advance(state, edges, machine.cycles - before)
-        if machine.pc in aim.proof.cuts:
-            chip = machine.state()
-            if not any(covers(aim.proof, node, chip) for node in aim.by_place.get((machine.pc, state), ())):
-                yield f"seed {seed}: cycle {machine.cycles}: no state of the proof covers this one"
-        if machine.pc in reads:
-            bit = aim.image.program[machine.pc] >> 7 & 7
-            port = "A" if aim.image.program[machine.pc] & 0x7F == 5 else "B"
-            pin = PINS.index(f"R{port}{bit}")
-            level = machine.state().registers[f"PORT{port}"] >> bit & 1
-            state = spec.sample(state, pin, level)
+    """Run from one power-up, and yield what the certificate does not allow."""
+    period = aim.plan.period
+    board = board_of(aim.schedule, Options(start_seed=seed, tmr0_phase=seed % 4))
+    machine = Machine(aim.image, aim.schedule.clock, board, Noise(seed, period, frames))
+    readers = reads_of(aim)
+    machine.breakpoints = {*aim.claim.cuts, *(each.address for each in readers if each)}
+    chunks, rows = zip(*machine.visits(frames * period), strict=True)
+    visits = np.concatenate(rows)
+    edges = levels_of(join(iter(chunks)))
+    begun = int(edges[0][0] - aim.plan.due(aim.plan.first())[0][0])
+    count = (int(machine.cycles) - begun) // period - 1
+    visits = visits[(visits[:, at.CYCLE] >= begun) & (visits[:, at.CYCLE] < begun + count * period)]
+    samples = [sampled(visits, each, begun, period, count) for each in readers]
+    if any((when < 0).any() for when, _ in samples):
+        yield f"seed {seed}: a button is not read in a frame"
+        return
+    positions = followed(aim.plan, readers, samples, count)
+    yield from wrong_edges(aim.plan, edges, begun, positions, seed)
+    yield from uncovered(aim, visits, begun, positions, samples, seed)
 
 
-def driven(chunk: Sequence[Sequence[int]], begun: int, high: int) -> tuple[list[Edge], int]:
-    found = []
-    for cycle, pin, level in zip(*(column.tolist() for column in chunk), strict=True):  # type: ignore[attr-defined]
-        if high >> pin & 1 != int(level == 1):
-            high ^= 1 << pin
-            found.append((cycle - begun, pin, int(level == 1)))
-    return found, high
+def levels_of(chunk: EdgeChunk) -> tuple[Ints, Ints]:
+    """(cycles, levels of all pins from then on), undriven pins being low, from the first rise on."""
+    rise = int(np.argmax(chunk.level == 1))
+    cycle, pin, level = (np.asarray(column[rise:], dtype=np.int64) for column in chunk)
+    out = np.cumsum(np.where(level == 1, 1 << pin, -(1 << pin)))
+    last = np.append(cycle[1:] != cycle[:-1], True)
+    return cycle[last], out[last]
 
 
-def covers(proof: Proof, node: Node, chip: State) -> bool:
-    """Return whether a plain chip lies within a state of the proof."""
-    rest = rest_of(proof, node)
-    timer = chip.registers["TMR0"]
-    phased = rest[FIELD["T0_UNKNOWN"]] == PHASED
-    if not phased and (timer ^ rest[FIELD["T0_VALUE"]]) & ~rest[FIELD["T0_UNKNOWN"]] & 0xFF:
-        return False
-    for cell, byte in zip(node.ram, chip.ram, strict=True):
+Sample = tuple[Ints, Ints]
+"""By frame: the cycle in which a button is first read, and its level then."""
+
+
+def sampled(visits: Ints, reader: Reads | None, begun: int, period: int, count: int) -> Sample:
+    if reader is None:
+        return np.zeros(count, dtype=np.int64), np.full(count, -1)
+    mine = visits[visits[:, at.PC] & 0x3FF == reader.address]
+    frame, first = np.unique((mine[:, at.CYCLE] - begun) // period, return_index=True)
+    when, level = np.full(count, -1), np.full(count, -1)
+    when[frame] = mine[first, at.CYCLE]
+    level[frame] = mine[first, at.PINS] >> reader.pin & 1
+    return when, level
+
+
+def followed(plan: Plan, readers: list[Reads | None], samples: list[Sample], count: int) -> list[Position]:
+    """The position in each frame, as the state machine of the buttons says."""
+    levels = np.zeros(count, dtype=np.int64)
+    for reader, (_, level) in zip(readers, samples, strict=True):
+        levels |= level << reader.pin if reader else 0
+    known: dict[tuple[Position, int], Position] = {}
+    position, found = plan.first(), []
+    for level in levels.tolist():
+        found.append(position)
+        following = known.get((position, level))
+        if following is None:
+            following = known[position, level] = plan.after(position, level) if position != OVER else OVER
+        position = following
+    return found
+
+
+def wrong_edges(
+    plan: Plan, edges: tuple[Ints, Ints], begun: int, positions: list[Position], seed: int
+) -> Iterator[str]:
+    due = {position: plan.due(position) for position in set(positions)}
+    lengths = np.array([len(due[position][0]) for position in positions])
+    starts = np.repeat(begun + np.arange(len(positions)) * plan.period, lengths)
+    cycles = np.concatenate([due[position][0] for position in positions]) + starts
+    out = np.concatenate([due[position][1] for position in positions])
+    seen = edges[0] < begun + len(positions) * plan.period
+    if not np.array_equal(edges[0][seen], cycles) or not np.array_equal(edges[1][seen], out):
+        shortest = min(len(cycles), int(seen.sum()))
+        same = (edges[0][:shortest] == cycles[:shortest]) & (edges[1][:shortest] == out[:shortest])
+        place = shortest if same.all() else int(np.argmin(same))
+        cycle = int(edges[0][min(place, len(edges[0]) - 1)])
+        yield f"seed {seed}: cycle {cycle}: an edge that the schedule does not have"
+
+
+def uncovered(
+    aim: Target,
+    visits: Ints,
+    begun: int,
+    positions: list[Position],
+    samples: list[Sample],
+    seed: int,
+) -> Iterator[str]:
+    """Yield the states at cuts that lie within none of the certificate."""
+    rows = visits[np.isin(visits[:, at.PC] & 0x3FF, list(aim.claim.cuts))]
+    since = rows[:, at.CYCLE] - begun
+    frame = since // aim.plan.period
+    spots = np.array(positions)[frame]
+    read = [np.where(when[frame] < rows[:, at.CYCLE], level[frame], -1) for when, level in samples]
+    keys = np.column_stack([rows[:, at.PC] & 0x3FF, since % aim.plan.period, spots, *read])
+    kinds, which = np.unique(keys, axis=0, return_inverse=True)
+    order = np.argsort(which.ravel(), kind="stable")
+    for key, members in zip(kinds, np.split(order, np.cumsum(np.bincount(which.ravel()))[:-1]), strict=True):
+        mine = rows[members]
+        covered = np.zeros(len(mine), dtype=bool)
+        for number in aim.by_place.get(tuple(key.tolist()), ()):
+            covered |= within(aim.claim, int(number), mine)
+        for cycle in mine[~covered, at.CYCLE].tolist():
+            yield f"seed {seed}: cycle {cycle}: no state of the certificate contains this one"
+
+
+SLOTS = {"w": at.W, "fsr": at.FSR, "tmr0": at.T0_VALUE, "eedata": at.EEDATA, "eeadr": at.EEADR}
+SLOTS |= {name: int(name.removeprefix("ram."), 16) for name in RAM}
+SLOTS |= {"status": at.STATUS, "intcon": at.INTCON, "eecon1": at.EECON1}
+EXACT = {"pclath": at.PCLATH, "option": at.OPTION, "tris": at.TRIS, "depth": at.DEPTH}
+
+
+def within(claim: Certificate, number: int, rows: Ints) -> npt.NDArray[np.bool_]:
+    """Which of the chip's states lie within a listed one."""
+    timer = rows[:, at.T0_VALUE]
+    fine = np.ones(len(rows), dtype=bool)
+    for name, slot in SLOTS.items():
+        cell = int(claim.columns[name][number])
         if cell >> 16:
-            if (byte - timer) & 0xFF != cell & 0xFF:
-                return False
-        elif (byte ^ cell) & ~(cell >> 8) & 0xFF:
-            return False
-    for field, name in (("OPTION", "OPTION_REG"), ("PCLATH", "PCLATH")):
-        if rest[FIELD[field]] != chip.registers[name]:
-            return False
-    return rest[FIELD["TRIS"]] == chip.registers["TRISA"] | chip.registers["TRISB"] << 5
+            fine &= (rows[:, slot] - timer) & 0xFF == cell & 0xFF
+        else:
+            fine &= (rows[:, slot] ^ cell) & ~(cell >> 8) & 0xFF == 0
+    for name, slot in EXACT.items():
+        fine &= rows[:, slot] == int(claim.columns[name][number])
+    dark = int(claim.columns["latch_unknown"][number])
+    return fine & ((rows[:, at.LATCH] ^ int(claim.columns["latch"][number])) & ~dark == 0)
 
 
 def main() -> int:
@@ -146,12 +262,18 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     asked = parser.parse_args()
     aim = target()
+    began = time.process_time()
+    runs = max(1, asked.frames // RUN_FRAMES)
     wrong = 0
-    for number in range(max(1, asked.frames // RUN_FRAMES)):
+    for number in range(runs):
         for message in walk(aim, asked.seed + number, RUN_FRAMES):
             wrong += 1
             print(message)
-    print(f"{asked.frames} frames, {wrong} outside of the proof's {aim.proof.states} states")
+    took = time.process_time() - began
+    print(f"{runs * RUN_FRAMES} frames after {runs} power-ups, {wrong} outside of the certificate")
+    print(
+        f"{aim.claim.count} states; {took:.0f} s of processor time, {runs * RUN_FRAMES / took:.0f} frames/s"
+    )
     return int(wrong > 0)
 
 

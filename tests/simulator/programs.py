@@ -37,6 +37,28 @@ def tame_image(seed: int) -> Image:
     return Image(dict(enumerate(words)), config, {i: rng.randrange(256) for i in range(4)})
 
 
+def timed_image(seed: int) -> Image:
+    """A program that waits for TMR0 to equal a byte, most of the time."""
+    rng = random.Random(seed)
+    words = [encode("GOTO", k=12), *[encode("NOP")] * 3, *_interrupt_routine(rng)]
+    words += [encode("NOP")] * (12 - len(words))
+    words += _set_up(rng)
+    main = len(words)
+    for _ in range(3):
+        words += [word for _ in range(rng.randrange(3)) for word in rng.choice(_PIECES)(rng, len(words))]
+        words += rng.choice(
+            ([], [encode("BCF", f=3, b=5)], [encode("BCF", f=3, b=5)], [encode("BSF", f=3, b=5)])
+        )
+        words += _store(rng, len(words)) if rng.random() < 0.5 else []
+        byte, head = rng.choice(_RAM), len(words)
+        words += rng.choice(([], [], [encode("GOTO", k=head + 4)]))
+        head = len(words)
+        words += [encode("MOVF", f=1, d=0), encode("XORWF", f=byte, d=0), encode("BTFSS", f=3, b=2)]
+        words += [encode("GOTO", k=head), encode("INCF", f=6, d=1), encode("INCF", f=byte, d=1)]
+    words.append(encode("GOTO", k=main))
+    return Image(dict(enumerate(words)), 0x3FF0 | rng.randrange(16))
+
+
 def _interrupt_routine(rng: random.Random) -> list[int]:
     clear = [encode("BCF", f=0x0B, b=b) for b in rng.sample((0, 1, 2), 2)]
     other = rng.choice(

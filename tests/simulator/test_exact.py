@@ -16,7 +16,7 @@ import pytest
 from servogen.pic.image import Image
 from servogen.simulator import Change, Machine, Options, Recorded, Stimuli
 from tests.simulator.helpers import CLOCK
-from tests.simulator.programs import random_stimuli, tame_image, wild_image
+from tests.simulator.programs import random_stimuli, tame_image, timed_image, wild_image
 from tests.simulator.reference import Chip, number
 
 IMAGES = int(os.environ.get("SERVOGEN_SIMULATOR_IMAGES", "160"))
@@ -64,6 +64,10 @@ def cases(batch: int) -> list[Case]:
     return [Case(seed, (tame_image if seed % 2 else wild_image)(seed)) for seed in seeds]
 
 
+def timed_cases() -> list[Case]:
+    return [Case(seed, timed_image(seed)) for seed in range(IMAGES // 2)]
+
+
 def rows(chunk: tuple[object, ...]) -> Edges:
     return [tuple(row) for row in zip(*(column.tolist() for column in chunk), strict=True)]  # type: ignore[attr-defined]
 
@@ -85,6 +89,22 @@ def test_running_fast_is_the_same_as_single_steps(batch: int) -> None:
             slow_edges += rows(slow.step())
         assert fast_edges == slow_edges
         assert seen(fast) == seen(slow)
+
+
+def test_a_wait_for_tmr0_that_is_taken_in_one_step_is_the_same_as_single_steps_and_as_a_second_chip() -> None:
+    """Wherever the run is cut, and whatever interrupts it."""
+    for seed, case in enumerate(timed_cases()):
+        fast, slow, parts, chip = case.machine(), case.machine(), case.machine(), case.reference()
+        fast_edges, part_edges, slow_edges = rows(fast.run(CYCLES)), [], []
+        while slow.cycles < CYCLES:
+            slow_edges += rows(slow.step())
+        for end in (1 + seed, 300 + 7 * seed, 301 + 7 * seed, 1111, CYCLES):
+            part_edges += rows(parts.run(max(0, end - parts.cycles)))
+        chip.run(CYCLES)
+        chip.begin()
+        assert fast_edges == slow_edges == part_edges == chip.edges
+        assert seen(fast) == seen(slow) == seen(parts)
+        assert registers_of(fast) == registers_of_chip(chip)
 
 
 def test_the_random_programs_reach_what_is_taken_in_one_step() -> None:

@@ -5,16 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from servogen.simulator.block_cache import fast_code
-from servogen.simulator.program import LOOP, OP_MASK, SPIN, WAITS_BIT, program_code
+from servogen.simulator.block_cache import fast_code, is_wait
+from servogen.simulator.program import LOOP, OP_MASK, program_code
 from tests.simulator.helpers import image
 
 
 def marks(source: str) -> tuple[list[int], list[int]]:
     """Addresses of the heads of regions, and of waits."""
     row = fast_code(program_code(image(source))).code[:1024]
-    waits = (row & OP_MASK == SPIN) | (row >> WAITS_BIT != 0)
-    return np.flatnonzero(row & OP_MASK == LOOP).tolist(), np.flatnonzero(waits).tolist()
+    return np.flatnonzero(row & OP_MASK == LOOP).tolist(), np.flatnonzero(is_wait(row)).tolist()
 
 
 @pytest.mark.parametrize(
@@ -49,6 +48,11 @@ def test_regions_are_what_touches_only_w_flags_and_ram(source: str, heads: list[
         ("l btfss TMR0, 3\n goto l\n", []),
         ("l nop\n clrwdt\n goto l\n", [2]),
         ("l clrwdt\n btfss INTCON, T0IF\n goto l\n", [1]),
+        ("l movf TMR0, w\n xorwf 0x20, w\n btfss STATUS, Z\n goto l\n", [3]),
+        ("l movf TMR0, w\n xorwf 0x20, f\n btfss STATUS, Z\n goto l\n", []),
+        ("l movf TMR0, f\n xorwf 0x20, w\n btfss STATUS, Z\n goto l\n", []),
+        ("l movf TMR0, w\n xorwf 0x20, w\n btfss STATUS, C\n goto l\n", []),
+        ("l movf TMR0, w\n xorwf FSR, w\n btfss STATUS, Z\n goto l\n", []),
     ],
 )
 def test_waits_are_what_sees_the_same_until_something_happens(source: str, waits: list[int]) -> None:
