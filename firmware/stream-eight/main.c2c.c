@@ -12,8 +12,8 @@
  * 7  RB7  s7: 1000 to 2000 us
  *
  * 2400 baud on RA4: FF n p is position p (0 to 254) of servo n.
- * A frame takes 18432 us: 8 slots of 9 rounds of TMR0, which counts cycles and is written once. The
- * interrupt of each round looks at the line and makes the edges; the C prepares a pulse while another one lasts.
+ * A frame takes 18432 us: 8 slots of 9 rounds of 256 cycles, which TMR0 counts. An interrupt every
+ * 128 cycles looks at the line and makes the edges; the C prepares a pulse while another one lasts.
  */
 #pragma CLOCK_FREQ 4000000
 
@@ -46,10 +46,12 @@ unsigned char ticks, rest, fine, t, rx_bits, rx_left, rx_last, rx_byte, command;
 void interrupt(void)
 {
     asm {
-; Every 256 cycles, when TMR0 goes round: two or three looks at the line, and perhaps an edge of a pulse.
+; Every 128 cycles: one or two looks at the line. In the rounds of 256 cycles that have an edge: the edge, and the looks around it.
 
-; STATUS bit 0 is the carry, bit 2 is zero. TMR0 counts cycles and is not written after the start: it says what time it is, however
-; late the interrupt came. An edge is in the cycle that st_exactly finds; all else may take any time below its limit.
+; STATUS bit 0 is the carry, bit 2 is zero. TMR0 counts cycles. A round without an edge has two interrupts: each adds 128 to TMR0, so
+; that the next one comes 128 cycles after it; after two of them TMR0 shows the time again. _ticks counts the interrupts until the
+; round with the next edge; it is odd whenever TMR0 shows the time, and even when TMR0 is 128 ahead of it. So the time is known
+; however late the interrupt came. An edge is in the cycle that st_exactly finds; all else may take any time below its limit.
 
 ; In:  _next_lo, _next_hi, _mask   the pulse of the slot that comes: width in cycles, pin
 ; Out: _due                        bit 1: prepare the next slot; it is cleared when that is done
@@ -57,12 +59,19 @@ void interrupt(void)
 ; bit 0: a slot was not prepared in time, once (overrun)
 ; _todo, _value               a command's second and third byte
     bcf     INTCON, 2           ; T0IF
-    call    st_look
-    btfsc   TMR0, 7
-    goto    st_late             ; the round before took long: no time for a second look
+    movf    _rx_bits, F
+    btfsc   STATUS, 2
+    goto    st_quiet
+    call    st_take
     decfsz  _ticks, F
     goto    st_plain
-; An edge: looks 64 cycles apart, the last 84 before it. _ticks is free until it is set anew.
+    goto    st_edge
+st_quiet:
+    call    st_hunt
+    decfsz  _ticks, F
+    goto    st_plain_quiet
+st_edge:
+; An edge: looks 64 cycles apart, the last 80 before it, or one less. _ticks, kept odd, is free until it is set anew.
     movf    _rest, F
     btfss   STATUS, 2
     goto    st_fall
@@ -74,8 +83,11 @@ void interrupt(void)
 st_fall:
     movlw   0x3F
     andwf   _fine, W
-    addlw   68
+    addlw   72
+    iorlw   1
     movwf   _ticks
+    btfsc   _fine, 5
+    call    st_look             ; the next one is far
 st_before:
     movf    _ticks, W
     subwf   TMR0, W
@@ -87,24 +99,26 @@ st_before:
     addwf   _ticks, F
     movf    _fine, W
     subwf   _ticks, W
-    xorlw   132
+    xorlw   136
+    andlw   0xFE
     btfss   STATUS, 2
     goto    st_before
-    movlw   20
-    addwf   _ticks, W
+    movf    _fine, W
+    addlw   152
     call    st_exactly
     movf    _rest, F
     movlw   0
     btfsc   STATUS, 2
     movf    _mask, W
     movwf   PORTB               ; the edge
-    movf    _rest, W
-    movwf   _ticks
+    movf    _rest, F
     btfss   STATUS, 2
     goto    st_fallen
-    movf    _next_hi, W
+    call    st_look
+    decf    _next_hi, W         ; two interrupts per round, less one: the first one's
+    addwf   _next_hi, W
     movwf   _ticks
-    sublw   9
+    sublw   16
     movwf   _rest
     movf    _next_lo, W
     movwf   _fine
@@ -113,34 +127,58 @@ st_before:
     subwf   _todo, W
     btfss   STATUS, 2
     bsf     _due, 2
-    call    st_look
     goto    st_out
-; One more look, unless the round would take too long or the next one has an edge that is near.
+; One more look, unless an interrupt that has one comes at once, or the next round has an edge.
 st_fallen:
+    movf    _rest, W
+    movwf   _ticks
     clrf    _rest
-    movlw   0xC0
-    andwf   _fine, W
-    btfsc   STATUS, 2
+    btfss   _fine, 7
+    goto    st_early
+    btfss   _fine, 6
+    goto    st_out              ; in the next round already, whose interrupt is pending
+    bcf     INTCON, 2           ; most of the next round is over: its interrupts are this one
+    movlw   2
+    subwf   _ticks, F
+    call    st_look
+    goto    st_whole_round
+st_early:
+    btfss   _fine, 6
     goto    st_over
-    xorlw   0xC0
-    btfsc   STATUS, 2
-    goto    st_out
     decf    _ticks, W
     btfsc   STATUS, 2
     goto    st_out
 st_over:
     call    st_look
     goto    st_out
+; The same; then one more look for a start bit.
+st_plain_quiet:
+    movlw   164
+    addwf   TMR0, W
+    btfsc   STATUS, 0
+    goto    st_late
+    movlw   131
+    addwf   TMR0, F
+    movf    _rx_bits, F
+    btfss   STATUS, 2
+    goto    st_out              ; found
+    goto    $+1
+    goto    $+1
+    call    st_hunt
+    goto    st_out
+; The round before took long: this one is not divided. One more look, if there is time for it.
 st_late:
     decf    _ticks, F
+st_whole_round:
+    movlw   72
+    addwf   TMR0, W
+    btfsc   STATUS, 0
     goto    st_out
-st_plain:
-    call    st_second
-st_third:
-    movlw   152
+st_second:
+    movlw   168
     subwf   TMR0, W
     btfss   STATUS, 0
-    goto    st_third
+    goto    st_second
     call    st_look
     goto    st_out
 ; Waits for the cycle in which TMR0 is W, at least 11 from now, and returns a fixed time after it.
@@ -164,21 +202,18 @@ st_poll:
     nop
     goto    $+1
     return
-; The second look, if it is not too late for it.
-st_second:
-    movlw   84
-    subwf   TMR0, W
-    btfss   STATUS, 0
-    goto    st_second
-    addlw   240
-    btfsc   STATUS, 0
-    return
 ; A look at the line. Time is counted in units of 4 cycles; a bit's level is that of the first look after its middle.
 st_look:
     movf    _rx_bits, F
     btfsc   STATUS, 2
     goto    st_hunt
-    call    st_time
+st_take:
+    movf    TMR0, W
+    btfss   _ticks, 0
+    addlw   128
+    movwf   _t
+    rrf     _t, F
+    rrf     _t, F             ; only its lowest six bits count
     btfsc   _rx_bits, 7
     goto    st_broken
     movf    _rx_last, W
@@ -225,20 +260,17 @@ st_sync:
 st_hunt:
     btfsc   PORTA, 4
     return
-    call    st_time             ; a start bit begins
+    movf    TMR0, W             ; a start bit begins
+    btfss   _ticks, 0
+    addlw   128
+    movwf   _t
+    rrf     _t, F
+    rrf     _t, W             ; only its lowest six bits count
     movwf   _rx_last
-    movlw   16
+    movlw   15
     movwf   _rx_left
     movlw   10
     movwf   _rx_bits
-    return
-st_time:
-    movf    TMR0, W
-    movwf   _t
-    rrf     _t, F
-    rrf     _t, W
-    andlw   0x3F
-    movwf   _t
     return
 st_break:
     movlw   0xFE
@@ -286,6 +318,14 @@ st_shift:
     btfsc   STATUS, 2
     clrf    _rx_bits
     return
+; A round without an edge: the next interrupt comes 128 cycles after this one.
+st_plain:
+    movlw   164
+    addwf   TMR0, W
+    btfsc   STATUS, 0
+    goto    st_late             ; only after an edge
+    movlw   131                 ; 128, and the three cycles that TMR0 stands still (DS35007 figure 5-2)
+    addwf   TMR0, F
 st_out:
     }
 }

@@ -10,8 +10,8 @@
  * 5  RB5  s5: 1000 to 2000 us
  *
  * 9600 baud on RA4: FF n p is position p (0 to 254) of servo n.
- * A frame takes 19814.4 us: 9 slots of 43 rounds of TMR0, which counts cycles and is written once. The
- * interrupt of each round looks at the line and makes the edges; the C prepares a pulse while another one lasts.
+ * A frame takes 19814.4 us: 9 slots of 43 rounds of 256 cycles, which TMR0 counts. An interrupt every
+ * 128 cycles looks at the line and makes the edges; the C prepares a pulse while another one lasts.
  */
 #include <xc.h>
 
@@ -45,10 +45,12 @@ unsigned char ticks, rest, fine, t, rx_bits, rx_left, rx_last, rx_byte, command;
 
 void __interrupt() tick(void)
 {
-    // Every 256 cycles, when TMR0 goes round: two or three looks at the line, and perhaps an edge of a pulse.
+    // Every 128 cycles: one or two looks at the line. In the rounds of 256 cycles that have an edge: the edge, and the looks around it.
     // 
-    // STATUS bit 0 is the carry, bit 2 is zero. TMR0 counts cycles and is not written after the start: it says what time it is, however
-    // late the interrupt came. An edge is in the cycle that st_exactly finds; all else may take any time below its limit.
+    // STATUS bit 0 is the carry, bit 2 is zero. TMR0 counts cycles. A round without an edge has two interrupts: each adds 128 to TMR0, so
+    // that the next one comes 128 cycles after it; after two of them TMR0 shows the time again. _ticks counts the interrupts until the
+    // round with the next edge; it is odd whenever TMR0 shows the time, and even when TMR0 is 128 ahead of it. So the time is known
+    // however late the interrupt came. An edge is in the cycle that st_exactly finds; all else may take any time below its limit.
     // 
     // In:  _next_lo, _next_hi, _mask   the pulse of the slot that comes: width in cycles, pin
     // Out: _due                        bit 1: prepare the next slot; it is cleared when that is done
@@ -56,12 +58,19 @@ void __interrupt() tick(void)
     // bit 0: a slot was not prepared in time, once (overrun)
     // _todo, _value               a command's second and third byte
     asm("    bcf     INTCON, 2");   // T0IF
-    asm("    call    st_look");
-    asm("    btfsc   TMR0, 7");
-    asm("    goto    st_late");   // the round before took long: no time for a second look
+    asm("    movf    _rx_bits, F");
+    asm("    btfsc   STATUS, 2");
+    asm("    goto    st_quiet");
+    asm("    call    st_take");
     asm("    decfsz  _ticks, F");
     asm("    goto    st_plain");
-    // An edge: looks 64 cycles apart, the last 84 before it. _ticks is free until it is set anew.
+    asm("    goto    st_edge");
+    asm("st_quiet:");
+    asm("    call    st_hunt");
+    asm("    decfsz  _ticks, F");
+    asm("    goto    st_plain_quiet");
+    asm("st_edge:");
+    // An edge: looks 64 cycles apart, the last 80 before it, or one less. _ticks, kept odd, is free until it is set anew.
     asm("    movf    _rest, F");
     asm("    btfss   STATUS, 2");
     asm("    goto    st_fall");
@@ -73,8 +82,11 @@ void __interrupt() tick(void)
     asm("st_fall:");
     asm("    movlw   0x3F");
     asm("    andwf   _fine, W");
-    asm("    addlw   68");
+    asm("    addlw   72");
+    asm("    iorlw   1");
     asm("    movwf   _ticks");
+    asm("    btfsc   _fine, 5");
+    asm("    call    st_look");   // the next one is far
     asm("st_before:");
     asm("    movf    _ticks, W");
     asm("    subwf   TMR0, W");
@@ -86,24 +98,26 @@ void __interrupt() tick(void)
     asm("    addwf   _ticks, F");
     asm("    movf    _fine, W");
     asm("    subwf   _ticks, W");
-    asm("    xorlw   132");
+    asm("    xorlw   136");
+    asm("    andlw   0xFE");
     asm("    btfss   STATUS, 2");
     asm("    goto    st_before");
-    asm("    movlw   20");
-    asm("    addwf   _ticks, W");
+    asm("    movf    _fine, W");
+    asm("    addlw   152");
     asm("    call    st_exactly");
     asm("    movf    _rest, F");
     asm("    movlw   0");
     asm("    btfsc   STATUS, 2");
     asm("    movf    _mask, W");
     asm("    movwf   PORTB");   // the edge
-    asm("    movf    _rest, W");
-    asm("    movwf   _ticks");
+    asm("    movf    _rest, F");
     asm("    btfss   STATUS, 2");
     asm("    goto    st_fallen");
-    asm("    movf    _next_hi, W");
+    asm("    call    st_look");
+    asm("    decf    _next_hi, W");   // two interrupts per round, less one: the first one's
+    asm("    addwf   _next_hi, W");
     asm("    movwf   _ticks");
-    asm("    sublw   43");
+    asm("    sublw   84");
     asm("    movwf   _rest");
     asm("    movf    _next_lo, W");
     asm("    movwf   _fine");
@@ -112,34 +126,58 @@ void __interrupt() tick(void)
     asm("    subwf   _todo, W");
     asm("    btfss   STATUS, 2");
     asm("    bsf     _due, 2");
-    asm("    call    st_look");
     asm("    goto    st_out");
-    // One more look, unless the round would take too long or the next one has an edge that is near.
+    // One more look, unless an interrupt that has one comes at once, or the next round has an edge.
     asm("st_fallen:");
+    asm("    movf    _rest, W");
+    asm("    movwf   _ticks");
     asm("    clrf    _rest");
-    asm("    movlw   0xC0");
-    asm("    andwf   _fine, W");
-    asm("    btfsc   STATUS, 2");
+    asm("    btfss   _fine, 7");
+    asm("    goto    st_early");
+    asm("    btfss   _fine, 6");
+    asm("    goto    st_out");   // in the next round already, whose interrupt is pending
+    asm("    bcf     INTCON, 2");   // most of the next round is over: its interrupts are this one
+    asm("    movlw   2");
+    asm("    subwf   _ticks, F");
+    asm("    call    st_look");
+    asm("    goto    st_whole_round");
+    asm("st_early:");
+    asm("    btfss   _fine, 6");
     asm("    goto    st_over");
-    asm("    xorlw   0xC0");
-    asm("    btfsc   STATUS, 2");
-    asm("    goto    st_out");
     asm("    decf    _ticks, W");
     asm("    btfsc   STATUS, 2");
     asm("    goto    st_out");
     asm("st_over:");
     asm("    call    st_look");
     asm("    goto    st_out");
+    // The same; then one more look for a start bit.
+    asm("st_plain_quiet:");
+    asm("    movlw   164");
+    asm("    addwf   TMR0, W");
+    asm("    btfsc   STATUS, 0");
+    asm("    goto    st_late");
+    asm("    movlw   131");
+    asm("    addwf   TMR0, F");
+    asm("    movf    _rx_bits, F");
+    asm("    btfss   STATUS, 2");
+    asm("    goto    st_out");   // found
+    asm("    goto    $+1");
+    asm("    goto    $+1");
+    asm("    call    st_hunt");
+    asm("    goto    st_out");
+    // The round before took long: this one is not divided. One more look, if there is time for it.
     asm("st_late:");
     asm("    decf    _ticks, F");
+    asm("st_whole_round:");
+    asm("    movlw   72");
+    asm("    addwf   TMR0, W");
+    asm("    btfsc   STATUS, 0");
     asm("    goto    st_out");
-    asm("st_plain:");
-    asm("    call    st_second");
-    asm("st_third:");
-    asm("    movlw   152");
+    asm("st_second:");
+    asm("    movlw   168");
     asm("    subwf   TMR0, W");
     asm("    btfss   STATUS, 0");
-    asm("    goto    st_third");
+    asm("    goto    st_second");
     asm("    call    st_look");
     asm("    goto    st_out");
     // Waits for the cycle in which TMR0 is W, at least 11 from now, and returns a fixed time after it.
@@ -163,21 +201,18 @@ void __interrupt() tick(void)
     asm("    nop");
     asm("    goto    $+1");
     asm("    return");
-    // The second look, if it is not too late for it.
-    asm("st_second:");
-    asm("    movlw   84");
-    asm("    subwf   TMR0, W");
-    asm("    btfss   STATUS, 0");
-    asm("    goto    st_second");
-    asm("    addlw   240");
-    asm("    btfsc   STATUS, 0");
-    asm("    return");
     // A look at the line. Time is counted in units of 4 cycles; a bit's level is that of the first look after its middle.
     asm("st_look:");
     asm("    movf    _rx_bits, F");
     asm("    btfsc   STATUS, 2");
     asm("    goto    st_hunt");
-    asm("    call    st_time");
+    asm("st_take:");
+    asm("    movf    TMR0, W");
+    asm("    btfss   _ticks, 0");
+    asm("    addlw   128");
+    asm("    movwf   _t");
+    asm("    rrf     _t, F");
+    asm("    rrf     _t, F");   // only its lowest six bits count
     asm("    btfsc   _rx_bits, 7");
     asm("    goto    st_broken");
     asm("    movf    _rx_last, W");
@@ -222,20 +257,17 @@ void __interrupt() tick(void)
     asm("st_hunt:");
     asm("    btfsc   PORTA, 4");
     asm("    return");
-    asm("    call    st_time");   // a start bit begins
+    asm("    movf    TMR0, W");   // a start bit begins
+    asm("    btfss   _ticks, 0");
+    asm("    addlw   128");
+    asm("    movwf   _t");
+    asm("    rrf     _t, F");
+    asm("    rrf     _t, W");   // only its lowest six bits count
     asm("    movwf   _rx_last");
-    asm("    movlw   29");
+    asm("    movlw   28");
     asm("    movwf   _rx_left");
     asm("    movlw   10");
     asm("    movwf   _rx_bits");
-    asm("    return");
-    asm("st_time:");
-    asm("    movf    TMR0, W");
-    asm("    movwf   _t");
-    asm("    rrf     _t, F");
-    asm("    rrf     _t, W");
-    asm("    andlw   0x3F");
-    asm("    movwf   _t");
     asm("    return");
     asm("st_break:");
     asm("    movlw   0xFE");
@@ -261,6 +293,14 @@ void __interrupt() tick(void)
     asm("    bsf     STATUS, 0");
     asm("    rrf     _rx_byte, F");
     asm("    return");
+    // A round without an edge: the next interrupt comes 128 cycles after this one.
+    asm("st_plain:");
+    asm("    movlw   164");
+    asm("    addwf   TMR0, W");
+    asm("    btfsc   STATUS, 0");
+    asm("    goto    st_late");   // only after an edge
+    asm("    movlw   131");   // 128, and the three cycles that TMR0 stands still (DS35007 figure 5-2)
+    asm("    addwf   TMR0, F");
     asm("st_out:");
 }
 

@@ -1,12 +1,23 @@
 """[stream] of a job: its defaults, the rates that go with a clock, pins that are free."""
 
+import random
 import re
 from fractions import Fraction
 
 import pytest
 
 from servogen.build import planned
-from servogen.engines.stream.settings import Stream, bit_units
+from servogen.engines.stream.settings import (
+    BIT_GAP,
+    MASKED,
+    SAMPLE_AFTER,
+    STAMP,
+    START_GAP,
+    STOP_AFTER,
+    Stream,
+    bit_units,
+    first_units,
+)
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
 from servogen.units import Clock
@@ -63,17 +74,44 @@ def test_other_rates_are_refused_with_the_arithmetic(baud: int, clock_hz: int) -
         bit_units(Stream(baud), Clock(clock_hz))
     bit = clock_hz / 4 / baud
     assert f"a bit is {bit:.1f} cycles" in found.value.message
-    assert f"half a bit is {bit / 2:.1f}" in found.value.message
     numbers = re.search(
-        r"up to ([\d.]+) from its middle: (\d+) .* \+ ([\d.]+) for .* \+ ([\d.]+) for", str(found.value)
+        r"(\d+) cycles apart before a start bit and (\d+) after.* up to (\d+) cycles .*ends after ([\d.]+)",
+        found.value.message,
     )
     assert numbers
-    whole, *parts = (Fraction(each) for each in numbers.groups())
-    assert whole == sum(parts)
-    assert (
-        f"{float(parts[1]):.1f}" == f"{9 * abs(bit - 4 * round(bit / 4)):.1f}"
-        and f"{float(parts[2]):.1f}" == f"{0.19 * bit:.1f}"
-    )
+    start_gap, bit_gap, latest = (int(each) for each in numbers.groups()[:3])
+    # Ten bits of a sender that is 2 % fast; nine of a slow one have passed before its stop bit begins.
+    assert numbers[4] == f"{10 * bit / 1.02:.1f}"
+    assert latest > 10 * bit / 1.02
+    # The sample must not come before the stop bit of a slow sender: 9 bits; what else is in it is small.
+    assert latest - start_gap - bit_gap == pytest.approx(9 * bit / 0.98, abs=20)
+
+
+@pytest.mark.parametrize(("baud", "clock_hz"), [(2400, 4_000_000), (9600, 20_000_000), (1200, 4_000_000)])
+@pytest.mark.parametrize("error", [-0.02, 0, 0.02])
+def test_every_bit_of_a_sender_within_two_per_cent_is_sampled_while_it_is_on_the_line(
+    baud: int, clock_hz: int, error: float
+) -> None:
+    """The receiver by itself: samples at random distances up to the gaps, times in units of 4 cycles."""
+    dice = random.Random(5)
+    nominal = Fraction(clock_hz, 4 * baud)
+    units, first = bit_units(Stream(baud), Clock(clock_hz)), first_units(nominal)
+    bit = float(nominal) / (1 + error)
+    for _ in range(3000):
+        # The sample that sees the start bit; from then on the remaining units count down to below zero.
+        now = dice.choice((0, START_GAP, dice.uniform(0, START_GAP))) + dice.randrange(4) + 1000
+        begun = now - dice.uniform(0, START_GAP)
+        stamp, left, masked = int(now) + STAMP, first, MASKED
+        for k in range(10):
+            while left >= 0:
+                step = dice.choice((BIT_GAP, dice.randint(20, BIT_GAP)))
+                if masked and dice.random() < 0.05:
+                    step, masked = step + masked, 0
+                left -= ((stamp + step) >> 2) - (stamp >> 2)
+                stamp += step
+            left += units
+            for after in (SAMPLE_AFTER[0], STOP_AFTER if k == 9 else SAMPLE_AFTER[1]):
+                assert k * bit <= stamp + after - begun <= (k + 1) * bit
 
 
 @pytest.mark.parametrize("mhz", [1, 2, 4, 8, 10, 12, 16, 20])

@@ -15,7 +15,7 @@ from servogen.compiler import Options
 from servogen.engines.firmware import Firmware, TimingBudget, compiled_to_fit
 from servogen.engines.protocol import Engine, EngineJob, EnginePlan
 from servogen.engines.stream.protocol import BITS, BYTES
-from servogen.engines.stream.rendering import OVERRUN, first_units, render_stream
+from servogen.engines.stream.rendering import OVERRUN, render_stream
 from servogen.engines.stream.response import response
 from servogen.engines.stream.settings import UNIT
 from servogen.engines.stream.streaming import Streaming, streaming
@@ -72,7 +72,7 @@ def compiled(job: EngineJob, streamed: Streaming, dialect: str) -> Firmware:
 
 def timing_budgets(listing: Listing, streamed: Streaming) -> tuple[TimingBudget, ...]:
     """Return what the C takes to prepare a pulse, beside what the interrupts leave it, for every line."""
-    byte = (first_units(streamed) + (BITS - 1) * streamed.bit_units) * UNIT
+    byte = (streamed.first_units + (BITS - 1) * streamed.bit_units) * UNIT
     travel = max(each.most - each.least for each in streamed.travels) + TRIMS
     found = response(listing, streamed.layout.rounds, travel, BYTES * byte)
     supply = found.supply or Cycles(0)

@@ -12,23 +12,22 @@ from fractions import Fraction
 from servogen.engines.c_text import ChannelText, assembly, decimal, ports_of, render_template
 from servogen.engines.stream.layout import RISE
 from servogen.engines.stream.protocol import TRIM_ZERO
-from servogen.engines.stream.settings import SAMPLE_GAP, UNIT
 from servogen.engines.stream.streaming import Streaming
 from servogen.pic.device import Device, oscillator_for, registers
 
 NONE = 0xFE
 """Stands for no command: no command begins with this byte."""
 
-LAST = 84
+LAST = 80
 """Cycles from the last sample before an edge to the edge: the longest sample and the path to
 st_exactly fit.
 """
 
-SECOND, THIRD = 84, 152
-"""TMR0 at the second and third sample of a round without an edge."""
+LATE = 92
+"""TMR0 from which on it is too late to divide a round in two: an edge before it took long."""
 
-READ_LATE = 24
-"""Cycles from the time stamps to their samples, those of the start bit and of a bit added."""
+SECOND, LATEST_SECOND = 168, 184
+"""TMR0 at the second sample of such a round; after the later time there is none."""
 
 
 OVERRUN = "due"
@@ -94,8 +93,9 @@ def tick(streamed: Streaming) -> str:
         "stream/tick.asm",
         rise=RISE,
         last=LAST,
+        late=LATE,
         second=SECOND,
-        third=THIRD,
+        latest_second=LATEST_SECOND,
         slot_ticks=streamed.layout.rounds,
         two_ports=len(ports) > 1,
         port="INDF" if len(ports) > 1 else ports[0],
@@ -106,14 +106,8 @@ def tick(streamed: Streaming) -> str:
         out_port=f"PORT{out[1]}" if out else "",
         out_bit=out[2] if out else "",
         bit_units=streamed.bit_units,
-        first_units=first_units(streamed),
+        first_units=streamed.first_units,
     )
-
-
-def first_units(streamed: Streaming) -> int:
-    """Return the receiver's units of time from the look that sees a start bit to its middle."""
-    bit = streamed.plan.schedule.clock.cycles_per_second / streamed.stream.baud
-    return round((bit / 2 - SAMPLE_GAP - READ_LATE) / UNIT)
 
 
 def _channels(streamed: Streaming) -> Iterator[ChannelText]:

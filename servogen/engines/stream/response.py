@@ -3,11 +3,11 @@
 In: the words of a program, its frame layout, the travel of its servos. Out: `Response`: the cycles that the C
 needs, the fewest that the interrupts leave it in a slot, and whether the first always fit the second.
 
-*What the interrupts leave.* TMR0 counts cycles and is not written, so the interrupt's code knows the time. It
-is executed abstractly from the overflow on, for every latency, with the time known and what it received not:
-each test of a received bit, and of a counter of the receiver, goes both ways. The latest end in a round is
-what the C has to wait for. A fall is followed for each of the 256 cycles of its round; where it ends in the
-next round, that round's interrupt begins then.
+*What the interrupts leave.* TMR0 counts cycles and is only moved on by constants, so the interrupt's code
+knows the time. It is executed abstractly from the overflow on, for every latency, with the time known and what
+it received not: each test of a received bit, and of a counter of the receiver, goes both ways. The latest end of
+an interrupt is what the C has to wait for. A fall is followed for each of the 256 cycles of its round; where
+it ends in the next round, that round's interrupt begins then.
 
 *What the C needs.* `pic.wcet` counts its longest paths: `prepare`, from the main loop's beginning until the
 request is cleared, and `execute`, from there to the loop's beginning with a command. A request finds the C in
@@ -41,6 +41,10 @@ from servogen.pic.wcet import Program
 from servogen.units import Cycles
 
 ROUND = 256
+HALF = 128
+"""A round without an edge has two interrupts, 128 cycles apart."""
+TMR0_STANDS = 3
+"""Cycles from a write of TMR0 in which it does not count, that of the write included (DS35007 figure 5-2)."""
 LATENCY = 4
 """Cycles from the overflow to the first instruction of the interrupt at most (DS35007 section 6.9)."""
 TMR0, INTCON, GIE = 1, 11, 7
@@ -49,8 +53,8 @@ MAX_END = 3 * ROUND
 MAX_STATES = 100_000
 MAX_SLOTS = 1000
 """Slots after which C that is still behind is taken to fall behind ever more."""
-MANY = 100
-"""Rounds that are left until an edge: not the last one."""
+MANY = 101
+"""Interrupts that are left until an edge: not the last one. Odd: TMR0 shows the time."""
 FOLLOWED = ("ticks", "rest", "fine", "t")
 """The interrupt's variables that decide how long it waits."""
 PORT_NAMES = ("port", "next_port")
@@ -59,6 +63,12 @@ PORT_NAMES = ("port", "next_port")
 
 _State = tuple[int, tuple[int, ...], int, tuple[tuple[int, int], ...]]
 """Address, return addresses, cycle of the round, known values."""
+AHEAD = -10
+"""The key, among the known values, of the cycles by which TMR0 is ahead of the time."""
+WRITTEN = -11
+"""The key of the cycle in which TMR0 was written last."""
+CLEARED = -12
+"""The key of whether T0IF was cleared since the edge: then the next round has no other interrupt."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,24 +201,55 @@ class _Round:
     """The address of the subroutine that looks at the line."""
     edge: int
     """The address of the instruction that makes an edge."""
-    _ends: dict[tuple[int, int], int | None] = field(default_factory=dict)
+    masked: int
+    """The most cycles in which the C masks interrupts."""
+    _ends: dict[tuple[int, int, int], tuple[tuple[int, int, int], ...] | None] = field(default_factory=dict)
     _look_cycles: tuple[int, ...] = ()
 
-    def end(self, begins: int) -> int | None:
-        """Return the latest end of an interrupt without an edge whose code begins in cycle `begins`."""
-        return self._latest(INTERRUPT_VECTOR, begins, {self.ram["ticks"]: MANY})
+    def left(self, begins: range) -> int | None:
+        """Return the fewest cycles that are left in a round without an edge whose first interrupt begins in
+        one of these cycles; None if no bound is found.
+        """
+        fewest = ROUND
+        for begin in begins:
+            first = self._latest(INTERRUPT_VECTOR, begin, {self.ram["ticks"]: MANY, AHEAD: 0})
+            if first is None:
+                return None
+            for end, ahead, _ in first:
+                left = self._left_after(begins, end) if ahead == HALF else max(0, ROUND - end)
+                if left is None or ahead not in (0, HALF) or (ahead == 0 and end + LATENCY > ROUND):
+                    return None
+                fewest = min(fewest, left)
+        return fewest
 
-    def end_after_edge(self, rest: int, fine: int) -> int | None:
-        """Return the latest end of an interrupt with an edge `fine` cycles after `rise`.
+    def _left_after(self, begins: range, end: int) -> int | None:
+        """Return the fewest cycles left from the end of a round's first interrupt on, if it has a second."""
+        fewest = ROUND
+        usual = range(HALF + 2, HALF + LATENCY + 3 + self.masked)
+        late = range(end, end + LATENCY + 3)
+        for begin in usual if end + LATENCY < HALF else late:
+            second = self._latest(INTERRUPT_VECTOR, begin, {self.ram["ticks"]: MANY - 1, AHEAD: HALF})
+            if second is None or any(ahead or after + LATENCY > ROUND for after, ahead, _ in second):
+                return None
+            fewest = min(fewest, *(max(0, HALF - end) + ROUND - after for after, _, _ in second))
+        return fewest
+
+    def end_after_edge(self, rest: int, fine: int) -> tuple[int, bool] | None:
+        """Return the latest end of an interrupt with an edge `fine` cycles after `rise`, and whether the next
+        round has no other interrupt.
 
         The edge is in exactly that cycle whatever came before it (tests/engines/stream/test_stream_tick.py).
         """
-        known = {self.ram["rest"]: rest, self.ram["fine"]: fine, self.ram["ticks"]: 1}
-        return self._latest(self.edge + 1, self.rise() + fine + 1, known)
+        known = {self.ram["rest"]: rest, self.ram["fine"]: fine, self.ram["ticks"]: 1, AHEAD: 0}
+        known[CLEARED] = 0
+        ends = self._latest(self.edge + 1, self.rise() + fine + 1, known)
+        if ends is None or len({cleared for _, _, cleared in ends}) > 1:
+            return None
+        return max(end for end, _, _ in ends), bool(ends[0][2])
 
     def rise(self) -> int:
         """Return the cycle of the round in which a pulse begins: that of a short look at the line."""
-        known: Known = {self.ram["rest"]: 0, self.ram["fine"]: 0, self.ram["ticks"]: 1}
+        known: Known = {self.ram["rest"]: 0, self.ram["fine"]: 0, self.ram["ticks"]: 1, AHEAD: 0}
         at, now = INTERRUPT_VECTOR, 2
         stack: tuple[int, ...] = ()
         while at != self.edge:
@@ -236,16 +277,19 @@ class _Round:
             self._look_cycles = tuple(sorted(found))
         return self._look_cycles
 
-    def _latest(self, at: int, now: int, known: Known) -> int | None:
-        """Return the latest end of the interrupt from a state on; None if no bound is found."""
+    def _latest(self, at: int, now: int, known: Known) -> tuple[tuple[int, int, int], ...] | None:
+        """Return the latest end of the interrupt from a state on, for each number of cycles that TMR0 is then
+        ahead of the time and each value of CLEARED; None if no bound is found.
+        """
         if "port" in self.ram:
             known |= {self.ram[name]: PORTS[1] for name in PORT_NAMES}
-        if (at, now) in self._ends and at == INTERRUPT_VECTOR:
-            return self._ends[at, now]
-        followed = {W, CARRY, ZERO, FSR, *(self.ram[name] for name in FOLLOWED), *known}
+        begun = (at, now, known[AHEAD])
+        if begun in self._ends and at == INTERRUPT_VECTOR:
+            return self._ends[begun]
+        followed = {W, CARRY, ZERO, FSR, *(self.ram[name] for name in FOLLOWED), *known, WRITTEN}
         waiting: list[_State] = [(at, (), now, tuple(sorted(known.items())))]
         seen = set(waiting)
-        latest, begun = 0, (at, now)
+        latest: dict[tuple[int, int], int] = {}
         while waiting:
             at, stack, now, frozen = waiting.pop()
             if now > MAX_END or len(seen) > MAX_STATES:
@@ -256,7 +300,8 @@ class _Round:
                 return None
             known = dict(frozen)
             if word.name == "RETFIE":
-                latest = max(latest, now + 2)
+                how = known[AHEAD], known.get(CLEARED, 0)
+                latest[how] = max(latest.get(how, 0), now + 2)
                 continue
             for following, more, cycles, after in self._steps(at, stack, now, word, known):
                 kept = tuple(sorted((place, value) for place, value in after.items() if place in followed))
@@ -264,8 +309,8 @@ class _Round:
                 if state not in seen:
                     seen.add(state)
                     waiting.append(state)
-        self._ends[begun] = latest
-        return latest
+        self._ends[begun] = tuple((end, *how) for how, end in latest.items())
+        return self._ends[begun]
 
     def _steps(
         self, at: int, stack: tuple[int, ...], now: int, word: Word, known: Known
@@ -290,6 +335,8 @@ class _Round:
             if taken is not False:
                 yield at + 2, stack, 2, dict(known)
         else:
+            if word.name == "BCF" and word.f == INTCON and CLEARED in known:
+                known[CLEARED] = 1
             if not (word.f == INDF and word.writes_f and known.get(FSR) in PORTS):
                 execute(word, known)
             yield at + 1, stack, 1, known
@@ -297,8 +344,22 @@ class _Round:
     def _timer(
         self, at: int, stack: tuple[int, ...], now: int, word: Word, known: Known
     ) -> Iterator[tuple[int, tuple[int, ...], int, Known]]:
-        """Execute an instruction that reads the timer: it shows the cycle of the round."""
-        timer = now % ROUND
+        """Execute an instruction that reads the timer, or adds a constant to it."""
+        if now - known.get(WRITTEN, now - ROUND) <= TMR0_STANDS:
+            raise LookupError("TMR0 is read while it does not count")
+        timer = (now + known.get(AHEAD, 0)) % ROUND
+        if word.writes_f:
+            added = known.get(W)
+            if word.name != "ADDWF" or added is None:
+                raise LookupError("TMR0 is written in a way that is not followed")
+            if timer + added >= ROUND:
+                raise LookupError("TMR0 overflows because it is written")
+            known[AHEAD] = (known.get(AHEAD, 0) + added - TMR0_STANDS) % ROUND
+            known[WRITTEN] = now
+            for place in (CARRY, ZERO):
+                known.pop(place, None)
+            yield at + 1, stack, 1, known
+            return
         if word.flow == "skip":
             taken = bool(timer >> word.b & 1) == (word.name == "BTFSS")
             yield at + 1 + taken, stack, 1 + taken, known
@@ -338,33 +399,41 @@ def _supply_of(
     masked: int,
 ) -> Cycles | None:
     """Do the same for the interrupt's words: dialects that differ in the C only have the same ones."""
-    one = _Round(dict(words), dict(ram), look, edge)
-    latest = LATENCY + 2 + masked
-    """The interrupt's latest first cycle: an instruction of two cycles, or masked interrupts, delay it."""
-
-    def plain(begins: range) -> int | None:
-        return _greatest([one.end(begin) for begin in begins])
-
-    usual, rise = plain(range(2, latest + 1)), one.end_after_edge(0, 0)
-    if usual is None or rise is None:
+    one = _Round(dict(words), dict(ram), look, edge, masked)
+    latest = LATENCY + 2
+    """The interrupt's latest first cycle: an instruction of two cycles delays it."""
+    try:
+        usual, rise = one.left(range(2, latest + 1)), one.end_after_edge(0, 0)
+        # Masked interrupts let the C run, and the round's two interrupts are over in time all the same.
+        if usual is None or rise is None or one.left(range(2, latest + masked + 1)) is None:
+            return None
+        with_fall = 2 * ROUND
+        for fine in range(ROUND):
+            left = _least([_left_with_fall(one, rest, fine, usual) for rest in (1, MANY)])
+            if left is None:
+                return None
+            with_fall = min(with_fall, left)
+    except LookupError:
         return None
-    with_fall = 2 * ROUND
-    for fine in range(ROUND):
-        fall = _greatest([one.end_after_edge(rest, fine) for rest in (1, MANY)])
-        if fall is None:
-            return None
-        following: int | None = usual
-        if fall + LATENCY >= ROUND:
-            begins = max(2, fall - ROUND)
-            late = plain(range(begins, begins + LATENCY + 2))
-            following = None if late is None else max(late, usual)
-        if following is None:
-            return None
-        with_fall = min(with_fall, max(0, ROUND - fall) + max(0, ROUND - following))
-    return Cycles(max(0, ROUND - rise) + with_fall + (rounds - 3) * max(0, ROUND - usual))
+    return Cycles(max(0, ROUND - rise[0]) + with_fall + (rounds - 3) * usual)
 
 
-def _greatest(found: list[int | None]) -> int | None:
-    """Return the maximum; None if one of them has no bound."""
+def _left_with_fall(one: _Round, rest: int, fine: int, usual: int) -> int | None:
+    """Return the fewest cycles that are left in the round of a fall and the next one."""
+    fall = one.end_after_edge(rest, fine)
+    if fall is None:
+        return None
+    end, whole = fall
+    if whole:
+        return 2 * ROUND - end if end + LATENCY <= 2 * ROUND else None
+    if end + LATENCY < ROUND:
+        return ROUND - end + usual
+    begins = max(2, end - ROUND)
+    late = one.left(range(begins, begins + LATENCY + 2 + one.masked))
+    return None if late is None else max(0, ROUND - end) + min(late, usual)
+
+
+def _least(found: list[int | None]) -> int | None:
+    """Return the minimum; None if one of them has no bound."""
     numbers = [each for each in found if each is not None]
-    return max(numbers) if len(numbers) == len(found) else None
+    return min(numbers) if len(numbers) == len(found) else None

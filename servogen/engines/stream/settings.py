@@ -6,6 +6,7 @@ clock.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -18,8 +19,16 @@ UNIT = 4
 MAX_UNITS = 255 - 32
 """A byte minus the longest time between two samples."""
 
-SAMPLE_GAP = 120
-"""The greatest number of cycles between two of the three samples of the line in a round of the timer."""
+START_GAP, BIT_GAP = 114, 129
+"""The most cycles between two samples of the line: while a start bit is looked for, and within a byte."""
+MASKED = 9
+"""Cycles by which a write to the EEPROM can delay one sample of a byte (templates/stream/keep.asm)."""
+STAMP = 2
+"""Cycles from the sample that sees a start bit to the reading of the time that belongs to it."""
+SAMPLE_AFTER = (20, 30)
+"""Cycles from the reading of the time to the sample of a bit, at least and at most."""
+STOP_AFTER = 22
+"""The same for the stop bit, at most."""
 
 BAUD_ERROR = Fraction(2, 100)
 """The error allowed of a sender's rate."""
@@ -47,20 +56,18 @@ USUAL = (300, 600, 1200, 2400, 4800, 9600, 14_400, 19_200, 38_400)
 def bit_units(stream: Stream, clock: Clock) -> int:
     """Return a bit in units of 4 cycles, rounded. Raises InputError if the line cannot be received.
 
-    A bit is sampled in its middle, give or take half the time between two samples, both for the start bit and
-    for itself; up to the stop bit the rounding to units adds up nine times, and a sender that is 2 % off
-    drifts by 0.19 bits. Together it must stay below half a bit.
+    Every bit of a sender that is up to 2 % off must be sampled while it is on the line, see `_windows`.
     """
     bit = clock.cycles_per_second / stream.baud
-    units, rounding, drift = _off(bit)
-    if SAMPLE_GAP + rounding + drift >= bit / 2:
-        parts = round(rounding, 1), round(drift, 1)
+    units, (first, last) = round(bit / UNIT), _windows(bit)
+    if first > last:
+        latest, end = _latest_sample(bit, BITS - 1, first), BITS * bit / (1 + BAUD_ERROR)
         raise InputError(
             "baud-rate",
-            f"{stream.baud} baud at {clock.hz} Hz: a bit is {float(bit):.1f} cycles, it is looked at up to "
-            f"{float(SAMPLE_GAP + sum(parts)):.1f} from its middle: {SAMPLE_GAP} between two looks + "
-            f"{float(parts[0]):.1f} for bits of {units * UNIT} cycles + {float(parts[1]):.1f} for a sender "
-            f"{float(100 * BAUD_ERROR):g} % off; half a bit is {float(bit / 2):.1f}",
+            f"{stream.baud} baud at {clock.hz} Hz: a bit is {float(bit):.1f} cycles; samples are up to "
+            f"{START_GAP} cycles apart before a start bit and {BIT_GAP} after it, so that the stop bit of a "
+            f"sender {float(100 * BAUD_ERROR):g} % off is sampled up to {latest} cycles after the byte "
+            f"began, and ends after {float(end):.1f}",
             stream.place,
             _rates(clock),
         )
@@ -75,10 +82,41 @@ def bit_units(stream: Stream, clock: Clock) -> int:
     return units
 
 
-def _off(bit: Fraction) -> tuple[int, Fraction, Fraction]:
-    """Return a bit's units, and how far rounding and the sender's error move the stop bit, in cycles."""
+def first_units(bit: Fraction) -> int:
+    """Return the receiver's units of time from the start bit's time stamp to its own sample."""
+    first, last = _windows(bit)
+    return (first + last) // 2
+
+
+def _windows(bit: Fraction) -> tuple[int, int]:
+    """Return the least and the greatest `first_units` with which each bit is sampled within its time.
+
+    Bit k (0: the start bit, 9: the stop bit) is sampled at the first look at which more than `first_units`
+    and k times a bit's units have passed since the start bit's time stamp. A time stamp is rounded down to
+    units.
+
+        line   ▔▔▔▔▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁▁ …             bit k lasts from k · bit to (k + 1) · bit
+        looks    |       |       |               the first is up to START_GAP after the edge
+                       stamp   sample            of the first look after it is due, up to BIT_GAP later
+    """
     units = round(bit / UNIT)
-    return units, abs(units * UNIT - bit) * (BITS - 1), bit * BAUD_ERROR * (2 * BITS - 1) / 2
+    slow, fast = bit / (1 - BAUD_ERROR), bit / (1 + BAUD_ERROR)
+    soonest, rounding = SAMPLE_AFTER[0], UNIT - 1
+    first = max(
+        math.ceil((k * slow - STAMP - soonest - UNIT * (1 + k * units) + rounding) / UNIT)
+        for k in range(1, BITS)
+    )
+    last = MAX_UNITS
+    while last >= 0 and any(_latest_sample(bit, k, last) > (k + 1) * fast for k in range(BITS)):
+        last -= 1
+    return max(0, first), last
+
+
+def _latest_sample(bit: Fraction, k: int, first: int) -> int:
+    """Return the cycles from a byte's beginning to the sample of bit k at the latest."""
+    due = UNIT * (first + 1 + k * round(bit / UNIT)) - 1
+    after = STOP_AFTER if k == BITS - 1 else SAMPLE_AFTER[1]
+    return START_GAP + STAMP + due + BIT_GAP + MASKED + after
 
 
 def _rates(clock: Clock) -> str:
@@ -86,8 +124,8 @@ def _rates(clock: Clock) -> str:
     rates = []
     for baud in USUAL:
         bit = clock.cycles_per_second / baud
-        units, rounding, drift = _off(bit)
-        if SAMPLE_GAP + rounding + drift < bit / 2 and units <= MAX_UNITS:
+        first, last = _windows(bit)
+        if first <= last and round(bit / UNIT) <= MAX_UNITS:
             rates.append(str(baud))
     return (
         f"at this clock: {', '.join(rates)} baud"

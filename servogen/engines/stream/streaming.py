@@ -12,7 +12,7 @@ from fractions import Fraction
 
 from servogen.engines.stream.layout import Layout, layout
 from servogen.engines.stream.protocol import MAX_VALUE, Travel, travel
-from servogen.engines.stream.settings import OFF, Stream, bit_units
+from servogen.engines.stream.settings import OFF, Stream, bit_units, first_units
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.pulse.lint import check_calibration, check_period
 from servogen.pulse.plan import PulsePlan
@@ -34,6 +34,8 @@ class Streaming:
     layout: Layout
     stream: Stream
     bit_units: int
+    first_units: int
+    """The receiver's time of a bit, and from a start bit's beginning to its sample, in units of 4 cycles."""
     travels: tuple[Travel, ...]
     neutral: tuple[Cycles, ...]
     silence_frames: int
@@ -51,6 +53,7 @@ def streaming(
 ) -> Streaming:
     """Return the stream engine of these servos. Raises InputError."""
     units = bit_units(stream, clock)
+    first = first_units(clock.cycles_per_second / stream.baud)
     slots = layout(servos, frame, clock, stream.baud)
     period_s = clock.seconds(slots.period)
     silence = round(stream.silence_s / period_s)
@@ -73,7 +76,7 @@ def streaming(
     schedule = replace(schedule, plan_error=largest(errors))
     plan = PulsePlan(schedule, widths, (*_warnings(servos, frame, slots, clock), *soft_warnings))
     travels = tuple(travel(servo, clock) for servo in servos)
-    return Streaming(plan, slots, stream, units, travels, neutral, silence, soft)
+    return Streaming(plan, slots, stream, units, first, travels, neutral, silence, soft)
 
 
 def _soft_frames(
