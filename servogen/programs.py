@@ -6,7 +6,8 @@ The compiler and the assembler are imported where they are called: reading a HEX
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 DEFAULT_CLOCK_HZ = 4_000_000
+DEFAULT_DEVICE = "PIC16F84"
 
 LIMITS_HINT = "servogen compile and servogen assemble take --timeout and --memory-mb"
 
@@ -67,7 +69,7 @@ def read_assembly(path: Path) -> str:
     return read_input(path).decode("latin-1")
 
 
-def read_program(path: Path, device_name: str = "PIC16F84") -> Program:
+def read_program(path: Path, device_name: str | None = None) -> Program:
     """Returns the program in a HEX file, or in a C or assembly file, compiled within limits.
 
     Raises InputError.
@@ -97,24 +99,27 @@ def within_limits(
         ) from error
 
 
-def compile_program(path: Path, device_name: str = "PIC16F84", included: Included | None = None) -> Program:
-    """Returns the program in a HEX, C or assembly file. `included` finds its include files.
+def compile_program(path: Path, device_name: str | None = None, included: Included | None = None) -> Program:
+    """Return the program in a HEX, C or assembly file. `included` finds its include files; the device is by
+    default the one that a header of the source names, else the PIC16F84.
 
     It takes what time and memory the program asks for, see `read_program`. Raises InputError.
     """
-    chip = device(device_name)
     if path.suffix.lower() == C_SUFFIX:
         from servogen.compiler import Options, Source, compile_sources
 
         text = read_source(path)
         include = beside_c if included is None else _c_includes(included)
-        options = Options(dialect=dialect_of([text]), device=chip, include=include)
+        names = included_names([(str(path), text)], include)
+        chip = device(device_name or device_of(names) or DEFAULT_DEVICE)
+        options = Options(dialect=dialect_of(names), device=chip, include=include)
         made = compile_sources([Source(text, str(path))], options)
         return Program(made.image, made.listing, made.clock)
     if path.suffix.lower() in ASSEMBLY_SUFFIXES:
         from servogen.pic.assembler import assemble, beside
 
         files = beside(path.parent) if included is None else _assembly_includes(included, path)
+        chip = device(device_name or DEFAULT_DEVICE)
         assembly = assemble(read_assembly(path), str(path), chip, files)
         return Program(assembly.image, assembly.listing)
     from servogen.pic.image import read_hex
@@ -132,7 +137,7 @@ def read_submission(submission: Submission) -> Program:
     return compile_program(submission.file, included=partial(submission.included, in_any_case=in_any_case))
 
 
-def _c_includes(included: Included) -> Callable[[str, str], tuple[str, str] | None]:
+def _c_includes(included: Included) -> CInclude:
     def read(name: str, including: str) -> tuple[str, str] | None:
         path = included(name, including)
         return None if path is None else (str(path), read_source(path))
@@ -154,16 +159,53 @@ def beside_c(name: str, including: str) -> tuple[str, str] | None:
     return (str(path), read_source(path)) if path.is_file() else None
 
 
-HEADERS = {"xc8": ("<xc.h>", "<pic.h>", "<htc.h>"), "sdcc": ("<pic14/", "<pic16f84.h>", "<pic16f84a.h>")}
-"""The headers by which a dialect is known."""
+XC8_HEADERS = frozenset(["xc.h", "pic.h", "htc.h"])
+SDCC_HEADERS = frozenset(["pic16f84.h", "pic16f84a.h"])
+"""The headers by which a dialect is known, besides the folder `pic14/`; XC8 where a source has both."""
+DEVICE_HEADERS = {"pic16f84.h": "PIC16F84", "pic16f84a.h": "PIC16F84A", "p16f84a.h": "PIC16F84A"}
+MAX_HEADERS = 200
+"""Own headers that are looked through."""
+_INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*[<"]([^>"\n]+)[>"]', re.MULTILINE)
+
+CInclude = Callable[[str, str], tuple[str, str] | None]
+"""(name, including file) -> the file's name and text; None where there is none."""
 
 
-def dialect_of(texts: list[str]) -> str:
-    """XC8 or SDCC where a source includes that compiler's header, else C2C."""
-    for dialect, headers in HEADERS.items():
-        if any(header in text for header in headers for text in texts):
-            return dialect
+def included_names(sources: Iterable[tuple[str, str]], include: CInclude) -> set[str]:
+    """Return the names of all headers that sources, as (file, text), include: by themselves, or through
+    headers of their own.
+    """
+    names: set[str] = set()
+    waiting = list(sources)
+    seen: set[str] = set()
+    while waiting and len(seen) < MAX_HEADERS:
+        file, text = waiting.pop()
+        seen.add(file)
+        for name in _INCLUDE.findall(text):
+            names.add(name.lower())
+            own = None if is_system_header(name) else include(name, file)
+            if own is not None and own[0] not in seen:
+                waiting.append(own)
+    return names
+
+
+def is_system_header(name: str) -> bool:
+    return name.lower().rpartition("/")[2] in XC8_HEADERS | SDCC_HEADERS
+
+
+def dialect_of(names: set[str]) -> str:
+    """Return the dialect that the names of headers belong to: XC8, SDCC, else C2C."""
+    if names & XC8_HEADERS:
+        return "xc8"
+    if names & SDCC_HEADERS or any(name.startswith("pic14/") for name in names):
+        return "sdcc"
     return "c2c"
+
+
+def device_of(names: set[str]) -> str | None:
+    """Return the chip that the names of headers say; None where they do not."""
+    found = [DEVICE_HEADERS[each] for name in names if (each := name.rpartition("/")[2]) in DEVICE_HEADERS]
+    return max(found, default=None)
 
 
 def clock_of(program: Program | None, clock_hz: int | None = None) -> Clock:

@@ -12,7 +12,15 @@ from servogen.cli.files import keep_apart, read_image, within_limits
 from servogen.cli.options import DeviceName, Dialect, Json, MemoryLimit, Output, TimeLimit
 from servogen.cli.show import as_json, warn_of_all
 from servogen.isolation import COMPILING, Limits
-from servogen.programs import beside_c, dialect_of, read_assembly, read_source
+from servogen.programs import (
+    DEFAULT_DEVICE,
+    beside_c,
+    device_of,
+    dialect_of,
+    included_names,
+    read_assembly,
+    read_source,
+)
 from servogen.units import counted
 
 if TYPE_CHECKING:
@@ -47,7 +55,9 @@ def compile_c(
             help="-O0: as written; -O1: fewest cycles; -Os: fewest words, equal code becomes subroutines.",
         ),
     ] = "speed",
-    device: DeviceName = "PIC16F84",
+    device: Annotated[
+        str | None, typer.Option("--device", help="Default: the chip that a header names, else PIC16F84.")
+    ] = None,
     clock_hz: Annotated[
         int | None, typer.Option("--clock-hz", min=1, help="The clock, where the source does not say it.")
     ] = None,
@@ -72,10 +82,11 @@ def compile_c(
     from servogen.pic.device import device as device_named
 
     texts = [Source(read_source(path), str(path)) for path in sources]
-    spoken = dialect.value if dialect else dialect_of([source.text for source in texts])
+    names = included_names([(source.file, source.text) for source in texts], beside_c)
+    spoken = dialect.value if dialect else dialect_of(names)
     options = Options(
         dialect=spoken,
-        device=device_named(device),
+        device=device_named(device or device_of(names) or DEFAULT_DEVICE),
         clock_hz=clock_hz,
         optimise={"0": "none", "1": "speed", "s": "size"}.get(optimise, optimise),
         include=beside_c,

@@ -15,7 +15,7 @@ from servogen.cli.files import keep_apart, read_image
 from servogen.cli.options import Animate, CaptureRate, Csv, Dialect, JobFile, Json, Partial, Plot
 from servogen.cli.show import as_json, status, table, warn_of_all
 from servogen.errors import Diagnostic
-from servogen.programs import dialect_of, read_source
+from servogen.programs import beside_c, dialect_of, included_names, read_source
 from servogen.units import counted
 
 if TYPE_CHECKING:
@@ -424,7 +424,13 @@ def tune(
 
     loaded = plan_job(load(job))
     text = read_source(c_file) if c_file else ""
-    spoken = dialect.value if dialect else dialect_of([text]) if c_file else loaded.firmware.dialect
+    spoken = (
+        dialect.value
+        if dialect
+        else dialect_of(included_names([(str(c_file), text)], beside_c))
+        if c_file
+        else loaded.firmware.dialect
+    )
     with status(f"{loaded.name}: measuring {hex_file.name}"):
         source = Source(text, str(c_file)) if c_file else None
         found = tune_to(loaded, read_image(hex_file), str(hex_file), spoken, source)
