@@ -6,7 +6,6 @@ In: `PageFacts`. Out: text of HTML, the same for the same facts. All numbers and
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -25,9 +24,11 @@ from servogen.plan_error import plan_words
 from servogen.pulse import PulsePlan, PulseSchedule
 from servogen.report.drawing import Chart, path_chart, time_chart
 from servogen.report.motion_table import widths_us
+from servogen.report.robot_model import robot_model
 from servogen.report.signals import captured, planned, pose_frames, scopes, shown_us, simulated
 from servogen.report.text import ProgramFacts, sentence
 from servogen.report.tracks import Track, error_rows, errors_of, tracks_of
+from servogen.report.viewer import embedded_json, viewer_colours, viewer_script
 from servogen.report.wiring import open_drain, package, remarks, wires
 from servogen.units import counted
 from servogen.verify import CaptureVerdict, capture_lines
@@ -187,12 +188,27 @@ def _signal_values(facts: PageFacts) -> dict[str, object]:
         "end": span,
         "period": period,
         "first": [start, min(span, start + FIRST_FRAMES * period)],
-        "rows": [{"rise": row.rise, "width": row.width} for row in rows],
+        "loop": float(schedule.clock.us(schedule.lead_in_frames * schedule.period)),
+        "cycle_us": float(schedule.clock.cycle_us),
+        "pins": PINS,
+        "robot": robot_model(facts.job),
+        "rows": [
+            {
+                "channel": row.channel,
+                "pin": PINS.index(row.pin),
+                "kind": row.kind,
+                "colour": row.colour,
+                "rise": row.rise,
+                "width": row.width,
+            }
+            for row in rows
+        ],
     }
     whole = (schedule.lead_in_frames + schedule.loop_frames) * float(schedule.clock.us(schedule.period))
     return {
-        "signals": rows,
-        "signal_data": json.dumps(data, separators=(",", ":")),
+        "signal_data": embedded_json(data),
+        "viewer_script": viewer_script(),
+        "viewer_colours": viewer_colours(),
         "scopes": shown,
         "span_s": f"{span / 1e6:g}",
         "cut": span < whole,

@@ -1,7 +1,7 @@
 """The pulses of a page: what was planned, simulated and captured, channel by channel, in µs of the chip.
 
-In: a schedule and traces. Out: `Signal`s, each with its pulses as numbers for the zoom and as a path for
-those who do not zoom; and `Scope`s, the distinct frames as an oscilloscope shows them.
+In: a schedule and traces. Out: `Signal`s, each with its pulses as numbers for the page's viewer; and
+`Scope`s, the distinct frames as an oscilloscope shows them.
 """
 
 from __future__ import annotations
@@ -43,7 +43,6 @@ class Signal:
     colour: str
     rise: tuple[float, ...]
     width: tuple[float, ...]
-    path: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,10 +179,8 @@ def _signal(
     rise, width = np.round(rise[order], 1), np.round(width[order], 1)
     inside = rise + width <= span
     rise, width = rise[inside], width[inside]
-    scale = WIDTH / span
-    path = pulses_path(rise * scale, (rise + width) * scale, LOW, HIGH_Y, 0.0, WIDTH)
     colour = PALETTE[number % len(PALETTE)]
-    return Signal(channel, pin, kind, colour, tuple(rise.tolist()), tuple(width.tolist()), path)
+    return Signal(channel, pin, kind, colour, tuple(rise.tolist()), tuple(width.tolist()))
 
 
 def scopes(schedule: PulseSchedule, poses: Sequence[int] = ()) -> tuple[Scope, ...]:

@@ -41,6 +41,7 @@ MAX_REQUEST_BYTES = 2 << 20
 FILES: Mapping[str, str] = MappingProxyType(
     {
         "": "index.html",
+        "colours.css": "colours.css",
         "style.css": "style.css",
         **{f"{name}.js": f"{name}.js" for name in ("app", "chip", "editor", "hands", "robot", "waves")},
     }

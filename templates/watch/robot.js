@@ -21,6 +21,13 @@ export function widthOf(servo, angle) {
   return before[1] + (angle - before[0]) / (after[0] - before[0]) * (after[1] - before[1]);
 }
 
+// A colour of the palette, lighter on a dark page.
+export function legible(colour) {
+  if (!/^#[0-9a-f]{6}$/.test(colour) || !window.matchMedia("(prefers-color-scheme: dark)").matches) return colour;
+  const parts = [1, 3, 5].map(at => parseInt(colour.slice(at, at + 2), 16));
+  return `rgb(${parts.map(part => Math.round(part + (255 - part) * 0.35)).join(" ")})`;
+}
+
 function product(a, b) {
   const made = new Array(16).fill(0);
   for (let row = 0; row < 4; row++)
@@ -234,7 +241,7 @@ export class RobotView {
     const [low, high] = [Math.min(...far), Math.max(...far)];
     legs.map((points, index) => index).sort((a, b) => far[b] - far[a]).forEach(index => {
       brush.globalAlpha = 1 - DEPTH_CUE * (far[index] - low) / Math.max(1e-9, high - low);
-      line(legs[index], this.model.servos[this.model.ends[index].joints[0].servo].colour, 4, true);
+      line(legs[index], legible(this.model.servos[this.model.ends[index].joints[0].servo].colour), 4, true);
       brush.globalAlpha = 1;
     });
   }
@@ -255,7 +262,7 @@ export class RobotView {
         brush.beginPath(); brush.moveTo(x, y); brush.lineTo(x + 1.25 * radius * Math.cos(turn), y + 1.25 * radius * Math.sin(turn)); brush.stroke();
       };
       if (this.ghost) horn(this.ghost[index], ink("--ghost"), 12);
-      horn(this.angles[index], servo.colour, 6);
+      horn(this.angles[index], legible(servo.colour), 6);
       brush.fillStyle = ink("--ink");
       brush.font = "13px system-ui, sans-serif";
       brush.textAlign = "center";

@@ -1,6 +1,8 @@
 // The pins over time, painted on a canvas: zoom, two cursors, what the schedule asks for, differences in red.
 // Times are cycles. Edges come packed: the way from the edge before, then 4 * pin + level.
 
+import { legible } from "./robot.js";
+
 const LABEL = 92, ROW = 30, HEAD = 24, MIN_SPAN = 8;
 
 export function unpack(packed, begin) {
@@ -73,13 +75,18 @@ export class Waves {
     if (now < this.begin || now > this.end || (running && now > this.begin + 0.9 * span)) this.show(now - 0.75 * span, now + 0.25 * span);
     else this.paint();
   }
-  take(data) {
-    this.data = { ...data, edges: unpack(data.edges, data.begin), wanted: unpack(data.wanted, data.begin), differing: unpack(data.differing, data.begin), inputs: unpack(data.inputs || [], data.begin) };
+  take(packed) {
+    const edges = name => unpack(packed[name], packed.begin);
+    this.set({ ...packed, edges: edges("edges"), wanted: edges("wanted"), differing: edges("differing"), inputs: edges("inputs") });
+  }
+  set(data) {
+    this.data = data;
     const named = new Map((this.options.rows || []).map(row => [row.pin, row]));
     for (const edge of [...this.data.edges, ...this.data.inputs]) if (!named.has(edge.pin)) named.set(edge.pin, { name: this.model.pins[edge.pin] || "MCLR", pin: edge.pin });
     for (const row of this.rows) if (!named.has(row.pin)) named.set(row.pin, row);
     this.rows = [...named.values()];
-    this.canvas.style.height = `${HEAD + ROW * Math.max(1, this.rows.length) + 6}px`;
+    const height = `${HEAD + ROW * Math.max(1, this.rows.length) + 6}px`;
+    if (this.canvas.style.height !== height) this.canvas.style.height = height;
     this.paint();
   }
   x(cycle) { return LABEL + (cycle - this.begin) / (this.end - this.begin) * (this.canvas.clientWidth - LABEL); }
@@ -159,7 +166,7 @@ export class Waves {
     brush.restore();
     brush.textAlign = "left";
     this.rows.forEach((row, index) => {
-      brush.fillStyle = row.colour || ink("--ink");
+      brush.fillStyle = legible(row.colour || ink("--ink"));
       brush.fillText(row.name, 4, HEAD + ROW * index + 13, LABEL - 8);
       brush.fillStyle = ink("--soft");
       brush.fillText(this.model.pins[row.pin] === row.name ? "" : this.model.pins[row.pin] || "", 4, HEAD + ROW * index + 26, LABEL - 8);
@@ -189,7 +196,7 @@ export class Waves {
     brush.setLineDash([]);
   }
   paintRow(brush, row, top, ink) {
-    const { data } = this, low = top + ROW - 6, high = top + 5, colour = row.colour || ink("--ink");
+    const { data } = this, low = top + ROW - 6, high = top + 5, colour = legible(row.colour || ink("--ink"));
     const line = (edges, start, from, to, dash, thick, stroke) => {
       brush.strokeStyle = stroke;
       brush.lineWidth = thick;

@@ -109,6 +109,7 @@ def test_the_drawn_pulses_are_the_planned_ones_and_the_programs(page: Page) -> N
     planned, simulated = data_of(page.html)["rows"]  # type: ignore[misc]
     assert planned["width"] == [1000] * 5 + [1500] * 5
     assert np.diff(planned["rise"]).tolist() == [20_000] * 9
+    assert (planned.pop("kind"), simulated.pop("kind")) == ("planned", "simulated")
     assert simulated == planned
 
 

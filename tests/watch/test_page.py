@@ -14,11 +14,8 @@ pytest.importorskip("websockets", reason="the extra 'watch' is not installed")
 from servogen.programs import read_schedule
 from servogen.watch.editing import Editor
 from servogen.watch.subject import JOB_SUFFIX, Setting, load_subject
-from tests.watch.browser import Browser, Page, chromium
+from tests.watch.browser import Browser, Page
 from tests.watch.serving import Running
-
-PROGRAM = chromium()
-pytestmark = pytest.mark.skipif(PROGRAM is None, reason="there is no chromium here")
 
 ROOT = Path(__file__).parent.parent.parent
 LAB8 = ROOT / "jobs" / "lab8-exercise.toml"
@@ -26,14 +23,6 @@ AXE = os.environ.get("SERVOGEN_AXE")
 """The file axe.min.js of the npm package axe-core, where somebody has installed it."""
 
 Open = Callable[..., Page]
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    assert PROGRAM is not None
-    started = Browser(PROGRAM)
-    yield started
-    started.close()
 
 
 @pytest.fixture
