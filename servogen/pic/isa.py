@@ -63,27 +63,52 @@ class Instruction:
         return self.writes == "W" or (self.writes == "d" and d == 0)
 
     @property
-    def bits(self) -> str:
-        return self.pattern.replace(" ", "")
-
-    @property
     def mask(self) -> int:
-        return int("".join("1" if bit in "01" else "0" for bit in self.bits), 2)
+        """Return the bits by which its words are recognised."""
+        return _layout(self.pattern).mask
 
     @property
     def match(self) -> int:
-        return int("".join("1" if bit == "1" else "0" for bit in self.bits), 2)
+        """Return the values of these bits."""
+        return _layout(self.pattern).match
 
     @property
     def operands(self) -> str:
         """Return the fields in the order of assembly: "fd", "fb", "f", "k" or ""."""
-        return "".join(field for field in "fdbk" if field in self.bits)
+        return _layout(self.pattern).operands
 
     def width(self, field: str) -> int:
-        return self.bits.count(field)
+        """Return the number of bits of a field; 0 if it has none of that name."""
+        return _layout(self.pattern).widths.get(field, 0)
 
     def shift(self, field: str) -> int:
-        return len(self.bits) - 1 - self.bits.rindex(field)
+        """Return the number of the lowest bit of a field."""
+        return _layout(self.pattern).shifts[field]
+
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    """A pattern taken apart."""
+
+    mask: int
+    match: int
+    operands: str
+    widths: Mapping[str, int]
+    shifts: Mapping[str, int]
+
+
+@cache
+def _layout(pattern: str) -> _Layout:
+    """Return the fields of a pattern, cached because a compilation asks for them a hundred thousand times."""
+    bits = pattern.replace(" ", "")
+    operands = "".join(field for field in "fdbk" if field in bits)
+    return _Layout(
+        mask=int("".join("1" if bit in "01" else "0" for bit in bits), 2),
+        match=int("".join("1" if bit == "1" else "0" for bit in bits), 2),
+        operands=operands,
+        widths={field: bits.count(field) for field in operands},
+        shifts={field: len(bits) - 1 - bits.rindex(field) for field in operands},
+    )
 
 
 INSTRUCTIONS = (
