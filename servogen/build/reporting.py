@@ -12,6 +12,7 @@ from pathlib import Path
 from servogen.build.build import Build, Progress, build, program_facts
 from servogen.build.engines import with_end_error
 from servogen.build.proof import motion_cycles, prove_capture, prove_file, running
+from servogen.build.twinning import twin_of_build
 from servogen.edges import EdgeTrace
 from servogen.engines.firmware import ResourceError
 from servogen.errors import Diagnostic
@@ -21,6 +22,8 @@ from servogen.pulse import PulsePlan, PulseSchedule, plan
 from servogen.report.html import CaptureFacts, PageFacts, html_page
 from servogen.traces.captures import Capture, is_capture, read_capture, sampled_at
 from servogen.traces.vcd import read_vcd
+from servogen.twin import Verdict
+from servogen.twin.pictures import page_facts
 from servogen.verify import CaptureVerdict
 from servogen.verify.capture.check import split
 
@@ -34,6 +37,7 @@ class Page:
     not_built: Diagnostic | None
     plan_error: PlanError | None = None
     capture: CaptureVerdict | None = None
+    twin: Verdict | None = None
 
     @property
     def proven(self) -> bool:
@@ -46,6 +50,7 @@ class Page:
             "proven": self.proven,
             "plan_error": self.plan_error.to_json() if self.plan_error else None,
             **({} if self.capture is None else {"capture": self.capture.to_json()}),
+            **({} if self.twin is None else {"twin": self.twin.to_json()}),
         }
 
 
@@ -54,8 +59,12 @@ def page_of(
     capture: Path | None = None,
     progress: Progress = lambda step: None,
     rate: int | None = None,
+    twin: bool = False,
 ) -> Page:
-    """Build the job and return its page; `rate` is a capture's samples a second. Raises InputError."""
+    """Build the job and return its page; `rate` is a capture's samples a second. Raises InputError.
+
+    With `twin` the page shows what the robot does in the physics; raises ToolError where MuJoCo is missing.
+    """
     try:
         done = build(job, progress)
     except ResourceError as error:
@@ -66,10 +75,15 @@ def page_of(
         )
         seen = beside.verdict if beside else None
         return Page(html_page(facts), False, error.first, planned.schedule.plan_error, seen)
+    moved = None
+    if twin:
+        progress("moving the robot")
+        moved = twin_of_build(job, done)
     progress("writing the page")
     beside = capture_facts(done.plan.schedule, capture, rate) if capture else None
     seen = beside.verdict if beside else None
-    return Page(html_page(_facts(done, beside)), done.proven, None, done.plan.schedule.plan_error, seen)
+    facts = replace(_facts(done, beside), twin=page_facts(moved) if moved else None)
+    return Page(html_page(facts), done.proven, None, done.plan.schedule.plan_error, seen, moved)
 
 
 def _facts(done: Build, capture: CaptureFacts | None) -> PageFacts:

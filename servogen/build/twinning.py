@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from servogen.build.build import Progress
+from servogen.build.build import Build, Progress
 from servogen.build.engines import Planned, planned
 from servogen.job import PlannedJob
 from servogen.pic.image import Image
 from servogen.programs import read_program
+from servogen.pulse import PulseSchedule
 from servogen.simulator import Stimuli
 from servogen.twin import Settings, Verdict, planned_of, simulate, verdict_of
 
@@ -28,20 +29,26 @@ def twin_of(
     progress("compiling")
     image = _image(found, program)
     progress("moving")
-    return twin_of_image(job, found, image, settings, stimuli)
+    return twin_of_image(job, found.job, found.plan.schedule, image, settings, stimuli)
+
+
+def twin_of_build(job: PlannedJob, done: Build) -> Verdict:
+    """Return what the robot does with the job's own program of a build."""
+    return twin_of_image(job, done.job, done.plan.schedule, done.programs[0].image)
 
 
 def twin_of_image(
     job: PlannedJob,
-    found: Planned,
+    played: PlannedJob,
+    schedule: PulseSchedule,
     image: Image,
     settings: Settings = Settings(),  # noqa: B008 - frozen
     stimuli: Stimuli | None = None,
 ) -> Verdict:
-    """Return what the robot does with an image; `found` is the job as its engine plays it."""
-    lead_in = found.job.trajectory.loop_start - job.trajectory.loop_start
-    record = simulate(found.job, found.plan.schedule, image, lead_in, settings, stimuli)
-    return verdict_of(record, job, planned_of(found.job, lead_in, settings.loops))
+    """Return what the robot does with an image; `played` is the job as its engine plays it."""
+    lead_in = played.trajectory.loop_start - job.trajectory.loop_start
+    record = simulate(played, schedule, image, lead_in, settings, stimuli)
+    return verdict_of(record, job, planned_of(played, lead_in, settings.loops))
 
 
 def _image(found: Planned, program: Path | None) -> Image:

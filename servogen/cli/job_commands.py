@@ -359,6 +359,9 @@ def report(
     ] = None,
     rate: CaptureRate = None,
     partial: Partial = False,
+    twin: Annotated[
+        bool, typer.Option("--twin", help="Show what the robot does in the physics (needs MuJoCo).")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Build and prove a job and write one HTML page of it, which needs no network."""
@@ -376,7 +379,7 @@ def report(
     loaded = plan_job(load(job))
     target = output or Path(f"{loaded.name}.html")
     with status(f"{loaded.name}: planning") as tell:
-        page = page_of(loaded, capture, lambda step: tell(f"{loaded.name}: {step}"), rate)
+        page = page_of(loaded, capture, lambda step: tell(f"{loaded.name}: {step}"), rate, twin)
     write_text(target, page.html)
     if json:
         as_json({"file": str(target), **page.to_json()}, [page.not_built] if page.not_built else [])
@@ -389,8 +392,12 @@ def report(
         print(f"{target}: {said}; {plan_words(page.plan_error)}")
     if page.capture and not json:
         print(f"{capture}: {capture_lines(page.capture)[0]}")
+    if page.twin and not json:
+        print(f"twin: {page.twin.word}")
+        for reason in page.twin.reasons():
+            print(reason)
     found = page.capture
-    right = found is None or found.accepted(partial)
+    right = (found is None or found.accepted(partial)) and (page.twin is None or page.twin.passed)
     raise typer.Exit(0 if right and (page.programs_proven or page.not_built) else 1)
 
 

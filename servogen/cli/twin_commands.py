@@ -57,11 +57,16 @@ def twin(
     from servogen.cli.files import keep_apart
     from servogen.job import load, plan_job
     from servogen.outputs import write_text
+    from servogen.report.film import SUFFIXES as FILM_SUFFIXES
+    from servogen.report.pictures import SUFFIXES, check_suffix
     from servogen.simulator import load_stimuli
     from servogen.twin import Ground, Settings
     from servogen.twin.pictures import csv_text, twin_plot, twin_scene
 
     keep_apart([path for path in (job, hexfile, stimulus) if path], picture, film, csv)
+    for path, suffixes, what in ((picture, SUFFIXES, "picture"), (film, FILM_SUFFIXES, "film")):
+        if path:
+            check_suffix(path, suffixes, what)
     loaded = plan_job(load(job))
     settings = Settings(
         ground=Ground(friction, math.radians(slope_deg), step_mm / 1000, rough=rough_mm / 1000, seed=seed),
@@ -90,7 +95,7 @@ def twin(
 
 
 def _show(verdict: Verdict, name: str) -> None:
-    from servogen.twin.pictures import comparison_rows, servo_rows
+    from servogen.twin.pictures import check_rows, comparison_rows, servo_rows
 
     table(
         "Planned and simulated",
@@ -99,10 +104,7 @@ def _show(verdict: Verdict, name: str) -> None:
     )
     table("Servos", ("servo", "peak N·m", "stall N·m", "rms N·m", "lag °"), list(servo_rows(verdict)))
     if verdict.checks:
-        rows = [
-            (check.name, f"{check.measured:z.4g}", f"{check.allowed:g}", check.unit, _word(check.passed))
-            for check in verdict.checks
-        ]
+        rows = list(check_rows(verdict))
         table("Expectations", ("what", "measured", "allowed", "unit", ""), rows)
     for text in (*verdict.record.bodies.assumptions, *verdict.record.rig.assumptions):
         print(f"assumed: {text}")
@@ -111,7 +113,3 @@ def _show(verdict: Verdict, name: str) -> None:
     for reason in verdict.reasons():
         print(reason)
     print(f"{name}: {verdict.word}; {verdict.record.settings.ground.text()}")
-
-
-def _word(passed: bool) -> str:
-    return "" if passed else "FAILS"

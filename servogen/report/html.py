@@ -57,6 +57,22 @@ class CaptureFacts:
 
 
 @dataclass(frozen=True, slots=True)
+class TwinFacts:
+    """What the robot did in the physics: words, rows and charts; `badge` is a class of the style."""
+
+    word: str
+    badge: str
+    ground: str
+    rows: tuple[tuple[str, ...], ...]
+    servos: tuple[tuple[str, ...], ...]
+    checks: tuple[tuple[str, ...], ...]
+    reasons: tuple[str, ...]
+    events: tuple[str, ...]
+    assumptions: tuple[str, ...]
+    charts: tuple[tuple[str, Chart], ...]
+
+
+@dataclass(frozen=True, slots=True)
 class PageFacts:
     """All that a page tells of. A job that was planned but not built has no programs, and says why."""
 
@@ -69,6 +85,7 @@ class PageFacts:
     """The edges of the job's own program, the motion once or more."""
     capture: CaptureFacts | None = None
     not_built: str = ""
+    twin: TwinFacts | None = None
 
 
 def html_page(facts: PageFacts) -> str:
@@ -109,6 +126,7 @@ def _values(facts: PageFacts) -> dict[str, object]:
         "programs": tuple(program_values(program) for program in facts.programs),
         "capture": capture_values(facts.capture),
         "not_built": facts.not_built,
+        "twin": facts.twin,
         "costs": tuple(costs(facts.listing)),
         "memory": memory(facts.programs),
         "listing": listing_text(facts.listing) if facts.listing else "",

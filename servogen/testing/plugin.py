@@ -12,10 +12,10 @@ Heavy imports stand inside: every pytest run of the environment loads this file.
 from __future__ import annotations
 
 import re
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from servogen.pic.image import Image
     from servogen.pulse import PulseSchedule
     from servogen.testing.targets import Bench, Seen, Target
+    from servogen.twin import Verdict
     from servogen.verify import Tolerances
 
 MARK, BENCH_MARK = "servogen", "servogen_bench"
@@ -223,6 +224,34 @@ def servogen_capture(
     return capture
 
 
+@pytest.fixture
+def servogen_twin(request: pytest.FixtureRequest) -> Callable[..., Verdict]:
+    """A function that runs a job's program in its robot: `servogen_twin("my.toml")` returns the verdict.
+
+    Its other arguments are those of `servogen.twin.Settings`, and `program`, a HEX, C or assembly file. The
+    test is skipped where MuJoCo is not installed.
+    """
+    pytest.importorskip("mujoco", reason="the twin needs MuJoCo: pip install 'servogen[twin]'")
+    from servogen.build.twinning import twin_of
+    from servogen.job import load, plan_job
+    from servogen.twin import Settings
+
+    def run(job: str | Path, program: str | Path | None = None, **settings: Any) -> Verdict:
+        file = None if program is None else _beside(request.node, Path(program))
+        verdict = twin_of(plan_job(load(_beside(request.node, Path(job)))), Settings(**settings), file)
+        request.node.user_properties.append(("servogen_twin", verdict.word))
+        request.node.user_properties.extend(("servogen_twin_reason", text) for text in verdict.reasons())
+        return verdict
+
+    return run
+
+
+def _beside(node: pytest.Item, wanted: Path) -> Path:
+    """Return a file that a test names, relative to its folder or to pytest's root."""
+    places = [node.path.parent / wanted, node.config.rootpath / wanted]
+    return next((place for place in places if place.exists()), places[-1])
+
+
 def _file(node: pytest.Item, key: str, usual: str) -> Path:
     """The file that the test's mark, or the command line, names. Raises InputError."""
     mark = node.get_closest_marker(MARK)
@@ -236,9 +265,7 @@ def _file(node: pytest.Item, key: str, usual: str) -> Path:
             f'mark it @pytest.mark.{MARK}("DIR") with a folder that `servogen build` wrote, '
             "or give --servogen-build=DIR",
         )
-    wanted = Path(named) if named is not None else Path(folder) / usual
-    places = [node.path.parent / wanted, node.config.rootpath / wanted]
-    return next((place for place in places if place.exists()), places[-1])
+    return _beside(node, Path(named) if named is not None else Path(folder) / usual)
 
 
 def _property(node: pytest.Item, name: str, path: Path) -> None:

@@ -21,6 +21,7 @@ from servogen.errors import InputError
 from servogen.kinematics.hexapod import Hexapod
 from servogen.kinematics.leg import Leg
 from servogen.kinematics.statics import GRAVITY
+from servogen.motion.loads import MIN_LEGS
 from servogen.robot.model import Mount, Robot
 from servogen.twin.ground import ROUGH_HALF_M, Ground
 
@@ -91,11 +92,15 @@ def bodies(
     ground: Ground = Ground(),  # noqa: B008 - frozen
     variation: Variation = Variation(),
     step_s: float = STEP_S,
+    held_at: float = 0.0,
 ) -> Bodies:
-    """Return a robot as MJCF. Raises InputError for a robot that has no model of its bodies."""
+    """Return a robot as MJCF; one of one or two legs is held with its body at the height `held_at`.
+
+    Raises InputError for a robot that has no model of its bodies.
+    """
     root, world = document(robot.name, ground, step_s)
     if isinstance(robot, Hexapod):
-        assumptions, mass = _hexapod(root, world, robot, actuators, ground, variation)
+        assumptions, mass = _hexapod(root, world, robot, actuators, ground, variation, held_at)
     else:
         raise InputError(
             "wrong-robot-kind",
@@ -159,6 +164,7 @@ def _hexapod(
     actuators: Sequence[Actuator],
     ground: Ground,
     variation: Variation,
+    held_at: float,
 ) -> tuple[list[str], float]:
     """Add the body and its legs; return what was assumed, and the total mass."""
     leg = Leg.of(robot.leg.length)
@@ -183,8 +189,12 @@ def _hexapod(
     centre = _trunk_centre(robot, leg, masses, total, trunk) + np.array([*variation.centre_offset, 0.0])
     if robot.spring is None:
         assumptions.append("springs E': rigid (the robot's file states no spring_n_m)")
-    body = _add(world, "body", name="body")
-    _add(body, "freejoint", name="body")
+    held = len(robot.mounts) < MIN_LEGS
+    body = _add(world, "body", name="body", pos=_numbers(0.0, 0.0, held_at if held else 0.0))
+    if held:
+        assumptions.append(f"the body is held at {1000 * held_at:.4g} mm: it has too few legs to stand")
+    else:
+        _add(body, "freejoint", name="body")
     half = [max(abs(getattr(mount, axis)) for mount in robot.mounts) for axis in ("x", "y")]
     half = [max(value, 0.01) for value in half]
     inertia = [

@@ -14,7 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.kinematics.protocol import DrivingRobot
+from servogen.report.drawing import Chart, path_chart, time_chart
 from servogen.report.film import Part, Scene
+from servogen.report.html import TwinFacts
 from servogen.report.pictures import new_figure, plane, save
 from servogen.report.sticks import base_outline
 from servogen.twin.verdict import Verdict
@@ -29,6 +31,9 @@ MOST_PICTURES = 120
 
 MOST_ROWS = 4000
 """Of a line in a picture: more would only make the file larger."""
+
+PAGE_ROWS, PAGE_DOTS = 1000, 200
+"""The same of a page."""
 
 
 def comparison_rows(verdict: Verdict) -> Iterator[tuple[str, str, str, str]]:
@@ -80,6 +85,61 @@ def servo_rows(verdict: Verdict) -> Iterator[tuple[str, str, str, str, str]]:
             f"{np.sqrt(np.mean(torque**2)):.3f}",
             "" if drive.continuous or np.isnan(lag).all() else f"{math.degrees(np.nanmax(lag)):.1f}",
         )
+
+
+def check_rows(verdict: Verdict) -> Iterator[tuple[str, str, str, str, str]]:
+    """Yield each expectation: its name, what was measured and is allowed, the unit, whether it fails."""
+    for check in verdict.checks:
+        word = "" if check.passed else "FAILS"
+        yield check.name, f"{check.measured:z.4g}", f"{check.allowed:g}", check.unit, word
+
+
+def page_facts(verdict: Verdict) -> TwinFacts:
+    """Return what the report's page shows of a run."""
+    record = verdict.record
+    badge = "good" if verdict.passed else "open" if verdict.not_guaranteed_from is not None else "bad"
+    rows = slice(None, None, max(1, math.ceil(len(record.time) / PAGE_ROWS)))
+    step = float(record.time[rows][1] - record.time[rows][0]) if len(record.time) > 1 else 0.005
+    times = np.append(record.time[rows], record.time[rows][-1] + step)
+    columns: list[tuple[str, Floats, list[str], str]] = [
+        ("torque of the servos", record.torque, [servo.name for servo in record.rig.servos], "N·m"),
+        ("current of the supply", record.current[:, None], ["current"], "A"),
+        ("voltage of the supply", record.voltage[:, None], ["voltage"], "V"),
+    ]
+    if record.feet.shape[1]:
+        columns.append(("height of the feet", 1000 * record.feet[..., 2], _legs(verdict), "mm"))
+    charts = [
+        (name, time_chart(times, values[rows], names, unit, record.motion[0]))
+        for name, values, names, unit in columns
+    ]
+    path = _page_path(verdict)
+    return TwinFacts(
+        verdict.word,
+        badge,
+        record.settings.ground.text(),
+        tuple(comparison_rows(verdict)),
+        tuple(servo_rows(verdict)),
+        tuple(check_rows(verdict)),
+        tuple(verdict.reasons()),
+        tuple(f"{event.seconds:.2f} s: {event.text}" for event in verdict.events),
+        (*record.bodies.assumptions, *record.rig.assumptions),
+        ((*path, *charts)),
+    )
+
+
+def _page_path(verdict: Verdict) -> Iterator[tuple[str, Chart]]:
+    """Yield the path from above of the body or the tool: planned as a line, simulated as dots."""
+    record, planned = verdict.record, verdict.planned
+    rows = slice(record.first, None, max(1, math.ceil(len(record.time) / PAGE_DOTS)))
+    if record.floating and planned.rigid is not None:
+        made = _seen_from(record.pose[record.first], record.pose[rows, :2])
+        yield "path of the body; dots: simulated", _chart("body", planned.rigid[:, :2], made)
+    elif record.tool.shape[1] and planned.tool is not None:
+        yield "path of the tool; dots: simulated", _chart("tool", planned.tool[:, :2], record.tool[rows, :2])
+
+
+def _chart(name: str, planned: Floats, made: Floats) -> Chart:
+    return path_chart([(name, 1000 * planned, 1000 * made)], "x, mm", "y, mm")
 
 
 def csv_text(verdict: Verdict) -> str:

@@ -24,6 +24,7 @@ from servogen.job import PlannedJob
 from servogen.job.schema import SensorTable
 from servogen.pic.image import Image
 from servogen.pulse import PulseSchedule
+from servogen.report.tracks import ends_of
 from servogen.simulator import Change, Levels, Machine, Stimuli
 from servogen.simulator.sources import pin_number
 from servogen.twin.bodies import FOOT_RADIUS_M, Bodies, Variation, bodies
@@ -136,11 +137,18 @@ def simulate(
     """
     rig = rig_of(job, settings.broken)
     step = Fraction(1, 1000 * settings.steps_per_ms)
-    made = bodies(rig.robot, rig.actuators, settings.ground, settings.variation, float(step))
+    made = bodies(rig.robot, rig.actuators, settings.ground, settings.variation, float(step), _held_at(job))
     world = World(made, rig.wirings, rig.supply, float(step), contacts=settings.contacts)
     world.energies = Energies() if settings.energies else None
     _stand(world, job, rig, settings.ground)
     return _Run(job, schedule, image, lead_in_frames, settings, stimuli, rig, world, made, step).done()
+
+
+def _held_at(job: PlannedJob) -> float:
+    """Return the height at which the lowest planned foot just touches the ground."""
+    feet = [end.points(job.trajectory.angles)[:, 2] for end in ends_of(job) if end.kind == "foot"]
+    lowest = min((float(np.nanmin(heights)) for heights in feet if not np.isnan(heights).all()), default=0.0)
+    return -lowest
 
 
 def _stand(world: World, job: PlannedJob, rig: Rig, ground: Ground) -> None:
@@ -159,7 +167,7 @@ def _stand(world: World, job: PlannedJob, rig: Rig, ground: Ground) -> None:
         if name.endswith("_beta") and level in names:
             start[level] = -start[name]
     world.place(start)
-    if "body" in names:
+    if "body" in names:  # the joint of a free body
         feet = [
             world.data.site(index).xpos[2] - FOOT_RADIUS_M
             for index in range(world.model.nsite)

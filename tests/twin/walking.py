@@ -31,17 +31,22 @@ class Firmware:
         if robot:
             job = replace(job, robot=replace(job.robot, **robot))  # type: ignore[type-var]
             found = replace(found, job=replace(found.job, robot=job.robot))
-        return twin_of_image(job, found, self.image, settings or Settings())
+        return twin_of_image(job, found.job, found.plan.schedule, self.image, settings or Settings())
 
 
 @cache
 def walking(way: str, gait: str = "tripod", height: float = 130, extra: str = "") -> Firmware:
     """Return the firmware of a walk along `way`, the rows of [walk] way."""
+    return firmware(text_of(way, gait, height, extra))
+
+
+def text_of(way: str, gait: str = "tripod", height: float = 130, extra: str = "") -> str:
+    """Return the job of a walk."""
     text = (JOBS / "hexapod-tripod.toml").read_text()
     text = re.sub(r"way = .*", f"way = [{way}]\nbody_height_mm = {height:g}", text)
     text = text.replace('gait = "tripod"', f'gait = "{gait}"')
     text = text.replace("[firmware]", "[firmware]\nsoft_start_s = 0.3")
-    return firmware(text + extra)
+    return text + extra
 
 
 def firmware(text: str) -> Firmware:

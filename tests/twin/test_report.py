@@ -1,0 +1,139 @@
+"""What people see of a twin: the command, the page, the pictures, the pytest fixture."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo: pip install 'servogen[twin]'")
+
+from tests.twin.walking import AHEAD, SUPPLIED, text_of, walking
+
+pytest_plugins = ["pytester"]
+
+
+ONE_CYCLE = "{ forward_mm = 40, cycles = 1 }"
+
+
+def run(arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> int:
+    from servogen.cli.main import main
+
+    monkeypatch.setattr(sys, "argv", ["servogen", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    return int(ended.value.code or 0)
+
+
+@pytest.fixture
+def job(tmp_path: Path) -> Path:
+    path = tmp_path / "walk.toml"
+    path.write_text(
+        text_of(ONE_CYCLE, extra=SUPPLIED + "\n[expect]\nway_within_mm = 5\nturn_within_deg = 3\n")
+    )
+    return path
+
+
+def test_the_command_compares_and_exits_with_0(
+    job: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("matplotlib", reason="pictures need matplotlib")
+    plot, csv = tmp_path / "walk.png", tmp_path / "walk.csv"
+    names = ["--plot", str(plot), "--csv", str(csv)]
+    assert run(["twin", str(job), *names, "--json"], monkeypatch) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["passed"] and answer["asked"] == pytest.approx([0.04, 0.0, 0.0])
+    assert answer["simulated"][0] == pytest.approx(0.04, rel=0.05)
+    assert [check["name"] for check in answer["checks"]] == ["falls", "way", "turn"]
+    assert any("0.64 kg assumed" in text for text in answer["assumptions"])
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    rows = csv.read_text().splitlines()
+    assert rows[0].startswith("time_s,x_mm,y_mm,z_mm,yaw_deg") and len(rows) > 200
+
+
+def test_a_failing_expectation_exits_with_1_and_says_why(
+    job: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert run(["twin", str(job), "--unplugged", "R2-lift"], monkeypatch) == 1
+    shown = capsys.readouterr().out
+    assert "turn:" in shown and "first cause: R2-lift receives no pulses at all" in shown
+    assert "NOT as expected; friction 0.8" in shown
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["--unplugged", "R9-lift"], "there is no servo 'R9-lift'"),
+        (["--broken", "leg"], "there is no servo 'leg'"),
+        (["--friction", "-1"], "friction = -1 is not between 0 and 5"),
+        (["--step-mm", "10", "--rough-mm", "5"], "a step or is rough, not both"),
+        (["--film", "walk.avi"], "'.avi' is not a film"),
+    ],
+)
+def test_what_cannot_be_is_refused(
+    job: Path,
+    arguments: list[str],
+    text: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert run(["twin", str(job), *arguments], monkeypatch) == 2
+    assert text in capsys.readouterr().err
+
+
+def test_without_mujoco_the_command_exits_with_3(
+    job: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    assert run(["twin", str(job)], monkeypatch) == 3
+    assert "pip install 'servogen[twin]'" in capsys.readouterr().err
+
+
+def test_a_job_without_a_robot_has_no_twin(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert run(["twin", "jobs/lab8-exercise.toml"], monkeypatch) == 2
+    assert "the twin needs a robot" in capsys.readouterr().err
+
+
+def test_the_page_shows_the_twin() -> None:
+    from servogen.report.html import PageFacts, html_page
+    from servogen.twin.pictures import page_facts
+
+    made = walking(AHEAD, extra=SUPPLIED)
+    facts = page_facts(made.twin())
+    html = html_page(PageFacts(made.found.job, made.found.plan, (), twin=facts))
+    assert '<h2 id="twin">' in html and "height of the feet" in html and "0.64 kg assumed" in html
+    assert '<h2 id="twin">' not in html_page(PageFacts(made.found.job, made.found.plan, ()))
+
+
+def test_the_film_shows_the_legs_where_the_bodies_are() -> None:
+    """The thigh of each leg is as long as the robot's file says, in every picture."""
+    from servogen.twin.pictures import MOST_PICTURES, twin_scene
+
+    verdict = walking(AHEAD, extra=SUPPLIED).twin()
+    scene = twin_scene(verdict, "walk")
+    assert len(scene.parts) == 1 + 6 and scene.count <= MOST_PICTURES
+    assert scene.count * scene.picture_s == pytest.approx(verdict.record.time[-1], abs=0.1)
+    for part in scene.parts[1:]:
+        for coxa, thigh, foot, tip in part.frames:
+            assert np.linalg.norm(thigh - coxa) == pytest.approx(0.030, abs=1e-9)
+            assert np.linalg.norm(foot - thigh) == pytest.approx(np.hypot(0.060, 0.020), abs=1e-9)
+            assert np.linalg.norm(tip - foot) == pytest.approx(0.080, abs=5e-4)  # tilts with its equality
+
+
+def test_the_fixture_runs_a_job_in_its_robot(pytester: pytest.Pytester, job: Path) -> None:
+    pytester.makepyfile(
+        f"""
+        def test_it_goes(servogen_twin):
+            assert servogen_twin({str(job)!r}).passed
+
+        def test_it_turns(servogen_twin):
+            verdict = servogen_twin({str(job)!r}, unplugged=("R2-lift",))
+            assert verdict.passed, verdict.reasons()
+        """
+    )
+    done = pytester.runpytest_inprocess("-p", "no:cacheprovider", "-n0")
+    done.assert_outcomes(passed=1, failed=1)
+    done.stdout.fnmatch_lines(["*first cause: R2-lift receives no pulses at all*"])
