@@ -12,7 +12,9 @@ from servogen.engines.firmware import Firmware, ResourceError
 from servogen.engines.registry import engine_named, suitable
 from servogen.errors import InputError
 from servogen.job import PlannedJob
+from servogen.motion import JointTrajectory
 from servogen.plan_error import DECIMALS
+from servogen.pulse import PulseSchedule
 from servogen.pulse.plan import PulsePlan
 from servogen.pulse.plan import plan as nearest
 from servogen.report.tracks import errors_of, tracks_of, worst_of
@@ -27,6 +29,8 @@ class Planned:
     plan: PulsePlan
     make: Callable[[str], Firmware]
     data_bytes: int = 0
+    tour: tuple[JointTrajectory, PulseSchedule] | None = None
+    """All frames that the program can play, where the plan has only some of them."""
 
     def to_json(self) -> dict[str, object]:
         """Return the plan without notes and warnings."""
@@ -50,7 +54,13 @@ def planned(job: PlannedJob) -> Planned:
     """
     found = _planned(job)
     schedule = replace(found.plan.schedule, device=job.device.name)
-    return replace(found, plan=with_end_error(found.job, replace(found.plan, schedule=schedule)))
+    plan = replace(found.plan, schedule=schedule)
+    if found.tour is None:
+        return replace(found, plan=with_end_error(found.job, plan))
+    motion, whole = found.tour
+    measured = with_end_error(replace(found.job, trajectory=motion), replace(plan, schedule=whole))
+    error = measured.schedule.plan_error
+    return replace(found, plan=replace(plan, schedule=replace(schedule, plan_error=error)))
 
 
 def nearest_pulses(job: PlannedJob) -> tuple[PlannedJob, PulsePlan]:
@@ -103,7 +113,8 @@ def _suitable(job: PlannedJob) -> Sequence[str]:
     """Return the engine that the job names, or those that read the serial line and the buttons it has."""
     if job.firmware.engine != "auto":
         return (job.firmware.engine,)
-    return suitable(job.stream is not None, job.firmware.buttons.any)
+    firmware = job.firmware
+    return suitable(job.stream is not None, firmware.buttons.any, firmware.commands is not None)
 
 
 def _played_by(name: str, job: PlannedJob) -> Planned:
@@ -116,4 +127,5 @@ def _played_by(name: str, job: PlannedJob) -> Planned:
             f"{error.text()} from the plan: max_error_us allows {limit:g} µs",
             job.document.place("firmware", "max_error_us"),
         )
-    return Planned(replace(job, trajectory=found.trajectory), name, found.plan, found.make, found.data_bytes)
+    motion = replace(job, trajectory=found.trajectory)
+    return Planned(motion, name, found.plan, found.make, found.data_bytes, found.tour)

@@ -33,7 +33,8 @@ RANGES = {"pc": 1023, "pclath": 31, "option": 255, "tris": 0x1FFF, "latch": 0x1F
           "watchdog_age": 1 << 40, "irq": 8, "glitch": 0x1FFF, "glitch_age": 10,
           "sleeping": 1, "spec.phase": 2, "spec.time": 1 << 30, "spec.frame": 1 << 30, "spec.running": 1,
           "spec.on": 1, "spec.start_seen": 255, "spec.stop_seen": 255, "spec.start_sample": 1,
-          "spec.stop_sample": 1, **dict.fromkeys(STACK, 0x1FFF)}  # fmt: skip
+          "spec.stop_sample": 1, "spec.heard": 255, "spec.wanted": 255, "spec.line_read": 1,
+          **dict.fromkeys(STACK, 0x1FFF)}  # fmt: skip
 """The other columns, and their largest values; the least is 0, but for `LEAST`."""
 NO_IRQ = -1000
 LEAST = {"irq": NO_IRQ, "spec.start_sample": -1, "spec.stop_sample": -1}
@@ -138,10 +139,15 @@ def chip_state(columns: dict[str, Ints], row: int, plan: Plan) -> tuple[Ints, Po
         return None
     if phase == 0 and position != plan.start_up():
         return None
+    if plan.line and position.wanted >= len(plan.line.parts):
+        return None
     position = (plan.first(), position, OVER)[phase]
     s[chip.FRAME] = chip.BEFORE if phase == 0 else -c["spec.time"]
     s[chip.EDGE] = np.searchsorted(plan.due(position)[0], c["spec.time"]) if phase else 0
-    levels = sampled = 0
+    levels = 0
+    sampled = c["spec.line_read"] << plan.line.pin if plan.line else 0
+    if c["spec.line_read"] and not plan.line:
+        return None
     for button, name in ((plan.start, "spec.start_sample"), (plan.stop, "spec.stop_sample")):
         if button is None and c[name] != -1:
             return None

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,7 +47,7 @@ class Checked:
 
 @dataclass
 class Run:
-    """The chip in a run, its position in the plan, and the buttons read in this frame with their levels."""
+    """The chip in a run, its position in the plan, and the inputs read in this frame; the buttons' levels."""
 
     state: Ints
     position: Position
@@ -59,6 +59,8 @@ class Checker:
     """Runs the chip from power-up and from the listed states."""
 
     def __init__(self, image: Image, plan: Plan, certificate: Certificate) -> None:
+        if plan.line and PINS[plan.line.pin] in certificate.held:
+            plan = replace(plan, line=None)
         self._plan, self._certificate = plan, certificate
         self._code = chip.program_code(image, certificate.cuts)
         self._parameters = np.zeros(chip.PARAMETERS, dtype=np.int64)
@@ -123,9 +125,9 @@ class Checker:
             elif why == chip.CUT:
                 reason = "the state is within no listed one"
             elif why == chip.NEW_FRAME:
-                reason = "a button was not read in the frame"
+                reason = "an input was not read in the frame"
             else:
-                reason = "a button is read again" if why == chip.BUTTON else chip.REASONS[why]
+                reason = "an input is read again" if why == chip.BUTTON else chip.REASONS[why]
             if self._cycles > MAX_CYCLES or self._compared > MAX_COMPARED:
                 reason = "more cycles, or comparisons of states, than are allowed"
             if reason:
@@ -182,7 +184,12 @@ class Checker:
                 s[chip.GIVEN_BITS] |= value
             else:
                 s[slot] = s[slot] & ~(bit << 8) | value
-            both.append(Run(s, run.position, run.levels | (button if value else 0), run.sampled | button))
+            position, levels = run.position, run.levels
+            if button and self._plan.line:
+                position = self._plan.hear(position, self._plan.line, int(value != 0))
+            elif value:
+                levels |= button
+            both.append(Run(s, position, levels, run.sampled | button))
         return both
 
     def _key(self, run: Run) -> tuple[object, ...]:

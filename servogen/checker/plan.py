@@ -1,4 +1,4 @@
-"""What the pins must do: the frames of a schedule, and the buttons that choose among them.
+"""What the pins must do: the frames of a schedule, and the buttons or the line that choose among them.
 
 In: schedule.json as bytes. Out: a `Plan`. Pins are bits of a word: RA0 to RA4 are 0 to 4, RB0 to RB7 are 5 to
 12. The buttons follow docs/firmware.md, "Start and emergency stop".
@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from servogen.checker.line import OFF, POWER_UP, Line
 from servogen.errors import InputError, Location
 
 Ints = npt.NDArray[np.int64]
@@ -30,6 +31,9 @@ class Position(NamedTuple):
     on: int = 1
     start_seen: int = 0
     stop_seen: int = 0
+    heard: int = 0
+    wanted: int = 0
+    """Of a line that commands: see `checker.line`."""
 
 
 OVER = Position(-1, on=0)
@@ -54,16 +58,21 @@ class Plan:
     """Of a frame in each run, the cycles of its edges and the levels of all pins from each on."""
     loop: int
     """The frame that follows the last one."""
+    loop_end: int
+    """The frame after the loop."""
     start: Button | None
     stop: Button | None
     off: bool
     """Whether stop ends the pulses."""
     seen: int
     """The frames in a row in which a button must be pressed."""
+    line: Line | None
+    """The line that commands the motion."""
 
     @property
     def buttons(self) -> int:
-        return sum(1 << button.pin for button in (self.start, self.stop) if button)
+        """Return the pins that are read once in each frame."""
+        return sum(1 << each.pin for each in (self.start, self.stop, self.line) if each)
 
     @property
     def waiting(self) -> int:
@@ -72,12 +81,18 @@ class Plan:
 
     def start_up(self) -> Position:
         """Return the position before the first pulse."""
-        return Position(self.waiting, running=int(self.start is None))
+        heard = POWER_UP if self.line else 0
+        return Position(self.waiting, running=int(self.start is None), heard=heard)
 
     def first(self) -> Position:
         """Return the position at the first pulse."""
         run = next((n for n, (at, _) in enumerate(self.edges) if len(at)), 0)
         return self.start_up()._replace(frame=max(self.waiting, self.ends[run - 1] if run else 0))
+
+    def hear(self, position: Position, line: Line, level: int) -> Position:
+        """Return the position once `level` was read of the line."""
+        heard, wanted = line.hear(position.heard, position.wanted, level)
+        return position._replace(heard=heard, wanted=wanted)
 
     def due(self, position: Position) -> tuple[Ints, Ints]:
         """Return the edges of the frame at `position`."""
@@ -85,7 +100,9 @@ class Plan:
 
     def after(self, position: Position, levels: int) -> Position:
         """Return the position of the next frame, if the buttons were read as `levels` after this one."""
-        frame, running, on, start_seen, stop_seen = position
+        frame, running, on, start_seen, stop_seen, heard, wanted = position
+        if self.line:
+            return position._replace(frame=self.line.after(frame, wanted))
         if self.start:
             before, start_seen = start_seen, self._count(self.start, start_seen, levels)
             if start_seen == self.seen > before:
@@ -97,11 +114,11 @@ class Plan:
                 if self.off and self.start:
                     frame = self.waiting
         if running:
-            frame = frame + 1 if frame + 1 < self.ends[-1] else self.loop
+            frame = frame + 1 if frame + 1 < self.loop_end else self.loop
         silent = frame >= self.loop and not self.buttons and self._silent_loop
         if silent or (not on and not self.start):
             return OVER
-        return Position(frame, running, int(on), start_seen, stop_seen)
+        return Position(frame, running, int(on), start_seen, stop_seen, heard, wanted)
 
     @property
     def _silent_loop(self) -> bool:
@@ -120,7 +137,11 @@ def read_plan(text: bytes, file: str) -> Plan:
         data = json.loads(text)
         period = _number(data["period_cycles"], 1)
         pins = [1 << PINS.index(channel["pin"]) for channel in data["channels"]]
-        runs = [*data["lead_in"], *data["loop"]]
+        commands = data.get("commands")
+        ways = commands["ways"] if commands else []
+        parts = [way[part] for way in ways for part in ("start", "cycle", "stop")]
+        loop_runs = len(data["lead_in"]) + len(data["loop"])
+        runs = [*data["lead_in"], *data["loop"], *(run for part in parts for run in part)]
         frames = [_number(run["frames"], 1) for run in runs]
         buttons = data.get("buttons") or {"start": None, "stop": None, "pulses": "hold", "pressed_frames": 1}
         if not data["loop"] or len(set(pins)) < len(pins) or buttons["pulses"] not in ("off", "hold"):
@@ -131,11 +152,13 @@ def read_plan(text: bytes, file: str) -> Plan:
             channels=sum(pins),
             ends=list(accumulate(frames)),
             edges=[_edges(run["pulses"], pins, period) for run in runs],
-            loop=sum(frames[: len(data["lead_in"])]),
+            loop=(loop := sum(frames[: len(data["lead_in"])])),
+            loop_end=(end := sum(frames[:loop_runs])),
             start=_button(buttons["start"]),
             stop=_button(buttons["stop"]),
             off=buttons["pulses"] == "off",
             seen=_number(buttons["pressed_frames"], 1),
+            line=_line(commands, loop, end) if commands else None,
         )
     except (ValueError, TypeError, KeyError, AttributeError, IndexError, RecursionError) as error:
         message = f"not a schedule: {type(error).__name__}: {error}"
@@ -150,6 +173,30 @@ def _number(value: Any, least: int, largest: int = LARGEST) -> int:
 
 def _button(data: Any) -> Button | None:
     return None if data is None else Button(PINS.index(data["pin"]), _number(data["level"], 0, 1))
+
+
+def _line(data: dict[str, Any], loop: int, at: int) -> Line:
+    """Return the line of a schedule whose loop are the frames from `loop` up to `at`."""
+    parts = [(loop, at, at, at)]
+    for way in data["ways"]:
+        lengths = [sum(_number(run["frames"], 1) for run in way[part]) for part in ("start", "cycle", "stop")]
+        start, cycle, stop, at = accumulate((at, *lengths))
+        if not all(lengths) or not way["code"] or set(way["code"]) - set("01"):
+            raise ValueError("a way needs a code of levels, a start, a cycle and a stop")
+        parts.append((start, cycle, stop, at))
+    codes = [way["code"] for way in data["ways"]]
+    if not codes or len(set(codes)) < len(codes):
+        raise ValueError("a line needs ways of different codes")
+    if 1 << max(map(len, codes)) > OFF:
+        raise ValueError("a code has at most 6 levels")
+    return Line(
+        PINS.index(data["pin"]),
+        str(_number(data["rest_level"], 0, 1)),
+        _number(data["rest_frames"], 1, OFF - 1),
+        _number(data["stop_frames"], 1, OFF - 1),
+        codes,
+        parts,
+    )
 
 
 def _edges(pulses: list[Any], pins: list[int], period: int) -> tuple[Ints, Ints]:

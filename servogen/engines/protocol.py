@@ -14,10 +14,13 @@ from typing import Protocol
 
 from servogen.engines.firmware import Firmware
 from servogen.engines.player.buttons import Buttons
+from servogen.engines.player.commands import CommandLine
 from servogen.engines.stream.settings import Stream
 from servogen.errors import Location
 from servogen.motion import JointTrajectory
+from servogen.motion.gait.commands import CommandedWay
 from servogen.pic.device import Device
+from servogen.pulse import PulseSchedule
 from servogen.pulse.plan import PulsePlan
 from servogen.pulse.slots import Frame
 from servogen.robot.binding import Binding
@@ -40,6 +43,9 @@ class FirmwareChoice(Protocol):
 
     @property
     def buttons(self) -> Buttons: ...
+
+    @property
+    def commands(self) -> CommandLine | None: ...
 
 
 class EngineJob(Protocol):
@@ -72,6 +78,9 @@ class EngineJob(Protocol):
     @property
     def trajectory(self) -> JointTrajectory: ...
 
+    @property
+    def ways(self) -> tuple[CommandedWay, ...]: ...
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EnginePlan:
@@ -86,6 +95,8 @@ class EnginePlan:
     make: Callable[[str], Firmware]
     data_bytes: int = 0
     """Bytes of tables that hold the motion; 0 if it is in the program itself."""
+    tour: tuple[JointTrajectory, PulseSchedule] | None = None
+    """All frames that the program can play, as planned and as made, where `plan` has only some of them."""
 
 
 class Engine(Protocol):

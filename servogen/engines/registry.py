@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """The module whose `ENGINE` is the engine, and whether it reads buttons or a serial line.
+    """The module whose `ENGINE` is the engine, and whether it reads buttons, a serial line, or commands for a
+    walk.
 
     `check_frame` raises InputError if the servos' limits alone show that their pulses fit no frame, whatever
     the motion is.
@@ -30,22 +31,25 @@ class Entry:
     module: str
     buttons: bool = False
     serial: bool = False
+    commands: bool = False
     check_frame: Callable[[Sequence[Servo], Frame, Clock], object] | None = None
 
 
 ENGINES: Mapping[str, Entry] = MappingProxyType(
     {
         "sequence": Entry("servogen.engines.sequence.engine", check_frame=rises),
-        "player": Entry("servogen.engines.player.engine", buttons=True),
+        "player": Entry("servogen.engines.player.engine", buttons=True, commands=True),
         "stream": Entry("servogen.engines.stream.engine", serial=True),
     }
 )
 
 
-def suitable(serial: bool, buttons: bool) -> tuple[str, ...]:
-    """Return the names of the engines that read a serial line, if a job has one, and its buttons, if any."""
+def suitable(serial: bool, buttons: bool, commands: bool = False) -> tuple[str, ...]:
+    """Return the names of the engines that read a job's serial line, its buttons and its commands, if any."""
     return tuple(
-        name for name, entry in ENGINES.items() if entry.serial == serial and (entry.buttons or not buttons)
+        name
+        for name, entry in ENGINES.items()
+        if entry.serial == serial and (entry.buttons or not buttons) and (entry.commands or not commands)
     )
 
 

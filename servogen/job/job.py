@@ -8,12 +8,14 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from servogen.engines.player.buttons import Buttons
+from servogen.engines.player.commands import CommandLine
 from servogen.engines.stream.settings import Stream
 from servogen.errors import Diagnostic, Location
 from servogen.job.schema import ExpectTable, Section, SensorTable, SupplyTable
 from servogen.job.tip import Tip
 from servogen.kinematics.protocol import DrivingRobot
 from servogen.motion import JointTrajectory
+from servogen.motion.gait.commands import CommandedWay
 from servogen.pic.device import Device
 from servogen.pulse.slots import Frame
 from servogen.robot.binding import Binding
@@ -34,6 +36,8 @@ class Firmware:
     max_error_us: float
     """How far a pulse may be from the planned one."""
     buttons: Buttons
+    commands: CommandLine | None = None
+    """The input that chooses the ways of a walk on command."""
     soft_start_place: Location | None = None
 
 
@@ -110,3 +114,5 @@ class PlannedJob(Job):
     poses: tuple[NamedPose, ...]
     warnings: tuple[Diagnostic, ...]
     notes: tuple[Diagnostic, ...]
+    ways: tuple[CommandedWay, ...] = ()
+    """What a walk on command can do; `trajectory` is its stance then."""

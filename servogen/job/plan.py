@@ -18,12 +18,13 @@ from servogen.job.job import Job, NamedPose, PlannedJob
 from servogen.job.poses import poses_of
 from servogen.job.programs import program_of
 from servogen.job.schema import SECTIONS, DriveTable, MotionTable, ProgramTable, Section, WalkTable
-from servogen.job.walks import walk_of
+from servogen.job.walks import walk_of, walk_on_command
 from servogen.kinematics.statics import gravity_torques, has_masses
 from servogen.motion import JointTrajectory, Motion, Planned, trajectory
+from servogen.motion.gait.commands import CommandedWay
 from servogen.motion.gait.steps import Segment
 from servogen.motion.limits import Limits
-from servogen.motion.trajectory import MAX_FRAMES
+from servogen.motion.trajectory import MAX_FRAMES, Floats
 from servogen.pulse.lint import check_torque
 from servogen.robot.servo import Servo
 from servogen.toml import file as toml_file
@@ -37,8 +38,10 @@ def plan_job(job: Job, way: Mapping[str, float] | None = None, others: Sequence[
     without cycles the walk never ends. `others` are what the robot may walk next without standing up anew.
     """
     section = job.section if way is None else _walking(job, way)
-    planned, poses = _motion(job, section, others)
-    _check_travel(job, section, planned)
+    planned, poses, ways = _motion(job, section, others)
+    _check_travel(job, section, planned.trajectory.angles)
+    for each in ways:
+        _check_travel(job, section, each.angles)
     _check_soft_start(job, planned)
     values = {field.name: getattr(job, field.name) for field in fields(Job)}
     return PlannedJob(
@@ -47,6 +50,7 @@ def plan_job(job: Job, way: Mapping[str, float] | None = None, others: Sequence[
         poses=poses,
         warnings=(*planned.warnings, *_overloads(job, planned)),
         notes=planned.notes,
+        ways=ways,
     )
 
 
@@ -58,7 +62,7 @@ def _walking(job: Job, way: Mapping[str, float]) -> WalkTable:
             "nothing-to-drive", (moving,), f"the job does not walk: [{moving}] moves its servos"
         )
     written = job.document.data.get("walk", {})
-    walk = {key: value for key, value in written.items() if key != "end"}
+    walk = {key: value for key, value in written.items() if key not in ("end", "commands")}
     walk |= {"way": (dict(way),), "repeat": "cycles" not in way}
     return toml_file.validate(
         replace(job.document, data={**job.document.data, "walk": walk}), WalkTable, ("walk",)
@@ -72,26 +76,29 @@ def _key(section: Section) -> str:
 
 def _motion(
     job: Job, section: Section | None, others: Sequence[Segment]
-) -> tuple[Planned, tuple[NamedPose, ...]]:
-    """Return the motion of the section, and its poses if it has any."""
+) -> tuple[Planned, tuple[NamedPose, ...], tuple[CommandedWay, ...]]:
+    """Return the motion of the section, its poses if it has any, and the ways of a walk on command."""
     period = job.frame.period.cycles
     limits = _limits(job)
     match section:
         case None:
-            return Planned(_still(job.servos, period, job.clock)), ()
+            return Planned(_still(job.servos, period, job.clock)), (), ()
         case MotionTable():
             poses = poses_of(job.document, section, job.servos, job.tip)
             names = tuple(servo.name for servo in job.servos)
             motion = Motion(names, poses, section.repeat, section.end == "release", limits)
             rows = zip(section.poses, poses, strict=True)
             named = tuple(NamedPose(row.name, pose.angles) for row, pose in rows)
-            return trajectory(motion, period, job.clock), named
+            return trajectory(motion, period, job.clock), named, ()
         case WalkTable():
-            return walk_of(job, section, _joint_limits(job, limits), others), ()
+            if section.commands is not None:
+                walk, ways = walk_on_command(job, section, section.commands, _joint_limits(job, limits))
+                return walk, (), ways
+            return walk_of(job, section, _joint_limits(job, limits), others), (), ()
         case ProgramTable():
-            return program_of(job, section, limits), ()
+            return program_of(job, section, limits), (), ()
         case DriveTable():
-            return drive_of(job, section), ()
+            return drive_of(job, section), (), ()
 
 
 def _still(servos: Sequence[Servo], period: Cycles, clock: Clock) -> JointTrajectory:
@@ -160,10 +167,10 @@ def _overloads(job: Job, planned: Planned) -> Iterator[Diagnostic]:
         yield from check_torque(servo, binding.joint, torque)
 
 
-def _check_travel(job: Job, section: Section | None, planned: Planned) -> None:
+def _check_travel(job: Job, section: Section | None, angles: Floats) -> None:
     """Raise InputError if a spline or a walk leads a servo beyond its limits though no pose does."""
     place = job.document.place(_key(section) if section else "motion")
-    for servo, column in zip(job.servos, planned.trajectory.angles.T, strict=True):
+    for servo, column in zip(job.servos, angles.T, strict=True):
         if not np.isnan(column).all():
             for angle in (float(np.nanmin(column)), float(np.nanmax(column))):
                 servo.width_us(angle, place)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from servogen.edges import PINS
 from servogen.engines.player.buttons import Button, Buttons
+from servogen.engines.player.commands import CommandLine
 from servogen.engines.registry import ENGINES, suitable
 from servogen.engines.stream.protocol import MAX_SERVOS
 from servogen.engines.stream.settings import Stream, bit_units
@@ -39,8 +40,9 @@ def firmware_of(
     stream = _stream(document, table, servos, clock)
     wanted = table.firmware
     buttons = _buttons(document, wanted, servos)
+    commands = _commands(document, table, servos, buttons)
     if wanted.engine == AUTO:
-        if not suitable(stream is not None, buttons.any):
+        if not suitable(stream is not None, buttons.any, commands is not None):
             raise document.error(
                 "engine-unsupported",
                 ("firmware", "start_pin" if buttons.start else "stop_pin"),
@@ -55,6 +57,7 @@ def firmware_of(
         exact(wanted.soft_start_s),
         wanted.max_error_us,
         buttons,
+        commands,
         document.place("firmware", "soft_start_s"),
     )
     return firmware, stream
@@ -91,6 +94,45 @@ def _buttons(document: Document, table: FirmwareTable, servos: Sequence[Servo]) 
         level = int(getattr(table, f"{name}_level") == "high")
         buttons[name] = Button(pin, level, document.place(*where))
     return Buttons(buttons.get("start"), buttons.get("stop"), table.stop_pulses != "hold")
+
+
+def _commands(
+    document: Document, table: JobTable, servos: Sequence[Servo], buttons: Buttons
+) -> CommandLine | None:
+    """Return the input for commands of a walk. Raises InputError."""
+    asked = table.walk.commands if table.walk else None
+    if asked is None:
+        return None
+    key = ("walk", "commands")
+    engine = table.firmware.engine
+    if table.stream is not None or (engine != AUTO and not ENGINES[engine].commands):
+        what = "a job with [stream]" if table.stream is not None else f"the {engine} engine"
+        raise document.error(
+            "engine-unsupported",
+            key,
+            f"{what} takes no commands for a walk",
+            "remove [stream]" if table.stream is not None else 'write engine = "player"',
+        )
+    if buttons.any:
+        raise document.error(
+            "engine-unsupported",
+            key,
+            "a walk on command has no start_pin and no stop_pin",
+            "remove them: a code starts and stops it",
+        )
+    if asked.pin not in PINS:
+        raise document.error(
+            "unknown-pin", (*key, "pin"), f"unknown pin '{asked.pin}'", did_you_mean(asked.pin, PINS)
+        )
+    taken = {servo.pin: servo.name for servo in servos}
+    if asked.pin in taken:
+        raise document.error(
+            "pin-in-use",
+            (*key, "pin"),
+            f"{asked.pin} is in use: {taken[asked.pin]}",
+            "commands need a free pin",
+        )
+    return CommandLine(asked.pin)
 
 
 def _stream(document: Document, table: JobTable, servos: Sequence[Servo], clock: Clock) -> Stream | None:

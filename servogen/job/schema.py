@@ -122,13 +122,24 @@ class WayTable(Table):
     cycles: float | None = Field(default=None, gt=0, le=10_000)
 
 
+class CommandsTable(Table):
+    """[walk] commands: the body's motion in a cycle, and the input that chooses the way."""
+
+    forward_mm: float | None = Field(default=None, gt=0, le=MAX_MM)
+    turn_deg: float | None = Field(default=None, gt=0, le=360)
+    pin: str = "RA4"
+    """The input for the codes."""
+
+
 class WalkTable(Table):
     """[walk]"""
 
     gait: str = "tripod"
     duty: float | None = Field(default=None, gt=0, lt=1)
     lifts: dict[str, float] | None = None
-    way: tuple[WayTable, ...] = Field(min_length=1)
+    way: tuple[WayTable, ...] = ()
+    commands: CommandsTable | None = None
+    """In place of `way`: the robot stands and goes as it is commanded."""
     cycle_s: float | None = Field(default=None, gt=0, le=MAX_S)
     lift_mm: float = Field(default=20.0, gt=0, le=MAX_MM)
     body_height_mm: float | None = Field(default=None, gt=0, le=MAX_MM)

@@ -7,15 +7,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from servogen.errors import Diagnostic, InputError, did_you_mean
 from servogen.job.job import Job
-from servogen.job.schema import WalkTable
+from servogen.job.schema import CommandsTable, WalkTable
 from servogen.kinematics.protocol import Posture, WalkingRobot, mounts_of
 from servogen.motion import JointTrajectory, Planned, bound
+from servogen.motion.gait.commands import STRAIGHT, TURN, CommandedWay, commanded_way
 from servogen.motion.gait.phases import Gait, custom, gait
 from servogen.motion.gait.steps import Segment
 from servogen.motion.gait.walk import Walk, walk
@@ -38,7 +39,145 @@ def walk_of(
 
     `others` are segments of other walks for which the legs stand as for this one.
     """
-    document, robot, period, clock = job.document, job.robot, job.frame.period.cycles, job.clock
+    document = job.document
+    if not table.way:
+        raise document.error(
+            "missing-key", ("walk",), "a walk needs a way", "add way = [{ forward_mm = 40 }], or commands"
+        )
+    endless = table.way[-1].cycles is None
+    if endless and not table.repeat:
+        raise document.error(
+            "endless-motion",
+            ("walk", "repeat"),
+            "a way without an end never ends",
+            "give its last part cycles = …",
+        )
+    walker = _walker(job, table, limits)
+    segments = [_segment(row.forward_mm, row.left_mm, row.turn_deg, row.cycles) for row in table.way]
+    planned = walker.walk(segments, others, walker.frames)
+    trajectory = _ended(_bound(document, planned.trajectory, job.bindings), table)
+    heavy = tuple(_overloads(walker.robot, planned, job.bindings, job.servos))
+    return Planned(
+        trajectory,
+        warnings=(*heavy, *_upright(document, planned)),
+        notes=tuple(_notes(document, planned)),
+    )
+
+
+MAX_COMMANDED_CYCLES = 12
+"""By then a walk is steady."""
+
+
+def walk_on_command(
+    job: Job, table: WalkTable, commands: CommandsTable, limits: tuple[Limits, ...]
+) -> tuple[Planned, tuple[CommandedWay, ...]]:
+    """Return the stance of a walk on command, and its ways. Raises InputError."""
+    document, key = job.document, ("walk", "commands")
+    for name in ("way", "end"):
+        if name in document.data["walk"]:
+            raise document.error(
+                "conflicting-keys",
+                ("walk", name),
+                f"a walk on command has no {name}",
+                "remove it, or commands",
+            )
+    pairs = []
+    if commands.forward_mm is not None:
+        pairs.append((STRAIGHT, _segment(commands.forward_mm, 0, 0, None)))
+    if commands.turn_deg is not None:
+        pairs.append((TURN, _segment(0, 0, commands.turn_deg, None)))
+    if not pairs:
+        raise document.error(
+            "missing-key", key, "it has no way", "add forward_mm = 40, turn_deg = 20, or both"
+        )
+    walker = _walker(job, table, limits)
+    segments = [segment for _, segment in pairs]
+    ways: list[CommandedWay] = []
+    heavy: list[Diagnostic] = []
+    notes: list[Diagnostic] = []
+    for names, segment in pairs:
+        others = [each for each in segments if each is not segment]
+        endless = walker.even_walk(segment, others)
+        count = endless.frames_per_cycle
+        walks = (
+            _bound(
+                document,
+                walker.walk([replace(segment, cycles=float(cycles))], others, count).trajectory,
+                job.bindings,
+            )
+            for cycles in range(1, MAX_COMMANDED_CYCLES)
+        )
+        planned = _bound(document, endless.trajectory, job.bindings)
+        try:
+            way = commanded_way(names[0], planned.angles, planned.loop_start, (each.angles for each in walks))
+        except InputError as error:
+            raise error.at(document.place(*key)) from error
+        ways += [way, way.reversed(names[1])]
+        heavy += _overloads(walker.robot, endless, job.bindings, job.servos)
+        heavy += _upright(document, endless)
+        last = len(way.angles) - 1
+        text = f"{names[0]} and {names[1]}: " + ", ".join(
+            f"{what} of {count} frames"
+            for what, count in (
+                ("a start", way.first),
+                ("a cycle", way.end - way.first),
+                ("a stop", last - way.end),
+            )
+        )
+        notes += [Diagnostic("note", "command", text, document.place(*key)), *_notes(document, endless)]
+    first = ways[0]
+    stance = JointTrajectory(
+        tuple(servo.name for servo in job.servos), job.clock, job.frame.period.cycles, first.angles[:1], 0
+    )
+    unique = tuple(dict.fromkeys(heavy))
+    return Planned(stance, warnings=unique, notes=tuple(dict.fromkeys(notes))), tuple(ways)
+
+
+@dataclass(frozen=True, slots=True)
+class _Walker:
+    """A job's robot with its gait and posture; `frames` of a cycle, None: as few as the limits allow."""
+
+    job: Job
+    table: WalkTable
+    robot: WalkingRobot
+    gait: Gait
+    limits: Limits
+    frames: int | None
+
+    def walk(self, segments: Sequence[Segment], others: Sequence[Segment], frames: int | None) -> Walk:
+        """Return the walk along `segments`, in cycles of at least `frames`. Raises InputError."""
+        spring_mm = self.table.spring_mm
+        try:
+            return walk(
+                self.robot,
+                self.gait,
+                segments,
+                _posture(self.table),
+                self.job.frame.period.cycles,
+                self.job.clock,
+                frames_per_cycle=frames,
+                limits=self.limits,
+                spring_m=None if spring_mm is None else spring_mm / 1000,
+                allow_falling=self.table.allow_falling,
+                others=others,
+            )
+        except InputError as error:
+            raise error.at(self.job.document.place("walk")) from error
+
+    def even_walk(self, segment: Segment, others: Sequence[Segment]) -> Walk:
+        """Return the walk without an end whose swings have even numbers of frames.
+
+        The middle of each is at a frame then, also if the walk is played backward.
+        """
+        found = self.walk([segment], others, self.frames)
+        grain = 2 * self.gait.grain
+        even = -(-found.frames_per_cycle // grain) * grain
+        return found if even == found.frames_per_cycle else self.walk([segment], others, even)
+
+
+def _walker(job: Job, table: WalkTable, limits: tuple[Limits, ...]) -> _Walker:
+    """Return the robot that walks. Raises InputError."""
+    document, robot = job.document, job.robot
     if not isinstance(robot, WalkingRobot):
         raise document.error(
             "missing-robot", ("walk",), "a walk needs a walking robot", 'add [robot] name = "hexapod"'
@@ -54,39 +193,9 @@ def walk_of(
                 did_you_mean(table.leg, names),
             )
         robot = robot.with_leg(table.leg)
-    endless = table.way[-1].cycles is None
-    if endless and not table.repeat:
-        raise document.error(
-            "endless-motion",
-            ("walk", "repeat"),
-            "a way without an end never ends",
-            "give its last part cycles = …",
-        )
-    chosen_gait = _gait(document, table, whole, robot)
-    frames = _frames(table, period, clock)
-    try:
-        planned = walk(
-            robot,
-            chosen_gait,
-            [_segment(row.forward_mm, row.left_mm, row.turn_deg, row.cycles) for row in table.way],
-            _posture(table),
-            period,
-            clock,
-            frames_per_cycle=frames,
-            limits=_least(limits),
-            spring_m=None if table.spring_mm is None else table.spring_mm / 1000,
-            allow_falling=table.allow_falling,
-            others=others,
-        )
-    except InputError as error:
-        raise error.at(document.place("walk")) from error
-    trajectory = _ended(_bound(document, planned.trajectory, job.bindings), table)
-    overloads = tuple(_overloads(robot, planned, job.bindings, job.servos))
-    return Planned(
-        trajectory,
-        warnings=(*overloads, *_upright(document, planned)),
-        notes=tuple(_notes(document, planned, table)),
-    )
+    gait = _gait(document, table, whole, robot)
+    frames = _frames(table, job.frame.period.cycles, job.clock)
+    return _Walker(job, table, robot, gait, _least(limits), frames)
 
 
 def _gait(document: Document, table: WalkTable, whole: WalkingRobot, robot: WalkingRobot) -> Gait:
@@ -160,7 +269,7 @@ def _ended(trajectory: JointTrajectory, table: WalkTable) -> JointTrajectory:
     )
 
 
-def _notes(document: Document, planned: Walk, table: WalkTable) -> list[Diagnostic]:
+def _notes(document: Document, planned: Walk) -> list[Diagnostic]:
     place = document.place("walk")
     seconds = float(planned.trajectory.clock.seconds(planned.trajectory.period)) * planned.frames_per_cycle
     notes = [

@@ -16,7 +16,7 @@ from servogen.engines.board import machine_of
 from servogen.pic.image import Image
 from servogen.prove.forks import Choices, Program, before_instruction, ways_of
 from servogen.prove.generalise import Guess, follows_timer, live_places
-from servogen.prove.specification import START_FRAMES, Specification
+from servogen.prove.specification import START_FRAMES, Specification, Violation
 from servogen.prove.transitions import Ram, Transitions, applied
 from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
@@ -38,12 +38,16 @@ ALL_PLACES = frozenset(range(68))
 
 @dataclass(slots=True)
 class _Walk:
-    """A run from cut to cut: what each part read first and wrote, and the state before it."""
+    """A run from cut to cut: what each part read first and wrote, and the state before it.
+
+    `sampled`: the number of cuts at which a button has been read whose level counts at the frame's end.
+    """
 
     pcs: list[int]
     reads: list[frozenset[int]]
     writes: list[frozenset[int]]
     states: list[tuple[Ram, int]]
+    sampled: int = 0
 
 
 def first_edges(
@@ -91,17 +95,32 @@ def choose_cuts(
     start, fallback = found
     levels = {PINS.index(each.pin): each.level for each in schedule.inputs}
     best: list[int] = sorted(fallback)
-    fewest = 1 << 30
+    fewest = (True, 1 << 30)
     for candidate in once_a_frame(program.image, schedule, start):
-        walk = _walk(program, transitions, {candidate}, always, levels, TRIED_FRAMES)
+        walk = _walk(program, transitions, spec, {candidate}, always, levels, TRIED_FRAMES)
         if walk is None:
             continue
         live = live_places(walk.reads, walk.writes, ALL_PLACES)
         count = max((len(each) for each in live[: len(live) // 2]), default=1 << 20)
-        if count < fewest:
-            best, fewest = [candidate], count
-    walk = _walk(program, transitions, set(best), always, levels, WALKED_FRAMES)
+        # After a button was read there are two states for each one before; runs that differ in W are not
+        # shared.
+        rank = 2 * walk.sampled > len(walk.pcs) or _needs_w(program, candidate), count
+        if rank < fewest:
+            best, fewest = [candidate], rank
+    walk = _walk(program, transitions, spec, set(best), always, levels, WALKED_FRAMES)
     return {pc: Guess() for pc in best} if walk is None else _guesses(transitions, best, walk)
+
+
+def _needs_w(program: Program, pc: int) -> bool:
+    """Return whether the instructions from `pc` on read W before they write it, as far as none jumps."""
+    while (decoded := program.at(pc)) is not None and decoded.instruction.flow == "next":
+        row = decoded.instruction
+        if "W" in row.reads:
+            return True
+        if "W" in row.writes or (row.writes == "d" and not decoded.d):
+            return False
+        pc += 1
+    return False
 
 
 def _guesses(transitions: Transitions, cuts: list[int], walk: _Walk) -> dict[int, Guess]:
@@ -128,6 +147,7 @@ def _guesses(transitions: Transitions, cuts: list[int], walk: _Walk) -> dict[int
 def _walk(
     program: Program,
     transitions: Transitions,
+    spec: Specification,
     cuts: set[int],
     always: frozenset[int],
     levels: Mapping[int, int],
@@ -140,6 +160,7 @@ def _walk(
     walk = _Walk([], [], [], [])
     use: Use | None = None
     chosen: Choices = ()
+    position = spec.start()
     steps = STEPS_PER_CUT * (count + 2)
     while len(walk.reads) <= count and steps:
         steps -= 1
@@ -160,6 +181,13 @@ def _walk(
         if walk.reads:
             walk.reads[-1] |= frozenset(outcome.read) - walk.writes[-1]
             walk.writes[-1] |= frozenset(place for place, _ in outcome.written)
+        for choice in way:
+            if choice.field == "PINS":
+                position = spec.sample(position, choice.bits.bit_length() - 1, int(choice.value != 0))
+        try:
+            position = spec.advance(position, outcome.edges, outcome.cycles)
+        except Violation:
+            break  # the search will find it
         ram, rest = applied(ram, outcome), transitions.number(outcome.rest)
         use, chosen = outcome.use, ()
         if outcome.reason in (Reason.WARNING, Reason.LIMIT):
@@ -169,6 +197,7 @@ def _walk(
             walk.reads.append(frozenset())
             walk.writes.append(frozenset())
             walk.states.append((ram, rest))
+            walk.sampled += position.is_sampled
     return walk if len(walk.reads) > 2 else None
 
 

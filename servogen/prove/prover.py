@@ -87,9 +87,10 @@ class _Prover:
         self._tell = tell
         self._max_states = max_states
         inputs = {PINS.index(each.pin): each.level for each in schedule.inputs}
-        self._held = inputs if schedule.buttons is None or not quantifiers.inputs else {}
-        rule = schedule.buttons if quantifiers.inputs else None
-        self._spec = Specification(schedule, rule)
+        known = schedule.buttons is not None or schedule.commands is not None
+        self._held = {} if known and quantifiers.inputs else inputs
+        rules = (schedule.buttons, schedule.commands) if quantifiers.inputs else (None, None)
+        self._spec = Specification(schedule, *rules)
         self._chip = AbstractChip(image, schedule.clock, self._board, self._held, quantifiers.watchdog)
         self._program = Program(image)
         limit = START_FRAMES * self._spec.period + 2 * self._spec.longest_silence
@@ -211,7 +212,9 @@ class _Prover:
 
 
 def _why_held(schedule: PulseSchedule) -> str:
-    return "by request" if schedule.buttons else "it does not say what another level does"
+    return (
+        "by request" if schedule.buttons or schedule.commands else "it does not say what another level does"
+    )
 
 
 def _why(finding: Finding, search: Search) -> str:

@@ -1,4 +1,4 @@
-"""What the pins may do: the schedule, and the state machine of the buttons, as a function of time.
+"""What the pins may do: the schedule with its buttons or its commands, as a function of time.
 
 In: a `PulseSchedule`. Out: `Specification`, which follows runs of a program: it takes a state of its own, the
 edges and the levels that the program read, and returns the state later, or a `Violation`.
@@ -16,8 +16,9 @@ from functools import cache
 from typing import NamedTuple
 
 from servogen.edges import PINS
+from servogen.prove.commands import Commands
 from servogen.pulse import PulseSchedule
-from servogen.pulse.schedule import ButtonRule, Run
+from servogen.pulse.schedule import ButtonRule, CommandRule, Run
 
 BEFORE, IN_FRAME, OVER = range(3)
 """The phases of a specification's state."""
@@ -44,6 +45,16 @@ class SpecState(NamedTuple):
     start_sample: int = -1
     stop_sample: int = -1
     """The level that was read in this frame; -1: not yet."""
+    heard: int = 0
+    wanted: int = 0
+    """Of a line that commands a walk: see `prove.commands`."""
+    line_read: int = 0
+    """Whether the line was read in this frame: what is heard takes it in at once."""
+
+    @property
+    def is_sampled(self) -> bool:
+        """Return whether a button's level is kept until the frame ends."""
+        return max(self.start_sample, self.stop_sample) >= 0
 
 
 @dataclass(slots=True)
@@ -58,19 +69,24 @@ class Violation(Exception):
 
 
 class Specification:
-    """A schedule with its buttons."""
+    """A schedule with its buttons, or with the line that commands it."""
 
-    def __init__(self, schedule: PulseSchedule, rule: ButtonRule | None) -> None:
+    def __init__(
+        self, schedule: PulseSchedule, rule: ButtonRule | None, commands: CommandRule | None = None
+    ) -> None:
         self.period = int(schedule.period)
         self.rule = rule
+        self._commands = None if commands is None else Commands(schedule, commands)
         self._frames: list[tuple[Edge, ...]] = []
-        for run in (*schedule.lead_in, *schedule.loop):
+        ways = () if commands is None else commands.ways
+        parts = (part for way in ways for part in (way.start, way.cycle, way.stop))
+        for run in (*schedule.lead_in, *schedule.loop, *(run for part in parts for run in part)):
             self._frames += [_edges(schedule, run)] * run.frames
         self._loop = schedule.lead_in_frames
         pulsed = [frame for frame in self._frames if frame]
         self._first = pulsed[0][0][0] if pulsed else 0
         self._first_frame = next((n for n, frame in enumerate(self._frames) if frame), 0)
-        self._silent_loop = not any(self._frames[self._loop :]) and rule is None
+        self._silent_loop = not any(self._frames[self._loop :]) and rule is None and commands is None
         self._waiting = rule.waiting if rule else 0
         self._due = cache(self._due_edges)
         self._pins: dict[int, str] = {}
@@ -78,6 +94,8 @@ class Specification:
             self._pins[PINS.index(rule.start.pin)] = "start_sample"
         if rule and rule.stop:
             self._pins[PINS.index(rule.stop.pin)] = "stop_sample"
+        if commands is not None:
+            self._pins[PINS.index(commands.line.pin)] = "line_read"
 
     @property
     def frames(self) -> int:
@@ -94,18 +112,25 @@ class Specification:
 
     @property
     def sampled(self) -> frozenset[int]:
-        """Return the pins of the buttons."""
+        """Return the pins of the buttons, or of the line."""
         return frozenset(self._pins)
 
     def start(self) -> SpecState:
         running = 0 if self.rule and self.rule.start else 1
-        return SpecState(BEFORE, 0, self._waiting, running)
+        heard = self._commands.at_power_up if self._commands else 0
+        return SpecState(BEFORE, 0, self._waiting, running, heard=heard)
 
     def sample(self, state: SpecState, pin: int, level: int) -> SpecState:
         """Return the state after the program has read a pin. Raises Violation."""
         field = self._pins.get(pin)
         if field is None or state.phase != IN_FRAME:
             return state
+        if self._commands is not None:
+            if state.line_read:
+                raise Violation(f"{PINS[pin]} is read twice in a frame", 0, certain=False)
+            heard, way = self._commands.heard(state.heard, level)
+            wanted = state.wanted if way is None else way
+            return state._replace(heard=heard, wanted=wanted, line_read=1)
         known = getattr(state, field)
         if known not in (-1, level):
             raise Violation(f"{PINS[pin]} is read twice in a frame, at different levels", 0, certain=False)
@@ -168,6 +193,8 @@ class Specification:
         """Return the state at the beginning of the next frame, at `cycle` of the run."""
         if self.rule is not None:
             return self._pressed(state, self.rule, cycle)
+        if self._commands is not None:
+            return self._commanded(state, self._commands, cycle)
         frame = self._following(state.frame)
         if frame >= self._loop and self._silent_loop:
             return SpecState(OVER, 0, self._loop)
@@ -175,6 +202,13 @@ class Specification:
 
     def _following(self, frame: int) -> int:
         return frame + 1 if frame + 1 < len(self._frames) else self._loop
+
+    @staticmethod
+    def _commanded(state: SpecState, commands: Commands, cycle: int) -> SpecState:
+        if not state.line_read:
+            raise Violation(f"{commands.rule.line.pin} is not read in a frame", cycle, certain=False)
+        frame = commands.following(state.frame, state.wanted)
+        return SpecState(IN_FRAME, 0, frame, heard=state.heard, wanted=state.wanted)
 
     def _pressed(self, state: SpecState, rule: ButtonRule, cycle: int) -> SpecState:
         frame, running, on = state.frame, state.running, state.on

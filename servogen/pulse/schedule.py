@@ -25,7 +25,7 @@ VERSION = 1
 """The version of the JSON schema."""
 
 OPTIONAL: Mapping[str, Any] = MappingProxyType(
-    {"inputs": [], "buttons": None, "plan_error": None, "device": None}
+    {"inputs": [], "buttons": None, "commands": None, "plan_error": None, "device": None}
 )
 """Keys that a schedule may omit, and their values then."""
 
@@ -97,6 +97,53 @@ class ButtonRule:
 
 
 @dataclass(frozen=True, slots=True)
+class WayRuns:
+    """The frames of a commanded way: `start` once, `cycle` again and again, `stop` once.
+
+    `code` are the levels that command it, from the one after the start on.
+    """
+
+    name: str
+    code: str
+    start: tuple[Run, ...]
+    cycle: tuple[Run, ...]
+    stop: tuple[Run, ...]
+
+    def to_json_text(self) -> str:
+        """Return the way as text with one run per line."""
+        parts = ", ".join(
+            f'"{name}": {_runs_text(runs)}'
+            for name, runs in (("start", self.start), ("cycle", self.cycle), ("stop", self.stop))
+        )
+        return f'{{"name": {json.dumps(self.name)}, "code": {json.dumps(self.code)}, {parts}}}'
+
+
+@dataclass(frozen=True, slots=True)
+class CommandRule:
+    """How a line commands the motion: see "Walk on command" in docs/firmware.md.
+
+    `line` has the level at rest. The schedule itself is for a line at rest from power-up on: its loop is the
+    frame of the stance.
+    """
+
+    line: Input
+    rest_frames: int
+    """A code begins after the line has been at rest for so many frames."""
+    stop_frames: int
+    """So many frames at the other level are the command to stop."""
+    ways: tuple[WayRuns, ...]
+
+    def to_json_text(self) -> str:
+        """Return the rule as text."""
+        ways = ",\n    ".join(way.to_json_text() for way in self.ways)
+        return (
+            f'{{"pin": {json.dumps(self.line.pin)}, "rest_level": {self.line.level}, '
+            f'"rest_frames": {self.rest_frames}, "stop_frames": {self.stop_frames}, '
+            f'"ways": [\n    {ways}\n  ]}}'
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class PulseSchedule:
     """Frames of `period` cycles: `lead_in` once, then `loop` repeatedly, all one period apart.
 
@@ -115,6 +162,8 @@ class PulseSchedule:
     """The chip that it was built for; None if it is not known."""
     buttons: ButtonRule | None = None
     """What its buttons do if pressed otherwise than `inputs` says; None if it is not known."""
+    commands: CommandRule | None = None
+    """What a line does that is not at rest as `inputs` says; None: there is no such line."""
 
     @property
     def lead_in_frames(self) -> int:
@@ -140,6 +189,7 @@ class PulseSchedule:
             f'  "channels": [\n{channels}\n  ],\n'
             f"{self._inputs_text()}"
             f"{self._buttons_text()}"
+            f"{self._commands_text()}"
             f"{self._plan_error_text()}"
             f'  "lead_in": {_runs_text(self.lead_in)},\n'
             f'  "loop": {_runs_text(self.loop)}\n}}\n'
@@ -152,6 +202,9 @@ class PulseSchedule:
 
     def _buttons_text(self) -> str:
         return "" if self.buttons is None else f'  "buttons": {json.dumps(self.buttons.to_json())},\n'
+
+    def _commands_text(self) -> str:
+        return "" if self.commands is None else f'  "commands": {self.commands.to_json_text()},\n'
 
     def _device_text(self) -> str:
         return "" if self.device is None else f'  "device": {json.dumps(self.device)},\n'
@@ -209,9 +262,9 @@ class _Reader:
     def schedule(self, data: Any) -> PulseSchedule:
         keys = ("version", "clock_hz", "period_cycles", "channels", "lead_in", "loop", *OPTIONAL)
         known = {**OPTIONAL, **data} if isinstance(data, dict) else data
-        version, clock_hz, period, channels, lead_in, loop, inputs, buttons, plan_error, device = self._table(
-            known, "", keys
-        )
+        table = self._table(known, "", keys)
+        version, clock_hz, period, channels, lead_in, loop, inputs, buttons, commands = table[:9]
+        plan_error, device = table[9:]
         if self._whole(version, "version", 0) != VERSION:
             raise self._error("json-value", "version", f"is {version}, this servogen reads version {VERSION}")
         cycles = self._whole(period, "period_cycles", 1)
@@ -257,6 +310,7 @@ class _Reader:
             None if plan_error is None else self._plan_error(plan_error),
             None if device is None else self._text(device, "device"),
             None if buttons is None else self._buttons(buttons, read),
+            None if commands is None else self._commands(commands, read, cycles),
         )
 
     def _buttons(self, data: Any, channels: tuple[Channel, ...]) -> ButtonRule:
@@ -274,6 +328,41 @@ class _Reader:
             pulses == "off",
             self._whole(frames, "buttons.pressed_frames", 1),
         )
+
+    def _commands(self, data: Any, channels: tuple[Channel, ...], period: int) -> CommandRule:
+        names = ("pin", "rest_level", "rest_frames", "stop_frames", "ways")
+        pin, level, rest, stop, ways = self._table(data, "commands", names)
+        read = tuple(
+            self._way(each, f"commands.ways[{index}]", len(channels), period)
+            for index, each in enumerate(self._array(ways, "commands.ways"))
+        )
+        if not read:
+            raise self._error("json-value", "commands.ways", "is empty: there is a way to command")
+        if len({way.code for way in read}) < len(read):
+            raise self._error("json-value", "commands.ways", "two ways have the same code")
+        return CommandRule(
+            self._input({"pin": pin, "level": level}, "commands", channels),
+            self._whole(rest, "commands.rest_frames", 1),
+            self._whole(stop, "commands.stop_frames", 1),
+            read,
+        )
+
+    def _way(self, data: Any, key: str, channels: int, period: int) -> WayRuns:
+        name, code, *parts = self._table(data, key, ("name", "code", "start", "cycle", "stop"))
+        if not self._text(code, f"{key}.code") or code.strip("01"):
+            raise self._error("json-value", f"{key}.code", f"is not levels, 0 and 1: {_shown(code)}")
+        runs = []
+        for part, value in zip(("start", "cycle", "stop"), parts, strict=True):
+            where = f"{key}.{part}"
+            entries = enumerate(self._array(value, where))
+            runs.append(
+                tuple(self._run(each, f"{where}[{index}]", channels, period) for index, each in entries)
+            )
+            if not runs[-1]:
+                raise self._error("json-value", where, "is empty: it has a frame at least")
+            if sum(run.frames for run in runs[-1]) > MAX_FRAMES:
+                raise self._error("json-value", where, "has too many frames", f"at most {MAX_FRAMES}")
+        return WayRuns(self._text(name, f"{key}.name"), code, *runs)
 
     def _plan_error(self, data: Any) -> PlanError:
         keys = ("width_us", "angle_deg", "speed_deg_s", "end", "end_mm")

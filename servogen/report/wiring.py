@@ -29,7 +29,7 @@ class Wire:
 
 
 def wires(job: Job) -> Iterator[Wire]:
-    """The servos, the buttons, the serial line, the supply, the crystal."""
+    """The servos, the buttons, the lines, the supply, the crystal."""
     numbers = {pin.name: pin.number for pin in PACKAGE}
     for servo in job.servos:
         yield Wire(numbers[servo.pin], servo.pin, f"signal of servo '{servo.name}'", servo)
@@ -37,6 +37,9 @@ def wires(job: Job) -> Iterator[Wire]:
     for name, button in (("start", buttons.start), ("stop", buttons.stop)):
         if button:
             yield Wire(numbers[button.pin], button.pin, f"{name} {button.text()}")
+    if job.firmware.commands:
+        pin = job.firmware.commands.pin
+        yield Wire(numbers[pin], pin, "commands, 5 V, high at rest, 10 kOhm pull-up to VDD")
     if stream:
         pin = stream.receive_pin
         yield Wire(numbers[pin], pin, f"serial line in, {stream.baud} baud, 5 V, idle high")
@@ -59,7 +62,7 @@ def open_drain(job: Job) -> Iterator[str]:
 
 
 def remarks(job: Job) -> Iterator[str]:
-    """The servos' own supply, what all of them draw when all are held fast; what the buttons do."""
+    """The servos' own supply, what all of them draw when all are held fast; what the inputs do."""
     known = [servo.model.max_a for servo in job.servos if servo.model.max_a is not None]
     unknown = sorted({servo.model.name for servo in job.servos if servo.model.max_a is None})
     if known:
@@ -68,6 +71,8 @@ def remarks(job: Job) -> Iterator[str]:
         yield f"Peak current not stated by the maker of: {', '.join(unknown)}."
     yield "The servos take it from a supply of their own, not through the chip's."
     yield from job.firmware.buttons.text()
+    if job.firmware.commands:
+        yield from job.firmware.commands.text()
 
 
 @dataclass(frozen=True, slots=True)

@@ -190,6 +190,9 @@ def _row(run: Run, start: bool) -> dict[str, int]:
         "irq": NO_IRQ if s[chip.IRQ] == chip.NEVER else int(s[chip.IRQ]),
         "spec.phase": 2 if over else 1,
         "spec.time": 0 if over else int(-s[chip.FRAME]),
+        "spec.heard": 0,
+        "spec.wanted": 0,
+        "spec.line_read": 0,
         "spec.start_sample": -1,
         "spec.stop_sample": -1,
     }

@@ -87,9 +87,9 @@ def test_a_button_splits_every_frame_in_which_it_is_read() -> None:
         (
             certify.button_program(read="btfss 5,3"),
             certify.schedule(STOP),
-            "a button was not read in the frame",
+            "an input was not read in the frame",
         ),
-        (certify.plain_program(), certify.schedule(STOP), "a button was not read in the frame"),
+        (certify.plain_program(), certify.schedule(STOP), "an input was not read in the frame"),
         (certify.button_program(), certify.schedule(), "a missing edge"),
         (certify.plain_program(width=WIDTH + 1), certify.schedule(), "a missing edge"),
         (certify.plain_program(width=WIDTH - 1), certify.schedule(), "an edge that is not expected"),

@@ -14,7 +14,8 @@ from servogen.compiler import Options
 from servogen.engines.firmware import Firmware, TimingBudget, compiled_to_fit
 from servogen.engines.player import Layout, Playing, playing, soft_start
 from servogen.engines.player.buttons import waited, waited_motion
-from servogen.engines.player.playing import BUTTONS_BYTES, DATA_BYTES
+from servogen.engines.player.commanded import commanded
+from servogen.engines.player.playing import BUTTONS_BYTES, COMMANDS_BYTES, DATA_BYTES
 from servogen.engines.player.rendering import OVERRUN, render_player
 from servogen.engines.player.theorem import allowances
 from servogen.engines.protocol import Engine, EngineJob, EnginePlan
@@ -22,6 +23,7 @@ from servogen.errors import Diagnostic
 from servogen.motion import JointTrajectory
 from servogen.pic.listing import Listing
 from servogen.pic.wcet import Program
+from servogen.pulse import PulseSchedule
 
 CHECK, DONE, WIDTHS = "pl_check", "pl_done", "pl_between"
 """Labels of the assembly: the kernel's look at the timer, its end; what is only run between two frames."""
@@ -31,25 +33,33 @@ HINT = "fewer parts: let more of the motion repeat"
 """What helps where the chip is too small."""
 
 
-def play(job: EngineJob) -> tuple[JointTrajectory, Playing]:
-    """Return the motion with its lead-in, and as the player plays it. Raises InputError."""
+def play(job: EngineJob) -> tuple[JointTrajectory, Playing, PulseSchedule]:
+    """Return the motion with its lead-in, as the player plays it, and all frames that it can play.
+
+    Raises InputError.
+    """
     buttons = job.firmware.buttons
     frames = round(job.firmware.soft_start_s / job.clock.seconds(job.trajectory.period))
     begun = soft_start(job.trajectory, job.servos, frames)
     soft = len(begun.angles) - len(job.trajectory.angles)
+    ends = tuple(range(frames, soft + 1, frames)) if soft else ()
+    if job.firmware.commands is not None:
+        line, most = job.firmware.commands, DATA_BYTES - COMMANDS_BYTES
+        played, tour = commanded(begun, job.ways, line, job.servos, job.bindings, job.frame, ends, most)
+        return begun, played, tour
     played = playing(
         begun,
         job.servos,
         job.frame,
         bindings=job.bindings,
-        soft=tuple(range(frames, soft + 1, frames)) if soft else (),
+        soft=ends,
         max_error_us=job.firmware.max_error_us,
         most_bytes=DATA_BYTES - (BUTTONS_BYTES if buttons.any else 0),
     )
     waiting = waited(played.plan.schedule, buttons.waiting)
     schedule = replace(waiting, inputs=buttons.inputs, buttons=buttons.rule)
     plan = replace(played.plan, schedule=schedule)
-    return waited_motion(played.trajectory, buttons.waiting), replace(played, plan=plan)
+    return waited_motion(played.trajectory, buttons.waiting), replace(played, plan=plan), schedule
 
 
 def compiled(job: EngineJob, played: Playing, dialect: str) -> Firmware:
@@ -103,9 +113,10 @@ class PlayerEngine:
 
     def plan(self, job: EngineJob) -> EnginePlan:
         """Plans the job's frames; a dialect's C is compiled when its firmware is made."""
-        motion, played = play(job)
+        motion, played, whole = play(job)
         make = cache(lambda dialect: compiled(job, played, dialect))
-        return EnginePlan(motion, played.plan, make, played.encoded.size)
+        tour = None if played.chain is None else (played.trajectory, whole)
+        return EnginePlan(motion, played.plan, make, played.encoded.size, tour)
 
 
 ENGINE: Engine = PlayerEngine()

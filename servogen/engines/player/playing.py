@@ -14,6 +14,7 @@ import numpy as np
 
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player.arithmetic import Whole
+from servogen.engines.player.commands import Chain
 from servogen.engines.player.encoding import Encoded
 from servogen.engines.player.layout import Layout, Used, layout
 from servogen.engines.player.legs import legs_encoded
@@ -36,8 +37,9 @@ FAR = (0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8)
 NEAR = (0.3, 0.5, 0.7, 0.9, 1.1, 1.4, 1.7, 2.2)
 """Steps by which poses may differ from the row that they share, the least that fits first."""
 
-DATA_BYTES, BUTTONS_BYTES = 328, 50
-"""Bytes of tables that the chip holds beside the program, and what buttons leave less of them.
+DATA_BYTES, BUTTONS_BYTES, COMMANDS_BYTES = 328, 50, 60
+"""Bytes of tables that the chip holds beside the program; what buttons, and commands for a walk, leave less
+of them.
 
 A motion with more bytes is encoded more coarsely; what the chip holds is known once the program is compiled.
 """
@@ -51,6 +53,8 @@ class Playing:
     plan: PulsePlan
     layout: Layout
     encoded: Encoded
+    chain: Chain | None = None
+    """The ways of a walk on command; the trajectory is the lead-in, the stance, and way after way then."""
 
     @property
     def order(self) -> tuple[int, ...]:
@@ -80,7 +84,7 @@ def playing(
     if np.isnan(rows).all():
         raise InputError("no-pulses", "the motion has no pulse")
     encoded = _encoded(
-        rows, trajectory.loop_start, soft, _pairs(servos, bindings), max_error_us, clock, most_bytes
+        rows, trajectory.loop_start, soft, leg_channels(servos, bindings), max_error_us, clock, most_bytes
     )
     # A walk's loop begins at an event of its gait, which may be some frames later than the trajectory's.
     loop = len(rows) - trajectory.loop_start
@@ -97,9 +101,9 @@ def playing(
         clock,
         slots.period,
         tuple(Channel(servo.name, servo.pin, servo.model.name) for servo in servos),
-        tuple(_runs(encoded.widths[:lead], heard[:lead], rises)),
-        tuple(_runs(encoded.widths[lead:], heard[lead:], rises)),
-        plan_error=_plan_error(played, servos, encoded.widths, ideal, clock),
+        tuple(runs_of(encoded.widths[:lead], heard[:lead], rises)),
+        tuple(runs_of(encoded.widths[lead:], heard[lead:], rises)),
+        plan_error=plan_error_of(played, servos, encoded.widths, ideal, clock),
     )
     plan = PulsePlan(
         schedule,
@@ -109,7 +113,7 @@ def playing(
     return Playing(played, plan, slots, encoded)
 
 
-def _pairs(servos: Sequence[Servo], bindings: Sequence[Binding]) -> list[tuple[int, int]]:
+def leg_channels(servos: Sequence[Servo], bindings: Sequence[Binding]) -> list[tuple[int, int]]:
     """Return the channels that turn and lift each leg, in order of the legs."""
     names = [servo.name for servo in servos]
     joints = {each.joint: names.index(each.servo) for each in bindings}
@@ -174,7 +178,7 @@ def ideal_widths(trajectory: JointTrajectory, servos: Sequence[Servo], clock: Cl
     return rows
 
 
-def _plan_error(
+def plan_error_of(
     trajectory: JointTrajectory, servos: Sequence[Servo], made: Whole, ideal: Floats, clock: Clock
 ) -> PlanError:
     """Return the largest distance between the widths `made` and `ideal`, cycles of each frame and servo."""
@@ -187,7 +191,7 @@ def _plan_error(
     return largest(errors)
 
 
-def _runs(widths: Whole, heard: np.ndarray, rises: Sequence[Cycles]) -> Iterator[Run]:
+def runs_of(widths: Whole, heard: np.ndarray, rises: Sequence[Cycles]) -> Iterator[Run]:
     """Equal frames in a row as one run."""
     if not len(widths):
         return

@@ -12,6 +12,7 @@ from fractions import Fraction
 from servogen.engines.c_text import AsmLine, ChannelText, assembly, decimal, ports_of, render_template
 from servogen.engines.player.arithmetic import ENTRIES
 from servogen.engines.player.buttons import PRESSED_FRAMES, Button, Buttons
+from servogen.engines.player.commands import COMMAND_SHIFT, ENTRY, Chain, hearing_table
 from servogen.engines.player.layout import TICKS
 from servogen.engines.player.playing import Playing
 from servogen.engines.player.script import AGAIN, AT, HALF, SILENT, STAY, STRAIGHT
@@ -44,6 +45,12 @@ class _ButtonText:
     port: str
     mask: str
     released: str
+
+
+@dataclass(frozen=True, slots=True)
+class _LineText:
+    port: str
+    mask: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,13 +92,14 @@ def render_player(played: Playing, buttons: Buttons, dialect: str, device: Devic
         top=(legs.lifted - columns) & 0xFF if legs else None,
         neutral=(legs.neutral - columns) & 0xFF if legs and legs.neutral is not None else None,
         rising=encoded.script.third,
+        **_chain(played.chain),
         law=constants.place("LAW") if encoded.laws else None,
         lift_law=constants.place("LAW") + ENTRIES if legs else None,
         script=list(encoded.script.data),
         loop=encoded.script.loop,
         again=AGAIN,
         at=AT,
-        repeats=_repeats(encoded.script.data),
+        repeats=played.chain is None and _repeats(encoded.script.data),
         starts=any(each.start for each in timings),
         half=HALF,
         laws=bool(encoded.laws),
@@ -108,7 +116,7 @@ def render_player(played: Playing, buttons: Buttons, dialect: str, device: Devic
         stop=_button(buttons.stop),
         stop_off=buttons.stop is not None and buttons.off,
         pressed_frames=PRESSED_FRAMES,
-        buttons_text=list(buttons.text()),
+        inputs_text=[*buttons.text(), *(played.chain.line.text() if played.chain else ())],
         kernel=list(assembly(kernel(tick, played.layout.stagger))),
         trim=list(assembly(render_template("player/trim.asm"))),
         blend=list(assembly(render_template("player/blend.asm", twice=legs is not None))),
@@ -117,6 +125,22 @@ def render_player(played: Playing, buttons: Buttons, dialect: str, device: Devic
             *(line for _ in range(shift) for line in assembly(render_template("player/scale.asm"))),
         ],
     )
+
+
+def _chain(chain: Chain | None) -> dict[str, object]:
+    """Return what the template says of a walk on command."""
+    if chain is None:
+        return {"chain": False}
+    pin = chain.line.pin
+    return {
+        "chain": True,
+        "line": _LineText(pin[1], f"0x{1 << int(pin[2]):02X}"),
+        "commands": f"0x{0x100 - (1 << COMMAND_SHIFT):02X}",
+        "states": f"0x{(1 << COMMAND_SHIFT) - 1:02X}",
+        "entry": ENTRY,
+        "stance": chain.stance,
+        "before": -ENTRY & 0xFF,
+    }
 
 
 @dataclass(slots=True)
@@ -153,6 +177,10 @@ def _constants(played: Playing) -> _Constants:
     made.add("SPEED_HIGH", [each.speed >> 8 for each in timings])
     if any(each.start for each in timings):
         made.add("START", [each.start for each in timings], "256ths of a step at its first frame")
+    if played.chain is not None:
+        made.add("HEARING", hearing_table(played.chain.names), "for each state the line low, and high")
+        note = "for standing, and for each way, where its start, its cycle and its stop begin, and its end"
+        made.add("WAYS", played.chain.places, note)
     if encoded.laws:
         made.add("LAW", encoded.laws, "weights at each sixteenth of a step")
     if encoded.legs is None and any(each.law != STRAIGHT for each in timings):
@@ -210,9 +238,8 @@ def _button(button: Button | None) -> _ButtonText | None:
 
 def _channel(played: Playing, channel: int) -> ChannelText:
     schedule = played.plan.schedule
-    runs = (*schedule.lead_in, *schedule.loop)
-    widths = [pulse.width for run in runs if (pulse := run.pulses[channel])]
-    ends = sorted({min(widths), max(widths)})
+    widths = played.encoded.widths[~played.encoded.silent, channel]
+    ends = sorted({Cycles(int(widths.min())), Cycles(int(widths.max()))})
     each = schedule.channels[channel]
     return ChannelText(each.name, each.pin, " to ".join(decimal(schedule.clock.us(width)) for width in ends))
 

@@ -1,0 +1,595 @@
+/*
+ * hexapod-command: servo pulses for the PIC16F84 at 4 MHz (XC8).
+ * Generated from the job by servogen: change the job, not this file.
+ *
+ * RB0  L1-turn: 1380 to 1625 us
+ * RB2  L2-turn: 1374 to 1500 us
+ * RB4  L3-turn: 1374 to 1619 us
+ * RB6  R1-turn: 1374 to 1619 us
+ * RA0  R2-turn: 1500 to 1625 us
+ * RA2  R3-turn: 1380 to 1625 us
+ * RB1  L1-lift: 1333 to 1500 us
+ * RB3  L2-lift: 1500 to 1666 us
+ * RB5  L3-lift: 1500 to 1666 us
+ * RB7  R1-lift: 1500 to 1666 us
+ * RA1  R2-lift: 1333 to 1500 us
+ * RA3  R3-lift: 1333 to 1500 us
+ *
+ * A frame takes 20000 us: 7 slots, each begun by TMR0, which counts 32 us and is never
+ * written. The C between the slots may take any time that ends before the next one begins.
+ * RA4: commands, one level per frame, high at rest: 10 kOhm pull-up to VDD.
+ * Low for 5 frames: stop.
+ */
+#include <xc.h>
+
+#pragma config FOSC = XT, WDTE = OFF, PWRTE = ON, CP = OFF
+#define _XTAL_FREQ 4000000
+
+/* Poses, 6 bytes each, in steps of 1 us from each channel's base width. */
+const unsigned char ROW[] = { 76, 95, 95, 95, 76, 76, 2, 169, 169, 169, 2, 2, 169, 2, 2, 2, 169, 169, 123, 127, 127, 127, 2, 123, 216, 34, 34, 34, 95, 216, 203, 47, 21, 20, 108, 203, 190, 60, 7, 7, 122, 190, 243, 7, 60, 60, 69, 243, 229, 20, 47, 47, 82, 230, 132, 34, 118, 34, 95, 216, 47, 34, 203, 34, 95, 216, 47, 34, 203, 118, 95, 132, 47, 34, 203, 203, 95, 47, 66, 21, 222, 184, 108, 28, 84, 8, 240, 166, 121, 10, 10, 59, 166, 240, 70, 84, 28, 47, 184, 222, 83, 66, 132, 34, 118, 203, 95, 47, 216, 34, 34, 203, 95, 47, 216, 34, 34, 118, 95, 132 };
+
+/* Poses of the ways, to be read forward and backward: where its row is; the legs that it lifts, and in bits 0 and 1
+ * the timing of the step to it from the pose before. */
+const unsigned char SCRIPT[] = { 18, 0, 18, 0, 24, 0, 24, 1, 30, 86, 36, 2, 24, 170, 42, 2, 24, 86, 36, 2, 24, 170, 42, 2, 48, 86, 24, 2, 54, 22, 60, 2, 66, 162, 72, 2, 78, 86, 84, 2, 72, 170, 90, 2, 72, 86, 84, 2, 72, 170, 90, 2, 96, 86, 72, 2, 102, 22, 108, 2, 114, 162, 24, 2 };
+
+/* All else that is constant, in one table. */
+#define BASE_LOW 0   /* the channels' base widths */
+#define BASE_HIGH 12
+#define SLOT_A 24   /* the pins that rise together in a slot */
+#define SLOT_B 31
+#define SLOT_PORT 38   /* its port's address */
+#define SLOT_TICKS 45   /* ticks from the slot before */
+#define SLOT_CHANNEL 52   /* the channel of pin A */
+#define SLOT_OTHER 59   /* and of pin B */
+#define FRAMES 66   /* of a step; 0 is 256 */
+#define SPEED_LOW 69   /* 65536ths of a step in a frame */
+#define SPEED_HIGH 72
+#define HEARING 75   /* for each state the line low, and high */
+#define WAYS 115   /* for standing, and for each way, where its start, its cycle and its stop begin, and its end */
+#define LAW 135   /* weights at each sixteenth of a step */
+const unsigned char CONSTANT[] = { 97, 93, 93, 93, 218, 97, 51, 218, 218, 218, 51, 51, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 0x02, 0x08, 0x20, 0x80, 0x02, 0x08, 0x00, 0x06, 0x06, 0x06, 0x06, 0x05, 0x05, 0x06, 157, 72, 73, 73, 73, 72, 105, 0, 1, 2, 3, 4, 5, 0, 6, 7, 8, 9, 10, 11, 0, 50, 1, 12, 31, 0, 85, 5, 0, 21, 1, 2, 3, 2, 0, 4, 5, 2, 0, 6, 37, 2, 7, 6, 8, 9, 10, 11, 0, 12, 5, 13, 14, 4, 15, 6, 0, 16, 1, 17, 18, 19, 64, 6, 96, 4, 163, 2, 0, 132, 4, 6, 0, 0, 26, 18, 10, 6, 6, 10, 18, 26, 62, 46, 38, 26, 26, 38, 46, 62, 128, 136, 143, 149, 152, 153, 152, 147, 140, 129, 117, 101, 84, 65, 44, 22, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255 };
+
+unsigned char width_low[12], width_high[12];
+
+/* The kernel's. */
+unsigned char pulse_a_lo, pulse_a_hi, pulse_b_lo, pulse_b_hi, mask_a, mask_b, both, port;
+unsigned char target, ahead, overrun, stay, fine, apart, count;
+
+/* Where the motion is: in the script, in the step, and its two poses. */
+unsigned char place, timing, frames, time, time_low, row, next_row;
+unsigned char lifted, next_lifted;
+
+/* The arithmetic's. */
+unsigned char channel, key, next, weight, value, value_low, value_high, bits, sign;
+
+/* Between two frames what the kernel needs in its slots holds weights. */
+#define swing_up pulse_a_lo
+#define swing_down pulse_a_hi
+#define lift_up pulse_b_lo
+#define lift_down pulse_b_hi
+
+/* Twice the number of the way that is commanded, of the one that is walked until its stop, and of the one that was
+ * begun; where its part ends; what was heard of a code. */
+unsigned char wanted, walking, begun, until, heard;
+
+void blend(void)
+{
+    // key * 256 + (next - key) * weight, the product twice where bit 1 of _sign is set: 16 bits.
+    // In: _key, _next, _weight, _sign (bit 0 clear). Out: _value, whole, and _value_low, the fraction.
+    asm("    movf    _key, W");
+    asm("    subwf   _next, W");
+    asm("    btfsc   STATUS, 0");
+    asm("    goto    pl_rising");
+    asm("    sublw   0");   // key - next
+    asm("    bsf     _sign, 0");
+    asm("pl_rising:");
+    asm("    movwf   _value_high");
+    asm("    movf    _weight, W");
+    asm("    movwf   _value_low");
+    asm("    clrf    _value");
+    asm("    movlw   8");
+    asm("    movwf   _count");
+    asm("    movf    _value_high, W");
+    asm("    rrf     _value_low, F");
+    asm("pl_between:");
+    asm("    btfsc   STATUS, 0");
+    asm("    addwf   _value, F");
+    asm("    rrf     _value, F");
+    asm("    rrf     _value_low, F");
+    asm("    decfsz  _count, F");
+    asm("    goto    pl_between");
+    asm("    bcf     STATUS, 0");
+    asm("    btfss   _sign, 1");
+    asm("    goto    pl_once");
+    asm("    rlf     _value_low, F");
+    asm("    rlf     _value, F");
+    asm("pl_once:");
+    asm("    btfss   _sign, 0");
+    asm("    goto    pl_sum");
+    asm("    comf    _value, F");
+    asm("    comf    _value_low, F");
+    asm("    incf    _value_low, F");
+    asm("    btfsc   STATUS, 2");
+    asm("    incf    _value, F");
+    asm("pl_sum:");
+    asm("    movf    _key, W");
+    asm("    addwf   _value, F");
+}
+
+void read_trim(void)
+{
+    // The channel's byte of the data EEPROM (DS35007 section 3.1).
+    asm("    movf    _channel, W");
+    asm("    movwf   EEADR");
+    asm("    bsf     STATUS, 5");   // bank 1
+    asm("    bsf     0x08, 0");   // EECON1, RD
+    asm("    bcf     STATUS, 5");
+    asm("    movf    EEDATA, W");
+    asm("    movwf   _value");
+}
+
+/* One slot, to the cycle. */
+void pulses(void)
+{
+    // One slot of the frame: two servos of one port rise together and fall each at its own cycle.
+    // 
+    // STATUS bit 0 is the carry, bit 2 is zero.
+    // 
+    // In:  _pulse_a, _pulse_b    widths in cycles (_hi, _lo) of the two channels
+    // _mask_a, _mask_b      their pins; the same width and mask 0 where a slot has one channel
+    // _both                 both pins, or 0: no pulses
+    // _port                 the port's address
+    // _target, _ahead       TMR0 at which the slot begins, and the ticks since the slot before
+    // Out: _overrun              bit 0 set where the slot's beginning had passed
+    // 
+    // The sooner pulse's width goes to _pulse_a, the difference to _pulse_b, the pin that stays high to _stay.
+    asm("    movf    _pulse_a_lo, W");
+    asm("    subwf   _pulse_b_lo, F");
+    asm("    movf    _pulse_a_hi, W");
+    asm("    btfss   STATUS, 0");
+    asm("    incfsz  _pulse_a_hi, W");
+    asm("    subwf   _pulse_b_hi, F");
+    asm("    movf    _mask_b, W");
+    asm("    btfsc   STATUS, 0");
+    asm("    goto    pl_sorted");
+    asm("    movf    _pulse_b_lo, W");
+    asm("    addwf   _pulse_a_lo, F");
+    asm("    btfsc   STATUS, 0");
+    asm("    incf    _pulse_a_hi, F");
+    asm("    movf    _pulse_b_hi, W");
+    asm("    addwf   _pulse_a_hi, F");
+    asm("    comf    _pulse_b_lo, F");
+    asm("    comf    _pulse_b_hi, F");
+    asm("    incf    _pulse_b_lo, F");
+    asm("    btfsc   STATUS, 2");
+    asm("    incf    _pulse_b_hi, F");
+    asm("    movf    _mask_a, W");
+    asm("pl_sorted:");
+    asm("    movwf   _stay");
+    asm("    movf    _pulse_b_lo, W");
+    asm("    iorwf   _pulse_b_hi, W");
+    asm("    btfsc   STATUS, 2");
+    asm("    clrf    _stay");   // the same cycle: one write lowers both
+    // The sooner pulse: 32 cycles are the way, the rest is loops of 8 cycles and 0 to 7 cycles in _fine.
+    asm("    movlw   32");
+    asm("    subwf   _pulse_a_lo, F");
+    asm("    btfss   STATUS, 0");
+    asm("    decf    _pulse_a_hi, F");
+    asm("    movf    _pulse_a_lo, W");
+    asm("    movwf   _fine");
+    asm("    rrf     _pulse_a_hi, F");
+    asm("    rrf     _pulse_a_lo, F");
+    asm("    rrf     _pulse_a_hi, F");
+    asm("    rrf     _pulse_a_lo, F");
+    asm("    rrf     _pulse_a_hi, F");
+    asm("    rrf     _pulse_a_lo, F");
+    asm("    movlw   0x1F");
+    asm("    andwf   _pulse_a_hi, F");
+    asm("    incf    _pulse_a_lo, F");
+    asm("    incf    _pulse_a_hi, F");
+    // The difference d. _apart: bits 0 to 2 are (d - 2) mod 8, bit 3 d = 1, bit 4 d < 10, bit 5 d < 18.
+    asm("    movlw   2");
+    asm("    subwf   _pulse_b_lo, F");
+    asm("    movlw   1");
+    asm("    btfss   STATUS, 0");
+    asm("    subwf   _pulse_b_hi, F");
+    asm("    btfsc   STATUS, 0");
+    asm("    goto    pl_apart");
+    asm("    movlw   0x10");   // d = 0
+    asm("    btfsc   _pulse_b_lo, 0");
+    asm("    movlw   0x08");   // d = 1
+    asm("    movwf   _apart");
+    asm("    clrf    _pulse_b_lo");
+    asm("    clrf    _pulse_b_hi");
+    asm("    goto    pl_loops");
+    asm("pl_apart:");
+    asm("    movf    _pulse_b_lo, W");
+    asm("    andlw   7");
+    asm("    movwf   _apart");
+    asm("    rrf     _pulse_b_hi, F");
+    asm("    rrf     _pulse_b_lo, F");
+    asm("    rrf     _pulse_b_hi, F");
+    asm("    rrf     _pulse_b_lo, F");
+    asm("    rrf     _pulse_b_hi, F");
+    asm("    rrf     _pulse_b_lo, F");
+    asm("    movlw   0x1F");
+    asm("    andwf   _pulse_b_hi, F");
+    asm("    movlw   2");
+    asm("    subwf   _pulse_b_lo, F");
+    asm("    movlw   1");
+    asm("    btfss   STATUS, 0");
+    asm("    subwf   _pulse_b_hi, F");
+    asm("    btfsc   STATUS, 0");
+    asm("    goto    pl_loops");
+    asm("    movlw   0x10");
+    asm("    btfsc   _pulse_b_lo, 0");
+    asm("    movlw   0x20");
+    asm("    iorwf   _apart, F");
+    asm("    clrf    _pulse_b_lo");
+    asm("    clrf    _pulse_b_hi");
+    asm("pl_loops:");
+    asm("    clrwdt");   // a watchdog that was left on is cleared before the pulses and after them
+    asm("    incf    _pulse_b_lo, F");
+    asm("    incf    _pulse_b_hi, F");
+    asm("    movf    _port, W");
+    asm("    movwf   FSR");
+    // Is the beginning still to come? Then less than _ahead ticks have passed since the slot before: a carry.
+    asm("    movf    _target, W");
+    asm("pl_check:");
+    asm("    subwf   TMR0, W");
+    asm("    addwf   _ahead, W");
+    asm("    btfss   STATUS, 0");
+    asm("    bsf     _overrun, 0");
+    // The lock. The poll sees TMR0 = _target 0 to 4 cycles after it came about, 3 where the look above was in the
+    // last cycle before it. A tick is 32 cycles.
+    asm("pl_poll:");
+    asm("    movf    TMR0, W");   // cycle 0 to 4 of the tick
+    asm("    xorwf   _target, W");
+    asm("    btfss   STATUS, 2");
+    asm("    goto    pl_poll");
+    asm("    incf    _target, F");   // 4
+    asm("    movlw   7");
+    asm("    movwf   _count");
+    asm("pl_pad1:");
+    asm("    decfsz  _count, F");
+    asm("    goto    pl_pad1");
+    asm("    goto    $+1");
+    asm("    movf    _target, W");   // 29
+    asm("    subwf   TMR0, W");   // 30: the next tick has come where the poll was 2 to 4 late
+    asm("    btfss   STATUS, 2");
+    asm("    goto    $+1");
+    asm("    btfss   STATUS, 2");
+    asm("    goto    $+1");
+    asm("    incf    _target, F");   // 37, 0 to 2 late
+    asm("    movlw   7");
+    asm("    movwf   _count");
+    asm("pl_pad2:");
+    asm("    decfsz  _count, F");
+    asm("    goto    pl_pad2");
+    asm("    goto    $+1");
+    asm("    movf    _target, W");   // 62
+    asm("    subwf   TMR0, W");   // 63: come where 1 or 2 late
+    asm("    btfss   STATUS, 2");
+    asm("    goto    $+1");
+    asm("    incf    _target, F");   // 67, 0 or 1 late
+    asm("    movlw   8");
+    asm("    movwf   _count");
+    asm("pl_pad3:");
+    asm("    decfsz  _count, F");
+    asm("    goto    pl_pad3");
+    asm("    nop");
+    asm("    movf    _target, W");   // 94
+    asm("    subwf   TMR0, W");   // 95: come where 1 late
+    asm("    btfss   STATUS, 2");
+    asm("    goto    $+1");
+    // Cycle 99 after the beginning, always.
+    asm("    movf    _both, W");
+    asm("    btfsc   STATUS, 2");
+    asm("    goto    pl_done");   // no pulses
+    asm("    movwf   INDF");   // both rise: cycle 0
+    asm("    movf    _stay, W");
+    asm("    btfsc   _fine, 0");
+    asm("    goto    $+1");
+    asm("    btfsc   _fine, 1");
+    asm("    goto    $+1");
+    asm("    btfsc   _fine, 1");
+    asm("    goto    $+1");
+    asm("    btfss   _fine, 2");
+    asm("    goto    pl_loop1");
+    asm("    goto    $+1");
+    asm("    goto    $+1");
+    asm("    nop");
+    asm("pl_loop1:");
+    asm("    goto    $+1");
+    asm("    nop");
+    asm("    decfsz  _pulse_a_lo, F");
+    asm("    goto    $+2");
+    asm("    decfsz  _pulse_a_hi, F");
+    asm("    goto    pl_loop1");
+    // 14 cycles to the first fall, whatever the way. W keeps the pin that stays high.
+    asm("    btfsc   _apart, 3");
+    asm("    goto    pl_one");
+    asm("    btfss   _apart, 0");
+    asm("    goto    $+1");
+    asm("    btfss   _apart, 2");
+    asm("    goto    pl_0to3");
+    asm("    nop");
+    asm("    btfss   _apart, 1");
+    asm("    goto    pl_4or5");
+    asm("    nop");
+    asm("    btfss   _apart, 0");
+    asm("    goto    pl_6");
+    asm("    goto    pl_7");
+    asm("pl_4or5:");
+    asm("    btfss   _apart, 0");
+    asm("    goto    pl_4");
+    asm("    goto    pl_5");
+    asm("pl_0to3:");
+    asm("    btfss   _apart, 1");
+    asm("    goto    pl_0or1");
+    asm("    nop");
+    asm("    btfss   _apart, 0");
+    asm("    goto    pl_2");
+    asm("    goto    pl_3");
+    asm("pl_0or1:");
+    asm("    btfss   _apart, 0");
+    asm("    goto    pl_0");
+    asm("    goto    pl_1");
+    asm("pl_one:");
+    asm("    goto    $+1");
+    asm("    goto    $+1");
+    asm("    goto    $+1");
+    asm("    goto    $+1");
+    asm("    goto    $+1");
+    asm("    nop");
+    asm("    movwf   INDF");   // the first fall
+    asm("    clrf    INDF");   // the other, the next cycle
+    asm("    goto    pl_done");
+    // The first fall; writing the same again changes no pin, and takes the cycles.
+    asm("pl_7:");
+    asm("    movwf   INDF");
+    asm("pl_6:");
+    asm("    movwf   INDF");
+    asm("pl_5:");
+    asm("    movwf   INDF");
+    asm("pl_4:");
+    asm("    movwf   INDF");
+    asm("pl_3:");
+    asm("    movwf   INDF");
+    asm("pl_2:");
+    asm("    movwf   INDF");
+    asm("pl_1:");
+    asm("    movwf   INDF");
+    asm("pl_0:");
+    asm("    movwf   INDF");
+    asm("    btfsc   _apart, 4");
+    asm("    clrf    INDF");   // 2 to 9 cycles after the first fall
+    asm("    goto    $+1");
+    asm("    goto    $+1");
+    asm("    goto    $+1");
+    asm("    btfsc   _apart, 5");
+    asm("    clrf    INDF");   // 10 to 17
+    asm("pl_loop2:");
+    asm("    goto    $+1");
+    asm("    nop");
+    asm("    decfsz  _pulse_b_lo, F");
+    asm("    goto    $+2");
+    asm("    decfsz  _pulse_b_hi, F");
+    asm("    goto    pl_loop2");
+    asm("    clrf    INDF");   // 18 and more
+    asm("pl_done:");
+    asm("    clrwdt");
+    asm("    movlw   3");
+    asm("    subwf   _target, F");   // where the lock began
+}
+
+/* The weight of the time `bits` by the law at CONSTANT[next], in value. */
+void weigh(void)
+{
+    next += bits >> 4;
+    key = CONSTANT[next];
+    next++;
+    next = CONSTANT[next];
+    weight = bits << 4;
+    sign = 0;
+    blend();
+}
+
+/* The width of a channel, in key and next, by a weight between two bytes of poses, at key and next in ROW. */
+void make_width(void)
+{
+    key = ROW[key];
+    next = ROW[next];
+    blend();
+    asm("    clrf    _value_high");
+    next = CONSTANT[BASE_LOW + channel];
+    key = CONSTANT[BASE_HIGH + channel];
+    next += value;
+    if (next < value)
+        key++;
+    key += value_high;
+    read_trim();
+    if (value != 0xFF) {
+        next += value;
+        if (next < value)
+            key++;
+        if (value & 0x80)
+            key--;
+    }
+}
+
+/* The widths of this frame. */
+void make_widths(void)
+{
+    unsigned char leg, at;
+
+    bits = time;
+    next = 135;
+    weigh();
+    swing_up = value;
+    next = 152;
+    weigh();
+    lift_up = value;
+    bits = ~time;
+    next = 135;
+    weigh();
+    swing_down = value;
+    next = 152;
+    weigh();
+    lift_down = value;
+    leg = 4;
+    for (channel = 0; channel < 6; channel++) {
+        sign = 0;
+        key = row + channel;
+        next = next_row + channel;
+        weight = time;
+        if (next_lifted & leg) {
+            at = key;
+            key = next;
+            next = at;
+            weight = swing_up;
+            sign = 2;
+        } else if (lifted & leg) {
+            weight = swing_down;
+            sign = 2;
+        }
+        make_width();
+        width_low[channel] = next;
+        width_high[channel] = key;
+        leg <<= 1;
+    }
+    leg = 4;
+    for (channel = 6; channel < 12; channel++) {
+        sign = 0;
+        key = channel + 250;
+        next = channel + 0;
+        weight = 0;
+        if (next_lifted & leg)
+            weight = lift_up;
+        else if (lifted & leg)
+            weight = lift_down;
+        if (place <= 4) {
+            next = key;
+            key = channel + 6;
+            if (place == 4)
+                weight = time;
+        }
+        make_width();
+        width_low[channel] = next;
+        width_high[channel] = key;
+        leg <<= 1;
+    }
+}
+
+/* The line after a frame: for each state and level, CONSTANT has the next state, or a command beside it. */
+void listen(void)
+{
+    heard <<= 1;
+    if (PORTA & 0x10)
+        heard++;
+    heard = CONSTANT[HEARING + heard];
+    if (heard & 0xE0) {
+        wanted = heard >> 4;
+        wanted &= 0x0E;
+        wanted -= 2;
+        heard &= 0x1F;
+    }
+}
+
+/* On to the next pose of the chain. */
+void next_step(void)
+{
+    row = next_row;
+    lifted = next_lifted;
+    if (place == until) {
+        key = 0;
+        if (walking == 0) {                 /* it stands: what is commanded begins */
+            walking = wanted;
+            begun = wanted;
+        } else {
+            key++;                          /* the cycle, again */
+            if (walking != wanted) {
+                key++;                      /* the stop */
+                walking = 0;
+            }
+        }
+        key += begun;
+        key += begun;
+        place = CONSTANT[WAYS + key];
+        until = CONSTANT[WAYS + 1 + key];
+    }
+    if ((begun & 2) == 0)
+        place += 2;
+    timing = SCRIPT[place + 1];
+    if (begun & 2)
+        place -= 2;               /* backward */
+    next_row = SCRIPT[place];
+    next_lifted = SCRIPT[place + 1];
+    timing &= 3;
+    frames = CONSTANT[FRAMES + timing];
+    time = 0;
+    time_low = 128;
+}
+
+/* On to the next frame. */
+void step(void)
+{
+    unsigned char more;
+
+    more = CONSTANT[SPEED_LOW + timing];
+    time_low += more;
+    if (time_low < more)
+        time++;
+    time += CONSTANT[SPEED_HIGH + timing];
+    frames--;
+    if (frames == 0)
+        next_step();
+}
+
+/* All slots of a frame. */
+void play(void)
+{
+    unsigned char slot, at;
+
+    for (slot = 0; slot < 7; slot++) {
+        at = CONSTANT[SLOT_CHANNEL + slot];
+        mask_a = CONSTANT[SLOT_A + slot];
+        mask_b = CONSTANT[SLOT_B + slot];
+        port = CONSTANT[SLOT_PORT + slot];
+        ahead = CONSTANT[SLOT_TICKS + slot];
+        target += ahead;
+        both = mask_a | mask_b;
+        pulse_a_lo = width_low[at];
+        pulse_a_hi = width_high[at];
+        at = CONSTANT[SLOT_OTHER + slot];
+        pulse_b_lo = width_low[at];
+        pulse_b_hi = width_high[at];
+        pulses();
+    }
+}
+
+void main(void)
+{
+    PORTA = 0x00;
+    PORTB = 0x00;
+    TRISA = 0x10;
+    TRISB = 0x00;
+    OPTION_REG = 0x84;   /* TMR0 counts cycles, 1:32 */
+    TMR0 = 0;   /* unknown at power-up */
+    overrun = 0;
+    heard = 0;
+    wanted = 0;
+    walking = 0;
+    begun = 0;
+    until = 4;
+    place = 254;
+    next_step();
+    next_step();
+    target = TMR0;
+    while (1) {
+        make_widths();
+        play();
+        listen();
+        step();
+    }
+}

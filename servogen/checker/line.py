@@ -1,0 +1,68 @@
+"""What a line commands, by "Walk on command" of docs/firmware.md: which way, and which frame comes next.
+
+In: the commands of schedule.json. Out: a `Line`. What was heard is a number, as docs/proof.md lists them: 0
+at rest; a 1 before the levels since a start, as a binary number; 64 + n or 128 + n after n equal levels that
+are no code, off rest or at rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+OFF, ON = 64, 128
+POWER_UP = OFF + 1
+
+
+@dataclass(frozen=True)
+class Line:
+    pin: int
+    rest: str
+    """The level at rest."""
+    rest_frames: int
+    stop_frames: int
+    codes: list[str]
+    """Of the ways, which are numbered from 1 on."""
+    parts: list[tuple[int, int, int, int]]
+    """Of the stance and of each way, the first frames of start, cycle and stop, and the frame after it."""
+
+    def hear(self, heard: int, wanted: int, level: int) -> tuple[int, int]:
+        """Return what is heard, and what is commanded, after another level."""
+        bit = str(level)
+        code = heard != 0 and heard < OFF
+        if heard == 0 and bit == self.rest:
+            return 0, wanted
+        if heard == 0:
+            return 1, wanted
+        if code:
+            levels = bin(heard)[3:] + bit
+            if levels in self.codes:
+                wanted = self.codes.index(levels) + 1
+            elif any(each[: len(levels)] == levels for each in self.codes):
+                return heard * 2 + level, wanted
+            history = "10"[int(self.rest)] + levels
+        else:
+            count, latest = (heard - ON, self.rest) if heard >= ON else (heard - OFF, "10"[int(self.rest)])
+            history = latest * count + bit
+        run = 1
+        while run < len(history) and history[-1 - run] == bit:
+            run += 1
+        if bit == self.rest:
+            return (0 if run >= self.rest_frames else ON + run), wanted
+        if run >= self.stop_frames:
+            return OFF + self.stop_frames - 1, 0
+        return OFF + run, wanted
+
+    def after(self, frame: int, wanted: int) -> int:
+        """Return the frame that follows, whose part is the next one where `frame` is the last of its part."""
+        stance = self.parts[0]
+        if frame + 1 < stance[0]:
+            return frame + 1
+        if frame + 1 == stance[0] or frame + 1 == stance[3]:
+            return self.parts[wanted][0]
+        for way, (start, cycle, stop, end) in enumerate(self.parts):
+            if way and start <= frame < end:
+                if frame + 1 in (cycle, stop):
+                    return cycle if wanted == way else stop
+                if frame + 1 == end:
+                    return self.parts[wanted][0]
+        return frame + 1

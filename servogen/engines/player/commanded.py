@@ -1,0 +1,248 @@
+"""A walk on command as the player plays it: its ways as one chain of poses, read forward and backward.
+
+In: the stance and the ways of a walk, its servos, and the frame. Out: `Playing`, whose schedule is the robot
+that stands while the line is at rest, with the frames of every way; and a schedule of all these frames.
+
+      lead-in    forward ──▶                    left ──▶
+    ●────●────●─●───────●──────────●──────●───────●──────────●──────●
+              │ │ start │  cycle   │ stop │ start │  cycle   │ stop │
+           stance                 ◀── back                ◀── right
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from servogen.engines.firmware import ResourceError
+from servogen.engines.player.commands import (
+    CODES,
+    ENTRY,
+    IDLE_LEVEL,
+    REST_FRAMES,
+    STOP_FRAMES,
+    Chain,
+    CommandLine,
+)
+from servogen.engines.player.encoding import Encoded, row_table
+from servogen.engines.player.layout import Used, layout
+from servogen.engines.player.legs import (
+    LONGEST,
+    MOST_LEGS,
+    KeyedWalk,
+    keyed_walk,
+    played_steps,
+    walk_events,
+)
+from servogen.engines.player.playing import (
+    NEAR,
+    Playing,
+    ideal_widths,
+    leg_channels,
+    plan_error_of,
+    rows_of,
+    runs_of,
+    warnings_of,
+)
+from servogen.engines.player.script import LEGS_TIMINGS, MOST_BYTES, Script, Step
+from servogen.errors import InputError
+from servogen.motion.gait.commands import CommandedWay
+from servogen.motion.trajectory import JointTrajectory
+from servogen.pulse.plan import PulsePlan
+from servogen.pulse.schedule import Channel, CommandRule, Input, PulseSchedule, Run, WayRuns
+from servogen.pulse.slots import Frame
+from servogen.robot.binding import Binding
+from servogen.robot.servo import Servo
+from servogen.units import Cycles
+
+
+@dataclass(frozen=True, slots=True)
+class _Cuts:
+    """Where a way that is read forward begins, its cycle begins and ends, and the way ends."""
+
+    first: int
+    begin: int
+    end: int
+    last: int
+
+    @property
+    def forward(self) -> tuple[int, int, int, int]:
+        return self.first, self.begin, self.end, self.last
+
+    @property
+    def backward(self) -> tuple[int, int, int, int]:
+        return self.last, self.end, self.begin, self.first
+
+
+def commanded(
+    lead_in: JointTrajectory,
+    ways: Sequence[CommandedWay],
+    line: CommandLine,
+    servos: Sequence[Servo],
+    bindings: Sequence[Binding],
+    frame: Frame,
+    soft: Sequence[int],
+    most_bytes: int,
+) -> tuple[Playing, PulseSchedule]:
+    """Return how the player plays a walk on command, and a schedule of all frames that it can play.
+
+    `lead_in` ends with one frame of the stance, `soft` are the frames at which parts of it end. The playing's
+    trajectory is that of the second schedule: the lead-in, the stance, and way after way. Raises InputError.
+    """
+    clock = lead_in.clock
+    stance = len(lead_in.angles) - 1
+    whole = np.vstack((lead_in.angles, *(way.angles[:-1] for way in ways)))
+    tour = replace(lead_in, angles=whole, loop_start=stance)
+    ideal = ideal_widths(tour, servos, clock)
+    encoded, chain = _encoded(lead_in, ways, line, servos, bindings, soft, most_bytes)
+    widths = encoded.widths
+    used = [Used(Cycles(int(each.min())), Cycles(int(each.max()))) for each in widths.T]
+    slots = layout(servos, used, frame, clock, encoded.scale.shift, legs=True)
+    rises = [slots.rise(channel) for channel in range(len(servos))]
+
+    def runs(first: int, end: int) -> tuple[Run, ...]:
+        return tuple(runs_of(widths[first:end], np.ones(end - first, dtype=bool), rises))
+
+    published = []
+    at = stance + 1
+    for way in ways:
+        first, begin, end, last = (at + row for row in (0, way.first, way.end, len(way.angles) - 1))
+        parts = runs(first, begin), runs(begin, end), runs(end, last)
+        published.append(WayRuns(way.name, CODES[way.name], *parts))
+        at = last
+    schedule = PulseSchedule(
+        clock,
+        slots.period,
+        tuple(Channel(servo.name, servo.pin, servo.model.name) for servo in servos),
+        runs(0, stance),
+        runs(stance, stance + 1),
+        inputs=(Input(line.pin, IDLE_LEVEL),),
+        plan_error=plan_error_of(tour, servos, widths, ideal, clock),
+        commands=CommandRule(Input(line.pin, IDLE_LEVEL), REST_FRAMES, STOP_FRAMES, tuple(published)),
+    )
+    played = replace(schedule, loop=runs(stance, len(widths)), inputs=(), commands=None)
+    warnings = warnings_of(tour, servos, frame, slots)
+    plan = PulsePlan(schedule, tuple(rows_of(servos, widths, ideal, clock)), warnings)
+    return Playing(tour, plan, slots, encoded, chain), played
+
+
+def _encoded(
+    lead_in: JointTrajectory,
+    ways: Sequence[CommandedWay],
+    line: CommandLine,
+    servos: Sequence[Servo],
+    bindings: Sequence[Binding],
+    soft: Sequence[int],
+    most_bytes: int,
+) -> tuple[Encoded, Chain]:
+    """Return the first encoding that the tables hold, or the smallest. Raises InputError."""
+    pairs = leg_channels(servos, bindings)
+    read = ways[::2]
+    """The ways that are read forward."""
+    angles = [lead_in.angles, read[0].angles, *(way.angles[1:] for way in read[1:])]
+    # The last frame stands twice: events need a frame after them.
+    chained = replace(lead_in, angles=np.vstack((*angles, angles[-1][-1:])))
+    rows = ideal_widths(chained, servos, lead_in.clock)
+    cuts, at = [], len(lead_in.angles)
+    for way in read:
+        cuts.append(_Cuts(at, at + way.first, at + way.end, at + len(way.angles) - 1))
+        at = cuts[-1].last
+    walk = None
+    if 2 * len(pairs) == rows.shape[1] and len(pairs) <= MOST_LEGS:
+        walk = walk_events(rows, soft, pairs, [each for cut in cuts for each in cut.forward])
+    wanted = [2 * each for cut in cuts for each in cut.forward]
+    if walk is None or any(event % 2 for event in walk.events) or not {*wanted} <= {*walk.events}:
+        raise InputError(
+            "engine-unsupported",
+            "the player walks on command only where feet lift and land together: a leg of this gait lifts or "
+            "lands while another one is on its way",
+            hint='gait = "tripod"',
+        )
+    if soft and max(soft[0], soft[-1] - soft[0]) > LONGEST:
+        raise InputError(
+            "engine-unsupported", f"a soft start of more than {LONGEST} frames", hint="shorten it"
+        )
+    smallest: tuple[Encoded, Chain] | None = None
+    for near in NEAR:
+        made = _with_rows(keyed_walk(walk, wanted[-1], near), ways, cuts, line, len(lead_in.angles) - 1, soft)
+        if smallest is None or made[0].size < smallest[0].size:
+            smallest = made
+        if made[0].size <= most_bytes:
+            return made
+    assert smallest is not None
+    return smallest
+
+
+def _with_rows(
+    keyed: KeyedWalk,
+    ways: Sequence[CommandedWay],
+    cuts: Sequence[_Cuts],
+    line: CommandLine,
+    stance: int,
+    soft: Sequence[int],
+) -> tuple[Encoded, Chain]:
+    """Return the encoding with the rows of `keyed`. Raises ResourceError where no table holds it."""
+    steps = list(keyed.steps)
+    entry = {event // 2: number for number, event in enumerate(keyed.events)}
+    # What the chip reaches in two ways is one pose.
+    for one, other in [(each.begin, each.end) for each in cuts] + [
+        (stance, mark) for each in cuts for mark in (each.first, each.last)
+    ]:
+        steps[entry[other]] = replace(steps[entry[other]], row=steps[entry[one]].row)
+        assert steps[entry[other]].lifted == steps[entry[one]].lifted
+    columns = len(keyed.legs.turns)
+    rows = row_table(keyed.rows)
+    timings = tuple(dict.fromkeys(step.timing for step in steps))
+    data = b"".join(
+        bytes((step.row * columns, step.lifted << 2 | timings.index(step.timing))) for step in steps
+    )
+    if len(timings) > LEGS_TIMINGS + 1 or len(data) > MOST_BYTES:
+        raise ResourceError(
+            "does-not-fit",
+            f"the walk on command has {len(data)} bytes of steps with {len(timings)} timings: the player "
+            f"holds {MOST_BYTES} and {LEGS_TIMINGS + 1}",
+        )
+    places = [entry[stance], entry[stance + 1], 0, 0]
+    sequences = [steps[: entry[stance] + 1]] if entry[stance] else []
+    sequences.append(_read(steps, *places[:2]))
+    places_of: list[list[int]] = []
+    for cut in cuts:
+        for marks in (cut.forward, cut.backward):
+            found = [entry[mark] for mark in marks]
+            places_of.append(found)
+            sequences += [_read(steps, *pair) for pair in pairwise(found)]
+    values = [
+        played_steps(part, rows, keyed.laws, keyed.legs, soft=bool(soft) and number == 0)
+        for number, part in enumerate(sequences)
+    ]
+    widths = keyed.scale.widths(np.concatenate(values))
+    encoded = Encoded(
+        keyed.scale,
+        rows,
+        keyed.laws,
+        Script(data, 0, timings, ENTRY * entry[stance]),
+        keyed.legs,
+        np.arange(len(widths)),
+        widths,
+        np.zeros(len(widths), dtype=bool),
+        stance,
+    )
+    order = [number ^ 1 for number in range(len(ways))]
+    places += [place for number in order for place in places_of[number]]
+    names = tuple(ways[number].name for number in order)
+    return encoded, Chain(line, names, tuple(ENTRY * place for place in places), ENTRY * entry[stance])
+
+
+def _read(steps: Sequence[Step], first: int, last: int) -> list[Step]:
+    """Return the steps from one pose of the chain to another, backward where that is before it.
+
+    The timing of the step between two poses is that of the later pose.
+    """
+    if first <= last:
+        return list(steps[first : last + 1])
+    poses = range(first, last - 1, -1)
+    timings = [steps[first].timing, *(steps[pose].timing for pose in poses)]
+    return [replace(steps[pose], timing=timing) for pose, timing in zip(poses, timings, strict=False)]

@@ -1,0 +1,132 @@
+"""Codes that command a walk, as the player hears them: one level of the line per frame, after its last slot.
+
+In: the names of ways. Out: their codes, and the table with which the chip follows the line.
+
+    line   ▔▔▔▔▔▁▁▁▔▔▔▁▁▁▔▔▔▁▁▁▔▔▔▔▔▔▔      high at rest; each level lasts one frame
+                s  0  1  0  1  0  rest      a start, the five levels of a way, three frames of rest
+
+Other levels change nothing. Low for `STOP_FRAMES` frames is the command to stop, whatever came before: a line
+that is broken or held low ends the walk.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from servogen.motion.gait.commands import STRAIGHT, TURN
+
+REST_FRAMES = 3
+"""A start counts after the line has been high for so many frames; in a code it never is for more than two."""
+
+STOP_FRAMES = 5
+"""In a code the line is low for at most three frames, and for four if one of its levels is wrong."""
+
+CODES: Mapping[str, str] = MappingProxyType(
+    dict(zip((*STRAIGHT, *TURN), ("01010", "00110", "11000", "11011"), strict=True))
+)
+"""The levels after the start. One level that is wrong, missing or doubled makes no other way's code: of the
+codes of five levels of which that is true, these have the fewest states.
+"""
+
+CODE_LEVELS = 5
+
+IDLE_LEVEL = 1
+
+STOP_BYTE = 0x00
+"""At 8N1: nine low frames."""
+
+
+@dataclass(frozen=True, slots=True)
+class CommandLine:
+    """The input for codes."""
+
+    pin: str
+
+    def text(self) -> tuple[str, str]:
+        """Return the wiring of the pin, for the person who wires it, and how it is read."""
+        return (
+            f"{self.pin}: commands, one level per frame, high at rest: 10 kOhm pull-up to VDD.",
+            f"Low for {STOP_FRAMES} frames: stop.",
+        )
+
+
+ENTRY = 2
+"""Bytes of a pose in the script: the place of its row; its lifted legs and the timing of the step to it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Chain:
+    """The ways of a walk as places in the script, four each: where its start begins, its cycle, its stop, and
+    where it ends. The first four are of standing, which has a start only.
+
+    Of the ways the first, the third … are read backward, the others and standing forward.
+    """
+
+    line: CommandLine
+    names: tuple[str, ...]
+    places: tuple[int, ...]
+    stance: int
+    """The place at which the lead-in ends."""
+
+
+def uart_byte(name: str | None) -> int:
+    """Return the byte that sends a way's code over a UART whose bit lasts one frame, 8N1; None: stop."""
+    if name is None:
+        return STOP_BYTE
+    levels = CODES[name].ljust(8, "1")
+    return sum(int(level) << bit for bit, level in enumerate(levels))
+
+
+COMMAND_SHIFT = 5
+"""In the table: a command is left of the next state, 0 for none, 1 to stop, 2 for the first way."""
+
+
+def hearing_table(names: Sequence[str]) -> bytes:
+    """Return for each state, and the line low or high, what follows; way n of `names` is n + 1.
+
+    The first state is that of power-up.
+    """
+    codes = {CODES[name]: number + 1 for number, name in enumerate(names)}
+    states: list[str] = ["0"]
+    rows: list[tuple[int, int]] = []
+    while len(rows) < len(states):
+        row = []
+        for level in "01":
+            state, way = _heard(states[len(rows)], level, codes)
+            if state not in states:
+                states.append(state)
+            row.append(states.index(state) | (0 if way is None else way + 1 << COMMAND_SHIFT))
+        rows.append((row[0], row[1]))
+    return bytes(each for row in rows for each in row)
+
+
+IDLE = "idle"
+
+
+def _heard(state: str, level: str, codes: Mapping[str, int]) -> tuple[str, int | None]:
+    """Return the state after another level, and the number of a way that is commanded by it, 0 to stop.
+
+    A state is `IDLE`, "s" and the levels since a start, or else the latest equal levels.
+    """
+    if state == IDLE:
+        return (IDLE if level == "1" else "s"), None
+    if state.startswith("s"):
+        levels = state[1:] + level
+        if any(code.startswith(levels) for code in codes):
+            if len(levels) < CODE_LEVELS:
+                return f"s{levels}", None
+            return _latest("0" + levels), codes[levels]
+        state = "0" + state[1:]
+    after = _latest(state + level)
+    if after == "1" * REST_FRAMES:
+        return IDLE, None
+    if after == "0" * STOP_FRAMES:
+        return after[1:], 0
+    return after, None
+
+
+def _latest(levels: str) -> str:
+    """Return the equal levels at the end."""
+    return levels[len(levels.rstrip(levels[-1])) :]

@@ -1,0 +1,58 @@
+"""Walks on command: ways of a walking robot, each as start, cycle and stop, from its stance to its stance.
+
+In: nothing. Out: `CommandedWay`, which `job` plans and the player puts on the chip.
+
+    stance ─▶ start ─▶ cycle ─▶ cycle … ─▶ stop ─▶ stance      backward: the same angles, the last first
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from servogen.errors import InputError
+from servogen.motion.trajectory import Floats
+
+STRAIGHT, TURN = ("forward", "back"), ("left", "right")
+"""The names of the ways: each pair is one walk, forward and backward."""
+
+SAME_RAD = 1e-6
+"""Angles of two walks that differ by less are equal."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CommandedWay:
+    """`angles` (frames + 1, servos) from the stance to the stance, which the last row is.
+
+    Rows `first` up to `end` are one cycle; the rows before are the start, those after the stop.
+    """
+
+    name: str
+    angles: Floats
+    first: int
+    end: int
+
+    def reversed(self, name: str) -> CommandedWay:
+        """Return the way walked backward: feet that lifted land, and the other way round."""
+        last = len(self.angles) - 1
+        return CommandedWay(name, self.angles[::-1], last - self.end, last - self.first)
+
+
+def commanded_way(name: str, endless: Floats, loop_start: int, walks: Iterable[Floats]) -> CommandedWay:
+    """Return a way from a walk without an end and `walks` of 1, 2, … cycles, frames by servos.
+
+    Raises InputError if no walk goes on as the endless one does.
+    """
+    for angles in walks:
+        last = len(angles) - 1
+        while last and np.allclose(angles[last - 1], angles[-1], atol=SAME_RAD):
+            last -= 1
+        whole = angles[: last + 1]
+        if len(whole) > len(endless) and np.allclose(whole[: len(endless)], endless, atol=SAME_RAD):
+            # Between a step on the spot and a walk the robot stands for a frame, which is left out.
+            moves = np.append(True, np.abs(np.diff(whole, axis=0)).max(axis=1) > SAME_RAD)
+            first, end = (int(moves[1 : row + 1].sum()) for row in (loop_start, len(endless)))
+            return CommandedWay(name, whole[moves], first, end)
+    raise InputError("endless-motion", "the walk cannot be stopped: its gait leaves a leg behind")
