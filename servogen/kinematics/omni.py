@@ -37,7 +37,7 @@ from servogen.errors import InputError, did_you_mean
 from servogen.kinematics.mobility import IN_PLANE, Mobility, manoeuvrability
 from servogen.kinematics.protocol import Answer, Directions, Kind, Stretch
 from servogen.kinematics.transforms import Complexes, Floats
-from servogen.robot.arm_file import Find, RobotTable
+from servogen.robot.arm_file import MAX_GRAMS, Find, RobotTable, kilograms
 from servogen.robot.model import Dimensions, Limb
 from servogen.toml.file import Document
 
@@ -63,6 +63,8 @@ class OmniBase:
     sensors: int = 0
     dimensions: Dimensions = "user"
     source: str = ""
+    mass: float | None = None
+    """Of the whole robot, kg; None: not stated."""
 
     @property
     def limbs(self) -> tuple[Limb, ...]:
@@ -305,6 +307,7 @@ class OmniTable(RobotTable):
     gear: float = Field(default=1.0, gt=0)
     counts_per_turn: int = Field(default=1, gt=0)
     sensors: int = Field(default=0, ge=0)
+    mass_g: float | None = Field(default=None, gt=0, le=MAX_GRAMS)
 
 
 def _read(document: Document, table: OmniTable, find: Find) -> OmniBase:
@@ -318,6 +321,7 @@ def _read(document: Document, table: OmniTable, find: Find) -> OmniBase:
         sensors=table.sensors,
         dimensions=table.dimensions,
         source=table.source,
+        mass=kilograms(table.mass_g, None),
     )
 
 

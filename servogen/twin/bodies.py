@@ -20,19 +20,15 @@ import numpy as np
 from servogen.errors import InputError
 from servogen.kinematics.hexapod import Hexapod
 from servogen.kinematics.leg import Leg
+from servogen.kinematics.omni import OmniBase
 from servogen.kinematics.statics import GRAVITY
 from servogen.motion.loads import MIN_LEGS
-from servogen.robot.model import Mount, Robot
+from servogen.robot.model import Arm, Mount, Robot
+from servogen.twin.chains import CONTACT, STIFF, add_arm, add_omni
 from servogen.twin.ground import ROUGH_HALF_M, Ground
 
 STEP_S = 0.001
 """The physics' step."""
-
-CONTACT: Mapping[str, str] = {"solref": "0.004 1", "solimp": "0.95 0.99 0.0005"}
-"""Contacts that pass the oracles of docs/twin.md at steps of 1 ms, with elliptic cones and impratio 10."""
-
-STIFF: Mapping[str, str] = {"solref": "0.002 1", "solimp": "0.99 0.999 0.0001"}
-"""Of the equality that holds a foot part vertical: the shortest time that a step of 1 ms can follow."""
 
 ASSUMED_MASS_KG = 0.64
 """Of a six-legged robot whose file states no mass: twelve servos of 17 g, and twice as much for the rest."""
@@ -77,8 +73,8 @@ class Bodies:
 
 @dataclass(frozen=True, slots=True)
 class Variation:
-    """Deviations of one specimen: the factor of each foot's friction, an offset of the body's centre of
-    mass in metres, and legs that are broken off at the coxa.
+    """Deviations of one specimen: the factor of each foot's friction, an offset of the body's centre of mass
+    in metres, what an arm's tool carries in kg (None: as the robot's file says).
     """
 
     foot_friction: tuple[float, ...] = ()
@@ -99,13 +95,25 @@ def bodies(
     Raises InputError for a robot that has no model of its bodies.
     """
     root, world = document(robot.name, ground, step_s)
+    servos = {each.joint: each for each in actuators}
+
+    def add_joint(
+        body: xml.Element, name: str, axis: Sequence[float], lower: float, upper: float, kind: str
+    ) -> None:
+        _joint(body, name, axis, lower, upper, servos, kind)
+
     if isinstance(robot, Hexapod):
         assumptions, mass = _hexapod(root, world, robot, actuators, ground, variation, held_at)
+    elif isinstance(robot, Arm):
+        driven = frozenset(each.joint for each in actuators) if actuators else None
+        assumptions, mass = add_arm(root, world, robot, add_joint, driven, variation.payload)
+    elif isinstance(robot, OmniBase):
+        assumptions, mass = add_omni(root, world, robot, add_joint, ground)
     else:
         raise InputError(
             "wrong-robot-kind",
             f"{robot.name} is of the kind '{robot.kind}': its bodies are not modelled",
-            hint="a hexapod is",
+            hint="those of arms, hexapods and omni bases are",
         )
     _actuate(root, actuators)
     xml.indent(root)
@@ -318,7 +326,8 @@ def _joint(
     servo = actuators.get(name)
     extra: dict[str, str] = {}
     if servo is not None:
-        lower, upper = max(lower, servo.lower), min(upper, servo.upper)
+        if lower < upper:
+            lower, upper = max(lower, servo.lower), min(upper, servo.upper)
         if servo.armature:
             extra["armature"] = _numbers(servo.armature * servo.ratio**2)
         if servo.friction:

@@ -83,7 +83,10 @@ def drive_of(servo: Servo) -> Drive:
     """Return the constants of a servo. Raises InputError for a model without speed or torque."""
     model, said = servo.model, _Said(servo.model)
     supply = said.value("supply_v", model.supply_v, SUPPLY_V, "V")
-    speed = _needed(servo, model.speed, "speed_deg_s")
+    if model.continuous and model.speed is None:
+        speed = max(abs(speed) for speed in servo.calibration.angles)
+    else:
+        speed = _needed(servo, model.speed, "speed_deg_s")
     if model.continuous and model.torque_nm is None:
         torque = said.value("torque_ncm", None, CONTINUOUS_TORQUE, "N·m")
     else:

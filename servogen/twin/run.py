@@ -336,7 +336,7 @@ class _Run:
             speed=speed,
             voltage=head[:, 1],
             current=head[:, 2],
-            feet=feet.reshape(-1, legs, 3) - [0.0, 0.0, FOOT_RADIUS_M],
+            feet=feet.reshape(len(table), legs, 3) - [0.0, 0.0, FOOT_RADIUS_M],
             force=force,
             tool=tool,
             places={name: places[:, 3 * at : 3 * at + 3] for at, name in enumerate(names)},

@@ -49,8 +49,9 @@ def text_of(way: str, gait: str = "tripod", height: float = 130, extra: str = ""
     return text + extra
 
 
+@cache
 def firmware(text: str) -> Firmware:
-    """Return the firmware of a job's text."""
+    """Return the firmware of a job's text; files that it names are in jobs/."""
     job = plan_job(loads(text, str(JOBS / "test.toml")))
     found = planned(job)
     return Firmware(job, found, found.make(job.firmware.dialect).compilation.image)

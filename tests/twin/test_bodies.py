@@ -1,0 +1,126 @@
+"""The bodies against the kinematics and statics, which share nothing with MuJoCo; arms and the omni base."""
+
+import math
+from dataclasses import replace
+from xml.etree import ElementTree as xml
+
+import numpy as np
+import pytest
+
+from servogen.errors import InputError
+from servogen.kinematics.catalogue import arm, robot
+from servogen.kinematics.forward import fk_position
+from servogen.kinematics.hexapod import Hexapod, feet
+from servogen.kinematics.statics import gravity_torques
+from servogen.twin import Ground, Settings, Variation, bodies
+from servogen.twin.bodies import FOOT_RADIUS_M
+from servogen.twin.causes import Kind
+from tests.twin.walking import JOBS, firmware
+
+mujoco = pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo: pip install 'servogen[twin]'")
+
+ARMS = (
+    *("theta-r", "theta1-theta2", "cylindrical", "cylindrical-r2p", "cartesian", "spherical"),
+    *("spherical-wrist", "scara", "wrist-arm", "anthropomorphic", "rv-m1", "irb6400c"),
+)
+
+
+def loaded(text: str) -> tuple[object, object]:
+    model = mujoco.MjModel.from_xml_string(text)
+    return model, mujoco.MjData(model)
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_the_tool_of_an_arm_is_where_forward_kinematics_has_it(name: str) -> None:
+    chosen, rng = arm(name), np.random.default_rng(1)
+    model, data = loaded(bodies(chosen).text)
+    for _ in range(5):
+        low = np.array([max(joint.lower, -1.0) for joint in chosen.joints])
+        high = np.array([min(joint.upper, 1.0) for joint in chosen.joints])
+        data.qpos[:] = rng.uniform(low, high)
+        mujoco.mj_kinematics(model, data)
+        assert data.site("tool").xpos == pytest.approx(fk_position(chosen, data.qpos), abs=1e-8)
+
+
+@pytest.mark.parametrize("name", ["scara", "rv-m1", "anthropomorphic"])
+def test_gravity_pulls_at_the_joints_as_the_statics_say(name: str) -> None:
+    plain = arm(name)
+    joints = tuple(
+        replace(joint, mass=0.1 + 0.05 * index, centre=(-0.03, 0.01 * index, 0.02))
+        for index, joint in enumerate(plain.joints)
+    )
+    heavy = replace(plain, joints=joints, payload=0.25)
+    model, data = loaded(bodies(heavy).text)
+    data.qpos[:] = [0.3, 0.4, 0.1, 0.2, -0.5][: len(joints)]
+    mujoco.mj_forward(model, data)
+    assert data.qfrc_bias == pytest.approx(gravity_torques(heavy, data.qpos), rel=1e-6, abs=1e-9)
+
+
+def test_the_feet_of_the_hexapod_are_where_its_kinematics_has_them() -> None:
+    chosen = robot("hexapod")
+    assert isinstance(chosen, Hexapod)
+    model, data = loaded(bodies(chosen).text)
+    rng = np.random.default_rng(2)
+    angles = rng.uniform(-0.8, 0.8, (6, 2))
+    for mount, (alpha, beta) in zip(chosen.mounts, angles, strict=True):
+        for joint, value in (("alpha", alpha), ("beta", beta), ("level", -beta)):
+            data.joint(f"{mount.name}_{joint}").qpos[0] = value
+    mujoco.mj_kinematics(model, data)
+    seen = [data.site(f"{mount.name}_foot").xpos - [0, 0, FOOT_RADIUS_M] for mount in chosen.mounts]
+    assert np.array(seen) == pytest.approx(feet(chosen, angles), abs=1e-9)
+
+
+def test_the_centre_of_mass_is_the_one_of_the_file() -> None:
+    chosen = replace(robot("hexapod"), mass=1.2, centre_of_mass=(0.01, -0.02, 0.005))
+    model, data = loaded(bodies(chosen).text)
+    mujoco.mj_forward(model, data)
+    assert data.subtree_com[1] == pytest.approx((0.01, -0.02, 0.005), abs=1e-9)
+    assert model.body_subtreemass[1] == pytest.approx(1.2)
+
+
+def test_legs_that_weigh_more_than_the_robot_are_refused() -> None:
+    with pytest.raises(InputError, match="weigh more than its mass_g of 100"):
+        bodies(replace(robot("hexapod"), mass=0.1, leg_masses=(("coxa", 0.05),)))
+
+
+def test_a_spring_is_a_joint_with_the_stiffness_of_the_file() -> None:
+    text = bodies(replace(robot("hexapod"), spring=500.0)).text
+    springs = [each for each in xml.fromstring(text).iter("joint") if each.get("stiffness")]
+    assert len(springs) == 6 and {each.get("stiffness") for each in springs} == {"500"}
+    assert "rigid" not in " ".join(bodies(replace(robot("hexapod"), spring=500.0)).assumptions)
+
+
+def test_omni_square_closes_and_stays_on_its_way() -> None:
+    verdict = firmware((JOBS / "omni-square.toml").read_text()).twin()
+    record, rigid = verdict.record, verdict.planned.rigid
+    assert rigid is not None and math.hypot(*verdict.done[:2]) < 0.003
+    assert abs(math.degrees(verdict.done[2])) < 0.5
+    frames = ((record.time[record.first :] - record.motion[0]) / verdict.planned.frame_s).astype(int)
+    away = record.pose[record.first :, :2] - record.pose[record.first, :2] - rigid[frames + 1, :2]
+    assert np.linalg.norm(away, axis=1).max() < 0.010
+    assert np.ptp(record.pose[:, 0]) == pytest.approx(0.3, abs=0.003)
+
+
+def test_a_base_on_a_step_is_refused() -> None:
+    with pytest.raises(InputError, match="on a plane only"):
+        bodies(robot("omni"), ground=Ground(step=0.01))
+
+
+@pytest.mark.parametrize(("name", "within"), [("scara-pick", 0.008), ("rvm1-program", 0.008)])
+def test_the_tool_of_an_arm_rests_where_it_should(name: str, within: float) -> None:
+    """2 µs of dead band are 0.36° of an S3001 over gears and 0.7 m of reach: 7 mm at the SCARA's tool."""
+    made = firmware((JOBS / f"{name}.toml").read_text())
+    empty = made.twin(Settings(seconds=8.0))
+    assert empty.tool_rest_error is not None and empty.tool_rest_error < within
+    assert empty.events == ()
+
+
+def test_a_payload_bends_an_arm_and_too_much_of_it_is_the_first_cause() -> None:
+    made = firmware((JOBS / "rvm1-program.toml").read_text())
+    light, heavy = (
+        made.twin(Settings(variation=Variation(payload=mass), seconds=8.0)) for mass in (0.02, 0.4)
+    )
+    assert light.tool_rest_error is not None and heavy.tool_rest_error is not None
+    assert heavy.tool_rest_error > 2 * light.tool_rest_error
+    assert light.events == ()
+    assert heavy.cause is not None and heavy.cause.kind == Kind.SATURATED
