@@ -20,14 +20,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
+from pathlib import Path
 from typing import Any, Protocol
 
 from servogen.edges import PINS, EdgeTrace
 from servogen.errors import Diagnostic, InputError, ServogenError, ToolError
 from servogen.grade import ChipFacts, Grade, Lab, Submission, judge, message, refused
-from servogen.grade.watch import watch
+from servogen.grade.film import Film, FilmSource, film_of, lines_around
+from servogen.grade.watch import Watched, watch
 from servogen.isolation import COMPILING, LimitExceeded, Limits, Resource, can_fork, run_each
+from servogen.pic.device import PROGRAM_WORDS
 from servogen.pic.image import Image
+from servogen.pic.listing import Listing
 from servogen.simulator import Machine, Options, Repeat, State, find_repeat
 from servogen.units import Clock, Cycles
 
@@ -66,6 +70,9 @@ class Runnable(Protocol):
     @property
     def remarks(self) -> tuple[Diagnostic, ...]: ...
 
+    @property
+    def listing(self) -> Listing | None: ...
+
 
 Read = Callable[[Submission], Runnable]
 """Reads a HEX file, compiles C, assembles assembly. Raises InputError."""
@@ -78,6 +85,7 @@ class Compiled:
     image: Image
     clock: Clock | None
     remarks: tuple[Diagnostic, ...]
+    listing: Listing | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +154,7 @@ def grade_program(lab: Lab, program: Runnable) -> Grade:
     watched = watch(EdgeTrace(lab.clock, machine.stream(span), span))
     grade = judge(lab, watched, _facts(machine.state(), program))
     if not grade.passed:
-        return grade
+        return replace(grade, film=_film(lab, program, watched, grade))
     pin = PINS.index(grade.pins[0][1])
     repeat = find_repeat(program.image, lab.clock, pin=pin, limit=span, options=BOARD)
     dependent = (
@@ -155,6 +163,32 @@ def grade_program(lab: Lab, program: Runnable) -> Grade:
     )
     remarks = (*grade.remarks, *dependent)
     return replace(grade, for_ever=isinstance(repeat, Repeat), remarks=remarks)
+
+
+def _film(lab: Lab, program: Runnable, watched: Watched, grade: Grade) -> Film:
+    """Return the film of a program that failed: its servos' pins around the moment that is wrong."""
+    named = dict(grade.pins)
+    pins = [PINS.index(named.get(each.servo.name, each.pins[0])) for each in lab.servos]
+    at = (
+        watched.end if grade.moment is None and not any(pin in watched.pins for pin in pins) else grade.moment
+    )
+    machine = Machine(program.image, lab.clock, BOARD)
+    machine.run(
+        at if at is not None else min(int(watched.pins[p].rise[0]) for p in pins if p in watched.pins)
+    )
+    source = _source(program.listing, machine.pc, machine.state().stack[: machine.state().stack_depth])
+    return film_of(watched, pins, 0 if at == watched.end else at, source)
+
+
+def _source(listing: Listing | None, pc: int, returns: Sequence[int]) -> FilmSource | None:
+    """Return the source around the instruction at `pc`: in a routine of the compiler, around its call."""
+    rows = {row.address: row for row in listing.rows} if listing else {}
+    texts = dict(listing.sources) if listing else {}
+    for address in (pc, *(each - 1 for each in returns)):
+        row = rows.get(address % PROGRAM_WORDS)
+        if row is not None and row.file in texts and row.line is not None:
+            return lines_around(Path(row.file).name, texts[row.file], row.line)
+    return None
 
 
 def _in_forks(submissions: Sequence[Submission], task: Task, at_once: int) -> Iterator[tuple[int, Graded]]:
@@ -182,7 +216,7 @@ def _in_forks(submissions: Sequence[Submission], task: Task, at_once: int) -> It
 def _compile(read: Read, submission: Submission) -> Compiled:
     submission.require_readable()
     program = read(submission)
-    return Compiled(program.image, program.clock, program.remarks)
+    return Compiled(program.image, program.clock, program.remarks, program.listing)
 
 
 def _failed(submission: Submission, lab: Lab, what: str, error: Exception) -> Graded:

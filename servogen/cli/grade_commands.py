@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -105,17 +107,25 @@ def _write_pages(
     folder: Path, names: Sequence[str], lab: Lab, graded: Sequence[Graded]
 ) -> ServogenError | None:
     """Writes each page that can be written; returns why the first one could not."""
+    from servogen.build.films import class_page, film_name, film_page
     from servogen.grade import page
     from servogen.outputs import make_folder, write_text
 
     make_folder(folder)
     failure = None
+    texts: dict[str, Callable[[], str]] = {"index.html": lambda: class_page(lab, names, graded)}
     for name, each in zip(names, graded, strict=True):
+        student, grade = each.submission.name, each.grade
+        film = film_name(name) if grade.film else ""
+        texts[name] = partial(page, lab, student, grade, film)
+        if film:
+            texts[film] = partial(film_page, lab, student, grade)
+    for name, text in texts.items():
         target = folder / name
         if target.is_symlink():  # a link that a student has left must not lead the page elsewhere
             target.unlink()
         try:
-            write_text(target, page(lab, each.submission.name, each.grade))
+            write_text(target, text())
         except ServogenError as error:
             failure = failure or error
     return failure

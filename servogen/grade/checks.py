@@ -227,6 +227,21 @@ def pause_reasons(lab: Lab, way: Way, found: Sequence[Stay]) -> Iterator[str]:
             yield _pause_words(worst, position)
 
 
+def first_wrong(
+    found: Sequence[Visit], placed: Order, right: Sequence[Stay], lab: Lab, way: Way
+) -> int | None:
+    """Return the cycle in which the first visit begins, or ends, that is not as asked; None: all are."""
+    wrong = sorted(set(range(len(found))) - set(placed.right))
+    moments = [found[wrong[0]].begin] if wrong else []
+    for stay in right:
+        position = way.positions[stay.position]
+        asked = position.pause_s
+        if stay.whole and asked is not None and _pause_error(stay, position) > lab.pause_tolerance * asked:
+            moments.append(stay.visit.end)
+            break
+    return min(moments, default=None)
+
+
 def _pause_error(stay: Stay, position: Position) -> float:
     asked = position.pause_s or 0.0
     return min(abs(stay.stays_s - asked), abs(stay.silent_s - asked))

@@ -19,6 +19,7 @@ from servogen.grade.checks import (
     cause,
     clock_words,
     end_reason,
+    first_wrong,
     order,
     order_reasons,
     pause_reasons,
@@ -29,6 +30,7 @@ from servogen.grade.checks import (
     stays,
     travel_reasons,
 )
+from servogen.grade.film import Film
 from servogen.grade.lab import Lab, Way
 from servogen.grade.watch import PinPulses, Watched, visits, without_moves
 
@@ -81,6 +83,10 @@ class Grade:
     watched_s: float = 0.0
     for_ever: bool = False
     """Whether the chip's whole state was seen to repeat, so that it goes on like this for all time."""
+    moment: int | None = None
+    """The cycle of the first thing that is not as asked, where there is one such moment."""
+    film: Film | None = None
+    """What there is to be seen around that moment."""
 
     def to_json(self) -> dict[str, object]:
         """Plain values for a JSON file."""
@@ -162,6 +168,7 @@ def _judge_way(lab: Lab, way: Way, watched: Watched, numbers: tuple[int, ...], c
         seen=sequence(found, way),
         watched_s=float(watched.clock.seconds(watched.end)),
         for_ever=not reasons and chip.repeats,
+        moment=first_wrong(found, placed, right, lab, way) if reasons else None,
     )
 
 

@@ -7,18 +7,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from urllib.parse import quote
 
 from servogen.grade.display import markdown, shown_name
 from servogen.grade.judge import Grade, Row
 from servogen.grade.lab import Lab
 
 
-def page(lab: Lab, student: str, grade: Grade) -> str:
-    """Returns the page, the same for the same grade. `student` is the name of the program."""
-    return "\n".join(_lines(lab, student, grade)) + "\n"
+def page(lab: Lab, student: str, grade: Grade, film: str = "") -> str:
+    """Return the page, the same for the same grade; `student` names the program, `film` its film's file."""
+    return "\n".join(_lines(lab, student, grade, film)) + "\n"
 
 
-def _lines(lab: Lab, student: str, grade: Grade) -> Iterator[str]:
+def _lines(lab: Lab, student: str, grade: Grade, film: str) -> Iterator[str]:
     yield f"# {markdown(shown_name(student))}: {'passed' if grade.passed else 'not passed'}"
     yield ""
     yield markdown(f"{lab.title}. {lab.task}")
@@ -26,6 +27,11 @@ def _lines(lab: Lab, student: str, grade: Grade) -> Iterator[str]:
         yield from ("", "## What is wrong", "")
         for reason in grade.reasons:
             yield from _item(reason)
+    if film:
+        yield from (
+            "",
+            f"[The film of it]({quote(film)}): the servos, the pulses and the source line at the moment.",
+        )
     if grade.remarks:
         yield from ("", "## Good to know", "")
         for remark in grade.remarks:

@@ -27,14 +27,14 @@ def robot_model(job: PlannedJob) -> dict[str, object]:
     mounts = [limb.mount for limb in job.limbs if limb.mount is not None]
     order = sorted(mounts, key=lambda mount: math.atan2(mount.y, mount.x))
     return {
-        "servos": [_servo(servo, index) for index, servo in enumerate(job.servos)],
+        "servos": [servo_model(servo, index) for index, servo in enumerate(job.servos)],
         "ends": [_end(end) for end in ends_of(job)],
         "body": [[mount.x, mount.y, mount.z] for mount in order],
         "base": None if job.base is None else _base(job, job.base),
     }
 
 
-def _servo(servo: Servo, index: int) -> dict[str, object]:
+def servo_model(servo: Servo, index: int) -> dict[str, object]:
     """Return a servo; its `widths_us` rise and contain its trim, and `angles` are those of the shaft."""
     points = sorted(
         (point.width_us + servo.trim_us, servo.mounted(point.angle)) for point in servo.calibration.points

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
@@ -227,3 +228,13 @@ def test_the_labels_of_assembly_are_listed_with_their_addresses(level: str) -> N
     assert (words[spin], words[spin + 1]) == ("INCF PORTB, F", "NOP")
     assert turn == spin + 2
     assert words[turn] == f"GOTO 0x{spin:03X}"
+
+
+def test_the_rows_name_their_file_as_the_sources_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where the file is given by its absolute path and is below the working directory."""
+    monkeypatch.chdir(tmp_path)
+    name = str(tmp_path / "main.c")
+    made = compile_sources([Source("void main(void) { while (1) PORTB = 1; }", name)], Options())
+    files = {row.file for row in made.listing.rows} - {None}
+    assert files == {name}
+    assert name in dict(made.listing.sources)

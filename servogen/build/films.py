@@ -1,0 +1,99 @@
+"""Pages of a graded class: the film of each program that failed, and all programs at a glance.
+
+In: a lab, grades, the names of their pages. Out: text of HTML, each page one file without a server.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from jinja2 import Environment, StrictUndefined
+
+from servogen.build.grading import Graded
+from servogen.edges import PINS
+from servogen.engines.c_text import template_folder
+from servogen.grade import Grade, Lab, shown_name
+from servogen.report.robot_model import servo_model
+from servogen.report.viewer import embedded_json, viewer_colours, viewer_script
+
+PERIOD_US = 20_000
+SHOWN_US = 100_000
+"""Of the waves, at first."""
+
+
+def film_name(page: str) -> str:
+    """Return the name of the film beside a page."""
+    return f"{page.removesuffix('.md')}.html"
+
+
+def film_page(lab: Lab, name: str, grade: Grade) -> str:
+    """Return the film of a program that failed; `name` is the program's. It has to have a film."""
+    film = grade.film
+    assert film is not None
+    servos = [
+        {**servo_model(each.servo, index), "pin": row.pin}
+        for index, (each, row) in enumerate(zip(lab.servos, film.rows, strict=True))
+    ]
+    begin = max(film.begin_us, film.moment_us - SHOWN_US / 2)
+    data = {
+        "end": film.end_us,
+        "period": PERIOD_US,
+        "first": [begin, begin + SHOWN_US],
+        "moment": film.moment_us,
+        "loop": film.begin_us,
+        "cycle_us": float(lab.clock.cycle_us),
+        "pins": PINS,
+        "robot": {"servos": servos, "ends": [], "body": [], "base": None},
+        "rows": [
+            {
+                "channel": each.servo.name,
+                "pin": row.pin,
+                "kind": "simulated",
+                "colour": servo["colour"],
+                "rise": row.rise_us,
+                "width": row.width_us,
+            }
+            for each, row, servo in zip(lab.servos, film.rows, servos, strict=True)
+        ],
+    }
+    return _rendered(
+        "film.html.j2",
+        name=shown_name(name),
+        file=shown_name(name),
+        task=f"{lab.title}. {lab.task}",
+        reasons=grade.reasons,
+        source=film.source,
+        moment_s=f"{film.moment_us / 1e6:.3f}",
+        data=embedded_json(data),
+        script=viewer_script(),
+        colours=viewer_colours(),
+    )
+
+
+def class_page(lab: Lab, names: Sequence[str], graded: Sequence[Graded]) -> str:
+    """Return the page with all programs: who passed, the first reason of who did not, pages and films."""
+    rows = [
+        {
+            "name": shown_name(each.submission.name),
+            "passed": each.grade.passed,
+            "reason": each.grade.reasons[0] if each.grade.reasons else "",
+            "page": page,
+            "film": film_name(page) if each.grade.film else "",
+        }
+        for page, each in zip(names, graded, strict=True)
+    ]
+    return _rendered(
+        "class.html.j2",
+        title=lab.title,
+        passed=sum(each.grade.passed for each in graded),
+        count=len(graded),
+        rows=rows,
+    )
+
+
+def _rendered(template: str, **values: object) -> str:
+    environment = Environment(
+        undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    text = (template_folder() / "grade" / template).read_text("utf-8")
+    return environment.from_string(text).render(values)

@@ -1,0 +1,82 @@
+"""The film of a failed student's program, in a real browser."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from servogen.build.films import class_page, film_name, film_page
+from servogen.build.grading import Graded, Task, grade_submissions
+from servogen.grade import Grade, Lab, Submission, load_lab
+from servogen.programs import read_submission
+from tests.watch.browser import Browser, wait
+
+WRONG = Path(__file__).parent.parent / "grade" / "programs" / "lab8-wrong" / "order.c"
+MAX_BYTES = 300_000
+
+
+@pytest.fixture(scope="module")
+def lab() -> Lab:
+    return load_lab("lab8-exercise")
+
+
+@pytest.fixture(scope="module")
+def graded(lab: Lab) -> Iterator[Graded]:
+    """A program that goes to its positions in a wrong order."""
+    submission = Submission("ana/<b>order.c", WRONG, WRONG.parent)
+    yield grade_submissions([submission], Task.of(lab, read_submission, 60.0, 300))[0]
+
+
+def test_the_film_begins_at_what_is_wrong(lab: Lab, graded: Graded) -> None:
+    film = graded.grade.film
+    assert film is not None and not graded.grade.passed
+    assert film.begin_us < film.moment_us < film.end_us
+    (row,) = film.rows
+    at = row.rise_us.index(film.moment_us)
+    assert abs(row.width_us[at] - row.width_us[at - 1]) > 100  # the visit that is wrong begins
+    assert film.source is not None
+    text = WRONG.read_text().splitlines()
+    assert film.source.lines == tuple(text[film.source.first - 1 :][: len(film.source.lines)])
+    shown = text[film.source.line - 1]
+    assert shown.strip() == "PULSES(100, 1660) __delay_ms(5000);"  # 120° before 90°
+
+
+def test_a_right_program_has_no_film(lab: Lab) -> None:
+    right = WRONG.parent.parent / "lab8-right" / "delays.c"
+    task = Task.of(lab, read_submission, 60.0, 300)
+    (found,) = grade_submissions([Submission("eva.c", right, right.parent)], task)
+    assert found.grade.passed and found.grade.film is None
+    page = class_page(lab, ["eva.c.md"], [found])
+    assert "1 of 1 programs passed" in page and "film</a>" not in page
+
+
+def test_the_film_is_small_plays_and_asks_for_nothing(
+    lab: Lab, graded: Graded, browser: Browser, tmp_path: Path
+) -> None:
+    html = film_page(lab, graded.submission.name, graded.grade)
+    assert len(html.encode()) < MAX_BYTES
+    assert "<b>order" not in html
+    file = tmp_path / film_name("ana.md")
+    file.write_text(html)
+    page = browser.page(width=390, height=844)
+    page.call("Page.navigate", url=file.as_uri())
+    wait(lambda: bool(page.run("document.readyState === 'complete' && typeof film !== 'undefined'")))
+    assert graded.grade.film is not None
+    begin = page.run("film.time")
+    assert begin == pytest.approx(graded.grade.film.moment_us)
+    assert page.run("document.querySelector('.here').textContent.includes('PULSES(100, 1660)')")
+    page.click("#play")
+    wait(lambda: bool(page.run(f"film.time > {begin} + 3e5")))
+    page.click("#play")
+    assert page.run("document.documentElement.scrollWidth") <= 390
+    assert page.problems == [] and page.requests == [file.as_uri()]
+    page.close()
+
+
+def test_names_and_reasons_of_strangers_stay_text(lab: Lab) -> None:
+    evil = Grade(lab.name, False, ("</script><script>alert(1)</script>",))
+    submission = Submission("<img src=x onerror=alert(1)>.c", WRONG, WRONG.parent)
+    page = class_page(lab, ["x.md"], [Graded(submission, evil)])
+    assert "<img" not in page and "<script>alert" not in page
