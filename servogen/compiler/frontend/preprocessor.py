@@ -72,7 +72,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         blocks: list[AsmBlock],
     ) -> None:
         super().__init__()
-        self.rewrite_paths = []  # a file keeps the name by which its text is found
+        self.rewrite_paths: list[tuple[str, str]] = []  # a file keeps the name by which its text is found
         self.reporter = reporter
         self.headers = headers
         self.resolver = resolver
