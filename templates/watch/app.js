@@ -7,7 +7,7 @@ import { angleOf, RobotView, Servos } from "./robot.js";
 import { timeText, Waves } from "./waves.js";
 
 const $ = id => document.getElementById(id);
-const WAVES_MS = 150;   // between two requests for edges while it runs
+const WAVES_MS = 250;   // between two requests for edges while it runs
 const SPEEDS = [[1e-5, "1/100 000"], [1e-4, "1/10 000"], [1e-3, "1/1000"], [1e-2, "1/100"], [0.1, "1/10"], [1, "real time"], [10, "10 ×"], [null, "as fast as it goes"]];
 
 let socket = null, model = null, robot = null, servos = null, waves = null, chip = null, hands = null, latest = null;
@@ -80,7 +80,7 @@ function start(message) {
     },
   };
   if (again) Object.assign(waves, { model, options });
-  else waves = new Waves($("waves"), model, options);
+  else waves = window.watched.waves = new Waves($("waves"), model, options);
   $("chip-area").hidden = !model.runs;
   for (const id of ["back-instruction", "next-instruction", "back-line", "next-line"]) $(id).disabled = !model.runs;
   if (model.runs) chip = new ChipView(model, { package: $("package"), registers: $("registers"), peripherals: $("peripherals"), variables: $("variables"), ram: $("ram"), stack: $("stack"), eeprom: $("eeprom"), instructions: $("instructions"), source: $("source"), warnings: $("warnings") }, pin => send({ do: "explain", pin }));

@@ -76,6 +76,8 @@ class Page:
         self.target = target
         self.problems: list[str] = []
         self.requests: list[str] = []
+        self.frames: list[str] = []
+        """What its sockets received."""
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
 
@@ -101,6 +103,8 @@ class Page:
                 self.problems.append(f"{about['entry']['text']} {about['entry'].get('url', '')}")
             case "Network.requestWillBeSent":
                 self.requests.append(about["request"]["url"])
+            case "Network.webSocketFrameReceived":
+                self.frames.append(about["response"]["payloadData"])
             case "Network.webSocketCreated":
                 self.requests.append(about["url"])
 

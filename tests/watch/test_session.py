@@ -1,0 +1,234 @@
+"""What a window's session answers: without a server and without a browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from servogen.edges import PINS
+from servogen.errors import InputError
+from servogen.programs import read_schedule
+from servogen.units import Clock
+from servogen.watch.editing import Editor
+from servogen.watch.session import Session
+from servogen.watch.subject import Setting, Subject, check, load_subject
+from tests.simulator.helpers import image
+
+ROOT = Path(__file__).parent.parent.parent
+LAB8 = ROOT / "firmware" / "lab8-exercise"
+RB0 = PINS.index("RB0")
+
+
+def answer(session: Session, **request: Any) -> dict[str, Any]:
+    return list(session.handle(request))[-1]
+
+
+def unpacked(packed: list[int], begin: int) -> list[tuple[int, int, int]]:
+    found, cycle = [], begin
+    for way, edge in zip(packed[::2], packed[1::2], strict=True):
+        cycle += way
+        found.append((cycle, edge >> 2, edge & 3))
+    return found
+
+
+@pytest.fixture(scope="module")
+def lab8() -> Subject:
+    return load_subject(LAB8 / "main.hex", Setting(schedule=read_schedule(LAB8 / "schedule.json")))
+
+
+def test_widths_are_those_of_the_schedule_in_every_pose(lab8: Subject) -> None:
+    """30°, 90° and 120° are 1167, 1500 and 1667 µs, for 2, 5 and 3 s."""
+    session = Session(lab8)
+    for cycle, width in ((1_000_000, 1167), (4_000_000, 1500), (8_000_000, 1667), (11_000_000, 1167)):
+        assert answer(session, do="seek", cycle=cycle)["widths"][RB0] == width
+
+
+def test_frames_are_counted_from_the_first_pulse(lab8: Subject) -> None:
+    session = Session(lab8)
+    assert lab8.wanted is not None
+    origin = lab8.wanted.origin
+    assert answer(session, do="step", what="frame", count=1)["cycle"] in range(origin, origin + 3)
+    session.handle({})
+    assert answer(session, do="step", what="frame", count=10)["cycle"] in range(
+        origin + 200_000, origin + 200_003
+    )
+    answer(session, do="seek", cycle=origin + 205_000)
+    assert answer(session, do="step", what="frame", count=-1)["cycle"] in range(
+        origin + 200_000, origin + 200_003
+    )
+
+
+def test_waves_hold_the_edges_and_what_the_schedule_asks_for(lab8: Subject) -> None:
+    session = Session(lab8)
+    answer(session, do="seek", cycle=400_000)
+    found = answer(session, do="waves", begin=300_000, end=380_000)
+    made = unpacked(found["edges"], 300_000)
+    assert made == unpacked(found["wanted"], 300_000) and len(made) == 8
+    assert {pin for _, pin, _ in made} == {RB0}
+    assert [late - early for (early, *_), (late, *_) in zip(made[::2], made[1::2], strict=True)] == [1167] * 4
+    assert found["differing"] == [] and found["seen"] == 380_000
+    future = answer(session, do="waves", begin=390_000, end=480_000)
+    assert future["seen"] == 400_000
+    assert len(future["wanted"]) > len(future["edges"])
+    assert future["differing"] == [], "what has not happened yet does not differ"
+
+
+def test_differences_are_shown_where_the_program_is_wrong(tmp_path: Path) -> None:
+    text = (LAB8 / "main.c2c.c").read_text().replace("delay_us(", "delay_us(1 + ", 1)
+    program = tmp_path / "late.c"
+    program.write_text(text)
+    subject = load_subject(program, Setting(schedule=read_schedule(LAB8 / "schedule.json")))
+    assert subject.wanted is not None
+    assert subject.first_difference == subject.wanted.origin + 1167
+    session = Session(subject)
+    answer(session, do="seek", cycle=60_000)
+    first = subject.first_difference
+    found = answer(session, do="waves", begin=first - 100, end=first + 100)
+    assert unpacked(found["differing"], first - 100) == [(first, RB0, 0), (first + 1, RB0, 0)]
+
+
+COPY = " bsf STATUS, RP0\n clrf TRISB\n bcf STATUS, RP0\nl movf PORTA, w\n movwf PORTB\n goto l\n"
+
+
+def test_a_pin_is_held_from_outside_and_seen_in_the_waves() -> None:
+    session = Session(Subject(Path("copy.hex"), Clock(4_000_000), image=image(COPY)))
+    answer(session, do="seek", cycle=1000)
+    shown = answer(session, do="pin", pin="RA0", level=1)
+    assert shown["chip"]["outside"][0] == 1
+    found = answer(session, do="seek", cycle=1100)
+    assert found["levels"][0] == "h" and found["levels"][RB0] == "1"
+    waves = answer(session, do="waves", begin=900, end=1100)
+    ((cycle, pin, level),) = unpacked(waves["inputs"], 900)
+    assert (pin, level) == (0, 1) and 1000 < cycle < 1005
+    later = answer(session, do="waves", begin=1050, end=1100)
+    assert later["inputs"] == [] and later["inputs_before"] == {0: 1}
+
+
+def test_bytes_wait_for_those_that_are_on_the_line() -> None:
+    """Two bytes at 2400 baud, given at once, take twenty bits of 416.67 µs."""
+    session = Session(Subject(Path("copy.hex"), Clock(4_000_000), image=image(COPY)))
+    answer(session, do="serial", pin="RA1", baud=2400, bytes=[0x55])
+    answer(session, do="serial", pin="RA1", baud=2400, bytes=[0x55])
+    answer(session, do="seek", cycle=20_000)
+    falls = [
+        c
+        for c, pin, level in unpacked(answer(session, do="waves", begin=0, end=20_000)["inputs"], 0)
+        if level == 0
+    ]
+    assert len(falls) == 10
+    assert [round((fall - falls[0]) / (2 * 416.67)) for fall in falls] == list(range(10))
+
+
+def test_stop_conditions_pause_a_run(lab8: Subject) -> None:
+    session = Session(lab8)
+    answer(session, do="breakpoints", texts=["RB0 fall"])
+    answer(session, do="run", running=True, speed=None)
+    found = list(session.tick(0.05))[-1]
+    assert not found["running"] and found["stopped"] == "RB0 fall"
+    assert lab8.wanted is not None
+    answer(session, do="run", running=True)
+    found = list(session.tick(0.05))[-1]
+    assert found["cycle"] == lab8.wanted.origin + 1168
+
+
+def test_slow_speeds_add_up(lab8: Subject) -> None:
+    """At 1/100 000 of real time a tenth of a second is one cycle."""
+    session = Session(lab8)
+    answer(session, do="run", running=True, speed=1e-5)
+    for _ in range(40):
+        list(session.tick(0.05))
+    assert session.now in range(19, 23)
+
+
+def test_the_line_that_called_a_routine_is_where_it_runs(tmp_path: Path) -> None:
+    program = tmp_path / "wait.c"
+    program.write_text(
+        "#pragma CLOCK_FREQ 4000000\nvoid main(void)\n{\n    delay_ms(200);\n    while (1);\n}\n"
+    )
+    session = Session(load_subject(program, Setting()))
+    assert answer(session, do="seek", cycle=100_000)["chip"]["here"] == (str(program), 4)
+
+
+def test_a_capture_is_gone_through_by_edges_and_time(tmp_path: Path) -> None:
+    """Three pulses of 1500 µs, sampled once a µs."""
+    lines = ["$timescale 1 us $end", "$scope module x $end", "$var wire 1 ! RB0 $end"]
+    lines += ["$upscope $end", "$enddefinitions $end", "#0", "0!"]
+    for pulse in range(3):
+        lines += [f"#{5000 + 20_000 * pulse}", "1!", f"#{6500 + 20_000 * pulse}", "0!"]
+    file = tmp_path / "run.vcd"
+    file.write_text("\n".join([*lines, "#60000", ""]))
+    check(file)
+    session = Session(load_subject(file, Setting()))
+    model = session.model()
+    assert not model["runs"] and model["end"] == 60_000
+    answer(session, do="step", what="edge", count=1)
+    assert answer(session, do="step", what="edge", count=1)["cycle"] == 5001
+    shown = answer(session, do="step", what="edge", count=1)
+    assert shown["cycle"] == 6501 and shown["widths"][RB0] == 1500
+    assert answer(session, do="step", what="edge", count=-1)["cycle"] == 5001
+    found = answer(session, do="waves", begin=0, end=30_000)
+    assert unpacked(found["edges"], 0)[1:] == [
+        (5000, RB0, 1),
+        (6500, RB0, 0),
+        (25_000, RB0, 1),
+        (26_500, RB0, 0),
+    ]
+    assert "no instructions" in answer(session, do="step", what="line")["text"]
+    assert "no inputs" in answer(session, do="pin", pin="RA0", level=1)["text"]
+    answer(session, do="run", running=True, speed=None)
+    assert list(session.tick(0.1))[-1]["stopped"] == "the end of the recording"
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "code"),
+    [
+        ("x.txt", "", "unknown-suffix"),
+        ("missing.hex", None, "unreadable-file"),
+        ("bad.toml", "[chip\n", "toml-syntax"),
+        ("bad.toml", "[chip]\ndevice = 3\n", "wrong-type"),
+    ],
+)
+def test_what_cannot_be_watched_is_refused_at_once(
+    tmp_path: Path, name: str, text: str | None, code: str
+) -> None:
+    file = tmp_path / name
+    if text is not None:
+        file.write_text(text)
+    with pytest.raises(InputError) as refused:
+        check(file)
+    assert refused.value.diagnostics[0].code == code
+
+
+def test_an_editor_writes_its_own_file_only_when_it_is_right(tmp_path: Path) -> None:
+    file = tmp_path / "job.toml"
+    text = (ROOT / "jobs" / "lab8-exercise.toml").read_text()
+    file.write_text(text)
+    editor = Editor(file, Setting())
+    bad = text.replace("arm_deg = 30", "arm_deg = 400")
+    for request in ("check", "save", "build"):
+        found, subject = editor.handle({"do": request, "text": bad}, print)
+        assert not found["good"] and subject is None
+        assert "400" in found["diagnostics"][0]["message"]
+    assert file.read_text() == text
+    good = text.replace("arm_deg = 30", "arm_deg = 40")
+    found, _ = editor.handle({"do": "save", "text": good, "path": str(tmp_path / "other.toml")}, print)
+    assert found["saved"] and file.read_text() == good
+    assert [each.name for each in tmp_path.iterdir()] == ["job.toml"]
+
+
+def test_a_pose_is_recorded_into_a_job_without_a_motion_and_refused_for_a_walk(tmp_path: Path) -> None:
+    stream = (ROOT / "jobs" / "stream-arm.toml").read_text()
+    editor = Editor(tmp_path / "job.toml", Setting())
+    found, _ = editor.handle({"do": "record", "text": stream, "angles": [0.5, 9.0, 1.0]}, print)
+    assert found["text"].startswith(stream.rstrip())
+    assert found["text"].endswith(
+        "[motion]\nposes = [\n    { base_deg = 28.6, shoulder_deg = 160, grip_deg = 57.3, hold_s = 1 },\n]\n"
+    )  # the shoulder's limit is 160°
+    walk = (ROOT / "jobs" / "hexapod-tripod.toml").read_text()
+    found, _ = editor.handle({"do": "record", "text": walk, "angles": [1.5] * 12}, print)
+    assert "does not move by poses" in found["diagnostics"][0]["message"]
+    for angles in ([1.0], [float("nan")] * 3, ["x"] * 3):
+        found, _ = editor.handle({"do": "record", "text": stream, "angles": angles}, print)
+        assert found["is"] == "problem"
