@@ -63,6 +63,7 @@ bench: $(READY)
 	$(BIN)/python $(PIP_INSTALL) -e '.[benchmarks]'
 	$(BIN)/python benchmarks/simulator.py
 	$(BIN)/python benchmarks/kinematics.py
+	$(BIN)/python benchmarks/twin.py
 
 # JOB is a job file, or the name of one under jobs/.
 JOBFILE = $(if $(wildcard $(JOB)),$(JOB),jobs/$(JOB).toml)

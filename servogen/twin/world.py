@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,8 @@ from servogen.twin.supply import Supply
 
 Floats = npt.NDArray[np.float64]
 
-NEVER = -(1 << 60)
+NEVER, FOREVER = -(1 << 60), 1 << 60
+"""Steps before and after all others."""
 
 
 def mujoco() -> Any:
@@ -59,7 +60,8 @@ class State:
     last: npt.NDArray[np.int64]
     lost_after: npt.NDArray[np.int64]
     driven: Floats
-    wake: int = field(default=NEVER)
+    wake: int = FOREVER
+    """The step at which the next servo may be without pulses for too long."""
 
 
 @dataclass(slots=True)
@@ -111,7 +113,12 @@ class World:
         b = self._bank
         self._gain = b.torque_constant / b.resistance
         self._per_resistance = 1.0 / b.resistance
-        self._emf = b.speed_constant / b.resistance
+        self._emf = b.speed_constant / b.resistance * self._unbroken
+        self._per_band = 1.0 / b.band
+        # MuJoCo's arrays stay where they are: looking each up again in every step takes a microsecond.
+        self._length: Floats = self.data.actuator_length
+        self._velocity: Floats = self.data.actuator_velocity
+        self._ctrl: Floats = self.data.ctrl
         if count:
             self.model.actuator_gainprm[:, 0] = self._gain * self._unbroken
         self._damping = self._gain * b.speed_constant
@@ -137,39 +144,25 @@ class World:
         hot, wiring = self.state, self._wirings[pulse.servo]
         hot.target[pulse.servo] = wiring.angle_of(pulse.width_us) - wiring.zero
         hot.last[pulse.servo] = self.step
-        hot.wake = NEVER
+        hot.wake = min(hot.wake, self.step + int(hot.lost_after[pulse.servo]) + 1)
+        if not hot.driven[pulse.servo]:
+            hot.driven[pulse.servo] = 1.0
+            self._set_driven()
 
     def advance(self) -> None:
         """Do one step: electronics, supply, bodies."""
         hot, data, b = self.state, self.data, self._bank
         if self.step >= hot.wake:
-            driven = (self.step - hot.last <= hot.lost_after).astype(float)
-            if not np.array_equal(driven, hot.driven):
-                hot.driven = driven
-                self._set_driven()
-            ends = (hot.last + hot.lost_after + 1)[driven > 0]
-            hot.wake = int(ends.min()) if len(ends) else 1 << 60
-        speed = data.actuator_velocity
-        error = hot.target - data.actuator_length - b.damping * speed
-        if self._any_continuous:
-            error = np.where(self._continuous, 0.0, error)
-        beyond = np.abs(error)
-        beyond -= b.dead_band
-        beyond /= b.band
-        duty = np.copysign(np.minimum(np.maximum(beyond, 0.0), 1.0), error)
-        if self._any_continuous:
-            open_loop = np.clip(hot.target / self._top, -1.0, 1.0)
-            duty = np.where(self._continuous, open_loop, duty)
-        duty *= hot.driven
+            hot.driven = (self.step - hot.last <= hot.lost_after).astype(float)
+            self._set_driven()
+            ends = (hot.last + hot.lost_after + 1)[hot.driven > 0]
+            hot.wake = int(ends.min(initial=FOREVER))
+        speed, duty = self._velocity, self._next_duty()
         a = float((duty * duty) @ self._per_resistance)
-        back = (
-            float((duty * speed) @ self._emf)
-            if self._unbroken.all()
-            else float((duty * speed * self._unbroken) @ self._emf)
-        )
+        back = float((duty * speed) @ self._emf)
         self.voltage, self.current = self.supply.under(b.idle_a, a, back)
         self.duty = duty
-        data.ctrl[:] = duty * self.voltage
+        np.multiply(duty, self.voltage, out=self._ctrl)
         if self.energies is None:
             self._step_once(self.model, data)
         else:
@@ -177,6 +170,23 @@ class World:
             self._step_once(self.model, data)
             self._keep_account(self.energies, before, data.actuator_velocity)
         self.step += 1
+
+    def _next_duty(self) -> Floats:
+        """Return the bridges' duties for the errors that the electronics see now."""
+        state, b = self.state, self._bank
+        error = state.target - self._length
+        error -= b.damping * self._velocity
+        duty: Floats = np.abs(error)
+        duty -= b.dead_band
+        duty *= self._per_band
+        np.maximum(duty, 0.0, out=duty)
+        np.minimum(duty, 1.0, out=duty)
+        np.copysign(duty, error, out=duty)
+        if self._any_continuous:
+            open_loop = np.clip(state.target / self._top, -1.0, 1.0)
+            duty = np.where(self._continuous, open_loop, duty)
+        duty *= state.driven
+        return duty
 
     def _keep_account(self, account: Energies, before: Floats, after: Floats) -> None:
         """Add this step's energies. The integrator's force is that of the speed at the end of the step."""

@@ -12,7 +12,7 @@ from servogen.build import nearest_pulses, planned
 from servogen.errors import InputError
 from servogen.job import load, loads, plan_job
 from servogen.pulse.plan import plan
-from servogen.report.plan_facts import PlanFacts, plan_facts
+from servogen.report.plan_facts import PlanFacts, plan_facts, rigid_way
 
 JOBS = Path(__file__).parents[2] / "jobs"
 CHIP = '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n'
@@ -62,3 +62,11 @@ def test_pulses_that_fit_no_frame_are_those_of_the_engine() -> None:
     assert nearest_pulses(twelve)[1].schedule == planned(twelve).plan.schedule
     one = plan_job(load(JOBS / "lab8-exercise.toml"))
     assert nearest_pulses(one)[1].schedule == plan(one.trajectory, one.servos, one.frame).schedule
+
+
+def test_a_walk_says_where_rigid_legs_take_the_body() -> None:
+    """At the legs' full height the feet are dragged before they lift: not all of the 160 mm are walked."""
+    job = plan_job(load(JOBS / "hexapod-tripod.toml"))
+    x, y, yaw = rigid_way(job) or (0.0, 0.0, 0.0)
+    assert 0.145 < x < 0.153 and abs(y) < 0.001 and abs(yaw) < 0.01
+    assert rigid_way(plan_job(load(JOBS / "scara-pick.toml"))) is None

@@ -1,0 +1,150 @@
+"""The twin's long figures: `python -m tests.twin.soak [way turn specimens causes oracle rough steps]`.
+
+Prints one table per name, those of docs/twin.md. The tests of this folder hold a part of it.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from servogen.errors import InputError
+from servogen.kinematics.hexapod import feet
+from servogen.motion.gait.quasistatic import way_of
+from servogen.twin import Ground, Settings, Variation, Verdict
+from tests.twin.walking import SUPPLIED, Firmware, walking
+
+FRICTIONS = (0.3, 0.5, 0.8, 1.0)
+WALK = "{ forward_mm = 40, cycles = 4 }"
+TURN = "{ turn_deg = 20, cycles = 9 }"
+CURVE = "{ forward_mm = 30, turn_deg = 10, cycles = 9 }"
+
+
+def shown(verdict: Verdict) -> str:
+    """Return where a run ended."""
+    x, y, yaw = verdict.done
+    return f"{1000 * x:7.1f} {1000 * y:6.1f} mm {math.degrees(yaw):7.1f}°"
+
+
+def way() -> None:
+    """Straight walks of 160 mm: gaits, heights of the body, frictions."""
+    print("gait    height  friction     forward left      turn   of rigid legs' way")
+    for gait in ("tripod", "ripple", "wave"):
+        for height in (110, 120, 130):
+            made = walking(WALK, gait, height, SUPPLIED)
+            for friction in FRICTIONS:
+                seen = made.twin(Settings(ground=Ground(friction)))
+                rigid = seen.planned.rigid
+                assert rigid is not None
+                share = seen.done[0] / float(rigid[-1, 0])
+                print(f"{gait:8}{height:4} mm {friction:8} {shown(seen)} {100 * share:6.1f} %", flush=True)
+
+
+def turn() -> None:
+    """Turns on the spot by 180° at 130 mm, with motors and sag."""
+    for friction in FRICTIONS:
+        print(f"friction {friction}: {shown(walking(TURN, extra=SUPPLIED).twin(Settings(Ground(friction))))}")
+
+
+def specimens() -> None:
+    """Sixteen specimens: each foot's friction ± 30 %, the centre of mass ± 10 mm."""
+    made, rng, turns = walking(TURN, extra=SUPPLIED), np.random.default_rng(15), []
+    for _ in range(16):
+        factors = tuple(rng.uniform(0.7, 1.3, 6).tolist())
+        x, y = rng.uniform(-0.01, 0.01, 2).tolist()
+        seen = made.twin(Settings(variation=Variation(factors, (x, y))))
+        turns.append(math.degrees(seen.done[2]))
+    print(f"turn {np.mean(turns):.1f}°, standard deviation {np.std(turns, ddof=1):.1f}°")
+    print(np.round(turns, 1))
+
+
+def causes() -> None:
+    """What must fail, and the first cause that is named."""
+    limited = "\n[supply]\nvoltage_v = 5.0\nresistance_ohm = 0.05\nlimit_a = 3.5\n"
+    runs: list[tuple[str, Firmware, Settings, dict[str, float]]] = [
+        ("2.24 kg at 120 mm", walking(WALK, height=120), Settings(), {"mass": 2.24}),
+        ("R2-lift without pulses", walking(WALK), Settings(unplugged=("R2-lift",)), {}),
+        ("a broken leg", walking(WALK), Settings(broken=("L1-turn", "L1-lift")), {}),
+        ("a supply of 3.5 A, 2.24 kg", walking(WALK, height=120, extra=limited), Settings(), {"mass": 2.24}),
+    ]
+    for name, made, settings, robot in runs:
+        seen = made.twin(settings, **robot)
+        cause = seen.cause.text if seen.cause else "-"
+        lowest = 1000 * seen.record.pose[:, 2].min()
+        print(f"{name}: {shown(seen)}, lowest {lowest:.0f} mm, {seen.word}; {cause}")
+
+
+def oracle() -> None:
+    """The quasi-static model against the physics: planned, and with the joint angles that the physics had."""
+    for name, rows in (("straight", WALK), ("turn", TURN), ("curve", CURVE)):
+        seen = walking(rows, extra=SUPPLIED).twin()
+        rig, record, rigid = seen.record.rig, seen.record, seen.planned.rigid
+        assert rigid is not None
+        angles = record.angle[record.first :: 4]
+        joints = [each.position(angles[:, index]) for index, each in enumerate(rig.bindings)]
+        legs = feet(rig.robot, np.stack(joints, axis=1).reshape(len(angles), -1, 2))  # type: ignore[arg-type]
+        x, y, yaw = way_of(legs, (0.0, 0.0)).pose[-1].tolist()
+        planned = f"{1000 * rigid[-1, 0]:.1f} {1000 * rigid[-1, 1]:.1f} mm {math.degrees(rigid[-1, 2]):.1f}°"
+        print(
+            f"{name}: physics {shown(seen)}; rigid legs as planned {planned}, "
+            f"with the simulated angles {1000 * x:.1f} {1000 * y:.1f} mm {math.degrees(yaw):.1f}°"
+        )
+
+
+def rough() -> None:
+    """Thirty rough grounds, five gaits: falls, way, slip."""
+    gaits: dict[str, Callable[[], Firmware]] = {
+        "tripod": lambda: walking(WALK, "tripod", 120, SUPPLIED),
+        "ripple": lambda: walking(WALK, "ripple", 120, SUPPLIED),
+        "wave": lambda: walking(WALK, "wave", 120, SUPPLIED),
+        "tripod, half the stride": lambda: walking(
+            "{ forward_mm = 20, cycles = 8 }", "tripod", 120, SUPPLIED
+        ),
+        "ripple, half the stride": lambda: walking(
+            "{ forward_mm = 20, cycles = 8 }", "ripple", 120, SUPPLIED
+        ),
+    }
+    for name, make in gaits.items():
+        made = make()
+        for height in (0.004, 0.008, 0.012):
+            runs = [made.twin(Settings(Ground(0.8, rough=height, seed=seed))) for seed in range(10)]
+            ways = [1000 * seen.done[0] for seen in runs]
+            falls = sum(not check.passed for seen in runs for check in seen.checks if check.name == "falls")
+            yaw = max(abs(math.degrees(seen.done[2])) for seen in runs)
+            drag = np.mean([1000 * seen.drag for seen in runs])
+            span = f"way {min(ways):.0f} to {max(ways):.0f} (mean {np.mean(ways):.0f}) mm"
+            print(f"{name}, {1000 * height:.0f} mm: {falls} falls of 10, {span}, ", end="")
+            print(f"turned by up to {yaw:.0f}°, longest drag {drag:.1f} mm", flush=True)
+
+
+def steps() -> None:
+    """The step of the physics halved twice."""
+    for name, rows in (("straight", WALK), ("turn", TURN)):
+        for per_ms in (1, 2, 4):
+            seen = walking(rows, extra=SUPPLIED).twin(Settings(steps_per_ms=per_ms, energies=True))
+            account = seen.record.energies
+            assert account is not None
+            lost = 1 - (account.heat + account.work) / account.electric
+            print(f"{name}, {1 / per_ms:g} ms: {shown(seen)}, {account.electric:.2f} J, {100 * lost:.2f} %")
+
+
+TABLES = {each.__name__: each for each in (way, turn, specimens, causes, oracle, rough, steps)}
+
+
+def main(names: list[str]) -> None:
+    """Print the tables of these names, or all."""
+    for name in names or TABLES:
+        if name not in TABLES:
+            raise InputError("unknown-name", f"there is no table '{name}'", hint=", ".join(TABLES))
+        start = time.process_time()
+        print(f"## {name}: {(TABLES[name].__doc__ or '').strip()}")
+        TABLES[name]()
+        print(f"{time.process_time() - start:.0f} s\n", flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
