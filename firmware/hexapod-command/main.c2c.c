@@ -3,16 +3,16 @@
  * Generated from the job by servogen: change the job, not this file.
  *
  * RB0  L1-turn: 1380 to 1625 us
- * RB2  L2-turn: 1374 to 1500 us
- * RB4  L3-turn: 1374 to 1619 us
- * RB6  R1-turn: 1374 to 1619 us
- * RA0  R2-turn: 1500 to 1625 us
- * RA2  R3-turn: 1380 to 1625 us
  * RB1  L1-lift: 1333 to 1500 us
+ * RB2  L2-turn: 1374 to 1500 us
  * RB3  L2-lift: 1500 to 1666 us
+ * RB4  L3-turn: 1374 to 1619 us
  * RB5  L3-lift: 1500 to 1666 us
+ * RB6  R1-turn: 1374 to 1619 us
  * RB7  R1-lift: 1500 to 1666 us
+ * RA0  R2-turn: 1500 to 1625 us
  * RA1  R2-lift: 1333 to 1500 us
+ * RA2  R3-turn: 1380 to 1625 us
  * RA3  R3-lift: 1333 to 1500 us
  *
  * A frame takes 20000 us: 7 slots, each begun by TMR0, which counts 32 us and is never
@@ -23,11 +23,11 @@
 #pragma CLOCK_FREQ 4000000
 
 /* Poses, 6 bytes each, in steps of 1 us from each channel's base width. */
-const unsigned char ROW[] = { 76, 95, 95, 95, 76, 76, 2, 169, 169, 169, 2, 2, 169, 2, 2, 2, 169, 169, 123, 127, 127, 127, 2, 123, 216, 34, 34, 34, 95, 216, 203, 47, 21, 20, 108, 203, 190, 60, 7, 7, 122, 190, 243, 7, 60, 60, 69, 243, 229, 20, 47, 47, 82, 230, 132, 34, 118, 34, 95, 216, 47, 34, 203, 34, 95, 216, 47, 34, 203, 118, 95, 132, 47, 34, 203, 203, 95, 47, 66, 21, 222, 184, 108, 28, 84, 8, 240, 166, 121, 10, 10, 59, 166, 240, 70, 84, 28, 47, 184, 222, 83, 66, 132, 34, 118, 203, 95, 47, 216, 34, 34, 203, 95, 47, 216, 34, 34, 118, 95, 132 };
+const unsigned char ROW[] = { 75, 95, 95, 95, 75, 75, 1, 169, 169, 169, 1, 1, 168, 2, 2, 2, 168, 168, 123, 127, 127, 127, 2, 123, 216, 34, 34, 34, 95, 216, 243, 7, 60, 60, 69, 243, 190, 60, 7, 7, 122, 190, 10, 59, 166, 240, 70, 84, 47, 34, 203, 203, 95, 47, 84, 8, 240, 166, 121, 10 };
 
 /* Poses of the ways, to be read forward and backward: where its row is; the legs that it lifts, and in bits 0 and 1
  * the timing of the step to it from the pose before. */
-const unsigned char SCRIPT[] = { 18, 0, 18, 0, 24, 0, 24, 1, 30, 86, 36, 2, 24, 170, 42, 2, 24, 86, 36, 2, 24, 170, 42, 2, 48, 86, 24, 2, 54, 22, 60, 2, 66, 162, 72, 2, 78, 86, 84, 2, 72, 170, 90, 2, 72, 86, 84, 2, 72, 170, 90, 2, 96, 86, 72, 2, 102, 22, 108, 2, 114, 162, 24, 2 };
+const unsigned char SCRIPT[] = { 18, 0, 18, 0, 24, 0, 24, 1, 30, 86, 30, 2, 30, 170, 30, 2, 24, 87, 36, 3, 24, 171, 30, 3, 24, 86, 24, 2, 24, 170, 24, 2, 42, 86, 42, 2, 42, 170, 42, 2, 48, 87, 54, 3, 48, 171, 42, 3, 24, 86, 24, 2, 24, 170, 24, 2 };
 
 /* All else that is constant, in one table. */
 #define BASE_LOW 0   /* the channels' base widths */
@@ -39,12 +39,12 @@ const unsigned char SCRIPT[] = { 18, 0, 18, 0, 24, 0, 24, 1, 30, 86, 36, 2, 24, 
 #define SLOT_CHANNEL 52   /* the channel of pin A */
 #define SLOT_OTHER 59   /* and of pin B */
 #define FRAMES 66   /* of a step; 0 is 256 */
-#define SPEED_LOW 69   /* 65536ths of a step in a frame */
-#define SPEED_HIGH 72
-#define HEARING 75   /* for each state the line low, and high */
-#define WAYS 115   /* for standing, and for each way, where its start, its cycle and its stop begin, and its end */
-#define LAW 135   /* weights at each sixteenth of a step */
-const unsigned char CONSTANT[] = { 97, 93, 93, 93, 218, 97, 51, 218, 218, 218, 51, 51, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 0x02, 0x08, 0x20, 0x80, 0x02, 0x08, 0x00, 0x06, 0x06, 0x06, 0x06, 0x05, 0x05, 0x06, 157, 72, 73, 73, 73, 72, 105, 0, 1, 2, 3, 4, 5, 0, 6, 7, 8, 9, 10, 11, 0, 50, 1, 12, 31, 0, 85, 5, 0, 21, 1, 2, 3, 2, 0, 4, 5, 2, 0, 6, 37, 2, 7, 6, 8, 9, 10, 11, 0, 12, 5, 13, 14, 4, 15, 6, 0, 16, 1, 17, 18, 19, 64, 6, 96, 4, 163, 2, 0, 132, 4, 6, 0, 0, 26, 18, 10, 6, 6, 10, 18, 26, 62, 46, 38, 26, 26, 38, 46, 62, 128, 136, 143, 149, 152, 153, 152, 147, 140, 129, 117, 101, 84, 65, 44, 22, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255 };
+#define SPEED_LOW 70   /* 65536ths of a step in a frame */
+#define SPEED_HIGH 74
+#define HEARING 78   /* for each state the line low, and high */
+#define WAYS 118   /* for standing, and for each way, where its start, its cycle and its stop begin, and its end */
+#define LAW 138   /* weights at each sixteenth of a step */
+const unsigned char CONSTANT[] = { 97, 52, 93, 218, 93, 218, 93, 218, 218, 52, 97, 52, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 0x02, 0x08, 0x20, 0x80, 0x02, 0x08, 0x00, 0x06, 0x06, 0x06, 0x06, 0x05, 0x05, 0x06, 157, 72, 73, 73, 73, 72, 105, 0, 2, 4, 6, 8, 10, 0, 1, 3, 5, 7, 9, 11, 0, 50, 1, 12, 12, 31, 0, 85, 85, 5, 0, 21, 21, 1, 2, 3, 2, 0, 4, 5, 2, 0, 6, 37, 2, 7, 6, 8, 9, 10, 11, 0, 12, 5, 13, 14, 4, 15, 6, 0, 16, 1, 17, 18, 19, 64, 6, 96, 4, 163, 2, 0, 132, 4, 6, 0, 0, 30, 22, 14, 6, 6, 14, 22, 30, 54, 46, 38, 30, 30, 38, 46, 54, 128, 136, 143, 149, 152, 153, 152, 147, 140, 129, 117, 101, 84, 65, 44, 22, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255, 0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128 };
 
 unsigned char width_low[12], width_high[12];
 
@@ -55,15 +55,23 @@ unsigned char target, ahead, overrun, stay, fine, apart, count;
 /* Where the motion is: in the script, in the step, and its two poses. */
 unsigned char place, timing, frames, time, time_low, row, next_row;
 unsigned char lifted, next_lifted;
+unsigned char landed;   /* on the spot: the legs that have stepped, and a bit of no leg; 0: walking */
 
 /* The arithmetic's. */
 unsigned char channel, key, next, weight, value, value_low, value_high, bits, sign;
 
-/* Between two frames what the kernel needs in its slots holds weights. */
+/* Between two frames what the kernel needs in its slots holds weights, and the legs that go backwards by a law. */
 #define swing_up pulse_a_lo
 #define swing_down pulse_a_hi
 #define lift_up pulse_b_lo
 #define lift_down pulse_b_hi
+#define lift stay
+#define leg fine
+#define at apart
+#define back mask_a
+#define standing mask_b
+#define doubled both
+#define law port
 
 /* Twice the number of the way that is commanded, of the one that is walked until its stop, and of the one that was
  * begun; where its part ends; what was heard of a code. */
@@ -112,20 +120,6 @@ pl_once:
 pl_sum:
     movf    _key, W
     addwf   _value, F
-    }
-}
-
-void read_trim(void)
-{
-    asm {
-; The channel's byte of the data EEPROM (DS35007 section 3.1).
-    movf    _channel, W
-    movwf   EEADR
-    bsf     STATUS, 5           ; bank 1
-    bsf     0x08, 0             ; EECON1, RD
-    bcf     STATUS, 5
-    movf    EEDATA, W
-    movwf   _value
     }
 }
 
@@ -398,91 +392,112 @@ void weigh(void)
     blend();
 }
 
-/* The width of a channel, in key and next, by a weight between two bytes of poses, at key and next in ROW. */
+/* The width of a channel, by a weight between two bytes of poses, at key and next in ROW. */
 void make_width(void)
 {
     key = ROW[key];
     next = ROW[next];
     blend();
-    asm {
-    clrf    _value_high
-    }
     next = CONSTANT[BASE_LOW + channel];
     key = CONSTANT[BASE_HIGH + channel];
-    next += value;
-    if (next < value)
-        key++;
-    key += value_high;
-    read_trim();
-    if (value != 0xFF) {
-        next += value;
-        if (next < value)
-            key++;
-        if (value & 0x80)
-            key--;
+    asm {
+; The width of a channel: base + value * steps + trim, in cycles.
+; In: _value, whole, and _value_low, the fraction; _key, _next: the base's bytes; _channel. Out: _key, _next.
+    movf    _value, W
+    addwf   _next, F
+    btfsc   STATUS, 0
+    incf    _key, F
+; The trim is the channel's byte of the data EEPROM (DS35007 section 3.1), in two's complement; 0xFF: none.
+    movf    _channel, W
+    movwf   EEADR
+    bsf     STATUS, 5           ; bank 1
+    bsf     0x08, 0             ; EECON1, RD
+    bcf     STATUS, 5
+    incf    EEDATA, W
+    btfsc   STATUS, 2
+    goto    pl_width
+    movf    EEDATA, W
+    addwf   _next, F
+    btfsc   STATUS, 0
+    incf    _key, F
+    btfsc   EEDATA, 7
+    decf    _key, F
+pl_width:
     }
+}
+
+/* The weights of half a swing at the time `bits`: of turning in swing_up, of lifting in value. */
+void weigh_swing(void)
+{
+    next = law;
+    weigh();
+    swing_up = value;
+    next = 155;
+    weigh();
 }
 
 /* The widths of this frame. */
 void make_widths(void)
 {
-    unsigned char leg, at;
+    unsigned char column;
 
-    bits = time;
-    next = 135;
-    weigh();
-    swing_up = value;
-    next = 152;
-    weigh();
-    lift_up = value;
-    bits = ~time;
-    next = 135;
-    weigh();
-    swing_down = value;
-    next = 152;
-    weigh();
-    lift_down = value;
-    leg = 4;
-    for (channel = 0; channel < 6; channel++) {
-        sign = 0;
-        key = row + channel;
-        next = next_row + channel;
-        weight = time;
-        if (next_lifted & leg) {
-            at = key;
-            key = next;
-            next = at;
-            weight = swing_up;
-            sign = 2;
-        } else if (lifted & leg) {
-            weight = swing_down;
-            sign = 2;
-        }
-        make_width();
-        width_low[channel] = next;
-        width_high[channel] = key;
-        leg <<= 1;
+    if (landed) {
+        law = 172;
+        back = landed;
+        standing = 0;
+        doubled = 0;
+    } else {
+        law = 138;
+        back = next_lifted;
+        standing = time;
+        doubled = 2;
     }
+    bits = ~time;
+    weigh_swing();
+    swing_down = swing_up;
+    lift_down = value;
+    bits = time;
+    weigh_swing();
+    lift_up = value;
     leg = 4;
-    for (channel = 6; channel < 12; channel++) {
+    column = 0;
+    for (channel = 0; channel < 12; channel++) {
         sign = 0;
-        key = channel + 250;
-        next = channel + 0;
-        weight = 0;
-        if (next_lifted & leg)
-            weight = lift_up;
-        else if (lifted & leg)
-            weight = lift_down;
-        if (place <= 4) {
-            next = key;
-            key = channel + 6;
-            if (place == 4)
-                weight = time;
+        if (channel & 1) {
+            key = column;
+            next = column + 6;
+            weight = lift;
+            if (place <= 4) {
+                next = key;
+                key = column + 12;
+                if (place == 4)
+                    weight = time;
+            }
+            column++;
+            leg <<= 1;
+        } else {
+            key = row + column;
+            next = next_row + column;
+            if (back & leg) {
+                at = key;
+                key = next;
+                next = at;
+            }
+            lift = 0;
+            weight = standing;
+            if (next_lifted & leg) {
+                weight = swing_up;
+                lift = lift_up;
+                sign = doubled;
+            } else if (lifted & leg) {
+                weight = swing_down;
+                lift = lift_down;
+                sign = doubled;
+            }
         }
         make_width();
         width_low[channel] = next;
         width_high[channel] = key;
-        leg <<= 1;
     }
 }
 
@@ -504,10 +519,9 @@ void listen(void)
 /* On to the next pose of the chain. */
 void next_step(void)
 {
-    row = next_row;
-    lifted = next_lifted;
     if (place == until) {
         key = 0;
+        landed = 0;
         if (walking == 0) {                 /* it stands: what is commanded begins */
             walking = wanted;
             begun = wanted;
@@ -528,9 +542,22 @@ void next_step(void)
     timing = SCRIPT[place + 1];
     if (begun & 2)
         place -= 2;               /* backward */
-    next_row = SCRIPT[place];
-    next_lifted = SCRIPT[place + 1];
     timing &= 3;
+    if (timing == 2) {
+        if (landed)
+            landed ^= next_lifted & 0xFC;   /* what falls in this step, from where it was highest */
+        else {                              /* the first step on the spot: all end where the part does */
+            landed = 1;
+            row = next_row;
+            next_row = SCRIPT[until];
+        }
+    } else {
+        landed = 0;
+        row = next_row;
+        next_row = SCRIPT[place];
+    }
+    lifted = next_lifted;
+    next_lifted = SCRIPT[place + 1];
     frames = CONSTANT[FRAMES + timing];
     time = 0;
     time_low = 128;

@@ -2,18 +2,18 @@
  * hexapod-ripple: servo pulses for the PIC16F84 at 4 MHz (XC8).
  * Generated from the job by servogen: change the job, not this file.
  *
- * RB0  L1-turn: 1454 to 1545 us
- * RB2  L2-turn: 1454 to 1545 us
- * RB4  L3-turn: 1454 to 1545 us
- * RB6  R1-turn: 1454 to 1545 us
- * RA0  R2-turn: 1454 to 1545 us
- * RA2  R3-turn: 1454 to 1545 us
- * RB1  L1-lift: 1500 to 1632 us
- * RB3  L2-lift: 1500 to 1632 us
- * RB5  L3-lift: 1500 to 1632 us
- * RB7  R1-lift: 1367 to 1500 us
- * RA1  R2-lift: 1367 to 1500 us
- * RA3  R3-lift: 1367 to 1500 us
+ * RB0  L1-turn: 1369 to 1500 us
+ * RB1  L1-lift: 1500 to 1666 us
+ * RB2  L2-turn: 1369 to 1500 us
+ * RB3  L2-lift: 1500 to 1666 us
+ * RB4  L3-turn: 1369 to 1500 us
+ * RB5  L3-lift: 1500 to 1666 us
+ * RB6  R1-turn: 1500 to 1630 us
+ * RB7  R1-lift: 1333 to 1500 us
+ * RA0  R2-turn: 1500 to 1630 us
+ * RA1  R2-lift: 1333 to 1500 us
+ * RA2  R3-turn: 1500 to 1630 us
+ * RA3  R3-lift: 1333 to 1500 us
  *
  * A frame takes 20000 us: 7 slots, each begun by TMR0, which counts 32 us and is never
  * written. The C between the slots may take any time that ends before the next one begins.
@@ -24,11 +24,13 @@
 #define _XTAL_FREQ 4000000
 
 /* Poses, 6 bytes each, in steps of 1 us from each channel's base width. */
-const unsigned char ROW[] = { 2, 2, 2, 137, 137, 137, 136, 136, 136, 3, 3, 3, 48, 48, 48, 48, 48, 48, 57, 57, 46, 39, 39, 39, 65, 65, 44, 52, 31, 31, 74, 42, 52, 65, 22, 22, 82, 18, 61, 57, 14, 56, 44, 27, 69, 48, 6, 90, 6, 48, 90, 27, 48, 69, 27, 69, 48, 6, 90, 48, 48, 90, 6, 48, 69, 27, 69, 48, 27, 90, 48, 6, 90, 6, 48, 69, 27, 48, 48, 27, 69, 48, 6, 90 };
+const unsigned char ROW[] = { 95, 95, 95, 75, 75, 75, 169, 169, 169, 1, 1, 1, 2, 2, 2, 168, 168, 168, 134, 134, 134, 2, 2, 2, 41, 41, 41, 95, 95, 95, 23, 59, 41, 60, 130, 95, 41, 76, 6, 95, 113, 77, 59, 41, 23, 130, 95, 60, 76, 6, 41, 113, 77, 95, 41, 23, 59, 95, 60, 130, 6, 41, 76, 77, 95, 113 };
 
 /* Steps from pose to pose, each to the next row: the legs that it lifts, and in bits 0 and 1 its timing.
- * 254 before that: to the row at the next byte. 255: so many bytes back, until that was played so often. */
-const unsigned char SCRIPT[] = { 254, 12, 0, 254, 12, 0, 17, 33, 9, 129, 5, 65, 254, 54, 17, 33, 9, 129, 5, 254, 48, 65 };
+ * 252 before that: to the row at the next byte. 255: so many bytes back, until that was played so often.
+ * 253: the legs step on the spot, from where they stand to the row at the next byte, as long as steps without a row follow.
+ */
+const unsigned char SCRIPT[] = { 252, 18, 0, 252, 18, 0, 0, 253, 60, 17, 33, 9, 129, 5, 1, 252, 60, 65, 252, 30, 17, 33, 9, 129, 5, 65 };
 
 /* All else that is constant, in one table. */
 #define BASE_LOW 0   /* the channels' base widths */
@@ -43,7 +45,7 @@ const unsigned char SCRIPT[] = { 254, 12, 0, 254, 12, 0, 17, 33, 9, 129, 5, 65, 
 #define SPEED_LOW 68   /* 65536ths of a step in a frame */
 #define SPEED_HIGH 70
 #define LAW 72   /* weights at each sixteenth of a step */
-const unsigned char CONSTANT[] = { 172, 172, 172, 172, 172, 172, 218, 218, 218, 83, 83, 83, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 0x02, 0x08, 0x20, 0x80, 0x02, 0x08, 0x00, 0x06, 0x06, 0x06, 0x06, 0x05, 0x05, 0x06, 156, 72, 72, 72, 70, 70, 113, 0, 1, 2, 3, 4, 5, 0, 6, 7, 8, 9, 10, 11, 0, 50, 8, 31, 0, 5, 32, 128, 132, 136, 138, 138, 137, 134, 129, 121, 111, 100, 86, 71, 55, 37, 19, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255 };
+const unsigned char CONSTANT[] = { 86, 218, 86, 218, 86, 218, 218, 52, 218, 52, 218, 52, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 0x02, 0x08, 0x20, 0x80, 0x02, 0x08, 0x00, 0x06, 0x06, 0x06, 0x06, 0x05, 0x05, 0x06, 155, 73, 73, 73, 72, 72, 107, 0, 2, 4, 6, 8, 10, 0, 1, 3, 5, 7, 9, 11, 0, 50, 8, 31, 0, 5, 32, 128, 132, 136, 138, 138, 137, 134, 129, 121, 111, 100, 86, 71, 55, 37, 19, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255, 0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128 };
 
 unsigned char width_low[12], width_high[12];
 
@@ -54,15 +56,23 @@ unsigned char target, ahead, overrun, stay, fine, apart, count;
 /* Where the motion is: in the script, in the step, and its two poses. */
 unsigned char place, repeats, timing, frames, time, time_low, row, next_row;
 unsigned char lifted, next_lifted;
+unsigned char landed;   /* on the spot: the legs that have stepped, and a bit of no leg; 0: walking */
 
 /* The arithmetic's. */
 unsigned char channel, key, next, weight, value, value_low, value_high, bits, sign;
 
-/* Between two frames what the kernel needs in its slots holds weights. */
+/* Between two frames what the kernel needs in its slots holds weights, and the legs that go backwards by a law. */
 #define swing_up pulse_a_lo
 #define swing_down pulse_a_hi
 #define lift_up pulse_b_lo
 #define lift_down pulse_b_hi
+#define lift stay
+#define leg fine
+#define at apart
+#define back mask_a
+#define standing mask_b
+#define doubled both
+#define law port
 
 void blend(void)
 {
@@ -106,18 +116,6 @@ void blend(void)
     asm("pl_sum:");
     asm("    movf    _key, W");
     asm("    addwf   _value, F");
-}
-
-void read_trim(void)
-{
-    // The channel's byte of the data EEPROM (DS35007 section 3.1).
-    asm("    movf    _channel, W");
-    asm("    movwf   EEADR");
-    asm("    bsf     STATUS, 5");   // bank 1
-    asm("    bsf     0x08, 0");   // EECON1, RD
-    asm("    bcf     STATUS, 5");
-    asm("    movf    EEDATA, W");
-    asm("    movwf   _value");
 }
 
 /* One slot, to the cycle. */
@@ -387,91 +385,118 @@ void weigh(void)
     blend();
 }
 
-/* The width of a channel, in key and next, by a weight between two bytes of poses, at key and next in ROW. */
+/* The width of a channel, by a weight between two bytes of poses, at key and next in ROW. */
 void make_width(void)
 {
     key = ROW[key];
     next = ROW[next];
     blend();
-    asm("    clrf    _value_high");
     next = CONSTANT[BASE_LOW + channel];
     key = CONSTANT[BASE_HIGH + channel];
-    next += value;
-    if (next < value)
-        key++;
-    key += value_high;
-    read_trim();
-    if (value != 0xFF) {
-        next += value;
-        if (next < value)
-            key++;
-        if (value & 0x80)
-            key--;
-    }
+    // The width of a channel: base + value * steps + trim, in cycles.
+    // In: _value, whole, and _value_low, the fraction; _key, _next: the base's bytes; _channel. Out: _key, _next.
+    asm("    movf    _value, W");
+    asm("    addwf   _next, F");
+    asm("    btfsc   STATUS, 0");
+    asm("    incf    _key, F");
+    // The trim is the channel's byte of the data EEPROM (DS35007 section 3.1), in two's complement; 0xFF: none.
+    asm("    movf    _channel, W");
+    asm("    movwf   EEADR");
+    asm("    bsf     STATUS, 5");   // bank 1
+    asm("    bsf     0x08, 0");   // EECON1, RD
+    asm("    bcf     STATUS, 5");
+    asm("    incf    EEDATA, W");
+    asm("    btfsc   STATUS, 2");
+    asm("    goto    pl_width");
+    asm("    movf    EEDATA, W");
+    asm("    addwf   _next, F");
+    asm("    btfsc   STATUS, 0");
+    asm("    incf    _key, F");
+    asm("    btfsc   EEDATA, 7");
+    asm("    decf    _key, F");
+    asm("pl_width:");
+}
+
+/* The weights of half a swing at the time `bits`: of turning in swing_up, of lifting in value. */
+void weigh_swing(void)
+{
+    next = law;
+    weigh();
+    swing_up = value;
+    next = 89;
+    weigh();
 }
 
 /* The widths of this frame. */
 void make_widths(void)
 {
-    unsigned char leg, at;
+    unsigned char column;
 
-    bits = time;
-    next = 72;
-    weigh();
-    swing_up = value;
-    next = 89;
-    weigh();
-    lift_up = value;
+    if (landed) {
+        law = 106;
+        back = landed;
+        standing = 0;
+        doubled = 0;
+    } else {
+        law = 72;
+        back = next_lifted;
+        standing = time;
+        doubled = 2;
+    }
     bits = ~time;
-    next = 72;
-    weigh();
-    swing_down = value;
-    next = 89;
-    weigh();
+    weigh_swing();
+    swing_down = swing_up;
     lift_down = value;
+    bits = time;
+    weigh_swing();
+    lift_up = value;
     leg = 4;
-    for (channel = 0; channel < 6; channel++) {
+    column = 0;
+    for (channel = 0; channel < 12; channel++) {
         sign = 0;
-        key = row + channel;
-        next = next_row + channel;
-        weight = time;
-        if (next_lifted & leg) {
-            at = key;
-            key = next;
-            next = at;
-            weight = swing_up;
-            sign = 2;
-        } else if (lifted & leg) {
-            weight = swing_down;
-            sign = 2;
+        if (channel & 1) {
+            key = column;
+            next = column + 6;
+            weight = lift;
+            if (place <= 7) {
+                next = key;
+                key = column + 12;
+                if (place == 7)
+                    weight = time;
+            }
+            column++;
+            leg <<= 1;
+        } else {
+            key = row + column;
+            next = next_row + column;
+            if (back & leg) {
+                at = key;
+                key = next;
+                next = at;
+            }
+            lift = 0;
+            weight = standing;
+            if (next_lifted & leg) {
+                weight = swing_up;
+                lift = lift_up;
+                sign = doubled;
+            } else if (lifted & leg) {
+                weight = swing_down;
+                lift = lift_down;
+                sign = doubled;
+            }
         }
         make_width();
         width_low[channel] = next;
         width_high[channel] = key;
-        leg <<= 1;
-    }
-    leg = 4;
-    for (channel = 6; channel < 12; channel++) {
-        sign = 0;
-        key = channel + 250;
-        next = channel + 0;
-        weight = 0;
-        if (next_lifted & leg)
-            weight = lift_up;
-        else if (lifted & leg)
-            weight = lift_down;
-        make_width();
-        width_low[channel] = next;
-        width_high[channel] = key;
-        leg <<= 1;
     }
 }
 
 /* The script's byte at its place, in timing. */
 void read_script(void)
 {
-    if (place == 22)
-        place = 12;
+    if (place == 26)
+        place = 18;
     timing = SCRIPT[place];
     place++;
 }
@@ -479,15 +504,20 @@ void read_script(void)
 /* On to the next step of the script. */
 void next_step(void)
 {
-    row = next_row;
-    lifted = next_lifted;
     read_script();
-    next_row += 6;
-    if (timing == 254) {
+    if (timing >= 252) {
+        row = next_row;
+        landed = timing & 1;
         read_script();
         next_row = timing;
         read_script();
+    } else if (landed)
+        landed ^= next_lifted & 0xFC;   /* what falls in this step, from where it was highest */
+    else {
+        row = next_row;
+        next_row += 6;
     }
+    lifted = next_lifted;
     next_lifted = timing;
     timing &= 3;
     frames = CONSTANT[FRAMES + timing];

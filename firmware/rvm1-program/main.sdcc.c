@@ -30,8 +30,9 @@ void _sdcc_gsinit_startup(void)
 static __code const unsigned char ROW[] = { 44, 127, 80, 86, 3, 72, 44, 2, 247, 2, 3, 2, 47, 6, 239, 5, 3, 2, 53, 15, 225, 11, 3, 2, 117, 108, 68, 75, 3, 2, 123, 117, 53, 81, 3, 2, 126, 121, 46, 83, 3, 2, 126, 106, 34, 110, 3, 2, 126, 106, 34, 110, 3, 99, 126, 121, 46, 84, 3, 99, 44, 126, 11, 114, 3, 99, 44, 108, 2, 141, 3, 99, 44, 108, 2, 141, 3, 2, 44, 126, 11, 114, 3, 2, 2, 121, 24, 107, 3, 99, 2, 103, 15, 132, 3, 99, 2, 103, 15, 132, 3, 2, 2, 121, 24, 107, 3, 2, 44, 83, 115, 53, 3, 99, 44, 83, 114, 54, 3, 99, 44, 71, 104, 76, 3, 99, 44, 70, 104, 77, 3, 2, 44, 83, 115, 53, 3, 2, 10, 76, 133, 42, 3, 99, 10, 75, 132, 43, 3, 99, 10, 66, 122, 63, 3, 99, 10, 64, 121, 66, 3, 99, 10, 64, 121, 66, 3, 2, 10, 76, 133, 42, 3, 2 };
 
 /* Steps from pose to pose, each to the next row: its timing.
- * 254 before that: to the row at the next byte. 255: so many bytes back, until that was played so often. */
-static __code const unsigned char SCRIPT[] = { 254, 0, 0, 254, 0, 1, 0, 254, 6, 2, 3, 3, 4, 3, 3, 254, 36, 5, 6, 7, 6, 8, 6, 7, 9, 254, 36, 8, 6, 7, 6, 254, 84, 10, 6, 7, 9, 254, 36, 10, 6, 7, 6, 254, 108, 8, 11, 12, 254, 120, 2, 7, 9, 254, 36, 8, 6, 7, 6, 254, 138, 13, 11, 3, 14, 7, 9, 254, 6, 13, 254, 6, 2 };
+ * 252 before that: to the row at the next byte. 255: so many bytes back, until that was played so often.
+ */
+static __code const unsigned char SCRIPT[] = { 252, 0, 0, 252, 0, 1, 0, 252, 6, 2, 3, 3, 4, 3, 3, 252, 36, 5, 6, 7, 6, 8, 6, 7, 9, 252, 36, 8, 6, 7, 6, 252, 84, 10, 6, 7, 9, 252, 36, 10, 6, 7, 6, 252, 108, 8, 11, 12, 252, 120, 2, 7, 9, 252, 36, 8, 6, 7, 6, 252, 138, 13, 11, 3, 14, 7, 9, 252, 6, 13, 252, 6, 2 };
 
 /* All else that is constant, in one table. */
 #define BASE_LOW 0   /* the channels' base widths */
@@ -98,21 +99,6 @@ pl_between:
 pl_sum:
     movf    _key, W
     addwf   _value, F
-    __endasm;
-}
-
-void read_trim(void)
-{
-    __asm
-    bcf     STATUS, 5   // bank 0: the compiler may have left the other one selected
-// The channel's byte of the data EEPROM (DS35007 section 3.1).
-    movf    _channel, W
-    movwf   EEADR
-    bsf     STATUS, 5           // bank 1
-    bsf     0x08, 0             // EECON1, RD
-    bcf     STATUS, 5
-    movf    EEDATA, W
-    movwf   _value
     __endasm;
 }
 
@@ -386,34 +372,46 @@ void weigh(void)
     blend();
 }
 
-/* The width of a channel, in key and next, by a weight between two bytes of poses, at key and next in ROW. */
+/* The width of a channel, by a weight between two bytes of poses, at key and next in ROW. */
 void make_width(void)
 {
     key = ROW[key];
     next = ROW[next];
     blend();
+    next = CONSTANT[BASE_LOW + channel];
+    key = CONSTANT[BASE_HIGH + channel];
     __asm
     bcf     STATUS, 5   // bank 0: the compiler may have left the other one selected
+// The width of a channel: base + value * steps + trim, in cycles.
+// In: _value, whole, and _value_low, the fraction; _key, _next: the base's bytes; _channel. Out: _key, _next.
     clrf    _value_high
     bcf     STATUS, 0           // twice
     rlf     _value_low, F
     rlf     _value, F
     rlf     _value_high, F
+    movf    _value_high, W
+    addwf   _key, F
+    movf    _value, W
+    addwf   _next, F
+    btfsc   STATUS, 0
+    incf    _key, F
+// The trim is the channel's byte of the data EEPROM (DS35007 section 3.1), in two's complement; 0xFF: none.
+    movf    _channel, W
+    movwf   EEADR
+    bsf     STATUS, 5           // bank 1
+    bsf     0x08, 0             // EECON1, RD
+    bcf     STATUS, 5
+    incf    EEDATA, W
+    btfsc   STATUS, 2
+    goto    pl_width
+    movf    EEDATA, W
+    addwf   _next, F
+    btfsc   STATUS, 0
+    incf    _key, F
+    btfsc   EEDATA, 7
+    decf    _key, F
+pl_width:
     __endasm;
-    next = CONSTANT[BASE_LOW + channel];
-    key = CONSTANT[BASE_HIGH + channel];
-    next += value;
-    if (next < value)
-        key++;
-    key += value_high;
-    read_trim();
-    if (value != 0xFF) {
-        next += value;
-        if (next < value)
-            key++;
-        if (value & 0x80)
-            key--;
-    }
 }
 
 /* The widths of this frame. */
@@ -451,10 +449,10 @@ void read_script(void)
 /* On to the next step of the script. */
 void next_step(void)
 {
-    row = next_row;
     read_script();
+    row = next_row;
     next_row += 6;
-    if (timing == 254) {
+    if (timing == 252) {
         read_script();
         next_row = timing;
         read_script();

@@ -16,8 +16,9 @@
 const unsigned char ROW[] = { 26, 2, 127, 2, 2, 152, 2, 50, 2, 152, 189, 50, 3, 153, 2, 50, 7, 160, 2, 52, 15, 167, 2, 54, 27, 174, 2, 56, 46, 177, 2, 58, 63, 175, 2, 58, 86, 167, 2, 57, 116, 148, 2, 53, 133, 133, 2, 49, 144, 122, 2, 46, 150, 115, 2, 44, 151, 114, 2, 44, 151, 114, 189, 44 };
 
 /* Steps from pose to pose, each to the next row: its timing.
- * 254 before that: to the row at the next byte. 255: so many bytes back, until that was played so often. */
-const unsigned char SCRIPT[] = { 254, 0, 0, 254, 0, 1, 0, 254, 4, 2, 3, 254, 8, 4, 254, 4, 3, 254, 12, 5, 5, 6, 6, 6, 7, 6, 5, 6, 6, 6, 8, 3, 254, 60, 4, 254, 56, 3, 254, 4, 9, 254, 4, 10 };
+ * 252 before that: to the row at the next byte. 255: so many bytes back, until that was played so often.
+ */
+const unsigned char SCRIPT[] = { 252, 0, 0, 252, 0, 1, 0, 252, 4, 2, 3, 252, 8, 4, 252, 4, 3, 252, 12, 5, 5, 6, 6, 6, 7, 6, 5, 6, 6, 6, 8, 3, 252, 60, 4, 252, 56, 3, 252, 4, 9, 252, 4, 10 };
 
 /* All else that is constant, in one table. */
 #define BASE_LOW 0   /* the channels' base widths */
@@ -83,20 +84,6 @@ pl_between:
 pl_sum:
     movf    _key, W
     addwf   _value, F
-    }
-}
-
-void read_trim(void)
-{
-    asm {
-; The channel's byte of the data EEPROM (DS35007 section 3.1).
-    movf    _channel, W
-    movwf   EEADR
-    bsf     STATUS, 5           ; bank 1
-    bsf     0x08, 0             ; EECON1, RD
-    bcf     STATUS, 5
-    movf    EEDATA, W
-    movwf   _value
     }
 }
 
@@ -369,32 +356,44 @@ void weigh(void)
     blend();
 }
 
-/* The width of a channel, in key and next, by a weight between two bytes of poses, at key and next in ROW. */
+/* The width of a channel, by a weight between two bytes of poses, at key and next in ROW. */
 void make_width(void)
 {
     key = ROW[key];
     next = ROW[next];
     blend();
+    next = CONSTANT[BASE_LOW + channel];
+    key = CONSTANT[BASE_HIGH + channel];
     asm {
+; The width of a channel: base + value * steps + trim, in cycles.
+; In: _value, whole, and _value_low, the fraction; _key, _next: the base's bytes; _channel. Out: _key, _next.
     clrf    _value_high
     bcf     STATUS, 0           ; twice
     rlf     _value_low, F
     rlf     _value, F
     rlf     _value_high, F
-    }
-    next = CONSTANT[BASE_LOW + channel];
-    key = CONSTANT[BASE_HIGH + channel];
-    next += value;
-    if (next < value)
-        key++;
-    key += value_high;
-    read_trim();
-    if (value != 0xFF) {
-        next += value;
-        if (next < value)
-            key++;
-        if (value & 0x80)
-            key--;
+    movf    _value_high, W
+    addwf   _key, F
+    movf    _value, W
+    addwf   _next, F
+    btfsc   STATUS, 0
+    incf    _key, F
+; The trim is the channel's byte of the data EEPROM (DS35007 section 3.1), in two's complement; 0xFF: none.
+    movf    _channel, W
+    movwf   EEADR
+    bsf     STATUS, 5           ; bank 1
+    bsf     0x08, 0             ; EECON1, RD
+    bcf     STATUS, 5
+    incf    EEDATA, W
+    btfsc   STATUS, 2
+    goto    pl_width
+    movf    EEDATA, W
+    addwf   _next, F
+    btfsc   STATUS, 0
+    incf    _key, F
+    btfsc   EEDATA, 7
+    decf    _key, F
+pl_width:
     }
 }
 
@@ -433,10 +432,10 @@ void read_script(void)
 /* On to the next step of the script. */
 void next_step(void)
 {
-    row = next_row;
     read_script();
+    row = next_row;
     next_row += 4;
-    if (timing == 254) {
+    if (timing == 252) {
         read_script();
         next_row = timing;
         read_script();

@@ -19,8 +19,9 @@
 const unsigned char ROW[] = { 26, 2, 127, 2, 2, 152, 2, 50, 2, 152, 189, 50, 3, 153, 2, 50, 7, 160, 2, 52, 15, 167, 2, 54, 27, 174, 2, 56, 46, 177, 2, 58, 63, 175, 2, 58, 86, 167, 2, 57, 116, 148, 2, 53, 133, 133, 2, 49, 144, 122, 2, 46, 150, 115, 2, 44, 151, 114, 2, 44, 151, 114, 189, 44 };
 
 /* Steps from pose to pose, each to the next row: its timing.
- * 254 before that: to the row at the next byte. 255: so many bytes back, until that was played so often. */
-const unsigned char SCRIPT[] = { 254, 0, 0, 254, 0, 1, 0, 254, 4, 2, 3, 254, 8, 4, 254, 4, 3, 254, 12, 5, 5, 6, 6, 6, 7, 6, 5, 6, 6, 6, 8, 3, 254, 60, 4, 254, 56, 3, 254, 4, 9, 254, 4, 10 };
+ * 252 before that: to the row at the next byte. 255: so many bytes back, until that was played so often.
+ */
+const unsigned char SCRIPT[] = { 252, 0, 0, 252, 0, 1, 0, 252, 4, 2, 3, 252, 8, 4, 252, 4, 3, 252, 12, 5, 5, 6, 6, 6, 7, 6, 5, 6, 6, 6, 8, 3, 252, 60, 4, 252, 56, 3, 252, 4, 9, 252, 4, 10 };
 
 /* All else that is constant, in one table. */
 #define BASE_LOW 0   /* the channels' base widths */
@@ -85,18 +86,6 @@ void blend(void)
     asm("pl_sum:");
     asm("    movf    _key, W");
     asm("    addwf   _value, F");
-}
-
-void read_trim(void)
-{
-    // The channel's byte of the data EEPROM (DS35007 section 3.1).
-    asm("    movf    _channel, W");
-    asm("    movwf   EEADR");
-    asm("    bsf     STATUS, 5");   // bank 1
-    asm("    bsf     0x08, 0");   // EECON1, RD
-    asm("    bcf     STATUS, 5");
-    asm("    movf    EEDATA, W");
-    asm("    movwf   _value");
 }
 
 /* One slot, to the cycle. */
@@ -366,31 +355,43 @@ void weigh(void)
     blend();
 }
 
-/* The width of a channel, in key and next, by a weight between two bytes of poses, at key and next in ROW. */
+/* The width of a channel, by a weight between two bytes of poses, at key and next in ROW. */
 void make_width(void)
 {
     key = ROW[key];
     next = ROW[next];
     blend();
+    next = CONSTANT[BASE_LOW + channel];
+    key = CONSTANT[BASE_HIGH + channel];
+    // The width of a channel: base + value * steps + trim, in cycles.
+    // In: _value, whole, and _value_low, the fraction; _key, _next: the base's bytes; _channel. Out: _key, _next.
     asm("    clrf    _value_high");
     asm("    bcf     STATUS, 0");   // twice
     asm("    rlf     _value_low, F");
     asm("    rlf     _value, F");
     asm("    rlf     _value_high, F");
-    next = CONSTANT[BASE_LOW + channel];
-    key = CONSTANT[BASE_HIGH + channel];
-    next += value;
-    if (next < value)
-        key++;
-    key += value_high;
-    read_trim();
-    if (value != 0xFF) {
-        next += value;
-        if (next < value)
-            key++;
-        if (value & 0x80)
-            key--;
-    }
+    asm("    movf    _value_high, W");
+    asm("    addwf   _key, F");
+    asm("    movf    _value, W");
+    asm("    addwf   _next, F");
+    asm("    btfsc   STATUS, 0");
+    asm("    incf    _key, F");
+    // The trim is the channel's byte of the data EEPROM (DS35007 section 3.1), in two's complement; 0xFF: none.
+    asm("    movf    _channel, W");
+    asm("    movwf   EEADR");
+    asm("    bsf     STATUS, 5");   // bank 1
+    asm("    bsf     0x08, 0");   // EECON1, RD
+    asm("    bcf     STATUS, 5");
+    asm("    incf    EEDATA, W");
+    asm("    btfsc   STATUS, 2");
+    asm("    goto    pl_width");
+    asm("    movf    EEDATA, W");
+    asm("    addwf   _next, F");
+    asm("    btfsc   STATUS, 0");
+    asm("    incf    _key, F");
+    asm("    btfsc   EEDATA, 7");
+    asm("    decf    _key, F");
+    asm("pl_width:");
 }
 
 /* The widths of this frame. */
@@ -428,10 +429,10 @@ void read_script(void)
 /* On to the next step of the script. */
 void next_step(void)
 {
-    row = next_row;
     read_script();
+    row = next_row;
     next_row += 4;
-    if (timing == 254) {
+    if (timing == 252) {
         read_script();
         next_row = timing;
         read_script();

@@ -57,29 +57,30 @@ def test_every_named_gait_keeps_the_centre_of_mass_inside_of_the_feet(
 
 
 @pytest.mark.parametrize(
-    ("name", "frames", "frame", "behind", "ahead"),
+    ("name", "frames", "frame", "front", "middle", "stepped"),
     [
-        # R1 L2: until the last leg lifts in frame 10 of 20, the body goes half a stance, 10 mm: 1 mm a frame
-        ("tripod", 20, 9, 90 - 9, -9),
-        # L1 R2: 40/3 mm in 25 frames of 30; R1 lands in frame 15
-        ("ripple", 30, 14, 90 - 14 * 8 / 15, -14 * 8 / 15),
-        # R1 L2: 50/3 mm in 50 frames of 60; L1 lands in frame 30. L2 stepped ahead: its stance's middle is in
-        # frame 45, when the body, in steady walking from frame 50 on, would have gone 50/3 - 5 * 2/3 mm
-        ("wave", 60, 29, 90 - 29 / 3, 40 / 3 - 29 / 3),
+        # When the body starts a foot is 40 mm · (lift - duty / 2) from the middle of its stance.
+        # R1, L2, R3 step; L1 and R2 stand where they will lift, 10 mm behind.
+        ("tripod", 20, 11, 90 - 10, -10, True),
+        # L1 and R3 step; R1 stands 40/6 mm behind, L2 in the middle.
+        ("ripple", 30, 21, 90 - 40 / 6, 0, True),
+        # L1 steps; L2 stands 10 mm behind, R1 is at rest.
+        ("wave", 60, 21, 90, -10, False),
     ],
 )
-def test_the_least_margin_is_that_of_the_feet_left_behind_at_the_start(
-    run: Run, name: str, frames: int, frame: int, behind: float, ahead: float
+def test_the_least_margin_is_that_of_steps_on_the_spot(
+    run: Run, name: str, frames: int, frame: int, front: float, middle: float, stepped: bool
 ) -> None:
-    """The body's centre is nearest to the side from a front foot to the middle one across, left behind.
+    """The body's centre is nearest to the side from a front foot to the middle one across.
 
-    Straight out a foot stands at y = 100 mm; the line of its stance of length c is the sagitta's half inside.
+    At rest a foot stands at y = 100 mm; the line of its stance of length c is the sagitta's half inside.
     """
     found = told(run, "--gait", name, "--stride-mm", 40)
     assert (found["frames_per_cycle"], found["stability"]["frame"]) == (frames, frame)
     half = 20 * found["duty"]
     y = 100 - (50 - math.sqrt(50**2 - half**2)) / 2
-    least = y * (behind + ahead) / math.hypot(behind - ahead, 2 * y)
+    across = y if stepped else 100
+    least = (front * y + middle * across) / math.hypot(front - middle, y + across)
     assert 1000 * found["stability"]["least_m"] == pytest.approx(least, abs=0.02)
 
 

@@ -121,8 +121,42 @@ def test_a_walk_for_ever_repeats_exactly_one_cycle(name: str) -> None:
     assert start <= 2 * 48
 
 
-def test_the_tripods_lead_in_is_half_a_cycle() -> None:
-    assert walked("tripod", FOREVER).trajectory.loop_start == 24
+@pytest.mark.parametrize(("name", "cycles"), [("tripod", 1), ("ripple", 7 / 6), ("wave", 1)])
+def test_the_lead_in_is_a_step_of_each_foot_and_the_rise_of_those_that_are_in_the_air(
+    name: str, cycles: float
+) -> None:
+    # One of the ripple's feet then is half of its swing of 1/3 into the air, straight out, where it stood.
+    assert walked(name, FOREVER).trajectory.loop_start == round(48 * cycles)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_body_is_at_rest_until_it_goes_at_full_speed_and_feet_land_without_going_back(name: str) -> None:
+    made = walked(name, Segment(forward=0.04, cycles=2))
+    feet = standing(made)
+    steps = np.diff(feet.real, axis=0)
+    still = np.abs(steps) < 1e-12
+    goes = np.abs(steps + 0.04 / 48) < 1e-12
+    lead_in = walked(name, FOREVER).trajectory.loop_start
+    for frame, both in enumerate(~np.isnan(steps)):
+        moving = lead_in <= frame < lead_in + 96
+        assert (goes if moving else still)[frame][both].all(), frame
+    # On the spot each foot turns one way only: it is not dragged backwards while it is low.
+    alphas = made.leg_angles[: lead_in - 8 if name == "ripple" else lead_in + 1, :, 0]
+    for leg in alphas.T:
+        turned = np.diff(leg)
+        assert (turned >= -1e-12).all() or (turned <= 1e-12).all()
+
+
+def test_a_foot_that_the_walk_begins_with_in_the_air_rises_in_place() -> None:
+    made = walked("ripple", FOREVER)
+    leg, lead_in = made.legs.index("R2"), made.trajectory.loop_start
+    rises = slice(lead_in - 8, lead_in + 1)
+    alpha, beta = made.leg_angles[rises, leg].T
+    assert np.abs(np.diff(alpha)).max() < 1e-12
+    assert np.abs(np.diff(beta)).min() > 0
+    assert made.ground[lead_in - 8, leg] and not made.ground[lead_in - 7 : lead_in + 1, leg].any()
+    # From the middle of its swing on it does what it does in each cycle.
+    assert made.feet[lead_in, leg, 2] == pytest.approx(made.feet[:, leg, 2].max())
 
 
 def test_in_the_tripod_opposite_legs_do_the_same_half_a_cycle_later() -> None:

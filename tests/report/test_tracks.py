@@ -64,10 +64,12 @@ def test_the_planned_path_is_the_one_that_the_job_itself_calculates(name: str) -
 
 
 def test_a_walking_robot_has_a_track_for_each_foot_in_the_body_frame() -> None:
-    """At rest α and β are 0: the foot is r = 30 + 20 mm beside its mount and 60 + 80 mm below it."""
+    """At a body height of 130 mm sin² β is 1 - (50 / 60)²: the foot is r = 30 + 20 mm beside its mount and
+    60 sin β = 33.166 mm before or behind it, √(50² + 33.166²) = 60 mm from it, and α turns it straight out.
+    """
     tracks = planned("hexapod-tripod")[2]
     assert [track.name for track in tracks] == ["L1", "L2", "L3", "R1", "R2", "R3"]
-    stood = [(x, y, -140) for y in (100, -100) for x in (90, 0, -90)]
+    stood = [(x, y, -130) for y in (110, -110) for x in (90, 0, -90)]
     assert [tuple(np.round(1000 * track.planned[0], 9)) for track in tracks] == stood
 
 

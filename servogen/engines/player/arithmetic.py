@@ -39,6 +39,6 @@ def weights(table: npt.ArrayLike, time: npt.ArrayLike) -> Whole:
     return blended(entries[at], entries[at + 1], times << 4 & 0xFF) >> FRACTION
 
 
-def excursion(value: npt.ArrayLike, shift: int) -> Whole:
-    """Return the cycles from the channel's base, for poses in steps of 2**shift cycles."""
-    return np.asarray(value, dtype=np.int64) << shift >> FRACTION
+def excursion(value: npt.ArrayLike, shifts: npt.ArrayLike) -> Whole:
+    """Return the cycles from the channels' bases, for poses in steps of 2**shift cycles."""
+    return np.asarray(value, dtype=np.int64) << np.asarray(shifts, dtype=np.int64) >> FRACTION

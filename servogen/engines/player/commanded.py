@@ -100,7 +100,7 @@ def commanded(
     encoded, chain = _encoded(lead_in, ways, line, servos, bindings, soft, most_bytes)
     widths = encoded.widths
     used = [Used(Cycles(int(each.min())), Cycles(int(each.max()))) for each in widths.T]
-    slots = layout(servos, used, frame, clock, encoded.scale.shift, legs=True)
+    slots = layout(servos, used, frame, clock, int(encoded.scale.shifts.sum()), legs=True)
     rises = [slots.rise(channel) for channel in range(len(servos))]
 
     def runs(first: int, end: int) -> tuple[Run, ...]:
@@ -195,11 +195,14 @@ def _with_rows(
         assert steps[entry[other]].lifted == steps[entry[one]].lifted
     columns = len(keyed.legs.turns)
     rows = row_table(keyed.rows)
-    timings = tuple(dict.fromkeys(step.timing for step in steps))
+    kinds = list(dict.fromkeys((step.timing, step.spot) for step in steps))
+    timings = tuple(timing for timing, _ in kinds)
     data = b"".join(
-        bytes((step.row * columns, step.lifted << 2 | timings.index(step.timing))) for step in steps
+        bytes((step.row * columns, step.lifted << 2 | kinds.index((step.timing, step.spot))))
+        for step in steps
     )
-    if len(timings) > LEGS_TIMINGS + 1 or len(data) > MOST_BYTES:
+    spots = [number for number, (_, spot) in enumerate(kinds) if spot]
+    if len(timings) > LEGS_TIMINGS + 1 or len(data) > MOST_BYTES or len(spots) > 1:
         raise ResourceError(
             "does-not-fit",
             f"the walk on command has {len(data)} bytes of steps with {len(timings)} timings: the player "
@@ -233,16 +236,20 @@ def _with_rows(
     order = [number ^ 1 for number in range(len(ways))]
     places += [place for number in order for place in places_of[number]]
     names = tuple(ways[number].name for number in order)
-    return encoded, Chain(line, names, tuple(ENTRY * place for place in places), ENTRY * entry[stance])
+    return encoded, Chain(
+        line, names, tuple(ENTRY * place for place in places), ENTRY * entry[stance], *spots
+    )
 
 
 def _read(steps: Sequence[Step], first: int, last: int) -> list[Step]:
     """Return the steps from one pose of the chain to another, backward where that is before it.
 
-    The timing of the step between two poses is that of the later pose.
+    How the step between two poses goes is said by the later pose; steps on the spot end where the part does.
     """
-    if first <= last:
-        return list(steps[first : last + 1])
-    poses = range(first, last - 1, -1)
-    timings = [steps[first].timing, *(steps[pose].timing for pose in poses)]
-    return [replace(steps[pose], timing=timing) for pose, timing in zip(poses, timings, strict=False)]
+    poses = list(range(first, last + 1) if first <= last else range(first, last - 1, -1))
+    found = [replace(steps[first], spot=False)]
+    for one, other in pairwise(poses):
+        later = steps[max(one, other)]
+        row = steps[last].row if later.spot else steps[other].row
+        found.append(replace(steps[other], row=row, timing=later.timing, spot=later.spot))
+    return found

@@ -69,6 +69,8 @@ class Chain:
     places: tuple[int, ...]
     stance: int
     """The place at which the lead-in ends."""
+    spot_timing: int
+    """The number of the timing of steps on the spot."""
 
 
 def uart_byte(name: str | None) -> int:

@@ -24,30 +24,43 @@ SPARE = 2
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """How widths become bytes: each channel's own base, and steps of 2**shift cycles for all."""
+    """How widths become bytes: each channel's own base, and its steps of 2**shift cycles."""
 
     bases: Whole
-    shift: int
+    shifts: Whole
 
     def exact(self, widths: Floats) -> Floats:
         """Return the widths in steps from the bases; the last axis is the channels."""
-        return np.asarray((widths - self.bases) / (1 << self.shift))
+        return np.asarray((widths - self.bases) / (1 << self.shifts))
 
     def widths(self, value: Whole) -> Whole:
         """Return the cycles of values of the chip, 256ths of a step. Raises ResourceError beyond 16 bits."""
         if value.size and not (value.min() >= 0 and value.max() < 1 << 16):
             raise ResourceError("widths-too-far-apart", "the servos' widths are too far apart for the player")
-        return np.asarray(self.bases + excursion(value, self.shift))
+        return np.asarray(self.bases + excursion(value, self.shifts))
+
+    def moved(self, channels: Sequence[int], cycles: Whole) -> Scale:
+        """Return the scale with the bases of `channels` moved by whole cycles."""
+        bases = self.bases.copy()
+        bases[list(channels)] += cycles
+        return Scale(bases, self.shifts)
 
 
-def scale_of(pulsed: Floats) -> Scale:
-    """Return the smallest steps with which all `pulsed` rows (frames, channels) are bytes."""
-    low, high = pulsed.min(axis=0), pulsed.max(axis=0)
+def shift_of(pulsed: Floats) -> int:
+    """Return the smallest shift with which all `pulsed` rows (frames, channels) are bytes."""
+    span = (pulsed.max(axis=0) - pulsed.min(axis=0)).max(initial=0.0)
     for shift in range(LAST_STEP + 1):
-        if (high - low).max() <= (255 - 2 * SPARE) << shift:
-            bases = np.floor(low).astype(np.int64) - (SPARE << shift)
-            return Scale(bases, shift)
+        if span <= (255 - 2 * SPARE) << shift:
+            return shift
     raise ResourceError("widths-too-far-apart", "the servos' widths are too far apart for the player")
+
+
+def scale_of(pulsed: Floats, shifts: Whole | None = None) -> Scale:
+    """Return the scale of `pulsed` rows (frames, channels), with the smallest steps if none are given."""
+    low = pulsed.min(axis=0)
+    if shifts is None:
+        shifts = np.full(pulsed.shape[1], shift_of(pulsed))
+    return Scale(np.floor(low).astype(np.int64) - (SPARE << shifts), shifts)
 
 
 @dataclass(slots=True)

@@ -78,6 +78,12 @@ def swing_table(rate: float) -> bytes:
 
 
 @cache
+def spot_table() -> bytes:
+    """Return the law of turning in the first half of a swing on the spot, in 256ths of the whole way."""
+    return _fitted(lambda u: 256 * swing_share(u / 2, 0.0))
+
+
+@cache
 def lift_table() -> bytes:
     """Return the law of lifting in the first half of a swing: 255ths of the lift."""
     return _fitted(lambda u: 255 * bump(u / 2))

@@ -143,15 +143,16 @@ def layout(
     used: Sequence[Used],
     frame: Frame,
     clock: Clock,
-    shift: int = 0,
+    doublings: int = 0,
     *,
     legs: bool = False,
 ) -> Layout:
-    """Return the slots of `servos`, two of a port at a time by order of pins. Raises InputError.
+    """Return the slots of `servos`, two of a port at a time: by order of pins if that fits, else by length.
 
-    `used` are the pulses of the motion, one entry for each servo; steps of a byte are 2**shift cycles.
+    `used` are the pulses of the motion, one entry for each servo; `doublings` is how often, in all channels,
+    the C doubles a value. Raises InputError.
     """
-    motion_c = FRAME_C + len(servos) * (CHANNEL_C + shift * DOUBLING_C)
+    motion_c = FRAME_C + len(servos) * CHANNEL_C + doublings * DOUBLING_C
     motion_c += LEGS_C if legs else 0
     motion_c += BUTTONS_C if len(servos) < len(PINS) else 0
     stagger = STAGGER if frame.max_together == 1 else NONE
@@ -164,23 +165,17 @@ def layout(
                 servo.place,
                 "choose a faster clock",
             )
-    pairs = _pairs(servos)
-    longest = tuple(
-        Cycles(max(used[channel].room(servos[channel], clock) for channel in pair) + MAX_TRIM + stagger)
-        for _, pair in pairs
-    )
-    fed = clock.round_us(WATCHDOG_US).cycles
-    for tick, most, ease in product(TICKS, (fed, None), EASES):
-        size = _Frame(longest, ease[0] * SLOT_C, ease[1] * motion_c, tick, frame.period.cycles)
-        # What other compilers' code might need must not keep the watchdog waiting.
-        ticks = size.ticks(most, exceed=ease == EASES[-1])
-        if ticks is not None:
-            waits = [Slot("B", (), wait) for wait in ticks[len(pairs) :]]
-            found = [
-                Slot(port, pair, ticks[number], longest[number]) for number, (port, pair) in enumerate(pairs)
-            ]
-            return Layout((*found, *waits), tick, stagger)
-    size = _Frame(longest, SLOT_C, motion_c, TICKS[0], frame.period.cycles)
+    rooms = [each.room(servo, clock) for servo, each in zip(servos, used, strict=True)]
+    size: _Frame | None = None
+    for pairs in (_by_pins(servos), _by_length(servos, rooms)):
+        longest = tuple(
+            Cycles(max(rooms[channel] for channel in pair) + MAX_TRIM + stagger) for _, pair in pairs
+        )
+        found = _slots(pairs, longest, motion_c, frame, clock)
+        if found is not None:
+            return Layout(found[0], found[1], stagger)
+        size = _Frame(longest, SLOT_C, motion_c, TICKS[0], frame.period.cycles)
+    assert size is not None
     least = size.least * TICKS[0]
     raise InputError(
         "frame-too-short",
@@ -192,14 +187,43 @@ def layout(
     )
 
 
-def _pairs(servos: Sequence[Servo]) -> list[tuple[str, tuple[int, ...]]]:
-    """(port, channels) of each slot."""
+Pairs = Sequence[tuple[str, tuple[int, ...]]]
+"""(port, channels) of each slot."""
+
+
+def _slots(
+    pairs: Pairs, longest: tuple[Cycles, ...], motion_c: int, frame: Frame, clock: Clock
+) -> tuple[tuple[Slot, ...], Cycles] | None:
+    """Return the slots and the tick with which the pairs fit a frame; None where they do not."""
+    fed = clock.round_us(WATCHDOG_US).cycles
+    for tick, most, ease in product(TICKS, (fed, None), EASES):
+        size = _Frame(longest, ease[0] * SLOT_C, ease[1] * motion_c, tick, frame.period.cycles)
+        # What other compilers' code might need must not keep the watchdog waiting.
+        ticks = size.ticks(most, exceed=ease == EASES[-1])
+        if ticks is not None:
+            waits = [Slot("B", (), wait) for wait in ticks[len(pairs) :]]
+            slots = [
+                Slot(port, pair, ticks[number], longest[number]) for number, (port, pair) in enumerate(pairs)
+            ]
+            return (*slots, *waits), tick
+    return None
+
+
+def _by_pins(servos: Sequence[Servo]) -> Pairs:
+    """Return the slots of servos whose pins follow one another."""
+    return _paired(servos, sorted(range(len(servos)), key=lambda index: servos[index].pin))
+
+
+def _by_length(servos: Sequence[Servo], rooms: Sequence[Cycles]) -> Pairs:
+    """Return the slots of servos whose pulses are alike: all slots together are as short as can be."""
+    return _paired(servos, sorted(range(len(servos)), key=lambda index: (rooms[index], servos[index].pin)))
+
+
+def _paired(servos: Sequence[Servo], order: Sequence[int]) -> Pairs:
     return [
         (port, tuple(mine[first : first + 2]))
         for port in ("B", "A")
-        for mine in [
-            sorted((i for i, s in enumerate(servos) if s.pin[1] == port), key=lambda i: servos[i].pin)
-        ]
+        for mine in [[index for index in order if servos[index].pin[1] == port]]
         for first in range(0, len(mine), 2)
     ]
 

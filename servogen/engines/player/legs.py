@@ -7,20 +7,23 @@ not a walk of this kind: a leg that lifts or lands while another one is between 
     turn         ●╌╌╌╲_______●_______╱╌╌╌●           by the swing's law from the middle to both ends,
     lift         ●____╱╌╌╌╌╌╌●╌╌╌╌╌╌╲____●           and by the lift's; a leg that stands turns evenly
 
+    on the spot  ●______╲____○______╲___●           by a law of its own from one standing pose to another,
+                                                    without a row between the two
+
 The middle of a swing of an odd number of frames lies between two frames: times are counted in half frames.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from servogen.engines.player.arithmetic import ENTRIES, Whole, blended, weights
-from servogen.engines.player.encoding import Encoded, Legs, Rows, Scale, row_table, scale_of
-from servogen.engines.player.laws import lift_table, swing_table
+from servogen.engines.player.encoding import Encoded, Legs, Rows, Scale, row_table, scale_of, shift_of
+from servogen.engines.player.laws import lift_table, spot_table, swing_table
 from servogen.engines.player.script import Step, Timing, ordered, script
 from servogen.motion.gait.footwork import bump, swing_share
 from servogen.motion.trajectory import Floats
@@ -34,6 +37,9 @@ RISES = 0.25
 
 LONGEST = 256
 """Frames of a step."""
+
+RESTS = 1e-6
+"""Cycles: servos that turn less in a frame are at rest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +55,14 @@ class Swing:
 
 
 @dataclass(frozen=True, slots=True)
+class _Spot:
+    """Steps on the spot, each leg at most once; both ends are events, in half frames."""
+
+    begin: int
+    end: int
+
+
+@dataclass(frozen=True, slots=True)
 class WalkEvents:
     """`rows` of all frames, the loop twice; `events` in half frames."""
 
@@ -58,6 +72,11 @@ class WalkEvents:
     lifts: tuple[int, ...]
     swings: tuple[Swing, ...]
     events: tuple[int, ...]
+    spots: tuple[_Spot, ...]
+
+    def spot(self, begin: int, end: int) -> _Spot | None:
+        """Return the steps on the spot that the frames between two events belong to."""
+        return next((each for each in self.spots if each.begin <= begin and end <= each.end), None)
 
     def pose(self, event: int) -> Floats:
         """Return all widths at an event; between two frames, their mean."""
@@ -136,7 +155,36 @@ def walk_events(
     for each in swings:
         if [event for event in found if 2 * each.lift < event < 2 * each.land] != [each.middle]:
             return None
-    return WalkEvents(rows, first, turns, lifts, tuple(swings), tuple(found))
+    return WalkEvents(
+        rows, first, turns, lifts, tuple(swings), tuple(found), tuple(_spots(rows, turns, swings))
+    )
+
+
+def _spots(rows: Floats, turns: Sequence[int], swings: Sequence[Swing]) -> Iterator[_Spot]:
+    """Yield the swings during which no leg on the ground turns, as many as one row can end."""
+    moves = np.abs(np.diff(rows[:, list(turns)], axis=0)) > RESTS
+    for each in swings:
+        moves[each.lift : each.land, each.leg] = False
+    walked = np.concatenate(([0], np.cumsum(moves.any(axis=1))))
+    group: list[Swing] = []
+    for each in sorted(swings, key=lambda swing: (swing.lift, swing.leg)):
+        if group and (
+            walked[group[0].lift] != walked[each.land] or any(each.leg == other.leg for other in group)
+        ):
+            yield from _spot(group, swings)
+            group = []
+        if walked[each.lift] == walked[each.land]:
+            group.append(each)
+    yield from _spot(group, swings)
+
+
+def _spot(group: Sequence[Swing], swings: Sequence[Swing]) -> Iterator[_Spot]:
+    """Yield the steps on the spot of a group; none where another swing reaches into them."""
+    if not group:
+        return
+    first, last = group[0].lift, max(each.land for each in group)
+    if not any(each.lift < last and each.land > first and each not in group for each in swings):
+        yield _Spot(2 * first, 2 * last)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,13 +204,15 @@ class KeyedWalk:
 
 
 def keyed_walk(walk: WalkEvents, end: int, near: float) -> KeyedWalk:
-    """Return the walk up to the event `end`; poses within `near` steps of a row share it."""
+    """Return the walk up to the event `end`; poses within `near` steps of a row share it.
+
+    A step on the spot has the row in which all of them end.
+    """
     turns, lifts = list(walk.turns), list(walk.lifts)
     tops = _tops(walk)
-    scale = scale_of(np.vstack((walk.rows, _at(walk.rows[walk.soft], lifts, tops))))
+    scale = _scale(walk, tops)
     kept = Rows(near)
     events = [event for event in walk.events if event <= end]
-    numbers = [kept.number(scale.exact(walk.pose(event))[turns]) for event in events]
     stand = scale.exact(walk.rows[walk.soft])[lifts]
     neutral = scale.exact(walk.rows[0])[lifts]
     lift_rows = [stand, scale.exact(_at(walk.rows[0], lifts, tops))[lifts]]
@@ -170,13 +220,17 @@ def keyed_walk(walk: WalkEvents, end: int, near: float) -> KeyedWalk:
     lift_rows += [neutral] if rises else []
     fixed = [tuple(np.clip(np.floor(row + 0.5), 0, 255).astype(int).tolist()) for row in lift_rows]
     columns, count = len(turns), len(fixed)
-    steps = [Step(count + numbers[0], _timing(*events[:2]), walk.lifted(0))]
-    steps += [
-        Step(count + number, _timing(*ends), walk.lifted(ends[1]))
-        for number, ends in zip(numbers[1:], pairwise(events), strict=True)
-    ]
+
+    def number(event: int) -> int:
+        return count + kept.number(scale.exact(walk.pose(event))[turns])
+
+    steps = [Step(number(0), _timing(*events[:2]), walk.lifted(0))]
+    for ends in pairwise(events):
+        spot = walk.spot(*ends)
+        row = number(spot.end if spot else ends[1])
+        steps.append(Step(row, _timing(*ends), walk.lifted(ends[1]), spot is not None))
     legs = Legs(walk.turns, walk.lifts, 0, columns, 2 * columns if rises else None)
-    laws = swing_table(_rate(walk)) + lift_table()
+    laws = swing_table(_rate(walk)) + lift_table() + (spot_table() if walk.spots else b"")
     return KeyedWalk(scale, [*fixed, *kept.kept], count, steps, events, legs, laws)
 
 
@@ -188,10 +242,33 @@ def _encoded(walk: WalkEvents, begin: int, end: int, near: float) -> Encoded:
     lead, loop, kept_rows = ordered(steps[:first], steps[first:], keyed.rows[keyed.fixed :], keyed.fixed)
     rows = row_table([*keyed.rows[: keyed.fixed], *kept_rows])
     made = script(lead, loop, len(walk.turns), legs=True)
-    widths = keyed.scale.widths(played_steps([*lead, *loop], rows, keyed.laws, keyed.legs))
+    values = played_steps([*lead, *loop], rows, keyed.laws, keyed.legs)
     frames = np.arange(end // 2)
+    turns = list(walk.turns)
+    away = (keyed.scale.widths(values) - walk.rows[frames])[:, turns]
+    # Largest distances above and below the plan become alike, to within a cycle at each end.
+    middle = np.trunc((away.max(axis=0) + away.min(axis=0)) / 2).astype(np.int64)
+    scale = keyed.scale.moved(turns, -middle)
     silent = np.zeros(len(frames), dtype=bool)
-    return Encoded(keyed.scale, rows, keyed.laws, made, keyed.legs, frames, widths, silent, begin // 2)
+    return Encoded(
+        scale, rows, keyed.laws, made, keyed.legs, frames, scale.widths(values), silent, begin // 2
+    )
+
+
+def _scale(walk: WalkEvents, tops: Floats) -> Scale:
+    """Return the scale of all rows, in which the lifts' steps are those of the turns or larger.
+
+    Where the lifts stand is a whole number of their steps from their bases.
+    """
+    turns, lifts = list(walk.turns), list(walk.lifts)
+    pulsed = np.vstack((walk.rows, _at(walk.rows[walk.soft], lifts, tops)))
+    shifts = np.empty(pulsed.shape[1], dtype=np.int64)
+    shifts[turns] = shift_of(pulsed[:, turns])
+    shifts[lifts] = max(shift_of(pulsed[:, lifts]), int(shifts[turns[0]]))
+    scale = scale_of(pulsed, shifts)
+    stand = walk.rows[walk.soft, lifts]
+    steps = np.floor(scale.exact(walk.rows[walk.soft])[lifts]).astype(np.int64) << shifts[lifts]
+    return scale.moved(lifts, np.floor(stand + 0.5).astype(np.int64) - steps - scale.bases[lifts])
 
 
 def _at(row: Floats, channels: Sequence[int], values: Floats) -> Floats:
@@ -213,15 +290,20 @@ def _tops(walk: WalkEvents) -> Floats:
 
 
 def _rate(walk: WalkEvents) -> float:
-    """Return the rate of the swings' law that is nearest to all swings, in least squares."""
+    """Return the rate of the walking swings' law that is nearest to all of them, in least squares."""
     above = below = 0.0
     for each in walk.swings:
-        column = walk.rows[each.lift : each.land + 1, walk.turns[each.leg]]
+        if walk.spot(2 * each.lift, 2 * each.land):
+            continue
+        turn = walk.turns[each.leg]
+        column = walk.rows[each.lift : each.land + 1, turn]
         u = np.arange(len(column)) / (len(column) - 1)
-        way = column[-1] - column[0]
-        plain = swing_share(u, 0.0)
-        effect = way * (swing_share(u, 1.0) - plain)
-        above += float((column - column[0] - way * plain) @ effect)
+        middle = walk.pose(each.middle)[turn]
+        # Of a swing that the body's start or stop cuts one half has no way.
+        way = np.where(u < 0.5, middle - column[0], column[-1] - middle)
+        plain, other = (2 * swing_share(u, rate) - 1 for rate in (0.0, 1.0))
+        effect = way * (other - plain)
+        above += float((column - middle - way * plain) @ effect)
         below += float(effect @ effect)
     return max(0.0, above / below) if below else 0.0
 
@@ -240,24 +322,31 @@ def played_steps(steps: Sequence[Step], rows: bytes, laws: bytes, legs: Legs, so
     """
     columns = len(legs.turns)
     table = np.frombuffer(rows, dtype=np.uint8).reshape(-1, columns).astype(np.int64)
-    swing, lift = laws[:ENTRIES], laws[ENTRIES:]
+    swing, lift, on_spot = laws[:ENTRIES], laws[ENTRIES : 2 * ENTRIES], laws[2 * ENTRIES :]
     stand, lifted = table[legs.stand // columns], table[legs.lifted // columns]
     found = []
+    here, landed = steps[0].row, 0
     for index, (before, step) in enumerate(pairwise(steps)):
+        if not (before.spot and step.spot and step.row == before.row):
+            here, landed = before.row, 0
+        if step.spot:
+            landed ^= before.lifted
         time = np.array(step.timing.times(), dtype=np.int64)
-        one, other = table[before.row], table[step.row]
+        one, other = table[here], table[step.row]
+        law = on_spot if step.spot else swing
         parts = np.empty((len(time), 2 * columns), dtype=np.int64)
         for leg in range(columns):
             bit = 1 << leg
             up, down = bool(step.lifted & bit), bool(before.lifted & bit)
             phase = time if up else 255 - time
             turn, raised = legs.turns[leg], legs.lifts[leg]
+            back = landed & bit if step.spot else up
+            ends = (other[leg], one[leg]) if back else (one[leg], other[leg])
             if up or down:
-                ends = (other[leg], one[leg]) if up else (one[leg], other[leg])
-                parts[:, turn] = blended(*ends, weights(list(swing), phase), twice=True)
+                parts[:, turn] = blended(*ends, weights(list(law), phase), twice=not step.spot)
                 weight = weights(list(lift), phase)
             else:
-                parts[:, turn] = blended(one[leg], other[leg], time)
+                parts[:, turn] = blended(*ends, np.zeros_like(time) if step.spot else time)
                 weight = np.zeros_like(time)
             start, end = stand[leg], lifted[leg]
             if soft and legs.neutral is not None and index < 2:

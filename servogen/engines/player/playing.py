@@ -58,9 +58,11 @@ class Playing:
 
     @property
     def order(self) -> tuple[int, ...]:
-        """Return the channels in the order of the C: slot by slot, or the legs' turns, then their lifts."""
+        """Return the channels in the order of the C: slot by slot, or for each leg its turn and its lift."""
         legs = self.encoded.legs
-        return self.layout.order if legs is None else (*legs.turns, *legs.lifts)
+        if legs is None:
+            return self.layout.order
+        return tuple(channel for pair in zip(legs.turns, legs.lifts, strict=True) for channel in pair)
 
 
 def playing(
@@ -94,7 +96,7 @@ def playing(
     ideal = rows[order]
     pulsed = encoded.widths[~encoded.silent]
     used = [Used(Cycles(int(each.min())), Cycles(int(each.max()))) for each in pulsed.T]
-    slots = layout(servos, used, frame, clock, encoded.scale.shift, legs=encoded.legs is not None)
+    slots = layout(servos, used, frame, clock, int(encoded.scale.shifts.sum()), legs=encoded.legs is not None)
     rises = [slots.rise(channel) for channel in range(len(servos))]
     heard, lead = ~encoded.silent, encoded.lead
     schedule = PulseSchedule(

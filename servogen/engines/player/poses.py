@@ -64,7 +64,7 @@ def poses_encoded(rows: Floats, marks: Sequence[int], loop_start: int, far: floa
     """
     whole = np.vstack((rows, rows[loop_start]))
     scale = scale_of(rows[~np.isnan(rows).any(axis=1)])
-    poses, moves = fewest(whole, far, near * (1 << scale.shift))
+    poses, moves = fewest(whole, far, near * float((1 << scale.shifts).max()))
     if poses * rows.shape[1] > MOST_BYTES or moves >= MOST_BYTES:
         raise ResourceError(
             "does-not-fit",

@@ -9,13 +9,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from servogen.engines.c_text import AsmLine, ChannelText, assembly, decimal, ports_of, render_template
+from servogen.engines.c_text import ChannelText, assembly, decimal, ports_of, render_template
 from servogen.engines.player.arithmetic import ENTRIES
 from servogen.engines.player.buttons import PRESSED_FRAMES, Button, Buttons
 from servogen.engines.player.commands import COMMAND_SHIFT, ENTRY, Chain, hearing_table
 from servogen.engines.player.layout import TICKS
 from servogen.engines.player.playing import Playing
-from servogen.engines.player.script import AGAIN, AT, HALF, SILENT, STAY, STRAIGHT
+from servogen.engines.player.script import AGAIN, AT, HALF, SILENT, SPOT, STAY, STRAIGHT
 from servogen.pic.device import Device, oscillator_for, registers
 from servogen.units import Cycles
 
@@ -65,9 +65,11 @@ def render_player(played: Playing, buttons: Buttons, dialect: str, device: Devic
     """Return the C file of `played` in `dialect`. Raises RenderError."""
     schedule, encoded = played.plan.schedule, played.encoded
     legs, timings = encoded.legs, encoded.script.timings
-    tick, clock, shift = played.layout.tick, schedule.clock, encoded.scale.shift
+    tick, clock, shifts = played.layout.tick, schedule.clock, encoded.scale.shifts
+    shift = int(shifts.min())
     columns = len(legs.turns) if legs else len(schedule.channels)
     constants = _constants(played)
+    spots = legs is not None and len(encoded.laws) > 2 * ENTRIES
     laws = [each.law for each in timings]
     return render_template(
         "player/main.c.j2",
@@ -82,23 +84,26 @@ def render_player(played: Playing, buttons: Buttons, dialect: str, device: Devic
         tick=tick,
         tick_us=decimal(clock.us(tick)),
         prescaler=f"0x{PRESCALER + TICKS.index(tick):02X}",
-        step_us=decimal(clock.us(1 << shift)),
+        step_us=" or ".join(decimal(clock.us(1 << each)) for each in sorted(set(shifts.tolist()))),
         channels=[_channel(played, channel) for channel in played.order],
         ports=list(ports_of(schedule)),
         columns=columns,
         rows=list(_rows(played)),
         legs=legs is not None,
-        stand=(legs.stand - columns) & 0xFF if legs else None,
-        top=(legs.lifted - columns) & 0xFF if legs else None,
-        neutral=(legs.neutral - columns) & 0xFF if legs and legs.neutral is not None else None,
+        stand=legs.stand if legs else None,
+        top=legs.lifted if legs else None,
+        neutral=legs.neutral if legs else None,
         rising=encoded.script.third,
         **_chain(played.chain),
         law=constants.place("LAW") if encoded.laws else None,
         lift_law=constants.place("LAW") + ENTRIES if legs else None,
+        spot_law=constants.place("LAW") + 2 * ENTRIES if spots else None,
+        spots=spots,
         script=list(encoded.script.data),
         loop=encoded.script.loop,
         again=AGAIN,
         at=AT,
+        spot=SPOT,
         repeats=played.chain is None and _repeats(encoded.script.data),
         starts=any(each.start for each in timings),
         half=HALF,
@@ -118,12 +123,12 @@ def render_player(played: Playing, buttons: Buttons, dialect: str, device: Devic
         pressed_frames=PRESSED_FRAMES,
         inputs_text=[*buttons.text(), *(played.chain.line.text() if played.chain else ())],
         kernel=list(assembly(kernel(tick, played.layout.stagger))),
-        trim=list(assembly(render_template("player/trim.asm"))),
         blend=list(assembly(render_template("player/blend.asm", twice=legs is not None))),
-        scale=[
-            AsmLine("    clrf    _value_high", ""),
-            *(line for _ in range(shift) for line in assembly(render_template("player/scale.asm"))),
-        ],
+        width=list(
+            assembly(
+                render_template("player/width.asm", doublings=shift, lift_doublings=int(shifts.max()) - shift)
+            )
+        ),
     )
 
 
@@ -140,6 +145,7 @@ def _chain(chain: Chain | None) -> dict[str, object]:
         "entry": ENTRY,
         "stance": chain.stance,
         "before": -ENTRY & 0xFF,
+        "spot_timing": chain.spot_timing,
     }
 
 

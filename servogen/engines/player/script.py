@@ -4,6 +4,8 @@ In: `Step`s, each with the row of the pose that it ends at, and how it gets ther
 
     how                 a step to the pose in the row after the last one: its timing, the legs that it lifts
     AT, row, how        a step to another row
+    SPOT, row, how      the first step on the spot: once all have stepped, the legs stand as in that row;
+                        steps without a row follow it, and after them one with a row
     AGAIN, back, times  so many bytes back, until what is there was played so often
 """
 
@@ -15,7 +17,9 @@ from dataclasses import dataclass, replace
 
 from servogen.engines.firmware import ResourceError
 
-AGAIN, AT = 0xFF, 0xFE
+AGAIN, SPOT, AT = 0xFF, 0xFD, 0xFC
+"""Bytes that are no step's; the chip takes bit 0 of `SPOT` and `AT` for whether a step is on the spot."""
+
 MOST_TIMES = 255
 MOST_BODY = 80
 """Steps that are played again, of three bytes each at most."""
@@ -57,11 +61,15 @@ def timing(frames: int, law: int = STRAIGHT) -> Timing:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A step to the pose `row` (a number of the table of rows) by a timing; `lifted`: a bit for each leg."""
+    """A step to the pose `row` (a number of the table of rows) by a timing; `lifted`: a bit for each leg.
+
+    `spot`: one of the steps on the spot that end in `row`.
+    """
 
     row: int
     timing: Timing
     lifted: int = 0
+    spot: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +85,15 @@ class Script:
     third: int
 
 
-Entry = tuple[int, int]
-"""A row's number and the byte that says how to get there."""
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A row's number and the byte that says how to get there; `goes_on`: on the spot, after another step."""
+
+    row: int
+    how: int
+    spot: bool = False
+    goes_on: bool = False
+
 
 LEGS_TIMINGS = 3
 """The last of the timings of a walk, whose steps hold a bit for each of six legs and two for the timing."""
@@ -98,11 +113,11 @@ def script(lead: Sequence[Step], loop: Sequence[Step], columns: int, *, legs: bo
         )
 
     def entries(steps: Sequence[Step]) -> list[Entry]:
-        found = []
-        for step in steps:
-            number = timings.index(step.timing)
-            found.append((step.row, step.lifted << 2 | number if legs else number))
-        return found
+        numbers = [timings.index(step.timing) for step in steps]
+        hows = [
+            step.lifted << 2 | number if legs else number for step, number in zip(steps, numbers, strict=True)
+        ]
+        return _entries(steps, hows)
 
     assert not legs or lifting < ALL_LEGS
     first = _bytes(entries(lead), columns)
@@ -118,21 +133,36 @@ ALL_LEGS = 0x3F
 """No step lifts all six legs: a byte that says so is `AGAIN` or `AT`."""
 
 
+def _entries(steps: Sequence[Step], hows: Sequence[int]) -> list[Entry]:
+    found: list[Entry] = []
+    for step, how in zip(steps, hows, strict=True):
+        goes_on = bool(found) and step.spot and found[-1].spot and found[-1].row == step.row
+        found.append(Entry(step.row, how, step.spot, goes_on))
+    return found
+
+
 def _bytes(entries: Sequence[Entry], columns: int) -> bytes:
     """Return the entries as bytes; what follows itself again and again is there once, with how often."""
     made = bytearray()
     last: int | None = None
     for body, times in folded(entries):
         begin = len(made)
-        for index, (row, how) in enumerate(body):
-            # A body that is played again begins after its own last row then.
-            if last is None or row != last + 1 or (times > 1 and index == 0):
-                made += bytes((AT, row * columns))
-            made.append(how)
-            last = row
+        for index, entry in enumerate(body):
+            again = times > 1 and index == 0 and not _follows(body[-1], entry)
+            if entry.spot:
+                made += b"" if entry.goes_on else bytes((SPOT, entry.row * columns))
+            elif last is None or entry.row != last + 1 or again:
+                made += bytes((AT, entry.row * columns))
+            made.append(entry.how)
+            last = None if entry.spot else entry.row
         if times > 1:
             made += bytes((AGAIN, len(made) + 3 - begin, times))
     return bytes(made)
+
+
+def _follows(one: Entry, other: Entry) -> bool:
+    """Return whether the step `other` needs no row after the step `one`."""
+    return not one.spot and not other.spot and other.row == one.row + 1
 
 
 def chained(lead: Sequence[Step], loop: Sequence[Step], rows: int) -> list[int]:
@@ -141,11 +171,15 @@ def chained(lead: Sequence[Step], loop: Sequence[Step], rows: int) -> list[int]:
     wanted: Counter[tuple[int, int]] = Counter()
     for steps in (lead, loop):
         last: int | None = None
-        for body, times in folded([(step.row, hows.index((step.timing, step.lifted))) for step in steps]):
-            for index, (row, _) in enumerate(body):
-                if last is not None and row != last and (times == 1 or index > 0):
-                    wanted[last, row] += 1
-                last = row
+        for body, times in folded(
+            _entries(steps, [hows.index((step.timing, step.lifted)) for step in steps])
+        ):
+            for index, entry in enumerate(body):
+                between = last is not None and not entry.spot and entry.row != last
+                if between and (times == 1 or index > 0):
+                    assert last is not None
+                    wanted[last, entry.row] += 1
+                last = None if entry.spot else entry.row
     after: dict[int, int] = {}
     for (one, other), _ in sorted(wanted.items(), key=lambda each: (-each[1], each[0])):
         end = other
@@ -178,6 +212,9 @@ def folded(entries: Sequence[Entry]) -> list[tuple[list[Entry], int]]:
     for length in range(1, min(len(entries) // 2, MOST_BODY) + 1):
         start = 0
         while start + 2 * length <= len(entries):
+            if entries[start].goes_on:
+                start += 1
+                continue
             times = 1
             one = entries[start : start + length]
             while entries[start + times * length : start + (times + 1) * length] == one:

@@ -6,6 +6,9 @@ ground, and the corrections that their springs must give.
     side view of a foot          it is lifted by a bump that is flat at both ends, while
          ___                     the joints go from where the foot left the ground to where it lands,
      ___╱   ╲___  ground         by one law that begins and ends with the speed of the stance
+
+    the body is at rest while its feet step, once each, to where the walk has them when it begins; the feet
+    that are in the air then have risen in place. After the walk they come down in place, and step again
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ import numpy.typing as npt
 from servogen.errors import InputError
 from servogen.kinematics.protocol import BodyMotion, Posture, Stance, WalkingRobot
 from servogen.motion.gait.phases import Gait
-from servogen.motion.gait.steps import SAME_TIME, Segment, Steps, progress_of, steps
+from servogen.motion.gait.steps import SAME_M, Segment, Steps, cruise_of, steps
 from servogen.motion.trajectory import Floats
 
 SAME_RAD = 1e-9
@@ -28,9 +31,6 @@ SAME_RAD = 1e-9
 
 RISE_SAMPLES = 2001
 """Of a foot's rise to the top of its lift, for the way that it moves sideways meanwhile."""
-
-MAX_CYCLES = 8
-"""The cycles after which a walk without an end is steady, or never will be."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,9 +42,22 @@ class Frames:
     ground: npt.NDArray[np.bool_]
     corrections: Floats
 
-    def part(self, first: int, end: int) -> Frames:
-        """Return the frames from `first` up to `end`."""
-        rows = slice(first, end)
+    @property
+    def first(self) -> Frames:
+        """Return the first frame alone."""
+        return self._part(slice(0, 1))
+
+    @property
+    def last(self) -> Frames:
+        """Return the last frame alone."""
+        return self._part(slice(-1, None))
+
+    @property
+    def begun(self) -> Frames:
+        """Return all frames but the last."""
+        return self._part(slice(0, -1))
+
+    def _part(self, rows: slice) -> Frames:
         return Frames(self.angles[rows], self.feet[rows], self.ground[rows], self.corrections[rows])
 
 
@@ -107,60 +120,81 @@ class Footwork:
     def frames_of_way(self, segments: Sequence[Segment], count: int) -> list[Frames]:
         """Return the frames of all segments, from rest and, unless the last has no end, back to rest.
 
-        A segment for which the feet stand elsewhere than for the one before begins with a step on the spot.
+        The feet step on the spot from where they stand to where the next segment has them. The last part of
+        a walk without an end is one cycle and what comes before it.
         """
-        rest = self._footing(Segment())
+        rest = self._at_rest()
         parts, here = [], rest
         for segment in segments:
-            there = self._footing(segment)
-            parts += [*self._on_the_spot(here, there, count), self.frames(segment, count)]
-            here = there
-        return parts if segments[-1].cycles is None else [*parts, *self._on_the_spot(here, rest, count)]
+            made = self.frames(segment, count)
+            parts += [
+                *self._on_the_spot(here, made.first, count),
+                made if segment.cycles is None else made.begun,
+            ]
+            here = made.last
+        return parts if segments[-1].cycles is None else [*parts, *self._on_the_spot(here, rest, count), rest]
 
     def _footing(self, segment: Segment) -> tuple[complex, ...]:
         """Return where each foot stands in the middle of its stance, in the body's frame."""
         motion = self.motion(segment)
         return tuple(self.stance.neutral(index, motion) for index in range(len(self.legs)))
 
-    def _on_the_spot(
-        self, here: Sequence[complex], there: Sequence[complex], count: int
-    ) -> tuple[Frames, ...]:
+    def _at_rest(self) -> Frames:
+        """Return the frame in which the robot stands."""
+        still = Segment()
+        footing = self._footing(still)
+        legs = [
+            steps(self.gait, name, still, cruise_of(self.gait, None), neutral)
+            for name, neutral in zip(self.legs, footing, strict=True)
+        ]
+        return self._placed(legs, np.zeros(1))
+
+    def _on_the_spot(self, here: Frames, there: Frames, count: int) -> tuple[Frames, ...]:
         """Return the frames in which feet step once from one footing to another while the body is at rest.
 
-        A foot that its joints would put where it is already does not step. No frames: none steps.
+        A foot that its joints and its spring would put where it is already does not step. No frames: none
+        steps. The last frame, in which all stand, is that of what follows.
         """
-        still = progress_of(self.gait, None)
-        legs = []
-        for index, ((_, first), old, new) in enumerate(zip(self.gait.lifts, here, there, strict=True)):
-            angles = self.stance.angles(index, np.array([old, new]))
-            steps_over = np.abs(angles[1] - angles[0]).max() > SAME_RAD
-            lifts = np.array([float(first)] if steps_over else [])
-            holds = np.array([old, new] if steps_over else [new])
-            legs.append(Steps(Segment(), still, lifts, lifts + float(self.gait.swing), holds))
-        end = max(float(leg.lands.max(initial=0.0)) for leg in legs)
-        if not end:
+        old, new = here.angles[0], there.angles[0]
+        stepping = np.abs(new - old).max(axis=1) > SAME_RAD
+        stepping |= np.abs(there.corrections[0] - here.corrections[0]).max(axis=1) > SAME_M
+        if not stepping.any():
             return ()
-        return (self._placed(legs, np.arange(math.ceil(end * count - SAME_TIME) + 1) / count),)
+        lifts = np.array([float(lift) for _, lift in self.gait.lifts])
+        swing = float(self.gait.swing)
+        first = lifts[stepping].min()
+        time = np.arange(round((lifts[stepping].max() - first + swing) * count)) / count
+        share = np.clip((time[:, None] - (lifts - first)) / swing, 0.0, 1.0)
+        # Lifts are whole frames: rounding must not take a foot off the ground, or keep it there.
+        share = np.where(stepping, np.round(share * swing * count) / (swing * count), 0.0)
+        angles = old + (new - old) * swing_share(share, 0.0)[:, :, None]
+        feet = np.empty((len(time), len(self.legs), 3))
+        for index in range(len(self.legs)):
+            angles[:, index] = self.stance.lifted(index, angles[:, index], bump(share[:, index]))
+            feet[:, index] = self.stance.feet(index, angles[:, index])
+        ground = (share == 0) | (share == 1)
+        corrections = np.where((share == 1)[:, :, None], there.corrections[0], here.corrections[0])
+        return (Frames(angles, feet, ground, np.where(ground[:, :, None], corrections, 0.0)),)
 
     def frames(self, segment: Segment, count: int) -> Frames:
-        """Return one segment at `count` frames per cycle, from standstill.
+        """Return one segment at `count` frames per cycle, from the frame in which all feet stand before it.
 
-        It ends in standstill, or after `MAX_CYCLES` if the segment has no end. Raises InputError for a
-        segment of no cycles.
+        It ends when all feet stand after its stop, or after one cycle if it has no end. Raises InputError for
+        a segment of no cycles.
         """
         cycles = segment.cycles
         if cycles is not None and cycles <= 0:
             raise InputError("out-of-range", f"a segment has {cycles:g} cycles: it needs more than 0")
-        progress = progress_of(self.gait, cycles)
-        until = MAX_CYCLES if cycles is None else progress.stop + 1
+        cruise = cruise_of(self.gait, cycles)
         legs = [
-            steps(self.gait, name, segment, progress, neutral, until)
+            steps(self.gait, name, segment, cruise, neutral)
             for name, neutral in zip(self.legs, self._footing(segment), strict=True)
         ]
-        landed = max(float(leg.lands.max(initial=0.0)) for leg in legs)
-        end = float(MAX_CYCLES) if cycles is None else max(progress.stop, landed)
-        time = np.arange(math.ceil(end * count - SAME_TIME) + (cycles is not None)) / count
-        return self._placed(legs, time)
+        begin = min(float(leg.lifts.min(initial=0.0)) for leg in legs)
+        if cycles is None:
+            return self._placed(legs, np.arange(round(begin * count), count) / count)
+        end = max(float(leg.lands.max(initial=cruise.stop)) for leg in legs)
+        return self._placed(legs, np.arange(round(begin * count), round(end * count) + 1) / count)
 
     def _placed(self, legs: Sequence[Steps], time: Floats) -> Frames:
         """Return the frames of all legs at these times."""
@@ -175,24 +209,25 @@ class Footwork:
         swing = leg.swing_at(time)
         footholds = leg.standing(time)
         angles = self.stance.angles(index, footholds)
-        for number in np.unique(swing[swing >= 0]).tolist():
-            mine = swing == number
+        in_place = np.zeros(time.shape, dtype=bool)
+        for number in range(len(leg.lifts)):
+            cut = leg.cut(number, time)
+            mine = cut | (swing == number)
             angles[mine] = self._swing(index, leg, number, time[mine])
+            in_place |= cut
         feet = self.stance.feet(index, angles)
         ground = swing < 0
         correction = np.stack([footholds.real, footholds.imag, feet[:, 2]], axis=1) - feet
-        return angles, feet, ground, np.where(ground[:, None], correction, 0.0)
+        return angles, feet, ground, np.where((ground & ~in_place)[:, None], correction, 0.0)
 
     def _swing(self, index: int, leg: Steps, number: int, time: Floats) -> Floats:
-        """Return the angles (n, k) of one swing."""
+        """Return the angles (n, k) of one swing, which turns only while the body moves."""
         start, end = float(leg.lifts[number]), float(leg.lands[number])
-        first, last = (
-            self.stance.angles(index, leg.seen(leg.holds[hold], np.array([at])))
-            for hold, at in ((number, start), (number + 1, end))
-        )
-        u = (time - start) / (end - start)
-        share = swing_share(u, float(self.gait.swing / self.gait.duty))
-        return self.stance.lifted(index, first + (last - first) * share[:, None], bump(u))
+        first, last = (self.stance.angles(index, foothold) for foothold in leg.ends(number))
+        turned = (np.clip(time, 0.0, leg.cruise.stop) - start) / (end - start)
+        share = swing_share(turned, float(self.gait.swing / self.gait.duty))
+        risen = np.clip((time - start) / (end - start), 0.0, 1.0)
+        return self.stance.lifted(index, first + (last - first) * share[:, None], bump(risen))
 
 
 def footwork(robot: WalkingRobot, gait: Gait, posture: Posture, segments: Sequence[Segment]) -> Footwork:
@@ -213,8 +248,7 @@ def swing_share(u: Floats, rate: float) -> Floats:
     """Return the share of a swing's way at shares `u` of its time.
 
     A quintic that begins and ends with the stance's speed, `rate` ways backward in a swing's time, and
-    without acceleration. It is the same for every swing, even for a step on the spot, so that the player
-    needs one table for all of them; its second half mirrors its first.
+    without acceleration; on the spot the rate is 0. Its second half mirrors its first.
     """
     a3, a4, a5 = 10 + 10 * rate, -15 - 15 * rate, 6 + 6 * rate
     return np.asarray(u * (-rate + u**2 * (a3 + u * (a4 + u * a5))))

@@ -5,9 +5,8 @@ times the foot in the body's frame while it stands, and the footholds between wh
 cycles, points are complex numbers x + iy.
 
 A foothold is chosen so that in the middle of its stance the foot is at neutral: what the body travels in a
-stance lies half before and half behind. The body begins slowly, until the last leg has lifted, so that it
-is not left behind further than in the steady walk; it stops the same way. Footholds are those of the steady
-walk from the first on, and a leg's last stance ends at neutral.
+stance lies half before and half behind. The body goes at one speed from the first moment to the last: before
+it the feet have stepped, on the spot, to where the steady walk has them at that moment.
 """
 
 from __future__ import annotations
@@ -52,73 +51,42 @@ class Segment:
 
 
 @dataclass(frozen=True, slots=True)
-class Progress:
-    """How many cycles' worth of way the body has gone at a time, from standstill, and to it if it ends.
+class Cruise:
+    """How many cycles' worth of way the body has gone at a time: `speed` a cycle, from time 0 to `stop`."""
 
-    speed  ▁▁▔▔▔▔▔▁▁    `slow` for `ramp` cycles, then `top`, and for as long `slow` again before the end
-    """
-
-    ramp: float
-    slow: float
-    top: float = 1.0
-    cruise: float = math.inf
-    """Cycles at `top`; infinite: the walk never ends."""
-
-    @property
-    def way(self) -> float:
-        """Return the cycles' worth of way until the end."""
-        return 2 * self.slow * self.ramp + self.top * self.cruise
-
-    @property
-    def stop(self) -> float:
-        """Return the time at which the body stands still again."""
-        return 2 * self.ramp + self.cruise
+    speed: float = 1.0
+    stop: float = math.inf
 
     def at(self, time: Floats) -> Floats:
         """Return the cycles' worth of way at `time`."""
-        time = np.clip(time, 0.0, self.stop)
-        begun = np.minimum(time, self.ramp)
-        ending = np.maximum(time - self.ramp - self.cruise, 0.0)
-        return np.asarray(self.slow * (begun + ending) + self.top * (time - begun - ending))
+        return np.asarray(self.speed * np.clip(time, 0.0, self.stop))
 
     def steady(self, time: Floats) -> Floats:
-        """Return the same as if the body had always been at full speed."""
-        return np.asarray(self.slow * self.ramp + self.top * (time - self.ramp))
+        """Return the same as if the body always moved."""
+        return np.asarray(self.speed * time)
 
 
-def progress_of(gait: Gait, way: float | None) -> Progress:
-    """Return the progress of a body that no standing foot holds back, and of which none slips.
+def cruise_of(gait: Gait, way: float | None) -> Cruise:
+    """Return the cruise of a body that goes `way` cycles' worth of way; None: without an end.
 
-    Until the last leg has lifted the body is so slow that its foot is left behind by no more than in the
-    steady walk, half of what the body travels in a stance. The end mirrors the start; the time in between is
-    a multiple of the gait's grain, so that the body changes its speed when feet lift or land.
+    Its time is a multiple of the gait's grain, so that it ends when feet lift or land.
     """
-    latest, duty = float(max(lift for _, lift in gait.lifts)), float(gait.duty)
-    ramp = latest if latest > duty / 2 else 0.0
-    slow = duty / (2 * latest) if ramp else 1.0
     if way is None:
-        return Progress(ramp, slow)
-    between = way - 2 * slow * ramp
-    if between > SAME_TIME:
-        cruise = _up_to_grain(between, gait)
-        return Progress(ramp, slow, between / cruise, cruise)
-    short = _up_to_grain(way / slow, gait)
-    return Progress(short / 2, way / short, way / short, 0.0)
-
-
-def _up_to_grain(cycles: float, gait: Gait) -> float:
-    return math.ceil(cycles * gait.grain - SAME_TIME) / gait.grain
+        return Cruise()
+    stop = math.ceil(way * gait.grain - SAME_TIME) / gait.grain
+    return Cruise(way / stop, stop)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Steps:
     """One leg's walk: the times it lifts and lands, and its footholds in the frame of the start.
 
-    `holds[k]` is left at `lifts[k]`; `holds[k + 1]` is reached at `lands[k]`.
+    `holds[k]` is left at `lifts[k]`; `holds[k + 1]` is reached at `lands[k]`. The first swing may have begun
+    before the body starts, the last one may end after it stops.
     """
 
     segment: Segment
-    progress: Progress
+    cruise: Cruise
     lifts: Floats
     lands: Floats
     holds: Points
@@ -136,28 +104,37 @@ class Steps:
         moving body.
         """
         landed = np.searchsorted(self.lands, time + SAME_TIME, side="right")
-        return self.seen(self.holds[landed], time)
+        return self._seen(self.holds[landed], self.cruise.at(time))
 
-    def seen(self, foothold: Points | complex, time: Floats) -> Points:
-        """Return a foothold in the body frame at `time`."""
-        position, heading = self.segment.travelled(self.progress.at(time))
+    def ends(self, number: int) -> tuple[Points, Points]:
+        """Return where a swing begins and ends in the frame of a body that always moves."""
+        first, last = (
+            self._seen(self.holds[hold : hold + 1], self.cruise.steady(at[number : number + 1]))
+            for hold, at in ((number, self.lifts), (number + 1, self.lands))
+        )
+        return first, last
+
+    def cut(self, number: int, time: Floats) -> npt.NDArray[np.bool_]:
+        """Return at which times the foot stands where a swing was at the body's start or stop."""
+        before = (self.lifts[number] < -SAME_TIME) & (time <= self.lifts[number] + SAME_TIME)
+        after = (self.lands[number] > self.cruise.stop + SAME_TIME) & (time >= self.lands[number] - SAME_TIME)
+        return np.asarray(before | after)
+
+    def _seen(self, foothold: Points, way: Floats) -> Points:
+        position, heading = self.segment.travelled(way)
         return np.asarray((foothold - position) * np.exp(-1j * heading))
 
 
-def steps(
-    gait: Gait, leg: str, segment: Segment, progress: Progress, neutral: complex, until: float
-) -> Steps:
-    """Return the steps of `leg` up to the time `until`, without those that lead nowhere."""
-    first, duty = float(dict(gait.lifts)[leg]), float(gait.duty)
-    lifts = np.arange(first, until + 1, 1.0)
-    middle = lifts + (1 - duty) + duty / 2
-    travelled = progress.steady(middle)
-    if math.isfinite(progress.stop):
-        # The last stance of a leg ends where the body stops, so that it need not step again.
-        near = progress.way - progress.at(lifts + (1 - duty)) <= duty / 2 + SAME_TIME
-        travelled[near & (lifts + 1 >= progress.stop - SAME_TIME)] = progress.way
-    position, heading = segment.travelled(travelled)
-    holds = np.concatenate(([neutral], position + np.exp(1j * heading) * neutral))
-    moved = np.abs(np.diff(holds)) > SAME_M
-    kept = np.concatenate(([True], moved))
-    return Steps(segment, progress, lifts[moved], lifts[moved] + (1 - duty), holds[kept])
+def steps(gait: Gait, leg: str, segment: Segment, cruise: Cruise, neutral: complex) -> Steps:
+    """Return the steps of `leg`, one cycle of them if the body never stops; none if they lead nowhere."""
+    first, duty, swing = float(dict(gait.lifts)[leg]), float(gait.duty), float(gait.swing)
+    if first - 1 + swing > SAME_TIME:
+        first -= 1  # at the start it is in the air
+    end = 1.0 if math.isinf(cruise.stop) else cruise.stop
+    lifts = np.arange(first, end - SAME_TIME)
+    middles = np.concatenate(([first - duty / 2], lifts + swing + duty / 2))
+    position, heading = segment.travelled(cruise.steady(middles))
+    holds = position + np.exp(1j * heading) * neutral
+    if not (np.abs(np.diff(holds)) > SAME_M).all():
+        return Steps(segment, cruise, np.zeros(0), np.zeros(0), holds[:1])
+    return Steps(segment, cruise, lifts, lifts + swing, holds)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from servogen.errors import InputError
 from servogen.kinematics.protocol import Posture, WalkingRobot
-from servogen.motion.gait.footwork import MAX_CYCLES, Frames, HeldBack, footwork, joined
+from servogen.motion.gait.footwork import Frames, HeldBack, footwork, joined
 from servogen.motion.gait.phases import Gait, PhaseChange
 from servogen.motion.gait.stability import margin
 from servogen.motion.gait.steps import SAME_M, Segment
@@ -198,7 +198,7 @@ def walk(
             hint=f"at least {least} frames: each swing takes {MIN_SWING} or more",
         )
     count = _whole(gait, frames_per_cycle or least)
-    cycles = sum(MAX_CYCLES if segment.cycles is None else segment.cycles for segment in segments)
+    cycles = sum(1 if segment.cycles is None else segment.cycles for segment in segments)
     while True:
         if not count * cycles <= MAX_FRAMES:
             raise InputError(
@@ -208,7 +208,8 @@ def walk(
             )
         rounded = gait.on_frames(count)
         parts = replace(plan, gait=rounded).frames_of_way(segments, count)
-        frames, loop_start = _round(parts, segments[-1].cycles is None, count)
+        frames = joined(parts)
+        loop_start = len(frames.angles) - count if segments[-1].cycles is None else 0
         angles = frames.angles.reshape(len(frames.angles), -1)
         _check_limits(joints, angles)
         around = np.concatenate((angles, angles[loop_start : loop_start + 3]))
@@ -245,22 +246,6 @@ def walk(
 def _whole(gait: Gait, frames: int) -> int:
     """Return at least `frames`, and a multiple of the gait's grain where that is small."""
     return -(-frames // gait.grain) * gait.grain if gait.grain <= MAX_GRAIN else frames
-
-
-def _round(parts: Sequence[Frames], endless: bool, count: int) -> tuple[Frames, int]:
-    """Return all segments and the frame at which the loop begins; an endless one ends with its first steady
-    cycle.
-    """
-    frames = joined(parts)
-    if not endless:
-        return frames, 0
-    angles = parts[-1].angles
-    alike = np.abs(angles[count:] - angles[:-count]).max(axis=(1, 2)) < SAME_RAD
-    steady = 0 if alike.all() else len(alike) - int(np.argmin(alike[::-1]))
-    if steady + count > len(angles):
-        raise InputError("endless-motion", "the walk does not become steady: its gait leaves a leg behind")
-    loop_start = len(frames.angles) - len(angles) + steady
-    return frames.part(0, loop_start + count), loop_start
 
 
 def _margins(robot: WalkingRobot, frames: Frames) -> Floats:

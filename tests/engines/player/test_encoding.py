@@ -1,23 +1,25 @@
 """A motion's script is the motion, step by step; the chip's arithmetic is the law, within its last places."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player.arithmetic import blended, weights
 from servogen.engines.player.encoding import Rows
-from servogen.engines.player.laws import lift_table, swing_table, table_of
-from servogen.engines.player.script import AGAIN, AT, Script, Step, script, timing
+from servogen.engines.player.laws import lift_table, spot_table, swing_table, table_of
+from servogen.engines.player.script import AGAIN, AT, SPOT, Script, Step, script, timing
 from servogen.motion.gait.footwork import bump, swing_share
 from servogen.motion.laws import law
 
 SLOW, FAST = timing(50), timing(12)
 
 
-def played(made: Script, columns: int, steps: int) -> list[tuple[int, int]]:
-    """Return (row, how) of the first steps, read from the bytes as docs/firmware.md says."""
-    found: list[tuple[int, int]] = []
-    place, row, left = 0, -1, 0
+def played(made: Script, columns: int, steps: int) -> list[tuple[int, int, bool]]:
+    """Return (row, how, on the spot) of the first steps, read from the bytes as docs/firmware.md says."""
+    found: list[tuple[int, int, bool]] = []
+    place, row, left, spot = 0, -1, 0, False
     while len(found) < steps:
         place = made.loop if place == len(made.data) else place
         how = made.data[place]
@@ -27,11 +29,13 @@ def played(made: Script, columns: int, steps: int) -> list[tuple[int, int]]:
             left = (left or times) - 1
             place += 2 - (back if left else 0)
             continue
-        row += 1
-        if how == AT:
+        if how in (AT, SPOT):
+            spot = how == SPOT
             row, how = made.data[place] // columns, made.data[place + 1]
             place += 2
-        found.append((row, how))
+        elif not spot:
+            row += 1
+        found.append((row, how, spot))
     return found
 
 
@@ -42,9 +46,32 @@ def test_the_script_plays_every_step_in_order_and_its_loop_for_ever() -> None:
     steps = [*lead, *loop, *loop, *loop]
     timings = list(made.timings)
     assert played(made, 6, len(steps)) == [
-        (step.row, step.lifted << 2 | timings.index(step.timing)) for step in steps
+        (step.row, step.lifted << 2 | timings.index(step.timing), step.spot) for step in steps
     ]
     assert len(made.data) < 2 * len([*lead, *loop])
+
+
+@pytest.mark.parametrize("cycles", [1, 2, 9])
+def test_steps_on_the_spot_name_their_row_once_and_what_follows_names_its_own(cycles: int) -> None:
+    spot = [Step(7, FAST, lifted, True) for lifted in (21, 0, 42, 0)]
+    cycle = [Step(row, FAST, lifted) for row, lifted in ((4, 21), (5, 0), (6, 42), (7, 0))]
+    back = [replace(step, row=0) for step in spot]
+    lead = [Step(0, SLOW), Step(0, SLOW)]
+    loop = [*spot, *cycle * cycles, *back, Step(0, SLOW)]
+    made = script(lead, loop, 6, legs=True)
+    timings = list(made.timings)
+    steps = [*lead, *loop, *loop]
+    assert played(made, 6, len(steps)) == [
+        (step.row, step.lifted << 2 | timings.index(step.timing), step.spot) for step in steps
+    ]
+    assert made.data.count(SPOT) == 2
+
+
+def test_two_steps_on_the_spot_with_the_same_masks_are_not_played_as_one() -> None:
+    """A repetition cannot begin in the midst of steps on the spot: it would begin them anew."""
+    lead = [Step(0, SLOW), *[Step(1, FAST, 9, True), Step(1, FAST, 0, True)] * 4]
+    made = script(lead, [Step(2, SLOW)], 6, legs=True)
+    assert made.data.count(SPOT) == 1 and AGAIN not in made.data
 
 
 def test_a_walk_has_four_timings_at_most() -> None:
@@ -78,6 +105,13 @@ def test_half_a_swing_is_the_swings_law_and_the_lift_its_bump(rate: float) -> No
     assert np.abs(left - (1 - 2 * swing_share(time / 512, rate))).max() < 1.5 / 128
     assert np.abs(weights(list(lift_table()), time) / 255 - bump(time / 512)).max() < 1.8 / 255
     assert left[0] == 1 and left.max() > 1  # a foot first goes back, with the stance
+
+
+def test_half_a_swing_on_the_spot_is_the_law_of_a_body_at_rest() -> None:
+    time = np.arange(256)
+    gone = weights(list(spot_table()), time) / 256
+    assert np.abs(gone - swing_share(time / 512, 0.0)).max() < 1.5 / 256
+    assert (np.diff(gone) >= 0).all()  # no foot goes back
 
 
 def test_blending_is_exact_in_256ths() -> None:

@@ -42,7 +42,7 @@ def test_a_whole_hexapod_is_exact_on_one_chip_in_every_dialect(name: str) -> Non
 def test_the_first_pulses_go_to_the_neutral_pose() -> None:
     schedule = built("hexapod-tripod").plan.schedule
     first = schedule.lead_in[0]
-    assert first.frames == 50
+    assert first.frames >= 50
     assert {pulse.width for pulse in first.pulses if pulse} == {1500}
 
 
@@ -57,14 +57,14 @@ def test_the_tripod_starts_from_standing_and_stops_standing() -> None:
         assert pulse is not None
         return pulse.width
 
-    # It begins and ends in the neutral pose, all feet down; in between three feet at a time are lifted.
-    for row in (0, len(rows) - 1):
-        assert all(abs(width(row, channel) - 1500) <= 1 for channel in range(12))
-    lifted = [{n for n in lifts if abs(width(row, n) - 1500) > 5} for row in range(len(rows))]
+    # It begins and ends with all feet down; in between three feet at a time are lifted.
+    assert rows[0] == rows[-1]
+    lifted = [{n for n in lifts if abs(width(row, n) - width(0, n)) > 5} for row in range(len(rows))]
+    assert not lifted[0]
     assert max(map(len, lifted)) == 3 and len({frozenset(each) for each in lifted if len(each) == 3}) == 2
     # The legs swing in between.
-    reach = [max(abs(width(row, n) - 1500) for n in turns) for row in range(len(rows))]
-    assert reach[0] <= 1 and reach[-1] <= 1 and max(reach) > 30
+    reach = [max(abs(width(row, n) - width(0, n)) for n in turns) for row in range(len(rows))]
+    assert reach[-1] == 0 and max(reach) > 30
 
 
 def test_a_trim_in_the_eeprom_moves_that_servo_by_exactly_that_much() -> None:
@@ -111,7 +111,7 @@ def test_held_poses_between_two_steps_are_held() -> None:
         job_text(3, poses([(10.3, 20, 31), (159, 144.4, 77)], 0.32).replace("move_s", "hold_s = 0.3, move_s"))
     )
     _, played = play(done.job)
-    assert played.encoded.scale.shift == 2
+    assert set(played.encoded.scale.shifts.tolist()) == {2}
     held = [run for run in done.plan.schedule.loop if run.frames >= 15]
     assert len(held) == 2
     for program in done.programs:
@@ -124,4 +124,7 @@ def test_a_motion_with_too_many_poses_is_refused_with_its_bytes() -> None:
         build(plan_job(loads(long, "long.toml")))
 
 
-WAYS = "forward_mm = 40, cycles = 3 }, { turn_deg = 20, cycles = 3 }, { forward_mm = -30, cycles = 3"
+WAYS = " }, { ".join(
+    f"{way}, cycles = 3"
+    for way in ("forward_mm = 40", "turn_deg = 20", "forward_mm = -30", "turn_deg = -20", "forward_mm = 20")
+)

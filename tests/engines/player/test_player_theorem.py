@@ -7,16 +7,17 @@ from dataclasses import dataclass, replace
 from servogen.build import report
 from servogen.edges import HIGH, EdgeChunk
 from servogen.engines.board import machine_of
-from servogen.engines.player.engine import CHECK, DONE
+from servogen.engines.player.engine import CHECK, DONE, play
 from servogen.engines.player.layout import Layout
 from servogen.engines.player.theorem import KERNEL, KernelChanged, allowances
+from servogen.job import load, plan_job
 from servogen.pic.device import RAM_FIRST
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
 from servogen.pic.listing import Listing
 from servogen.simulator import Machine
 from tests.engines.player.hostile import Base, _played, base, outcome, run
-from tests.engines.player.player_jobs import built, built_text, job_text, sweep
+from tests.engines.player.player_jobs import ROOT, built, built_text, job_text, sweep
 
 LONGEST = dict.fromkeys(range(12), 127)
 """Trims that make every pulse 127 cycles longer: the longest that the layout allows for."""
@@ -61,10 +62,8 @@ def test_n_is_what_the_layout_has_reckoned_with_from_the_same_kernel() -> None:
             assert (slots.room, frames.room) == (layout.between_slots + 1, layout.between_frames + 1)
 
 
-def _layout(name: str):  # type: ignore[no-untyped-def]
-    from servogen.engines.player.engine import play
-
-    return play(built(name).job)[1].layout
+def _layout(name: str) -> Layout:
+    return play(plan_job(load(ROOT / "jobs" / f"{name}.toml")))[1].layout
 
 
 @dataclass(frozen=True)

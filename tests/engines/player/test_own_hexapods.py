@@ -1,0 +1,73 @@
+"""Hexapods of one's own fit the chip, whatever the gait, the buttons and the calibration of each servo."""
+
+import random
+import re
+from dataclasses import replace
+from functools import cache
+
+import pytest
+
+from servogen.build import Build, build
+from servogen.engines.c_text import DIALECTS
+from servogen.job import loads, plan_job
+from tests.engines.player.own_robots import Outcome, Robot, outcome, robots
+from tests.engines.player.player_jobs import ROOT
+
+MOST_FRAME_C = 3700
+
+
+@cache
+def drawn() -> list[Robot]:
+    return robots(10, 1)
+
+
+@pytest.mark.parametrize("number", [4, 9])
+def test_a_robot_drawn_at_random_with_a_button_is_built_and_proven(number: int) -> None:
+    """`python -m tests.engines.player.own_robots` does it with 200."""
+    robot = drawn()[number]
+    assert "start_pin" in robot.job
+    done = outcome(robot)
+    assert isinstance(done, Outcome), done
+    assert done.proven and done.error.width_us <= 10
+
+
+def test_a_robot_that_does_not_fit_is_refused_with_a_reason() -> None:
+    robot = drawn()[1]
+    way = re.search(r"way = \[(.*)\]\n", robot.job)
+    assert way
+    long = ", ".join([way[1]] + [way[1].replace("_mm = ", f"_mm = {sign}") for sign in ("-", "0.9", "-0.9")])
+    reason = outcome(replace(robot, job=robot.job.replace(way[1], long)))
+    assert isinstance(reason, str) and "beyond-max-error" in reason
+
+
+@cache
+def calibrated() -> Build:
+    """`hexapod-turn` with points of each servo's own, up to 12 µs off at both ends."""
+    chance = random.Random(12)
+    text = (ROOT / "jobs" / "hexapod-turn.toml").read_text()
+
+    def points(_: re.Match[str]) -> str:
+        low, high = (end + chance.choice((-12, 12)) * chance.uniform(0.5, 1) for end in (1250, 1750))
+        ends = ((0, low), (180, high))
+        found = ", ".join(f"{{ angle_deg = {angle}, width_us = {width:.1f} }}" for angle, width in ends)
+        return f'model = "mpx-tiny-s"\npoints = [{found}]'
+
+    own, count = re.subn('model = "mpx-tiny-s"', points, text)
+    assert count == 12
+    return build(plan_job(loads(own, "job.toml")))
+
+
+def test_a_walk_and_a_turn_with_servos_calibrated_one_by_one_is_within_five_microseconds() -> None:
+    made = calibrated()
+    error = made.plan.schedule.plan_error
+    assert error is not None and error.width_us <= 5
+    assert [program.firmware.dialect for program in made.programs] == list(DIALECTS)
+    for program in made.programs:
+        assert program.proven and program.verdict.worst_edge_error == 0
+        assert program.firmware.compilation.words <= 950
+
+
+def test_the_c_between_the_frames_of_a_walk_and_a_turn_has_its_bound() -> None:
+    for program in calibrated().programs:
+        _, frames = program.firmware.timing_budgets
+        assert frames.worst is not None and frames.worst <= MOST_FRAME_C
