@@ -40,7 +40,7 @@ def test_no_encoding_has_fewer_poses_and_moves_than_the_bounds(seed: int) -> Non
     rows = np.vstack(parts)
     far, near = drawn.choice([(1.5, 0.3), (8.0, 2.2)])
     whole = np.vstack((rows, rows[0]))
-    least = poses.fewest(whole, far, near * (1 << scale_of(rows).shift))
+    least = poses.fewest(whole, far, near * float((1 << scale_of(rows).shifts).max()))
     made = poses.poses_encoded(rows, (0,), 0, far, near)
     assert 0 < least[0] <= len(made.rows) // columns
     assert 0 < least[1] <= len(made.script.data)
