@@ -40,6 +40,8 @@ Message = dict[str, Any]
 
 MAX_WINDOW_S = 4
 """Of the waves, shown at once."""
+MAX_AHEAD_S = 60
+"""How far a jump goes beyond what was reached: the server answers nothing else meanwhile."""
 MAX_EDGES = 20_000
 """In one answer; a window with more is shown up to there."""
 SILENT_FRAMES = 2
@@ -103,6 +105,7 @@ class Session:
         return {
             "is": "model",
             "name": subject.name,
+            "device": subject.options.device,
             "cycle_us": float(subject.clock.cycle_us),
             "cycles_per_second": float(subject.clock.cycles_per_second),
             "pins": list(PINS),
@@ -315,9 +318,9 @@ class Session:
 
     def _do_seek(self, message: Mapping[str, Any]) -> Iterator[Message]:
         cycle = int(message["cycle"])
-        longest = int(self.subject.clock.round_seconds(7 * 86_400))
+        farthest = int(self._place.reach + self.subject.clock.round_seconds(MAX_AHEAD_S))
         self._due = 0.0
-        self._place.seek(max(0, min(cycle, longest)))
+        self._place.seek(max(0, min(cycle, farthest)))
         self._look_back()
         yield self.shown()
 

@@ -40,7 +40,7 @@ export class ChipView {
     };
     const left = element("div", { class: "side left" }, ...names.slice(0, half).map(button));
     const right = element("div", { class: "side right" }, ...names.slice(half).reverse().map(button));
-    this.places.package.replaceChildren(left, element("div", { class: "body" }, "PIC16F84"), right);
+    this.places.package.replaceChildren(left, element("div", { class: "body" }, this.model.device), right);
   }
   showLevels(levels) {
     if (levels === this.levels) return;

@@ -39,7 +39,7 @@ export class Film {
   buildWaves() {
     const { data } = this, lanes = this.seen.length ? this.seen.map(row => [row, row.lane]) : this.planned.map(row => [row, row.pin]);
     const rows = lanes.map(([row, lane]) => ({ name: row.kind === "captured" ? "captured" : row.channel, pin: lane, colour: row.colour, servo: data.robot?.servos.find(servo => servo.pin === row.pin) }));
-    const model = { cycle_us: data.cycle_us, cycles_per_second: 1e6 / data.cycle_us, period: data.period / data.cycle_us, origin: 0, pins: data.pins };
+    const model = { cycle_us: data.cycle_us, cycles_per_second: 1e6 / data.cycle_us, period: data.period / data.cycle_us, origin: this.planned.length ? 0 : null, pins: data.pins };
     this.waves = new Waves(this.places.waves, model, {
       rows,
       maxSeconds: data.end / 1e6,
@@ -100,19 +100,21 @@ export class Film {
       servos.append(label);
     });
   }
-  widths(rows) {
+  // The widths of the pulses that are over; where the last one was long ago, 0, unless it is asked for.
+  widths(rows, old = false) {
     return this.data.robot.servos.map(servo => {
       const row = rows.find(each => each.pin === servo.pin), index = row ? before(row.rise, this.time) - 1 : -1;
       for (let at = index; at >= Math.max(0, index - 1); at--) {
         const fall = row.rise[at] + row.width[at];
-        if (fall <= this.time && this.time - fall < SILENT_PERIODS * this.data.period) return row.width[at];
+        const heard = this.time - fall < SILENT_PERIODS * this.data.period || (old && !servo.continuous);
+        if (fall <= this.time && heard) return row.width[at];
       }
       return 0;
     });
   }
   go(time) {
     this.time = Math.max(0, Math.min(this.data.end, time));
-    if (this.servos) this.servos.jump(this.widths(this.played));
+    if (this.servos) this.servos.jump(this.widths(this.played, true));   // a servo stays where its last pulse put it
     this.show();
   }
   play(playing) {
@@ -138,7 +140,7 @@ export class Film {
     if (now) now.textContent = `${(this.time / 1e6).toFixed(3)} s`;
     this.waves.follow(this.time / this.data.cycle_us, this.playing);
     if (!this.robot) return;
-    const plan = this.played === this.planned ? null : this.servos.commanded(this.widths(this.planned));
+    const plan = this.played === this.planned || !this.planned.length ? null : this.servos.commanded(this.widths(this.planned));
     this.robot.show(this.servos.angles, plan, this.servos.pose);
   }
 }

@@ -165,6 +165,8 @@ export class Waves {
     mark(this.cursors[1], ink("--cursor"), "B");
     brush.restore();
     brush.textAlign = "left";
+    brush.fillStyle = ink("--soft");
+    if (!this.rows.length) brush.fillText("no pin is driven here", LABEL + 8, HEAD + 16);
     this.rows.forEach((row, index) => {
       brush.fillStyle = legible(row.colour || ink("--ink"));
       brush.fillText(row.name, 4, HEAD + ROW * index + 13, LABEL - 8);

@@ -67,8 +67,10 @@ def test_the_film_is_small_plays_and_asks_for_nothing(
     begin = page.run("film.time")
     assert begin == pytest.approx(graded.grade.film.moment_us)
     assert page.run("document.querySelector('.here').textContent.includes('PULSES(100, 1660)')")
+    assert page.run("film.servos.angles[0] * 180 / Math.PI") == pytest.approx(28.8, abs=0.2)  # 1160 µs before
     page.click("#play")
     wait(lambda: bool(page.run(f"film.time > {begin} + 3e5")))
+    assert page.run("film.servos.angles[0] * 180 / Math.PI") > 40  # it turns to 119°, 60° in 0.19 s or slower
     page.click("#play")
     assert page.run("document.documentElement.scrollWidth") <= 390
     assert page.problems == [] and page.requests == [file.as_uri()]

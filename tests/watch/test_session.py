@@ -133,6 +133,12 @@ def test_stop_conditions_pause_a_run(lab8: Subject) -> None:
     assert found["cycle"] == lab8.wanted.origin + 1168
 
 
+def test_a_jump_is_bounded(lab8: Subject) -> None:
+    session = Session(lab8)
+    assert answer(session, do="seek", cycle=10**15)["cycle"] <= 60_000_001
+    assert answer(session, do="seek", cycle=-5)["cycle"] == 0
+
+
 def test_slow_speeds_add_up(lab8: Subject) -> None:
     """At 1/100 000 of real time a tenth of a second is one cycle."""
     session = Session(lab8)
