@@ -14,11 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.kinematics.protocol import DrivingRobot
-from servogen.report.drawing import Chart, path_chart, time_chart
+from servogen.report.drawing import PALETTE, Chart, path_chart, time_chart
 from servogen.report.film import Part, Scene
 from servogen.report.html import TwinFacts
 from servogen.report.pictures import new_figure, plane, save
 from servogen.report.sticks import base_outline
+from servogen.twin.run import SAMPLE_S
 from servogen.twin.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -28,6 +29,9 @@ Floats = npt.NDArray[np.float64]
 
 MOST_PICTURES = 120
 """Of a film."""
+
+FRAME_S = 0.02
+"""Torques and currents are drawn as means over a usual frame: within it they jump with every pulse."""
 
 MOST_ROWS = 4000
 """Of a line in a picture: more would only make the file larger."""
@@ -173,43 +177,67 @@ def csv_text(verdict: Verdict) -> str:
 
 
 def twin_plot(verdict: Verdict, name: str, path: Path) -> None:
-    """Draw the path from above, torques, current, voltage and the heights of the feet."""
-    record = verdict.record
-    legs = _legs(verdict)
-    figure = new_figure(11.0, 10.0 if legs else 7.5, f"{name}: {verdict.word}")
-    grid = figure.add_gridspec(4 if legs else 3, 2, width_ratios=(1, 1.6))
-    above = figure.add_subplot(grid[:, 0])
-    _path(above, verdict)
+    """Draw the path from above, heading and height, torques, current, voltage and the heights of the feet."""
+    record, legs = verdict.record, _legs(verdict)
+    figure = new_figure(12.5, 9.0, f"{name}: {verdict.word}, {record.settings.ground.text()}")
+    grid = figure.add_gridspec(4, 2, width_ratios=(1, 1.5))
+    _path(figure.add_subplot(grid[:2, 0]), verdict)
     rows = slice(None, None, max(1, len(record.time) // MOST_ROWS))
     time = record.time[rows]
     torque = figure.add_subplot(grid[0, 1])
     for index, servo in enumerate(record.rig.servos):
-        torque.plot(time, record.torque[rows, index], lw=0.7, label=servo.name)
-    torque.set_ylabel("torque, N·m")
-    torque.legend(fontsize=6, ncols=4, loc="upper right")
+        colour = PALETTE[index % len(PALETTE)]
+        torque.plot(time, _smooth(record.torque[:, index])[rows], lw=0.8, color=colour, label=servo.name)
+    torque.set_ylabel("torque, N·m\n(mean of 20 ms)")
+    torque.legend(fontsize=6, ncols=1, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     current = figure.add_subplot(grid[1, 1], sharex=torque)
-    current.plot(time, record.current[rows], color="tab:red", lw=0.8)
-    current.set_ylabel("current, A")
+    current.plot(time, record.current[rows], color="0.8", lw=0.5)
+    current.plot(time, _smooth(record.current)[rows], color="tab:red", lw=0.8)
+    current.set_ylabel("current, A\n(red: mean of 20 ms)")
     voltage = figure.add_subplot(grid[2, 1], sharex=torque)
     voltage.plot(time, record.voltage[rows], color="tab:green", lw=0.8)
     voltage.set_ylabel("voltage, V")
-    axes = [torque, current, voltage]
     if record.rig.supply.feeds_chip:
         voltage.axhline(record.rig.supply.chip_least_v, color="0.4", ls="--", lw=0.8)
+    last = figure.add_subplot(grid[3, 1], sharex=torque)
+    heading = figure.add_subplot(grid[2, 0], sharex=torque)
+    height = figure.add_subplot(grid[3, 0], sharex=torque)
     if legs:
-        feet = figure.add_subplot(grid[3, 1], sharex=torque)
         for index, leg in enumerate(legs):
-            feet.plot(time, 1000 * record.feet[rows, index, 2], lw=0.8, label=leg)
-        feet.set_ylabel("foot height, mm")
-        feet.legend(fontsize=6, ncols=6, loc="upper right")
-        axes.append(feet)
-    for each in axes:
+            feet = 1000 * record.feet[rows, index, 2]
+            last.plot(time, feet, lw=0.8, color=PALETTE[index % len(PALETTE)], label=leg)
+        last.set_ylabel("foot height, mm")
+        last.legend(fontsize=6, ncols=1, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    else:
+        for index, servo in enumerate(record.rig.servos):
+            lag = np.degrees(record.target[rows, index] - record.angle[rows, index])
+            if not record.rig.drives[index].continuous:
+                last.plot(time, lag, lw=0.8, color=PALETTE[index % len(PALETTE)], label=servo.name)
+        last.set_ylabel("target - angle, °")
+    if record.floating:
+        heading.plot(time, np.degrees(record.pose[rows, 3] - record.pose[record.first, 3]), lw=1.0)
+        heading.set_ylabel("heading, °")
+        height.plot(time, 1000 * record.pose[rows, 2], lw=1.0)
+        height.set_ylabel("height of the body, mm")
+    else:
+        for axes, column, label in ((heading, 1, "y"), (height, 2, "z")):
+            if record.tool.shape[1]:
+                axes.plot(time, 1000 * record.tool[rows, column], lw=1.0)
+            axes.set_ylabel(f"tool, {label}, mm")
+    for each in (torque, current, voltage, last, heading, height):
         each.grid(alpha=0.3)
         each.axvspan(*record.motion, color="0.95", zorder=0)
         for event in verdict.events[:1]:
             each.axvline(event.seconds, color="tab:red", ls=":", lw=1.0)
-    axes[-1].set_xlabel("time, s")
+    last.set_xlabel("time, s; grey: the job's motion")
+    height.set_xlabel("time, s")
     save(figure, path)
+
+
+def _smooth(values: Floats) -> Floats:
+    """Return the mean over a frame of 20 ms around each sample."""
+    width = max(1, round(FRAME_S / SAMPLE_S))
+    return np.asarray(np.convolve(values, np.ones(width) / width, mode="same"))
 
 
 def _path(axes: Axes, verdict: Verdict) -> None:
@@ -219,19 +247,19 @@ def _path(axes: Axes, verdict: Verdict) -> None:
         at = _seen_from(first, record.pose[record.first :, :2])
         if rigid is not None:
             axes.plot(*(1000 * rigid[:, :2].T), "--", color="0.5", label="rigid legs, ideal wheels")
-        axes.plot(*(1000 * at.T), color="tab:blue", label="simulated")
+        axes.plot(*(1000 * at.T), color="black", label="simulated")
         for index, leg in enumerate(_legs(verdict)):
             stands = record.force[record.first :, index] > 0.1
             feet = _seen_from(first, record.feet[record.first :, index, :2])[stands]
-            axes.plot(*(1000 * feet.T), ",", color=f"C{index + 1}", label=leg)
+            axes.plot(*(1000 * feet.T), ".", ms=2, color=PALETTE[index % len(PALETTE)], label=leg)
         if verdict.planned.way is not None:
             x, y, _ = verdict.planned.way
             axes.plot(1000 * x, 1000 * y, "x", color="black", label="asked")
     elif record.tool.shape[1] and verdict.planned.tool is not None:
         axes.plot(*(1000 * verdict.planned.tool[:, :2].T), "--", color="0.5", label="planned")
-        axes.plot(*(1000 * record.tool[record.first :, :2].T), color="tab:blue", label="simulated")
-    plane(axes, "x", "y", "from above")
-    axes.legend(fontsize=7, loc="upper left")
+        axes.plot(*(1000 * record.tool[record.first :, :2].T), color="black", label="simulated")
+    plane(axes, "x", "y", "from above; dots: where feet stand" if record.feet.shape[1] else "from above")
+    axes.legend(fontsize=6, loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
 
 def _seen_from(pose: Floats, points: Floats) -> Floats:

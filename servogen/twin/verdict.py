@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from servogen.errors import Diagnostic
 from servogen.job import PlannedJob
 from servogen.job.schema import ExpectTable
 from servogen.twin.causes import Event, brown_out, events_of, fallen_at
@@ -77,6 +78,8 @@ class Verdict:
     drag_leg: str
     tool_error: float | None
     tool_rest_error: float | None
+    warnings: tuple[Diagnostic, ...] = ()
+    """Those of the plan: the cause where nothing that happened explains a failure."""
 
     @property
     def passed(self) -> bool:
@@ -98,9 +101,11 @@ class Verdict:
     def reasons(self) -> list[str]:
         """Return what fails, and then the first cause, as sentences."""
         found = [check.text for check in self.checks if not check.passed]
-        if self.cause is not None and (found or self.not_guaranteed_from is not None):
-            found.append(f"first cause: {self.cause.text}")
-        return found
+        if not found and self.not_guaranteed_from is None:
+            return []
+        if self.cause is not None:
+            return [*found, f"first cause: {self.cause.text}"]
+        return [*found, *(f"the plan warned: {warning.message}" for warning in self.warnings)]
 
     def to_json(self) -> dict[str, object]:
         """Return plain values for a JSON file: metres, radians, seconds, N·m, A, V."""
@@ -152,6 +157,7 @@ def verdict_of(record: Record, job: PlannedJob, planned: Planned) -> Verdict:
         leg,
         tool,
         rest,
+        job.warnings,
     )
 
 

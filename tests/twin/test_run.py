@@ -121,3 +121,9 @@ def test_the_record_can_be_cut_at_any_time() -> None:
     short = walking(AHEAD).twin(Settings(seconds=0.5))
     assert short.record.time[-1] == pytest.approx(0.495)
     assert replace(short.record.settings, seconds=None) == Settings()
+
+
+def test_at_full_height_the_warning_of_the_plan_is_the_cause() -> None:
+    seen = walking(AHEAD, height=140, extra="\n[expect]\nway_within_mm = 4\n").twin()
+    assert not seen.passed and seen.events == ()
+    assert seen.reasons()[-1].startswith("the plan warned: the legs stand at their full height")
