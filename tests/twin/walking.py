@@ -43,6 +43,7 @@ def walking(way: str, gait: str = "tripod", height: float = 130, extra: str = ""
 def text_of(way: str, gait: str = "tripod", height: float = 130, extra: str = "") -> str:
     """Return the job of a walk."""
     text = (JOBS / "hexapod-tripod.toml").read_text()
+    text = re.sub(r"^body_height_mm = .*\n", "", text, flags=re.M)
     text = re.sub(r"way = .*", f"way = [{way}]\nbody_height_mm = {height:g}", text)
     text = text.replace('gait = "tripod"', f'gait = "{gait}"')
     text = text.replace("[firmware]", "[firmware]\nsoft_start_s = 0.3")
