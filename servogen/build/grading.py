@@ -162,7 +162,7 @@ def grade_program(lab: Lab, program: Runnable) -> Grade:
         for warning in machine.chip_dependent
     )
     remarks = (*grade.remarks, *dependent)
-    return replace(grade, for_ever=isinstance(repeat, Repeat), remarks=remarks)
+    return replace(grade, repeats=isinstance(repeat, Repeat), remarks=remarks)
 
 
 def _film(lab: Lab, program: Runnable, watched: Watched, grade: Grade) -> Film:

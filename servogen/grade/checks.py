@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from servogen.edges import PINS
-from servogen.grade.lab import Lab, Position, Way
-from servogen.grade.watch import PinPulses, Told, Visit, Watched
+from servogen.grade.lab import Lab, Position, Solution
+from servogen.grade.watch import Commanded, PinPulses, Visit, Watched
 from servogen.pulse.lint import PERIOD_US
 from servogen.robot.servo import Servo
 from servogen.robot.servo_models import names as model_names
@@ -27,25 +27,25 @@ TURN_OFF = "turn it off (C2C: #pragma _CONFIG, XC8: #pragma config WDTE = OFF, a
 
 @dataclass(frozen=True, slots=True)
 class ChipFacts:
-    """The machine at the end of the watch."""
+    """The chip at the end of the watch."""
 
     inputs: frozenset[int] = frozenset()
     """Pins that are inputs at the end."""
     watchdog_resets: int = 0
     configured: bool = True
-    """Whether the program says its configuration word."""
+    """Whether the program has a configuration word."""
     sleeping: bool = False
     lost: bool = False
-    """Whether it ran into memory that holds no program."""
+    """Whether it ran into memory without a program."""
     stack_wraps: int = 0
     written_for_hz: int | None = None
     """The crystal that the source names."""
     repeats: bool = False
-    """Whether the machine's whole state was seen to repeat."""
+    """Whether the chip's whole state was seen to repeat."""
 
 
 def cause(lab: Lab, watched: Watched, chip: ChipFacts) -> str | None:
-    """The one cause beside which all else that is wrong is a consequence."""
+    """Return the cause of which everything else that is wrong is a consequence, if there is one."""
     seconds = float(watched.clock.seconds(watched.end))
     if chip.watchdog_resets:
         why = "" if chip.configured else "the program has no configuration word, so the watchdog is on; "
@@ -61,7 +61,7 @@ def cause(lab: Lab, watched: Watched, chip: ChipFacts) -> str | None:
 
 
 def silent_reasons(lab: Lab, watched: Watched, chip: ChipFacts) -> Iterator[str]:
-    """Why servos that the task needs get no pulses."""
+    """Yield why servos of the task get no pulses."""
     for each in lab.servos:
         numbers = [PINS.index(pin) for pin in each.pins]
         if any(number in watched.pins for number in numbers):
@@ -84,7 +84,7 @@ def _silent_reason(lab: Lab, watched: Watched, chip: ChipFacts, servo: str, pins
         register = f"TRIS{own[1]}"
         return f"{what}: the pin is still an input; its bit in {register} (bank 1) must be 0"
     if chip.sleeping:
-        return f"{what}: the chip sleeps"
+        return f"{what}: the chip is asleep"
     if chip.lost:
         return f"{what}: the program runs on past its end; it needs an endless loop"
     if chip.stack_wraps:
@@ -94,11 +94,14 @@ def _silent_reason(lab: Lab, watched: Watched, chip: ChipFacts, servo: str, pins
 
 
 def clock_words(lab: Lab, chip: ChipFacts) -> str | None:
-    """What is wrong when the source is written for another crystal."""
+    """Return what is wrong if the source is written for another crystal."""
     if chip.written_for_hz in (None, lab.clock.hz):
         return None
-    asked, board = (f"{(hz or 0) / 1e6:g} MHz" for hz in (chip.written_for_hz, lab.clock.hz))
-    return f"the program is written for a crystal of {asked}, the board has {board}: all its times are wrong"
+    source, board = (f"{(hz or 0) / 1e6:g} MHz" for hz in (chip.written_for_hz, lab.clock.hz))
+    return (
+        f"the program is written for a crystal of {source}, but the board has {board}: "
+        "all its times are wrong"
+    )
 
 
 ARROW = " → "
@@ -107,15 +110,15 @@ SHOWN_ROUNDS = 2
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """Which position each visit should be; `right` are the numbers of the visits that are it."""
+    """Which position each visit should be at; `right` are the numbers of the visits that are there."""
 
     asked: tuple[int, ...]
     right: tuple[int, ...]
 
 
-def order(found: Sequence[Visit], way: Way) -> Order:
-    """A round may begin at any of its positions: the beginning that makes most visits right is taken."""
-    size = len(way.positions)
+def order(found: Sequence[Visit], solution: Solution) -> Order:
+    """Return the order with the most correct visits; a round may begin at any of its positions."""
+    size = len(solution.positions)
     tries = []
     for first in range(size):
         asked = tuple((first + index) % size for index in range(len(found)))
@@ -124,8 +127,8 @@ def order(found: Sequence[Visit], way: Way) -> Order:
     return max(tries, key=lambda each: len(each.right))
 
 
-def order_reasons(found: Sequence[Visit], found_order: Order, lab: Lab, way: Way) -> Iterator[str]:
-    """What is not the task's order, or not its positions."""
+def order_reasons(found: Sequence[Visit], found_order: Order, lab: Lab, solution: Solution) -> Iterator[str]:
+    """Yield what is wrong with the order or with the positions."""
     right = set(found_order.right)
     wrong = [index for index in range(len(found)) if index not in right]
     strange = [index for index in wrong if not found[index].places]
@@ -134,69 +137,69 @@ def order_reasons(found: Sequence[Visit], found_order: Order, lab: Lab, way: Way
         for index in strange:
             asked.setdefault(found_order.asked[index], index)
         for position, index in sorted(asked.items()):
-            name = way.positions[position].name
-            yield f"where {name} is asked for, {_strange(found[index], lab, way, position)}"
+            name = solution.positions[position].name
+            yield f"where {name} is expected, {_strange(found[index], lab, solution, position)}"
     elif wrong:
-        positions = [position.name for position in way.positions]
-        yield f"the order is {sequence(found, way)}; asked for is {ARROW.join(positions)}, again and again"
+        positions = [position.name for position in solution.positions]
+        yield f"the order is {sequence(found, solution)}; it should be {ARROW.join(positions)}, repeatedly"
         seen: set[tuple[float, ...]] = set()
         for index in strange:
-            if found[index].told[0].widths_us not in seen and len(seen) < len(way.positions):
-                yield f"no position of the task: {_strange(found[index], lab, way, None)}"
-            seen.add(found[index].told[0].widths_us)
+            if found[index].commanded[0].widths_us not in seen and len(seen) < len(solution.positions):
+                yield f"not a position of the task: {_strange(found[index], lab, solution, None)}"
+            seen.add(found[index].commanded[0].widths_us)
 
 
-def sequence(found: Sequence[Visit], way: Way) -> str:
-    """The first visits, by name."""
-    most = SHOWN_ROUNDS * len(way.positions)
-    words = [_name(visit, way) for visit in found[:most]]
-    return ARROW.join([*words, *(["…"] if len(found) > most else [])])
+def sequence(found: Sequence[Visit], solution: Solution) -> str:
+    """Return the names of the first visits."""
+    count = SHOWN_ROUNDS * len(solution.positions)
+    words = [_name(visit, solution) for visit in found[:count]]
+    return ARROW.join([*words, *(["…"] if len(found) > count else [])])
 
 
-def _name(visit: Visit, way: Way) -> str:
+def _name(visit: Visit, solution: Solution) -> str:
     if visit.places:
-        return way.positions[min(visit.places)].name
-    return " and ".join(f"{width:g} µs" for width in visit.told[0].widths_us)
+        return solution.positions[min(visit.places)].name
+    return " and ".join(f"{width:g} µs" for width in visit.commanded[0].widths_us)
 
 
-def _strange(visit: Visit, lab: Lab, way: Way, position: int | None) -> str:
-    """What the servos are told there; only those whose angle is wrong, where it is known what is asked."""
-    told = visit.told[0]
-    positions = way.positions if position is None else (way.positions[position],)
+def _strange(visit: Visit, lab: Lab, solution: Solution, position: int | None) -> str:
+    """Return the pulses of a visit: those of the wrong angles, if the expected ones are known."""
+    given = visit.commanded[0]
+    positions = solution.positions if position is None else (solution.positions[position],)
     words = []
     for number, each in enumerate(lab.servos):
         ranges = [each.ranges[number] for each in positions]
-        if not any(low <= told.angles[number] <= high for low, high in ranges):
-            words.append(_told_words(each.servo, told, number, ranges))
-    together = [_told_words(each.servo, told, number, ()) for number, each in enumerate(lab.servos)]
+        if not any(low <= given.angles[number] <= high for low, high in ranges):
+            words.append(_pulse_words(each.servo, given, number, ranges))
+    together = [_pulse_words(each.servo, given, number, ()) for number, each in enumerate(lab.servos)]
     return ", and ".join(words or together)
 
 
-def _told_words(servo: Servo, told: Told, number: int, asked: Sequence[tuple[float, float]]) -> str:
-    width, angle = told.widths_us[number], told.angles[number]
-    low, high = servo.widths_us
+def _pulse_words(servo: Servo, given: Commanded, number: int, asked: Sequence[tuple[float, float]]) -> str:
+    width, angle = given.widths_us[number], given.angles[number]
+    shortest, longest = servo.widths_us
     text = f"'{servo.name}' gets pulses of {width:g} µs, which is {math.degrees(angle):.1f}°"
     if not servo.allows(angle):
-        takes = f"the {servo.model.title} takes {low:g} to {high:g} µs"
+        takes = f"the {servo.model.title} takes {shortest:g} to {longest:g} µs"
         return f"'{servo.name}' gets pulses of {width:g} µs; {takes}"
     for name in model_names():
         model = servo_model(name)
         if model.name == servo.model.name or model.continuous:
             continue
-        if any(least <= model.calibration.angle(width) <= most for least, most in asked):
+        if any(low <= model.calibration.angle(width) <= high for low, high in asked):
             return f"{text} on the {servo.model.title} (the width is that of the {model.title})"
     return text
 
 
 class Stay(NamedTuple):
-    """One visit that is at the position that it should be. Seconds."""
+    """A visit at the position where it should be. Times in seconds."""
 
     position: int
     visit: Visit
     stays_s: float
     silent_s: float
     whole: bool
-    """Not cut off by the end of the watch."""
+    """Whether it is not cut off by the end of the watch."""
 
 
 def stays(
@@ -206,7 +209,7 @@ def stays(
     asked: Sequence[int],
     right: Sequence[int],
 ) -> list[Stay]:
-    """The right ones of the visits `found`."""
+    """Return the visits that are at the positions where they should be."""
     second = float(watched.clock.cycles_per_second)
     made = []
     for index in right:
@@ -216,9 +219,9 @@ def stays(
     return made
 
 
-def pause_reasons(lab: Lab, way: Way, found: Sequence[Stay]) -> Iterator[str]:
-    """Of each position with a wrong pause, the visit whose pause is most wrong."""
-    for number, position in enumerate(way.positions):
+def pause_reasons(lab: Lab, solution: Solution, found: Sequence[Stay]) -> Iterator[str]:
+    """Yield the worst pause of each position that has a wrong one."""
+    for number, position in enumerate(solution.positions):
         own = [stay for stay in found if stay.position == number and stay.whole]
         if position.pause_s is None or not own:
             continue
@@ -228,15 +231,19 @@ def pause_reasons(lab: Lab, way: Way, found: Sequence[Stay]) -> Iterator[str]:
 
 
 def first_wrong(
-    found: Sequence[Visit], placed: Order, right: Sequence[Stay], lab: Lab, way: Way
+    found: Sequence[Visit], placed: Order, right: Sequence[Stay], lab: Lab, solution: Solution
 ) -> int | None:
-    """Return the cycle in which the first visit begins, or ends, that is not as asked; None: all are."""
+    """Return the cycle in which the first visit begins, or ends, that is wrong; None if all are right."""
     wrong = sorted(set(range(len(found))) - set(placed.right))
     moments = [found[wrong[0]].begin] if wrong else []
     for stay in right:
-        position = way.positions[stay.position]
-        asked = position.pause_s
-        if stay.whole and asked is not None and _pause_error(stay, position) > lab.pause_tolerance * asked:
+        position = solution.positions[stay.position]
+        required = position.pause_s
+        if (
+            stay.whole
+            and required is not None
+            and _pause_error(stay, position) > lab.pause_tolerance * required
+        ):
             moments.append(stay.visit.end)
             break
     return min(moments, default=None)
@@ -248,7 +255,7 @@ def _pause_error(stay: Stay, position: Position) -> float:
 
 
 def _pause_words(stay: Stay, position: Position) -> str:
-    asked = f"asked for is a pause of {position.pause_s:g} s"
+    asked = f"the pause should be {position.pause_s:g} s"
     if stay.silent_s:
         return f"after {position.name} there are no pulses for {stay.silent_s:.2f} s; {asked}"
     return f"it stays at {position.name}, with pulses, for {stay.stays_s:.2f} s; {asked}"
@@ -260,11 +267,11 @@ def travel_reasons(
     pins: Sequence[PinPulses],
     everything: Sequence[Visit],
     found: Sequence[Stay],
-    way: Way,
+    solution: Solution,
 ) -> Iterator[str]:
-    """Positions that a servo cannot have reached: without pulses it does not move on."""
-    before = {after.begin: visit.told[-1].angles for visit, after in pairwise(everything)}
-    told: set[tuple[int, int]] = set()
+    """Yield positions that a servo cannot have reached: without pulses it does not move."""
+    before = {after.begin: visit.commanded[-1].angles for visit, after in pairwise(everything)}
+    named: set[tuple[int, int]] = set()
     second = float(watched.clock.cycles_per_second)
     for stay in found:
         for number, (each, pin) in enumerate(zip(lab.servos, pins, strict=True)):
@@ -272,13 +279,13 @@ def travel_reasons(
             start = before.get(stay.visit.begin)
             if speed is None or start is None or not stay.whole or not each.servo.allows(start[number]):
                 continue
-            turn = abs(stay.visit.told[-1].angles[number] - start[number])
+            turn = abs(stay.visit.commanded[-1].angles[number] - start[number])
             needed = turn / speed
             given = stay.stays_s - pin.silence(stay.visit.begin, stay.visit.end) / second
-            if given + 2 * pin.period / second < needed and (stay.position, number) not in told:
-                told.add((stay.position, number))
+            if given + 2 * pin.period / second < needed and (stay.position, number) not in named:
+                named.add((stay.position, number))
                 yield (
-                    f"the pulses for {way.positions[stay.position].name} last {given:.2f} s: "
+                    f"the pulses for {solution.positions[stay.position].name} last {given:.2f} s: "
                     f"a {each.servo.model.title} needs {needed:.2f} s to get there"
                 )
 
@@ -288,10 +295,10 @@ def period_reasons(
     watched: Watched,
     names: Sequence[str],
     pins: Sequence[PinPulses],
-    way: Way,
+    solution: Solution,
     found: Sequence[Stay],
 ) -> Iterator[str]:
-    """For each pin the period that is farthest outside, and the one that changes most within a position."""
+    """Yield each pin's period farthest outside the range, and its largest change within a position."""
     ms = float(watched.clock.cycle_us) / 1000
     low, high = lab.period_ms
     for name, pin in zip(names, pins, strict=True):
@@ -300,55 +307,55 @@ def period_reasons(
             periods = pin.periods(stay.visit.begin, stay.visit.end) * ms
             if not len(periods):
                 continue
-            least, most = float(periods.min()), float(periods.max())
-            where = way.positions[stay.position].name
-            beyond = max(low - least, most - high)
+            shortest, longest = float(periods.min()), float(periods.max())
+            where = solution.positions[stay.position].name
+            beyond = max(low - shortest, longest - high)
             if beyond > outside[0]:
-                value = most if most - high >= low - least else least
+                value = longest if longest - high >= low - shortest else shortest
                 outside = (beyond, f"the period on {name} at {where} is {value:.2f} ms")
-            if most - least > changing[0]:
+            if longest - shortest > changing[0]:
                 drift = (
                     "drifts"
                     if bool(np.all(np.diff(periods) >= 0) or np.all(np.diff(periods) <= 0))
                     else "varies"
                 )
                 changing = (
-                    most - least,
-                    f"the period on {name} {drift} at {where}: {least:.3f} to {most:.3f} ms",
+                    longest - shortest,
+                    f"the period on {name} {drift} at {where}: {shortest:.3f} to {longest:.3f} ms",
                 )
         if outside[0] > 0:
-            yield f"{outside[1]}; right is {low:g} to {high:g} ms"
+            yield f"{outside[1]}; it should be {low:g} to {high:g} ms"
         if changing[0] * 1000 > lab.spread_us:
-            yield f"{changing[1]}; it may change by {lab.spread_us:g} µs"
+            yield f"{changing[1]}; it may vary by {lab.spread_us:g} µs at most"
 
 
 def period_remark(watched: Watched, pins: Sequence[PinPulses]) -> str | None:
-    """A period that the lab allows, but that is not the recommended one."""
+    """Return a note on a period that the lab allows but that is not recommended."""
     periods = [float(watched.clock.us(pin.period)) for pin in pins if pin.period]
-    least, most = (value / 1000 for value in PERIOD_US)
+    low, high = (value / 1000 for value in PERIOD_US)
     for period in periods:
-        if not least - 0.5 <= period / 1000 <= most + 0.5:
-            return f"the period is {period / 1000:.2f} ms; {least:g} to {most:g} ms are recommended"
+        if not low - 0.5 <= period / 1000 <= high + 0.5:
+            return f"the period is {period / 1000:.2f} ms; {low:g} to {high:g} ms are recommended"
     return None
 
 
 def end_reason(
-    lab: Lab, watched: Watched, pins: Sequence[PinPulses], found: Sequence[Visit], way: Way
+    lab: Lab, watched: Watched, pins: Sequence[PinPulses], found: Sequence[Visit], solution: Solution
 ) -> str | None:
-    """Why there are fewer whole rounds than asked for."""
-    rounds = max(0, len(found) - 1) // len(way.positions)
+    """Return why there are fewer complete rounds than required, if there are."""
+    rounds = max(0, len(found) - 1) // len(solution.positions)
     if rounds >= lab.rounds:
         return None
     seconds = float(watched.clock.seconds(watched.end))
-    whole = "no whole round" if not rounds else f"only {counted(rounds, 'whole round')}"
-    text = f"{whole} in {seconds:g} s, at least {lab.rounds} should be"
+    whole = "no complete round" if not rounds else f"only {counted(rounds, 'complete round')}"
+    text = f"{whole} in {seconds:g} s instead of {lab.rounds} or more"
     last = max(int(pin.fall[-1]) for pin in pins)
     quiet = float(watched.clock.seconds(watched.end - last))
-    longest = max(position.pause_s or 1.0 for position in way.positions)
+    longest = max(position.pause_s or 1.0 for position in solution.positions)
     if quiet > 2 * longest:
         end = float(watched.clock.seconds(last))
-        return f"{text}: the pulses end after {end:.1f} s; it must go on without end"
+        return f"{text}: the pulses stop after {end:.1f} s; the motion must repeat endlessly"
     if found and float(watched.clock.seconds(found[-1].cycles)) > 2 * longest:
         begin = float(watched.clock.seconds(found[-1].begin))
-        return f"{text}: from {begin:.1f} s on it stays where it is; it must go on without end"
+        return f"{text}: after {begin:.1f} s nothing moves; the motion must repeat endlessly"
     return text

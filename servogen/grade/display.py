@@ -1,4 +1,4 @@
-"""Strangers' names and messages as text that is safe to show: on a terminal, in JSON, in Markdown and HTML.
+"""Names and messages of strangers as text that is safe to show: on a terminal, in JSON, Markdown and HTML.
 
 In: file names, which may hold any byte, and messages that quote a program. Out: text of one meaning that
 neither moves the cursor nor becomes a heading, a link or a tag.
@@ -15,24 +15,24 @@ from collections.abc import Sequence
 
 MAX_LINES = 60
 MAX_COLUMNS = 500
-"""Of a message: a compiler may have thousands of errors to report, each with a line of the program."""
+"""Of a message: a compiler may report thousands of errors, each with a line of the program."""
 
 MAX_NAME_BYTES = 200
 """Of a page's file name; file systems take 255."""
 
 
 def visible(text: str) -> str:
-    """Returns `text` with what cannot be printed, but line ends and tabs, as `\\x1b` or `\\u202e`."""
+    """Return `text` with what cannot be printed, except line ends and tabs, as `\\x1b` or `\\u202e`."""
     return "".join(sign if sign.isprintable() or sign in "\n\t" else _escape(sign) for sign in text)
 
 
 def shown_name(name: str) -> str:
-    """Returns a file name so that two names never look alike: `\\xff` is a byte that is not UTF-8."""
+    """Return a file name so that two names never look alike: `\\xff` is a byte that is not UTF-8."""
     return visible(name.replace("\\", "\\\\")).replace("\n", "\\x0a").replace("\t", "\\x09")
 
 
 def message(text: str) -> str:
-    """Returns a message that is visible throughout and not longer than a page."""
+    """Return a message that is visible throughout and not longer than a page."""
     lines = text.splitlines()
     shown = [line if len(line) <= MAX_COLUMNS else f"{line[:MAX_COLUMNS]} …" for line in lines[:MAX_LINES]]
     if len(lines) > MAX_LINES:
@@ -41,7 +41,7 @@ def message(text: str) -> str:
 
 
 def markdown(text: str) -> str:
-    """Returns `text` as it reads in Markdown, and in the HTML that is made of it."""
+    """Return `text` as it reads in Markdown, and in the HTML that is made of it."""
     text = text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
     text = re.sub(r"([\\`*\[\]|~#])", r"\\\1", text)
     text = re.sub(r"(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])", r"\\_", text)  # within a word it is not emphasis
@@ -49,7 +49,7 @@ def markdown(text: str) -> str:
 
 
 def page_names(names: Sequence[str]) -> list[str]:
-    """Returns a file name for the page of each of the different `names`; no two are the same.
+    """Return a file name for the page of each of the different `names`; no two are the same.
 
     `ana/main.c` becomes `ana+main.c.md`. Other characters than letters, digits, `.`, `_` and `-` become
     `%` and their bytes. A digest keeps apart what a file system takes for the same, and shortens.

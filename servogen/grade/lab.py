@@ -22,26 +22,26 @@ from servogen.toml.file import Document, Table
 from servogen.units import Clock
 
 SLACK_DEG = 4.0
-"""A servo's range in a lab's file may go so far beyond its travel: what a loop adds to a width."""
+"""How far a range in a lab's file may exceed the servo's travel: what a loop adds to a width."""
 
 
 class PositionTable(Table):
-    """One of a way's positions: for each servo the least and the greatest angle that is right."""
+    """A position of a solution: the smallest and the largest correct angle of each servo."""
 
     name: str
     angles_deg: dict[str, tuple[float, float]] = Field(min_length=1)
     pause_s: float | None = Field(default=None, gt=0)
 
 
-class WayTable(Table):
-    """[[way]]: one right way to do it."""
+class SolutionTable(Table):
+    """[[solution]]: one correct solution."""
 
     name: str = ""
     positions: tuple[PositionTable, ...] = Field(min_length=2)
 
 
 class ServoTable(Table):
-    """[[servo]]: its model, the lab's pin and those on which it is right, too."""
+    """[[servo]]: its model, the lab's pin and other pins that are accepted."""
 
     name: str
     model: str
@@ -68,12 +68,12 @@ class LabTable(Table):
     longest_move_s: float = Field(default=0.0, ge=0)
     servo: tuple[ServoTable, ...] = Field(min_length=1)
     period: PeriodTable
-    way: tuple[WayTable, ...] = Field(min_length=1)
+    solution: tuple[SolutionTable, ...] = Field(min_length=1)
 
 
 @dataclass(frozen=True, slots=True)
 class Position:
-    """`ranges`: (least, greatest) right angle of each servo, radians, in the order of the lab's servos."""
+    """`ranges`: (smallest, largest) correct angle of each servo, radians, in the order of the servos."""
 
     name: str
     ranges: tuple[tuple[float, float], ...]
@@ -84,8 +84,8 @@ class Position:
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
-    """One right way: positions in order, again and again."""
+class Solution:
+    """One correct solution: positions in order, repeatedly."""
 
     name: str
     positions: tuple[Position, ...]
@@ -93,7 +93,7 @@ class Way:
 
 @dataclass(frozen=True, slots=True)
 class LabServo:
-    """A servo of the task: on `pins[0]` in the lab, right on each of `pins`."""
+    """A servo of the task: on `pins[0]` in the lab, accepted on each of `pins`."""
 
     servo: Servo
     pins: tuple[str, ...]
@@ -110,21 +110,21 @@ class Lab:
     watch_s: float
     rounds: int
     pause_tolerance: float
-    """A share of the pause."""
+    """As a fraction of the pause."""
     longest_move_s: float
     period_ms: tuple[float, float]
     spread_us: float
     servos: tuple[LabServo, ...]
-    ways: tuple[Way, ...]
+    solutions: tuple[Solution, ...]
 
 
 def names() -> tuple[str, ...]:
-    """The labs that come with servogen."""
+    """Return the names of the labs that come with servogen."""
     return tuple(sorted(entry.name.removesuffix(".toml") for entry in _folder().iterdir()))
 
 
 def load_lab(name: str) -> Lab:
-    """The lab of that name, or in that .toml file. Raises InputError."""
+    """Return the lab of that name, or in that .toml file. Raises InputError."""
     if name.endswith(".toml"):
         return _lab(Path(name).stem, *toml_file.load(name, LabTable))
     if name not in names():
@@ -146,20 +146,20 @@ def _lab(name: str, document: Document, table: LabTable) -> Lab:
         )
     servos = tuple(_servo(document, index, each) for index, each in enumerate(table.servo))
     known = [each.servo.name for each in servos]
-    for index, word in enumerate(known):
-        if word in known[:index]:
+    for index, one in enumerate(known):
+        if one in known[:index]:
             raise document.error(
-                "duplicate-name", ("servo", index, "name"), f"two servos have the name {word}"
+                "duplicate-name", ("servo", index, "name"), f"two servos have the name {one}"
             )
-    ways = tuple(
-        Way(
-            way.name,
+    solutions = tuple(
+        Solution(
+            each.name,
             tuple(
-                _position(document, ("way", at, "positions", number), position, servos)
-                for number, position in enumerate(way.positions)
+                _position(document, ("solution", at, "positions", number), position, servos)
+                for number, position in enumerate(each.positions)
             ),
         )
-        for at, way in enumerate(table.way)
+        for at, each in enumerate(table.solution)
     )
     return Lab(
         name=name,
@@ -173,7 +173,7 @@ def _lab(name: str, document: Document, table: LabTable) -> Lab:
         period_ms=(low, high),
         spread_us=table.period.spread_us,
         servos=servos,
-        ways=ways,
+        solutions=solutions,
     )
 
 

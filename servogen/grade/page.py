@@ -1,6 +1,6 @@
 """A grade as one page of Markdown for the student: the verdict, why, and what was measured.
 
-Names and reasons hold what strangers wrote: they are escaped, so that no heading, link or HTML tag is theirs.
+Names and reasons contain what strangers wrote: they are escaped, so that they add no heading, link or tag.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def _lines(lab: Lab, student: str, grade: Grade, film: str) -> Iterator[str]:
 
 
 def _item(reason: str) -> Iterator[str]:
-    """A reason of one line as a sentence, a compiler's message of several as it is."""
+    """Yield a reason of one line as a sentence, a compiler's message of several lines as it is."""
     first, *rest = reason.splitlines()
     yield f"- {markdown(first)}"
     if rest:
@@ -57,7 +57,7 @@ def _item(reason: str) -> Iterator[str]:
 
 
 def _table(grade: Grade) -> Iterator[str]:
-    yield "| position | visits | pulses | angle | period | stays | silent | pause asked for |"
+    yield "| position | visits | pulses | angle | period | stays | silent | required pause |"
     yield "|---|---|---|---|---|---|---|---|"
     for row in grade.rows:
         cells = (
@@ -68,7 +68,7 @@ def _table(grade: Grade) -> Iterator[str]:
             _range(row.periods_ms, "ms", 2),
             _range(row.stays_s, "s", 2),
             _range(row.silent_s, "s", 2),
-            _asked(row),
+            _required(row),
         )
         yield f"| {' | '.join(cells)} |"
 
@@ -81,11 +81,11 @@ def _range(ends: tuple[float, float] | None, unit: str, digits: int) -> str:
     return f"{low}{space}{unit}" if low == high else f"{low} to {high}{space}{unit}"
 
 
-def _asked(row: Row) -> str:
+def _required(row: Row) -> str:
     return "–" if row.pause_s is None else f"{row.pause_s:g} s"
 
 
 def _how_long(grade: Grade) -> str:
-    if grade.for_ever:
-        return f"Watched for {grade.watched_s:g} s; the chip's state repeats, so this goes on without end."
+    if grade.repeats:
+        return f"Watched for {grade.watched_s:g} s; the chip's state repeats, so this goes on endlessly."
     return f"Watched for {grade.watched_s:g} s."

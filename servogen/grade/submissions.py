@@ -38,7 +38,7 @@ class Submission:
     """Whether the file itself was given, not a folder that it lies in: then it may be a link."""
 
     def require_readable(self) -> None:
-        """Raises InputError where the program must not be opened."""
+        """Raise InputError if the program must not be opened."""
         if not self.given:
             _require_inside(self.file, self.folder or self.file.parent.resolve())
         if not _is_file(self.file):
@@ -47,10 +47,10 @@ class Submission:
             )
 
     def included(self, name: str, including: str, in_any_case: bool = False) -> Path | None:
-        """Returns the file that the file `including` includes as `name`; None where there is none.
+        """Return the file that the file `including` includes as `name`; None if there is none.
 
         `in_any_case`: the name may be written in other capitals, as sources for DOS write it. Raises
-        InputError where the file must not be included.
+        InputError if the file must not be included.
         """
         path = Path(including).parent / name
         if "\0" in name:
@@ -82,7 +82,7 @@ class Found:
 def find_submissions(
     given: Sequence[Path], sources: Collection[str], images: Collection[str], level: int = 1
 ) -> Found:
-    """Returns the programs among the files and folders `given`, by their suffixes.
+    """Return the programs among the files and folders `given`, by their suffixes.
 
     Each folder `level` levels below a folder given is one student's; 0: the folder given itself is. A file of
     `images` (HEX) beside one of `sources` of the same name is left out, for it is what the source became.
@@ -121,7 +121,7 @@ class _Search:
     warnings: list[Diagnostic]
 
     def programs(self) -> list[Submission]:
-        """Returns every program in the folder, by path."""
+        """Return every program in the folder, by path."""
         above: list[Path] = []
         students = [self.folder]
         for _ in range(self.level):
@@ -142,7 +142,7 @@ class _Search:
         return Submission(file.relative_to(self.folder).as_posix(), file, owner)
 
     def _of(self, student: Path) -> list[Path]:
-        """The programs in a student's folder, at any depth."""
+        """Return the programs in a student's folder, at any depth."""
         found: list[Path] = []
         waiting, searched = [student], 0
         while waiting:
@@ -158,7 +158,7 @@ class _Search:
         return found[:MAX_PROGRAMS]
 
     def _entries(self, folder: Path, limit: int | None) -> tuple[list[Path], list[Path]]:
-        """The programs and the folders directly in `folder`, by name."""
+        """Return the programs and the folders directly in `folder`, by name."""
         try:
             with os.scandir(folder) as scan:
                 entries = list(islice(scan, None if limit is None else limit + 1))
@@ -183,7 +183,7 @@ class _Search:
 def _sources_first(
     found: Sequence[Submission], images: Collection[str], warnings: list[Diagnostic]
 ) -> Iterator[Submission]:
-    """Without the images that lie beside a source of the same name."""
+    """Yield the programs, without images that lie beside a source of the same name."""
     sources = {each.file.with_suffix("") for each in found if each.file.suffix.lower() not in images}
     for each in found:
         if each.file.suffix.lower() in images and each.file.with_suffix("") in sources:
@@ -194,7 +194,7 @@ def _sources_first(
 
 
 def _has_others(path: Path, suffixes: frozenset[str]) -> bool:
-    """Whether programs lie beside `path` that are not it under another suffix."""
+    """Return whether there are other programs beside `path` than itself under another suffix."""
     try:
         with os.scandir(path.parent) as entries:
             beside = [Path(entry.name) for entry in entries]
@@ -209,7 +209,7 @@ def _require_inside(path: Path, folder: Path) -> None:
 
 
 def _is_file(path: Path) -> bool:
-    """Whether there is a regular file. Raises InputError where there is something else."""
+    """Return whether there is a regular file. Raises InputError if there is something else."""
     try:
         mode = path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):
@@ -224,7 +224,7 @@ def _is_file(path: Path) -> bool:
 
 
 def _in_any_case(path: Path) -> Path:
-    """Returns the file beside `path` whose name differs only in capitals; `path` where there is none."""
+    """Return the file beside `path` whose name differs only in capitals; `path` if there is none."""
     try:
         with os.scandir(path.parent) as entries:
             names = sorted(entry.name for entry in islice(entries, MAX_ENTRIES))

@@ -25,11 +25,11 @@ from servogen.units import Clock
 
 Ints = npt.NDArray[np.int64]
 
-MOST_EDGES = 1_000_000
-"""13 servos for an hour make fewer by far in any lab's time."""
+MAX_EDGES = 1_000_000
+"""Far more than 13 servos have in the time of any lab."""
 
 PAUSE_PERIODS = 3
-"""A time from rise to rise of more than so many (median) periods has a pause in it."""
+"""A time from rise to rise of more than this many median periods has a pause in it."""
 
 
 class PinPulses(NamedTuple):
@@ -40,22 +40,22 @@ class PinPulses(NamedTuple):
 
     @property
     def period(self) -> int:
-        """The median of the times from rise to rise; 0 where there is none."""
+        """Return the median time from rise to rise; 0 if there is none."""
         return int(np.median(np.diff(self.rise))) if len(self.rise) > 1 else 0
 
     @property
     def longest_period(self) -> int:
-        """A longer time from rise to rise has a pause in it."""
+        """Return the longest time from rise to rise that has no pause in it."""
         return PAUSE_PERIODS * self.period
 
     def periods(self, begin: int, end: int) -> Ints:
-        """Times from rise to rise of neighbours that both rise in [begin, end), pauses left out."""
+        """Return the times between neighbouring rises in [begin, end), without pauses."""
         inside = self.rise[(self.rise >= begin) & (self.rise < end)]
         gaps = np.diff(inside)
         return gaps[gaps <= self.longest_period]
 
     def silence(self, begin: int, end: int) -> int:
-        """The longest pause that begins in [begin, end), as far as it lies therein; 0: none."""
+        """Return the longest pause that begins in [begin, end), cut off at `end`; 0 if there is none."""
         fall = self.fall
         following = np.append(self.rise[1:], np.iinfo(np.int64).max)
         pause = (fall >= begin) & (fall < end) & (following - self.rise > self.longest_period)
@@ -64,26 +64,26 @@ class PinPulses(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Watched:
-    """What was seen up to cycle `end`; pins without a whole pulse are not in `pins`."""
+    """The pulses up to cycle `end`; pins without a whole pulse are not in `pins`."""
 
     clock: Clock
     end: int
     pins: Mapping[int, PinPulses]
     high_since: Mapping[int, int]
-    """Pins that are high at the end, and since which cycle."""
+    """The pins that are high at the end, each with the cycle since which it is."""
     too_fast: bool
-    """The watch ended early: there were more edges than servos can use."""
+    """Whether the watch ended early, because there were more edges than servos can use."""
 
 
 def watch(trace: EdgeTrace) -> Watched:
-    """All pulses of `trace`."""
+    """Return all pulses of `trace`."""
     chunks, edges = [], 0
     for chunk in trace.driven():
         chunks.append(chunk)
         edges += len(chunk.cycle)
-        if edges > MOST_EDGES:
+        if edges > MAX_EDGES:
             break
-    too_fast = edges > MOST_EDGES
+    too_fast = edges > MAX_EDGES
     seen = join(chunks)
     end = int(seen.cycle[-1]) if too_fast else int(trace.end)
     pins, high_since = {}, {}
@@ -99,12 +99,12 @@ def watch(trace: EdgeTrace) -> Watched:
 
 
 JUMP_RAD = 0.07
-"""Angles that differ by more than this (4°) are told apart."""
+"""Angles that differ by more than this (4°) are different."""
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
-    """From `cycle` on the servos are told `angles` (radians) by pulses of `widths_us`."""
+class Commanded:
+    """From `cycle` on the servos are commanded to `angles` (radians) by pulses of `widths_us`."""
 
     cycle: int
     angles: tuple[float, ...]
@@ -113,13 +113,13 @@ class Told:
 
 @dataclass(frozen=True, slots=True)
 class Visit:
-    """A stay at one of the task's positions, or where `places` is empty at none; from cycle to cycle."""
+    """A stay at one of the task's positions, or at none if `places` is empty; from cycle to cycle."""
 
     begin: int
     end: int
     places: frozenset[int]
     """The numbers of the positions that it can be."""
-    told: tuple[Told, ...]
+    commanded: tuple[Commanded, ...]
 
     @property
     def cycles(self) -> int:
@@ -129,24 +129,24 @@ class Visit:
 def visits(
     watched: Watched, pins: Sequence[PinPulses], servos: Sequence[Servo], positions: Sequence[Position]
 ) -> list[Visit]:
-    """From the cycle on at which every servo has had a pulse, to the end of the watch."""
+    """Return the visits from when every servo has had a pulse to the end of the watch."""
     found: list[Visit] = []
-    told = list(_told(watched, pins, servos))
-    ends = [*(each.cycle for each in told[1:]), watched.end]
-    for each, end in zip(told, ends, strict=True):
+    commands = list(_commands(watched, pins, servos))
+    ends = [*(each.cycle for each in commands[1:]), watched.end]
+    for each, end in zip(commands, ends, strict=True):
         if end == each.cycle:  # two servos change in one cycle: the second change is both
             continue
         places = frozenset(number for number, position in enumerate(positions) if position.holds(each.angles))
         if found and found[-1].places == places:
             last = found.pop()
-            found.append(Visit(last.begin, end, places, (*last.told, each)))
+            found.append(Visit(last.begin, end, places, (*last.commanded, each)))
         else:
             found.append(Visit(each.cycle, end, places, (each,)))
     return found
 
 
-def _told(watched: Watched, pins: Sequence[PinPulses], servos: Sequence[Servo]) -> Iterator[Told]:
-    """Each change of what the servos are told."""
+def _commands(watched: Watched, pins: Sequence[PinPulses], servos: Sequence[Servo]) -> Iterator[Commanded]:
+    """Yield each change of the commanded angles."""
     pulses = sorted(
         (rise, number, fall - rise)
         for number, pin in enumerate(pins)
@@ -159,47 +159,47 @@ def _told(watched: Watched, pins: Sequence[PinPulses], servos: Sequence[Servo]) 
         if changed and len(now) == len(servos):
             widths = tuple(float(watched.clock.us(now[index])) for index in range(len(servos)))
             angles = tuple(servo.angle(width) for servo, width in zip(servos, widths, strict=True))
-            yield Told(cycle, angles, widths)
+            yield Commanded(cycle, angles, widths)
 
 
 def without_moves(found: Sequence[Visit], longest: int) -> list[Visit]:
-    """`found` without the ramps: ways of up to `longest` cycles through angles between two positions'.
+    """Return the visits without ramps: up to `longest` cycles of angles between those of two positions.
 
-    What else is at no position is taken apart where its angles jump: each part is a place of its own.
+    Any other visit to no position is split where its angles jump: each part is a place of its own.
     """
     kept = []
     found = _through(found, longest // 4)
     for index, visit in enumerate(found):
         if 0 < index < len(found) - 1 and not visit.places and visit.cycles <= longest:
-            before, after = found[index - 1].told[-1].angles, found[index + 1].told[0].angles
-            if all(_between(told.angles, before, after) for told in visit.told):
+            before, after = found[index - 1].commanded[-1].angles, found[index + 1].commanded[0].angles
+            if all(_between(each.angles, before, after) for each in visit.commanded):
                 continue
         kept += [visit] if visit.places else _parts(visit)
     return kept
 
 
 def _through(found: Sequence[Visit], longest: int) -> list[Visit]:
-    """`found` with each position that a ramp only goes through as a part of that ramp."""
+    """Return the visits, a position that a ramp only passes through being part of that ramp."""
     joined: list[Visit] = []
     for index, visit in enumerate(found):
         inside = joined and not joined[-1].places and index + 1 < len(found) and not found[index + 1].places
         goes_on = joined and not joined[-1].places and not visit.places
         if (inside and visit.cycles <= longest) or goes_on:
             last = joined.pop()
-            visit = Visit(last.begin, visit.end, last.places, (*last.told, *visit.told))
+            visit = Visit(last.begin, visit.end, last.places, (*last.commanded, *visit.commanded))
         joined.append(visit)
     return joined
 
 
 def _parts(visit: Visit) -> list[Visit]:
     starts = [0]
-    for index, (before, after) in enumerate(pairwise(visit.told), 1):
+    for index, (before, after) in enumerate(pairwise(visit.commanded), 1):
         if any(abs(one - other) > JUMP_RAD for one, other in zip(before.angles, after.angles, strict=True)):
             starts.append(index)
-    cycles = [*(visit.told[start].cycle for start in starts[1:]), visit.end]
+    cycles = [*(visit.commanded[start].cycle for start in starts[1:]), visit.end]
     return [
-        Visit(visit.told[start].cycle, end, visit.places, visit.told[start:stop])
-        for start, stop, end in zip(starts, [*starts[1:], len(visit.told)], cycles, strict=True)
+        Visit(visit.commanded[start].cycle, end, visit.places, visit.commanded[start:stop])
+        for start, stop, end in zip(starts, [*starts[1:], len(visit.commanded)], cycles, strict=True)
     ]
 
 

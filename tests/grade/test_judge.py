@@ -7,7 +7,7 @@ import pytest
 
 from servogen.edges import PINS, EdgeTrace, edge_chunk
 from servogen.grade import ChipFacts, Grade, judge, load_lab
-from servogen.grade.watch import MOST_EDGES, watch
+from servogen.grade.watch import MAX_EDGES, watch
 from servogen.units import Clock, Cycles
 
 LAB = load_lab("lab8-exercise")
@@ -74,12 +74,12 @@ def test_a_pause_within_the_tolerance_is_right(percent: float) -> None:
 @pytest.mark.parametrize("frames", [235, 265])
 def test_a_pause_outside_the_tolerance_is_told_with_its_length(frames: int) -> None:
     (reason,) = grade(changed(1, (frames, W90, 20_000, 0))).reasons
-    assert reason == f"it stays at 90°, with pulses, for {frames * 0.02:.2f} s; asked for is a pause of 5 s"
+    assert reason == f"it stays at 90°, with pulses, for {frames * 0.02:.2f} s; the pause should be 5 s"
 
 
 def test_one_wrong_pause_among_many_right_ones_is_found() -> None:
     steps = [*RIGHT * 5, *changed(1, (150, W90, 20_000, 0)), *RIGHT * 5]
-    assert "for 3.00 s; asked for is a pause of 5 s" in grade(steps).reasons[0]
+    assert "for 3.00 s; the pause should be 5 s" in grade(steps).reasons[0]
 
 
 @pytest.mark.parametrize(("width", "right"), [(1145, True), (1188, True), (1142, False), (1192, False)])
@@ -113,8 +113,8 @@ def test_frames_of_two_lengths_are_told() -> None:
 
 def test_a_program_that_ends_is_told_when() -> None:
     (reason,) = grade(RIGHT * 2, again=False).reasons
-    assert "only 1 whole round in 100 s" in reason
-    assert "the pulses end after 20.0 s" in reason
+    assert "only 1 complete round in 100 s" in reason
+    assert "the pulses stop after 20.0 s" in reason
 
 
 def test_pulses_on_a_pin_that_is_not_allowed_are_told() -> None:
@@ -128,7 +128,7 @@ def test_a_watchdog_reset_is_the_one_cause() -> None:
 
 
 def test_a_pin_that_races_is_given_up_and_told() -> None:
-    cycle = np.arange(MOST_EDGES + 10) * 10
+    cycle = np.arange(MAX_EDGES + 10) * 10
     chunk = edge_chunk(cycle, np.full(len(cycle), RB0), 1 - np.arange(len(cycle)) % 2)
     watched = watch(EdgeTrace(Clock(4_000_000), (chunk,), Cycles(END)))
     assert watched.end < END
@@ -140,7 +140,7 @@ def test_a_pin_that_never_moves_is_told_the_likely_cause() -> None:
     nothing = watch(EdgeTrace(Clock(4_000_000), (), Cycles(END)))
     for chip, words in (
         (ChipFacts(inputs=frozenset({RB0})), "its bit in TRISB (bank 1) must be 0"),
-        (ChipFacts(sleeping=True), "the chip sleeps"),
+        (ChipFacts(sleeping=True), "the chip is asleep"),
         (ChipFacts(lost=True), "it needs an endless loop"),
         (ChipFacts(stack_wraps=3), "deeper than the chip's 8 levels"),
         (ChipFacts(), "the program hangs before that"),

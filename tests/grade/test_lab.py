@@ -20,7 +20,7 @@ spread_us = 100
 name = "arm"
 model = "futaba-s3001"
 pin = "RB0"
-[[way]]
+[[solution]]
 positions = [
     { name = "left", angles_deg = { arm = [0, 4] }, pause_s = 1 },
     { name = "right", angles_deg = { arm = [176, 180] }, pause_s = 1 },
@@ -30,8 +30,8 @@ positions = [
 
 def test_the_labs_that_come_with_servogen_load() -> None:
     assert names() == ("lab8-exercise", "lab9-exercise")
-    assert [position.pause_s for position in load_lab("lab8-exercise").ways[0].positions] == [2, 5, 3]
-    assert len(load_lab("lab9-exercise").ways) == 2
+    assert [position.pause_s for position in load_lab("lab8-exercise").solutions[0].positions] == [2, 5, 3]
+    assert len(load_lab("lab9-exercise").solutions) == 2
 
 
 def test_an_unknown_lab_is_told_which_are_known() -> None:
