@@ -1,4 +1,4 @@
-"""The command line, a module a group of commands; heavy imports stand inside them, so that help is quick."""
+"""The command line: one module per group of commands, with heavy imports inside, so that help is quick."""
 
 from servogen.cli.main import main
 

@@ -35,24 +35,27 @@ def register(app: typer.Typer) -> None:
 
 
 def flash(
-    file: Annotated[Path, typer.Argument(help="The HEX file.", show_default=False)],
+    file: Annotated[Path, typer.Argument(help="The HEX file to program.", show_default=False)],
     programmer: Annotated[
         str | None,
-        typer.Option("--programmer", help="picpro, pk2cmd, ipecmd, pickit3, usbpicprog, picprog, or a path."),
+        typer.Option(
+            "--programmer",
+            help="picpro, pk2cmd, ipecmd, pickit3, usbpicprog, picprog or a path (default: the first found).",
+        ),
     ] = None,
     port: Annotated[str | None, typer.Option("--port", "-p", help="The programmer's serial port.")] = None,
     device: Annotated[
         str | None,
-        typer.Option("--device", help="PIC16F84 or PIC16F84A (default: what the program was built for)."),
+        typer.Option(
+            "--device", help="The chip: PIC16F84 or PIC16F84A (default: what the program was built for)."
+        ),
     ] = None,
     against: Annotated[
         Path | None,
-        typer.Option(
-            "--against", help="The schedule that it must be proven for (default: the one beside it)."
-        ),
+        typer.Option("--against", help="The schedule to prove it against (default: the one beside it)."),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Program it whatever speaks against it.")] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show the command and do nothing.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Program the chip even if the checks fail.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the command without running it.")] = False,
     timeout: Annotated[float, typer.Option("--timeout", min=1, help="Seconds to wait for the chip.")] = 120.0,
     json: Json = False,
 ) -> None:
@@ -93,31 +96,39 @@ def flash(
 def rig(
     job: JobFile,
     hex_file: Annotated[
-        Path | None, typer.Option("--hex", help="Start with this program on the chip, not with the job's.")
+        Path | None, typer.Option("--hex", help="The program on the chip at the start (default: the job's).")
     ] = None,
     crystal_ppm: Annotated[
-        float, typer.Option("--crystal-ppm", help="By how much the chip's crystal is too fast.")
+        float, typer.Option("--crystal-ppm", help="How much too fast the chip's crystal is.")
     ] = 0.0,
-    memory: Annotated[int, typer.Option("--memory", min=16, help="The analyser's bytes.")] = 24 * 1024,
-    fastest: Annotated[int, typer.Option("--rate", min=1, help="The analyser's most samples a second.")] = 10
-    ** 8,
-    glitches: Annotated[float, typer.Option("--noise", min=0, help="Wrong samples a second.")] = 0.0,
+    memory: Annotated[int, typer.Option("--memory", min=16, help="The analyser's memory in bytes.")] = 24
+    * 1024,
+    fastest: Annotated[
+        int, typer.Option("--rate", min=1, help="The analyser's maximum sampling rate in Hz.")
+    ] = 10**8,
+    glitches: Annotated[float, typer.Option("--noise", min=0, help="Wrong samples per second.")] = 0.0,
     fault: Annotated[
-        list[str] | None, typer.Option("--fault", help="As analyser:unplug-after=500 or programmer:silent.")
+        list[str] | None,
+        typer.Option(
+            "--fault", help="A fault, such as analyser:unplug-after=500 or programmer:silent (repeatable)."
+        ),
     ] = None,
     real_time: Annotated[
-        bool, typer.Option("--real-time", help="The chip's time is the clock's, not as fast as it can.")
+        bool, typer.Option("--real-time", help="Run the chip in real time, not as fast as possible.")
     ] = False,
     serial_pin: Annotated[
         str | None,
-        typer.Option("--serial-pin", help="Where the serial line ends (default: the job's, or RB7)."),
+        typer.Option(
+            "--serial-pin", help="The pin that receives the serial line (default: the job's, or RB7)."
+        ),
     ] = None,
     serial_out: Annotated[
         str | None,
         typer.Option("--serial-out", help="The pin on which the chip sends (default: the job's, or none)."),
     ] = None,
     baud: Annotated[
-        int | None, typer.Option("--baud", min=50, help="Of the serial line (default: the job's, or 2400).")
+        int | None,
+        typer.Option("--baud", min=50, help="Baud rate of the serial line (default: the job's, or 2400)."),
     ] = None,
     inverted: Annotated[bool, typer.Option("--inverted", help="The serial line idles low.")] = False,
     json: Json = False,
@@ -177,7 +188,7 @@ def _image(found: Planned) -> Image:
 
 
 def _tell_sigrok(stack: ExitStack, port: str) -> None:
-    """How sigrok-cli, where it is installed, is called on the analyser, for as long as the bench is there."""
+    """Print how to run sigrok-cli, if installed, on the analyser; keep its library while the bench runs."""
     import shutil
 
     from servogen.bench.analysers.sigrok import PROGRAM, c_compiler, modem_lines_library
@@ -188,43 +199,51 @@ def _tell_sigrok(stack: ExitStack, port: str) -> None:
 
 
 def capture(
-    output: Annotated[Path, typer.Option("--output", "-o", help="The capture, a .vcd file.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="The capture to write (.vcd).")],
     port: Annotated[
-        str | None, typer.Option("--port", "-p", help="The analyser's port, as /dev/ttyACM0.")
+        str | None, typer.Option("--port", "-p", help="The analyser's serial port, such as /dev/ttyACM0.")
     ] = None,
     sigrok: Annotated[
         str | None,
         typer.Option(
-            "--sigrok", help="Look through sigrok-cli with this driver, as fx2lafw; -o is a .sr file."
+            "--sigrok", help="Capture through sigrok-cli with this driver, such as fx2lafw, to a .sr file."
         ),
     ] = None,
     against: Annotated[
         Path | None,
-        typer.Option("--against", help="The schedule.json: what is to be seen, and the servos' names."),
+        typer.Option(
+            "--against",
+            help="The schedule.json that the program follows: it names the servos and sets the duration.",
+        ),
     ] = None,
     seconds: Annotated[
         float | None,
-        typer.Option("--seconds", min=0.001, help="How long (default: the loop of --against once, or 1 s)."),
+        typer.Option("--seconds", min=0.001, help="Duration (default: one loop of --against, or 1 s)."),
     ] = None,
-    rate: Annotated[int, typer.Option("--rate", min=1, help="Samples a second.")] = DEFAULT_RATE,
-    rle: Annotated[bool, typer.Option("--rle/--no-rle", help="Let the analyser count equal samples.")] = True,
+    rate: Annotated[int, typer.Option("--rate", min=1, help="Sampling rate in Hz.")] = DEFAULT_RATE,
+    rle: Annotated[
+        bool,
+        typer.Option("--rle/--no-rle", help="Let the analyser compress equal samples (run-length encoding)."),
+    ] = True,
     memory: Annotated[
-        int | None, typer.Option("--memory", min=8, help="Its bytes of memory, if it does not say them.")
+        int | None,
+        typer.Option("--memory", min=8, help="The analyser's memory in bytes, if it does not report it."),
     ] = None,
     trigger: Annotated[
-        str | None, typer.Option("--trigger", help="Begin when this pin rises (default: the first servo's).")
+        str | None, typer.Option("--trigger", help="Start when this pin rises (default: the first servo's).")
     ] = None,
     wire: Annotated[
         list[str] | None,
         typer.Option(
-            "--wire", help="CHANNEL=PIN, as 0=RB3 (default: 0 to 7 RB0 to RB7, 8 to 12 RA0 to RA4)."
+            "--wire",
+            help="CHANNEL=PIN, such as 0=RB3 (default: 0 to 7 are RB0 to RB7, 8 to 12 are RA0 to RA4).",
         ),
     ] = None,
     stitch: Annotated[
         bool,
         typer.Option(
             "--stitch/--no-stitch",
-            help="With --against: join several captures, each of whole frames, where one is too short.",
+            help="With --against: join several captures of whole frames if one is too short.",
         ),
     ] = True,
     json: Json = False,

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from servogen.pic.image import Image
     from servogen.pic.listing import Listing
 
-ListingFile = Annotated[Path | None, typer.Option("--listing", help="Also write the listing (.lst).")]
+ListingFile = Annotated[Path | None, typer.Option("--listing", help="Write the listing as well (.lst).")]
 
 
 def register(app: typer.Typer) -> None:
@@ -42,7 +42,8 @@ def compile_c(
     dialect: Annotated[
         Dialect | None,
         typer.Option(
-            "--dialect", help="Default: xc8 where a file includes <xc.h>, sdcc where <pic14/…>, else c2c."
+            "--dialect",
+            help="The C dialect (default: xc8 if a file includes <xc.h>, sdcc if <pic14/…>, else c2c).",
         ),
     ] = None,
     listing: ListingFile = None,
@@ -52,14 +53,15 @@ def compile_c(
             "-O",
             "--optimise",
             metavar="none|speed|size",
-            help="-O0: as written; -O1: fewest cycles; -Os: fewest words, equal code becomes subroutines.",
+            help="-O0: no optimisation; -O1: fewest cycles; -Os: fewest words (equal code as subroutines).",
         ),
     ] = "speed",
     device: Annotated[
         str | None, typer.Option("--device", help="Default: the chip that a header names, else PIC16F84.")
     ] = None,
     clock_hz: Annotated[
-        int | None, typer.Option("--clock-hz", min=1, help="The clock, where the source does not say it.")
+        int | None,
+        typer.Option("--clock-hz", min=1, help="The clock in Hz, if the source does not state it."),
     ] = None,
     dump: Annotated[
         str | None,
@@ -128,7 +130,7 @@ def compile_c(
 
 
 def _pass_to_dump(asked: str | None) -> str | None:
-    """The pass of `--dump ir[:PASS]`. Raises InputError."""
+    """Return the pass of `--dump ir[:PASS]`. Raises InputError."""
     from servogen.compiler.passes.manager import PASSES
     from servogen.errors import InputError
 
@@ -147,7 +149,8 @@ def assemble(
     output: Output = None,
     listing: ListingFile = None,
     device: Annotated[
-        str | None, typer.Option("--device", help="Default: the chip that the source names, else PIC16F84.")
+        str | None,
+        typer.Option("--device", help="The chip (default: the one that the source names, else PIC16F84)."),
     ] = None,
     timeout: TimeLimit = COMPILING.seconds,
     memory_mb: MemoryLimit = COMPILING.memory_mb,

@@ -1,4 +1,4 @@
-"""`servogen doctor`: what this machine has of what servogen uses."""
+"""`servogen doctor`: which of the libraries, tools and ports that servogen can use are on this machine."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def doctor(json: Json = False) -> None:
 
 
 def _libraries() -> dict[str, str]:
-    """Version of each library that servogen needs, by name."""
+    """Return the version of each library that servogen needs, by name."""
     from importlib.metadata import PackageNotFoundError, requires, version
 
     names = [requirement_name(line) for line in requires("servogen") or () if "extra" not in line]
@@ -80,5 +80,5 @@ def _libraries() -> dict[str, str]:
 
 
 def requirement_name(requirement: str) -> str:
-    """Returns the name in a requirement of the package metadata: numpy in `numpy<3,>=1.26`."""
+    """Return the name in a requirement of the package metadata: numpy in `numpy<3,>=1.26`."""
     return re.split(r"[^\w.-]", requirement.strip(), maxsplit=1)[0]

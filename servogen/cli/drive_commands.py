@@ -41,17 +41,19 @@ KEYS_HELP = "w a s d or the arrows, q e sideways, 1 to 9 poses, space stops, x e
 
 Port = Annotated[str | None, typer.Option("--port", "-p", help="The robot's serial port.")]
 Baud = Annotated[
-    int | None, typer.Option("--baud", min=50, help="Of the line (default: the job's stream table's).")
+    int | None,
+    typer.Option("--baud", min=50, help="Baud rate of the line (default: that of the job's stream table)."),
 ]
 RangeUs = Annotated[
     str | None,
     typer.Option(
         "--range-us",
-        help="The widths of positions 0 and 254, as 500,2500 (default: those of the job's stream table).",
+        help="The pulse widths of positions 0 and 254, such as 500,2500 (default: those of the job's "
+        "stream table).",
     ),
 ]
 First = Annotated[
-    int, typer.Option("--first", min=0, max=253, help="The number of the first servo at the controller.")
+    int, typer.Option("--first", min=0, max=253, help="The first servo's number on the controller.")
 ]
 
 
@@ -59,7 +61,11 @@ def drive(
     job: JobFile,
     port: Port = None,
     pose: Annotated[
-        str | None, typer.Option("--pose", help="One pose: its number or name, or arm=90,hand=45 in degrees.")
+        str | None,
+        typer.Option(
+            "--pose",
+            help="Move to one pose: its number or name, or angles in degrees such as arm=90,hand=45.",
+        ),
     ] = None,
     steer: Annotated[
         bool, typer.Option("--keys", help=f"Steer: {KEYS_HELP}; without a terminal, one command per line.")
@@ -70,38 +76,45 @@ def drive(
             "--seconds",
             parser=duration,
             metavar="SECONDS",
-            help="How long (default: until Ctrl-C; a pose is only sent, unless the fail-safe would end it).",
+            help="Duration (default: until Ctrl-C; a pose is sent once, unless the fail-safe would end it).",
         ),
     ] = None,
     stop: Annotated[
         str | None,
         typer.Option(
-            "--stop", help="How it ends: hold, neutral, off, or a pose (default: wheels stand, others hold)."
+            "--stop",
+            help="What to do at the end: hold, neutral, off or a pose (default: stop wheels, hold "
+            "other servos).",
         ),
     ] = None,
-    way_mm: Annotated[
-        float | None, typer.Option("--way-mm", min=1, help="--keys: a step's way; a base's, in a second.")
+    step_mm: Annotated[
+        float | None,
+        typer.Option("--step-mm", min=1, help="With --keys: distance of one step; of a base, per second."),
     ] = None,
     turn_deg: Annotated[
         float | None,
-        typer.Option("--turn-deg", min=0.1, help="--keys: a step's turn; a base's, in a second."),
+        typer.Option("--turn-deg", min=0.1, help="With --keys: turn of one step; of a base, per second."),
     ] = None,
     arrive_s: Annotated[
         float,
         typer.Option(
-            "--arrive-s", min=0, max=4, help="A stream engine's way to the first pose, all servos together."
+            "--arrive-s",
+            min=0,
+            max=4,
+            help="How long a stream engine takes to move all servos to the first pose.",
         ),
     ] = 1.0,
     baud: Baud = None,
     range_us: RangeUs = None,
     first: First = 0,
     patience: Annotated[
-        float, typer.Option("--patience", min=0, help="Seconds to wait for a port that went away.")
+        float,
+        typer.Option("--patience", min=0, help="How many seconds to wait for a port that has disappeared."),
     ] = 60.0,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show the bytes and send nothing.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the bytes without sending them.")] = False,
     json: Json = False,
 ) -> None:
-    """Move a robot live over a serial line (Mini SSC): its job's motion, a pose, or by keys."""
+    """Move a robot live over a serial line (Mini SSC): play its job's motion, go to a pose or steer it."""
     from servogen.drive.controller import controller_of
     from servogen.drive.request import Request, course_of
     from servogen.drive.serial_link import SerialLink, Time, VirtualTime
@@ -115,7 +128,7 @@ def drive(
         pose=pose,
         steer=steer,
         single_keys=sys.stdin.isatty() and not dry_run,
-        rates=Rates(way_mm, turn_deg),
+        rates=Rates(step_mm, turn_deg),
         seconds=seconds,
         stop=stop,
         rehearsal=dry_run,
@@ -171,7 +184,7 @@ def _source(steer: bool, dry_run: bool) -> AbstractContextManager[CommandSource]
 
 @contextmanager
 def _ended_by_signals() -> Iterator[None]:
-    """SIGTERM and a terminal that is closed end the drive as Ctrl-C does: the robot is stopped."""
+    """End the drive at SIGTERM or a closed terminal as Ctrl-C does: the robot is stopped."""
     numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
     before = {number: signal.signal(number, signal.default_int_handler) for number in numbers}
     try:
@@ -182,7 +195,7 @@ def _ended_by_signals() -> Iterator[None]:
 
 
 def _show_robot(job: PlannedJob, controller: ServoController, baud: int, byte_s: float) -> None:
-    """What the line can carry."""
+    """Print what the line can carry."""
     from servogen.engines.stream.protocol import BYTES
 
     count = len(controller.channels)
@@ -195,8 +208,8 @@ def _show_robot(job: PlannedJob, controller: ServoController, baud: int, byte_s:
 
 
 def _log(json: bool, dry_run: bool) -> Log:
-    """Return what shows a drive's entries: as JSON, one per line; else what happens to the line, and in a
-    dry run the bytes. Each is shown at once, also to a pipe.
+    """Return what shows a drive's entries: as JSON, one per line; otherwise events of the line, and in a
+    dry run the bytes. Each is flushed, so that a pipe shows it at once.
     """
 
     def log(entry: dict[str, object]) -> None:
@@ -217,7 +230,7 @@ def _log(json: bool, dry_run: bool) -> Log:
 
 
 def _show_drive(summary: Summary, wanted: bool, json: bool) -> None:
-    """Raises ToolError where the robot was to be stopped and could not be."""
+    """Print the summary. Raises ToolError if the robot was to be stopped and could not be."""
     from servogen.errors import ToolError
 
     if json:
@@ -237,7 +250,7 @@ def _show_drive(summary: Summary, wanted: bool, json: bool) -> None:
 def calibrate(
     job: JobFile,
     servo: Annotated[
-        str | None, typer.Option("--servo", help="Which servo of the job (default: its only one).")
+        str | None, typer.Option("--servo", help="The servo to calibrate (default: the job's only one).")
     ] = None,
     port: Port = None,
     from_us: Annotated[
@@ -246,31 +259,40 @@ def calibrate(
     to_us: Annotated[
         float | None, typer.Option("--to-us", help="The longest pulse, µs (default: the servo's limit).")
     ] = None,
-    points: Annotated[int, typer.Option("--points", min=3, max=100, help="How many pulses.")] = 7,
+    points: Annotated[int, typer.Option("--points", min=3, max=100, help="Number of pulse widths.")] = 7,
     angles: Annotated[
         str | None,
-        typer.Option("--angles-deg", help="What was seen, as 0,45,90, in place of asking (wheels: °/s)."),
+        typer.Option(
+            "--angles-deg", help="The angles seen, such as 0,45,90, instead of asking for them (wheels: °/s)."
+        ),
     ] = None,
     readings: Annotated[
         Path | None,
-        typer.Option("--readings", help="A CSV of readings, width_us,angle_deg, in place of moving it."),
+        typer.Option(
+            "--readings", help="A CSV file of readings, width_us,angle_deg, instead of moving the servo."
+        ),
     ] = None,
     tolerance_deg: Annotated[
         float | None,
         typer.Option(
-            "--tolerance-deg", min=0.1, help="How far a reading may be off the line (default: 5; wheels: 20)."
+            "--tolerance-deg",
+            min=0.1,
+            help="How far a reading may be from the line (default: 5; wheels: 20).",
         ),
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="The file (default: SERVO.calibration.toml).")
+        Path | None,
+        typer.Option("--output", "-o", help="The file to write (default: SERVO.calibration.toml)."),
     ] = None,
-    plot: Annotated[Path | None, typer.Option("--plot", help="A picture of it: .png, .svg or .pdf.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", help="Draw a picture of the fit: .png, .svg or .pdf.")
+    ] = None,
     baud: Baud = None,
     range_us: RangeUs = None,
     first: First = 0,
     json: Json = False,
 ) -> None:
-    """Move one servo through its pulses, fit a line to the angles that you see, and write its calibration."""
+    """Move one servo through its range, fit a line to the angles that you read, and write its calibration."""
     from servogen.drive.sweep import refusals, servo_index
     from servogen.errors import InputError
     from servogen.job import load
@@ -307,7 +329,7 @@ def _taken(
     port: str | None,
     settings: tuple[int | None, str | None, int],
 ) -> Sequence[Reading]:
-    """Moves the servo and reads its angles; without a port only says what the widths would have been."""
+    """Move the servo and return the angles that were read; without a port, show only the widths."""
     from servogen.drive.controller import controller_of
     from servogen.drive.serial_link import NullWire, SerialLink, Time, VirtualTime, port_opener
     from servogen.drive.sweep import ask_from, positions, sweep_readings
@@ -331,7 +353,7 @@ def _taken(
 
 
 def _asking(channel: Channel, count: int) -> Ask:
-    """Asks on the terminal until there is a number."""
+    """Return what asks on the terminal until it gets a number."""
     from servogen.drive.commands import QUIT, LineCommands
     from servogen.errors import InputError
     from servogen.robot.calibration import angle_of
@@ -369,7 +391,7 @@ def _show_calibration(
     refused: tuple[Diagnostic, ...],
     json: bool,
 ) -> None:
-    """What was found, where it is written, which file was kept, and why the job does not take it."""
+    """Print the fit, the file written, the file kept, and why the job cannot use the calibration."""
     (target, kept), unit = files, servo.model.unit
     slope = made.us_per_rad * math.radians(1)
     rms, worst = math.degrees(made.rms), math.degrees(made.residuals[made.worst])

@@ -1,4 +1,4 @@
-"""What commands read, within limits and with its warnings, and what they must not overwrite."""
+"""The files that commands read, within limits and with warnings, and those that they must not overwrite."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 
 def keep_apart(inputs: Sequence[Path], *outputs: Path | None) -> None:
-    """Refuses to write over what is read, and two outputs under one name. Raises InputError."""
+    """Raise InputError if an output is also an input, or the same file as another output."""
     taken = {path.resolve(): "is what is read" for path in inputs}
     for output in outputs:
         if output is None:
@@ -37,7 +37,7 @@ def keep_apart(inputs: Sequence[Path], *outputs: Path | None) -> None:
 
 
 def read_image(path: Path) -> Image:
-    """Returns the image in a HEX file; what is odd about the file is a warning. Raises InputError."""
+    """Return the image in a HEX file; warn of what is unusual about the file. Raises InputError."""
     from servogen.pic.image import read_hex
 
     file = read_hex(programs.read_source(path), str(path))
@@ -47,7 +47,7 @@ def read_image(path: Path) -> Image:
 
 
 def read_program(path: Path, device_name: str = "PIC16F84") -> Program:
-    """Returns the program in a HEX, C or assembly file, with warnings of what is odd. Raises InputError."""
+    """Return the program in a HEX, C or assembly file; warn of what is unusual. Raises InputError."""
     if path.suffix.lower() in (programs.C_SUFFIX, *programs.ASSEMBLY_SUFFIXES):
         warn_of_missing_limits()
     found = programs.read_program(path, device_name)
@@ -62,13 +62,13 @@ def within_limits(
     limits: Limits = COMPILING,
     hint: str = programs.LIMITS_HINT,
 ) -> T:
-    """Returns what `work`, which compiles `file`, returns. Raises InputError where it exceeds the limits."""
+    """Return what `work`, which compiles `file`, returns. Raises InputError if it exceeds the limits."""
     warn_of_missing_limits()
     return programs.within_limits(work, file, limits, hint)
 
 
 @cache
 def warn_of_missing_limits() -> None:
-    """Warn once where this system has no limits."""
+    """Warn, once, if this system cannot limit a process."""
     if sentence := missing_limits():
         warn(Diagnostic("warning", "no-limits", sentence))

@@ -35,14 +35,14 @@ def register(app: typer.Typer) -> None:
 def grade(
     lab: Annotated[
         str,
-        typer.Argument(help="lab8-exercise, lab9-exercise, or a lab's own .toml file.", show_default=False),
+        typer.Argument(help="lab8-exercise, lab9-exercise or a lab of your own (.toml).", show_default=False),
     ],
     files: Annotated[
         list[Path],
         typer.Argument(help="HEX, C or assembly files, or folders of them.", show_default=False),
     ],
     pages: Annotated[
-        Path | None, typer.Option("--pages", help="Write a page (Markdown) for each program to this folder.")
+        Path | None, typer.Option("--pages", help="Write a Markdown page for each program to this folder.")
     ] = None,
     level: Annotated[
         int,
@@ -50,27 +50,29 @@ def grade(
             "--level",
             min=0,
             max=8,
-            help="How far below a folder given the students' own folders are; a program includes only files "
-            "of its student's.",
+            help="How many levels below a given folder the students' own folders are; a program may only "
+            "include files of its own student.",
         ),
     ] = 1,
     scheduler: Annotated[
         str | None,
-        typer.Option("--scheduler", help="A Dask scheduler's address; default: this machine's cores."),
+        typer.Option(
+            "--scheduler", help="The address of a Dask scheduler (default: use this machine's cores)."
+        ),
     ] = None,
     timeout: Annotated[
         float,
         typer.Option(
             "--timeout",
             min=0.1,
-            help="Processor seconds that running one program may take; compiling it never gets more than "
+            help="Processor seconds for running one program; compiling it is limited to "
             f"{COMPILING.seconds:g}.",
         ),
     ] = 120.0,
     memory_mb: MemoryLimit = COMPILING.memory_mb,
     json: Json = False,
 ) -> None:
-    """Check programs against a lab's task and say what is wrong with each."""
+    """Check programs against a lab's task and report what is wrong with each."""
     from servogen.build.grading import Task, grade_submissions
     from servogen.grade import find_submissions, load_lab, page_names, visible
 
@@ -106,7 +108,7 @@ def grade(
 def _write_pages(
     folder: Path, names: Sequence[str], lab: Lab, graded: Sequence[Graded]
 ) -> ServogenError | None:
-    """Writes each page that can be written; returns why the first one could not."""
+    """Write each page that can be written; return the error of the first one that could not."""
     from servogen.build.films import class_page, film_name, film_page
     from servogen.grade import page
     from servogen.outputs import make_folder, write_text

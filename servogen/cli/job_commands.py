@@ -37,12 +37,12 @@ def register(app: typer.Typer) -> None:
 
 
 LEAST_FOLDED = 3
-"""Rows of a table that are worth a row of their own."""
+"""A ramp of fewer widths is shown row by row."""
 
 
 def new(
     file: Annotated[Path, typer.Argument(help="The job file to write.")] = Path("job.toml"),
-    force: Annotated[bool, typer.Option("--force", help="Write over a file that exists.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
 ) -> None:
     """Write a commented job file to start from."""
     from servogen.errors import InputError, Location
@@ -58,7 +58,7 @@ def new(
 
 
 def check(job: JobFile, json: Json = False) -> None:
-    """Read a job file and say what its pulses will be, without building it."""
+    """Check a job file and show its pulses, without building it."""
     from servogen.build import planned as planned_job
     from servogen.job import load, plan_job
     from servogen.plan_error import plan_words
@@ -85,11 +85,11 @@ def build(
     job: JobFile,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="The folder (default: the job's name, in build/)."),
+        typer.Option("--output", "-o", help="The folder to write to (default: build/ and the job's name)."),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Make a job's firmware in every dialect and prove every pulse edge of it."""
+    """Build a job's firmware in every dialect and prove every pulse edge."""
     from servogen.build import build as built
     from servogen.build import write
     from servogen.build.build import program_facts
@@ -116,9 +116,9 @@ def build(
 
 def demo(
     jobs: Annotated[list[Path], typer.Argument(help="Job files.", show_default=False)],
-    output: Annotated[Path, typer.Option("--output", "-o", help="The folder of the jobs' folders.")] = Path(
-        "build"
-    ),
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="The folder in which each job gets its own.")
+    ] = Path("build"),
     json: Json = False,
 ) -> None:
     """Build and prove several jobs, each into its own folder, and print one table."""
@@ -164,7 +164,7 @@ def _width_table(widths: Sequence[Quantised]) -> None:
 
 
 def _folded(widths: Sequence[Quantised]) -> Iterator[list[Quantised]]:
-    """Yield the rows, those of neighbouring widths that no pose holds together: they are a ramp's."""
+    """Yield each row alone, but neighbouring widths that no pose holds together: they are a ramp's."""
     for (_, held), group in groupby(widths, key=lambda row: (row.channel, row.held)):
         rows = list(group)
         if held or len(rows) < LEAST_FOLDED:
@@ -230,7 +230,7 @@ def plan(
     animate: Animate = None,
     json: Json = False,
 ) -> None:
-    """Show what a job will do, without building it: frames, servos, paths, pulse errors."""
+    """Show a job's motion without building it: frames, servos, paths, pulse errors."""
     from servogen.build import nearest_pulses
     from servogen.job import load, plan_job
     from servogen.outputs import atomic_write
@@ -351,11 +351,14 @@ def _number(value: float | None) -> str:
 def report(
     job: JobFile,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="The page (default: the job's name with .html).")
+        Path | None,
+        typer.Option("--output", "-o", help="The page to write (default: the job's name with .html)."),
     ] = None,
     capture: Annotated[
         Path | None,
-        typer.Option("--capture", help="An analyser's capture to show beside the plan: .vcd, .sr, .csv."),
+        typer.Option(
+            "--capture", help="A logic analyser's capture to show beside the plan: .vcd, .sr or .csv."
+        ),
     ] = None,
     rate: CaptureRate = None,
     partial: Partial = False,
@@ -364,7 +367,7 @@ def report(
     ] = False,
     json: Json = False,
 ) -> None:
-    """Build and prove a job and write one HTML page of it, which needs no network."""
+    """Build and prove a job and write a self-contained HTML page about it."""
     from servogen.build.reporting import page_of
     from servogen.errors import InputError, Location
     from servogen.job import load, plan_job
@@ -404,24 +407,28 @@ def report(
 def tune(
     job: JobFile,
     hex_file: Annotated[
-        Path, typer.Option("--hex", help="What the other compiler made.", show_default=False)
+        Path, typer.Option("--hex", help="The HEX file that the other compiler made.", show_default=False)
     ],
     c_file: Annotated[
-        Path | None, typer.Option("--c", help="The C it was made of. Default: the one that build writes.")
+        Path | None,
+        typer.Option("--c", help="The C that it was compiled from (default: the file that build writes)."),
     ] = None,
     dialect: Annotated[
-        Dialect | None, typer.Option("--dialect", help="Default: that of the C, else the job's.")
+        Dialect | None,
+        typer.Option("--dialect", help="The C dialect (default: that of the C, else the job's)."),
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="The next C. Default: the C's name with the next number."),
+        typer.Option(
+            "--output", "-o", help="The corrected C to write (default: the C's name with the next number)."
+        ),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Measure what another compiler adds between a sequence job's edges, and write C that makes up for it.
+    """Measure the cycles that another compiler adds between a sequence job's edges, and write corrected C.
 
-    Compile that C and call tune again with it as --c. Exit code 0: the HEX is 0 cycles off; 1: not yet, the
-    next C is written.
+    Compile that C and run tune again with it as --c. Exit code 0: the HEX is 0 cycles off; 1: not yet, the
+    next C has been written.
     """
     from servogen.build.retarget import tune_to
     from servogen.compiler import Source
@@ -467,7 +474,7 @@ def tune(
 
 
 def _next_c_file(c_file: Path) -> Path:
-    """main.xc8.c is followed by main.xc8.1.c, and that by main.xc8.2.c."""
+    """Return the name after this one: main.xc8.1.c after main.xc8.c, main.xc8.2.c after that."""
     name, _, number = c_file.stem.rpartition(".")
     if name and number.isdigit():
         return c_file.with_name(f"{name}.{int(number) + 1}.c")

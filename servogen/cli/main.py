@@ -92,7 +92,7 @@ class _Output:
         self._stream = stream
         self._closed = closed
         self.unread = False
-        """Whether something was written that nobody reads."""
+        """Whether something was written that nobody will read."""
 
     def write(self, text: str) -> int:
         with self._noticing():
@@ -139,7 +139,7 @@ class _Messages:
 
 
 def main() -> None:
-    """Runs one command and exits with the code that scripts rely on."""
+    """Run one command and exit with the code that scripts rely on."""
     stdout_closed = _open_closed_streams()
     for each in (sys.stdout, sys.stderr):
         if isinstance(each, io.TextIOWrapper):
@@ -167,15 +167,15 @@ def main() -> None:
 
 
 def _discard_output(stream: TextIO) -> None:
-    """Lead what is left of standard output to the null device."""
+    """Send the rest of standard output to the null device."""
     with suppress(OSError, ValueError):  # a stream of a test has no descriptor
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _open_closed_streams() -> bool:
-    """Opens the null device in the place of standard streams that are closed; returns whether the output was.
+    """Open the null device in place of closed standard streams; return whether standard output was closed.
 
-    Otherwise the next file to be opened would be the standard stream, and be written into by every message.
+    Otherwise the next file that is opened would take the stream's place, and every message would go there.
     """
     was_closed = sys.stdout is None
     for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
@@ -189,7 +189,7 @@ def _open_closed_streams() -> bool:
 
 
 class _LogHandler(logging.Handler):
-    """Shows a record on what is standard error at that moment."""
+    """Shows a record on the standard error of that moment."""
 
     def emit(self, record: logging.LogRecord) -> None:
         _say(record.getMessage())
@@ -204,7 +204,7 @@ def _show_log() -> None:
 
 
 def _run() -> int:
-    """Runs one command and returns its exit code; shows errors without a traceback."""
+    """Run one command and return its exit code; show errors without a traceback."""
     try:
         code = app(sys.argv[1:] or ["--help"], prog_name="servogen", standalone_mode=False)
         return code if isinstance(code, int) else 0

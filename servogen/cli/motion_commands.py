@@ -27,82 +27,111 @@ def register(app: typer.Typer) -> None:
 
 
 CLOCK_HZ = 4_000_000
-"""A cycle of it is a microsecond, so that a frame's microseconds are its cycles."""
+"""Its instruction cycle is 1 µs, so that a period in µs is also a period in cycles."""
 
 MOST_MM = 100_000
-"""Beyond it a number is a slip of the pen."""
+"""The largest length that is not taken for a typing error."""
 
 
 def gait(
-    robot: Annotated[str, typer.Argument(help="A walking robot's short name or TOML file.")] = "hexapod",
-    name: Annotated[str, typer.Option("--gait", help="tripod, ripple or wave.")] = "tripod",
+    robot: Annotated[
+        str, typer.Argument(help="A walking robot: a catalogue name or a TOML file.")
+    ] = "hexapod",
+    name: Annotated[str, typer.Option("--gait", help="The gait: tripod, ripple or wave.")] = "tripod",
     duty: Annotated[
-        float | None, typer.Option("--duty", help="Your own gait: the share of a cycle on the ground.")
+        float | None,
+        typer.Option("--duty", help="Your own gait: the fraction of a cycle that a foot is on the ground."),
     ] = None,
     lifts: Annotated[
-        str | None, typer.Option("--lifts", help="When each leg lifts: L1=0,L2=0.5,… or 0,0.5,… in order.")
+        str | None,
+        typer.Option(
+            "--lifts",
+            help="Your own gait: the phase at which each leg lifts, L1=0,L2=0.5,… or 0,0.5,… in order.",
+        ),
     ] = None,
     stride_mm: Annotated[
-        float, typer.Option("--stride-mm", min=-MOST_MM, max=MOST_MM, help="The way of the body in a cycle.")
+        float,
+        typer.Option("--stride-mm", min=-MOST_MM, max=MOST_MM, help="How far the body moves in a cycle."),
     ] = 40.0,
     direction_deg: Annotated[
         float,
-        typer.Option("--direction-deg", min=-360, max=360, help="Which way: 0 forward, 90 to the left."),
+        typer.Option(
+            "--direction-deg", min=-360, max=360, help="Direction of the stride: 0 is forward, 90 is left."
+        ),
     ] = 0.0,
     turn_deg: Annotated[
-        float, typer.Option("--turn-deg", min=-360, max=360, help="A cycle's turn, counter-clockwise.")
+        float,
+        typer.Option(
+            "--turn-deg", min=-360, max=360, help="How far the body turns in a cycle, counter-clockwise."
+        ),
     ] = 0.0,
     lift_mm: Annotated[
-        float, typer.Option("--lift-mm", min=0, max=MOST_MM, help="How far a foot rises.")
+        float, typer.Option("--lift-mm", min=0, max=MOST_MM, help="How high the feet are lifted.")
     ] = 20.0,
     clearance_mm: Annotated[
         float | None,
-        typer.Option("--clearance-mm", min=0, max=MOST_MM, help="Refuse less free height under the robot."),
+        typer.Option(
+            "--clearance-mm", min=0, max=MOST_MM, help="Refuse a walk with less free height under the robot."
+        ),
     ] = None,
     body_height_mm: Annotated[
         float | None,
         typer.Option(
-            "--body-height-mm", min=0, max=MOST_MM, help="Of the body (default: as high as the legs reach)."
+            "--body-height-mm",
+            min=0,
+            max=MOST_MM,
+            help="Height of the body (default: as high as the legs reach).",
         ),
     ] = None,
     stance_width_mm: Annotated[
         float | None,
         typer.Option(
-            "--stance-width-mm", min=0, max=MOST_MM, help="Left to right feet (default: least correction)."
+            "--stance-width-mm",
+            min=0,
+            max=MOST_MM,
+            help="Distance from left to right feet (default: that with the least correction).",
         ),
     ] = None,
     beta_sign: Annotated[
-        int, typer.Option("--beta-sign", help="1: lifted feet go rearwards, -1: to the front.")
+        int, typer.Option("--beta-sign", help="1: lifted feet move backwards; -1: forwards.")
     ] = 1,
     cycles: Annotated[
         float | None,
         typer.Option(
-            "--cycles", min=0, help="Start, walk this many cycles, stop (default: walk without end)."
+            "--cycles", min=0, help="Start, walk this many cycles and stop (default: walk endlessly)."
         ),
     ] = None,
     cycle_s: Annotated[
-        float | None, typer.Option("--cycle-s", min=0, help="A cycle's time (default: as fast as the servo).")
+        float | None,
+        typer.Option(
+            "--cycle-s",
+            min=0,
+            help="Duration of a cycle, rounded up to where legs can lift (default: as fast as possible).",
+        ),
     ] = None,
     servo: Annotated[
-        str, typer.Option("--servo", help="The joints' servo model: its speed is the limit.")
+        str, typer.Option("--servo", help="The servo model of the joints, whose speed is the limit.")
     ] = "mpx-tiny-s",
     period_us: Annotated[
-        int, typer.Option("--period-us", min=1000, max=1_000_000, help="One frame.")
+        int, typer.Option("--period-us", min=1000, max=1_000_000, help="Frame period in µs.")
     ] = 20_000,
-    leg: Annotated[str | None, typer.Option("--leg", help="This leg only.")] = None,
+    leg: Annotated[str | None, typer.Option("--leg", help="Plan only this leg.")] = None,
     spring_mm: Annotated[
-        float | None, typer.Option("--spring-mm", min=0, help="Refuse more than a leg's spring can give.")
+        float | None,
+        typer.Option(
+            "--spring-mm", min=0, help="Refuse a walk in which a leg's spring must give more than this."
+        ),
     ] = None,
     allow_falling: Annotated[
         bool,
-        typer.Option("--allow-falling", help="Plan a walk with a negative stability margin all the same."),
+        typer.Option("--allow-falling", help="Plan a walk even if its stability margin is negative."),
     ] = False,
     picture: Plot = None,
     csv: Csv = None,
     animate: Animate = None,
     json: Json = False,
 ) -> None:
-    """Plan a walk: the gait's table, stability, what the springs give, what the joints do."""
+    """Plan a walk and show its gait, stability, spring deflections and joint ranges."""
     from fractions import Fraction
 
     from servogen.errors import InputError, Location
@@ -184,7 +213,7 @@ def _robot(name: str) -> WalkingRobot:
 def _gait(
     robot: WalkingRobot, name: str, duty: float | None, lifts: str | None, leg: str | None
 ) -> tuple[Gait, WalkingRobot]:
-    """The gait, and the robot with the legs that walk."""
+    """Return the gait, and the robot with the legs that walk."""
     from servogen.errors import InputError, Location
     from servogen.motion.gait.phases import Gait, custom
     from servogen.motion.gait.phases import gait as named
@@ -206,7 +235,7 @@ def _gait(
 
 
 def _phases(text: str) -> dict[str, float] | list[float]:
-    """`L1=0,L2=0.5` by name, or `0,0.5` in the order of the legs."""
+    """Return phases by leg (`L1=0,L2=0.5`) or in the order of the legs (`0,0.5`). Raises InputError."""
     from servogen.errors import InputError, Location
 
     parts = [part.strip() for part in text.split(",")]
@@ -251,7 +280,7 @@ def _write_walk(
 
 
 def _show_walk(robot: WalkingRobot, rhythm: Gait, made: Walk, facts: GaitFacts) -> None:
-    """The gait's table, the joints', stability and springs."""
+    """Print the gait's table, the joints', stability and springs."""
     from servogen.report.gait_facts import diagram
 
     lines = diagram(rhythm)
@@ -299,23 +328,33 @@ def _show_walk(robot: WalkingRobot, rhythm: Gait, made: Walk, facts: GaitFacts) 
 
 
 def run_program(
-    file: Annotated[Path, typer.Argument(help="A program of the arm (.rvm).", show_default=False)],
-    robot: Annotated[str, typer.Option("--robot", help="A robot's short name or TOML file.")] = "rv-m1",
+    file: Annotated[Path, typer.Argument(help="An arm program (.rvm).", show_default=False)],
+    robot: Annotated[
+        str, typer.Option("--robot", help="The robot: a catalogue name or a TOML file.")
+    ] = "rv-m1",
     inputs: Annotated[
-        list[str] | None, typer.Option("--input", help="seconds=value of the input port, such as 1.5=&1F.")
+        list[str] | None,
+        typer.Option(
+            "--input", help="A value of the input port from a time on, such as 1.5=&1F (repeatable)."
+        ),
     ] = None,
-    period_us: Annotated[int, typer.Option("--period-us", min=1000, help="One frame.")] = 20_000,
-    repeat: Annotated[bool, typer.Option("--repeat", help="Repeat the program without end.")] = False,
+    period_us: Annotated[int, typer.Option("--period-us", min=1000, help="Frame period in µs.")] = 20_000,
+    repeat: Annotated[bool, typer.Option("--repeat", help="Repeat the program endlessly.")] = False,
     max_commands: Annotated[
-        int, typer.Option("--max-commands", min=1, help="Stop a program that does not end.")
+        int,
+        typer.Option(
+            "--max-commands", min=1, help="Stop a program that does not end after this many commands."
+        ),
     ] = 100_000,
-    max_s: Annotated[float, typer.Option("--max-s", min=1, help="The same, in seconds of motion.")] = 3600,
+    max_s: Annotated[
+        float, typer.Option("--max-s", min=1, help="Stop it after this many seconds of motion.")
+    ] = 3600,
     output: Annotated[
-        Path | None, typer.Option("--csv", help="Write the joints of each frame (degrees, mm).")
+        Path | None, typer.Option("--csv", help="Write the joint positions of each frame (degrees, mm).")
     ] = None,
     json: Json = False,
 ) -> None:
-    """Run a program of the arm command language: when it moves where, and what it writes to its port."""
+    """Run an arm program: show when it moves where, and what it writes to its output port."""
     from fractions import Fraction
 
     from servogen.kinematics.catalogue import arm

@@ -24,7 +24,7 @@ LONGEST_CYCLES = 10**16
 
 
 def number(text: str) -> float:
-    """A number of the command line; the error names what was typed."""
+    """Return a number of the command line. Raises BadParameter, which names what was typed."""
     try:
         return float(text)
     except ValueError:
@@ -33,12 +33,12 @@ def number(text: str) -> float:
 
 
 JobFile = Annotated[Path, typer.Argument(help="A job file (TOML).", show_default=False)]
-Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
-DeviceName = Annotated[str, typer.Option("--device", help="PIC16F84 or PIC16F84A.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+DeviceName = Annotated[str, typer.Option("--device", help="The chip: PIC16F84 or PIC16F84A.")]
 
 
 def duration(text: str) -> float:
-    """Seconds of the command line: not negative, and not beyond what a simulation can count."""
+    """Return seconds of the command line, within what a simulation can count. Raises BadParameter."""
     seconds = number(text)
     if not 0 <= seconds <= LONGEST_SECONDS:
         raise typer.BadParameter(f"'{text}' is not between 0 and {LONGEST_SECONDS:g} seconds")
@@ -47,66 +47,77 @@ def duration(text: str) -> float:
 
 Seconds = Annotated[
     float | None,
-    typer.Option("--seconds", parser=duration, metavar="SECONDS", help="How long, in simulated seconds."),
+    typer.Option("--seconds", parser=duration, metavar="SECONDS", help="Duration in simulated seconds."),
 ]
 ClockHz = Annotated[
-    int | None, typer.Option("--clock-hz", min=1, help="Default: what the C says, else 4 MHz.")
+    int | None,
+    typer.Option("--clock-hz", min=1, help="The clock in Hz (default: the one stated in the C, else 4 MHz)."),
 ]
 Partial = Annotated[
     bool,
     typer.Option(
         "--partial",
-        help="Exit with 0 as well where all that was seen is right, but not every frame was seen.",
+        help="Exit with 0 also if all that was seen is right but not every frame was seen.",
     ),
 ]
 CaptureRate = Annotated[
     int | None,
-    typer.Option("--rate", min=1, help="A capture's samples a second, where its file does not tell."),
+    typer.Option("--rate", min=1, help="The capture's sampling rate in Hz, if its file does not state it."),
 ]
 CHIP_OPTIONS: Mapping[str, tuple[object, Any]] = {
     # name of the simulator's option: its type and how the command line spells it
-    "ra4_pull_up": (bool, typer.Option("--ra4-pull-up", help="RA4, an open drain, has a pull-up resistor.")),
+    "ra4_pull_up": (
+        bool,
+        typer.Option("--ra4-pull-up", help="Connect a pull-up resistor to RA4, an open drain."),
+    ),
     "watchdog_us": (
         int,
-        typer.Option("--watchdog-us", help="The watchdog's period; of real chips 7000 to 33000."),
+        typer.Option("--watchdog-us", help="The watchdog's period in µs; 7000 to 33000 on real chips."),
     ),
     "eeprom_write_us": (
         int | None,
-        typer.Option("--eeprom-write-us", help="One EEPROM write (default: typical of the device)."),
+        typer.Option(
+            "--eeprom-write-us", help="Duration of an EEPROM write in µs (default: typical of the device)."
+        ),
     ),
     "power_up": (
         bool,
-        typer.Option("--power-up", help="Count the power-up and the oscillator's start-up time."),
+        typer.Option("--power-up", help="Include the power-up timer and the oscillator's start-up time."),
     ),
     "power_up_us": (
         int,
-        typer.Option("--power-up-us", help="The power-up timer; of real chips 28000 to 132000."),
+        typer.Option(
+            "--power-up-us", help="The power-up timer's period in µs; 28000 to 132000 on real chips."
+        ),
     ),
     "oscillator_start_up": (
         bool,
         typer.Option(
             "--oscillator-start-up/--no-oscillator-start-up",
-            help="A wake-up waits 1024 oscillator periods, unless the oscillator is RC.",
+            help="Wait 1024 oscillator periods after a wake-up, unless the oscillator is RC.",
         ),
     ),
-    "floating": (int, typer.Option("--floating", help="How a pin that nothing drives reads: 0 or 1.")),
+    "floating": (
+        int,
+        typer.Option("--floating", help="The level read from a pin that nothing drives: 0 or 1."),
+    ),
     "start_seed": (
         int | None,
-        typer.Option("--start-seed", help="Draw everything that is undefined at power-up from this seed."),
+        typer.Option("--start-seed", help="Seed for everything that is undefined at power-up."),
     ),
     "start": (
         list[str],
         typer.Option(
             "--start",
             metavar="NAME=VALUE",
-            help="A value at power-up, as w=0x12, 0x20=7 or ram=255; repeatable.",
+            help="A value at power-up, such as w=0x12, 0x20=7 or ram=255 (repeatable).",
         ),
     ),
     "tmr0_phase": (
         int,
         typer.Option(
             "--tmr0-phase",
-            help="Cycles, 0 to 3, for which TMR0 stands still after OPTION_REG selects its clock.",
+            help="Cycles (0 to 3) for which TMR0 pauses after OPTION_REG selects its clock.",
         ),
     ),
 }
@@ -161,15 +172,15 @@ def _chip_parameter(field: Field[Any]) -> inspect.Parameter:
     )
 
 
-TimeLimit = Annotated[
-    float, typer.Option("--timeout", min=0.1, help="Seconds that it may take; then it is stopped.")
-]
+TimeLimit = Annotated[float, typer.Option("--timeout", min=0.1, help="Stop after this many seconds.")]
 MemoryLimit = Annotated[
-    int, typer.Option("--memory-mb", min=50, help="Memory that it may use; then it is stopped.")
+    int, typer.Option("--memory-mb", min=50, help="Stop if more memory than this is needed.")
 ]
 Output = Annotated[Path | None, typer.Option("--output", "-o", help="The file to write.")]
-Plot = Annotated[Path | None, typer.Option("--plot", help="Draw it: .png, .svg or .pdf.")]
-Animate = Annotated[Path | None, typer.Option("--animate", help="Film the robot: .gif or .mp4 (ffmpeg).")]
+Plot = Annotated[Path | None, typer.Option("--plot", help="Draw a picture: .png, .svg or .pdf.")]
+Animate = Annotated[
+    Path | None, typer.Option("--animate", help="Write a film of the robot: .gif or .mp4 (needs ffmpeg).")
+]
 Csv = Annotated[Path | None, typer.Option("--csv", help="Write one row per frame.")]
 
 

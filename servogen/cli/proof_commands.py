@@ -52,19 +52,25 @@ def prove(
         typer.Option("--against", help="Prove that it follows this schedule.json, for all inputs."),
     ] = None,
     certificate: Annotated[
-        Path | None, typer.Option("--certificate", help="With --against: write what the proof found.")
+        Path | None, typer.Option("--certificate", help="With --against: write the certificate of the proof.")
     ] = None,
     counterexample: Annotated[
         Path,
-        typer.Option("--counterexample", help="With --against: where the inputs of a wrong run are written."),
+        typer.Option(
+            "--counterexample", help="With --against: the file for the inputs of a run that is wrong."
+        ),
     ] = Path("counterexample.toml"),
     hold_inputs: Annotated[
-        bool, typer.Option("--hold-inputs", help="With --against: the inputs stay as the schedule says.")
+        bool,
+        typer.Option(
+            "--hold-inputs", help="With --against: assume that the inputs keep the schedule's levels."
+        ),
     ] = False,
     plain_tmr0: Annotated[
         bool,
         typer.Option(
-            "--no-tmr0-phase", help="With --against: TMR0 counts at once after OPTION_REG is written."
+            "--no-tmr0-phase",
+            help="With --against: assume that TMR0 counts at once after OPTION_REG is written.",
         ),
     ] = False,
     power_up: Annotated[
@@ -72,32 +78,35 @@ def prove(
         typer.Option(
             "--start",
             metavar="NAME=VALUE",
-            help="With --against: a value at power-up that is known, as ram=0 or w=0x12. Repeatable.",
+            help="With --against: a known value at power-up, such as ram=0 or w=0x12 (repeatable).",
         ),
     ] = None,
     no_resets: Annotated[
-        bool, typer.Option("--no-resets", help="With --against: there is no reset after power-on.")
+        bool,
+        typer.Option("--no-resets", help="With --against: assume that there is no reset after power-on."),
     ] = False,
     watchdog_us: Annotated[
         int | None,
         typer.Option(
-            "--watchdog-us", help="With --against: the watchdog's period, instead of any in its range."
+            "--watchdog-us", help="With --against: the watchdog's period in µs (default: any in its range)."
         ),
     ] = None,
     max_states: Annotated[
-        int | None, typer.Option("--max-states", min=1, help="With --against: give up after so many states.")
+        int | None,
+        typer.Option("--max-states", min=1, help="With --against: give up after this many states."),
     ] = None,
     start: Annotated[
         list[str] | None,
         typer.Option(
             "--from",
             metavar="MARK",
-            help="Where a time begins: an address (0x12A), a label, a function, a line (12 or main.c:12). "
-            "Repeatable, with as many --to.",
+            help="Where a time begins: an address (0x12A), a label, a function or a line (12 or main.c:12); "
+            "repeatable, with one --to each.",
         ),
     ] = None,
     end: Annotated[
-        list[str] | None, typer.Option("--to", metavar="MARK", help="Where it ends, the first time after it.")
+        list[str] | None,
+        typer.Option("--to", metavar="MARK", help="Where that time ends: the first time that it is reached."),
     ] = None,
     interrupts: Annotated[
         Interrupts, typer.Option("--interrupts", help="Whether times between marks include interrupts.")
@@ -105,15 +114,17 @@ def prove(
     clock_hz: ClockHz = None,
     device: Annotated[
         str | None,
-        typer.Option("--device", help="PIC16F84 or PIC16F84A (default: the schedule's, else PIC16F84)."),
+        typer.Option(
+            "--device", help="The chip: PIC16F84 or PIC16F84A (default: the schedule's, else PIC16F84)."
+        ),
     ] = None,
     json: Json = False,
 ) -> None:
     """Show what holds for every path of a program: stack, unwritten bytes, pins, dead code, watchdog, times.
 
-    With --against: that every edge is the schedule's for every power-up, input and chip.
+    With --against, prove that every edge is the schedule's for every power-up, input and chip.
 
-    Exit code 0: proven, or decided and nothing found; 1: something was found or is not decided.
+    Exit code 0: proven, or decided and nothing found; 1: something was found or could not be decided.
     """
     from servogen.prove.quantifiers import Quantifiers
     from servogen.simulator.options import start_value
@@ -183,7 +194,7 @@ class Request:
 
 
 def prove_schedule(file: Path, device: str | None, request: Request, json: bool) -> int:
-    """Prove, show the answer, write what was asked for, and return the exit code. Raises InputError."""
+    """Run the proof, print the answer, write the files and return the exit code. Raises InputError."""
     from servogen.inputs import read_input
     from servogen.prove import certificate, prove_for_all
     from servogen.prove.prover import MAX_STATES
@@ -307,15 +318,17 @@ def _proof_to_json(proof: Proof, file: Path, request: Request, schedule: PulseSc
 
 
 def check_certificate(
-    certificate: Annotated[Path, typer.Argument(help="What servogen prove wrote.", show_default=False)],
+    certificate: Annotated[
+        Path, typer.Argument(help="The certificate that servogen prove wrote.", show_default=False)
+    ],
     hex_file: Annotated[Path, typer.Argument(metavar="HEX", help="The program.", show_default=False)],
     against: Annotated[Path, typer.Option(help="The schedule.json of the proof.", show_default=False)],
     json: Json = False,
 ) -> None:
-    """Check a certificate of `prove` with a checker of its own: the second witness.
+    """Check a certificate of `prove` with an independent checker.
 
-    Exit code 0: the certificate proves that every edge is the schedule's; 1: refused, with the reason; 2: the
-    files are not what they should be.
+    Exit code 0: the certificate proves that every edge is the schedule's; 1: refused, with the reason; 2: a
+    file is not valid.
     """
     from servogen import checker
     from servogen.pic.image import read_hex

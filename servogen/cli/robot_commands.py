@@ -15,13 +15,13 @@ import typer
 from servogen.cli.options import NEGATIVE_NUMBERS, Json, number
 from servogen.cli.show import as_json, status, table
 
-RobotName = Annotated[str, typer.Argument(help="A short name of `servogen robots`, or a TOML or URDF file.")]
+RobotName = Annotated[str, typer.Argument(help="A name listed by `servogen robots`, or a TOML or URDF file.")]
 JointValues = Annotated[
     list[float] | None,
-    typer.Argument(help="Joint positions: degrees, mm.", parser=number, show_default=False),
+    typer.Argument(help="Joint positions in degrees or mm.", parser=number, show_default=False),
 ]
-Symbolic = Annotated[bool, typer.Option("--symbolic", help="In symbols, simplified.")]
-Style = Annotated[str, typer.Option("--style", help="Of symbols: text, latex or c.")]
+Symbolic = Annotated[bool, typer.Option("--symbolic", help="Print simplified symbolic expressions.")]
+Style = Annotated[str, typer.Option("--style", help="Notation of symbolic expressions: text, latex or c.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -32,19 +32,17 @@ def register(app: typer.Typer) -> None:
 
 
 def robots(
-    name: Annotated[
-        str | None, typer.Argument(help="One robot, with all its facts.", show_default=False)
-    ] = None,
+    name: Annotated[str | None, typer.Argument(help="Show this robot.", show_default=False)] = None,
     urdf: Annotated[
         Path | None,
         typer.Option("--urdf", help="Write this arm as URDF, the robot description of ROS."),
     ] = None,
     mjcf: Annotated[
-        Path | None, typer.Option("--mjcf", help="Write its bodies as MJCF, the models of MuJoCo.")
+        Path | None, typer.Option("--mjcf", help="Write its bodies as MJCF, a model for MuJoCo.")
     ] = None,
     json: Json = False,
 ) -> None:
-    """List the robots of the catalogue, or all there is to one of them."""
+    """List the robots of the catalogue, or show everything about one of them."""
     from servogen.kinematics import queries
 
     if urdf is not None:
@@ -104,7 +102,7 @@ def fk(
     style: Style = "text",
     json: Json = False,
 ) -> None:
-    """Forward kinematics: where the tool is at given joint positions."""
+    """Compute forward kinematics: where the tool is at given joint positions."""
     from servogen.kinematics import queries
 
     if symbolic:
@@ -135,10 +133,12 @@ def ik(
     target: Annotated[
         list[float], typer.Argument(help="x y z in mm, then the orientation in degrees.", parser=number)
     ],
-    everything: Annotated[bool, typer.Option("--all", help="Every solution, the chosen one first.")] = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Print every solution, the chosen one first.")
+    ] = False,
     json: Json = False,
 ) -> None:
-    """Inverse kinematics: the joint positions that reach a target."""
+    """Compute inverse kinematics: the joint positions that reach a target."""
     from servogen.kinematics import queries
     from servogen.kinematics.catalogue import arm
 
@@ -157,12 +157,14 @@ def ik(
 def jacobian(
     name: RobotName,
     values: JointValues = None,
-    frame: Annotated[str, typer.Option("--frame", help="0 (base), n (tool), or a frame's number.")] = "0",
+    frame: Annotated[
+        str, typer.Option("--frame", help="The reference frame: 0 (base), n (tool) or a frame's number.")
+    ] = "0",
     symbolic: Symbolic = False,
     style: Style = "text",
     json: Json = False,
 ) -> None:
-    """The geometric Jacobian at joint positions, and how well the robot moves there."""
+    """Compute the geometric Jacobian at joint positions, and how well the robot moves there."""
     from servogen.kinematics import queries
 
     wanted: Any = int(frame) if frame.isdigit() else frame
@@ -183,7 +185,7 @@ def jacobian(
 
 
 def mobility(name: RobotName, json: Json = False) -> None:
-    """Mobility and manoeuvrability of a robot."""
+    """Compute the mobility and manoeuvrability of a robot."""
     from servogen.kinematics import queries
 
     answer = queries.mobility_answer(name)
@@ -197,13 +199,13 @@ def mobility(name: RobotName, json: Json = False) -> None:
 
 
 def transform(
-    text: Annotated[str, typer.Argument(help="A product such as 'Ry(30) Tx(50) Rz(60)', degrees.")],
+    text: Annotated[str, typer.Argument(help="A product such as 'Ry(30) Tx(50) Rz(60)', angles in degrees.")],
     point: Annotated[
-        list[float] | None, typer.Argument(help="x y z of a point.", parser=number, show_default=False)
+        list[float] | None, typer.Argument(help="The point's x y z.", parser=number, show_default=False)
     ] = None,
     json: Json = False,
 ) -> None:
-    """The matrix of a product of turns and shifts, and where it moves a point."""
+    """Compute the matrix of a product of rotations and translations, and where it moves a point."""
     from servogen.kinematics import queries
 
     answer = queries.transform_answer(text, point or ())

@@ -11,11 +11,11 @@ from servogen.errors import Diagnostic, ServogenError, SourceLines
 from servogen.units import counted
 
 WIDE = 200
-"""Columns of a table that goes to a file or a pipe: nothing is wrapped."""
+"""Columns of a table that is written to a file or a pipe, so that nothing is wrapped."""
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
-    """A table on standard output; columns whose cells are all numbers stand at the right."""
+    """Print a table on standard output; columns of numbers are right-aligned."""
     from rich.box import SIMPLE
     from rich.console import Console
     from rich.table import Table
@@ -102,7 +102,7 @@ def show_error(error: ServogenError, arguments: Sequence[str]) -> None:
 
 @contextmanager
 def progress(label: str, total: int) -> Iterator[Callable[[int], None]]:
-    """A bar on a terminal's standard error; yields a function that takes how much is done."""
+    """Show a progress bar if standard error is a terminal; yield a function that takes how much is done."""
     if not sys.stderr.isatty():
         yield lambda done: None
         return
@@ -116,7 +116,7 @@ def progress(label: str, total: int) -> Iterator[Callable[[int], None]]:
 
 @contextmanager
 def status(text: str) -> Iterator[Callable[[str], None]]:
-    """A line on a terminal's standard error that says what is done; yields a function that changes it."""
+    """Show a status line if standard error is a terminal; yield a function that changes it."""
     if not sys.stderr.isatty():
         yield lambda text: None
         return

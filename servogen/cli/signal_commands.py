@@ -29,11 +29,16 @@ FOREVER_SECONDS = 3 * 3600.0
 """How far a repeat is looked for: TMR0 and a motion of 2000 frames come round together in it."""
 
 SignalFile = Annotated[
-    Path, typer.Argument(help="A HEX, C or assembly file, or edges: CSV, JSONL, VCD.", show_default=False)
+    Path,
+    typer.Argument(
+        help="A HEX, C or assembly file, or recorded edges: CSV, JSONL or VCD.", show_default=False
+    ),
 ]
 OwnDevice = Annotated[
     str | None,
-    typer.Option("--device", help="PIC16F84 or PIC16F84A (default: the schedule's, else PIC16F84)."),
+    typer.Option(
+        "--device", help="The chip: PIC16F84 or PIC16F84A (default: the schedule's, else PIC16F84)."
+    ),
 ]
 
 
@@ -46,17 +51,17 @@ def register(app: typer.Typer) -> None:
 def verify(
     file: SignalFile,
     chip: ChipOptions,
-    against: Annotated[Path, typer.Option("--against", help="The schedule.json it should follow.")],
+    against: Annotated[Path, typer.Option("--against", help="The schedule.json that it should follow.")],
     seconds: Seconds = None,
     forever: Annotated[
-        bool, typer.Option("--forever", help="Prove it for all time, by a repeat of the chip's whole state.")
+        bool, typer.Option("--forever", help="Prove it for all time: the chip's whole state repeats.")
     ] = False,
     partial: Partial = False,
     rate: CaptureRate = None,
     device: OwnDevice = None,
     json: Json = False,
 ) -> None:
-    """Compare a program's edges (default: the motion, three times) or a whole file with a schedule."""
+    """Compare a program's edges (default: the motion three times) or a whole recording with a schedule."""
     from servogen.build import prove_file, prove_image
     from servogen.build.signals import device_for, is_program, program_for, refuse_chip_options
     from servogen.traces import read_edges
@@ -148,13 +153,15 @@ def measure(
     seconds: Seconds = None,
     servo: Annotated[
         list[str] | None,
-        typer.Option("--servo", help="Judge by this model (a name or a .toml file): MODEL, or PIN=MODEL."),
+        typer.Option(
+            "--servo", help="Check against this servo model (a name or a .toml file): MODEL or PIN=MODEL."
+        ),
     ] = None,
     clock_hz: ClockHz = None,
     device: OwnDevice = None,
     json: Json = False,
 ) -> None:
-    """Measure the pulses of a program (for 20 s) or of recorded edges, and warn of doubtful ones."""
+    """Measure the pulses of a program (for 20 s) or of recorded edges, and warn about suspicious ones."""
     from servogen.build.signals import measured_warnings, refuse_chip_options, servos_named, unscheduled_edges
     from servogen.pic.device import DEVICES
     from servogen.verify import measure as measured
@@ -178,7 +185,7 @@ def measure(
 def plot(
     file: SignalFile,
     chip: ChipOptions,
-    output: Annotated[Path, typer.Option("--output", "-o", help="A .png, .svg or .pdf file.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="The picture: .png, .svg or .pdf.")],
     against: Annotated[
         Path | None, typer.Option("--against", help="The schedule.json that names its channels.")
     ] = None,

@@ -44,21 +44,21 @@ def simulate(
     chip: ChipOptions,
     seconds: Seconds = None,
     cycles: Annotated[
-        int | None, typer.Option("--cycles", min=0, max=LONGEST_CYCLES, help="How long, in cycles.")
+        int | None, typer.Option("--cycles", min=0, max=LONGEST_CYCLES, help="Duration in cycles.")
     ] = None,
     edges: Annotated[
-        Path | None, typer.Option("--edges", help="Write the pins' changes: .csv, .jsonl or .vcd.")
+        Path | None, typer.Option("--edges", help="Write the edges of the pins: .csv, .jsonl or .vcd.")
     ] = None,
-    vcd: Annotated[Path | None, typer.Option("--vcd", help="Write the pins' changes as VCD.")] = None,
+    vcd: Annotated[Path | None, typer.Option("--vcd", help="Write the edges of the pins as VCD.")] = None,
     stimulus: Annotated[
-        Path | None, typer.Option("--stimulus", help="What happens to the pins from outside (TOML).")
+        Path | None, typer.Option("--stimulus", help="What drives the pins from outside (TOML).")
     ] = None,
     trace: Annotated[
-        Path | None, typer.Option("--trace", help="Write every instruction, with its source line.")
+        Path | None, typer.Option("--trace", help="Write every executed instruction with its source line.")
     ] = None,
-    profile: Annotated[bool, typer.Option("--profile", help="Show what the cycles went to.")] = False,
+    profile: Annotated[bool, typer.Option("--profile", help="Show where the cycles were spent.")] = False,
     eeprom: Annotated[
-        Path | None, typer.Option("--eeprom", help="Write the image with its data EEPROM as left (.hex).")
+        Path | None, typer.Option("--eeprom", help="Write the program with the final data EEPROM (.hex).")
     ] = None,
     clock_hz: ClockHz = None,
     device: DeviceName = "PIC16F84",

@@ -47,7 +47,7 @@ def twin(
         typer.Option("--plot", help="Draw path, torques, supply and feet: .png, .svg, .pdf."),
     ] = None,
     film: Annotated[
-        Path | None, typer.Option("--film", help="Film the robot: .gif or .mp4 (ffmpeg).")
+        Path | None, typer.Option("--film", help="Write a film of the robot: .gif or .mp4 (needs ffmpeg).")
     ] = None,
     csv: Annotated[Path | None, typer.Option("--csv", help="Write one row per 5 ms.")] = None,
     json: Json = False,

@@ -28,7 +28,7 @@ def watch(
         typer.Option("--against", help="The schedule.json that a program or a capture is held against."),
     ] = None,
     stimulus: Annotated[
-        Path | None, typer.Option("--stimulus", help="What happens to the pins from outside (TOML).")
+        Path | None, typer.Option("--stimulus", help="What drives the pins from outside (TOML).")
     ] = None,
     port: Annotated[
         int, typer.Option("--port", min=0, max=65_535, help="Of the server (default: any that is free).")

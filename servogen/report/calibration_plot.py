@@ -15,7 +15,7 @@ from servogen.robot.servo import Servo
 
 
 def calibration_plot(fit: Fit, servo: Servo, path: Path) -> None:
-    """Draws to `path`. Raises InputError for an unknown ending, ToolError without matplotlib."""
+    """Draw a calibration to `path`. Raises InputError for an unknown ending, ToolError without matplotlib."""
     check_suffix(path)
     unit = servo.model.unit
     figure = new_figure(8, 6, f"{servo.name}: {len(fit.readings)} readings of a {servo.model.title}")

@@ -70,20 +70,20 @@ class Axis:
         share = (np.asarray(values, dtype=np.float64) - self.low) / (self.high - self.low)
         return np.asarray(self.first + share * (self.last - self.first))
 
-    def ticks(self, most: int) -> tuple[Tick, ...]:
-        """Round numbers, at most about `most` of them."""
-        step = nice((self.high - self.low) / most)
+    def ticks(self, count: int) -> tuple[Tick, ...]:
+        """Return ticks at round numbers, about `count` at most."""
+        step = nice((self.high - self.low) / count)
         numbers = np.arange(math.ceil(self.low / step - 1e-9), math.floor(self.high / step + 1e-9) + 1)
         return tuple(Tick(px(self.at(number * step)), f"{number * step:.10g}") for number in numbers.tolist())
 
 
 def px(value: npt.ArrayLike) -> str:
-    """A coordinate with one decimal at most."""
+    """Return a coordinate as text, with one decimal at most."""
     return f"{float(np.asarray(value)):z.1f}".removesuffix(".0").replace("-0", "0") or "0"
 
 
 def nice(step: float) -> float:
-    """The nearest of 1, 2, 5 × 10ⁿ that is not less than `step`."""
+    """Return the smallest of 1, 2, 5 × 10ⁿ that is not less than `step`."""
     if step <= 0:
         return 1.0
     power = 10.0 ** math.floor(math.log10(step))
@@ -91,7 +91,7 @@ def nice(step: float) -> float:
 
 
 def steps_path(times: Floats, values: Floats) -> str:
-    """A line of steps in pixels: value n from time n to time n + 1; NaN leaves a gap."""
+    """Return a path of steps in pixels: value n from time n to time n + 1; NaN leaves a gap."""
     parts, before = [], math.nan
     for start, end, value in zip(times[:-1].tolist(), times[1:].tolist(), values.tolist(), strict=True):
         if math.isnan(value):
@@ -110,7 +110,7 @@ def steps_path(times: Floats, values: Floats) -> str:
 
 
 def points_path(x: Floats, y: Floats) -> str:
-    """A line through points in pixels; NaN leaves a gap."""
+    """Return a path through points in pixels; NaN leaves a gap."""
     parts, pen = [], "M"
     for one, other in zip(x.tolist(), y.tolist(), strict=True):
         if math.isnan(one) or math.isnan(other):
@@ -122,7 +122,7 @@ def points_path(x: Floats, y: Floats) -> str:
 
 
 def dots_path(x: Floats, y: Floats) -> str:
-    """A dot at each distinct point: a line of no length, whose round ends are drawn."""
+    """Return a path with a dot at each distinct point: a line of no length, of which the round caps show."""
     seen = dict.fromkeys(
         (px(one), px(other))
         for one, other in zip(x.tolist(), y.tolist(), strict=True)
@@ -132,7 +132,7 @@ def dots_path(x: Floats, y: Floats) -> str:
 
 
 def pulses_path(rise: Floats, fall: Floats, low: float, high: float, first: float, last: float) -> str:
-    """A logic signal in pixels, low at its ends."""
+    """Return the path of a logic signal in pixels, low at its ends."""
     parts = [f"M{px(first)} {px(low)}"]
     for one, other in zip(rise.tolist(), fall.tolist(), strict=True):
         parts.append(f"H{px(one)}V{px(high)}H{px(other)}V{px(low)}")
@@ -147,7 +147,7 @@ def time_chart(
     mark: float | None,
     height: float = 220.0,
 ) -> Chart:
-    """A column a line, in steps; `times` has one more than the columns have rows. `mark` is a time."""
+    """Return a chart of one stepped line per column; `times` has one entry more than there are rows."""
     width = 960.0
     x = Axis(float(times[0]), float(times[-1]), LEFT, width - RIGHT)
     y = Axis(*_around(columns), height - BOTTOM, TOP)
@@ -172,7 +172,7 @@ def time_chart(
 def path_chart(
     tracks: Sequence[tuple[str, Floats, Floats]], x_label: str, y_label: str, largest: float = 400.0
 ) -> Chart:
-    """Paths in a plane, both axes to one scale: (name, planned (n, 2), made (n, 2)) each."""
+    """Return a chart of paths in a plane, to one scale: (name, planned (n, 2), made (n, 2)) each."""
     every = np.vstack([points for _, planned, made in tracks for points in (planned, made)])
     ends = [_around(every[:, column]) for column in (0, 1)]
     spans = [high - low for low, high in ends]
@@ -199,7 +199,7 @@ def path_chart(
 
 
 def _around(values: Floats) -> tuple[float, float]:
-    """The least and the greatest value, with some room."""
+    """Return the smallest and the largest value, with some room around them."""
     seen = values[~np.isnan(values)]
     low, high = (float(seen.min()), float(seen.max())) if seen.size else (0.0, 1.0)
     room = 0.06 * (high - low) or max(1.0, 0.02 * abs(high))

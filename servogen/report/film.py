@@ -33,10 +33,10 @@ ROOM = 0.08
 """Free space around the robot, as a share of its size."""
 
 ZOOM = 0.9
-"""So that the labels of tall and of wide robots are inside of the picture."""
+"""Small enough to keep the labels of tall and of wide robots inside the picture."""
 
 MOST_PICTURES = 100
-"""Of a film: longer motions leave frames out."""
+"""Of a film; of longer motions some frames are omitted."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +64,7 @@ class Scene:
 
 
 def walk_scene(robot: WalkingRobot, made: Walk) -> Scene:
-    """The loop of a walk: the body, its legs, and the support polygon on the ground."""
+    """Return the loop of a walk: the body, its legs, and the support polygon on the ground."""
     step = _step(len(made.ground) - made.trajectory.loop_start)
     shown = slice(made.trajectory.loop_start, None, step)
     legs = [part[shown] for part in leg_sticks(robot, made)]
@@ -80,7 +80,7 @@ def walk_scene(robot: WalkingRobot, made: Walk) -> Scene:
 
 
 def job_scene(job: PlannedJob) -> Scene:
-    """The loop of a job's robot, or all of a motion that ends. Raises InputError where there is no robot."""
+    """Return the loop of a job's robot, or all of a motion that ends. Raises InputError without a robot."""
     made = job.trajectory
     start = made.loop_start if len(made.angles) - made.loop_start > 1 else 0
     angles = _held(made.angles)[start:]
@@ -112,7 +112,7 @@ def _step(frames: int) -> int:
 
 
 def _held(angles: Floats) -> Floats:
-    """A servo without pulses stays where it was; before its first pulse it is where that puts it."""
+    """Return angles without gaps: a servo without pulses keeps its angle, and begins at its first one."""
     held = angles.copy()
     for column in held.T:
         known = np.flatnonzero(~np.isnan(column))
@@ -128,7 +128,7 @@ def _links(end: End, angles: Floats) -> Floats:
 
 
 def _trace(points: Floats, step: int) -> Part:
-    """The whole path, in each of the pictures."""
+    """Return the whole path as a part that every picture shows."""
     return Part([points] * len(points[::step]), "0.6", 1.0, marks=False)
 
 
@@ -148,7 +148,7 @@ def _polygon(feet: Floats) -> Floats:
 
 
 def film(scene: Scene, path: Path) -> None:
-    """Writes the film. Raises InputError for an unknown ending, ToolError without matplotlib or ffmpeg."""
+    """Write the film. Raises InputError for an unknown ending, ToolError without matplotlib or ffmpeg."""
     check_suffix(path, SUFFIXES, "film")
     figure = new_figure(6.4, 5.2, scene.title)
     from matplotlib import animation
@@ -180,7 +180,7 @@ def film(scene: Scene, path: Path) -> None:
 
 
 def _set_up(axes: Any, scene: Scene) -> list[Any]:
-    """Empty lines in a box that holds all frames, with the same scale in all directions."""
+    """Return empty lines in a box that holds all frames, with the same scale in all directions."""
     different = {id(corners): corners for part in scene.parts for corners in part.frames}
     points = 1000 * np.vstack(list(different.values()))
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)

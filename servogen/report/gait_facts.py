@@ -1,4 +1,4 @@
-"""What is to be known of a walk: stability and where it is least, what the springs give, what the joints do.
+"""Facts about a walk: its stability margin and where it is smallest, spring deflections, joint ranges.
 
 In: a robot, its gait and its `Walk`. Out: `GaitFacts`, and the gait as a diagram of text.
 """
@@ -17,10 +17,10 @@ from servogen.motion.loads import Loads
 from servogen.report.sticks import leg_sticks
 
 COLUMNS = 12
-"""Of a diagram, about; as many as make every lift and landing fall on one where that is possible."""
+"""About how many columns a diagram has; if possible, every lift and landing falls on one."""
 
 SAME_DIGITS = 9
-"""Of metres: values nearer than a nanometre are one, so that the first of them is named on every machine."""
+"""Decimals of metres; values within a nanometre are equal, so that all machines name the same frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ class GaitFacts:
 
 
 def facts_of(robot: WalkingRobot, made: Walk) -> GaitFacts:
-    """Of a whole walk, its start and stop included."""
+    """Return the facts of a whole walk, including its start and stop."""
     frame_s = float(made.trajectory.clock.seconds(made.trajectory.period))
     worst = int(np.argmin(np.round(made.margins, SAME_DIGITS)))
     springs = np.linalg.norm(made.corrections, axis=2)
@@ -99,7 +99,7 @@ def _joints(robot: WalkingRobot, made: Walk, frame_s: float) -> tuple[JointFacts
 
 
 def diagram(gait: Gait) -> dict[str, str]:
-    """For each leg a line over one cycle: ▔ in the air, ▁ on the ground."""
+    """Return for each leg a line over one cycle: ▔ in the air, ▁ on the ground."""
     columns = gait.grain * max(1, COLUMNS // gait.grain) if gait.grain <= 2 * COLUMNS else COLUMNS
     return {
         leg: "".join(

@@ -31,7 +31,7 @@ GROUND, AIR = "0.25", "0.88"
 
 
 def gait_plot(robot: WalkingRobot, gait: Gait, made: Walk, facts: GaitFacts, path: Path) -> None:
-    """Draws to `path`. Raises InputError for an unknown ending, ToolError without matplotlib."""
+    """Draw a walk to `path`. Raises InputError for an unknown ending, ToolError without matplotlib."""
     check_suffix(path)
     figure = new_figure(13, 8, f"{robot.name}: the gait '{gait.name}', duty factor {gait.duty}")
     panes: Any = figure.subfigures(1, 2, width_ratios=[1.2, 1])
@@ -55,7 +55,7 @@ def gait_plot(robot: WalkingRobot, gait: Gait, made: Walk, facts: GaitFacts, pat
 
 
 def _draw_diagram(axes: Axes, made: Walk, times: Floats) -> None:
-    """A bar a leg: dark on the ground, light in the air."""
+    """Draw one bar per leg: dark on the ground, light in the air."""
     for row in range(len(made.legs)):
         axes.broken_barh([(0.0, float(times[-1]))], (row - 0.35, 0.7), color=AIR)
         axes.broken_barh(_stretches(made.ground[:, row], times), (row - 0.35, 0.7), color=GROUND)
@@ -67,7 +67,7 @@ def _draw_diagram(axes: Axes, made: Walk, times: Floats) -> None:
 def _stretches(
     down: np.ndarray[tuple[int, ...], np.dtype[np.bool_]], times: Floats
 ) -> list[tuple[float, float]]:
-    """(start, length) of each stretch of frames on the ground."""
+    """Return (start, length) of each stretch of frames on the ground."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], down, [False])).astype(int)))
     return [(float(times[a]), float(times[b] - times[a])) for a, b in edges.reshape(-1, 2).tolist()]
 
@@ -76,7 +76,7 @@ def _draw_margin(axes: Axes, made: Walk, facts: GaitFacts, times: Floats) -> Non
     axes.set_ylabel("stability margin, mm")
     if facts.margin is None:
         axes.set_yticks([])
-        axes.set_title("fewer than three legs: the robot is held by something else", fontsize=10)
+        axes.set_title("fewer than three legs: something else must hold the robot", fontsize=10)
         return
     finite = np.where(np.isinf(made.margins), np.nan, 1000 * made.margins)
     axes.step(times, np.append(finite, finite[-1]), where="post", color="tab:blue")
@@ -90,7 +90,7 @@ def _draw_margin(axes: Axes, made: Walk, facts: GaitFacts, times: Floats) -> Non
         f"at least {1000 * facts.margin:z.1f} mm" if math.isfinite(facts.margin) else "no foot on the ground"
     )
     axes.set_title(
-        f"centre of mass inside of the support polygon: {least} in frame {facts.margin_frame}", fontsize=10
+        f"centre of mass inside the support polygon: {least} in frame {facts.margin_frame}", fontsize=10
     )
 
 
@@ -108,7 +108,7 @@ def _draw_springs(axes: Axes, made: Walk, times: Floats) -> None:
 
 
 def _draw_above(axes: Axes, robot: WalkingRobot, made: Walk, facts: GaitFacts) -> None:
-    """Foot paths, the body, and the support polygon of the frame in which the margin is least."""
+    """Draw foot paths, the body, and the support polygon of the frame with the smallest margin."""
     mounts = mounts_of(robot)
     body = 1000 * support_polygon(np.array([[mount.x, mount.y] for mount in mounts]))
     axes.fill(*body.T, facecolor="0.93", edgecolor="0.6", zorder=0)
@@ -145,7 +145,7 @@ def _draw_above(axes: Axes, robot: WalkingRobot, made: Walk, facts: GaitFacts) -
 
 
 def _draw_side(axes: Axes, made: Walk) -> None:
-    """The first foot's path: what it is in the body's frame, dots at the frames."""
+    """Draw the first foot's path in the body's frame, with a dot for each frame."""
     points = 1000 * _round(made, 0)
     axes.plot(points[:, 0], points[:, 2], "-", color="C0", lw=1.5)
     down = made.ground[made.trajectory.loop_start :, 0]
@@ -157,6 +157,6 @@ def _draw_side(axes: Axes, made: Walk) -> None:
 
 
 def _round(made: Walk, leg: int) -> Floats:
-    """The foot (n, 3) over one round of the loop, back to its beginning."""
+    """Return the points (n, 3) of a foot over one round of the loop, back to its beginning."""
     start = made.trajectory.loop_start
     return np.vstack((made.feet[start:, leg], made.feet[start : start + 1, leg]))

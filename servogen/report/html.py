@@ -40,16 +40,16 @@ ALONE = "Positions come over the serial line; this page shows what the chip does
 BY_JACOBIAN = ("worst by the Jacobian, mm", "rms by the Jacobian, mm")
 
 FIRST_FRAMES = 4
-"""Of the pulses, what is shown until somebody zooms."""
+"""How many frames of the pulses are shown until somebody zooms."""
 
 
 FEW = 2
-"""Of the reasons why a call has no known end."""
+"""How many of the reasons why a call is unbounded are named."""
 
 
 @dataclass(frozen=True, slots=True)
 class CaptureFacts:
-    """A capture beside the plan: its file's name, its edges, what was found of it."""
+    """A capture to show beside the plan: its file's name, its edges, its verdict."""
 
     name: str
     trace: EdgeTrace
@@ -74,7 +74,7 @@ class TwinFacts:
 
 @dataclass(frozen=True, slots=True)
 class PageFacts:
-    """All that a page tells of. A job that was planned but not built has no programs, and says why."""
+    """Everything on a page. A job that was planned but not built has no programs, and says why not."""
 
     job: PlannedJob
     plan: PulsePlan
@@ -89,7 +89,7 @@ class PageFacts:
 
 
 def html_page(facts: PageFacts) -> str:
-    """The page. Raises RenderError where the template is wrong."""
+    """Return the page. Raises RenderError if the template is wrong."""
     environment = Environment(
         undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
@@ -136,7 +136,7 @@ def _values(facts: PageFacts) -> dict[str, object]:
 
 
 def _state(facts: PageFacts) -> tuple[str, str]:
-    """A class of the page's style, and the words of the badge."""
+    """Return a class of the page's style, and the words of the badge."""
     if not facts.programs:
         return "open", "planned, not built"
     if not all(program.proven for program in facts.programs):
@@ -190,7 +190,7 @@ def _wiring(job: PlannedJob) -> Iterator[tuple[str, ...]]:
 
 
 def _signal_values(facts: PageFacts) -> dict[str, object]:
-    """The rows of pulses, and their numbers for the zoom."""
+    """Return the rows of pulses, and their numbers for the zoom."""
     schedule = facts.plan.schedule
     groups = [planned(schedule)]
     if facts.trace is not None:
@@ -244,7 +244,7 @@ def _times(schedule: PulseSchedule) -> Floats:
 
 
 def _mark(schedule: PulseSchedule) -> float | None:
-    """When the loop begins, where something comes before it."""
+    """Return when the loop begins, if something comes before it."""
     return float(schedule.clock.seconds(schedule.lead_in_frames * schedule.period)) or None
 
 
@@ -275,7 +275,7 @@ def rounding(plan: PulsePlan) -> Iterator[tuple[str, ...]]:
 
 
 def path_charts(tracks: Sequence[Track], loop_start: int) -> Iterator[tuple[str, Chart]]:
-    """From above and, unless all lies in the ground plane, from the side; millimetres."""
+    """Yield the views in mm: from above and, unless all is in the ground plane, from the side."""
     views = [("from above", 0, 1, "x, mm", "y, mm"), ("from the side", 0, 2, "x, mm", "z, mm")]
     flat = all(track.kind == "base" for track in tracks)
     for title, x, y, x_label, y_label in views[: 1 if flat else 2] if tracks else ():
@@ -352,7 +352,7 @@ def capture_values(capture: CaptureFacts | None) -> dict[str, object] | None:
 
 
 def costs(listing: Listing | None) -> Iterator[tuple[str, ...]]:
-    """One row a function, the dearest first."""
+    """Yield one row per function, the longest first."""
     functions = listing.functions if listing else ()
     for each in sorted(functions, key=lambda each: (each.start - each.end, each.start)):
         yield (
@@ -366,13 +366,13 @@ def costs(listing: Listing | None) -> Iterator[tuple[str, ...]]:
 
 
 def _spoken(name: str) -> str:
-    """A table's name says where in the C it stands: `__table.NAME@file:line:column`."""
+    """Return a function's name for people; a table is `__table.NAME@file:line:column`."""
     table, _, place = name.removeprefix("__table.").partition("@")
     return f"table {table}, {place.rpartition(':')[0]}" if name.startswith("__table.") else name
 
 
 def _cycles(listed: ListedFunction) -> str:
-    """Of a call: exactly, or from the shortest to the longest way, and what has no known end."""
+    """Return the cycles of a call: exact, or from the shortest to the longest path, and what is unbounded."""
     least, most = listed.least_cycles, listed.most_cycles
     if least is None:
         return "–" if most is None else f"up to {most}"
@@ -387,7 +387,7 @@ def _few(texts: Sequence[str]) -> str:
 
 
 def memory(programs: Sequence[ProgramFacts]) -> tuple[tuple[str, int, int, str], ...]:
-    """(what, used, of, per cent) of each memory."""
+    """Return (what, used, of, per cent) of each memory."""
     if not programs:
         return ()
     own = programs[0]

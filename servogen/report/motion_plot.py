@@ -1,4 +1,4 @@
-"""A picture of a planned motion: angles, pulses, paths of feet, tool or base, and what whole cycles change.
+"""A picture of a planned motion: angles, pulses, paths of feet, tool or base, and the error of whole cycles.
 
 In: a `PlannedJob`, its schedule and tracks. Out: a PNG, SVG or PDF file.
 
@@ -35,7 +35,7 @@ COLOURS = 10
 
 
 def motion_plot(job: PlannedJob, schedule: PulseSchedule, tracks: Sequence[Track], path: Path) -> None:
-    """Draws to `path`. Raises InputError for an unknown ending, ToolError without matplotlib."""
+    """Draw a motion to `path`. Raises InputError for an unknown ending, ToolError without matplotlib."""
     check_suffix(path)
     shown = [track for track in tracks if not np.isnan(track.planned).all()]
     figure = new_figure(13 if shown else 9, 8 if shown else 5.5, f"{job.name}: the planned motion")
@@ -66,7 +66,7 @@ def motion_plot(job: PlannedJob, schedule: PulseSchedule, tracks: Sequence[Track
 
 
 def _draw_servos(axes: Axes, job: PlannedJob, times: Floats, values: Floats) -> None:
-    """A line a servo; those of one leg have one colour."""
+    """Draw one line per servo; those of one leg have one colour."""
     ends = ends_of(job)
     groups = len(ends) if len(ends) > 1 else len(job.servos)
     for index, servo in enumerate(job.servos):
@@ -82,7 +82,7 @@ def _draw_servos(axes: Axes, job: PlannedJob, times: Floats, values: Floats) -> 
 
 
 def _width(index: int, count: int) -> float:
-    """Lines drawn first are wider: one that is hidden by another still shows at its sides."""
+    """Return a line's width: the first is the widest, so that it still shows beside one drawn over it."""
     return THINNEST + (WIDEST - THINNEST) * (1 - index / max(1, count - 1)) if count > 1 else THINNEST
 
 
@@ -96,7 +96,7 @@ def _draw_error(axes: Axes, tracks: Sequence[Track], times: Floats) -> None:
 
 
 def _draw_planes(figure: SubFigure, tracks: Sequence[Track], loop_start: int) -> None:
-    """The paths from above and, unless they lie in the ground plane, from the side."""
+    """Draw the paths from above and, unless they are in the ground plane, from the side."""
     flat = all(track.kind == "base" for track in tracks)
     panels = figure.subplots(1 if flat else 2, 1, squeeze=False, height_ratios=None if flat else [1.6, 1])[
         :, 0

@@ -43,7 +43,7 @@ def frame_lines(job: PlannedJob, schedule: PulseSchedule, tracks: Sequence[Track
 
 
 def widths_us(schedule: PulseSchedule) -> Floats:
-    """The widths (frames, servos) in microseconds; NaN without a pulse."""
+    """Return the widths (frames, servos) in microseconds; NaN without a pulse."""
     runs = (*schedule.lead_in, *schedule.loop)
     us = [
         [float(schedule.clock.us(pulse.width)) if pulse else np.nan for pulse in run.pulses] for run in runs

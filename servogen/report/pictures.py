@@ -20,7 +20,7 @@ DOTS_PER_INCH = 110
 
 
 def check_suffix(path: Path, suffixes: tuple[str, ...] = SUFFIXES, what: str = "picture") -> None:
-    """Raises InputError for an ending that is none of `suffixes`."""
+    """Raise InputError for a suffix that is not one of `suffixes`."""
     if path.suffix.lower() not in suffixes:
         raise InputError(
             "unknown-suffix",
@@ -31,7 +31,7 @@ def check_suffix(path: Path, suffixes: tuple[str, ...] = SUFFIXES, what: str = "
 
 
 def new_figure(width: float, height: float, title: str) -> Figure:
-    """An empty figure of that many inches. Raises ToolError without matplotlib."""
+    """Return an empty figure of that many inches. Raises ToolError without matplotlib."""
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
@@ -46,7 +46,7 @@ def new_figure(width: float, height: float, title: str) -> Figure:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Writes the picture: without a date or a version, so that the same picture is the same file."""
+    """Write the picture without a date or a version, so that the same picture is the same file."""
     check_suffix(path)
     import matplotlib
 
@@ -59,7 +59,7 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def plane(axes: Axes, x: str, y: str, title: str) -> None:
-    """Axes of a plane in space: millimetres, the same scale both ways."""
+    """Label axes as a plane in space: millimetres, the same scale on both."""
     axes.set_xlabel(f"{x}, mm")
     axes.set_ylabel(f"{y}, mm")
     axes.set_title(title, fontsize=10)

@@ -25,7 +25,7 @@ from servogen.robot.servo import Servo
 Ints = npt.NDArray[np.int64]
 
 SAME_RAD = 1e-9
-"""Angles nearer than this are one: what floating point leaves."""
+"""Angles within this are equal: the difference is due to floating point."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class ServoFacts:
 
     @property
     def step_needs_s(self) -> float | None:
-        """The seconds that the servo takes for its greatest step."""
+        """Return the seconds that the servo needs for its largest step."""
         if self.step is None or self.servo.model.speed is None:
             return None
         return self.step / self.servo.model.speed
@@ -72,7 +72,7 @@ class ServoFacts:
 
 
 def servo_facts(job: PlannedJob) -> tuple[ServoFacts, ...]:
-    """One a servo, in their order; a servo that never has a pulse has no range and is left out."""
+    """Return facts in the order of the servos, without those that never have a pulse."""
     made = job.trajectory
     frame_s = float(made.clock.seconds(made.period))
     return tuple(
@@ -100,10 +100,10 @@ def _of_servo(servo: Servo, angles: Floats, loop_start: int, frame_s: float) -> 
 
 
 def _runs(angles: Floats, loop_start: int) -> tuple[Ints, Floats, Ints]:
-    """Of each change of angle: the frame it leads to, its size, and how many frames the new angle lasts.
+    """Return for each change of angle the frame, its size, and how many frames the new angle lasts.
 
     The loop is gone around twice, so that what leads from its end to its beginning is seen; frames without
-    a pulse are left out, as the servo stays where it was.
+    a pulse are omitted, as the servo stays where it was.
     """
     number = np.concatenate((np.arange(len(angles)), np.arange(loop_start, len(angles))))
     pulsed = ~np.isnan(angles[number])

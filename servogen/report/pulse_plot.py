@@ -34,7 +34,7 @@ Floats = npt.NDArray[np.float64]
 
 MOST_FRAMES_SHOWN = 6
 MOST_FRAMES_READ = 50_000
-"""A quarter of an hour of servo pulses; a second of a pin that toggles as fast as it can."""
+"""A quarter of an hour of servo pulses, or a second of a pin that toggles as fast as possible."""
 
 LANE = 1.4
 """From one row of pulses to the next, in heights of a pulse."""
@@ -53,7 +53,7 @@ class Pulses:
     width: Floats
 
     def within(self, start: float, end: float) -> tuple[float, float] | None:
-        """(rise, width) of the first pulse that rises from `start` to before `end`."""
+        """Return (rise, width) of the first pulse that rises in [start, end), or None."""
         index = int(np.searchsorted(self.rise, start))
         if index == len(self.rise) or self.rise[index] >= end:
             return None
@@ -71,7 +71,7 @@ class Frame:
 def pulse_plot(
     trace: EdgeTrace, span: int, path: Path, title: str, schedule: PulseSchedule | None = None
 ) -> None:
-    """Draws to `path` the pulses that rise within `span` cycles of the first edge of `trace`.
+    """Draw to `path` the pulses that rise within `span` cycles of the first edge of `trace`.
 
     Raises InputError for an unknown ending and where there are no pulses, ToolError without matplotlib.
     """
@@ -95,7 +95,7 @@ def pulse_plot(
 
 
 def observed_pulses(trace: EdgeTrace, span: int, schedule: PulseSchedule | None) -> list[Pulses]:
-    """Of each channel of the schedule; without one of each pin that has a whole pulse, in their order."""
+    """Return the pulses of each channel of a schedule, or without one of each pin with a whole pulse."""
     us = float(trace.clock.cycle_us)
     edges = join(trace.driven())
     zero = int(edges.cycle[edges.level == HIGH].min(initial=edges.cycle[-1])) if len(edges.cycle) else 0
@@ -120,7 +120,7 @@ def observed_pulses(trace: EdgeTrace, span: int, schedule: PulseSchedule | None)
 
 
 def _period(channels: Sequence[Pulses]) -> float:
-    """What most pulses follow one another in."""
+    """Return the median time from pulse to pulse."""
     gaps = np.concatenate([np.diff(each.rise) for each in channels])
     return (
         float(np.median(gaps))
@@ -130,7 +130,7 @@ def _period(channels: Sequence[Pulses]) -> float:
 
 
 def _starts(channels: Sequence[Pulses], period: float, free: bool) -> Floats:
-    """When the frames with pulses begin; `free`: with a pulse, half a period or more after the one before."""
+    """Return when frames with pulses begin; `free`: at a pulse half a period or more after the last one."""
     rises = np.sort(np.concatenate([each.rise for each in channels]))
     if not free:
         return np.asarray(np.unique(np.floor(rises / period + 1e-9)) * period)
@@ -142,7 +142,7 @@ def _starts(channels: Sequence[Pulses], period: float, free: bool) -> Floats:
 
 
 def distinct_frames(channels: Sequence[Pulses], starts: Floats, period: float) -> list[Frame]:
-    """The first frame of each set of widths; of many some, spread over the time, first and last too."""
+    """Return the first frame of each set of widths; of many, a few spread from the first to the last."""
     starts = starts[:MOST_FRAMES_READ]
     ends = np.append(np.minimum(starts[1:], starts[:-1] + period), starts[-1] + period)
     seen: dict[tuple[float, ...], Frame] = {}
@@ -157,7 +157,7 @@ def distinct_frames(channels: Sequence[Pulses], starts: Floats, period: float) -
 
 
 def _lanes(channels: Sequence[Pulses], frames: Sequence[Frame]) -> list[int]:
-    """The row of each channel, the top one 0: channels whose pulses overlap stand below each other."""
+    """Return each channel's row, 0 at the top: channels whose pulses overlap get rows of their own."""
     lanes: list[int] = []
     for index, each in enumerate(channels):
         taken = {
@@ -175,7 +175,7 @@ def _overlap(one: tuple[float, float] | None, other: tuple[float, float] | None)
 
 
 def _length(channels: Sequence[Pulses], frame: Frame) -> float:
-    """From the frame's beginning to its last fall."""
+    """Return the time from the frame's beginning to its last falling edge."""
     pulses = [each.within(frame.start, frame.end) for each in channels]
     return max(sum(pulse) - frame.start for pulse in pulses if pulse)
 

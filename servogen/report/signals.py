@@ -21,13 +21,13 @@ from servogen.verify import CaptureVerdict
 Floats = npt.NDArray[np.float64]
 
 MOST_FRAMES = 2000
-"""A longer motion is drawn up to there."""
+"""Longer motions are drawn up to this frame."""
 
 MAX_SCOPES = 6
 """Frames that are shown, unless there are more poses."""
 
 SAME_DIGITS = 9
-"""Of radians: angles that are nearer than this are one."""
+"""Decimals of radians to which angles are compared."""
 
 WIDTH, LOW, HIGH_Y = 880.0, 26.0, 6.0
 LANE = 32
@@ -68,13 +68,13 @@ class Scope:
 
 
 def shown_us(schedule: PulseSchedule) -> float:
-    """How much is drawn: the lead-in and the loop once, or its beginning."""
+    """Return how much is drawn, in µs: the lead-in and the loop once, or their beginning."""
     frames = min(MOST_FRAMES, schedule.lead_in_frames + schedule.loop_frames)
     return float(schedule.clock.us(frames * schedule.period))
 
 
 def planned(schedule: PulseSchedule) -> tuple[Signal, ...]:
-    """The schedule's own pulses; time zero is the beginning of its first frame."""
+    """Return the schedule's own pulses; time zero is the beginning of its first frame."""
     us, runs = float(schedule.clock.cycle_us), (*schedule.lead_in, *schedule.loop)
     lengths = np.array([run.frames for run in runs])
     span = shown_us(schedule)
@@ -92,7 +92,7 @@ def planned(schedule: PulseSchedule) -> tuple[Signal, ...]:
 
 
 def simulated(schedule: PulseSchedule, trace: EdgeTrace) -> tuple[Signal, ...]:
-    """What the program did, from its first edge on, where the schedule has its first."""
+    """Return a program's pulses, with its first edge at the time of the schedule's first."""
     us, zero = float(schedule.clock.cycle_us), first_edge(schedule)
     pulses = _pulses(trace, schedule)
     first = min((float(rise[0]) for rise, _ in pulses if len(rise)), default=0.0)
@@ -104,7 +104,7 @@ def simulated(schedule: PulseSchedule, trace: EdgeTrace) -> tuple[Signal, ...]:
 
 
 def captured(schedule: PulseSchedule, trace: EdgeTrace, verdict: CaptureVerdict) -> tuple[Signal, ...]:
-    """What an analyser saw, by the chip's clock and where it belongs in the schedule, if that is known."""
+    """Return captured pulses in the chip's time, at their place in the schedule if that is known."""
     chip = float(trace.clock.cycle_us) * (1 + (verdict.ppm or 0.0) / 1e6)
     pulses = [(rise * chip, width * chip) for rise, width in _pulses(trace, schedule)]
     shift = _shift(schedule, pulses, verdict.first_frame)
@@ -121,7 +121,7 @@ def captured(schedule: PulseSchedule, trace: EdgeTrace, verdict: CaptureVerdict)
 
 
 def first_edge(schedule: PulseSchedule) -> int:
-    """The cycle of the schedule's first edge, from the beginning of its first frame."""
+    """Return the cycle of the schedule's first edge, from the beginning of its first frame."""
     frame = 0
     for run in (*schedule.lead_in, *schedule.loop):
         rises = [pulse.rise for pulse in run.pulses if pulse]
@@ -134,7 +134,7 @@ def first_edge(schedule: PulseSchedule) -> int:
 def _shift(
     schedule: PulseSchedule, pulses: Sequence[tuple[Floats, Floats]], first_frame: int | None
 ) -> float:
-    """From the capture's time to the schedule's, µs."""
+    """Return the offset from the capture's time to the schedule's, µs."""
     firsts = [(float(rise[0]), number) for number, (rise, _) in enumerate(pulses) if len(rise)]
     if first_frame is None or not firsts:
         return 0.0
@@ -156,7 +156,7 @@ def _endless(schedule: PulseSchedule) -> Iterator[Run]:
 
 
 def _pulses(trace: EdgeTrace, schedule: PulseSchedule) -> list[tuple[Floats, Floats]]:
-    """(rises, widths) of each channel's whole pulses, in the trace's cycles."""
+    """Return (rises, widths) of each channel's whole pulses, in the trace's cycles."""
     edges = join(trace.driven())
     found = []
     for channel in schedule.channels:

@@ -24,7 +24,7 @@ from servogen.robot.model import Arm
 
 
 def stick(arm: Arm, joints: Floats) -> Floats:
-    """The corners of the arm or leg in its own frame, from its base to its end."""
+    """Return the corners of an arm or leg in its own frame, from its base to its end."""
     return _leg(Leg.of(arm.length), joints) if arm.closed_form == "leg" else _rows(arm, joints)
 
 

@@ -64,7 +64,7 @@ class ProgramFacts:
 
 @dataclass(frozen=True, slots=True)
 class BuildFacts:
-    """All that a report tells of."""
+    """Everything in a report."""
 
     job: PlannedJob
     plan: PulsePlan
@@ -73,7 +73,7 @@ class BuildFacts:
 
 
 def report_text(facts: BuildFacts) -> str:
-    """The report as lines of plain text."""
+    """Return the report as lines of plain text."""
     return "\n".join(line.rstrip() for line in _lines(facts)) + "\n"
 
 
@@ -151,7 +151,7 @@ def _motion(facts: BuildFacts) -> Iterator[str]:
 
 
 def _paths(facts: BuildFacts) -> Iterator[str]:
-    """What whole cycles do to the foot, tool or base; nothing for servos that move none."""
+    """Yield the error of whole cycles at the foot, tool or base; nothing if the servos move none."""
     schedule = facts.plan.schedule
     errors = errors_of(tracks_of(facts.job, schedule))
     if errors:
@@ -185,7 +185,7 @@ def _programs(facts: BuildFacts) -> Iterator[str]:
 
 
 def timing_budgets_text(programs: Sequence[ProgramFacts], clock: Clock) -> Iterator[str]:
-    """What the C between the pulses takes at most, over all its paths, and what is left of its time."""
+    """Yield the longest time of the C between the pulses, over all paths, and what is left of its budget."""
     rows = [
         (
             program.dialect,
@@ -246,7 +246,7 @@ def sentence(warning: Diagnostic) -> str:
 
 
 def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Columns as wide as their widest cell."""
+    """Yield the lines of a table whose columns are as wide as their widest cell."""
     widths = [max(len(row[index]) for row in (columns, *rows)) for index in range(len(columns))]
     for row in (columns, *rows):
         yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))

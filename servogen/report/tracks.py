@@ -33,7 +33,7 @@ from servogen.robot.servo import Servo
 ERROR_COLUMNS = ("end", "worst_mm", "rms_mm", "frame", "time_s", "jacobian_worst_mm", "jacobian_rms_mm")
 
 SAME_DIGITS = 9
-"""Of metres: errors nearer than a nanometre are one, so that the first of them is named on every machine."""
+"""Decimals of metres; errors within a nanometre are equal, so that all machines name the same frame."""
 
 Kind = Literal["foot", "tool", "base"]
 
@@ -50,16 +50,16 @@ class End:
     bindings: tuple[Binding, ...]
 
     def joints(self, angles: Floats) -> Floats:
-        """Joint positions (n, joints) of the angles (n, servos) of all servos."""
+        """Return joint positions (n, joints) from the angles (n, servos) of all servos."""
         bound = zip(self.bindings, self.columns, strict=True)
         return np.stack([each.position(angles[:, column]) for each, column in bound], axis=1)
 
     def points(self, angles: Floats) -> Floats:
-        """Where it is (n, 3), metres."""
+        """Return where it is (n, 3), in metres."""
         return to_place(self.place, fk_position(self.arm, self.joints(angles)))
 
     def shift(self, angles: Floats, change: Floats) -> Floats:
-        """By how much (n, 3) a small `change` of the servos' angles moves it: J · change of the joints."""
+        """Return how far (n, 3) a small `change` of the servos' angles moves it: J · change of the joints."""
         slope = self.place[:3, :3] @ jacobian(self.arm, self.joints(angles))[:, :3, :]
         ratios = np.array([each.ratio for each in self.bindings])
         moved: Floats = np.einsum("nij,nj->ni", slope, change[:, list(self.columns)] / ratios)
@@ -67,7 +67,7 @@ class End:
 
 
 def to_place(place: Floats, points: Floats) -> Floats:
-    """Points (..., 3) of an arm's own frame where the matrix `place` (4, 4) puts them."""
+    """Return points (..., 3) of an arm's own frame in the frame that the matrix `place` (4, 4) leads to."""
     return np.asarray(points @ place[:3, :3].T + place[:3, 3])
 
 
@@ -86,12 +86,12 @@ class Track:
 
     @property
     def error(self) -> Floats:
-        """How far (frames,) the whole cycles put it from where it was planned, by direct calculation."""
+        """Return the distance (frames,) from the planned points, by forward kinematics."""
         return np.asarray(np.linalg.norm(self.made - self.planned, axis=1))
 
     @property
     def first_order(self) -> Floats:
-        """The same through the Jacobian."""
+        """Return the same distance by the Jacobian."""
         return np.asarray(np.linalg.norm(self.shift, axis=1))
 
 
@@ -110,7 +110,7 @@ def ends_of(job: PlannedJob) -> tuple[End, ...]:
 
 
 def tracks_of(job: PlannedJob, schedule: PulseSchedule) -> tuple[Track, ...]:
-    """The tracks of all ends of the job; those of a drive are its base's."""
+    """Return the tracks of all ends of the job; a driving robot has one, its base's."""
     asked = job.trajectory.angles
     ends = ends_of(job)
     if not ends and not job.wheels:
@@ -124,7 +124,7 @@ def tracks_of(job: PlannedJob, schedule: PulseSchedule) -> tuple[Track, ...]:
 
 
 def made_angles(schedule: PulseSchedule, servos: Sequence[Servo]) -> Floats:
-    """The angles (frames, servos) that the schedule's whole cycles ask for; NaN without a pulse."""
+    """Return the angles (frames, servos) of the schedule's whole cycles; NaN without a pulse."""
     runs = (*schedule.lead_in, *schedule.loop)
     rows = [[pulse.width if pulse else 0 for pulse in run.pulses] for run in runs]
     cycles = np.repeat(np.array(rows, np.int64), [run.frames for run in runs], axis=0)
@@ -139,7 +139,7 @@ def made_angles(schedule: PulseSchedule, servos: Sequence[Servo]) -> Floats:
 
 
 def _track(end: End, asked: Floats, made: Floats) -> Track:
-    """Each distinct pose is calculated once: a job may stand still for hours."""
+    """Return the track of a foot or tool, calculating each distinct pose once: a job may rest for hours."""
     mine = list(end.columns)
     pulsed = ~np.isnan(asked[:, mine]).any(axis=1)
     _, first, back = np.unique(asked[pulsed][:, mine], axis=0, return_index=True, return_inverse=True)
@@ -152,7 +152,7 @@ def _track(end: End, asked: Floats, made: Floats) -> Track:
 
 
 def _base(base: DrivingRobot, asked: Floats, made: Floats, period_s: float) -> Track:
-    """The base after each frame; a wheel without a pulse stands. Its shift is that of a base at heading 0."""
+    """Return the base after each frame; a wheel without a pulse stands. Its shift assumes heading 0."""
     asked, made = np.nan_to_num(asked), np.nan_to_num(made)
     planned, driven = (positions(base, speeds, period_s)[1:] for speeds in (asked, made))
     vx, vy, _ = np.moveaxis(base.body_speed(asked), -1, 0) * period_s
@@ -165,7 +165,7 @@ def _base(base: DrivingRobot, asked: Floats, made: Floats, period_s: float) -> T
 
 @dataclass(frozen=True, slots=True)
 class EndError:
-    """Of one foot or tool: metres, the frame in which it is worst, and the same through the Jacobian."""
+    """The error of a foot, tool or base in metres, where it is largest, and the same by the Jacobian."""
 
     name: str
     kind: Kind
@@ -187,12 +187,12 @@ class EndError:
 
 
 def errors_of(tracks: Sequence[Track]) -> tuple[EndError, ...]:
-    """One a track, in their order; a track without a pulse has no error and is left out."""
+    """Return the errors in the order of the tracks, without tracks that have no pulse."""
     return tuple(_error(track) for track in tracks if not np.isnan(track.error).all())
 
 
 def worst_of(errors: Sequence[EndError]) -> EndError:
-    """The end whose worst error is greatest."""
+    """Return the end with the largest error."""
     return max(errors, key=lambda each: round(each.worst_m, SAME_DIGITS))
 
 
@@ -214,7 +214,7 @@ def _rms(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:
 
 
 def error_rows(errors: Sequence[EndError], frame_s: float) -> Iterator[tuple[str, ...]]:
-    """Name, worst, rms, its frame and its time, worst and rms through the Jacobian: cells as text."""
+    """Yield the cells of `ERROR_COLUMNS` for each end."""
     for each in errors:
         yield (
             each.name,

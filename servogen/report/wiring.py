@@ -1,4 +1,4 @@
-"""What goes to which pin of the chip: a table for every report, and the package seen from above.
+"""What is connected to which pin of the chip: a table for every report, and the package seen from above.
 
 In: a job. Out: `Wire`s, the servos' first, and `PackagePin`s with their places in a drawing.
 """
@@ -15,7 +15,7 @@ from servogen.robot.servo import Servo
 
 PACKAGE_ROWS = len(PACKAGE) // 2
 TOP, ROW = 24, 26
-"""Of the drawing: the first pin's height, and the way from pin to pin."""
+"""In the drawing: the first pin's y, and the distance from pin to pin."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class Wire:
 
 
 def wires(job: Job) -> Iterator[Wire]:
-    """The servos, the buttons, the lines, the supply, the crystal."""
+    """Yield the wires of the servos, the buttons, the lines, the supply and the crystal."""
     numbers = {pin.name: pin.number for pin in PACKAGE}
     for servo in job.servos:
         yield Wire(numbers[servo.pin], servo.pin, f"signal of servo '{servo.name}'", servo)
@@ -56,13 +56,13 @@ def wires(job: Job) -> Iterator[Wire]:
 
 
 def open_drain(job: Job) -> Iterator[str]:
-    """What a servo on the open drain needs."""
+    """Yield what a servo on the open drain needs."""
     if any(servo.pin == OPEN_DRAIN_PIN for servo in job.servos):
         yield f"{OPEN_DRAIN_PIN} is open drain: it needs a pull-up resistor, 1 to 10 kOhm to VDD."
 
 
 def remarks(job: Job) -> Iterator[str]:
-    """The servos' own supply, what all of them draw when all are held fast; what the inputs do."""
+    """Yield what the servos draw when all are stalled, their own supply, and what the inputs do."""
     known = [servo.model.max_a for servo in job.servos if servo.model.max_a is not None]
     unknown = sorted({servo.model.name for servo in job.servos if servo.model.max_a is None})
     if known:
@@ -88,7 +88,7 @@ class PackagePin:
 
 
 def package(servos: Sequence[Servo]) -> tuple[PackagePin, ...]:
-    """The DIP from above: pins 1 to 9 down the left side, 18 to 10 down the right."""
+    """Return the DIP from above: pins 1 to 9 down the left side, 18 to 10 down the right."""
     index = {servo.pin: number for number, servo in enumerate(servos)}
     made = []
     for pin in PACKAGE:

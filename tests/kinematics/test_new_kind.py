@@ -179,7 +179,7 @@ def test_a_rovers_contour_is_planned_drawn_and_proven(folder: Path) -> None:
 
 def test_a_rover_is_driven_and_not_sideways(folder: Path) -> None:
     command = ("drive", "rover-job.toml", "--range-us", "1000,2000", "--keys", "--dry-run", "--json")
-    options = ("--way-mm", "60", "--turn-deg", "60")
+    options = ("--step-mm", "60", "--turn-deg", "60")
     log = list(lines(ran(folder, *command, *options, text="forward\nwait 1\nleft\nwait 1\nquit\n")))
     sent = {"forward": {}, "left": {}}  # type: dict[str, dict[str, float]]
     order = ""
@@ -222,7 +222,7 @@ def test_a_dog_walks_sideways_and_its_feet_do_not_slip(folder: Path) -> None:
 def test_a_dog_is_driven_sideways(folder: Path) -> None:
     command = ("drive", "dog-job.toml", "--range-us", "500,2500", "--keys", "--dry-run", "--json")
     text = "sideways-left\nwait 2\nquit\n"
-    assert any("servo" in entry for entry in lines(ran(folder, *command, "--way-mm", "20", text=text)))
+    assert any("servo" in entry for entry in lines(ran(folder, *command, "--step-mm", "20", text=text)))
 
 
 def test_without_its_line_there_is_no_such_kind(tmp_path: Path) -> None:

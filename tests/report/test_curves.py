@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,13 @@ def caught(monkeypatch: pytest.MonkeyPatch) -> Caught:
         return figures
 
     return catch
+
+
+@pytest.fixture
+def axes() -> Any:
+    from matplotlib.figure import Figure
+
+    return Figure().add_subplot()
 
 
 def curve(line: Any) -> tuple[list[float], list[float]]:
@@ -87,17 +95,54 @@ def test_paths_are_drawn_in_millimetres_and_lead_back_to_the_loops_beginning(
     assert marks == ({pytest.approx(0.02 * start)} if start else set())
 
 
+def test_a_dashed_line_shows_where_the_loop_begins(caught: Caught, tmp_path: Path) -> None:
+    figures = caught(motion_plot)
+    job = plan_job(load(job_file(tmp_path)))
+    schedule = plan(job.trajectory, job.servos, job.frame).schedule
+    motion_plot.motion_plot(job, schedule, (), Path("a.png"))
+    later = replace(job, trajectory=replace(job.trajectory, loop_start=3))
+    motion_plot.motion_plot(later, schedule, (), Path("a.png"))
+    once, marked = ([axes.lines[1:] for axes in figure.axes] for figure in figures)
+    assert once == [[], []]
+    for (mark,) in marked:
+        assert list(mark.get_xdata()) == pytest.approx([0.06, 0.06])
+    assert figures[0].axes[1].get_xlabel() == "time, s"
+    assert figures[1].axes[1].get_xlabel() == "time, s (repeats from the dashed line on)"
+
+
+def styles(axes: Any) -> dict[str, tuple[str, str]]:
+    return {line.get_label(): (line.get_color(), line.get_linestyle()) for line in axes.lines}
+
+
+def test_servos_beyond_the_colours_are_dashed(axes: Any, tmp_path: Path) -> None:
+    pins = ("RB0", "RB1", "RB2", "RB3", "RB4", "RB5", "RB6", "RB7", "RA0", "RA1", "RA2")
+    servos = "".join(
+        f'[[servo]]\nname = "s{number}"\npin = "{pin}"\nmodel = "futaba-s3001"\n'
+        for number, pin in enumerate(pins)
+    )
+    poses = ", ".join(f"s{number}_deg = 90" for number in range(11))
+    text = f'[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n{servos}[motion]\n'
+    many = plan_job(load(job_file(tmp_path, text + f"poses = [{{ {poses}, hold_s = 0.02 }}]\n", "many")))
+    motion_plot._draw_servos(axes, many, np.array([0.0, 0.02]), np.zeros((1, 11)))
+    found = styles(axes)
+    assert [found[f"s{number}"] for number in range(10)] == [(f"C{number}", "-") for number in range(10)]
+    assert found["s10"] == ("C0", "--")  # the first colour again
+
+
+def test_servos_of_one_leg_have_one_colour(axes: Any) -> None:
+    job = plan_job(load(JOBS / "hexapod-tripod.toml"))
+    motion_plot._draw_servos(axes, job, np.array([0.0, 0.02]), np.zeros((1, len(job.servos))))
+    found = styles(axes)
+    joints = {binding.joint: binding.servo for binding in job.bindings}
+    for number, leg in enumerate(("L1", "L2", "L3", "R1", "R2", "R3")):
+        assert found[joints[f"{leg}_alpha"]] == (f"C{number}", "-")
+        assert found[joints[f"{leg}_beta"]] == (f"C{number}", "--")
+
+
 def test_lines_drawn_first_are_wider_and_the_last_is_thinnest() -> None:
     widths = [motion_plot._width(index, 4) for index in range(4)]
     assert widths == pytest.approx([3.0, 2.4, 1.8, 1.2])
     assert motion_plot._width(0, 1) == pytest.approx(1.2)
-
-
-@pytest.fixture
-def axes() -> Any:
-    from matplotlib.figure import Figure
-
-    return Figure().add_subplot()
 
 
 def pulses(*rows: tuple[float, float]) -> Pulses:

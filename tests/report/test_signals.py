@@ -1,0 +1,110 @@
+"""The pulses of the page: numbers in µs of the chip, and paths in pixels, against schedules made by hand."""
+
+from __future__ import annotations
+
+import re
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from servogen.edges import HIGH, LOW, PINS, EdgeTrace, edge_chunk
+from servogen.pulse import Channel, Pulse, PulseSchedule, Run
+from servogen.report import signals
+from servogen.units import Clock, Cycles
+
+CHANNELS = (Channel("arm", "RB0", ""), Channel("leg", "RB1", ""), Channel("foot", "RB2", ""))
+
+
+def pulse(rise: int, width: int) -> Pulse:
+    return Pulse(Cycles(rise), Cycles(width))
+
+
+def schedule(hz: int = 4_000_000, lead_in: tuple[Run, ...] = ()) -> PulseSchedule:
+    """Frames of 20,000 cycles: arm and leg together, the foot when both are over."""
+    first = Run(2, (pulse(0, 1000), pulse(0, 1500), pulse(2000, 1000)))
+    second = Run(1, (pulse(0, 2000), None, pulse(2000, 1000)))
+    return PulseSchedule(Clock(hz), Cycles(20_000), CHANNELS, lead_in, (first, second))
+
+
+def numbers(path: str) -> list[float]:
+    return [float(each) for each in re.findall(r"-?[\d.]+", path)]
+
+
+@pytest.mark.parametrize(("hz", "us"), [(4_000_000, 1.0), (8_000_000, 0.5)])
+def test_a_scope_has_its_pulses_to_scale_and_overlapping_ones_below_each_other(hz: int, us: float) -> None:
+    """The last edge is at 3000 cycles: 6 % of it stay free behind it, and 4 % of all that before."""
+    one, two = signals.scopes(schedule(hz))
+    end = 1.06 * 3000
+    before, pixels = 0.04 * end, 880 / (1.04 * end)
+    assert (one.title, two.title) == ("from 0 s", f"from {0.04 * us:g} s")
+    assert (two.start_us, two.end_us) == pytest.approx(((40_000 - before) * us, (40_000 + end) * us))
+    assert [(line.channel, line.y) for line in one.lines] == [("arm", 0), ("leg", 32), ("foot", 0)]
+    assert [(line.channel, line.y) for line in two.lines] == [("arm", 0), ("foot", 0)]
+    assert (one.height, two.height) == (64, 32)
+    assert [line.label for line in one.lines] == [f"{width * us:g} µs" for width in (1000, 1500, 1000)]
+    for line, (rise, fall) in zip(one.lines, ((0, 1000), (0, 1500), (2000, 3000)), strict=True):
+        left, right = (before + rise) * pixels, (before + fall) * pixels
+        expected = [0, 26, left, 6, right, 26, 880]  # from low to high to low; y points down
+        assert numbers(line.path) == pytest.approx(expected, abs=0.051)
+        assert float(line.label_x) == pytest.approx((left + right) / 2, abs=0.051)
+    assert len({line.colour for line in one.lines}) == 3
+
+
+def test_planned_pulses_are_at_their_frames() -> None:
+    arm, leg, foot = signals.planned(schedule())
+    assert (arm.rise, arm.width) == ((0, 20_000, 40_000), (1000, 1000, 2000))
+    assert (leg.rise, leg.width) == ((0, 20_000), (1500, 1500))
+    assert (foot.rise, foot.width) == ((2000, 22_000, 42_000), (1000, 1000, 1000))
+    assert [each.kind for each in (arm, leg, foot)] == ["planned"] * 3
+    pixels = 880 / 60_000  # three frames
+    edges = [each * pixels for each in (2000, 3000, 22_000, 23_000, 42_000, 43_000)]
+    assert numbers(foot.path)[2:-1:2] == pytest.approx(edges, abs=0.051)
+
+
+def test_times_are_tenths_of_a_microsecond_at_most() -> None:
+    """A quarter of a microsecond per cycle at 16 MHz: 0.25 and 1000.75 µs."""
+    one = PulseSchedule(Clock(16_000_000), Cycles(80_000), CHANNELS[:1], (), (Run(1, (pulse(1, 4003),)),))
+    (arm,) = signals.planned(one)
+    assert (arm.rise, arm.width) == ((0.2,), (1000.8,))
+
+
+def test_the_first_edge_is_that_of_the_first_frame_with_a_pulse() -> None:
+    rest = Run(5, (None, None, None))
+    late = Run(1, (None, None, pulse(2000, 1000)))
+    assert signals.first_edge(schedule()) == 0
+    assert signals.first_edge(schedule(lead_in=(rest,))) == 100_000
+    assert signals.first_edge(schedule(lead_in=(rest, late))) == 102_000
+    assert signals.first_edge(PulseSchedule(Clock(4_000_000), Cycles(20_000), CHANNELS, (), (rest,))) == 0
+
+
+def test_what_was_simulated_begins_where_the_schedule_has_its_first_edge() -> None:
+    """The program begins its pulses 700 cycles after reset."""
+    late = schedule(lead_in=(Run(1, (None, None, None)),))
+    found = signals.simulated(late, trace(700))
+    assert [each.rise for each in found] == [(20_000, 40_000), (20_000,), (22_000,)]
+    assert [each.kind for each in found] == ["simulated"] * 3
+
+
+def trace(start: int) -> EdgeTrace:
+    """Two pulses of the arm, one of the leg and the foot each."""
+    rises = {0: ((0, 1000), (20_000, 1000)), 1: ((0, 1500),), 2: ((2000, 1000),)}
+    edges = sorted(
+        (start + rise + late, PINS.index(CHANNELS[number].pin), level)
+        for number, pulses in rises.items()
+        for rise, width in pulses
+        for late, level in ((0, HIGH), (width, LOW))
+    )
+    chunk = edge_chunk(*zip(*edges, strict=True))
+    return EdgeTrace(Clock(4_000_000), [chunk], Cycles(start + 30_000))
+
+
+def test_what_was_captured_is_in_the_chips_time_and_at_its_frame() -> None:
+    """A crystal 100 ppm fast by the analyser's clock, captured from the schedule's second frame on."""
+    verdict: Any = SimpleNamespace(ppm=100.0, first_frame=1)
+    arm, leg, foot = signals.captured(schedule(), trace(300), verdict)
+    assert arm.rise == (20_000, 40_002)
+    assert arm.width == (1000.1, 1000.1)
+    assert (leg.rise, foot.rise) == ((20_000,), (22_000.2,))
+    unknown: Any = SimpleNamespace(ppm=None, first_frame=None)
+    assert signals.captured(schedule(), trace(300), unknown)[0].rise == (300, 20_300)
