@@ -35,7 +35,7 @@ def test_a_folder_is_graded_in_parallel_with_a_page_for_each(run: Run, tmp_path:
     pages = {path.name: path.read_text() for path in (tmp_path / "pages").iterdir()}
     assert sorted(pages) == ["h+main.c.md", "index.html", "p+main.c.html", "p+main.c.md", "s+main.c.md"]
     assert pages["h+main.c.md"].startswith("# h/main.c: passed")
-    assert "without end." in pages["h+main.c.md"].splitlines()[-1]
+    assert "endlessly." in pages["h+main.c.md"].splitlines()[-1]
     assert "- after 90° there are no pulses for 4.02 s" in pages["p+main.c.md"]
     assert "syntax error before 'for'" in pages["s+main.c.md"]
 
