@@ -143,6 +143,7 @@ def rig(
     from servogen.bench.virtual.rig import RigOptions, with_fault
     from servogen.bench.virtual.rig import rig as opened
     from servogen.build import planned
+    from servogen.drive.on_command import line_baud
     from servogen.engines.board import board_of
     from servogen.engines.stream.settings import Stream
     from servogen.job import load, plan_job
@@ -150,6 +151,8 @@ def rig(
 
     loaded = plan_job(load(job))
     line = loaded.stream or Stream(receive_pin="RB7")
+    if loaded.firmware.commands is not None:
+        line = Stream(line_baud(loaded), loaded.firmware.commands.pin)
     out = serial_out or line.transmit_pin
     options = RigOptions(
         Fraction(str(crystal_ppm)),
@@ -167,6 +170,7 @@ def rig(
         image = read_image(hex_file) if hex_file else _image(found)
     schedule = found.plan.schedule
     held = {pin_number(each.pin): each.level for each in schedule.inputs}
+    held.pop(options.serial_pin, None)
     ended = threading.Event()
     with ExitStack() as stack:
         terminals = stack.enter_context(opened(image, loaded.clock, board_of(schedule), options, held))

@@ -18,7 +18,7 @@ from servogen.cli.show import as_json, json_line, table, warn
 from servogen.errors import Diagnostic
 
 if TYPE_CHECKING:
-    from servogen.drive.commands import CommandSource
+    from servogen.drive.commands import CommandSource, Keys
     from servogen.drive.controller import Channel, ServoController
     from servogen.drive.serial_link import Opener
     from servogen.drive.session import Log, Summary
@@ -37,7 +37,11 @@ def register(app: typer.Typer) -> None:
 TOLERANCE_DEG, WHEEL_TOLERANCE_DEG = 5.0, 20.0
 """How far a reading may be off the fitted line: an angle in °, a wheel's speed in °/s."""
 
-KEYS_HELP = "w a s d or the arrows, q e sideways, 1 to 9 poses, space stops, x ends"
+KEYS_HELP = (
+    "w a s d or the arrows, q e sideways, 1 to 9 poses, space stops, x ends; "
+    "of [stream]: Tab the next servo, + - by a step, [ ] a finer or coarser step"
+)
+WALK_KEYS_HELP = "w a s d or the arrows, space stops, q ends"
 
 Port = Annotated[str | None, typer.Option("--port", "-p", help="The robot's serial port.")]
 Baud = Annotated[
@@ -123,6 +127,17 @@ def drive(
     from servogen.job import load, plan_job
 
     loaded = plan_job(load(job))
+    if loaded.ways:
+        others = {
+            "--pose": pose,
+            "--stop": stop,
+            "--way-mm": way_mm,
+            "--turn-deg": turn_deg,
+            "--range-us": range_us,
+        }
+        _check_walk_on_command(loaded, steer, [name for name, value in others.items() if value is not None])
+        _walk_on_command(loaded, port, baud, seconds, dry_run, json)
+        return
     speed, controller = controller_of(loaded, baud, range_us, first)
     request = Request(
         pose=pose,
@@ -142,8 +157,14 @@ def drive(
             _show_robot(loaded, controller, speed, line.byte_s)
             if pose is not None and math.isinf(course.seconds):
                 print("the pose is kept until Ctrl-C (or --seconds)")
+
+        def on_command(command: str) -> None:
+            course.on_command(command)
+            if course.state is not None and not json:
+                print(course.state(), file=sys.stderr, flush=True)
+
         session = Session(
-            controller, line, time, _log(json, dry_run), course.stop, source, course.on_command, arrive_s
+            controller, line, time, _log(json, dry_run), course.stop, source, on_command, arrive_s
         )
         try:
             with _ended_by_signals():
@@ -151,6 +172,75 @@ def drive(
         except KeyboardInterrupt:
             interrupted = True
     _show_drive(session.summary, course.stop is not None, json)
+    if interrupted:
+        raise typer.Exit(INTERRUPTED)
+
+
+def _check_walk_on_command(job: PlannedJob, steer: bool, others: list[str]) -> None:
+    """Raise InputError for options that do not steer a walk on command."""
+    from servogen.errors import InputError, Location
+
+    if others:
+        raise InputError(
+            "conflicting-options",
+            f"{others[0]} is for other jobs: this robot walks on command",
+            Location(job.file),
+        )
+    if not steer:
+        raise InputError("missing-option", "the robot walks on command", Location(job.file), "add --keys")
+
+
+def _walk_on_command(
+    job: PlannedJob, port: str | None, baud: int | None, seconds: float | None, dry_run: bool, json: bool
+) -> None:
+    """Steer a walk on command: the chip at `port`, or a simulated one."""
+    from contextlib import ExitStack
+
+    from servogen.drive.commands import WALK_KEYS
+    from servogen.drive.on_command import CommandedDrive, State, Twin, line_baud
+    from servogen.drive.serial_link import SerialLink, Time, VirtualTime, port_opener
+
+    single = sys.stdin.isatty() and not dry_run
+    real = single or (port is not None and not dry_run)
+    time = Time() if real else VirtualTime().time()
+    rate = baud or line_baud(job)
+    interrupted = False
+    with ExitStack() as stack:
+        link = None
+        if port is not None and not dry_run:
+            link = stack.enter_context(SerialLink(port_opener(port, rate), rate, time, 0))
+        twin = Twin(job)
+        if not json:
+            where = f"{port}, {rate} baud" if link else "a simulated chip"
+            print(
+                f"{job.name}: {where}; widths of {', '.join(servo.name for servo in job.servos)}", flush=True
+            )
+        source = stack.enter_context(_source(True, dry_run, WALK_KEYS, WALK_KEYS_HELP))
+        last: State | None = None
+
+        def tell(state: State) -> None:
+            nonlocal last
+            new = last is None or (state.way, state.part) != (last.way, last.part)
+            last = state
+            if json and new:
+                json_line(state.to_json())
+            elif single and not json:
+                print(f"\r{state.text()}", end="", flush=True)
+            elif new and not json:
+                print(state.text(), flush=True)
+
+        drive = CommandedDrive(twin, source, time, tell, link, single)
+        try:
+            with _ended_by_signals():
+                drive.run(math.inf if seconds is None else seconds)
+        except KeyboardInterrupt:
+            interrupted = True
+    if single and not json:
+        print()
+    if json:
+        as_json({"seconds": twin.seconds, "commands": drive.sent})
+    else:
+        print(f"{twin.seconds:.2f} s, {drive.sent} commands")
     if interrupted:
         raise typer.Exit(INTERRUPTED)
 
@@ -168,17 +258,19 @@ def _opener(port: str | None, baud: int, dry_run: bool) -> Opener:
     return port_opener(port, baud)
 
 
-def _source(steer: bool, dry_run: bool) -> AbstractContextManager[CommandSource]:
+def _source(
+    steer: bool, dry_run: bool, keys: Keys | None = None, keys_help: str = KEYS_HELP
+) -> AbstractContextManager[CommandSource]:
     """Return where commands come from: single keys, lines, or nowhere."""
-    from servogen.drive.commands import LineCommands, NoCommands, script, terminal_keys
+    from servogen.drive.commands import KEYS, LineCommands, NoCommands, script, terminal_keys
 
     if not steer:
         return nullcontext(NoCommands())
     if dry_run:
         return nullcontext(script(sys.stdin.read()))
     if sys.stdin.isatty():
-        print(KEYS_HELP, file=sys.stderr)
-        return terminal_keys(sys.stdin.fileno())
+        print(keys_help, file=sys.stderr)
+        return terminal_keys(sys.stdin.fileno(), KEYS if keys is None else keys)
     return nullcontext(LineCommands(sys.stdin.fileno()))
 
 

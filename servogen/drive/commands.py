@@ -22,9 +22,13 @@ if os.name == "posix":
 FORWARD, BACK, LEFT, RIGHT = "forward", "back", "left", "right"
 SIDEWAYS_LEFT, SIDEWAYS_RIGHT = "sideways-left", "sideways-right"
 STOP, QUIT, WAIT = "stop", "quit", "wait"
+NEXT, PREVIOUS, MORE, LESS, FINER, COARSER = "next", "previous", "+", "-", "finer", "coarser"
 READ_BYTES = 1024
 
-KEYS: Mapping[str, tuple[bytes, ...]] = {
+Keys = Mapping[str, tuple[bytes, ...]]
+"""Commands and their keys."""
+
+KEYS: Keys = {
     FORWARD: (b"w", b"\x1b[A", b"\x1bOA"),
     BACK: (b"s", b"\x1b[B", b"\x1bOB"),
     RIGHT: (b"d", b"\x1b[C", b"\x1bOC"),
@@ -33,9 +37,21 @@ KEYS: Mapping[str, tuple[bytes, ...]] = {
     SIDEWAYS_RIGHT: (b"e",),
     STOP: (b" ",),
     QUIT: (b"x", b"\x04"),
+    NEXT: (b"\t",),
+    PREVIOUS: (b"\x1b[Z",),
+    MORE: (b"+", b"="),
+    LESS: (b"-",),
+    FINER: (b"[",),
+    COARSER: (b"]",),
     **{str(digit): (str(digit).encode(),) for digit in range(1, 10)},
 }
 """Commands and their keys; arrows as a terminal sends them in either of its modes (ECMA-48, DEC VT100)."""
+
+WALK_KEYS: Keys = {
+    **{command: KEYS[command] for command in (FORWARD, BACK, LEFT, RIGHT, STOP)},
+    QUIT: (b"q", *KEYS[QUIT]),
+}
+"""The keys of a walk on command."""
 
 
 class CommandSource(Protocol):
@@ -112,6 +128,7 @@ class KeyCommands:
     """The keys of a terminal, each of which is a command."""
 
     descriptor: int
+    keys: Keys = field(default_factory=lambda: KEYS)
 
     def since(self, seconds: float) -> list[str]:
         """Return the commands of the keys pressed since the last call."""
@@ -120,22 +137,22 @@ class KeyCommands:
             data = os.read(self.descriptor, READ_BYTES)
             if not data:
                 return [*commands, QUIT]
-            commands += commands_of_keys(data)
+            commands += commands_of_keys(data, self.keys)
         return commands
 
 
-def commands_of_keys(data: bytes) -> list[str]:
+def commands_of_keys(data: bytes, known: Keys = KEYS) -> list[str]:
     """Return the commands of the keys that a terminal sent; other keys are ignored."""
     commands: list[str] = []
     while data:
-        matches = [(key, command) for command, keys in KEYS.items() for key in keys if data.startswith(key)]
+        matches = [(key, command) for command, keys in known.items() for key in keys if data.startswith(key)]
         commands += [command for _, command in matches]
         data = data[len(matches[0][0]) if matches else 1 :]
     return commands
 
 
 @contextmanager
-def terminal_keys(descriptor: int) -> Iterator[KeyCommands]:
+def terminal_keys(descriptor: int, keys: Keys = KEYS) -> Iterator[KeyCommands]:
     """Yield the keys of a terminal that neither echoes nor waits for Return; restore it afterwards.
 
     Raises ToolError on systems without POSIX terminals.
@@ -147,7 +164,7 @@ def terminal_keys(descriptor: int) -> Iterator[KeyCommands]:
     before = termios.tcgetattr(descriptor)
     try:
         tty.setcbreak(descriptor)
-        yield KeyCommands(descriptor)
+        yield KeyCommands(descriptor, keys)
     finally:
         termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from servogen.drive.jog import Jog
 from servogen.drive.motions import Limited, Motion, Played, Still, pose_of
 from servogen.drive.steering import Rates, steering_of
 from servogen.errors import InputError, Location
@@ -52,6 +53,8 @@ class Course:
     """The pose that ends the drive; None: the servos hold the last one."""
     seconds: float
     """How long the motion lasts; infinite if only an interrupt ends it."""
+    state: Callable[[], str] | None = None
+    """Returns what a command has changed, in a line; None: nothing that is shown."""
 
 
 def course_of(job: PlannedJob, request: Request) -> Course:
@@ -68,7 +71,8 @@ def course_of(job: PlannedJob, request: Request) -> Course:
                 steering.command(command)
 
         on_command = known_keys if request.single_keys else steering.command
-        return Course(Limited(steering, seconds), on_command, stop, seconds)
+        state = steering.state if isinstance(steering, Jog) else None
+        return Course(Limited(steering, seconds), on_command, stop, seconds, state)
     motion: Motion
     if request.pose is not None:
         motion, seconds = Still(pose_of(job, request.pose)), _pose_seconds(job, request)

@@ -19,6 +19,7 @@ from typing import Protocol
 import numpy as np
 
 from servogen.drive.commands import BACK, FORWARD, LEFT, RIGHT, SIDEWAYS_LEFT, SIDEWAYS_RIGHT, STOP
+from servogen.drive.jog import Jog
 from servogen.drive.motions import frame_at, pose_of
 from servogen.errors import InputError, Location, did_you_mean
 from servogen.job import PlannedJob, plan_job
@@ -68,7 +69,9 @@ def steering_of(job: PlannedJob, rates: Rates) -> Steering:
         return _walk_controller(job, job.robot, rates)
     if job.base is not None:
         return _base_controller(job, job.base, rates)
-    if job.poses or job.stream is not None:
+    if job.stream is not None:
+        return Jog(job, PoseController(job))
+    if job.poses:
         return PoseController(job)
     raise InputError(
         "nothing-to-drive",
@@ -104,6 +107,11 @@ class PoseController:
         """Return the numbers and names of the poses, and `stop`; `servo=degrees,…` is taken as well."""
         names = [pose.name for pose in self.job.poses if pose.name]
         return (*(str(index + 1) for index in range(len(self.job.poses))), *names, STOP)
+
+    @property
+    def goal(self) -> Floats:
+        """Return the angles that the servos go to."""
+        return self._goal
 
     def command(self, command: str) -> None:
         """Go to a pose from where the servos are now, or stop there."""

@@ -1,0 +1,93 @@
+"""Jogging: one servo at a time, by steps of its angle, beside the poses of the job.
+
+In: what goes to poses, commands. Out: `Jog`, a motion without an end, and its state in a line: the selected
+servo, where it goes, the pulse for it, and the step.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+from servogen.drive.commands import COARSER, FINER, LESS, MORE, NEXT, PREVIOUS
+from servogen.errors import InputError
+from servogen.job import PlannedJob
+from servogen.motion.trajectory import Floats
+
+STEPS_DEG = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
+FIRST_STEP = STEPS_DEG.index(1.0)
+
+
+class Poser(Protocol):
+    """What goes to poses and angles."""
+
+    @property
+    def commands(self) -> tuple[str, ...]: ...
+
+    @property
+    def goal(self) -> Floats: ...
+
+    def command(self, command: str) -> None: ...
+
+    def at(self, seconds: float) -> Floats | None: ...
+
+
+@dataclass(slots=True)
+class Jog:
+    """Takes the commands of `poser`, the names of servos, and steps of the servo that was selected."""
+
+    job: PlannedJob
+    poser: Poser
+    selected: int = 0
+    step: int = FIRST_STEP
+    _at_limit: bool = False
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        """Return the poses, the servos' names, and what selects and moves a servo."""
+        names = (servo.name for servo in self.job.servos)
+        return (*self.poser.commands, *names, NEXT, PREVIOUS, MORE, LESS, FINER, COARSER)
+
+    def command(self, command: str) -> None:
+        """Take a command. Raises InputError for one that it does not take."""
+        names = [servo.name for servo in self.job.servos]
+        self._at_limit = False
+        if command in self.poser.commands or "=" in command:
+            self.poser.command(command)
+        elif command in (NEXT, PREVIOUS):
+            self.selected = (self.selected + (1 if command == NEXT else -1)) % len(names)
+        elif command in (FINER, COARSER):
+            self.step = min(max(self.step + (1 if command == COARSER else -1), 0), len(STEPS_DEG) - 1)
+        elif command in (MORE, LESS):
+            self._move(STEPS_DEG[self.step] * (1 if command == MORE else -1))
+        elif command in names:
+            self.selected = names.index(command)
+        else:
+            self.poser.command(command)
+
+    def at(self, seconds: float) -> Floats | None:
+        """Return the angle of every servo (servos,) in radians."""
+        return self.poser.at(seconds)
+
+    def state(self) -> str:
+        """Return the selected servo, its goal with its pulse, and the step."""
+        servo = self.job.servos[self.selected]
+        unit = "°/s" if servo.model.continuous else "°"
+        angle = float(self.poser.goal[self.selected])
+        limit = ", at its limit" if self._at_limit else ""
+        return (
+            f"{servo.name}: {math.degrees(angle):z.1f}{unit}, {servo.width_us(angle):.0f} µs{limit}; "
+            f"step {STEPS_DEG[self.step]:g}{unit}"
+        )
+
+    def _move(self, degrees: float) -> None:
+        """Move the selected servo, unless that is beyond its limits."""
+        servo = self.job.servos[self.selected]
+        goal = math.degrees(float(self.poser.goal[self.selected])) + degrees
+        try:
+            self.poser.command(f"{servo.name}={goal:.6f}")
+        except InputError as error:
+            if error.code != "servo-limit":
+                raise
+            self._at_limit = True

@@ -1,0 +1,182 @@
+"""Steering a walk on command: codes for the line of its chip, and what a chip that hears them does.
+
+In: a job whose robot walks on command, where commands come from, and the port of a real chip, if there is
+one. Out: the codes on the port, and a `State` for each frame.
+
+    command ─▶ byte ─▶ port, at one bit per frame
+                 ╰───▶ a simulated chip with the job's program ─▶ way, part, frame, widths
+
+The state is always the simulated chip's: nothing comes back from a real one, which does the same as long as it
+hears the same and stood at the beginning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from servogen.bench.virtual.chip import Levels, VirtualChip
+from servogen.bench.virtual.serial_line import LineStimulus
+from servogen.drive.commands import QUIT, STOP, CommandSource
+from servogen.drive.serial_link import SerialLink, Time
+from servogen.edges import PINS
+from servogen.engines.board import board_of
+from servogen.engines.player.commands import Chain, uart_byte
+from servogen.engines.player.engine import compiled, play
+from servogen.errors import InputError, did_you_mean
+from servogen.job import PlannedJob
+from servogen.pic.device import RAM_FIRST
+
+POLL_S = 0.01
+"""The pause between two looks at the commands: less than a frame."""
+
+STANCE, LEAD_IN = "stance", "lead-in"
+PARTS = ("start", "cycle", "stop")
+REPEATS = 2
+"""How often a code is sent: one of which a level is missed or read twice is not heard."""
+
+
+def line_baud(job: PlannedJob) -> int:
+    """Return the rate at which a bit lasts one frame, to the nearest baud."""
+    return round(1 / job.clock.seconds(job.frame.period.cycles))
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """What the chip does in a frame. `part` is empty where there is none."""
+
+    seconds: float
+    """Since power-up."""
+    frame: int
+    way: str
+    part: str
+    widths_us: Mapping[str, float]
+    """Of each servo, its latest complete pulse."""
+
+    def to_json(self) -> dict[str, object]:
+        """Return the state as a value that JSON can hold."""
+        return {
+            "s": round(self.seconds, 3),
+            "frame": self.frame,
+            "way": self.way,
+            "part": self.part,
+            "widths_us": dict(self.widths_us),
+        }
+
+    def text(self) -> str:
+        """Return the state in one line."""
+        widths = " ".join(f"{width:.0f}" for width in self.widths_us.values())
+        return f"{self.seconds:8.2f} s  frame {self.frame:5}  {f'{self.way} {self.part}':14}  {widths} µs"
+
+
+class Twin:
+    """A simulated chip with the job's program, and the line that it hears."""
+
+    def __init__(self, job: PlannedJob) -> None:
+        """Compile the job's program and switch the chip on. Raises InputError."""
+        _, played, _ = play(job)
+        assert played.chain is not None
+        made = compiled(job, played, job.firmware.dialect).compilation
+        schedule = played.plan.schedule
+        self._chain: Chain = played.chain
+        self._variable = {name: made.listing.variable(name) for name in ("begun", "until")}
+        self._stimulus = LineStimulus(PINS.index(self._chain.line.pin), line_baud(job))
+        self._chip = VirtualChip(made.image, job.clock, board_of(schedule), stimulus=self._stimulus)
+        self._chip.listeners.append(self._heard)
+        self._period = int(schedule.period)
+        self._clock = job.clock
+        self._pins = {PINS.index(channel.pin): channel.name for channel in schedule.channels}
+        self._rises: dict[int, int] = {}
+        self._word = 0
+        self._widths = dict.fromkeys(self._pins.values(), 0.0)
+        self._frames = 0
+
+    @property
+    def ways(self) -> tuple[str, ...]:
+        """Return the ways that it can be commanded."""
+        return self._chain.names
+
+    @property
+    def seconds(self) -> float:
+        """Return the time since power-up."""
+        return float(self._clock.seconds(self._chip.now))
+
+    def hear(self, byte: int) -> None:
+        """Put a byte on the line, after those that are still on their way."""
+        self._stimulus.waiting.append(byte)
+
+    def frame(self) -> State:
+        """Run the chip for one frame and return its state then."""
+        self._chip.run(self._period)
+        self._frames += 1
+        way, part = self._way()
+        return State(self.seconds, self._frames, way, part, dict(self._widths))
+
+    def _way(self) -> tuple[str, str]:
+        ram = self._chip.machine.state().ram
+        begun, until = (ram[self._variable[name] - RAM_FIRST] for name in ("begun", "until"))
+        places = self._chain.places[2 * begun : 2 * begun + 4]
+        if not begun:
+            return (STANCE if until == places[1] else LEAD_IN), ""
+        return self._chain.names[begun // 2 - 1], PARTS[places.index(until, 1) - 1]
+
+    def _heard(self, levels: Levels, now: int) -> None:
+        """Measure the pulses in what the pins did."""
+        for cycle, word in zip(*(column.tolist() for column in levels), strict=True):
+            changed, self._word = self._word ^ word, word
+            for pin, name in self._pins.items():
+                if changed >> pin & 1 and word >> pin & 1:
+                    self._rises[pin] = cycle
+                elif changed >> pin & 1 and pin in self._rises:
+                    self._widths[name] = float(self._clock.us(cycle - self._rises.pop(pin)))
+
+
+@dataclass(slots=True)
+class CommandedDrive:
+    """One drive; `link` is the line of a real chip, None: there is only the simulated one."""
+
+    twin: Twin
+    source: CommandSource
+    time: Time
+    tell: Callable[[State], None]
+    link: SerialLink | None = None
+    single_keys: bool = False
+    """Whether the commands are keys, of which those without a meaning are ignored."""
+    commanded: str = STOP
+    sent: int = 0
+
+    def run(self, seconds: float) -> None:
+        """Take commands until one ends the drive, or for `seconds`; then the robot is stopped.
+
+        Raises InputError for a command that the robot does not take.
+        """
+        begun = self.time.now()
+        try:
+            while (now := self.time.now() - begun) < seconds:
+                for command in self.source.since(now):
+                    if command == QUIT:
+                        return
+                    self.command(command)
+                while self.twin.seconds < now:
+                    self.tell(self.twin.frame())
+                self.time.sleep(POLL_S)
+        finally:
+            if self.commanded != STOP:
+                self.command(STOP)
+            if self.link is not None:
+                self.link.drain()
+
+    def command(self, command: str) -> None:
+        """Send a command. Raises InputError for an unknown one, Unplugged if the port is gone."""
+        known = (*self.twin.ways, STOP)
+        if command not in known:
+            if self.single_keys:
+                return
+            raise InputError("bad-command", f"unknown command '{command}'", hint=did_you_mean(command, known))
+        byte = uart_byte(None if command == STOP else command)
+        self.commanded = command
+        self.sent += 1
+        for _ in range(REPEATS):
+            self.twin.hear(byte)
+        if self.link is not None:
+            self.link.send(bytes([byte] * REPEATS))
