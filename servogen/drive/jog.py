@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from servogen.drive.commands import COARSER, FINER, LESS, MORE, NEXT, PREVIOUS
-from servogen.errors import InputError
+from servogen.errors import InputError, did_you_mean
 from servogen.job import PlannedJob
 from servogen.motion.trajectory import Floats
 
@@ -64,7 +64,8 @@ class Jog:
         elif command in names:
             self.selected = names.index(command)
         else:
-            self.poser.command(command)
+            hint = did_you_mean(command, self.commands)
+            raise InputError("bad-command", f"unknown command '{command}'", hint=hint)
 
     def at(self, seconds: float) -> Floats | None:
         """Return the angle of every servo (servos,) in radians."""

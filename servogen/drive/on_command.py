@@ -6,8 +6,8 @@ one. Out: the codes on the port, and a `State` for each frame.
     command ─▶ byte ─▶ port, at one bit per frame
                  ╰───▶ a simulated chip with the job's program ─▶ way, part, frame, widths
 
-The state is always the simulated chip's: nothing comes back from a real one, which does the same as long as it
-hears the same and stood at the beginning.
+The state is always the simulated chip's: nothing comes back from a real one, which does the same as long as
+it hears the same and stood at the beginning.
 """
 
 from __future__ import annotations

@@ -1,0 +1,106 @@
+"""Jogging the servos of a stream job by keys: which servo, how far, and what is shown."""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from servogen.drive.commands import commands_of_keys
+from servogen.drive.jog import Jog
+from servogen.drive.steering import Rates, steering_of
+from servogen.errors import InputError
+from servogen.job import load, plan_job
+from tests.drive.conftest import ROOT, Serial
+
+JOB = ROOT / "jobs" / "stream-arm.toml"
+Start = Callable[..., "subprocess.Popen[str]"]
+
+
+@pytest.fixture
+def jog() -> Jog:
+    found = steering_of(plan_job(load(JOB)), Rates())
+    assert isinstance(found, Jog)
+    return found
+
+
+def degrees(jog: Jog, seconds: float = 100.0) -> list[float]:
+    """Return the angles once all servos have arrived."""
+    angles = jog.at(seconds)
+    assert angles is not None
+    return np.round(np.degrees(angles), 6).tolist()
+
+
+def test_steps_move_the_selected_servo_alone(jog: Jog) -> None:
+    """The servos are base, shoulder and grip, all at 90°."""
+    for command in ("+", "+", "next", "-"):
+        jog.command(command)
+    assert degrees(jog) == [92, 89, 90]
+
+
+def test_the_step_is_chosen_and_shown_with_its_unit(jog: Jog) -> None:
+    """An S3001 turns 90° with 500 µs more: 5° are 27.8 µs."""
+    assert jog.state() == "base: 90.0°, 1500 µs; step 1°"
+    for command in ("coarser", "coarser", "+"):
+        jog.command(command)
+    assert jog.state() == f"base: 95.0°, {1500 + 5 * 1000 / 180:.0f} µs; step 5°"
+    for _ in range(20):
+        jog.command("finer")
+    assert jog.state().endswith("step 0.1°")
+
+
+def test_the_servos_go_round_and_have_names(jog: Jog) -> None:
+    jog.command("previous")
+    assert jog.state().startswith("grip: ")
+    jog.command("next")
+    jog.command("shoulder")
+    assert jog.state().startswith("shoulder: ")
+
+
+def test_a_step_beyond_a_servos_limit_is_not_made(jog: Jog) -> None:
+    for _ in range(8):
+        jog.command("coarser")
+    for _ in range(30):
+        jog.command("+")
+    high = degrees(jog)[0]
+    servo = jog.job.servos[0]
+    servo.width_us(math.radians(high))
+    with pytest.raises(InputError, match="base"):
+        servo.width_us(math.radians(high + 10))
+    assert "at its limit" in jog.state()
+    jog.command("-")
+    assert "at its limit" not in jog.state()
+    assert degrees(jog, 200.0)[0] == high - 10
+
+
+def test_an_unknown_command_is_refused(jog: Jog) -> None:
+    with pytest.raises(InputError, match="unknown command 'hop'"):
+        jog.command("hop")
+
+
+def test_the_keys_are_beside_those_that_steer() -> None:
+    assert commands_of_keys(b"\t+-=[]\x1b[Zx") == [
+        *("next", "+", "-", "+", "finer", "coarser", "previous", "quit")
+    ]
+
+
+def test_keys_of_a_terminal_jog_the_robot_and_show_the_servo(start: Start, serial: Serial) -> None:
+    master, slave = os.openpty()
+    try:
+        process = start("drive", JOB, "-p", serial.path, "--keys", stdin=slave)
+        serial.wait_for(lambda decoder: {0, 1, 2} <= decoder.positions.keys())
+        before = dict(serial.decoder.positions)
+        os.write(master, b"\t]]+")
+        serial.wait_for(lambda decoder: decoder.positions[1] > before[1])
+        os.write(master, b"x")
+        _, err = process.communicate(timeout=30)
+        assert process.returncode == 0, err
+        assert "shoulder: 95.0°, 1528 µs; step 5°" in err
+        assert serial.decoder.positions[0] == before[0]
+    finally:
+        os.close(master)
+        os.close(slave)

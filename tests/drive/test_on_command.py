@@ -1,0 +1,185 @@
+"""`servogen drive --keys` of a walk on command: what is sent, what the chip does, the terminal afterwards."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import subprocess
+import termios
+import time
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import NoReturn
+
+import pytest
+
+from servogen.bench.virtual.rig import RigOptions
+from servogen.drive.commands import WALK_KEYS, commands_of_keys, script
+from servogen.drive.on_command import CommandedDrive, State, Twin
+from servogen.drive.serial_link import VirtualTime
+from servogen.edges import PINS
+from servogen.errors import InputError
+from servogen.job import load, plan_job
+from servogen.pulse.schedule import from_json
+from tests.drive.conftest import ROOT, Run
+
+JOB = ROOT / "jobs" / "hexapod-command.toml"
+FIRMWARE = ROOT / "firmware" / "hexapod-command"
+Start = Callable[..., "subprocess.Popen[str]"]
+
+
+def driven(text: str, seconds: float = 60.0, single_keys: bool = False) -> list[State]:
+    """Return the states at which way or part change, and the last one."""
+    states: list[State] = []
+    drive = CommandedDrive(
+        Twin(plan_job(load(JOB))), script(text), VirtualTime().time(), states.append, single_keys=single_keys
+    )
+    drive.run(seconds)
+    kept = [states[0]]
+    for state in states:
+        if (state.way, state.part) != (kept[-1].way, kept[-1].part):
+            kept.append(state)
+    return [*kept, states[-1]]
+
+
+def test_ways_follow_commands_and_each_ends_in_the_stance() -> None:
+    """A start of 24 frames, a cycle of 48, a stop of 48; the turn steps on the spot before and after."""
+    states = driven("wait 3\nforward\nwait 2\nleft\nwait 4\nstop\nwait 6\n")
+    assert [(state.way, state.part) for state in states] == [
+        ("lead-in", ""),
+        ("stance", ""),
+        ("forward", "start"),
+        ("forward", "cycle"),
+        ("forward", "stop"),
+        ("left", "start"),
+        ("left", "cycle"),
+        ("left", "stop"),
+        ("stance", ""),
+        ("stance", ""),
+    ]
+    frames = [state.frame for state in states]
+    assert frames[3] - frames[2] == 24
+    assert (frames[4] - frames[3]) % 48 == 0
+    assert frames[5] - frames[4] == 48
+    assert frames[6] - frames[5] == 72
+
+
+def test_the_widths_are_those_of_the_schedules_frames() -> None:
+    schedule = from_json((FIRMWARE / "schedule.json").read_text(), "schedule.json")
+    stance = [pulse.width for pulse in schedule.loop[0].pulses if pulse]
+    states = driven("wait 4\n")
+    assert list(states[-1].widths_us.values()) == stance
+    assert list(states[-1].widths_us) == [channel.name for channel in schedule.channels]
+
+
+def test_an_unknown_command_is_refused_and_an_unknown_key_ignored() -> None:
+    with pytest.raises(InputError, match="unknown command 'sideways-left'"):
+        driven("sideways-left\n")
+    assert driven("sideways-left\nwait 1\n", single_keys=True)[-1].way == "lead-in"
+
+
+def test_the_keys() -> None:
+    assert commands_of_keys(b"wasd \x1b[A\x1b[B\x1b[C\x1b[Dq", WALK_KEYS) == [
+        *("forward", "left", "back", "right", "stop"),
+        *("forward", "back", "right", "left", "quit"),
+    ]
+    assert commands_of_keys(b"e1\t", WALK_KEYS) == []
+
+
+def piped(start: Start, text: str, *arguments: object) -> tuple[int, str, str]:
+    """Return exit code, output and errors of `drive` whose standard input is `text`."""
+    process = start("drive", JOB, *arguments, stdin=subprocess.PIPE)
+    out, err = process.communicate(text, timeout=60)
+    return process.returncode, out, err
+
+
+def test_commands_from_a_pipe_drive_the_simulated_chip(start: Start) -> None:
+    code, out, err = piped(start, "back\nwait 3\nstop\nwait 3\n", "--keys", "--json")
+    assert code == 0, err
+    *states, summary = map(json.loads, out.splitlines())
+    assert [(state["way"], state["part"]) for state in states] == [
+        ("lead-in", ""),
+        *(("back", part) for part in ("start", "cycle", "stop")),
+        ("stance", ""),
+    ]
+    assert summary["commands"] == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "text", "message"),
+    [
+        ((), "", "walks on command"),
+        (("--keys", "--pose", "1"), "", "--pose is for other jobs"),
+        (("--keys",), "fly\n", "unknown command 'fly'"),
+    ],
+)
+def test_bad_input_is_a_plain_error(start: Start, options: tuple[str, ...], text: str, message: str) -> None:
+    code, _, err = piped(start, text, *options)
+    assert (code, message in err) == (2, True), err
+    assert "Traceback" not in err
+
+
+@contextmanager
+def terminal() -> Iterator[tuple[int, int]]:
+    master, slave = os.openpty()
+    try:
+        yield master, slave
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+def read_until(descriptor: int, wanted: bytes, seconds: float = 30) -> bytes:
+    data = b""
+    end = time.monotonic() + seconds
+    while wanted not in data:
+        assert time.monotonic() < end, data
+        if select.select([descriptor], (), (), 0.1)[0]:
+            data += os.read(descriptor, 4096)
+    return data
+
+
+def test_keys_of_a_terminal_are_sent_to_a_port_and_the_terminal_is_restored(start: Start) -> None:
+    """A port at 50 baud, whose bits last a frame: each code twice, and a stop at the end."""
+    with terminal() as (master, slave), terminal() as (robot, port):
+        tty.setraw(port)
+        before = termios.tcgetattr(slave)
+        process = start("drive", JOB, "--keys", "-p", os.ttyname(port), stdin=slave)
+        read_until(process.stderr.fileno(), b"q ends")
+        while termios.tcgetattr(slave) == before:
+            time.sleep(0.01)
+        os.write(master, b"zw")
+        assert read_until(robot, b"\xea\xea") == b"\xea\xea"
+        assert termios.tcgetattr(port)[4:6] == [termios.B50, termios.B50]
+        os.write(master, b"q")
+        assert read_until(robot, b"\x00\x00") == b"\x00\x00"
+        _, err = process.communicate(timeout=30)
+        assert process.returncode == 0, err
+        assert termios.tcgetattr(slave) == before
+
+
+def test_ctrl_c_ends_the_drive_and_restores_the_terminal(start: Start) -> None:
+    with terminal() as (_, slave):
+        before = termios.tcgetattr(slave)
+        process = start("drive", JOB, "--keys", stdin=slave)
+        read_until(process.stdout.fileno(), b"frame")
+        assert termios.tcgetattr(slave) != before
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=30)
+        assert process.returncode == 130, err
+        assert termios.tcgetattr(slave) == before
+
+
+def test_the_virtual_bench_puts_the_line_on_the_jobs_pin(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[RigOptions] = []
+
+    def opened(image: object, clock: object, board: object, options: RigOptions, held: object) -> NoReturn:
+        asked.append(options)
+        raise InputError("bad-option", "enough")
+
+    monkeypatch.setattr("servogen.bench.virtual.rig.rig", opened)
+    assert run("rig", JOB, "--hex", FIRMWARE / "main.hex").code == 2
+    assert [(PINS[each.serial_pin], each.baud) for each in asked] == [("RA4", 50)]

@@ -1,0 +1,154 @@
+"""A walk on command: every frame is the one that a state machine of its own and the planned angles give."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from servogen.build.engines import planned
+from servogen.checker.plan import read_plan
+from servogen.errors import InputError
+from servogen.job import loads, plan_job
+from servogen.pic.image import Image
+from servogen.prove import prove_for_all
+from servogen.pulse.schedule import from_json
+from tests.engines.player.command_walks import JOB, ROOT, Walker, image, problems, random_line, target
+
+TEXT = (ROOT / "jobs" / f"{JOB}.toml").read_text()
+COMMANDS = 'commands = { forward_mm = 40, turn_deg = 20, pin = "RA4" }'
+RETLW, MOVLW = 0x3400, 0x3000
+COLUMNS = 6
+
+
+def commanded(*codes: str, rest: int = 150) -> list[int]:
+    return [int(level) for code in codes for level in code + "1" * rest]
+
+
+def changed(address: int, word: int) -> Image:
+    program = image()
+    return replace(program, program={**program.program, address: word})
+
+
+def rows_begin() -> tuple[int, int]:
+    """Return the address of the table of rows, and its bytes, by the bytes of the C."""
+    text = (ROOT / "firmware" / JOB / "main.c2c.c").read_text()
+    rows = [int(byte) for byte in re.search(r"ROW\[\] = \{ (.*?) \}", text)[1].split(", ")]
+    words = image().program
+    wanted = [RETLW | byte for byte in rows]
+    (begin,) = [at for at in words if [words.get(at + n) for n in range(len(rows))] == wanted]
+    return begin, len(rows)
+
+
+def test_random_levels_walk_as_the_reference_says() -> None:
+    assert list(problems(image(), random_line(np.random.default_rng(5), 3000))) == []
+
+
+def test_the_random_line_has_every_way_from_every_other() -> None:
+    walker, seen = Walker(target()), []
+    for level in random_line(np.random.default_rng(1), 60_000):
+        seen.append(walker.next()[0] or "stance")
+        walker.hear(level)
+    changes = {(one, other) for one, other in pairwise(seen) if one != other}
+    ways = ("forward", "back", "left", "right")
+    assert changes >= {(one, other) for one in ways for other in ways if one != other}
+    assert changes >= {(one, "stance") for one in ways} | {("stance", one) for one in ways}
+
+
+def test_a_wrong_byte_of_a_pose_is_seen_and_refuted() -> None:
+    """The first two rows are the lifts', then follow the neutral lifts and the neutral turns."""
+    address = rows_begin()[0] + 3 * COLUMNS
+    wrong = changed(address, image().program[address] ^ 1)
+    assert "L1-turn" in next(problems(wrong, commanded("1" * 110)))
+    proof = prove_for_all(wrong, target().schedule)
+    assert not proof.proven
+    assert proof.counterexample is not None
+
+
+def test_a_wrong_byte_of_a_way_is_seen_only_when_it_is_walked() -> None:
+    """The last row is of the turn's stop."""
+    begin, count = rows_begin()
+    wrong = changed(begin + count - 1, image().program[begin + count - 1] ^ 4)
+    assert list(problems(wrong, commanded("1" * 110, "001010", "00000"))) == []
+    assert list(problems(wrong, commanded("1" * 110, "011000", "00000"))) != []
+
+
+def test_one_cycle_too_many_is_seen_and_refuted() -> None:
+    """The kernel subtracts its own 32 cycles from a width: with 31 the pulses are a cycle too long."""
+    words = image().program
+    ways = [at for at, word in words.items() if word == MOVLW | 32 and words.get(at + 1, 0) >> 8 == 0x02]
+    wrong = changed(ways[0], MOVLW | 31)
+    assert "not Pulse" in next(problems(wrong, [1] * 5))
+    assert not prove_for_all(wrong, target().schedule).proven
+
+
+def test_the_chip_begins_a_way_in_the_stance_and_ends_it_there() -> None:
+    of = target()
+    schedule = of.schedule
+    assert [way.name for way in schedule.commands.ways] == ["forward", "back", "left", "right"]
+    stance = [pulse.width for pulse in schedule.loop[0].pulses]
+    for way in schedule.commands.ways:
+        assert [pulse.width for pulse in way.start[0].pulses] == stance, way.name
+        last = [pulse.width for pulse in way.stop[-1].pulses]
+        assert 0 < max(abs(one - other) for one, other in zip(last, stance, strict=True)) < 20, way.name
+
+
+def test_the_schedule_with_commands_is_read_back() -> None:
+    text = target().schedule.json_text()
+    assert from_json(text, "schedule.json") == target().schedule
+    plan = read_plan(text.encode(), "schedule.json")
+    assert plan.line is not None
+    assert plan.line.codes == ["01010", "00110", "11000", "11011"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"rest_frames": 3', '"rest_frames": 0', "commands.rest_frames: is not a whole number"),
+        ('"pin": "RA4", "rest', '"pin": "RB0", "rest', "commands.pin: RB0 is a servo's"),
+        ('"code": "00110"', '"code": "0x110"', "commands.ways[1].code: is not levels"),
+        ('"code": "00110"', '"code": "01010"', "two ways have the same code"),
+        ('"name": "back", ', "", "commands.ways[1]: 'name' is missing"),
+    ],
+)
+def test_a_schedule_with_wrong_commands_is_refused(old: str, new: str, message: str) -> None:
+    text = target().schedule.json_text()
+    assert old in text
+    with pytest.raises(InputError) as refused:
+        from_json(text.replace(old, new), "schedule.json")
+    assert message.split(": ")[-1] in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (COMMANDS, "commands = {}", "it has no way"),
+        (COMMANDS, COMMANDS.replace("RA4", "RB0"), "RB0 is in use: L1-turn"),
+        (COMMANDS, COMMANDS.replace("RA4", "RC0"), "unknown pin 'RC0'"),
+        (COMMANDS, COMMANDS.replace("= 40", "= -40"), "forward_mm"),
+        (COMMANDS, f"{COMMANDS}\nway = [{{ forward_mm = 40 }}]", "a walk on command has no way"),
+        (COMMANDS, "", "a walk needs a way"),
+        ('engine = "player"', 'engine = "player"\nstop_pin = "RA4"', "has no start_pin and no stop_pin"),
+        ('engine = "player"', 'engine = "sequence"', "the sequence engine takes no commands"),
+    ],
+)
+def test_a_job_with_wrong_commands_is_refused(old: str, new: str, message: str) -> None:
+    assert old in TEXT
+    with pytest.raises(InputError) as refused:
+        plan_job(loads(TEXT.replace(old, new), "job.toml"))
+    assert message in str(refused.value)
+    assert "job.toml:" in str(refused.value)
+
+
+def test_a_walk_forward_and_back_alone_has_two_ways() -> None:
+    """Another gait, too: six swings, one after the other, of even numbers of frames."""
+    text = TEXT.replace(COMMANDS, "commands = { forward_mm = 40 }").replace('"tripod"', '"ripple"')
+    found = planned(plan_job(loads(text, "job.toml")))
+    commands = found.plan.schedule.commands
+    assert commands is not None
+    assert [way.name for way in commands.ways] == ["forward", "back"]
+    assert found.plan.schedule.plan_error is not None
+    assert found.plan.schedule.plan_error.width_us <= 5
