@@ -39,7 +39,7 @@ TOLERANCE_DEG, WHEEL_TOLERANCE_DEG = 5.0, 20.0
 
 KEYS_HELP = (
     "w a s d or the arrows, q e sideways, 1 to 9 poses, space stops, x ends; "
-    "of [stream]: Tab the next servo, + - by a step, [ ] a finer or coarser step"
+    "of a stream job: Tab selects a servo, + and - move it"
 )
 WALK_KEYS_HELP = "w a s d or the arrows, space stops, q ends"
 
