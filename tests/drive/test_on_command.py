@@ -46,7 +46,7 @@ def driven(text: str, seconds: float = 60.0, single_keys: bool = False) -> list[
 
 
 def test_ways_follow_commands_and_each_ends_in_the_stance() -> None:
-    """A start of 24 frames, a cycle of 48, a stop of 48; the turn steps on the spot before and after."""
+    """Starts, cycles and stops are as long as the schedule has them; a cycle takes 0.96 s, 48 frames."""
     states = driven("wait 3\nforward\nwait 2\nleft\nwait 4\nstop\nwait 6\n")
     assert [(state.way, state.part) for state in states] == [
         ("lead-in", ""),
@@ -61,10 +61,14 @@ def test_ways_follow_commands_and_each_ends_in_the_stance() -> None:
         ("stance", ""),
     ]
     frames = [state.frame for state in states]
-    assert frames[3] - frames[2] == 24
+    commands = from_json((FIRMWARE / "schedule.json").read_text(), "schedule.json").commands
+    assert commands is not None
+    forward, _, left, _ = commands.ways
+    assert frames[3] - frames[2] == sum(run.frames for run in forward.start)
     assert (frames[4] - frames[3]) % 48 == 0
-    assert frames[5] - frames[4] == 48
-    assert frames[6] - frames[5] == 72
+    assert frames[5] - frames[4] == sum(run.frames for run in forward.stop)
+    assert frames[6] - frames[5] == sum(run.frames for run in left.start)
+    assert (frames[7] - frames[6]) % 48 == 0
 
 
 def test_the_widths_are_those_of_the_schedules_frames() -> None:
