@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -91,6 +92,12 @@ def prove(
             "--watchdog-us", help="With --against: the watchdog's period in µs (default: any in its range)."
         ),
     ] = None,
+    eeprom_write_us: Annotated[
+        int | None,
+        typer.Option(
+            "--eeprom-write-us", help="With --against: the duration of an EEPROM write, instead of any."
+        ),
+    ] = None,
     max_states: Annotated[
         int | None,
         typer.Option("--max-states", min=1, help="With --against: give up after this many states."),
@@ -139,11 +146,15 @@ def prove(
             tmr0_phase=not plain_tmr0,
             resets=not no_resets,
             watchdog=watchdog_us is None,
+            eeprom_write=eeprom_write_us is None,
             start=tuple(start_value(text) for text in power_up or ()),
         )
-        request = Request(against, certificate, counterexample, over, watchdog_us, max_states)
+        times = {"watchdog_us": watchdog_us, "eeprom_write_us": eeprom_write_us}
+        given = {name: value for name, value in times.items() if value is not None}
+        request = Request(against, certificate, counterexample, over, given, max_states)
         raise typer.Exit(prove_schedule(file, device, request, json))
-    switched = hold_inputs or plain_tmr0 or power_up or no_resets or watchdog_us is not None
+    switched = hold_inputs or plain_tmr0 or power_up or no_resets
+    switched = switched or watchdog_us is not None or eeprom_write_us is not None
     if certificate is not None or switched or max_states is not None:
         raise InputError("conflicting-options", "this option needs --against")
     from servogen.pic.analysis.facts import Facts, decided_and_fine
@@ -188,8 +199,8 @@ class Request:
     certificate: Path | None
     counterexample: Path
     over: Quantifiers
-    watchdog_us: int | None
-    """The watchdog's period, where it is not quantified over."""
+    times: Mapping[str, Any]
+    """Options of the simulated chip that are not quantified over."""
     max_states: int | None
 
 
@@ -204,7 +215,7 @@ def prove_schedule(file: Path, device: str | None, request: Request, json: bool)
         raise InputError(
             "conflicting-options",
             "a certificate is about every power-up, reset and chip: without --start, --no-resets, "
-            "--watchdog-us and --no-tmr0-phase",
+            "--watchdog-us, --eeprom-write-us and --no-tmr0-phase",
         )
     keep_apart([file, request.against], request.certificate, request.counterexample)
     schedule = read_schedule(request.against)
@@ -215,9 +226,7 @@ def prove_schedule(file: Path, device: str | None, request: Request, json: bool)
             Location(str(request.against)),
         )
     chip = schedule.device or device or Options().device
-    board = Options(device=chip)
-    if request.watchdog_us is not None:
-        board = replace(board, watchdog_us=request.watchdog_us)
+    board = replace(Options(device=chip), **request.times)
     program = read_program(file, chip)
     if program.clock and program.clock != schedule.clock:
         raise InputError(
@@ -238,7 +247,11 @@ def prove_schedule(file: Path, device: str | None, request: Request, json: bool)
         from servogen.outputs import write_bytes
 
         text = read_input(request.against, MAX_SCHEDULE_BYTES)
-        write_bytes(request.certificate, certificate(proof, program.image, schedule, text))
+        try:
+            packed = certificate(proof, program.image, schedule, text)
+        except ValueError as error:
+            raise InputError("no-certificate", f"proven, but {error}", Location(str(file))) from None
+        write_bytes(request.certificate, packed)
     if proof.counterexample is not None:
         _write_stimulus(proof.counterexample, schedule, request.counterexample)
     if json:
@@ -288,7 +301,7 @@ def _over(proof: Proof) -> str:
     over = proof.quantifiers
     parts = ["power-up"] if over.resets and not over.start else []
     parts += [] if proof.held else ["input"]
-    parts += ["chip"] if over.watchdog and over.tmr0_phase else []
+    parts += ["chip"] if over.watchdog and over.tmr0_phase and over.eeprom_write else []
     if not parts:
         return "one power-up, the inputs and the chip that are assumed"
     return "every " + " and ".join(part for part in (", ".join(parts[:-1]), parts[-1]) if part)

@@ -37,6 +37,8 @@ def certificate(proof: Proof, image: Image, schedule: PulseSchedule, schedule_te
     """Return the certificate of a proof. Raises ValueError for a proof that is none, or has gaps."""
     if not proof.proven or proof.transitions is None or not proof.quantifiers.complete:
         raise ValueError("only a proof over every power-up, reset and chip has a certificate")
+    if proof.asynchronous:
+        raise ValueError("interrupts by INT and port B, SLEEP and EEPROM writes are not certified")
     nodes = [node for node in proof.nodes if node.parent >= 0]
     rows = {node.rest: _row(proof.transitions, node.rest) for node in nodes}
     columns = {name: [rows[node.rest][name] for node in nodes] for name in _NAMES}
@@ -85,8 +87,6 @@ def _row(transitions: Transitions, number: int) -> dict[str, int]:
             return get(value) | CELL_PHASED
         return get(value) & ~bits & 0xFF | (bits & 0xFF) << CELL_MASK_SHIFT
 
-    if get("EE_STEP") or get("IN_RESET") or get("EE_DONE_AT") != NEVER:
-        raise ValueError("a state in the midst of an EEPROM write cannot be listed")
     pins = get("DRIVEN_UNKNOWN")
     ages = [BASE - get(f"DRIVEN_FROM_{pin}") for pin in PINS if pins >> PINS.index(pin) & 1]
     row = {

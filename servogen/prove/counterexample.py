@@ -23,6 +23,8 @@ from servogen.simulator.options import START_VALUES
 from servogen.simulator.resets import FETCH
 from servogen.simulator.sources import Reset, Source
 
+LONGEST_SLEEP = 33_000 * 128
+"""Cycles at 4 MHz until the slowest watchdog with the largest postscaler ends SLEEP."""
 RB0, RB7 = PINS.index("RB0"), PINS.index("RB7")
 
 Sample = tuple[int, int, int]
@@ -70,7 +72,7 @@ class Counterexample:
         """Return the options for `servogen simulate`."""
         plain = Options()
         found = []
-        for name in ("device", "watchdog_us", "floating", "start_seed", "tmr0_phase"):
+        for name in ("device", "watchdog_us", "eeprom_write_us", "floating", "start_seed", "tmr0_phase"):
             value = getattr(self.options, name)
             if value != getattr(plain, name):
                 found += [f"--{name.replace('_', '-')}", str(value)]
@@ -103,20 +105,38 @@ class Case:
 def concrete(case: Case, nodes: Sequence[Node], finding: Finding) -> Counterexample | None:
     """Return a run of one chip along the way of `finding`, or like it, that is wrong."""
     way = _way(nodes, finding)
-    end = way.end + (START_FRAMES if finding.silent else 2) * case.spec.period
+    end = way.end + (START_FRAMES if finding.silent else 2) * case.spec.period + way.waits * LONGEST_SLEEP
     board = replace(case.board, tmr0_phase=way.tmr0_phase)
     for trial in trials(board, case.quantifiers, way.start, case.spec.period):
         begun = 0 if trial.reset is None else trial.reset + 1 + FETCH
-        samples = [(begun + cycle, pin, level) for cycle, pin, level in way.samples]
-        levels = _levels(samples, case.held)
-        edges = _edges(_machine(case, trial, levels), begun, begun + end)
-        try:
-            _judge(case.spec, edges, way.samples, end)
-        except Violation as violation:
-            if violation.certain:
-                cycle = begun + violation.cycle
-                return Counterexample(violation.message, cycle, trial.options, levels, reset=trial.reset)
+        for falling in (False, True) if way.requests else (False,):
+            changes = [*way.samples, *_requesting(case, way.requests, falling)]
+            levels = _levels([(begun + cycle, pin, level) for cycle, pin, level in changes], case.held)
+            edges = _edges(_machine(case, trial, levels), begun, begun + end)
+            try:
+                _judge(case.spec, edges, way.samples, end)
+            except Violation as violation:
+                if violation.certain:
+                    cycle = begun + violation.cycle
+                    return Counterexample(violation.message, cycle, trial.options, levels, reset=trial.reset)
     return None
+
+
+def _requesting(case: Case, requests: Sequence[tuple[int, int]], falling: bool) -> list[Sample]:
+    """Return the levels of RB0, and of a free pin of RB4 to RB7, that set flags of INTCON in these cycles."""
+    taken = {channel.pin for channel in case.schedule.channels}
+    free = [pin for pin in range(RB7, RB7 - 4, -1) if PINS[pin] not in taken and pin not in case.held]
+    samples: list[Sample] = []
+    moments = [cycle for cycle, flags in requests if flags & INTF]
+    if moments:
+        samples.append((0, RB0, int(falling)))
+    for cycle in moments:
+        samples += [(cycle, RB0, 1 - falling), (cycle + 1, RB0, int(falling))]
+    changes = [cycle for cycle, flags in requests if flags & RBIF]
+    if changes and free:
+        samples.append((0, free[0], 0))
+        samples += [(cycle, free[0], (number + 1) % 2) for number, cycle in enumerate(changes)]
+    return samples
 
 
 def slow_oscillator(case: Case) -> Counterexample | None:
@@ -149,6 +169,10 @@ class _Way:
     """What was chosen on the way to a finding: the levels read, how TMR0 begins, and start values."""
 
     samples: list[Sample] = field(default_factory=list)
+    requests: list[tuple[int, int]] = field(default_factory=list)
+    """(cycle, flags of INTCON that pins set then)."""
+    waits: int = 0
+    """How often the watchdog ends SLEEP."""
     tmr0_phase: int = 0
     start: dict[str, int] = field(default_factory=dict)
     end: int = 0
@@ -181,22 +205,15 @@ def _way(nodes: Sequence[Node], finding: Finding) -> _Way:
                     pin = choice.bits.bit_length() - 1
                     way.samples.append((cycle, pin, int(choice.value != 0)))
                 elif choice.field.startswith("INTCON") and choice.value:
-                    way.samples += _flag_set(choice.value, cycle + int(choice.field == "INTCON_LATE"))
+                    way.requests.append((cycle + int(choice.field == "INTCON_LATE"), choice.value))
+                elif choice.field == "WATCHDOG":
+                    way.waits += 1
                 elif choice.field == "TMR0_PHASE":
                     way.tmr0_phase = choice.value
                 else:
                     way.note_start(choice)
         way.end += cycles
     return way
-
-
-def _flag_set(flags: int, cycle: int) -> list[Sample]:
-    """Return the levels of pins that set INTF or RBIF in a cycle."""
-    if flags & INTF:
-        return [(0, RB0, 0), (cycle, RB0, 1), (cycle + 1, RB0, 0)]
-    if flags & RBIF:
-        return [(0, RB7, 0), (cycle, RB7, 1)]
-    return []
 
 
 def _levels(samples: Sequence[Sample], held: Mapping[int, int]) -> AllLevels:

@@ -14,9 +14,12 @@ from enum import Enum
 
 from servogen.prove.forks import Choices, Program, before_instruction, ways_of
 from servogen.prove.generalise import Generaliser
-from servogen.prove.specification import BEFORE, START_FRAMES, Specification, SpecState, Violation
+from servogen.prove.specification import BEFORE, IN_FRAME, START_FRAMES, Specification, SpecState, Violation
 from servogen.prove.transitions import Ram, Transitions, applied
-from servogen.simulator.abstract import ChipState, Reason, Use
+from servogen.simulator.abstract import EEIE, FIELD, ChipState, Choice, Reason, Use
+from servogen.simulator.layout import NEVER, T0IF, USE_INTERRUPT
+
+_SLEEPING, _EE_DONE_AT = FIELD["SLEEPING"], FIELD["EE_DONE_AT"]
 
 MAX_POINTS = 20_000
 """Points between two cuts on the ways from one state: more are an explosion, not a program of this kind."""
@@ -84,6 +87,8 @@ class Search:
     cut: int = 0
     waits: tuple[tuple[int, int], ...] = ()
     """The ways between states before the first pulse, which must not form a circle."""
+    asynchronous: bool = False
+    """Whether something other than TMR0 may interrupt the program, end its SLEEP or its EEPROM write."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +152,7 @@ class Explorer:
         self._known: dict[tuple[Ram, int, SpecState], int] = {}
         self._queue: deque[int] = deque()
         self._work = 0
+        self._reads_eeprom = self._writes_eeprom = self._asynchronous = False
         self._waits: list[tuple[int, int]] = []
 
     def search(self) -> Search:
@@ -168,7 +174,8 @@ class Explorer:
         return self._ended(Answer.CLOSED, None)
 
     def _ended(self, answer: Answer, finding: Finding | None, cut: int = 0) -> Search:
-        return Search(answer, self._nodes, finding, len(self._queue), cut, tuple(self._waits))
+        waits = tuple(self._waits)
+        return Search(answer, self._nodes, finding, len(self._queue), cut, waits, self._asynchronous)
 
     def _store(
         self, ram: Ram, rest: int, spec: SpecState, parent: int, cycles: int, decisions: tuple[Decision, ...]
@@ -212,9 +219,12 @@ class Explorer:
     def _ways(self, point: _Point) -> list[Choices] | None:
         state = ChipState(point.ram, self._transitions.rest(point.rest))
         if point.use is not None:
+            interrupts = point.use.kind == USE_INTERRUPT and point.use.subject & ~T0IF
+            self._asynchronous = self._asynchronous or bool(interrupts)
             return ways_of(self._program, state, point.use, point.chosen)
         if self._transitions.pc(point.rest) not in self._transitions.stops:
             return [()]
+        self._reads_eeprom = self._reads_eeprom or self._program.reads_eeprom(state)
         return before_instruction(self._program, state, self._spec.sampled, self._phases)
 
     def _follow(self, number: int, point: _Point, choices: Choices, points: list[_Point]) -> Search | None:
@@ -251,6 +261,13 @@ class Explorer:
             return self._ended(Answer.VIOLATED, finding)
         rest = transitions.number(outcome.rest)
         ram = applied(point.ram, outcome)
+        if outcome.rest[_EE_DONE_AT] != NEVER:
+            self._asynchronous = self._writes_eeprom = True
+        if self._writes_eeprom and (self._reads_eeprom or not self._program.eeprom_accesses):
+            why = "what the program writes to the EEPROM, it reads, or it writes through INDF"
+            return self._stuck(number, _Point(ram, rest, spec, cycle, trail), why)
+        if outcome.rest[_SLEEPING]:
+            return self._asleep(number, _Point(ram, rest, self._spec.at_rest(spec), cycle, trail), points)
         if spec.phase == BEFORE and cycle >= START_FRAMES * self._spec.period:
             finding = Finding(number, _decisions(trail), cycle, "no pulse comes", True, transitions.pc(rest))
             return self._ended(Answer.VIOLATED, finding)
@@ -260,6 +277,29 @@ class Explorer:
             self._store(ram, rest, spec, number, cycle, _decisions(trail))
             return None
         points.append(_Point(ram, rest, spec, cycle, trail, (), outcome.use))
+        return None
+
+    def _asleep(self, number: int, point: _Point, points: list[_Point]) -> Search | None:
+        """Wake a sleeping chip in every way, where the time of waking does not matter."""
+        self._asynchronous = True
+        rest = ChipState(point.ram, self._transitions.rest(point.rest))
+        watchdog = self._transitions.chip.watchdog
+        why = "SLEEP while pulses are due" if point.spec.phase == IN_FRAME else ""
+        if point.spec.phase == BEFORE and not watchdog:
+            why = "no pulse comes: SLEEP, and nothing has to end it"
+        if why:
+            pc = self._transitions.pc(point.rest)
+            finding = Finding(number, _decisions(point.trail), point.cycle, why, True, pc, silent=True)
+            return self._ended(Answer.VIOLATED, finding)
+        intcon = rest["INTCON"]
+        flags = [1 << bit for bit in range(3) if (intcon >> 3 & rest["INTCON_UNKNOWN"]) >> bit & 1]
+        wakes = [Choice("INTCON", flag, flag) for flag in flags]
+        wakes += [Choice("WATCHDOG", 0, 0)] if watchdog else []
+        wakes += [Choice("EE_DONE", 0, 0)] if intcon & EEIE and rest["EE_DONE_AT"] != NEVER else []
+        for wake in wakes:
+            found = self._follow(number, point, (wake,), points)
+            if found is not None:
+                return found
         return None
 
     def _blamed(self, number: int, point: _Point, use: Use) -> bool:

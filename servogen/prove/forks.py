@@ -6,12 +6,14 @@ some bits known for that instruction; every chip of the state agrees with at lea
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 from servogen.pic.image import Image
 from servogen.pic.isa import Decoded, decode
 from servogen.simulator import layout
-from servogen.simulator.abstract import CELL_MASK_SHIFT, CELL_PHASED, FIELD, ChipState, Choice, Use
+from servogen.simulator.abstract import CELL_MASK_SHIFT, CELL_PHASED, FIELD, WRITTEN, ChipState, Choice, Use
 
 INDF, TMR0, PCL, STATUS, FSR, PORTA, PORTB, EEDATA, EEADR, INTCON = 0, 1, 2, 3, 4, 5, 6, 8, 9, 0x0B
 RAM_FIRST, RAM_LAST = 0x0C, 0x4F
@@ -21,6 +23,11 @@ MAX_CHOICES = 10
 """Bits that may decide one instruction; more are not told apart."""
 
 Choices = tuple[Choice, ...]
+
+ALONE = Choice("INTCON", 0, 0)
+"""Chooses nothing: the next instruction is executed alone."""
+RD, BANK_1 = 0, 0x80
+"""The bit of EECON1 that starts a read; the bit of FSR that selects bank 1."""
 
 _FIELDS = {TMR0: "TMR0", STATUS: "STATUS", FSR: "FSR", EEDATA: "EEDATA", EEADR: "EEADR", INTCON: "INTCON"}
 _BANK_1 = {STATUS: "STATUS", FSR: "FSR", EEDATA: "EECON1", INTCON: "INTCON"}
@@ -41,6 +48,8 @@ class Program:
     """What the prover must know of a program's words before it runs them."""
 
     image: Image
+    any_write_time: bool = True
+    """Whether an EEPROM write may end in any cycle."""
 
     def at(self, pc: int) -> Decoded | None:
         word = self.image.program.get(pc & 0x3FF)
@@ -70,12 +79,51 @@ class Program:
                 found.add(address)
         return frozenset(found)
 
+    @cached_property
+    def sleeps(self) -> frozenset[int]:
+        """Return the addresses of SLEEP."""
+        return frozenset(a for a, decoded in self._words() if decoded.instruction.mnemonic == "SLEEP")
+
+    @cached_property
+    def eeprom_accesses(self) -> frozenset[int]:
+        """Return the addresses that may access EECON1; none if nothing names that address."""
+        named = {a for a, decoded in self._words() if _names(decoded, EEDATA)}
+        return frozenset(named | {a for a, decoded in self._words() if named and _names(decoded, INDF)})
+
+    def reads_eeprom(self, state: ChipState) -> bool:
+        """Return whether the next instruction may set RD of EECON1."""
+        decoded = self.at(state["PC"])
+        if decoded is None or not (_in_eecon1(decoded, state)):
+            return False
+        row = decoded.instruction
+        if row.changes_bit:
+            return row.mnemonic == "BSF" and decoded.b == RD
+        clear = row.mnemonic == "MOVWF" and not (state["W"] | state["W_UNKNOWN"]) >> RD & 1
+        return row.writes_file(decoded.d) and not clear
+
+    def _words(self) -> Iterator[tuple[int, Decoded]]:
+        for address in self.image.program:
+            decoded = self.at(address)
+            if decoded is not None:
+                yield address, decoded
+
+
+def _names(decoded: Decoded, register: int) -> bool:
+    return "f" in decoded.instruction.operands and decoded.f == register
+
+
+def _in_eecon1(decoded: Decoded, state: ChipState) -> bool:
+    """Return whether an instruction accesses EECON1, or may through INDF."""
+    if _names(decoded, INDF):
+        return bool(state["FSR_UNKNOWN"]) or state["FSR"] == BANK_1 | EEDATA
+    return bool(state["STATUS"] & RP0) and _names(decoded, EEDATA)
+
 
 def before_instruction(
     program: Program, state: ChipState, sampled: frozenset[int], phases: int
 ) -> list[Choices]:
-    """Return the ways to execute the next instruction, if it reads pins or writes OPTION_REG; else one,
-    empty.
+    """Return the ways to execute the next instruction, if it reads pins, writes OPTION_REG, sleeps, or
+    accesses EECON1; else one, empty.
 
     Levels of `sampled` pins are told apart wherever they are read. `phases`: in how many ways TMR0 may begin.
     """
@@ -84,6 +132,11 @@ def before_instruction(
         return [()]
     bank_1 = bool(state["STATUS"] & RP0)
     row = decoded.instruction
+    if row.mnemonic == "SLEEP":
+        return [(ALONE,)]
+    if _in_eecon1(decoded, state):
+        writing = state["EE_DONE_AT"] != layout.NEVER and program.any_write_time
+        return [(ALONE,), (Choice("EE_DONE", 0, 0),)] if writing else [(ALONE,)]
     if row.mnemonic == "OPTION" or (decoded.f == TMR0 and bank_1 and _writes(decoded)):
         return [(Choice("TMR0_PHASE", 0, phase),) for phase in range(phases)]
     if bank_1 or decoded.f not in (PORTA, PORTB) or "f" not in row.reads or _writes(decoded):
@@ -117,10 +170,14 @@ def ways_of(program: Program, state: ChipState, use: Use, chosen: Choices) -> li
     if use.kind == layout.USE_INTERRUPT:
         flags = [1 << bit for bit in range(3) if use.subject >> bit & 1]
         ways = [Choice(field, flag, flag) for flag in flags for field in ("INTCON", "INTCON_LATE")]
-        return [(*chosen, way) for way in (Choice("INTCON", use.subject, 0), *ways)]
+        ways += [Choice("EE_DONE", 0, late) for late in (0, 1) if use.subject & WRITTEN]
+        return [(*chosen, way) for way in (Choice("INTCON", use.subject & 7, 0), *ways)]
     decoded = program.at(state["PC"])
-    if decoded is None or use.kind == layout.USE_WAKE:
+    if decoded is None:
         return None
+    if use.kind == layout.USE_WAKE:
+        flags = [1 << bit for bit in range(3) if use.subject >> bit & 1]
+        return [(*chosen, Choice("INTCON", use.subject, value)) for value in (0, *flags)]
     for field in _operands(decoded, state, use):
         mask = _unknown_mask(state, field) & ~sum(each.bits for each in chosen if each.field == field)
         if use.kind == layout.USE_SKIP and "b" in decoded.instruction.operands:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from servogen.edges import PINS
 from servogen.engines.board import board_of
 from servogen.graph import components
-from servogen.pic.device import CONFIG_OSCILLATOR_MASK, OSCILLATORS
+from servogen.pic.device import CONFIG_OSCILLATOR_MASK, OSCILLATORS, device
 from servogen.pic.image import Image
 from servogen.prove.counterexample import Case, Counterexample, concrete, slow_oscillator
 from servogen.prove.cuts import choose_cuts
@@ -54,6 +54,8 @@ class Proof:
     cuts: tuple[int, ...] = ()
     transitions: Transitions | None = field(default=None, repr=False)
     held: dict[int, int] = field(default_factory=dict)
+    asynchronous: bool = False
+    """Whether something other than TMR0 may interrupt the program, end its SLEEP or its EEPROM write."""
 
 
 def prove_for_all(
@@ -91,12 +93,17 @@ class _Prover:
         self._held = {} if known and quantifiers.inputs else inputs
         rules = (schedule.buttons, schedule.commands) if quantifiers.inputs else (None, None)
         self._spec = Specification(schedule, *rules)
-        self._chip = AbstractChip(image, schedule.clock, self._board, self._held, quantifiers.watchdog)
-        self._program = Program(image)
+        longest = device(self._board.device).max_eeprom_write_us if quantifiers.eeprom_write else None
+        self._write_us = longest or self._board.eeprom_us
+        self._chip = AbstractChip(
+            image, schedule.clock, self._board, self._held, quantifiers.watchdog, longest
+        )
+        self._program = Program(image, quantifiers.eeprom_write)
         limit = START_FRAMES * self._spec.period + 2 * self._spec.longest_silence
         self._transitions = Transitions(self._chip, limit)
         self._cuts: set[int] = set()
         self._always = self._program.port_reads() | self._program.option_writes()
+        self._always |= self._program.sleeps | self._program.eeprom_accesses
 
     def prove(self) -> Proof:
         unfit = self._unfit_oscillator()
@@ -186,6 +193,7 @@ class _Prover:
             tuple(sorted(self._cuts)),
             self._transitions,
             self._held,
+            search is not None and search.asynchronous,
         )
 
     def _assumptions(self) -> tuple[str, ...]:
@@ -203,6 +211,9 @@ class _Prover:
             found.append("no chip's watchdog is faster than 7 ms (DS35007, parameter 31)")
         elif self._chip.watchdog:
             found.append(f"the watchdog's period is {self._board.watchdog_us / 1000:g} ms")
+        if self._program.eeprom_accesses:
+            write = "at most " if self._quantifiers.eeprom_write else ""
+            found.append(f"an EEPROM write takes {write}{self._write_us / 1000:g} ms")
         found += [f"at power-up {name} is 0x{value:02X}" for name, value in self._quantifiers.start]
         for pin, level in sorted(self._held.items()):
             found.append(f"{PINS[pin]} is held at {level}, as the schedule says: {_why_held(self._schedule)}")

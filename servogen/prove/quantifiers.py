@@ -9,11 +9,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 
+from servogen.pic.device import device
 from servogen.simulator import Options
 
 SEEDS = 64
 """Random start values that are tried."""
-SHORTEST_WATCHDOG_US = 7000
+WATCHDOG_US = (7_000, 33_000)
+"""The shortest and the longest period of any chip (DS35007, parameter 31)."""
+WRITE_TIMES = 16
+"""Durations of an EEPROM write that are tried, and the shortest."""
 FILLED = (0xFF, 0x55, 0xAA)
 """Bytes with which the whole RAM is filled first."""
 RESETS = 24
@@ -34,13 +38,15 @@ class Quantifiers:
     """A reset in any cycle; else there is a power-on reset only."""
     watchdog: bool = True
     """The watchdog's period is anywhere in its range; else what the options say."""
+    eeprom_write: bool = True
+    """An EEPROM write takes any time up to the data sheet's maximum; else what the options say."""
     start: Start = ()
     """Values at power-up that are known, of `simulator.options.START_VALUES`; all others are anything."""
 
     @property
     def complete(self) -> bool:
         """Return whether a proof is about everything but, perhaps, the inputs, as a certificate is."""
-        return self.tmr0_phase and self.resets and self.watchdog and not self.start
+        return self.tmr0_phase and self.resets and self.watchdog and self.eeprom_write and not self.start
 
 
 EVERYTHING = Quantifiers()
@@ -73,7 +79,12 @@ def trials(
         yield chip((("ram", byte),))
     yield chip(base=replace(board, floating=1))
     if quantifiers.watchdog:
-        yield chip(base=replace(board, watchdog_us=SHORTEST_WATCHDOG_US))
+        for watchdog_us in WATCHDOG_US:
+            yield chip(base=replace(board, watchdog_us=watchdog_us))
+    if quantifiers.eeprom_write:
+        longest = device(board.device).max_eeprom_write_us
+        for part in range(WRITE_TIMES + 1):
+            yield chip(base=replace(board, eeprom_write_us=max(1, longest * part // WRITE_TIMES)))
     if quantifiers.resets:
         moments = [period * n // 5 + 7 * n for n in range(1, RESETS + 1)]
         yield from (Trial(chip(chosen).options, moment) for moment in moments)

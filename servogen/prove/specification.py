@@ -120,6 +120,15 @@ class Specification:
         heard = self._commands.at_power_up if self._commands else 0
         return SpecState(BEFORE, 0, self._waiting, running, heard=heard)
 
+    def at_rest(self, state: SpecState) -> SpecState:
+        """Return that nothing more is expected, if no edge is due from now on; else the state as it is."""
+        if state.phase != IN_FRAME or self.rule is not None or not self._silent_loop:
+            return state
+        later = self._frames[state.frame + 1 : self._loop] if state.frame < self._loop else []
+        if any(later) or self._due(state.frame, state.time, self.period):
+            return state
+        return SpecState(OVER, 0, self._loop)
+
     def sample(self, state: SpecState, pin: int, level: int) -> SpecState:
         """Return the state after the program has read a pin. Raises Violation."""
         field = self._pins.get(pin)

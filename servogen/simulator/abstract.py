@@ -11,7 +11,7 @@ that only serves reports is not part of them. Times count from now.
 from __future__ import annotations
 
 from collections.abc import Mapping, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -75,6 +75,9 @@ _WATCHDOG = (at.WDT_AT, at.WDT_CLEARED)
 _RAM = slice(RAM_FIRST, RAM_LAST + 1)
 RA4, RB0, RB4_TO_7 = 1 << 4, 1 << 5, 0xF0 << 5
 _RBPU, _WATCHDOG_NEVER = 0x80, 1 << 39
+TO, PD, PSA, PS = 0x10, 0x08, 0x08, 0x07
+EEIE, WRITTEN = 0x40, 0x08
+"""The enable bit in INTCON, and the bit of an interrupt in doubt that is for the end of an EEPROM write."""
 _MASK_OF = {
     "w": at.W_UNKNOWN,
     "fsr": at.FSR_UNKNOWN,
@@ -117,8 +120,9 @@ class Choice:
     INTCON_LATE sets flags in the second cycle of a two-cycle instruction.
 
     `field` is one of "PINS", "INTCON", "STATUS", "W", "FSR", "TMR0", "EEDATA", "EEADR", "EECON1", "LATCH", a
-    RAM address as "0x0C", or "TMR0_PHASE": the cycles, `value`, for which TMR0 stands still after a write of
-    OPTION_REG. With `steer`, the byte becomes no better known: it only decides which way is taken.
+    RAM address as "0x0C". With `steer`, the byte becomes no better known: it only decides which way is taken.
+    Other fields are what happens: "TMR0_PHASE": TMR0 stands still for `value` cycles after a write of
+    OPTION_REG; "EE_DONE": an EEPROM write ends, `value` cycles from now; "WATCHDOG": it ends SLEEP now.
     """
 
     field: str
@@ -184,16 +188,22 @@ class AbstractChip:
         options: Options,
         held: Mapping[int, int] | None = None,
         any_watchdog: bool = True,
+        write_us: int | None = None,
     ) -> None:
         """Prepare to run `image`.
 
         `options` say what the board does and which chip it is; what differs between chips is unknown, but
         for the values at power-up that `options.start` gives. The pins of `held` have these levels at all
         times. `any_watchdog`: the watchdog's period is not that of `options`, but anywhere in its range.
+        `write_us`: so long an EEPROM write takes at most, if it may end in any cycle; None: what `options`
+        say, exactly.
         """
         self.image = image
         self.clock = clock
         self._given = options.start
+        self.any_write_time = write_us is not None
+        if write_us is not None:
+            options = replace(options, eeprom_write_us=write_us)
         self._template = self._start(options, held or {}, any_watchdog)
         self._s = self._template.copy()
         self._plain = program_code(image)
@@ -305,7 +315,8 @@ class AbstractChip:
         key = frozenset(stops)
         if key not in self._marked:
             self._marked[key] = marked_code(self._fast.code, self._plain, key)
-        if s[at.CYCLE] < end and not (choices and int(s[at.PC]) & 0x3FF in stops):
+        stopped = choices and (s[at.SLEEPING] or int(s[at.PC]) & 0x3FF in stops)
+        if s[at.CYCLE] < end and not stopped:
             self._call(self._marked[key], end, BASE)
 
     def _call(self, code: Code, end: int, resume: int) -> None:
@@ -366,15 +377,26 @@ class AbstractChip:
         enabled = intcon >> 3 & 7
         if intcon & at.T0IE and self._s[at.T0_UNKNOWN]:
             doubtful |= at.T0IF  # it may overflow in any cycle from now on
-        if enabled & intcon & ~doubtful or not enabled & doubtful:
+        written = WRITTEN if intcon & EEIE and self._writing() else 0
+        if enabled & intcon & ~doubtful or not (enabled & doubtful or written):
             return None
-        return Use(at.USE_INTERRUPT, enabled & doubtful, int(self._s[at.PC]) & 0x3FF)
+        return Use(at.USE_INTERRUPT, enabled & doubtful | written, int(self._s[at.PC]) & 0x3FF)
+
+    def _writing(self) -> bool:
+        """Return whether an EEPROM write is under way that may end in any cycle."""
+        return self.any_write_time and bool(self._s[at.EE_DONE_AT] != at.NEVER)
 
     def _hold(self, choice: Choice) -> int:
         """Make a choice's bits known and return what `_release` needs."""
         s = self._s
         if choice.field == "TMR0_PHASE":
             s[at.T0_PHASE] = choice.value
+            return 0
+        if choice.field == "EE_DONE":
+            s[at.EE_DONE_AT] = BASE + choice.value
+            return 0
+        if choice.field == "WATCHDOG":
+            self._time_out()
             return 0
         if choice.field == "INTCON_LATE":
             s[at.INTCON] &= ~choice.bits
@@ -398,6 +420,22 @@ class AbstractChip:
         if choice.field == "INTCON" and requested and intcon & at.GIE:
             s[at.IRQ_AT] = min(int(s[at.IRQ_AT]), BASE)
         return before
+
+    def _time_out(self) -> None:
+        """Let the watchdog wake the chip, as `events.watchdog` does."""
+        s = self._s
+        s[at.STATUS] &= ~(TO | PD)
+        s[at.STATUS_UNKNOWN] &= ~(TO | PD)
+        s[at.SLEEPING] = 0
+        periods = 1
+        if s[at.OPTION] & PSA:
+            s[at.PRESCALER] = s[at.PRESCALER_UNKNOWN] = 0
+            periods = 1 << (int(s[at.OPTION]) & PS)
+        s[at.WDT_AT] = s[at.WDT_CLEARED] = BASE
+        s[at.WDT_EARLIEST] = BASE + periods * int(s[at.WDT_SHORTEST])
+        awake = BASE + int(s[at.START_UP])
+        s[at.CYCLE] = s[at.AWAKE_AT] = awake
+        s[at.T0_AT] = max(int(s[at.T0_AT]), awake)
 
     def _release(self, choice: Choice, before: int) -> None:
         """Take back what was true of one moment only."""
@@ -447,10 +485,6 @@ class AbstractChip:
         expected = sum(choice.field == "TMR0_PHASE" for choice in choices)
         if s[at.OPTION_WRITES] > expected:
             found.append("OPTION_REG is written through INDF")
-        if s[at.EE_DONE_AT] != at.NEVER:
-            found.append("the program writes the EEPROM")
-        if s[at.SLEEPING] and s[at.WDT_PERIOD]:
-            found.append("the watchdog ends SLEEP after a time that differs from chip to chip")
         return tuple(found)
 
     def _outcome(self, reason: Reason, use: Use | None, warnings: tuple[str, ...]) -> Outcome:
@@ -496,6 +530,7 @@ class AbstractChip:
             s[mask] &= 0x1FFF if value in (at.PINS, at.LATCH, at.RB_OLD) else 0xFF
             s[value] &= ~int(s[mask])
         s[at.RB_OLD] &= RB4_TO_7
+        s[at.EE_CELL] = s[at.EE_BYTE] = 0  # nobody reads what the program has written
         for value, mask in _BYTES:
             if s[mask] != at.PHASED:
                 s[mask] &= 0xFF

@@ -126,3 +126,26 @@ def test_what_is_switched_off_is_assumed_and_has_no_certificate(run: Run) -> Non
         assert done.code == 2
         assert wrong.partition("=")[0] in done.err
     assert run("prove", STARTS / "good.asm", "--no-resets").code == 2
+
+
+def test_a_proof_that_the_checker_cannot_follow_has_no_certificate(run: Run) -> None:
+    text = (
+        (STARTS / "good.asm")
+        .read_text()
+        .replace("frame   bsf", "        bsf 11,4\n        bcf 11,4\nframe   bsf")
+    )
+    Path("good.asm").write_text(
+        text.replace("nop\n        goto frame", "nop\n        goto frame\n        sleep")
+    )
+    Path("frame.inc").write_text((STARTS / "frame.inc").read_text())
+    assert run("prove", "good.asm", "--against", SCHEDULE, "--certificate", "good.xz").code == 0
+    ended = (SCHEDULE, Path("once.json"))
+    data = json.loads(ended[0].read_text())
+    data["lead_in"] = data["loop"]
+    data["loop"] = [{"frames": 1, "pulses": [None]}]
+    ended[1].write_text(json.dumps(data))
+    Path("once.asm").write_text(text.replace("goto frame", "sleep\n        goto $"))
+    done = run("prove", "once.asm", "--against", "once.json", "--certificate", "once.xz")
+    assert done.code == 2
+    assert "SLEEP and EEPROM writes are not certified" in done.err
+    assert run("prove", "once.asm", "--against", "once.json").code == 0

@@ -1,0 +1,238 @@
+"""What comes in any cycle: interrupts by INT and port B, the end of SLEEP, the end of an EEPROM write."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from servogen.pic.assembler import assemble
+from servogen.pic.device import device
+from servogen.pic.image import Image
+from servogen.prove import Proof, Quantifiers, certificate, prove_for_all
+from servogen.pulse import PulseSchedule
+from tests.prove.replay import is_wrong
+from tests.prove.test_prove_inputs import schedule_of
+
+HEAD = """
+        list p=16f84
+        include "p16f84.inc"
+        radix dec
+        __config _XT_OSC & _WDT_{watchdog} & _PWRTE_OFF
+        org 0
+        goto start
+        org 4
+{isr}
+start   clrf PORTB
+        clrf PCLATH
+        bsf STATUS, RP0
+        movlw 0xFD
+        movwf TRISB
+        movlw 0xC8
+        movwf OPTION_REG
+        bcf STATUS, RP0
+        clrf INTCON
+        clrf TMR0
+"""
+PULSE = """
+        bsf PORTB, 1
+        movlw 10
+        movwf 0x21
+wide    decfsz 0x21, f
+        goto wide
+        bcf PORTB, 1
+"""
+WIDTH = 1 + 2 + 29
+WINDOW = """
+        goto align
+frame
+{pulse}
+        movf PORTB, w
+        movlw {enable}
+        movwf INTCON
+        nop
+        nop
+        nop
+        nop
+        nop
+        nop
+clear   bcf INTCON, GIE
+        btfsc INTCON, GIE
+        goto clear
+align   btfss INTCON, T0IF
+        goto align
+        bcf INTCON, T0IF
+        movf TMR0, w
+        andlw 7
+{fine}
+        goto frame
+"""
+"""A frame is 256 cycles of TMR0; after the pulse is a window for interrupts; then the frame is aligned."""
+FINE = "        addwf PCL, f\n" + "        nop\n" * 8
+PERIOD = 256
+INT = "        bcf INTCON, INTE\n        bcf INTCON, INTF\n        retfie\n"
+RB = "        bcf INTCON, RBIE\n        movf PORTB, w\n        bcf INTCON, RBIF\n        retfie\n"
+
+
+def assembled(body: str, isr: str = "        retfie\n", watchdog: str = "OFF") -> Image:
+    text = HEAD.format(isr=isr, watchdog=watchdog) + body + "        end\n"
+    return assemble(text, "test.asm", device("PIC16F84")).image
+
+
+def once() -> PulseSchedule:
+    """One frame with a pulse; then nothing."""
+    schedule = schedule_of(PERIOD, WIDTH)
+    return replace(schedule, lead_in=schedule.loop, loop=(replace(schedule.loop[0], pulses=(None,)),))
+
+
+def shown(image: Image, schedule: PulseSchedule, found: Proof) -> bool:
+    """Return whether there is a counterexample that a plain run repeats."""
+    assert not found.proven
+    assert found.counterexample is not None, found.reason
+    return is_wrong(image, schedule, found.counterexample)
+
+
+@pytest.mark.parametrize(("enable", "isr"), [("0x90", INT), ("0x88", RB)])
+def test_an_interrupt_at_any_time_in_a_window_is_proven_if_what_follows_is_aligned(
+    enable: str, isr: str
+) -> None:
+    schedule = schedule_of(PERIOD, WIDTH)
+    body = WINDOW.format(pulse=PULSE, enable=enable, fine=FINE)
+    image = assembled(body, isr)
+    proof = prove_for_all(image, schedule)
+    assert proof.proven, proof.reason
+    with pytest.raises(ValueError, match="not certified"):
+        certificate(proof, image, schedule, b"")
+    # an alignment that is missing, and interrupts without end
+    for wrong in (
+        assembled(WINDOW.format(pulse=PULSE, enable=enable, fine="        nop\n"), isr),
+        assembled(body, isr.split("\n", 1)[1]),
+    ):
+        assert shown(wrong, schedule, prove_for_all(wrong, schedule, max_states=3000))
+
+
+SLEEPER = PULSE + "again   clrwdt\n        sleep\n        nop\n{after}        goto again\n"
+AFTER_INT = "        clrf INTCON\n        bsf INTCON, INTE\n"
+
+
+@pytest.mark.parametrize("watchdog", ["OFF", "ON"])
+@pytest.mark.parametrize("wakes", ["", AFTER_INT])
+def test_sleep_after_the_last_pulse_is_proven_whatever_ends_it(watchdog: str, wakes: str) -> None:
+    image = assembled(SLEEPER.format(after=wakes), watchdog=watchdog)
+    proof = prove_for_all(image, once())
+    assert proof.proven, proof.reason
+
+
+@pytest.mark.parametrize(("watchdog", "wakes"), [("OFF", AFTER_INT), ("ON", "")])
+def test_a_pulse_after_waking_has_a_counterexample(watchdog: str, wakes: str) -> None:
+    enable = "        bsf INTCON, INTE\n" if wakes else ""
+    image = assembled(enable + SLEEPER.format(after=wakes + "        bsf PORTB, 1\n"), watchdog=watchdog)
+    assert shown(image, once(), prove_for_all(image, once()))
+
+
+def test_only_what_the_watchdog_tells_by_status_is_wrong() -> None:
+    """TO is 0 after its waking; an interrupt leaves it 1."""
+    told = "        btfss STATUS, NOT_TO\n        bsf PORTB, 1\n"
+    image = assembled("        bsf INTCON, INTE\n" + SLEEPER.format(after=told + AFTER_INT))
+    assert prove_for_all(image, once()).proven
+    assert image.config is not None
+    watched = replace(image, config=image.config | 4)
+    assert shown(watched, once(), prove_for_all(watched, once()))
+
+
+def test_sleep_while_pulses_are_due_or_before_the_first_has_a_counterexample() -> None:
+    schedule = schedule_of(PERIOD, WIDTH)
+    image = assembled(SLEEPER.format(after=""), watchdog="ON")
+    assert shown(image, schedule, prove_for_all(image, schedule))
+    waiting = assembled("        bsf INTCON, INTE\n        sleep\n        nop\n" + SLEEPER.format(after=""))
+    assert shown(waiting, once(), prove_for_all(waiting, once()))
+
+
+WRITE = """
+        movlw 3
+        movwf EEADR
+        movlw 0x5A
+        movwf EEDATA
+        bsf STATUS, RP0
+        bsf EECON1, WREN
+        movlw 0x55
+        movwf EECON2
+        movlw 0xAA
+        movwf EECON2
+        bsf EECON1, WR
+{meanwhile}
+"""
+POLL = "poll    btfsc EECON1, WR\n        goto poll\n        bcf STATUS, RP0\n"
+ROUND = "        goto frame\n"
+
+
+def written(meanwhile: str, rest: str) -> Image:
+    return assembled(WRITE.format(meanwhile=meanwhile) + PULSE + rest)
+
+
+def test_an_eeprom_write_before_the_first_pulse_may_take_any_time() -> None:
+    image = written(POLL, "stop    goto stop\n")
+    schedule = replace(once(), period=1000)
+    proof = prove_for_all(image, schedule)
+    assert proof.proven, proof.reason
+    assert any("an EEPROM write takes at most 20 ms" in each for each in proof.assumptions)
+    with pytest.raises(ValueError, match="not certified"):
+        certificate(proof, image, schedule, b"")
+    slow = prove_for_all(image, once()).counterexample
+    assert slow is not None, "50 periods are shorter than the longest write"
+    assert slow.message == "no pulse comes"
+    assert slow.options.eeprom_us > 50 * once().period
+
+
+def written_later() -> tuple[Image, PulseSchedule]:
+    """A write that nobody waits for: pulses go on while it is under way."""
+    pulses = (
+        "frame" + PULSE + "        movlw 73\n        movwf 0x21\nrest    decfsz 0x21, f\n        goto rest\n"
+    )
+    image = assembled(WRITE.format(meanwhile="        bcf STATUS, RP0\n") + pulses + "        goto frame\n")
+    return image, schedule_of(WIDTH + 1 + 2 + 3 * 73 - 1 + 2 - 1 + 1, WIDTH)
+
+
+def test_a_write_that_nobody_waits_for_is_proven() -> None:
+    proof = prove_for_all(*written_later())
+    assert proof.proven, proof.reason
+
+
+def test_a_pulse_as_long_as_a_write_has_a_counterexample() -> None:
+    """With the typical duration, 10 ms and the time to notice its end, it is proven; of any it is wrong."""
+    body = WRITE.format(
+        meanwhile="        bcf STATUS, RP0\n        bsf PORTB, 1\n        bsf STATUS, RP0\n" + POLL
+    )
+    image = assembled(body + "        bcf PORTB, 1\nstop    goto stop\n")
+    schedule = replace(once(), period=once().period * 200)
+    for width in range(10_000, 10_008):
+        run = replace(schedule.lead_in[0], pulses=(replace(schedule.lead_in[0].pulses[0], width=width),))
+        exact = replace(schedule, lead_in=(run,))
+        if prove_for_all(image, exact, Quantifiers(eeprom_write=False)).proven:
+            break
+    else:
+        pytest.fail("no width is proven")
+    assert shown(image, exact, prove_for_all(image, exact))
+
+
+def test_what_the_program_has_written_to_the_eeprom_is_not_known() -> None:
+    image = written(
+        POLL + "        bsf STATUS, RP0\n        bsf EECON1, RD\n        bcf STATUS, RP0\n",
+        "stop    goto stop\n",
+    )
+    found = prove_for_all(image, once())
+    assert not found.proven
+    assert "what the program writes to the EEPROM, it reads" in found.reason
+
+
+ON_WRITTEN = "        bsf STATUS, RP0\n        bcf EECON1, EEIF\n        bcf STATUS, RP0\n        retfie\n"
+
+
+def test_the_interrupt_at_the_end_of_a_write_comes_in_any_cycle() -> None:
+    enable = "        bcf STATUS, RP0\n        movlw 0xC0\n        movwf INTCON\n"
+    after = "stop    goto stop\n"
+    image = assembled(WRITE.format(meanwhile=enable) + PULSE + after, ON_WRITTEN)
+    assert shown(image, once(), prove_for_all(image, once()))
+    late = assembled(PULSE + WRITE.format(meanwhile=enable) + after, ON_WRITTEN)
+    proof = prove_for_all(late, once())
+    assert proof.proven, proof.reason
