@@ -72,6 +72,12 @@ def compile_c(
             "pass saved.",
         ),
     ] = None,
+    no_warning: Annotated[
+        list[str],
+        typer.Option(
+            "--no-warning", metavar="CODE", help="Leave out the warnings with this code; repeatable."
+        ),
+    ] = [],  # noqa: B006
     verify_ir: Annotated[
         bool, typer.Option("--verify-ir", help="Check the intermediate form after every pass.")
     ] = False,
@@ -93,6 +99,7 @@ def compile_c(
         optimise={"0": "none", "1": "speed", "s": "size"}.get(optimise, optimise),
         include=beside_c,
         dump_ir=_pass_to_dump(dump),
+        unwanted=frozenset(no_warning),
     )
     if verify_ir:
         options = replace(options, verify_ir=True)

@@ -27,7 +27,9 @@ def is_own_file(place: Location) -> bool:
 class Reporter:
     """Collects diagnostics and keeps the text of each source file."""
 
-    def __init__(self) -> None:
+    def __init__(self, unwanted: frozenset[str] = frozenset()) -> None:
+        self.unwanted = unwanted
+        """The codes of warnings that are left out."""
         self.texts: dict[str, str] = {}
         self._lines: dict[str, list[str]] = {}
         self._found: dict[Diagnostic, None] = {}
@@ -59,8 +61,13 @@ class Reporter:
             raise self.failure()
 
     def warn(self, code: str, message: str, place: Location, hint: str | None = None) -> None:
-        if not is_own_file(place):
+        if not is_own_file(place) and code not in self.unwanted:
             self._add("warning", code, message, place, hint)
+
+    @property
+    def errors(self) -> int:
+        """Return the number of errors so far."""
+        return self._errors
 
     def fatal(self, code: str, message: str, place: Location, hint: str | None = None) -> Fatal:
         """Report an error; the caller raises the exception that is returned."""

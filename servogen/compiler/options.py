@@ -41,5 +41,7 @@ class Options:
     defines: Mapping[str, str] = field(default_factory=dict)
     verify_ir: bool = field(default_factory=lambda: os.environ.get(VERIFY_IR) == "1")
     """Whether the intermediate form is checked after every pass."""
+    unwanted: frozenset[str] = frozenset()
+    """The codes of warnings that are left out."""
     dump_ir: str | None = None
     """The pass after which the intermediate form is kept as text: one of `passes.manager.PASSES`."""

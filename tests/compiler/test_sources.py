@@ -115,7 +115,7 @@ def test_a_program_that_is_too_large_says_how_large() -> None:
 
 def test_calls_that_go_too_deep_show_their_path() -> None:
     functions = "".join(f"void f{n}(void) {{ f{n + 1}(); PORTB = {n}; }}\n" for n in range(1, 9))
-    text = "void f9(void) { PORTB = 9; }\n" + functions + "void main(void) { f1(); PORTB = 0; }"
+    text = "void f9(void) { PORTB = 9; }\n" + functions + "void main(void) { TRISB = 0; f1(); }"
     with pytest.raises(CompileError) as caught:
         build(text)
     (found,) = caught.value.diagnostics

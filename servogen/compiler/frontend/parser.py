@@ -111,8 +111,17 @@ class _Feed:
 
 
 class _Parser(CParser):  # type: ignore[misc]
+    parenthesised: set[int]
+
     def _parse_error(self, msg: str, coord: Any) -> NoReturn:
         raise SyntaxFault(msg, coord)
+
+    def _parse_primary_expression(self) -> Any:
+        opening = self._peek_type() == "LPAREN"
+        node = super()._parse_primary_expression()
+        if opening:
+            self.parenthesised.add(id(node))
+        return node
 
     def index(self) -> int:
         return int(self._tokens.mark())
@@ -145,10 +154,15 @@ class _Parser(CParser):  # type: ignore[misc]
         return found
 
 
-def parse(tokens: list[PToken], typedefs: Iterable[str], reporter: Reporter) -> list[Any]:
-    """Return the external declarations of a file. Syntax errors are reported to the reporter."""
+def parse(
+    tokens: list[PToken], typedefs: Iterable[str], reporter: Reporter, parenthesised: set[int]
+) -> list[Any]:
+    """Return the external declarations of a file. Syntax errors are reported to the reporter; the identities
+    of the expressions that stand in parentheses are added to `parenthesised`.
+    """
     stream = [_token(each, reporter) for each in tokens]
     parser = _Parser(lexer=_Feed)
+    parser.parenthesised = parenthesised
 
     def fault(error: Exception, start: int, at: int) -> int:
         if isinstance(error, RecursionError):

@@ -101,6 +101,10 @@ class Analyser:
         self.serial_settings = serial_settings
         self.asm_blocks = asm_blocks
         self.read_library = read_library
+        self.parenthesised: set[int] = set()
+        """The identities of the expressions of the syntax tree that stand in parentheses."""
+        self.declared_locals: list[Symbol] = []
+        """The variables that the program declares in the present function."""
         self.library_files: set[str] = set()
         """The files of the library that have been read."""
         self.library_bodies: dict[str, tuple[FunctionDefinition, Any, Scopes]] = {}

@@ -15,6 +15,7 @@ from typing import Any
 from pycparser import c_ast
 
 import servogen.compiler.sema.formats as formats
+from servogen.compiler.ast.constant_folding import interval
 from servogen.compiler.ast.nodes import (
     Assign,
     Binary,
@@ -250,7 +251,15 @@ def delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Exp
         if not 0 <= value <= 255:
             raise analyser.fail("c-argument", f"'{name}' takes 0 to 255, not {value}", arguments[0])
         return Builtin("delay", [], VOID, place, delay_cycles(analyser, value * unit, node))
-    argument = convert(analyser, expression(analyser, arguments[0]), U8, f"the argument of '{name}'")
+    given = rvalue(analyser, expression(analyser, arguments[0]))
+    if interval(given)[1] > U8.high:
+        analyser.reporter.warn(
+            "c-conversion",
+            f"'{name}' takes 0 to 255: of this '{given.type}' only the low 8 bits count",
+            analyser.place(arguments[0]),
+            hint="call it in a loop",
+        )
+    argument = convert(analyser, given, U8, f"the argument of '{name}'")
     cycles = delay_cycles(analyser, Fraction(unit), node)
     if cycles == 0:
         raise analyser.fail(

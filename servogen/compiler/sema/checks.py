@@ -39,6 +39,13 @@ _PORTS = {"PORTA": "TRISA", "PORTB": "TRISB"}
 _PINS = {"PORTA": "RA", "PORTB": "RB"}
 
 
+def has_assembly(program: Program) -> bool:
+    """Return whether a function of a program contains assembly."""
+    return any(
+        _assembly(function.body) for function in program.functions.values() if function.body is not None
+    )
+
+
 def check_program(graph: CallGraph, reporter: Reporter) -> None:
     """Report all warnings of this module."""
     _inputs(graph.program, reporter)
@@ -60,7 +67,7 @@ def _inputs(program: Program, reporter: Reporter) -> None:
         if function.body is not None
         for expr in expressions(function.body)
     ]
-    if any(_assembly(function.body) for function in program.functions.values() if function.body is not None):
+    if has_assembly(program):
         return
     writes = [expr for expr in every if isinstance(expr, (Assign, Update))]
     for port, tris in _PORTS.items():

@@ -281,6 +281,7 @@ def _local(analyser: Analyser, node: Any, kind: CType, static: bool, address: in
             )
         enter_name(analyser, name, symbol, node)
         analyser.function.locals.append(symbol)
+        analyser.declared_locals.append(symbol)
         if node.init is not None:
             _initialise_local(analyser, symbol, node)
     symbol.asm_name = f"_{name}_{analyser.function.name}"

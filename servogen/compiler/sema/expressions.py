@@ -17,10 +17,12 @@ from servogen.compiler.ast.nodes import (
     Binary,
     Cast,
     Choice,
+    Deref,
     EepromObject,
     Expr,
     Logic,
     Num,
+    Ref,
     Unary,
     Update,
     WideField,
@@ -208,6 +210,19 @@ def _pointer_operator(analyser: Analyser, op: str, left: Expr, right: Expr, node
     raise analyser.fail("c-type", f"'{op}' cannot combine '{left.type}' and '{right.type}'", node)
 
 
+def _warn_field(analyser: Analyser, target: Ref | Deref | Accessor, value: Expr) -> None:
+    """Warn about a constant that a bit-field does not hold."""
+    width = 0 if isinstance(target, EepromObject) else target.width
+    kind = target.type
+    if not width or not isinstance(value, Num) or not isinstance(kind, IntType) or kind.is_bool:
+        return
+    low, high = (-(1 << width - 1), (1 << width) - 1)
+    if not low <= value.value <= high:
+        analyser.reporter.warn(
+            "c-conversion", f"{value.value} does not fit a bit-field of {width} bits", value.place
+        )
+
+
 def _computed(analyser: Analyser, target: Accessor, op: str, value: Expr, node: Any) -> Expr:
     """Return `target op= value` for an object that is read and stored by expressions."""
     evaluated_once(analyser, target)
@@ -256,6 +271,7 @@ def assignment(analyser: Analyser, node: Any) -> Expr:
     kind = target.type.plain()
     if node.op == "=":
         value = convert(analyser, expression(analyser, node.rvalue), kind, "the assignment")
+        _warn_field(analyser, target, value)
         if isinstance(target, (WideField, EepromObject)):
             return store(analyser, target, value)
         return Assign(target, value, kind, place)

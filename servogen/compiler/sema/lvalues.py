@@ -392,12 +392,32 @@ def assignable(analyser: Analyser, target: Expr, node: Any) -> Ref | Deref | Acc
     return target
 
 
+def _warn_overflow(
+    analyser: Analyser, op: str, left: int, right: int, kind: IntType, place: Location
+) -> None:
+    """Warn about a sum, difference or product of constants that its signed type does not hold; C2C's users
+    count on 16 bits without a sign.
+    """
+    if op not in ("+", "-", "*") or not kind.signed:
+        return
+    exact = {"+": left + right, "-": left - right, "*": left * right}[op]
+    high = 2 * kind.high + 1 if analyser.c2c else kind.high
+    if not kind.low <= exact <= high:
+        analyser.reporter.warn(
+            "c-overflow",
+            f"{left} {op} {right} is {exact}, which does not fit '{kind}', and becomes {kind.wrap(exact)}",
+            place,
+            hint="make one of them a long: write L behind it",
+        )
+
+
 def binary(analyser: Analyser, op: str, left: Expr, right: Expr, kind: CType, place: Location) -> Expr:
     """Return an arithmetic node on converted operands, folded if constant."""
     if isinstance(right, Num) and right.value == 0 and op in ("/", "%"):
         raise analyser.fail("c-division-by-zero", "division by zero", right)
     if isinstance(left, Num) and isinstance(right, Num) and isinstance(kind, IntType):
         value = fold(op, left.value, right.value, kind)
+        _warn_overflow(analyser, op, left.value, right.value, kind, place)
         return Num(value or 0, kind, place)
     if isinstance(right, Num) and not isinstance(left, Num):
         if right.value == 0 and op in ("+", "-", "|", "^", "<<", ">>"):

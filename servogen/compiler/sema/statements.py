@@ -11,7 +11,9 @@ from typing import Any
 
 from pycparser import c_ast
 
+from servogen.compiler.ast.constant_folding import interval
 from servogen.compiler.ast.nodes import (
+    AddressOf,
     Asm,
     Assign,
     Block,
@@ -32,7 +34,7 @@ from servogen.compiler.ast.nodes import (
     Symbol,
 )
 from servogen.compiler.ast.types import BIT, U8, IntType, VoidType, promote
-from servogen.compiler.diagnostics import Fatal
+from servogen.compiler.diagnostics import Fatal, is_own_file
 from servogen.compiler.frontend.asm_blocks import MARKER
 from servogen.compiler.frontend.extensions import CRITICAL_LABEL
 from servogen.compiler.sema.analyser import Analyser, Body
@@ -40,6 +42,8 @@ from servogen.compiler.sema.builtins import chip_bit, register_ref, set_bit
 from servogen.compiler.sema.conversions import convert, promoted, truth
 from servogen.compiler.sema.declarations import declare
 from servogen.compiler.sema.expressions import condition_operand
+from servogen.compiler.sema.flow import check_flow
+from servogen.compiler.sema.lint import check_syntax, used_names
 from servogen.compiler.sema.names import constant, expression, value_of, warn_unused
 from servogen.compiler.sema.type_names import specified
 from servogen.errors import Location, did_you_mean
@@ -49,6 +53,8 @@ def define_function(analyser: Analyser, function: FunctionDefinition, node: Any)
     """Analyse the body of a function."""
     analyser.function = function
     analyser.body = Body()
+    errors = analyser.reporter.errors
+    analyser.declared_locals = []
     analyser.scopes.push()
     for symbol in function.parameters:
         analyser.scopes.here.names[symbol.name] = symbol
@@ -64,6 +70,9 @@ def define_function(analyser: Analyser, function: FunctionDefinition, node: Any)
     analyser.scopes.pop()
     function.body = block
     analyser.function = None
+    if not is_own_file(function.place) and errors == analyser.reporter.errors:
+        check_syntax(analyser, node)
+        check_flow(function, analyser.declared_locals, used_names(node.body), analyser.reporter)
 
 
 def items(analyser: Analyser, nodes: list[Any], out: list[Stmt]) -> None:
@@ -297,7 +306,15 @@ def _stmt_case(analyser: Analyser, node: Any) -> Stmt:
     if not analyser.body.switches:
         raise analyser.fail("c-jump", "'case' outside a switch", node)
     switch, kind = analyser.body.switches[-1]
-    value = kind.wrap(constant(analyser, node.expr, "a case"))
+    number = constant(analyser, node.expr, "a case")
+    value = kind.wrap(number)
+    low, high = interval(switch.value)
+    if not isinstance(switch.value, Num) and not low <= number <= high:
+        analyser.reporter.warn(
+            "c-case-range",
+            f"the case {number} is never reached: the value lies in {low} … {high}",
+            analyser.place(node),
+        )
     if any(value == known for known, _ in switch.cases):
         raise analyser.fail("c-jump", f"the case {value} is there twice", node)
     label = CaseLabel(analyser.place(node))
@@ -402,7 +419,15 @@ def _stmt_return(analyser: Analyser, node: Any) -> Stmt:
         if isinstance(expr.type, VoidType):
             return Return(expr, place)
         raise analyser.fail("c-return", f"'{analyser.function.name}' returns void, not a value", node)
-    return _leaving(analyser, convert(analyser, expr, result, "the result"), place)
+    value = convert(analyser, expr, result, "the result")
+    if isinstance(value, AddressOf) and value.target.symbol.kind in ("local", "param"):
+        analyser.reporter.warn(
+            "c-local-address",
+            f"'{value.target.symbol.name}' does not keep its value after '{analyser.function.name}' returns",
+            place,
+            hint="declare it static",
+        )
+    return _leaving(analyser, value, place)
 
 
 def _leaving(analyser: Analyser, value: Expr | None, place: Location) -> Stmt:

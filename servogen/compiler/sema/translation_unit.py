@@ -157,7 +157,7 @@ def _declarations(analysis: Analyser, rewritten: Rewritten) -> None:
     program defines itself is left out.
     """
     reporter = analysis.reporter
-    units = parse(rewritten.tokens, type_names(), reporter)
+    units = parse(rewritten.tokens, type_names(), reporter, analysis.parenthesised)
     begin_file(analysis, rewritten)
     for unit in units:
         try:

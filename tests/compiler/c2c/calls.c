@@ -16,6 +16,7 @@ int twice(int n)
 {
   return n + n;
 }
+// warning: 'nothing' can reach its end without returning a value
 int nothing()
 {
   a = a;

@@ -10,6 +10,7 @@ void main()
   portb.1 = 1;
   x = portb;
   x.0 = 1;
+  // warning: GIE is set, but there is no interrupt function
   set_bit(intcon, GIE);
   clear_bit(intcon, GIE);
   status.C = 0;

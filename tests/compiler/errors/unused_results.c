@@ -13,6 +13,7 @@ unsigned char counted(void)
     return ++count;
 }
 
+// warning: this interrupt function is never called: GIE is never set
 void __interrupt() each(void)
 {
     record.byte++;

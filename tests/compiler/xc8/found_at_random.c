@@ -77,5 +77,6 @@ L1: rounds++;                                  // not a label of the compiler's 
         seen |= (counted ? counted : inner) < 1;
     }
     again = before(0, 0x01020304);
+    // warning: 11 does not fit a bit-field of 3 bits
     three = (narrow.three = 0x0B) + zero;
 }

@@ -1,0 +1,253 @@
+"""Warnings about a function's variables and its end: unused, read before they are set, no return.
+
+In: a function's typed tree. Out: warnings. Assembly in the function may do anything: then nothing is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+from servogen.compiler.ast.nodes import (
+    AddressOf,
+    Asm,
+    Assign,
+    Block,
+    Builtin,
+    CaseLabel,
+    Choice,
+    Expr,
+    ExprStmt,
+    FunctionDefinition,
+    If,
+    Jump,
+    LabelStmt,
+    Logic,
+    Loop,
+    Num,
+    Ref,
+    Return,
+    Stmt,
+    Switch,
+    Symbol,
+    Update,
+)
+from servogen.compiler.ast.types import VoidType
+from servogen.compiler.diagnostics import Reporter
+from servogen.compiler.sema.call_graph import expressions
+
+
+def check_flow(
+    function: FunctionDefinition, declared: Sequence[Symbol], used: set[str], reporter: Reporter
+) -> None:
+    """Report unused variables, variables read before they are set, and a missing return. `declared` are the
+    variables that the program declares in the function, `used` the names that its text uses, also where
+    constants have replaced them in the tree.
+    """
+    body = function.body
+    if body is None or any(isinstance(each, Asm) for each in _statements(body)):
+        return
+    _unused(body, declared, used, reporter)
+    _missing_return(function, body, reporter)
+    if not any(isinstance(each, LabelStmt) for each in _statements(body)):
+        _Uninitialised(body, declared, reporter).report()
+
+
+def _statements(node: Stmt) -> Iterator[Stmt]:
+    yield node
+    match node:
+        case Block(body):
+            for each in body:
+                yield from _statements(each)
+        case If(_, yes, no):
+            yield from _statements(yes)
+            if no is not None:
+                yield from _statements(no)
+        case Loop(_, body) | Switch(_, _, _, body):
+            yield from _statements(body)
+
+
+# unused
+
+
+def _unused(body: Block, declared: Sequence[Symbol], used: set[str], reporter: Reporter) -> None:
+    written = {
+        expr.target.symbol
+        for expr in expressions(body)
+        if isinstance(expr, (Assign, Update)) and isinstance(expr.target, Ref)
+    }
+    for symbol in declared:
+        if symbol.volatile or symbol.name in used:
+            continue
+        if symbol in written:
+            reporter.warn("c-unused", f"'{symbol.name}' is set and never used", symbol.place)
+        else:
+            reporter.warn("c-unused", f"'{symbol.name}' is never used", symbol.place)
+
+
+# the end of a function
+
+
+def _missing_return(function: FunctionDefinition, body: Block, reporter: Reporter) -> None:
+    if isinstance(function.result, VoidType) or function.name == "main" or function.naked:
+        return
+    if _completes(body):
+        reporter.warn(
+            "c-missing-return",
+            f"'{function.name}' can reach its end without returning a value",
+            function.place,
+        )
+
+
+def _completes(node: Stmt) -> bool:
+    """Return whether the statement after this one can be reached through it."""
+    match node:
+        case Return() | Jump():
+            return False
+        case ExprStmt(Builtin("restart")):
+            return False
+        case Block(body):
+            reachable = True
+            for each in body:
+                reachable = reachable or _has_label(each)
+                reachable = reachable and _completes(each)
+            return reachable
+        case If(_, yes, no):
+            return no is None or _completes(yes) or _completes(no)
+        case Loop(condition, body):
+            return condition is not None or _breaks(body)
+        case Switch(_, _, default, body):
+            return default is None or _breaks(body) or _completes(body)
+    return True
+
+
+def _has_label(node: Stmt) -> bool:
+    return any(isinstance(each, (CaseLabel, LabelStmt)) for each in _statements(node))
+
+
+def _breaks(node: Stmt) -> bool:
+    """Return whether a `break` in a body ends the loop or switch that it is the body of."""
+    match node:
+        case Jump("break"):
+            return True
+        case Block(body):
+            return any(map(_breaks, body))
+        case If(_, yes, no):
+            return _breaks(yes) or (no is not None and _breaks(no))
+    return False
+
+
+# read before set
+
+
+@dataclass(slots=True)
+class _Uninitialised:
+    """Follows a body in the order of the text; `set_` are the variables that some path has set so far."""
+
+    body: Block
+    declared: Sequence[Symbol]
+    reporter: Reporter
+    set_: set[Symbol] = field(default_factory=set)
+    in_loop: set[Symbol] = field(default_factory=set)
+    """What the loops around the present place set, perhaps in an earlier round."""
+    conditional: int = 0
+
+    def report(self) -> None:
+        pointed = {expr.target.symbol for expr in expressions(self.body) if isinstance(expr, AddressOf)}
+        self.watched = {
+            each
+            for each in self.declared
+            if each.type.scalar and each.kind == "local" and each not in pointed and not each.volatile
+        }
+        self.statement(self.body)
+
+    watched: set[Symbol] = field(default_factory=set)
+
+    def statement(self, node: Stmt | None) -> None:
+        match node:
+            case ExprStmt(expr):
+                self.expression(expr)
+            case Block(body):
+                for each in body:
+                    self.statement(each)
+            case If(condition, yes, no):
+                self.expression(condition)
+                self.branches(lambda: self.statement(yes), lambda: self.statement(no))
+            case Loop():
+                self.loop(node)
+            case Switch(value, _, _, body):
+                self.expression(value)
+                self.branches(lambda: self.statement(body), lambda: None)
+            case Return(value) if value is not None:
+                self.expression(value)
+
+    def branches(self, *parts: object) -> None:
+        """Follow alternatives; afterwards everything counts as set that one of them sets."""
+        before, after = set(self.set_), set(self.set_)
+        self.conditional += 1
+        for part in parts:
+            self.set_ = set(before)
+            assert callable(part)
+            part()
+            after |= self.set_
+        self.conditional -= 1
+        self.set_ = after
+
+    def loop(self, node: Loop) -> None:
+        outside = set(self.in_loop)
+        self.in_loop |= {
+            expr.target.symbol
+            for part in (node.condition, node.body, node.step)
+            for expr in expressions(part)
+            if isinstance(expr, (Assign, Update)) and isinstance(expr.target, Ref)
+        }
+        if node.condition is not None and not node.post:
+            self.expression(node.condition)
+        self.statement(node.body)
+        if node.condition is not None and node.post:
+            self.expression(node.condition)
+        if node.step is not None:
+            self.expression(node.step)
+        self.in_loop = outside
+
+    def expression(self, expr: Expr) -> None:
+        match expr:
+            case Assign(target, value):
+                self.expression(value)
+                if isinstance(target, Ref):
+                    if target.index is not None:
+                        self.expression(target.index)
+                    self.set_.add(target.symbol)
+                else:
+                    self.expression(target)
+            case Update(_, target, value):
+                self.expression(value)
+                self.expression(target)
+                if isinstance(target, Ref):
+                    self.set_.add(target.symbol)
+            case Logic(_, left, right):
+                self.expression(left)
+                self.branches(lambda: self.expression(right), lambda: None)
+            case Choice(condition, yes, no):
+                self.expression(condition)
+                self.branches(lambda: self.expression(yes), lambda: self.expression(no))
+            case Ref(symbol, _, index):
+                if index is not None:
+                    self.expression(index)
+                self.read(symbol, expr)
+            case Num():
+                pass
+            case _:
+                for name in expr.__dataclass_fields__:
+                    part = getattr(expr, name)
+                    for each in part if isinstance(part, list) else [part]:
+                        if isinstance(each, Expr):
+                            self.expression(each)
+
+    def read(self, symbol: Symbol, expr: Ref) -> None:
+        if symbol not in self.watched or symbol in self.set_:
+            return
+        if self.conditional and symbol in self.in_loop:
+            return  # perhaps an earlier round has set it
+        self.watched.discard(symbol)
+        self.reporter.warn("c-uninitialised", f"'{symbol.name}' is read before it is set", expr.place)
