@@ -4,10 +4,10 @@ In: the words of a program, its frame layout, the travel of its servos. Out: `Re
 needs, the fewest that the interrupts leave it in a slot, and whether the first always fit the second.
 
 *What the interrupts leave.* TMR0 counts cycles and is only moved on by constants, so the interrupt's code
-knows the time. It is executed abstractly from the overflow on, for every latency, with the time known and what
-it received not: each test of a received bit, and of a counter of the receiver, goes both ways. The latest end of
-an interrupt is what the C has to wait for. A fall is followed for each of the 256 cycles of its round; where
-it ends in the next round, that round's interrupt begins then.
+knows the time. It is executed abstractly from the overflow on, for every latency, with the time known and
+what it received not: each test of a received bit, and of a counter of the receiver, goes both ways. The
+latest end of an interrupt is what the C has to wait for. A fall is followed for each of the 256 cycles of its
+round; where it ends in the next round, that round's interrupt begins then.
 
 *What the C needs.* `pic.wcet` counts its longest paths: `prepare`, from the main loop's beginning until the
 request is cleared, and `execute`, from there to the loop's beginning with a command. A request finds the C in
