@@ -131,7 +131,7 @@ def drive(
         others = {
             "--pose": pose,
             "--stop": stop,
-            "--way-mm": way_mm,
+            "--step-mm": step_mm,
             "--turn-deg": turn_deg,
             "--range-us": range_us,
         }
