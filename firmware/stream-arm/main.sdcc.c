@@ -94,8 +94,11 @@ st_fall:
     addlw   72
     iorlw   1
     movwf   _ticks
-    btfsc   _fine, 5
-    call    st_look             // the next one is far
+    btfss   _fine, 5
+    goto    st_before
+    goto    $+1                 // the next one is far: one more, half-way
+    goto    $+1
+    call    st_look
 st_before:
     movf    _ticks, W
     subwf   TMR0, W

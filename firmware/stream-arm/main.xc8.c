@@ -83,8 +83,11 @@ void __interrupt() tick(void)
     asm("    addlw   72");
     asm("    iorlw   1");
     asm("    movwf   _ticks");
-    asm("    btfsc   _fine, 5");
-    asm("    call    st_look");   // the next one is far
+    asm("    btfss   _fine, 5");
+    asm("    goto    st_before");
+    asm("    goto    $+1");   // the next one is far: one more, half-way
+    asm("    goto    $+1");
+    asm("    call    st_look");
     asm("st_before:");
     asm("    movf    _ticks, W");
     asm("    subwf   TMR0, W");

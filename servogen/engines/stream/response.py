@@ -192,7 +192,7 @@ def _changed_by_interrupt(listing: Listing) -> set[int]:
 
 
 @dataclass(slots=True)
-class _Round:
+class Round:
     """The abstract execution of the interrupt's code in one round."""
 
     words: Mapping[int, int]
@@ -253,7 +253,7 @@ class _Round:
         at, now = INTERRUPT_VECTOR, 2
         stack: tuple[int, ...] = ()
         while at != self.edge:
-            ways = list(self._steps(at, stack, now, word_of(self.words[at]), known))
+            ways = list(self.steps(at, stack, now, word_of(self.words[at]), known))
             at, stack, cycles, known = ways[0]
             now += cycles
             if now > MAX_END:
@@ -268,7 +268,7 @@ class _Round:
             seen = set(waiting)
             while waiting:
                 at, stack, now = waiting.pop()
-                for following, more, cycles, _ in self._steps(at, stack, now, word_of(self.words[at]), {}):
+                for following, more, cycles, _ in self.steps(at, stack, now, word_of(self.words[at]), {}):
                     if following < 0:
                         found.add(now + cycles)
                     elif (state := (following, more, now + cycles)) not in seen:
@@ -303,7 +303,7 @@ class _Round:
                 how = known[AHEAD], known.get(CLEARED, 0)
                 latest[how] = max(latest.get(how, 0), now + 2)
                 continue
-            for following, more, cycles, after in self._steps(at, stack, now, word, known):
+            for following, more, cycles, after in self.steps(at, stack, now, word, known):
                 kept = tuple(sorted((place, value) for place, value in after.items() if place in followed))
                 state = (following, more, now + cycles, kept)
                 if state not in seen:
@@ -312,7 +312,7 @@ class _Round:
         self._ends[begun] = tuple((end, *how) for how, end in latest.items())
         return self._ends[begun]
 
-    def _steps(
+    def steps(
         self, at: int, stack: tuple[int, ...], now: int, word: Word, known: Known
     ) -> Iterator[tuple[int, tuple[int, ...], int, Known]]:
         if word.flow == "jump":
@@ -399,7 +399,7 @@ def _supply_of(
     masked: int,
 ) -> Cycles | None:
     """Do the same for the interrupt's words: dialects that differ in the C only have the same ones."""
-    one = _Round(dict(words), dict(ram), look, edge, masked)
+    one = Round(dict(words), dict(ram), look, edge, masked)
     latest = LATENCY + 2
     """The interrupt's latest first cycle: an instruction of two cycles delays it."""
     try:
@@ -418,7 +418,7 @@ def _supply_of(
     return Cycles(max(0, ROUND - rise[0]) + with_fall + (rounds - 3) * usual)
 
 
-def _left_with_fall(one: _Round, rest: int, fine: int, usual: int) -> int | None:
+def _left_with_fall(one: Round, rest: int, fine: int, usual: int) -> int | None:
     """Return the fewest cycles that are left in the round of a fall and the next one."""
     fall = one.end_after_edge(rest, fine)
     if fall is None:

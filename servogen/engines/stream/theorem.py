@@ -1,0 +1,492 @@
+"""What the stream's interrupt guarantees for every line and every compiler, from its words in a program.
+
+In: the listing of a program, whatever compiled the C, and the stream's numbers. Out: `Guarantee`, or
+`InterruptChanged` with the first thing that does not hold. docs/firmware.md states the theorem.
+
+The interrupt's code is executed abstractly: the time, `ticks`, `rest` and `fine` are known; every test of the
+line, of what was received and of what the C left goes both ways. An interrupt begins in every cycle in which
+it can: the C's instructions of two cycles delay it, and so do its writes to the EEPROM. The states in which
+interrupts begin are collected until no new one comes:
+
+    round without an edge   first half ──▶ second half ──▶ next round
+    rise                    whole round ──▶ next round
+    fall, `fine` 0 to 255   whole round, or this one and the next ──▶ next round, perhaps late
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from servogen.engines.stream.layout import LATEST, Layout
+from servogen.engines.stream.response import (
+    AHEAD,
+    CLEARED,
+    FOLLOWED,
+    HALF,
+    LATENCY,
+    MANY,
+    PORT_NAMES,
+    PORTS,
+    ROUND,
+    TMR0,
+    WRITTEN,
+    Round,
+)
+from servogen.engines.stream.settings import MASKED, SAMPLE_AFTER
+from servogen.engines.stream.streaming import Streaming
+from servogen.pic.device import INTERRUPT_VECTOR
+from servogen.pic.isa import encode
+from servogen.pic.known_values import CARRY, FSR, INDF, STATUS, ZERO, Known, Undefined, W, Word, word_of
+from servogen.pic.listing import Listing
+from servogen.pic.wcet import Program
+
+MAX_STATES = 200_000
+MAX_ROUNDS = 2
+MAX_TIMES = MAX_ROUNDS * ROUND + HALF
+MARGIN = 12
+"""Begins of a round's first interrupt that are later than this, beyond latency, come after an edge."""
+
+HUNT, START, WAIT, BIT = "hunt", "start", "wait", "bit"
+"""A look: for a start bit, none there; a start bit seen; a bit is not due yet; a bit is taken."""
+
+
+class InterruptChanged(Exception):
+    """Raised if the words are not those of an interrupt whose edges are exact; says what does not hold."""
+
+
+@dataclass(frozen=True, slots=True)
+class Guarantee:
+    """For every line, and every C that keeps the interrupt's variables to itself."""
+
+    rise: int
+    """The cycle of its round in which a pulse begins."""
+    start_gap: int
+    """The most cycles between two samples of the line while a start bit is looked for."""
+    bit_gap: int
+    """The most cycles between two time stamps within a byte."""
+    states: int
+    """The states in which an interrupt begins."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Look:
+    """An outcome of a look at the line; times in cycles from the subroutine's first word."""
+
+    kind: str
+    cycles: int
+    sample: int
+    stamp: int
+
+
+_Last = tuple[str, int, int]
+"""The kind of the last look, its sample's cycle and its time stamp's."""
+_State = tuple[int, tuple[int, ...], int, frozenset[tuple[int, int]], _Last, int]
+"""Address, return addresses, cycle of the round, known values, last look, the last bit's time stamp."""
+_Entry = tuple[int, str]
+"""The cycle of the round in which an interrupt begins, and the kind of the last look."""
+_Entries = dict[_Entry, _Last]
+"""With the earliest look of that kind: the one from which the gap to the next is largest."""
+NO_LOOK: _Last = ("", 0, 0)
+LONG_AGO = -10 * ROUND
+BYTE = 10
+"""What `rx_bits` is when a start bit was seen: not 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """How an interrupt can end."""
+
+    cycle: int
+    ahead: int
+    cleared: bool
+    ticks: int | None
+    rest: int | None
+    last: _Last
+
+
+@dataclass(slots=True)
+class _Interrupt:
+    """The interrupt's code, executed; it notes the edges and the gaps that it meets."""
+
+    code: Round
+    looks: Mapping[int, tuple[_Look, ...]]
+    """The outcomes of each subroutine that looks at the line, by its address."""
+    out: tuple[int, int] | None
+    """The port and bit on which the chip answers."""
+    gaps: bool
+    """Whether the gaps between looks are of interest, too."""
+    bits_apart: int
+    """Cycles that pass at least from one bit taken to the next within an interrupt."""
+    edges: set[int] = field(default_factory=set)
+    start_gap: int = 0
+    bit_gap: int = 0
+
+    def run(self, begins: Iterable[tuple[int, _Last]], known: Known) -> Iterator[_End]:
+        """Yield every end of an interrupt that begins in one of these cycles of its round, after these looks;
+        the edges are in `edges`.
+        """
+        code = self.code
+        if "port" in code.ram:
+            known |= {code.ram[name]: PORTS[1] for name in PORT_NAMES}
+        followed = {W, CARRY, ZERO, FSR, AHEAD, CLEARED, WRITTEN, code.ram["rx_bits"], *known}
+        followed |= {code.ram[name] for name in FOLLOWED}
+        frozen = frozenset(known.items())
+        waiting: list[_State] = [
+            (INTERRUPT_VECTOR, (), begin, frozen, last, LONG_AGO) for begin, last in begins
+        ]
+        seen = set(waiting)
+        ends = set()
+        while waiting:
+            at, stack, now, frozen, last, bit = waiting.pop()
+            if now > MAX_TIMES or len(seen) > MAX_STATES:
+                raise InterruptChanged(f"the interrupt does not end within {MAX_TIMES} cycles")
+            try:
+                word = word_of(code.words[at])
+            except (KeyError, Undefined):
+                raise InterruptChanged(f"the interrupt leaves its words at 0x{at:03X}") from None
+            known = dict(frozen)
+            if word.name == "RETFIE":
+                ends.add(self._end(now + 2, known, last))
+                continue
+            if at == code.edge:
+                self._check_edge(known)
+                self.edges.add(now)
+                known[CLEARED] = 0
+            elif writes_port(word, known):
+                self._check_answer(at, word)
+            following: list[tuple[int, tuple[int, ...], int, Known, _Last, int]] = []
+            if word.flow == "call" and word.k in self.looks:
+                receiving = code.ram["rx_bits"]
+                for place in (W, CARRY, ZERO, code.ram["t"]):
+                    known.pop(place, None)
+                for look in self.looks[word.k]:
+                    called = now + 2
+                    if look.kind == BIT and called + look.stamp - bit < self.bits_apart:
+                        continue  # the time that is left of a bit is longer
+                    if (known.get(receiving, 1) == 0) != (look.kind in (HUNT, START)) and receiving in known:
+                        continue  # rx_bits is 0 while no byte is being received
+                    after = {place: value for place, value in known.items() if place != receiving}
+                    if look.kind in (HUNT, START):
+                        after[receiving] = 0 if look.kind == HUNT else BYTE
+                    taken = called + look.stamp if look.kind == BIT else bit
+                    seen_at = NO_LOOK
+                    if self.gaps:
+                        seen_at = (look.kind, called + look.sample, called + look.stamp)
+                        self._note_gap(last, seen_at)
+                    following.append((at + 1, stack, called + look.cycles, after, seen_at, taken))
+            else:
+                for target, more, cycles, after in code.steps(at, stack, now, word, known):
+                    following.append((target, more, now + cycles, after, last, bit))
+            for target, more, then, after, looked, taken in following:
+                kept = frozen
+                if word.name not in ("GOTO", "RETURN", "BTFSS", "BTFSC"):
+                    kept = frozenset(item for item in after.items() if item[0] in followed)
+                if then - taken >= self.bits_apart:
+                    taken = LONG_AGO
+                state = (target, more, then, kept, looked, taken)
+                if state not in seen:
+                    seen.add(state)
+                    waiting.append(state)
+        yield from ends
+
+    def _end(self, now: int, known: Known, last: _Last) -> _End:
+        ram = self.code.ram
+        ahead, cleared = known[AHEAD], bool(known.get(CLEARED, 0))
+        return _End(now, ahead, cleared, known.get(ram["ticks"]), known.get(ram["rest"]), last)
+
+    def _check_edge(self, known: Known) -> None:
+        """Check what the instruction of an edge writes: 0, or `mask` where a pulse begins."""
+        rest, value = known.get(self.code.ram["rest"]), known.get(W)
+        if rest is None or (rest and value != 0):
+            raise InterruptChanged("a fall does not clear the port")
+        mask = encode("MOVF", f=self.code.ram["mask"], d=0)
+        if not rest and self.code.words[self.code.edge - 1] != mask:
+            raise InterruptChanged("a rise does not write the pin that the C prepared")
+
+    def _check_answer(self, at: int, word: Word) -> None:
+        if self.out is None or word.name not in ("BSF", "BCF") or (word.f, word.b) != self.out:
+            raise InterruptChanged(f"the word at 0x{at:03X} writes a port")
+
+    def _note_gap(self, last: _Last, look: _Last) -> None:
+        kinds = last[0], look[0]
+        if kinds[0] in (HUNT, BIT) and kinds[1] in (HUNT, START):
+            self.start_gap = max(self.start_gap, look[1] - last[1])
+        elif kinds[0] in (START, WAIT, BIT) and kinds[1] in (WAIT, BIT):
+            self.bit_gap = max(self.bit_gap, look[2] - last[2])
+
+
+def writes_port(word: Word, known: Known) -> bool:
+    """Return whether an instruction of the interrupt may write a port; an unknown pointer may be one."""
+    if not word.writes_f:
+        return False
+    return word.f in PORTS or (word.f == INDF and known.get(FSR, PORTS[0]) in PORTS)
+
+
+def guarantee(listing: Listing, streamed: Streaming, fines: Iterable[int] = range(ROUND)) -> Guarantee:
+    """Return what the interrupt of a program guarantees. Raises InterruptChanged.
+
+    `fines`: the cycles of its round in which a fall is followed: all of them, unless a test has less time.
+    """
+    layout = streamed.layout
+    exact = _Closure(_interrupt(listing, streamed, gaps=False), layout, tuple(fines), MASKED)
+    exact.close()
+    # A write to the EEPROM delays one sample of a byte; it is counted apart (`settings.MASKED`).
+    gaps = _Closure(_interrupt(listing, streamed, gaps=True), layout, tuple(fines), 0)
+    gaps.close()
+    return Guarantee(exact.rise, gaps.one.start_gap, gaps.one.bit_gap, len(exact.firsts) + len(exact.seconds))
+
+
+@dataclass(slots=True)
+class _Closure:
+    """The states in which interrupts begin, until no new one comes."""
+
+    one: _Interrupt
+    layout: Layout
+    fines: tuple[int, ...]
+    masked: int
+    rise: int = -1
+    _before_rise: int = -1
+    firsts: _Entries = field(default_factory=dict)
+    """Interrupts with which a round begins."""
+    seconds: _Entries = field(default_factory=dict)
+    """Interrupts in the middle of a round."""
+    _waiting: list[tuple[bool, _Entry]] = field(default_factory=list)
+    _new: list[tuple[_Entry, _Last]] = field(default_factory=list)
+    """Interrupts with which a round begins, and that have not been continued with falls yet."""
+
+    def close(self) -> None:
+        """Execute every interrupt from every state in which it can begin. Raises InterruptChanged."""
+        try:
+            self._check_counts()
+            for begin in self._begins(0, 0):
+                self._add(True, begin, NO_LOOK)
+            while self._waiting:
+                self._run_plain()
+                begins = [(begin, last) for (begin, _), last in self._new if begin <= self._usual]
+                self._new.clear()
+                for fine in self.fines if begins else ():
+                    self._fall(begins, fine)
+        except LookupError as error:
+            raise InterruptChanged(str(error)) from None
+
+    @property
+    def _usual(self) -> int:
+        """Return the latest begin of a round's first interrupt, but after a fall."""
+        return LATENCY + 2 + self.masked + MARGIN
+
+    def _run_plain(self) -> None:
+        """Execute all but the falls, until nothing new comes."""
+        while self._waiting:
+            first, entry = self._waiting.pop()
+            last = (self.firsts if first else self.seconds)[entry]
+            self._run(first, entry[0], last)
+            if first:
+                self._new.append((entry, last))
+
+    def _begins(self, overflow: int, end: int) -> range:
+        """Return the cycles in which the interrupt of an overflow can begin, if the one before ended at
+        `end`.
+        """
+        if self.one.gaps and end < overflow:
+            return range(overflow + 2, overflow + 4)  # three cycles, less or more one (DS35007 section 6.8)
+        latest = LATENCY if self.one.gaps else LATENCY + 2 + self.masked
+        return range(max(overflow + 2, end), max(overflow, end) + latest + 1)
+
+    def _add(self, first: bool, begin: int, last: _Last) -> None:
+        entries, entry = self.firsts if first else self.seconds, (begin, last[0])
+        if self.masked:
+            entry, last = (begin, ""), NO_LOOK  # only the edges are of interest
+        if entry not in entries or last[1:] < entries[entry][1:]:
+            entries[entry] = last
+            if (first, entry) not in self._waiting:
+                self._waiting.append((first, entry))
+
+    def _next(self, end: _End, rounds: int) -> None:
+        """Add the first interrupts of the round after `rounds` rounds."""
+        kind, sample, stamp = end.last
+        moved = (kind, sample - rounds * ROUND, stamp - rounds * ROUND)
+        for begin in self._begins(0, end.cycle - rounds * ROUND):
+            self._add(True, begin, moved if kind else NO_LOOK)
+
+    def _run(self, first: bool, begin: int, last: _Last) -> None:
+        ram = self.one.code.ram
+        if not first:
+            for end in self.one.run([(begin, last)], {ram["ticks"]: MANY - 1, AHEAD: HALF}):
+                self._check(end.ahead == 0 and end.ticks == MANY - 2, "a round's second interrupt", end)
+                self._next(end, 1)
+            return
+        for end in self.one.run([(begin, last)], {ram["ticks"]: MANY, AHEAD: 0}):
+            if end.ahead == HALF:
+                self._check(end.ticks == MANY - 1, "a round's first interrupt", end)
+                for following in self._begins(HALF, end.cycle):
+                    self._add(False, following, end.last)
+            else:
+                self._check(end.ahead == 0 and end.ticks == MANY - 2, "the interrupt of a whole round", end)
+                self._next(end, 1)
+        self._rise(begin, last)
+
+    def _rise(self, begin: int, last: _Last) -> None:
+        """Execute a rise: its edge is in the same cycle for every begin after a fall that is not too late."""
+        if begin > self._latest_before_rise():
+            return
+        for end in self._edge([(begin, last)], 0, None):
+            self._check(end.ahead == 0 and not end.cleared, "a rise", end)
+            self._next(end, 1)
+
+    def _latest_before_rise(self) -> int:
+        """Return the latest begin of a round with a rise: after a fall `LATEST` cycles after the rise's."""
+        if self.rise < 0:
+            return LATENCY + 2 + self.masked
+        if self._before_rise >= 0:
+            return self._before_rise
+        ends = [end.cycle for end in self._edge([(2, NO_LOOK)], 1, LATEST)]
+        self._before_rise = max(self._begins(0, max(ends) - ROUND))
+        return self._before_rise
+
+    def _fall(self, begins: list[tuple[int, _Last]], fine: int) -> None:
+        rests = (1, MANY) if fine <= LATEST else (MANY,)
+        for rest in rests:
+            for end in self._edge(begins, rest, fine):
+                whole = 2 * end.cleared
+                self._check(end.ahead == 0 and end.ticks == rest - whole and end.rest == 0, "a fall", end)
+                self._next(end, 2 if end.cleared else 1)
+
+    def _edge(self, begins: list[tuple[int, _Last]], rest: int, fine: int | None) -> list[_End]:
+        """Return the ends of an interrupt with an edge; check its cycle."""
+        ram = self.one.code.ram
+        known: Known = {ram["ticks"]: 1, ram["rest"]: rest, AHEAD: 0}
+        if fine is not None:
+            known[ram["fine"]] = fine
+        self.one.edges.clear()
+        ends = list(self.one.run(begins, known))
+        wanted = {self.rise + (fine or 0)}
+        if self.rise < 0 and fine is None and len(self.one.edges) == 1:
+            (self.rise,) = wanted = set(self.one.edges)
+        if self.one.edges != wanted:
+            name = "rise" if fine is None else f"fall, {fine} cycles after a rise in its round,"
+            found = ", ".join(map(str, sorted(self.one.edges)))
+            raise InterruptChanged(f"a {name} is in cycle {found} of its round, not {min(wanted)}")
+        return ends
+
+    def _check_counts(self) -> None:
+        """Check, for every width, in how many interrupts the fall and the next rise are due."""
+        ram, rounds = self.one.code.ram, self.layout.rounds
+        for whole in range(1, rounds):
+            known: Known = {ram["ticks"]: 1, ram["rest"]: 0, AHEAD: 0, ram["next_hi"]: whole}
+            for end in self.one.run([(2, NO_LOOK)], known):
+                due = 2 * whole - 1, 2 * (rounds - whole) - 1
+                self._check((end.ticks, end.rest) == due, f"after the rise of a pulse of {whole} rounds", end)
+
+    def _check(self, holds: bool, what: str, end: _End) -> None:
+        if not holds:
+            raise InterruptChanged(
+                f"{what}: it ends with TMR0 {end.ahead} cycles ahead, ticks {end.ticks}, rest {end.rest}"
+            )
+
+
+def _interrupt(listing: Listing, streamed: Streaming, *, gaps: bool) -> _Interrupt:
+    """Return the interrupt of a program. Raises InterruptChanged if its parts are not there."""
+    words = {row.address: row.word for row in listing.rows}
+    bit_units, first_units = streamed.bit_units, streamed.first_units
+    names = (*FOLLOWED, *PORT_NAMES, "mask", "next_hi", "rx_left", "rx_bits", "rx_last")
+    ram = {name: address for address, name, _ in listing.variables if name in names}
+    try:
+        wait = encode("CALL", k=listing.label("st_exactly"))
+        called = next(at for at in sorted(words) if words[at] == wait)
+        edge = next(at for at in range(called, max(words)) if word_of(words[at]).name == "MOVWF")
+        subroutines = [listing.label(name) for name in ("st_look", "st_take", "st_hunt")]
+    except (LookupError, StopIteration) as error:
+        raise InterruptChanged(f"the interrupt's parts are not there: {error}") from None
+    ran = {at: words[at] for at in sorted(Program(words, ()).reached(INTERRUPT_VECTOR))}
+    code = Round(ran, ram, subroutines[0], edge, MASKED)
+    hunt = subroutines[2]
+    _check_receiver(words, ram, subroutines[1], hunt, bit_units, first_units)
+    looks = {at: _looks(code, at, hunt) for at in subroutines}
+    answers = {
+        (word.f, word.b)
+        for word in map(word_of, ran.values())
+        if word.name in ("BSF", "BCF") and word.f in PORTS
+    }
+    if len(answers) > 1:
+        raise InterruptChanged("the interrupt writes more than one pin bit by bit")
+    return _Interrupt(code, looks, next(iter(answers), None), gaps, 4 * (bit_units - ROUND // 4))
+
+
+def _check_receiver(
+    words: Mapping[int, int], ram: Mapping[str, int], take: int, hunt: int, bit_units: int, first_units: int
+) -> None:
+    """Check the words that keep the receiver's time: what is known of a bit's time rests on them."""
+    t, left, last, bits = ram["t"], ram["rx_left"], ram["rx_last"], ram["rx_bits"]
+    time = (
+        encode("MOVF", f=TMR0, d=0),
+        encode("BTFSS", f=ram["ticks"], b=0),
+        encode("ADDLW", k=HALF),
+        encode("MOVWF", f=t),
+        encode("RRF", f=t, d=1),
+    )
+    found = (
+        (take, (*time, encode("RRF", f=t, d=1), encode("BTFSC", f=bits, b=7))),
+        (
+            take + 8,
+            (
+                encode("MOVF", f=last, d=0),
+                encode("SUBWF", f=t, d=0),
+                encode("ANDLW", k=0x3F),
+                encode("SUBWF", f=left, d=1),
+                encode("MOVF", f=t, d=0),
+                encode("MOVWF", f=last),
+                encode("BTFSC", f=STATUS, b=0),
+                encode("RETURN"),
+                encode("MOVLW", k=bit_units),
+                encode("ADDWF", f=left, d=1),
+            ),
+        ),
+        (
+            hunt + 1,
+            (
+                encode("RETURN"),
+                *time,
+                encode("RRF", f=t, d=0),
+                encode("MOVWF", f=last),
+                encode("MOVLW", k=first_units),
+                encode("MOVWF", f=left),
+                encode("MOVLW", k=BYTE),
+                encode("MOVWF", f=bits),
+                encode("RETURN"),
+            ),
+        ),
+    )
+    for begin, wanted in found:
+        for at, word in enumerate(wanted, begin):
+            if words.get(at) != word:
+                raise InterruptChanged(f"the receiver's clock is not kept by the word at 0x{at:03X}")
+    sample = word_of(words[hunt])
+    if sample.name != "BTFSC" or sample.f not in PORTS:
+        raise InterruptChanged("a start bit is not looked for at a pin")
+
+
+def _looks(code: Round, begin: int, hunt: int) -> tuple[_Look, ...]:
+    """Return every outcome of a subroutine that looks at the line."""
+    found = set()
+    waiting: list[tuple[int, tuple[int, ...], int, str, int, int]] = [(begin, (), 0, "", 0, 0)]
+    seen = set(waiting)
+    while waiting:
+        at, stack, now, kind, sample, stamp = waiting.pop()
+        if len(seen) > MAX_STATES:
+            raise InterruptChanged("a look at the line does not end")
+        word = word_of(code.words[at])
+        if at == hunt:
+            kind, sample = HUNT, now
+        elif word.has_f and word.f == TMR0:
+            kind, stamp = (START if kind == HUNT else WAIT), now
+            sample = sample if kind == START else now + SAMPLE_AFTER[0]
+        elif word.writes_f and word.f == code.ram["rx_left"] and word.name == "ADDWF":
+            kind = BIT
+        for target, more, cycles, _ in code.steps(at, stack, now, word, {}):
+            if target < 0:
+                found.add(_Look(kind, now + cycles, sample, stamp))
+            elif (state := (target, more, now + cycles, kind, sample, stamp)) not in seen:
+                seen.add(state)
+                waiting.append(state)
+    return tuple(sorted(found, key=lambda look: (look.kind, look.cycles, look.stamp)))
