@@ -200,6 +200,8 @@ class Builtin:
     type: CType
     place: Location
     data: object = None
+    pure: bool = False
+    """Whether it only yields a value, so that not using the value is a mistake."""
 
 
 @dataclass(slots=True)

@@ -45,7 +45,7 @@ def load(analyser: Analyser, target: Accessor) -> Expr:
 
 
 def _byte(target: EepromObject, number: int) -> Expr:
-    return Builtin("eeprom_read", [_address(target, number)], U8, target.place)
+    return Builtin("eeprom_read", [_address(target, number)], U8, target.place, pure=True)
 
 
 def _address(target: EepromObject, number: int) -> Expr:

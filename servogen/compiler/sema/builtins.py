@@ -322,7 +322,7 @@ def _xc8_cycles(analyser: Analyser, name: str, node: Any, arguments: list[Any]) 
 
 def eeprom_read(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
     address = convert(analyser, expression(analyser, arguments[0]), U8, "the address")
-    return Builtin("eeprom_read", [address], U8, analyser.place(node))
+    return Builtin("eeprom_read", [address], U8, analyser.place(node), pure=True)
 
 
 def eeprom_write(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:

@@ -215,9 +215,7 @@ def warn_unused(analyser: Analyser, expr: Expr) -> None:
         )
     elif not has_effect(expr):
         analyser.reporter.warn("c-no-effect", "this statement has no effect", expr.place)
-    elif isinstance(expr, (Binary, Unary, Cast)) or (
-        isinstance(expr, Builtin) and expr.name == "eeprom_read"
-    ):
+    elif isinstance(expr, (Binary, Unary, Cast)) or (isinstance(expr, Builtin) and expr.pure):
         analyser.reporter.warn("c-unused-result", "the result of this expression is not used", expr.place)
 
 
