@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from servogen.cli.options import ChipOptions, ClockHz, DeviceName, takes_chip_options
-from servogen.errors import ToolError
+from servogen.errors import InputError, Location, ToolError
 
 
 def register(app: typer.Typer) -> None:
@@ -29,6 +29,12 @@ def watch(
     ] = None,
     stimulus: Annotated[
         Path | None, typer.Option("--stimulus", help="What drives the pins from outside (TOML).")
+    ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            "--robot", help="The serial port of a real robot, which the sliders of a stream job move too."
+        ),
     ] = None,
     port: Annotated[
         int, typer.Option("--port", min=0, max=65_535, help="Of the server (default: any that is free).")
@@ -54,16 +60,23 @@ def watch(
             f"watching needs the package {error.name}, which is not installed",
             hint="pip install 'servogen[watch]'",
         ) from error
+    from servogen.drive.serial_link import port_opener
+    from servogen.job import load
     from servogen.programs import read_schedule
     from servogen.watch.editing import Editor
+    from servogen.watch.live_line import LiveLine
     from servogen.watch.subject import JOB_SUFFIX, Setting, check, load_subject
 
     check(file)
     setting = Setting(chip.on(device), clock_hz, stimulus, read_schedule(against) if against else None)
     is_job = file.suffix.lower() == JOB_SUFFIX
-    server = WatchServer(
-        lambda progress: load_subject(file, setting, progress), Editor(file, setting) if is_job else None
-    )
+    stream = load(file).stream if is_job else None
+    if robot is not None and stream is None:
+        raise InputError(
+            "conflicting-options",
+            "only a job with [stream] moves a robot live",
+            Location(str(file), key="--robot"),
+        )
 
     def ready(url: str) -> None:
         print(f"{file.name}: {url}  (Ctrl-C ends)", flush=True)
@@ -71,7 +84,16 @@ def watch(
             webbrowser.open(url)
 
     try:
-        with suppress(KeyboardInterrupt):
+        with ExitStack() as open_until_the_end, suppress(KeyboardInterrupt):
+            live = None
+            if robot is not None and stream is not None:
+                live = LiveLine(open_until_the_end.enter_context(port_opener(robot, stream.baud)()))
+                open_until_the_end.callback(live.close)
+            server = WatchServer(
+                lambda progress: load_subject(file, setting, progress),
+                Editor(file, setting) if is_job else None,
+                live,
+            )
             asyncio.run(server.run(port, ready))
     except OSError as error:
         raise ToolError("port-in-use", f"port {port} cannot be opened: {error.strerror}") from error

@@ -28,6 +28,7 @@ from websockets.http11 import Request, Response
 from servogen.engines.c_text import template_folder
 from servogen.errors import ServogenError
 from servogen.watch.editing import Editor
+from servogen.watch.live_line import LiveLine
 from servogen.watch.session import Message, Session
 from servogen.watch.subject import Subject
 
@@ -65,9 +66,10 @@ class Window:
 class WatchServer:
     """The server's state: what is watched, the windows, and the page's address."""
 
-    def __init__(self, load: Load, editor: Editor | None = None) -> None:
+    def __init__(self, load: Load, editor: Editor | None = None, live: LiveLine | None = None) -> None:
         self._load = load
         self._editor = editor
+        self._live = live
         self._token = secrets.token_urlsafe(24)
         self._subject: Subject | None = None
         self._status: Message = {"is": "status", "text": "starting"}
@@ -119,9 +121,12 @@ class WatchServer:
         self._subject = subject
         self._say({"is": "status", "text": ""})
         for window in self._windows.values():
-            window.session = window.session.continued(subject) if window.session else Session(subject)
+            window.session = self._continued(window, subject)
             self._send(window, window.session.model())
             self._send(window, window.session.shown())
+
+    def _continued(self, window: Window, subject: Subject) -> Session:
+        return window.session.continued(subject) if window.session else Session(subject, self._live)
 
     def _say(self, message: Message) -> None:
         self._status = message
@@ -206,7 +211,7 @@ class WatchServer:
         """Return the window of that name as it was; a new one where none is, or where it is open already."""
         window = self._windows.get(name)
         if window is None or window.socket is not None:
-            session = Session(self._subject) if self._subject else None
+            session = Session(self._subject, self._live) if self._subject else None
             if window is not None and window.session is not None and session is not None:
                 session = window.session.continued(window.session.subject)
             window = Window(session)

@@ -31,6 +31,7 @@ from servogen.simulator.observe import plain_assembly
 from servogen.simulator.sources import pin_number
 from servogen.watch.breakpoints import Breakpoint, parse_breakpoint, run_to
 from servogen.watch.differences import Edge, differing
+from servogen.watch.live_line import LiveLine
 from servogen.watch.pins import explain_pin
 from servogen.watch.recording import Recording
 from servogen.watch.subject import Subject
@@ -67,8 +68,10 @@ LAST = 8
 class Session:
     """A window's own machine: its moment, speed and breakpoints."""
 
-    def __init__(self, subject: Subject) -> None:
+    def __init__(self, subject: Subject, live: LiveLine | None = None) -> None:
+        """Begin at power-up, or at the beginning of a recording; `live` is the line of a real robot."""
         self.subject = subject
+        self.live = live
         self.chip: TimeMachine | None = None
         if subject.image is not None:
             self.chip = TimeMachine(
@@ -393,7 +396,12 @@ class Session:
         position = max(0, min(MAX_VALUE, int(message["position"])))
         if not 0 <= number < len(job.servos):
             raise InputError("not-allowed", f"there is no servo {number}")
-        self._send(bytes((SYNC, number, position)), job.stream.receive_pin, Fraction(job.stream.baud))
+        command = bytes((SYNC, number, position))
+        self._send(command, job.stream.receive_pin, Fraction(job.stream.baud))
+        if self.live is not None:
+            self.live.command(number, command)
+            if self.live.problem:
+                yield _problem(f"the robot: {self.live.problem}")
         yield self.shown(whole=False)
 
     def _send(self, data: bytes, pin: str, baud: Fraction) -> None:
@@ -419,7 +427,7 @@ class Session:
 
     def continued(self, subject: Subject) -> Session:
         """Return a session of another version of the subject at the same moment."""
-        fresh = Session(subject)
+        fresh = Session(subject, self.live)
         fresh.speed, fresh.running = self.speed, self.running
         fresh._place.seek(self.now)
         fresh._look_back()

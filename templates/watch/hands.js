@@ -4,6 +4,7 @@ import { element } from "./chip.js";
 import { angleOf, widthOf } from "./robot.js";
 
 const POSITIONS = 254;
+const COMMAND_MS = 30;   // between two commands of a slider that is dragged
 const degrees = angle => angle * 180 / Math.PI;
 
 export class Hands {
@@ -41,9 +42,23 @@ export class Hands {
     if (this.model.serial) {
       const width = widthOf(servo, angle), ends = servo.limits.map(limit => widthOf(servo, limit)).sort((a, b) => a - b);
       const position = Math.round((width - ends[0]) / (ends[1] - ends[0]) * POSITIONS);
-      this.send({ do: "servo", servo: index, position: Math.max(0, Math.min(POSITIONS, position)) });
+      this.command(index, Math.max(0, Math.min(POSITIONS, position)));
     }
     this.posed.shown(this.angles);
+  }
+  // Send the newest position of a servo, no more often than its line carries one.
+  command(index, position) {
+    this.waiting ||= new Map();
+    const idle = !this.waiting.size;
+    this.waiting.set(index, position);
+    if (!idle) return;
+    const next = () => {
+      if (!this.waiting.size) return;
+      for (const [servo, value] of this.waiting) this.send({ do: "servo", servo, position: value });
+      this.waiting.clear();
+      setTimeout(next, COMMAND_MS);
+    };
+    setTimeout(next, 0);
   }
   // Put the sliders where the pulses are, until a hand has moved one.
   follow(widths) {

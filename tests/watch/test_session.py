@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from servogen.bench.ports import Unplugged
 from servogen.edges import PINS
 from servogen.errors import InputError
 from servogen.programs import read_schedule
 from servogen.units import Clock
 from servogen.watch.editing import Editor
+from servogen.watch.live_line import LiveLine
 from servogen.watch.session import Session
 from servogen.watch.subject import Setting, Subject, check, load_subject
 from tests.simulator.helpers import image
@@ -185,6 +188,46 @@ def test_a_capture_is_gone_through_by_edges_and_time(tmp_path: Path) -> None:
     assert "no inputs" in answer(session, do="pin", pin="RA0", level=1)["text"]
     answer(session, do="run", running=True, speed=None)
     assert list(session.tick(0.1))[-1]["stopped"] == "the end of the recording"
+
+
+class Line:
+    """A serial line that takes its time, and fails when it is told to."""
+
+    def __init__(self) -> None:
+        self.sent: list[bytes] = []
+        self.go = threading.Event()
+        self.broken = False
+
+    def write(self, data: bytes) -> None:
+        self.go.wait(10)
+        if self.broken:
+            raise Unplugged("port-unplugged", "the port has disappeared")
+        self.sent.append(data)
+
+
+def test_a_slider_moves_a_real_robot_too_and_leaves_no_queue_behind() -> None:
+    line = Line()
+    live = LiveLine(line)
+    session = Session(load_subject(ROOT / "jobs" / "stream-arm.toml", Setting()), live)
+    for position in range(100, 120):
+        answer(session, do="servo", servo=1, position=position)
+    answer(session, do="servo", servo=2, position=300)
+    line.go.set()
+    live.close()
+    assert line.sent[-2:] == [bytes((255, 1, 119)), bytes((255, 2, 254))]
+    assert len(line.sent) <= 3, "what waited was replaced"
+
+
+def test_a_robot_that_is_unplugged_is_said_in_the_page() -> None:
+    line = Line()
+    line.broken = True
+    line.go.set()
+    live = LiveLine(line)
+    live.command(0, b"x")
+    live.close()
+    session = Session(load_subject(ROOT / "jobs" / "stream-arm.toml", Setting()), live)
+    texts = [each.get("text", "") for each in session.handle({"do": "servo", "servo": 0, "position": 1})]
+    assert any("the port has disappeared" in text for text in texts)
 
 
 @pytest.mark.parametrize(
