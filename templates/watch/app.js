@@ -8,10 +8,11 @@ import { timeText, Waves } from "./waves.js";
 
 const $ = id => document.getElementById(id);
 const WAVES_MS = 250;   // between two requests for edges while it runs
+const FOLLOW_MS = 100;   // between two drawings of the waves while it runs
 const SPEEDS = [[1e-5, "1/100 000"], [1e-4, "1/10 000"], [1e-3, "1/1000"], [1e-2, "1/100"], [0.1, "1/10"], [1, "real time"], [10, "10 ×"], [null, "as fast as it goes"]];
 
 let socket = null, model = null, robot = null, servos = null, waves = null, chip = null, hands = null, latest = null;
-let asked = 0, waiting = false, handPose = null;
+let followed = 0, asked = 0, waiting = false, handPose = null;
 window.watched = { pictures: 0, latest: null };   // for whoever measures
 
 const send = message => { if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message)); };
@@ -117,7 +118,11 @@ function show(message) {
     if (!message.running) servos.jump(widths);
     hands.follow(widths);
   }
-  waves.follow(message.cycle, message.running);
+  const time = performance.now();
+  if (!message.running || time - followed > FOLLOW_MS) {   // drawing the waves is what costs most
+    followed = time;
+    waves.follow(message.cycle, message.running);
+  }
   chip?.showLevels(message.levels);
   if (message.chip) chip?.show(message.chip, message.cycle);
   if ("stopped" in message) {
