@@ -127,3 +127,49 @@ def test_at_full_height_the_warning_of_the_plan_is_the_cause() -> None:
     seen = walking(AHEAD, height=140, extra="\n[expect]\nway_within_mm = 4\n").twin()
     assert not seen.passed and seen.events == ()
     assert seen.reasons()[-1].startswith("the plan warned: the legs stand at their full height")
+
+
+def test_a_slope_and_rough_ground_cost_way() -> None:
+    made = walking(AHEAD, extra=SUPPLIED)
+    flat = made.twin()
+    up = made.twin(Settings(Ground(0.5, slope=math.radians(12))))
+    down = made.twin(Settings(Ground(0.5, slope=math.radians(-12))))
+    assert up.done[0] < flat.done[0] - 0.002 < down.done[0]
+    one, other = (made.twin(Settings(Ground(0.8, rough=0.008, seed=seed))) for seed in (1, 2))
+    assert one.record.digest() != other.record.digest()
+    assert one.record.digest() == made.twin(Settings(Ground(0.8, rough=0.008, seed=1))).record.digest()
+    assert one.record.tilt.max() > 3 * flat.record.tilt.max()
+
+
+def test_a_slope_steeper_than_friction_holds_lets_the_robot_slide() -> None:
+    """atan 0.3 is 16.7°: on 14° the standing robot leans in its servos' dead bands, on 20° it slides.
+
+    By hand: g (sin 20° - 0.3 cos 20°) (0.3 s)² / 2 = 26 mm.
+    """
+    made = walking(AHEAD, extra=SUPPLIED)
+    stays, slides = (
+        made.twin(Settings(Ground(0.3, slope=math.radians(degrees)), seconds=0.3)) for degrees in (14, 20)
+    )
+    assert -0.006 < stays.record.pose[-1, 0] < 0
+    assert 0.018 < -slides.record.pose[-1, 0] < 0.045  # and it leans
+
+
+def test_dry_friction_holds_a_servo_without_pulses() -> None:
+    """Without friction the leg gives way; a gear that needs 0.3 A without load holds it."""
+    made = walking(AHEAD, height=120)
+    settings = Settings(unplugged=("R2-lift",), seconds=1.2)
+    loose = made.twin(settings)
+    held = made.with_motor(no_load_a=0.3).twin(settings)
+
+    def way(verdict: Verdict) -> float:
+        index = [servo.name for servo in verdict.record.rig.servos].index("R2-lift")
+        return float(np.ptp(verdict.record.angle[:, index]))
+
+    assert way(held) < 0.2 * way(loose)
+
+
+def test_backlash_is_a_joint_of_its_own_and_changes_the_walk() -> None:
+    made = walking(AHEAD, extra=SUPPLIED)
+    worn = made.with_motor(backlash=math.radians(3)).twin()
+    assert worn.record.bodies.text.count('_play"') == 12
+    assert abs(worn.done[0] - made.twin().done[0]) > 0.001

@@ -25,6 +25,15 @@ class Firmware:
     found: Planned
     image: Image
 
+    def with_motor(self, **facts: float) -> Firmware:
+        """Return the same with other facts of all servos' motors."""
+        servos = tuple(
+            replace(each, model=replace(each.model, motor=replace(each.model.motor, **facts)))  # type: ignore[arg-type]
+            for each in self.job.servos
+        )
+        found = replace(self.found, job=replace(self.found.job, servos=servos))
+        return Firmware(replace(self.job, servos=servos), found, self.image)
+
     def twin(self, settings: Settings | None = None, **robot: Any) -> Verdict:
         """Return what the robot does; `robot` replaces facts of it."""
         job, found = self.job, self.found
