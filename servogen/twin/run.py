@@ -40,6 +40,9 @@ SAMPLE_S = 0.005
 MAX_SAMPLES = 400_000
 """Of a record: more than half an hour."""
 
+MIN_S = 0.02
+"""A shorter run has hardly a sample."""
+
 SILENT_S = 2.0
 """A program without a pulse for this long after reset does nothing that moves."""
 
@@ -64,6 +67,8 @@ class Settings:
 
     def __post_init__(self) -> None:
         """Raise InputError for values that no run can have."""
+        if self.seconds is not None and not self.seconds >= MIN_S:
+            raise InputError("out-of-range", f"seconds = {self.seconds:g} is less than {MIN_S:g}")
         for name, value, low, high in (
             ("loops", self.loops, 1, 1000),
             ("chunk_ms", self.chunk_ms, 1, 1000),

@@ -176,6 +176,9 @@ def _checks(
             passed = bool(measured <= allowed)
             found.append(Check(name, measured, allowed, unit, passed, None if passed else at))
 
+    if not record.pulsed.any():
+        count = len(record.rig.servos)
+        found.append(Check("servos without pulses", count, 0.0, "servos", False, 0.0))
     fallen = fallen_at(record)
     if expect.no_fall and record.floating:
         found.append(Check("falls", float(fallen is not None), 0.0, "times", fallen is None, fallen))

@@ -68,6 +68,8 @@ def test_a_failing_expectation_exits_with_1_and_says_why(
         (["--broken", "leg"], "there is no servo 'leg'"),
         (["--friction", "-1"], "friction = -1 is not between 0 and 5"),
         (["--step-mm", "10", "--rough-mm", "5"], "a step or is rough, not both"),
+        (["--seconds", "0"], "seconds = 0 is less than 0.02"),
+        (["--seconds", "1e9"], "longer than half an hour"),
         (["--film", "walk.avi"], "'.avi' is not a film"),
     ],
 )
@@ -137,3 +139,13 @@ def test_the_fixture_runs_a_job_in_its_robot(pytester: pytest.Pytester, job: Pat
     done = pytester.runpytest_inprocess("-p", "no:cacheprovider", "-n0")
     done.assert_outcomes(passed=1, failed=1)
     done.stdout.fnmatch_lines(["*first cause: R2-lift receives no pulses at all*"])
+
+
+def test_a_program_without_pulses_fails(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    silent = tmp_path / "silent.asm"
+    silent.write_text(" list p=16f84a\n org 0\nhere goto here\n end\n")
+    assert run(["twin", "jobs/scara-pick.toml", "--hex", str(silent)], monkeypatch) == 1
+    shown = capsys.readouterr().out
+    assert "servos without pulses: 4 servos" in shown and "shoulder receives no pulses at all" in shown
