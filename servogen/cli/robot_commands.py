@@ -1,4 +1,4 @@
-"""Commands of robots: robots, fk, ik, jacobian, mobility, transform.
+"""Commands of robots: robots, fk, ik, jacobian, mobility, transform, orientation.
 
 Arguments are degrees and millimetres; JSON is radians and metres.
 """
@@ -26,7 +26,7 @@ Style = Annotated[str, typer.Option("--style", help="Notation of symbolic expres
 
 def register(app: typer.Typer) -> None:
     app.command()(robots)
-    for command in (fk, ik, jacobian, transform):
+    for command in (fk, ik, jacobian, transform, orientation):
         app.command(context_settings=NEGATIVE_NUMBERS)(command)
     app.command()(mobility)
 
@@ -199,7 +199,12 @@ def mobility(name: RobotName, json: Json = False) -> None:
 
 
 def transform(
-    text: Annotated[str, typer.Argument(help="A product such as 'Ry(30) Tx(50) Rz(60)', angles in degrees.")],
+    text: Annotated[
+        str,
+        typer.Argument(
+            help="A product such as 'Ry(30) Tx(50) Rz(60)', in degrees; inv(…) and (…)^-1 are inverses."
+        ),
+    ],
     point: Annotated[
         list[float] | None, typer.Argument(help="The point's x y z.", parser=number, show_default=False)
     ] = None,
@@ -215,6 +220,42 @@ def transform(
     _print_matrix(answer["matrix"])
     if "point" in answer:
         print("point  " + "  ".join(f"{value:z.4f}" for value in answer["point"]))
+
+
+def orientation(
+    form: Annotated[
+        str,
+        typer.Argument(help="rpy, zyz or another order of three axes, axis-angle, quaternion or matrix."),
+    ],
+    values: Annotated[
+        list[float],
+        typer.Argument(
+            help="Degrees; axis-angle: x y z angle; quaternion: w x y z; matrix: nine numbers, by rows.",
+            parser=number,
+        ),
+    ],
+    json: Json = False,
+) -> None:
+    """Convert an orientation to all other forms."""
+    from servogen.kinematics import queries
+
+    answer = queries.orientation_answer(form, values)
+    if json:
+        as_json(answer)
+        return
+    rows = [
+        (order.lower() + (" (rpy)" if order == "ZYX" else ""), *map(_degrees, (one, answer["second"][order])))
+        for order, one in answer["angles"].items()
+    ]
+    table("Angles, degrees", ("order", "angles", "second solution"), rows)
+    print("axis        " + "  ".join(f"{value:z.6f}" for value in answer["axis"]))
+    print(f"angle       {degrees(answer['angle']):z.4f}°")
+    print("quaternion  " + "  ".join(f"{value:z.6f}" for value in answer["quaternion"]))
+    _print_matrix(answer["matrix"])
+
+
+def _degrees(angles: Sequence[float]) -> str:
+    return "  ".join(f"{degrees(each):z9.4f}" for each in angles)
 
 
 def _print_matrix(rows: Sequence[Sequence[float]]) -> None:

@@ -1,4 +1,4 @@
-"""The answers of the commands robots, fk, ik, mobility, transform and jacobian, as values that JSON can hold.
+"""The answers of the commands robots, fk, ik, jacobian, mobility, transform and orientation, as JSON holds them.
 
 In: names and numbers as a user types them (degrees and millimetres). Out: dicts in metres and radians.
 """
@@ -11,16 +11,26 @@ from typing import Any
 
 import numpy as np
 
-from servogen.errors import InputError, Location
+from servogen.errors import InputError, Location, did_you_mean
 from servogen.kinematics import catalogue
 from servogen.kinematics.forward import fk, fk_position, joint_array
 from servogen.kinematics.inverse.solve import ik_all
 from servogen.kinematics.jacobian import FrameName, jacobian, manipulability, singularity
-from servogen.kinematics.orientation import orientation_matrix, orientation_names
+from servogen.kinematics.orientation import (
+    ORDERS,
+    from_angles,
+    from_axis_angle,
+    from_quaternion,
+    orientation_matrix,
+    orientation_names,
+    to_angles,
+    to_axis_angle,
+    to_quaternion,
+)
 from servogen.kinematics.protocol import Answer, DrivingRobot
 from servogen.kinematics.registry import KINDS
 from servogen.kinematics.symbolic import symbolic_fk, symbolic_jacobian, text_of
-from servogen.kinematics.transforms import Floats, apply, parse, to_body
+from servogen.kinematics.transforms import Floats, apply, is_rotation, parse, to_body
 from servogen.robot.model import Arm, Robot
 
 
@@ -179,6 +189,69 @@ def transform_answer(text: str, point: Sequence[float] = ()) -> Answer:
     matrix = parse(text)
     answer: Answer = {"matrix": _plain(matrix)}
     return answer | {"point": _plain(apply(matrix, _finite(point)))} if len(point) else answer
+
+
+ORIENTATION_FORMS = {
+    **dict.fromkeys(ORDERS, 3),
+    "RPY": 3,
+    "AXIS-ANGLE": 4,
+    "QUATERNION": 4,
+    "MATRIX": 9,
+}
+"""The ways to give an orientation, and how many numbers each takes. RPY is another name of ZYX."""
+
+
+def orientation_answer(form: str, values: Sequence[float]) -> Answer:
+    """Return an orientation in every form: angles in radians in all twelve orders, both solutions of the
+    first two, axis and angle, the quaternion (scalar first), the matrix.
+
+    `values` are degrees for angles, plain numbers otherwise. A matrix is given row by row.
+    """
+    name = form.upper().replace("_", "-")
+    if name not in ORIENTATION_FORMS:
+        known = [each.lower() for each in ORIENTATION_FORMS]
+        raise InputError(
+            "unknown-name",
+            f"'{form}' is not a form of an orientation",
+            hint=did_you_mean(form.lower(), known),
+        )
+    if len(values) != ORIENTATION_FORMS[name]:
+        raise InputError(
+            "wrong-count",
+            f"{form} takes {ORIENTATION_FORMS[name]} numbers, not {len(values)}",
+            Location(key=form),
+        )
+    rotation = _rotation_of(name, _finite(values))
+    axis, angle = to_axis_angle(rotation)
+    return {
+        "angles": {order: _plain(to_angles(rotation, order)) for order in ORDERS},
+        "second": {order: _plain(to_angles(rotation, order, second=True)) for order in ORDERS},
+        "axis": _plain(axis),
+        "angle": float(angle),
+        "quaternion": _plain(to_quaternion(rotation)),
+        "matrix": _plain(rotation),
+    }
+
+
+def _rotation_of(name: str, values: Floats) -> Floats:
+    if name == "MATRIX":
+        matrix = values.reshape(3, 3)
+        if not is_rotation(matrix, MATRIX_TOLERANCE):
+            raise InputError(
+                "bad-rotation",
+                "the matrix is not a rotation: its columns must be orthogonal unit vectors, right-handed",
+                Location(key="matrix"),
+            )
+        return from_quaternion(to_quaternion(matrix))  # digits that were left out do not remain
+    if name == "QUATERNION":
+        return from_quaternion(values)
+    if name == "AXIS-ANGLE":
+        return from_axis_angle(values[:3], np.radians(values[3]))
+    return from_angles(np.radians(values), "ZYX" if name == "RPY" else name)
+
+
+MATRIX_TOLERANCE = 1e-3
+"""Of a matrix that is typed with three or four digits."""
 
 
 def jacobian_answer(name: str, values: Sequence[float], frame: FrameName = 0) -> Answer:

@@ -214,30 +214,63 @@ def to_leg(mount: Mount, points: ArrayLike) -> Floats:
 
 _FACTOR = re.compile(r"(?P<word>[A-Za-z]+)\s*\((?P<inside>[^()]*)\)")
 _BETWEEN = re.compile(r"[\s*·]*")
-_HINT = "Rx(deg) Ry(deg) Rz(deg) Tx(mm) Ty(mm) Tz(mm) Rot(axis, deg) Trans(x, y, z)"
+_HINT = "Rx(deg) Ry(deg) Rz(deg) Tx(mm) Ty(mm) Tz(mm) Rot(axis, deg) Trans(x, y, z) inv(…) (…)^-1"
 
 
 MAX_TEXT = 10_000
 """The longest product, about a thousand factors."""
 
 
+MAX_NESTING = 50
+"""Parentheses inside each other in a product."""
+_INVERSE = re.compile(r"\s*\^\s*-\s*1")
+_OPENING = re.compile(r"(?:[iI][nN][vV]\s*)?\(")
+
+
 def parse(text: str) -> Floats:
-    """Return the product of the factors of `text`, from left to right. Raises InputError with the column."""
+    """Return the product of the factors of `text`, from left to right. `inv(…)` and `^-1` are inverses, and
+    parentheses group. Raises InputError with the column.
+    """
     if len(text) > MAX_TEXT:
         raise InputError("transform-syntax", f"the product has more than {MAX_TEXT} characters")
-    matrix, position = np.eye(4), 0
+    if not text.strip():
+        raise InputError("transform-syntax", "there is no transform", hint=_HINT)
+    matrix, position = _product(text, 0, 0)
+    if position < len(text):
+        raise _error(position, "there is no '(' for this ')'")
+    return matrix
+
+
+def _product(text: str, position: int, depth: int) -> tuple[Floats, int]:
+    """Return a product, and the position of the `)` or the end of the text behind it."""
+    matrix = np.eye(4)
     while True:
         position = _end_of(_BETWEEN.match(text, position), position)
-        if position == len(text):
-            break
+        if position == len(text) or text[position] == ")":
+            return matrix, position
+        factor, position = _power(text, position, depth)
+        matrix = matrix @ factor
+
+
+def _power(text: str, position: int, depth: int) -> tuple[Floats, int]:
+    """Return a factor or its inverse, and the position behind it."""
+    opening = _OPENING.match(text, position)
+    if opening:
+        if depth == MAX_NESTING:
+            raise _error(position, f"more than {MAX_NESTING} parentheses inside each other")
+        matrix, end = _product(text, opening.end(), depth + 1)
+        if end == len(text):
+            raise _error(position, "this '(' is not closed")
+        position = end + 1
+        matrix = inverse(matrix) if opening.group() != "(" else matrix
+    else:
         factor = _FACTOR.match(text, position)
         if not factor:
             raise _error(position, f"'{text[position:].split()[0]}' is not a transform")
-        matrix = matrix @ _factor(factor["word"], factor["inside"].split(","), position)
+        matrix = _factor(factor["word"], factor["inside"].split(","), position)
         position = factor.end()
-    if not text.strip():
-        raise InputError("transform-syntax", "there is no transform", hint=_HINT)
-    return np.asarray(matrix)
+    power = _INVERSE.match(text, position)
+    return (inverse(matrix), power.end()) if power else (matrix, position)
 
 
 def _end_of(match: re.Match[str] | None, position: int) -> int:
