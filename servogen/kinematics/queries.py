@@ -1,4 +1,4 @@
-"""The answers of the commands robots, fk, ik, jacobian, mobility, transform and orientation, as JSON holds them.
+"""The answers of the commands robots, fk, ik, jacobian, mobility, transform and orientation, for JSON.
 
 In: names and numbers as a user types them (degrees and millimetres). Out: dicts in metres and radians.
 """
