@@ -20,13 +20,13 @@ SUMS = "SHA256SUMS"
 
 
 def ignored_names() -> frozenset[str]:
-    """Returns the names of the files in a job's folder that .gitignore keeps out of the repository."""
+    """Return the names of the files in a job's folder that .gitignore keeps out of the repository."""
     lines = (ROOT / ".gitignore").read_text().splitlines()
     return frozenset(line.removeprefix("firmware/*/") for line in lines if line.startswith("firmware/*/"))
 
 
 def read_sums(folder: Path) -> dict[str, str]:
-    """Returns file (`job/name`) -> checksum from the folder's SHA256SUMS; empty if there is none."""
+    """Return file (`job/name`) -> checksum from the folder's SHA256SUMS; empty if there is none."""
     path = folder / SUMS
     if not path.is_file():
         return {}
@@ -40,13 +40,13 @@ def read_sums(folder: Path) -> dict[str, str]:
 
 
 def checksum(path: Path) -> str:
-    """Returns the SHA-256 of a file in hexadecimal."""
+    """Return the SHA-256 of a file in hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def update_sums(folder: Path, jobs: Iterable[str]) -> None:
-    """Writes SHA256SUMS with new lines for `jobs`, dropping jobs that have no folder any more.
+    """Write SHA256SUMS with new lines for `jobs`, dropping jobs that have no folder any more.
 
     Raises FileNotFoundError where a job's folder lacks one of the ignored files.
     """

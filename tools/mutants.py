@@ -103,13 +103,13 @@ class Mutant:
     new: str
 
     def text(self) -> str:
-        """Returns file:line and the change, on one line."""
+        """Return file:line and the change, on one line."""
         old, new = (" ".join(each.split()) for each in (self.old, self.new))
         return f"{self.file}:{self.line}: {_short(old)}  →  {_short(new)}"
 
     @property
     def package(self) -> str:
-        """The package of servogen/ that it is in, or the module beside the packages."""
+        """Return the package of servogen/ that it is in, or the module beside the packages."""
         return Path(self.file).parts[1].removesuffix(".py")
 
 
@@ -118,7 +118,7 @@ def _short(text: str, most: int = 70) -> str:
 
 
 def mutants_of(source: str, file: str) -> list[Mutant]:
-    """Returns every mutant of a module, in the order of its text.
+    """Return every mutant of a module, in the order of its text.
 
     Left alone are strings (messages are read, not calculated), annotations, and what only a type checker
     runs.
@@ -137,7 +137,7 @@ def mutants_of(source: str, file: str) -> list[Mutant]:
 
 
 def _changes(node: ast.AST) -> Iterator[tuple[ast.expr | ast.stmt, str]]:
-    """Yields (what is replaced, its replacement) of a node and of all below it."""
+    """Yield (what is replaced, its replacement) of a node and of all below it."""
     if isinstance(node, ast.JoinedStr):  # before Python 3.12 its parts have no place of their own
         return
     if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
@@ -186,7 +186,7 @@ def _of_statement(node: ast.stmt) -> Iterator[tuple[ast.expr | ast.stmt, str]]:
 
 
 def draw(root: Path, where: Sequence[str], count: int, seed: int) -> list[Mutant]:
-    """Returns `count` mutants, or all if there are fewer, of the packages and files in `where`.
+    """Return `count` mutants, or all if there are fewer, of the packages and files in `where`.
 
     Raises ValueError for one that does not exist.
     """
@@ -228,7 +228,7 @@ class Reach:
         self.imports: dict[Path, set[Path]] = {}
 
     def tests_of(self, file: str) -> list[str]:
-        """Returns the test files that reach a module: those whose names share most words with its name come
+        """Return the test files that reach a module: those whose names share most words with its name come
         first, then those with the fewest imports between.
         """
         target, found = self.root / file, []
@@ -254,7 +254,7 @@ class Reach:
         return None
 
     def _imports(self, file: Path) -> set[Path]:
-        """Returns the files of servogen/ and tests/ that a file imports or names as a module."""
+        """Return the files of servogen/ and tests/ that a file imports or names as a module."""
         if file not in self.imports:
             text = file.read_text()
             names = set(re.findall(rf"\b(?:{PACKAGE}|tests)(?:\.\w+)+", text))
@@ -279,7 +279,7 @@ class Reach:
 
 
 def _words(file: str) -> set[str]:
-    """Returns the words of a path, in the singular, without those that say nothing."""
+    """Return the words of a path, in the singular, without those that say nothing."""
     words = {each.removesuffix("s") for each in re.split(r"[/_.]", file)}
     return words - {PACKAGE, "py", "test", "command", "", "__init__"}
 
@@ -303,7 +303,7 @@ class Fate:
     out_of_time: bool
 
     def text(self) -> str:
-        """Returns one line for people."""
+        """Return one line for people."""
         if self.killer:
             return f"killed    {self.mutant.text()}  [{self.killer}]"
         cut = ", then the time was up" if self.out_of_time else ""
@@ -351,12 +351,12 @@ class Workshop:
             shutil.copy(each, kept)
 
     def _prepare(self) -> None:
-        """Compiles the simulator's loops, if there are any, so that no test spends its time on that."""
+        """Compile the simulator's loops, if there are any, so that no test spends its time on that."""
         if (self.copy / PREPARED).is_file():
             self._start([sys.executable, "-c", PREPARE], {}, PREPARE_S)
 
     def judge(self, mutant: Mutant) -> Fate:
-        """Returns what the tests make of a mutant."""
+        """Return what the tests make of a mutant."""
         tests = Reach(self.copy).tests_of(mutant.file)[: self.limits.files]
         while True:
             with made(self.copy, mutant):
@@ -367,13 +367,13 @@ class Workshop:
                 return Fate(mutant, killer, ran.passed, ran.out_of_time)
 
     def _is_sound(self, test: str) -> bool:
-        """Whether a test passes without a mutant."""
+        """Return whether a test passes without a mutant."""
         if test not in self.sound | self.unsound:
             (self.unsound if self._run([test]).failed else self.sound).add(test)
         return test in self.sound
 
     def _run(self, tests: Sequence[str]) -> Ran:
-        """Runs tests, in this order, until one fails or the time is up."""
+        """Run tests, in this order, until one fails or the time is up."""
         if not tests:
             return Ran(0, "", False)
         result = self.copy.parent / f"{self.copy.name}.json"
@@ -395,7 +395,7 @@ class Workshop:
         return Ran(found.get("passed", 0), failed, found.get("out_of_time", False))
 
     def _start(self, command: Sequence[str], given: Mapping[str, str], seconds: float) -> int | None:
-        """Runs a process in the copy. Returns its exit code, or None where it had to be killed."""
+        """Run a process in the copy. Returns its exit code, or None where it had to be killed."""
         own = {
             "PYTHONPATH": str(self.copy),
             "PYTHONDONTWRITEBYTECODE": "1",
@@ -425,7 +425,7 @@ class Workshop:
 
 @contextmanager
 def made(root: Path, mutant: Mutant) -> Iterator[None]:
-    """Has the mutant in its file while the block runs; then the file is as it was, its date too."""
+    """Keep the mutant in its file while the block runs; then the file is as it was, its date too."""
     file = root / mutant.file
     source, dates = file.read_bytes(), file.stat()
     try:
@@ -439,7 +439,7 @@ def made(root: Path, mutant: Mutant) -> Iterator[None]:
 def judge_all(
     root: Path, mutants: Sequence[Mutant], limits: Limits, jobs: int
 ) -> tuple[list[Fate], set[str]]:
-    """Judges mutants in `jobs` copies at once, printing each. Returns the fates and the unsound tests."""
+    """Judge mutants in `jobs` copies at once, printing each. Returns the fates and the unsound tests."""
     waiting: queue.SimpleQueue[Mutant] = queue.SimpleQueue()
     for each in mutants:
         waiting.put(each)
@@ -483,7 +483,7 @@ def judge_all(
 
 
 def summary(fates: Sequence[Fate]) -> list[str]:
-    """Returns the rate of each package and of all."""
+    """Return the rate of each package and of all."""
     drawn = Counter(each.mutant.package for each in fates)
     killed = Counter(each.mutant.package for each in fates if each.killer)
     rows = [(package, killed[package], drawn[package]) for package in sorted(drawn)]
@@ -494,7 +494,7 @@ def summary(fates: Sequence[Fate]) -> list[str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the command line. Returns 1 where a mutant survived."""
+    """Run the command line. Returns 1 where a mutant survived."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

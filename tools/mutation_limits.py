@@ -26,7 +26,7 @@ def _write() -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """Limits a test with its fixtures, and ends the session where the time is up."""
+    """Limit a test with its fixtures, and ends the session where the time is up."""
     if time.monotonic() - _BEGAN > float(os.environ["MUTANT_SECONDS"]):
         _result["out_of_time"] = True
         item.session.shouldstop = "the time is up"
@@ -42,7 +42,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """Notes the first failure, and how many tests passed."""
+    """Note the first failure, and how many tests passed."""
     if report.failed and not _result["failed"]:
         _result["failed"] = report.nodeid
     if report.passed and report.when == "call":
@@ -51,7 +51,7 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 
 
 def pytest_collectreport(report: pytest.CollectReport) -> None:
-    """Notes a test file that cannot be imported."""
+    """Note a test file that cannot be imported."""
     if report.failed and not _result["failed"]:
         _result["failed"] = report.nodeid
     _write()

@@ -36,7 +36,7 @@ def register(app: typer.Typer) -> None:
     app.command()(tune)
 
 
-LEAST_FOLDED = 3
+MIN_FOLDED = 3
 """A ramp of fewer widths is shown row by row."""
 
 
@@ -167,7 +167,7 @@ def _folded(widths: Sequence[Quantised]) -> Iterator[list[Quantised]]:
     """Yield each row alone, but neighbouring widths that no pose holds together: they are a ramp's."""
     for (_, held), group in groupby(widths, key=lambda row: (row.channel, row.held)):
         rows = list(group)
-        if held or len(rows) < LEAST_FOLDED:
+        if held or len(rows) < MIN_FOLDED:
             yield from ([row] for row in rows)
         else:
             yield rows

@@ -29,7 +29,7 @@ def register(app: typer.Typer) -> None:
 CLOCK_HZ = 4_000_000
 """Its instruction cycle is 1 µs, so that a period in µs is also a period in cycles."""
 
-MOST_MM = 100_000
+MAX_MM = 100_000
 """The largest length that is not taken for a typing error."""
 
 
@@ -51,7 +51,7 @@ def gait(
     ] = None,
     stride_mm: Annotated[
         float,
-        typer.Option("--stride-mm", min=-MOST_MM, max=MOST_MM, help="How far the body moves in a cycle."),
+        typer.Option("--stride-mm", min=-MAX_MM, max=MAX_MM, help="How far the body moves in a cycle."),
     ] = 40.0,
     direction_deg: Annotated[
         float,
@@ -66,12 +66,12 @@ def gait(
         ),
     ] = 0.0,
     lift_mm: Annotated[
-        float, typer.Option("--lift-mm", min=0, max=MOST_MM, help="How high the feet are lifted.")
+        float, typer.Option("--lift-mm", min=0, max=MAX_MM, help="How high the feet are lifted.")
     ] = 20.0,
     clearance_mm: Annotated[
         float | None,
         typer.Option(
-            "--clearance-mm", min=0, max=MOST_MM, help="Refuse a walk with less free height under the robot."
+            "--clearance-mm", min=0, max=MAX_MM, help="Refuse a walk with less free height under the robot."
         ),
     ] = None,
     body_height_mm: Annotated[
@@ -79,7 +79,7 @@ def gait(
         typer.Option(
             "--body-height-mm",
             min=0,
-            max=MOST_MM,
+            max=MAX_MM,
             help="Height of the body (default: as high as the legs reach).",
         ),
     ] = None,
@@ -88,7 +88,7 @@ def gait(
         typer.Option(
             "--stance-width-mm",
             min=0,
-            max=MOST_MM,
+            max=MAX_MM,
             help="Distance from left to right feet (default: that with the least correction).",
         ),
     ] = None,

@@ -17,10 +17,10 @@ from servogen.simulator.options import Options, start_value
 NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
 """Context settings of a command whose arguments may be negative numbers: -5 is not an option."""
 
-LONGEST_SECONDS = 1e9
+MAX_SECONDS = 1e9
 """Thirty years."""
 
-LONGEST_CYCLES = 10**16
+MAX_CYCLES = 10**16
 
 
 def number(text: str) -> float:
@@ -40,8 +40,8 @@ DeviceName = Annotated[str, typer.Option("--device", help="The chip: PIC16F84 or
 def duration(text: str) -> float:
     """Return seconds of the command line, within what a simulation can count. Raises BadParameter."""
     seconds = number(text)
-    if not 0 <= seconds <= LONGEST_SECONDS:
-        raise typer.BadParameter(f"'{text}' is not between 0 and {LONGEST_SECONDS:g} seconds")
+    if not 0 <= seconds <= MAX_SECONDS:
+        raise typer.BadParameter(f"'{text}' is not between 0 and {MAX_SECONDS:g} seconds")
     return seconds
 
 

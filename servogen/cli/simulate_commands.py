@@ -10,7 +10,7 @@ import typer
 
 from servogen.cli.files import keep_apart, read_program
 from servogen.cli.options import (
-    LONGEST_CYCLES,
+    MAX_CYCLES,
     ChipOptions,
     ClockHz,
     DeviceName,
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from servogen.units import Clock, Cycles
 
 DEFAULT_SECONDS = 1.0
-MOST_LINES = 20
+MAX_LINES = 20
 """Of the profile's source lines, the dearest."""
 
 
@@ -44,7 +44,7 @@ def simulate(
     chip: ChipOptions,
     seconds: Seconds = None,
     cycles: Annotated[
-        int | None, typer.Option("--cycles", min=0, max=LONGEST_CYCLES, help="Duration in cycles.")
+        int | None, typer.Option("--cycles", min=0, max=MAX_CYCLES, help="Duration in cycles.")
     ] = None,
     edges: Annotated[
         Path | None, typer.Option("--edges", help="Write the edges of the pins: .csv, .jsonl or .vcd.")
@@ -164,7 +164,7 @@ def _print_profile(profile: Profile) -> None:
         ("function", "cycles", "%"),
         [(name or "-", spent.cycles, share(spent.cycles)) for name, spent in dearest],
     )
-    lines = sorted(profile.lines.items(), key=lambda item: -item[1].cycles)[:MOST_LINES]
+    lines = sorted(profile.lines.items(), key=lambda item: -item[1].cycles)[:MAX_LINES]
     if lines:
         table(
             "Lines",

@@ -35,7 +35,7 @@ ROOM = 0.08
 ZOOM = 0.9
 """Small enough to keep the labels of tall and of wide robots inside the picture."""
 
-MOST_PICTURES = 100
+MAX_PICTURES = 100
 """Of a film; of longer motions some frames are omitted."""
 
 
@@ -108,7 +108,7 @@ def job_scene(job: PlannedJob) -> Scene:
 
 
 def _step(frames: int) -> int:
-    return -(-frames // MOST_PICTURES)
+    return -(-frames // MAX_PICTURES)
 
 
 def _held(angles: Floats) -> Floats:

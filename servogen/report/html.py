@@ -31,7 +31,7 @@ from servogen.report.tracks import Track, error_rows, errors_of, tracks_of
 from servogen.report.viewer import embedded_json, viewer_colours, viewer_script
 from servogen.report.wiring import open_drain, package, remarks, wires
 from servogen.units import counted
-from servogen.verify import CaptureVerdict, capture_lines
+from servogen.verify import CaptureVerdict, capture_summary
 
 TEMPLATE = "report.html.j2"
 
@@ -334,7 +334,7 @@ def capture_values(capture: CaptureFacts | None) -> dict[str, object] | None:
         "name": capture.name,
         "badge": "good" if verdict.proven else "open" if verdict.agrees else "bad",
         "word": verdict.word if verdict.agrees else "NOT proven",
-        "lines": [line for line in capture_lines(verdict) if not line.startswith("- ")],
+        "lines": capture_summary(verdict),
         "reasons": verdict.reasons,
         "rows": [
             (

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-MOST_FRAMES_SHOWN = 6
-MOST_FRAMES_READ = 50_000
+MAX_FRAMES_SHOWN = 6
+MAX_FRAMES_READ = 50_000
 """A quarter of an hour of servo pulses, or a second of a pin that toggles as fast as possible."""
 
 LANE = 1.4
@@ -143,17 +143,17 @@ def _starts(channels: Sequence[Pulses], period: float, free: bool) -> Floats:
 
 def distinct_frames(channels: Sequence[Pulses], starts: Floats, period: float) -> list[Frame]:
     """Return the first frame of each set of widths; of many, a few spread from the first to the last."""
-    starts = starts[:MOST_FRAMES_READ]
+    starts = starts[:MAX_FRAMES_READ]
     ends = np.append(np.minimum(starts[1:], starts[:-1] + period), starts[-1] + period)
     seen: dict[tuple[float, ...], Frame] = {}
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
         widths = tuple(round(pulse[1], 3) if (pulse := each.within(start, end)) else 0.0 for each in channels)
         seen.setdefault(widths, Frame(start, end))
     frames = list(seen.values())
-    if len(frames) <= MOST_FRAMES_SHOWN:
+    if len(frames) <= MAX_FRAMES_SHOWN:
         return frames
     last = len(frames) - 1
-    return [frames[round(last * number / (MOST_FRAMES_SHOWN - 1))] for number in range(MOST_FRAMES_SHOWN)]
+    return [frames[round(last * number / (MAX_FRAMES_SHOWN - 1))] for number in range(MAX_FRAMES_SHOWN)]
 
 
 def _lanes(channels: Sequence[Pulses], frames: Sequence[Frame]) -> list[int]:

@@ -20,7 +20,7 @@ from servogen.verify import CaptureVerdict
 
 Floats = npt.NDArray[np.float64]
 
-MOST_FRAMES = 2000
+MAX_FRAMES = 2000
 """Longer motions are drawn up to this frame."""
 
 MAX_SCOPES = 6
@@ -69,7 +69,7 @@ class Scope:
 
 def shown_us(schedule: PulseSchedule) -> float:
     """Return how much is drawn, in µs: the lead-in and the loop once, or their beginning."""
-    frames = min(MOST_FRAMES, schedule.lead_in_frames + schedule.loop_frames)
+    frames = min(MAX_FRAMES, schedule.lead_in_frames + schedule.loop_frames)
     return float(schedule.clock.us(frames * schedule.period))
 
 

@@ -48,7 +48,7 @@ class Capture:
 
     @property
     def source(self) -> str:
-        """On what it was seen."""
+        """Return where it was seen, in words."""
         return self.seen.source
 
 
@@ -131,7 +131,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """What a failed test saw is written, and its report says where."""
+    """Write what a failed test saw, and name the file in its report."""
     report = yield
     if report.when == "call" and report.failed:
         for capture in item.stash.get(SEEN, []):
@@ -143,7 +143,7 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
 
 @pytest.fixture
 def servogen_image(request: pytest.FixtureRequest) -> Image:
-    """The program under test: HEX, or C or assembly, which is compiled or assembled."""
+    """Return the program under test, compiled or assembled if it is C or assembly."""
     from servogen.programs import read_program
 
     path = _file(request.node, "image", "main.hex")
@@ -156,7 +156,7 @@ def servogen_image(request: pytest.FixtureRequest) -> Image:
 
 @pytest.fixture
 def servogen_schedule(request: pytest.FixtureRequest) -> PulseSchedule:
-    """The pulses that the program should make."""
+    """Return the schedule that the program should follow."""
     from servogen.programs import read_schedule
 
     path = _file(request.node, "schedule", "schedule.json")
@@ -166,7 +166,7 @@ def servogen_schedule(request: pytest.FixtureRequest) -> PulseSchedule:
 
 @pytest.fixture
 def servogen_target(request: pytest.FixtureRequest) -> Target:
-    """What the test runs on: the simulated chip, the bench, or a recording."""
+    """Return what the test runs on: the simulated chip, the bench, or a recording."""
     from servogen.testing.targets import Replay, Simulator
 
     target: Target
@@ -182,7 +182,7 @@ def servogen_target(request: pytest.FixtureRequest) -> Target:
 
 
 def _bench(request: pytest.FixtureRequest) -> Bench:
-    """The bench of this run: one for all tests, so that a chip is not programmed twice with one program."""
+    """Return this run's bench, one for all tests, so that no program is programmed twice."""
     from servogen.testing.targets import Bench
 
     known = request.config.stash.get(BENCH, None)
@@ -203,7 +203,7 @@ def _bench(request: pytest.FixtureRequest) -> Bench:
 def servogen_capture(
     request: pytest.FixtureRequest, servogen_target: Target, servogen_schedule: PulseSchedule
 ) -> Capture:
-    """What the pins do while the program runs, after it was loaded and the chip reset."""
+    """Return what the pins do while the program runs, after it was loaded and the chip reset."""
     from servogen.testing.targets import Bench, Replay
 
     there = isinstance(servogen_target, Bench) and servogen_target.programmer is None
@@ -253,7 +253,7 @@ def _beside(node: pytest.Item, wanted: Path) -> Path:
 
 
 def _file(node: pytest.Item, key: str, usual: str) -> Path:
-    """The file that the test's mark, or the command line, names. Raises InputError."""
+    """Return the file that the test's mark or the command line names. Raises InputError."""
     mark = node.get_closest_marker(MARK)
     named = mark.kwargs.get(key) if mark else None
     folder = mark.args[0] if mark and mark.args else node.config.getoption("servogen_build")
@@ -275,7 +275,7 @@ def _property(node: pytest.Item, name: str, path: Path) -> None:
 
 
 def _name(node: pytest.Item) -> str:
-    """The test's name as a file's: recordings are found by it."""
+    """Return the test's name as a file name, by which recordings are found."""
     return re.sub(r"[^\w.=+-]+", "-", f"{node.path.stem}-{node.name}").strip("-")
 
 

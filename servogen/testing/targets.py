@@ -48,7 +48,7 @@ class Seen:
 
     trace: EdgeTrace
     source: str
-    """On what it was seen, in words."""
+    """Where it was seen, in words."""
     capture: Capture | None = None
     """All that an analyser's file says: its clock is its own, its edges are on its samples."""
     span: Cycles | None = None
@@ -79,10 +79,10 @@ class Target(Protocol):
     def name(self) -> str: ...
 
     def load(self, image: Image) -> None:
-        """Puts the program on the chip and resets it."""
+        """Load the program and reset the chip."""
 
     def capture(self, schedule: PulseSchedule, seconds: float | None) -> Seen:
-        """Looks for so long; by default long enough to judge the whole motion."""
+        """Return what the pins do for some seconds; by default long enough to judge the whole motion."""
 
 
 class Simulator:
@@ -141,7 +141,7 @@ class Replay:
 class Bench:
     """A chip on the bench: a programmer that loads it, where there is one, and an analyser that looks at it.
 
-    Without a programmer the chip holds what it holds, and no program is said to have been tested.
+    Without a programmer the chip keeps its program, and the report does not claim which one was tested.
     """
 
     port: str
@@ -157,19 +157,19 @@ class Bench:
     name = "bench"
 
     def load(self, image: Image) -> None:
-        """Programs the chip unless it holds the image already. Raises as `servogen flash` does."""
+        """Program the chip unless it holds the image already. Raises as `servogen flash` does."""
         if self.programmer is None:
             text = "the program under test is not on the chip: no programmer is named"
             raise InputError("missing-option", text, hint="--servogen-programmer=picpro, with its port")
         if image == self.on_chip:
             return
-        against_it = objections(image)
+        problems = objections(image)
         chip = self.device or self.built_for
         if chip is None:
             text = "nothing says which chip it is for"
-            against_it += (Diagnostic("error", "missing-option", text, hint="--servogen-device=PIC16F84"),)
-        if against_it or chip is None:
-            raise InputError.of(against_it)
+            problems += (Diagnostic("error", "missing-option", text, hint="--servogen-device=PIC16F84"),)
+        if problems or chip is None:
+            raise InputError.of(problems)
         self.on_chip = None
         path = self.folder / "image.hex"
         write_text(path, to_hex(image))
@@ -177,7 +177,7 @@ class Bench:
         self.on_chip = image
 
     def capture(self, schedule: PulseSchedule, seconds: float | None) -> Seen:
-        """Looks at the pins, by default for the whole loop, and returns what was seen. Raises ToolError."""
+        """Return what the analyser captures, by default for the whole loop. Raises ToolError."""
         path = capture(self.folder / "capture.vcd", self.port, schedule, seconds).path
         which = "which this run programmed" if self.on_chip else "which this run did not program"
         return captured(path, f"the bench's chip, {which}, by the analyser on {self.port}")
@@ -207,7 +207,7 @@ def check(seen: Seen, schedule: PulseSchedule, tolerances: Tolerances | None = N
 
 
 def record(seen: Seen, path: Path) -> Path:
-    """Writes what was seen to `path`, or beside it with the ending of the file that it is in already.
+    """Write what was seen to `path`, or beside it with the suffix of the file that already holds it.
 
     `Replay` and `servogen verify` read it.
     """

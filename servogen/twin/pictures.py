@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-MOST_PICTURES = 120
+MAX_PICTURES = 120
 """Of a film."""
 
 FRAME_S = 0.02
@@ -271,7 +271,7 @@ def _seen_from(pose: Floats, points: Floats) -> Floats:
 def twin_scene(verdict: Verdict, name: str) -> Scene:
     """Return the film of a run in the world's frame."""
     record = verdict.record
-    step = max(1, math.ceil(len(record.time) / MOST_PICTURES))
+    step = max(1, math.ceil(len(record.time) / MAX_PICTURES))
     rows = slice(None, None, step)
     robot, places = record.rig.robot, record.places
     parts = []

@@ -7,6 +7,7 @@ from servogen.verify.capture.verdict import (
     Mismatch,
     Tolerances,
     capture_lines,
+    capture_summary,
 )
 from servogen.verify.compare import GLITCH, verify, whole_motion
 from servogen.verify.measurement import Measurement, PinMeasurement, measure, measurement_lines
@@ -40,6 +41,7 @@ __all__ = [
     "Verdict",
     "Worst",
     "capture_lines",
+    "capture_summary",
     "channel_pins",
     "find_start",
     "measure",

@@ -256,7 +256,7 @@ def test_a_film_lasts_as_long_as_the_loop_in_as_many_pictures_as_are_allowed(
 ) -> None:
     from PIL import Image
 
-    monkeypatch.setattr("servogen.report.film.MOST_PICTURES", 5)
+    monkeypatch.setattr("servogen.report.film.MAX_PICTURES", 5)
     path = tmp_path / "walk.gif"
     found = told(run, "--leg", "L2", "--animate", path)
     assert found["frames_per_cycle"] == 20

@@ -8,7 +8,7 @@ import pytest
 from servogen.edges import HIGH, LOW, PINS, EdgeChunk, EdgeTrace
 from servogen.errors import InputError
 from servogen.report.pulse_plot import (
-    MOST_FRAMES_SHOWN,
+    MAX_FRAMES_SHOWN,
     Frame,
     Pulses,
     _lanes,
@@ -68,7 +68,7 @@ def test_of_many_frames_the_first_and_the_last_are_shown_and_some_between() -> N
     many = channel(*((20.0 * number, 1.0 + number) for number in range(101)))
     frames = distinct_frames([many], many.rise, 20)
     assert [frame.start for frame in frames] == [0, 400, 800, 1200, 1600, 2000]
-    assert len(frames) == MOST_FRAMES_SHOWN
+    assert len(frames) == MAX_FRAMES_SHOWN
 
 
 def test_pulses_that_overlap_stand_below_each_other_and_others_beside() -> None:

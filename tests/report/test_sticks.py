@@ -13,7 +13,7 @@ from servogen.kinematics.catalogue import arm, names, robot
 from servogen.kinematics.forward import fk_position
 from servogen.kinematics.leg import Leg
 from servogen.kinematics.omni import OmniBase
-from servogen.report.film import MOST_PICTURES, Part, Scene, _set_up, film, job_scene
+from servogen.report.film import MAX_PICTURES, Part, Scene, _set_up, film, job_scene
 from servogen.report.sticks import base_outline, stick
 from servogen.robot.model import Arm
 
@@ -69,7 +69,7 @@ def test_a_film_of_a_job_lasts_as_long_as_its_loop(name: str) -> None:
     frame_s = float(job.clock.seconds(job.trajectory.period))
     loop_s = frame_s * (len(job.trajectory.angles) - job.trajectory.loop_start)
     assert {len(part.frames) for part in scene.parts} == {scene.count}
-    assert scene.count <= MOST_PICTURES
+    assert scene.count <= MAX_PICTURES
     assert scene.count * scene.picture_s == pytest.approx(loop_s, abs=scene.picture_s)
 
 

@@ -112,11 +112,11 @@ def test_the_page_shows_the_twin() -> None:
 
 def test_the_film_shows_the_legs_where_the_bodies_are() -> None:
     """The thigh of each leg is as long as the robot's file says, in every picture."""
-    from servogen.twin.pictures import MOST_PICTURES, twin_scene
+    from servogen.twin.pictures import MAX_PICTURES, twin_scene
 
     verdict = walking(AHEAD, extra=SUPPLIED).twin()
     scene = twin_scene(verdict, "walk")
-    assert len(scene.parts) == 1 + 6 and scene.count <= MOST_PICTURES
+    assert len(scene.parts) == 1 + 6 and scene.count <= MAX_PICTURES
     assert scene.count * scene.picture_s == pytest.approx(verdict.record.time[-1], abs=0.1)
     for part in scene.parts[1:]:
         for coxa, thigh, foot, tip in part.frames:

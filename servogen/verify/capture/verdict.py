@@ -277,7 +277,12 @@ def _channel_reasons(channel: CapturedChannel) -> list[str]:
 
 
 def capture_lines(verdict: CaptureVerdict) -> list[str]:
-    """Return lines without colour; the first says whether the capture is proven."""
+    """Return lines without colour; the first says whether the capture is proven, the last ones why not."""
+    return capture_summary(verdict) + [f"- {reason}" for reason in verdict.reasons]
+
+
+def capture_summary(verdict: CaptureVerdict) -> list[str]:
+    """Return the lines without the reasons."""
     seconds = verdict.duration_us / 1e6
     first = "" if verdict.first_frame is None else f" from frame {verdict.first_frame} on"
     lines = [
@@ -290,7 +295,7 @@ def capture_lines(verdict: CaptureVerdict) -> list[str]:
     if verdict.agrees:
         lines.append(_seen_words(verdict.coverage))
     lines += [_channel_line(channel) for channel in verdict.channels if channel.connected]
-    return lines + [f"- {reason}" for reason in verdict.reasons]
+    return lines
 
 
 def _headline(verdict: CaptureVerdict) -> str:
