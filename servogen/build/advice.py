@@ -1,4 +1,4 @@
-"""What would fit, where a job's motion does not: changes of the job, each tried, and the job's parts alone.
+"""Advice for a job whose motion does not fit: changes that would make it fit, each tried.
 
 In: a planned job and the error that refused it. Out: the same error, its hint listing the changes with which
 the job can be built (planned, and compiled for its dialect), and what each part of a walk takes by itself.

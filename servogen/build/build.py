@@ -1,7 +1,7 @@
-"""From a job to proven HEX files: plan, tune for every dialect, simulate, verify, and the files of it all.
+"""From a job to proven HEX files: plan, tune for every dialect, simulate, verify, and write the files.
 
-In: a planned job. Out: `Build`: the values of every step, and a folder of files. What is written does not
-depend on day, host or path.
+In: a planned job. Out: `Build`: the values of every step, and a folder of files, which do not depend on the
+date, the host or the path.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from servogen.traces import write_edges
 from servogen.units import Cycles
 from servogen.verify import Verdict
 
-MEANT = "delay-rounded"
-"""The code of a warning that is left out: the C states cycles as times; that the compiler rounds them back is
-intended, and proven with every edge.
+EXPECTED_WARNING = "delay-rounded"
+"""A warning that is omitted: the C states cycles as times, and that the compiler rounds them back is intended
+and proven with every edge.
 """
 
 Progress = Callable[[str], None]
-"""Called with what is being done."""
+"""Called with the name of each step."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class Program:
     firmware: Firmware
     verdict: Verdict
     overrun: Cycles | None = None
-    """The end of the first frame in which the C came too late, from reset; None: never, or not kept."""
+    """The end of the first frame in which the C was too late, from reset; None: never, or not recorded."""
 
     @property
     def proven(self) -> bool:
@@ -75,7 +75,7 @@ class Program:
 
 @dataclass(frozen=True, slots=True)
 class Build:
-    """What a job became; `job` with the engine's lead-in. `programs` begins with the job's own dialect."""
+    """The result of a job; `job` has the engine's lead-in, `programs` begins with the job's own dialect."""
 
     job: PlannedJob
     engine: str
@@ -90,7 +90,7 @@ class Build:
 
     @property
     def frames(self) -> int:
-        """How many frames were checked."""
+        """Return the number of frames that were checked."""
         schedule = self.plan.schedule
         return schedule.lead_in_frames + LOOPS_CHECKED * schedule.loop_frames
 
@@ -112,7 +112,7 @@ class Build:
             diagnostic
             for program in self.programs
             for diagnostic in program.firmware.compilation.diagnostics
-            if diagnostic.code != MEANT
+            if diagnostic.code != EXPECTED_WARNING
         ]
         engine = [
             replace(each, location=Location(program.firmware.file))
@@ -159,7 +159,7 @@ def _built(job: PlannedJob, progress: Progress) -> Build:
 
 
 def proven(schedule: PulseSchedule, firmware: Firmware, span: Cycles) -> Program:
-    """Runs the firmware for `span` cycles of pulses, and reads what it says of itself afterwards."""
+    """Run the firmware for `span` cycles of pulses, and return it with the verdict on its edges."""
     image = firmware.compilation.image
     machine = machine_of(schedule, image, tracked=True)
     limit = Cycles(span + START_FRAMES * schedule.period)
@@ -175,7 +175,10 @@ def proven(schedule: PulseSchedule, firmware: Firmware, span: Cycles) -> Program
 
 
 def _overrun(machine: Machine, address: int) -> bool:
-    """RAM at power-up may hold anything: the bit counts once the program has written it."""
+    """Return whether the firmware reports an overrun.
+
+    RAM may hold anything at power-up, so the bit counts only once the program has written it.
+    """
     state = machine.state()
     return address in state.ram_written and bool(state.ram[address - RAM_FIRST] & 1)
 
@@ -186,11 +189,11 @@ FILES = frozenset(
         *(f"main.{dialect}.{suffix}" for dialect in DIALECTS for suffix in ("c", "hex")),
     )
 )
-"""All files that a build may write; those that it does not are removed with the build before."""
+"""All files that a build may write; those that it does not write are removed with the previous build."""
 
 
 def write(done: Build, folder: Path) -> None:
-    """Writes the files of a build. They take the place of those of an earlier one all at once."""
+    """Write the files of a build, which replace those of an earlier one all at once."""
     own = done.programs[0]
     servos = {servo.pin: servo.name for servo in done.job.servos}
     texts = {"schedule.json": done.plan.schedule.json_text()}
@@ -214,19 +217,19 @@ def write(done: Build, folder: Path) -> None:
 
 
 def checked_edges(done: Build) -> EdgeTrace:
-    """The edges of the job's own program from reset to the end of the time that was checked."""
+    """Return the edges of the job's own program from reset to the end of the time that was checked."""
     schedule, own = done.plan.schedule, done.programs[0]
     end = Cycles((own.verdict.start or 0) + checked_cycles(schedule))
     return EdgeTrace(schedule.clock, machine_of(schedule, own.image).stream(end), end)
 
 
 def report(done: Build) -> str:
-    """The text of report.txt."""
+    """Return the text of report.txt."""
     return report_text(BuildFacts(done.job, done.plan, program_facts(done), done.warnings))
 
 
 def program_facts(done: Build) -> tuple[ProgramFacts, ...]:
-    """What a report tells of each program."""
+    """Return the facts about each program that a report states."""
     return tuple(
         ProgramFacts(
             program.firmware.dialect,

@@ -1,7 +1,7 @@
-"""A capture of the chip's pins by a logic analyser: as long as the schedule needs, stitched where it must be.
+"""Captures the chip's pins with a logic analyser, for as long as the schedule needs, stitched if necessary.
 
-In: the analyser's port, the schedule that is to be seen, if any, and how to look. Out: a capture file, and
-what is known of it.
+In: the analyser's port, the schedule to be captured, if any, and the settings. Out: a capture file, and the
+facts about it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from fractions import Fraction
 from math import ceil
 from pathlib import Path
 
-from servogen.bench.analysers.memory import FEWEST_EDGES, USUAL_EDGES, USUAL_PERIOD_S, Plan, Wanted, plan
+from servogen.bench.analysers.memory import MIN_EDGES, TYPICAL_EDGES, TYPICAL_PERIOD_S, Plan, Wanted, plan
 from servogen.bench.analysers.recording import (
     Record,
     Stitched,
@@ -38,43 +38,43 @@ RATE = 1_000_000
 SECONDS = 1.0
 SLACK = 1.25
 PATIENCE_S = 5.0
-"""Beyond the time that the capture itself takes."""
+"""How long to wait beyond the time that the capture itself takes."""
 MAX_DRIFT = Fraction(1, 1000)
-"""A chip whose crystal is slower by no more than this still shows in a capture what is wanted."""
+"""A capture is long enough for a chip whose crystal is slower by no more than this."""
 SUMP_DRIVER = "ols"
 """sigrok's only driver that can count equal samples."""
 
 Progress = Callable[[str, int], AbstractContextManager[Callable[[int], None]]]
-"""(what is done, how much there is to do) -> a block in which a function takes how much is done."""
+"""(label, total) -> a context in which a function is called with the amount done so far."""
 
 
 @contextmanager
 def silent(label: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Shows no progress."""
+    """Yield a function that shows no progress."""
     yield lambda done: None
 
 
 @dataclass(frozen=True, slots=True)
 class Looking:
-    """How to look."""
+    """The settings of a capture."""
 
     rate: int = RATE
-    """Samples a second."""
+    """Samples per second."""
     rle: bool = True
     """Whether the analyser may count equal samples."""
     memory: int | None = None
-    """The analyser's bytes; None: as many as it says."""
+    """The analyser's memory in bytes; None: as much as the analyser reports."""
     trigger: str | None = None
     """The pin whose rising edge begins the capture; None: the first servo's."""
     wire: Sequence[str] = ()
-    """CHANNEL=PIN where the wiring is not the usual one."""
+    """CHANNEL=PIN where the wiring is not the default."""
     stitch: bool = True
-    """Whether several captures may be joined where one is too short."""
+    """Whether several captures may be joined if one is too short."""
 
 
 @dataclass(frozen=True, slots=True)
 class Captured:
-    """A capture that was written, whole."""
+    """A complete capture that was written."""
 
     path: Path
     analyser: Analyser
@@ -131,9 +131,9 @@ def capture(
     looking: Looking = Looking(),
     progress: Progress = silent,
 ) -> Captured:
-    """Looks at the pins for `seconds`, by default at the schedule's whole loop, and writes the capture.
+    """Capture the pins for `seconds`, by default for the schedule's whole loop, and write the capture.
 
-    Raises InputError for a request that shows nothing, ToolError where the analyser fails; what came until
+    Raises InputError for a request that shows nothing, ToolError if the analyser fails; what it sent until
     then is kept beside `output`.
     """
     wanted = wanted_of(schedule, seconds)
@@ -160,7 +160,7 @@ def capture(
             "capture-failed",
             seen.missing,
             Location(port),
-            f"what came is kept, marked as not whole, in {path}",
+            f"the incomplete capture is kept in {path}",
         )
     return Captured(path, device, planned, seen)
 
@@ -174,8 +174,8 @@ def capture_by_sigrok(
 ) -> SigrokCaptured:
     """Capture the pins through sigrok-cli, for `seconds` or the schedule's whole loop.
 
-    Two frames more than that, because sigrok begins anywhere, and the share of a slow crystal. Raises
-    InputError for a request that shows nothing, ToolError if sigrok-cli fails.
+    The capture is two frames longer, because sigrok may begin anywhere in a frame, and allows for a slow
+    crystal. Raises InputError for a request that shows nothing, ToolError if sigrok-cli fails.
     """
     if schedule is not None:
         check_rate(looking.rate)
@@ -188,7 +188,7 @@ def capture_by_sigrok(
 
 
 def check_rate(rate: int) -> None:
-    """Raise InputError where a capture of so many samples a second would prove nothing."""
+    """Raise InputError if a capture at this rate (samples per second) would prove nothing."""
     Sampling(1e6 / rate, True).check(Tolerances().glitch_us, Location(key="--rate"))
 
 
@@ -202,7 +202,7 @@ def _looks(
     whole_loop: bool,
     progress: Progress,
 ) -> Stitched:
-    """Returns one look; or, where it is shorter than what is wanted, as many as that needs."""
+    """Return one capture or, if it is shorter than what is wanted, as many as that needs."""
     if schedule is None or planned.frames >= frames:
         seen = _look(line, planned, channel, "capture", progress)
         return Stitched((Record(edges(seen.runs, wired), seen.runs.end),), seen.missing, 0)
@@ -225,10 +225,10 @@ def _look(line: Port, planned: Plan, channel: int, label: str, progress: Progres
 
 
 def wanted_of(schedule: PulseSchedule | None, seconds: float | None) -> Wanted:
-    """What is to be seen: by default the whole loop of the schedule, and a lead-in before it."""
+    """Return what is to be captured: by default the whole loop of the schedule, and a lead-in before it."""
     if schedule is None:
-        frames = ceil(_exact(seconds or SECONDS) / USUAL_PERIOD_S)
-        return Wanted(USUAL_PERIOD_S, Fraction(USUAL_EDGES), frames, Fraction(FEWEST_EDGES), USUAL_EDGES)
+        frames = ceil(_exact(seconds or SECONDS) / TYPICAL_PERIOD_S)
+        return Wanted(TYPICAL_PERIOD_S, Fraction(TYPICAL_EDGES), frames, Fraction(MIN_EDGES), TYPICAL_EDGES)
     period = schedule.clock.seconds(schedule.period)
     loop, most = _moments(schedule.loop)
     begin, more = _moments(schedule.lead_in)
@@ -240,7 +240,10 @@ def wanted_of(schedule: PulseSchedule | None, seconds: float | None) -> Wanted:
 
 
 def _moments(runs: Sequence[Run]) -> tuple[Fraction, int]:
-    """Returns the moments of change in a frame, on average (not below a tenth), at most; 0 without frames."""
+    """Return the mean (at least a tenth) and the maximum number of times at which a pin changes in a frame.
+
+    Without frames both are 0.
+    """
     moments = [
         (each.frames, len({time for p in each.pulses if p for time in (p.rise, p.rise + p.width)}))
         for each in runs
@@ -253,5 +256,5 @@ def _moments(runs: Sequence[Run]) -> tuple[Fraction, int]:
 
 
 def _exact(seconds: float) -> Fraction:
-    """Returns the decimal number that was typed."""
+    """Return the decimal number that was typed, without the error of its binary form."""
     return Fraction(str(seconds))

@@ -1,4 +1,4 @@
-"""What speaks against programming an image: the wrong chip, pulses that nothing proves, the image itself.
+"""Checks an image before it is programmed: the chip, the proof of its pulses, the image itself.
 
 In: an image, the schedule it was built for, the device that is asked for. Out: a `Check`.
 """
@@ -22,14 +22,14 @@ SCHEDULE = "schedule.json"
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """The device to program, what speaks against it, and what else its owner should know."""
+    """The device to program, the objections to programming it, and warnings."""
 
     device: Device
     against: tuple[Diagnostic, ...]
     remarks: tuple[Diagnostic, ...]
 
     def warnings(self, force: bool) -> tuple[Diagnostic, ...]:
-        """Return what to warn of. Raises InputError if anything speaks against it, unless `force`."""
+        """Return the warnings. Raises InputError if there are objections, unless `force`."""
         if self.against and not force:
             raise InputError.of(
                 replace(each, hint="--force programs it all the same") for each in self.against
@@ -46,8 +46,10 @@ def schedule_beside(file: Path) -> Path | None:
 def check(
     file: Path, image: Image, asked: str | None, path: Path | None, schedule: PulseSchedule | None
 ) -> Check:
-    """Return what speaks against programming `image`, which `file` holds and `schedule`, of the file `path`,
-    is for. Raises InputError if neither the schedule nor `asked` names the device.
+    """Return the check of `image`, which `file` contains and which was built for `schedule`, read from
+    `path`.
+
+    Raises InputError if neither the schedule nor `asked` names the device.
     """
     name, wrong_chip = _device(file, asked, schedule)
     device, place = device_named(name), Location(str(file))
@@ -62,7 +64,7 @@ def check(
 def _device(
     file: Path, asked: str | None, schedule: PulseSchedule | None
 ) -> tuple[str, tuple[Diagnostic, ...]]:
-    """Return the device's name, and what speaks against it."""
+    """Return the device's name, and the objections to it."""
     built = schedule.device if schedule else None
     name = asked or built
     if name is None:
@@ -79,9 +81,9 @@ def _device(
 
 
 def _unproven(image: Image, path: Path | None, schedule: PulseSchedule | None) -> tuple[Diagnostic, ...]:
-    """Return why nothing shows that the image's pulses are the schedule's; empty if they are."""
+    """Return the objection that the image's pulses are not proven to be the schedule's, if they are not."""
     if schedule is None:
-        text = "there is no schedule.json beside it: nothing shows what its pulses are (--against)"
+        text = "there is no schedule.json beside it to compare its pulses with (--against)"
         return (Diagnostic("error", "not-proven", text),)
     verdict = prove_image(schedule, image)
     if verdict.proven:

@@ -1,7 +1,7 @@
-"""Programs held against a lab's task: each is compiled, run on the simulator and judged; many at a time.
+"""Grades programs against a lab's task: each is compiled, run on the simulator and judged; many at a time.
 
-In: submissions and a lab. Out: a `Graded` for each, in their order; nothing that is wrong with one stops the
-others. The programs are strangers': each is compiled and run in processes of its own, see `isolation`.
+In: submissions and a lab. Out: a `Graded` for each, in their order; an error in one does not stop the others.
+The programs are not trusted: each is compiled and run in processes of its own, see `isolation`.
 
     here        this process ──fork──▶ one process for each program
     a cluster   Dask worker ──▶ a fresh process for a batch ──fork──▶ one process for each program
@@ -38,28 +38,30 @@ from servogen.units import Clock, Cycles
 BOARD = Options(ra4_pull_up=True)
 
 RUNNING = Limits(seconds=120.0)
-"""What running and judging one program may use; it takes a second."""
+"""The limits for running and judging one program, which usually takes a second."""
 
 PATIENCE = 4
-"""So many times its processor time may pass: a grade must not depend on what else the machine does."""
+"""The elapsed time allowed, in multiples of the processor time: a grade must not depend on the machine's
+load.
+"""
 
 STARTING_S = 60
-"""That a process of its own may take to start, on a machine that is busy."""
+"""The time that a process may take to start on a busy machine."""
 
 BATCH = 8
-"""Programs that a worker of a cluster grades in one process."""
+"""The number of programs that a worker of a cluster grades in one process."""
 
 CONNECT_S = 10
-"""To a cluster's scheduler, and until it has a worker."""
+"""The time to connect to a cluster's scheduler, and until it has a worker."""
 
 WITHOUT_WORKERS_S = 60.0
-"""A cluster that has no worker for so long is given up."""
+"""The time after which a cluster without a worker is given up."""
 
 POLL_S = 1.0
 
 
 class Runnable(Protocol):
-    """A program that can be run: its image, the clock that its source names, what is odd about its file."""
+    """A program that can be run: its image, the clock that its source names, and remarks about its file."""
 
     @property
     def image(self) -> Image: ...
@@ -80,7 +82,7 @@ Read = Callable[[Submission], Runnable]
 
 @dataclass(frozen=True, slots=True)
 class Compiled:
-    """A program as it comes out of the process that compiled it."""
+    """A program as the process that compiled it returns it."""
 
     image: Image
     clock: Clock | None
@@ -90,7 +92,7 @@ class Compiled:
 
 @dataclass(frozen=True, slots=True)
 class Graded:
-    """A program and its grade; `defect` is what went wrong in servogen itself, not in the program."""
+    """A program and its grade; `defect` is an error of servogen itself, not of the program."""
 
     submission: Submission
     grade: Grade
@@ -99,9 +101,9 @@ class Graded:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """How to grade: the lab, how programs are read, and what compiling and running one may use.
+    """How to grade: the lab, how programs are read, and the limits for compiling and running one.
 
-    It can be sent to a worker of a cluster.
+    A task can be sent to a worker of a cluster.
     """
 
     lab: Lab
@@ -111,7 +113,7 @@ class Task:
 
     @classmethod
     def of(cls, lab: Lab, read: Read, seconds: float, memory_mb: int) -> Task:
-        """Returns the task where running takes at most `seconds` of processor time, and so does compiling."""
+        """Return the task in which running and compiling may each take `seconds` of processor time."""
         compiling_s = min(seconds, COMPILING.seconds)
         return cls(
             lab,
@@ -128,10 +130,10 @@ def grade_submissions(
     progress: Callable[[int], None] = lambda done: None,
     at_once: int | None = None,
 ) -> list[Graded]:
-    """Returns the grades, in the order of `submissions`; `progress` is called with how many there are.
+    """Return the grades, in the order of `submissions`; `progress` is called with the number graded so far.
 
     The work is done on this machine, `at_once` programs at a time (default: one for each core), or on the
-    Dask cluster at the address `scheduler`. Raises ToolError where there is no such cluster.
+    Dask cluster at the address `scheduler`. Raises ToolError if there is no such cluster.
     """
     at_once = at_once or os.cpu_count() or 1
     graded: dict[int, Graded] = {}
@@ -148,7 +150,7 @@ def grade_submissions(
 
 
 def grade_program(lab: Lab, program: Runnable) -> Grade:
-    """Runs the program for the lab's time on the lab's board and judges its pulses."""
+    """Run the program for the lab's time on the lab's board, and return the grade of its pulses."""
     span = Cycles(lab.clock.round_seconds(lab.watch_s))
     machine = Machine(program.image, lab.clock, BOARD, tracked=True)
     watched = watch(EdgeTrace(lab.clock, machine.stream(span), span))
@@ -192,7 +194,7 @@ def _source(listing: Listing | None, pc: int, returns: Sequence[int]) -> FilmSou
 
 
 def _in_forks(submissions: Sequence[Submission], task: Task, at_once: int) -> Iterator[tuple[int, Graded]]:
-    """Compiles all, then runs those that compile, each time in a process for each program."""
+    """Compile all, then run those that compile, each program in its own process; yield (index, grade)."""
     _load_simulator()
     compiled: dict[int, Compiled] = {}
     works = [partial(_compile, task.read, each) for each in submissions]
@@ -220,7 +222,7 @@ def _compile(read: Read, submission: Submission) -> Compiled:
 
 
 def _failed(submission: Submission, lab: Lab, what: str, error: Exception) -> Graded:
-    """The grade of a program of which `error` came out."""
+    """Return the grade of a program that failed with `error` while `what` was done."""
     if isinstance(error, InputError):
         return Graded(submission, refused(lab.name, message(f"the program cannot be run:\n{error}")))
     if isinstance(error, LimitExceeded):
@@ -231,7 +233,7 @@ def _failed(submission: Submission, lab: Lab, what: str, error: Exception) -> Gr
 
 
 def _load_simulator() -> None:
-    """Loads the compiled simulator before forking: a child may neither take the time nor write the file."""
+    """Load the compiled simulator before forking: a child may neither take the time nor write the file."""
     import_module("servogen.simulator.aot_cache").loop(tracked=True)
 
 
@@ -254,9 +256,9 @@ def _in_fresh_processes(
 
 
 def grade_in_fresh_process(submissions: Sequence[Submission], task: Task) -> list[Graded]:
-    """Returns the grades of `submissions`, graded one after the other in a process of their own.
+    """Return the grades of `submissions`, graded one after the other in one fresh process.
 
-    Where that process does not end well, each is tried in one of its own.
+    If that process fails, each submission is tried in one of its own.
     """
     each_s = task.compiling.deadline_s + task.running.deadline_s
     command = "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
@@ -284,7 +286,7 @@ def grade_in_fresh_process(submissions: Sequence[Submission], task: Task) -> lis
 
 
 def serve() -> None:
-    """Grades what `grade_in_fresh_process` writes to standard input, and answers on standard output."""
+    """Grade what `grade_in_fresh_process` writes to standard input, and answer on standard output."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what anything else prints is not an answer
     submissions, task = pickle.load(sys.stdin.buffer)
@@ -336,7 +338,7 @@ def _results(future: Future[list[Graded]], batch: Sequence[Submission], task: Ta
 
 @contextmanager
 def _client(scheduler: str) -> Iterator[Any]:
-    """A client of the cluster, which has a worker. Raises ToolError."""
+    """Yield a client of the cluster, once it has a worker. Raises ToolError."""
     try:
         distributed = import_module("distributed")
     except ImportError as error:

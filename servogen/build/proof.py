@@ -41,19 +41,19 @@ from servogen.verify import (
 from servogen.verify.verdict import unseen_motion_reason
 
 LOOPS_CHECKED = 3
-"""The whole motion and two repeats of it."""
+"""The number of loops that are checked: the whole motion and two repeats of it."""
 
 START_FRAMES = 50
-"""How long an image may take from reset to its first pulse before it counts as silent."""
+"""The frames that an image may take from reset to its first pulse before it counts as silent."""
 
 
 def checked_cycles(schedule: PulseSchedule) -> Cycles:
-    """The lead-in and `LOOPS_CHECKED` loops."""
+    """Return the cycles of the lead-in and of `LOOPS_CHECKED` loops."""
     return whole_motion(expected(schedule), LOOPS_CHECKED)
 
 
 def motion_cycles(schedule: PulseSchedule) -> Cycles:
-    """The lead-in and one loop."""
+    """Return the cycles of the lead-in and of one loop."""
     return whole_motion(expected(schedule), 1)
 
 
@@ -75,10 +75,10 @@ def prove_file(
 ) -> Verdict:
     """Return the verdict on a recorded trace, which is checked to its end.
 
-    It must hold the whole motion and, where a format does not tell when the recording ended (not `tells_end`:
-    CSV, JSONL), the last frame of which it holds an edge; such a recording ends where the schedule has its
-    next edge. Where the caller asks for a shorter `span`, what follows is not compared, and the verdict says
-    so.
+    It must contain the whole motion. If its format does not store the end of the recording (not `tells_end`:
+    CSV, JSONL), it must also contain the whole of the last frame of which it has an edge; such a recording
+    ends at the schedule's next edge. If the caller asks for a shorter `span`, the rest is not compared, and
+    the verdict says so.
     """
     stored = trace.stored()
     if span is not None:
@@ -104,7 +104,7 @@ def _rest(schedule: PulseSchedule, cycles: int) -> str:
 
 
 def _next_edge(wanted: Expected, time: Cycles, otherwise: Cycles) -> int:
-    """Return the time of the schedule's first edge from `time` on, or what to take where there is none."""
+    """Return the time of the schedule's first edge from `time` on; `otherwise` if there is none."""
     for chunk in wanted.chunks:
         row = int(np.searchsorted(chunk.cycle, time))
         if row < len(chunk.cycle):
@@ -115,7 +115,7 @@ def _next_edge(wanted: Expected, time: Cycles, otherwise: Cycles) -> int:
 def prove(schedule: PulseSchedule, trace: EdgeTrace, span: Cycles | None = None) -> Verdict:
     """Return the verdict on `trace` over `span` cycles from its first pulse (default: `checked_cycles`).
 
-    Less than the whole motion, even where no more was asked for, is not proven.
+    Less than the whole motion is not proven, even if no more was asked for.
     """
     verdict = verify(expected(schedule), trace, checked_cycles(schedule) if span is None else span)
     if verdict.agrees and verdict.span.compared < motion_cycles(schedule):
@@ -133,7 +133,7 @@ def prove_image(
 ) -> Verdict:
     """Run `image` and return the verdict on its edges over `span` cycles (default: `checked_cycles`).
 
-    It is not proven where the edges are the schedule's but depend on what no chip promises.
+    It is not proven if the edges are the schedule's but depend on values that no chip guarantees.
     """
     span = checked_cycles(schedule) if span is None else span
     machine = machine_of(schedule, image, options, tracked=True)
@@ -143,19 +143,19 @@ def prove_image(
 
 
 def end_of(verdict: Verdict) -> Cycles | None:
-    """Return the cycle since reset up to which a verdict compared; None where no scheduled pin rises."""
+    """Return the cycle since reset up to which a verdict compared; None if no scheduled pin rises."""
     return None if verdict.start is None else Cycles(verdict.start + verdict.span.compared)
 
 
 def cycle_of(warning: Diagnostic) -> int:
-    """Return the cycle since reset in which a chip did what is warned of."""
+    """Return the cycle since reset that a warning is about."""
     return (warning.location.cycle if warning.location else None) or 0
 
 
 def chip_warnings(
     machine: Machine, end: Cycles | None = None, listing: Listing | None = None
 ) -> tuple[Diagnostic, ...]:
-    """Return what `machine` warns of before cycle `end`, with source lines where a listing has them."""
+    """Return the warnings of `machine` before cycle `end`, with source lines if a listing has them."""
     rows = {row.address: row for row in listing.rows} if listing else {}
     found = []
     for warning in machine.state().warnings:
@@ -172,9 +172,9 @@ def chip_warnings(
 def prove_capture(
     schedule: PulseSchedule, capture: Capture, tolerances: Tolerances | None = None
 ) -> CaptureVerdict:
-    """Return the verdict on what an analyser saw; a capture that is not whole is never proven.
+    """Return the verdict on a capture; an incomplete capture is never proven.
 
-    Raises InputError where it was, or may have been, sampled too slowly to prove anything.
+    Raises InputError if it was, or may have been, sampled too slowly to prove anything.
     """
     trace = capture.trace.stored()
     longest_us = (tolerances or Tolerances()).glitch_us
@@ -187,7 +187,10 @@ def prove_capture(
 
 @dataclass(frozen=True, slots=True)
 class Forever:
-    """`verdict` is over `lead_in` and `loop` frames; where `reason` is not empty, over the time looked at."""
+    """A proof for all time: `verdict` covers `lead_in` and `loop` frames.
+
+    If `reason` is not empty there is no such proof, and `verdict` covers the time that was searched.
+    """
 
     verdict: Verdict
     lead_in: int
@@ -199,7 +202,7 @@ class Forever:
         return self.verdict.proven and not self.reason
 
     def text(self) -> str:
-        """One line: what is proven, or why not."""
+        """Return one line that says what is proven, or why not."""
         if self.proven:
             return (
                 f"proven for all time: lead-in {self.lead_in} frames, loop {self.loop} frames; "
@@ -229,7 +232,9 @@ def prove_forever(
     listing: Listing | None = None,
     options: Options = Options(),  # noqa: B008 - frozen
 ) -> Forever:
-    """Looks for a repeat of the machine's state within `limit` cycles from reset, and checks all of it."""
+    """Find a repeat of the machine's state within `limit` cycles from reset, and return the verdict on all of
+    it.
+    """
     first = next(chunk for chunk in expected(schedule).chunks if len(chunk.cycle))
     found = find_repeat(
         image,

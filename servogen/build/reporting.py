@@ -1,7 +1,7 @@
-"""From a job to its HTML page: build it, take its edges, hold a capture beside its plan.
+"""From a job to its HTML page: builds it, records its edges, compares a capture with its plan.
 
-In: a planned job, perhaps a capture. Out: the page and the verdicts on it. A job whose motion no engine can
-hold has a page, too: of its plan.
+In: a planned job, perhaps a capture. Out: the page and its verdicts. A job whose motion fits no engine has a
+page too, of its plan.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from servogen.verify.capture.check import split
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """A page, whether every program's edges are proven, and why none was built, where none was."""
+    """A page, whether every program's edges are proven and, if no program was built, why not."""
 
     html: str
     programs_proven: bool
@@ -41,7 +41,7 @@ class Page:
 
     @property
     def proven(self) -> bool:
-        """Whether the programs are proven, and the capture where there is one."""
+        """Return whether the programs are proven, and the capture if there is one."""
         return self.programs_proven and (self.capture is None or self.capture.proven)
 
     def to_json(self) -> dict[str, object]:
@@ -61,7 +61,7 @@ def page_of(
     rate: int | None = None,
     twin: bool = False,
 ) -> Page:
-    """Build the job and return its page; `rate` is a capture's samples a second. Raises InputError.
+    """Build the job and return its page; `rate` is a capture's samples per second. Raises InputError.
 
     With `twin` the page shows what the robot does in the physics; raises ToolError where MuJoCo is missing.
     """
@@ -100,13 +100,13 @@ def _facts(done: Build, capture: CaptureFacts | None) -> PageFacts:
 
 
 def _once(planned: PulsePlan, done: Build) -> EdgeTrace:
-    """The edges of the job's own program, the motion once."""
+    """Return the edges of the job's own program for one pass of the motion."""
     schedule = planned.schedule
     return running(schedule, done.programs[0].image, motion_cycles(schedule)).stored()
 
 
 def capture_facts(schedule: PulseSchedule, path: Path, rate: int | None = None) -> CaptureFacts:
-    """Return what is shown of a capture; of several in one file the longest piece, whose time is known."""
+    """Return what is shown of a capture: of several in one file the longest, because its time is known."""
     found = read_capture(path)
     if rate is not None:
         found = sampled_at(found, rate)
@@ -121,7 +121,7 @@ def capture_facts(schedule: PulseSchedule, path: Path, rate: int | None = None) 
 
 
 def _verdict(schedule: PulseSchedule, capture: Capture, path: Path) -> CaptureVerdict:
-    """Return the verdict on a capture; edges in cycles of a chip are also held to the cycle."""
+    """Return the verdict on a capture; edges in cycles of a chip are also compared cycle by cycle."""
     verdict = prove_capture(schedule, capture)
     if is_capture(path):
         return verdict

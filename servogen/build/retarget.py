@@ -1,10 +1,10 @@
-"""The HEX that another compiler made of a sequence's C: what that compiler adds, and C that makes up for it.
+"""Tunes a sequence's C for another compiler: measures what that compiler adds, and corrects the delays.
 
-In: a job, the HEX, the C that it was made of. Out: `Tuned`: the verdict on the HEX, the cycles of each way
-through the program, and, unless the HEX is exact, the C to compile next.
+In: a job, the other compiler's HEX, the C that it was compiled from. Out: `Tuned`: the verdict on the HEX,
+the cycles of each path through the program, and, unless the HEX is exact, the C to compile next.
 
-The delays in the C are known by servogen's own compiler: what its HEX of the same C takes on a way, less what
-its statements take there, are the delays. The rest of what the other HEX takes there is the other compiler's.
+The delays in the C are known from servogen's own compiler: on each path they are the cycles of its HEX of the
+same C, less those of its statements. The rest of the cycles of the other HEX is the other compiler's.
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ from servogen.verify import Verdict
 
 @dataclass(frozen=True, slots=True)
 class Added:
-    """What the other compiler's statements take on a way through the program, in cycles, and servogen's."""
+    """The cycles of the other compiler's statements on a path through the program, and of servogen's."""
 
-    way: str
+    path: str
     theirs: int
     ours: int
 
     def to_json(self) -> dict[str, object]:
-        return {"way": self.way, "their_cycles": self.theirs, "servogen_cycles": self.ours}
+        return {"path": self.path, "their_cycles": self.theirs, "servogen_cycles": self.ours}
 
 
 @dataclass(frozen=True, slots=True)
 class Tuned:
-    """`source` is the C to compile next; empty where the HEX is exact."""
+    """`source` is the C to compile next; empty if the HEX is exact."""
 
     verdict: Verdict
     added: tuple[Added, ...]
@@ -64,7 +64,7 @@ class Tuned:
 
 @dataclass(frozen=True, slots=True)
 class _Write:
-    """A port write that changes pins: when, and which become what, as "RB0 high"."""
+    """A port write that changes pins: its cycle, and the new levels, such as "RB0 high"."""
 
     cycle: int
     changes: str
@@ -73,10 +73,10 @@ class _Write:
 def tune_to(
     job: PlannedJob, theirs: Image, hex_file: str, dialect: str, source: Source | None = None
 ) -> Tuned:
-    """Measures `theirs`, compiled from `source` (default: the C that `build` writes), and renders the next C.
+    """Measure `theirs`, compiled from `source` (default: the C that `build` writes), and render the next C.
 
-    Raises InputError where the HEX is not that C's, takes different times on the same way, or leaves a delay
-    no time.
+    Raises InputError if the HEX is not that C's, takes different times on the same path, or leaves no time
+    for a delay.
     """
     found = planned(job)
     if found.engine != "sequence":
@@ -113,7 +113,10 @@ def _overheads(
     seen: Sequence[_Write],
     files: tuple[str, str],
 ) -> Overheads:
-    """What the statements of the HEX that made `seen` take on each path; `files` are the HEX and its C."""
+    """Return the cycles of the statements on each path of the program that made `seen`.
+
+    `files` are the names of the HEX and its C.
+    """
     ways = _ways(program)
     costs: dict[Path, int] = {}
     for index, (path, _) in enumerate(islice(program.walk(), len(ours))):
@@ -138,7 +141,7 @@ def _overheads(
 
 
 def _writes(schedule: PulseSchedule, image: Image, wanted: int) -> list[_Write]:
-    """The first `wanted` port writes that change pins."""
+    """Return the first `wanted` port writes that change pins."""
     span = Cycles(2 * motion_cycles(schedule))
     edges = join(running(schedule, image, span).driven())
     starts = np.flatnonzero(np.diff(edges.cycle, prepend=-1))[: wanted + 1].tolist()
@@ -156,12 +159,12 @@ def _writes(schedule: PulseSchedule, image: Image, wanted: int) -> list[_Write]:
 
 
 def _since(writes: Sequence[_Write], index: int) -> int:
-    """Cycles since the write before, or since reset."""
+    """Return the cycles since the previous write, or since reset."""
     return writes[index].cycle - (writes[index - 1].cycle if index else 0)
 
 
 def _compare(seen: Sequence[_Write], wanted: Sequence[_Write], file: str, what: str) -> None:
-    """Raises InputError at the first write that is another one."""
+    """Raise InputError for the first write that differs."""
     for number, (here, there) in enumerate(zip(seen, wanted, strict=False), 1):
         if here.changes != there.changes:
             raise InputError(
@@ -179,7 +182,7 @@ def _compare(seen: Sequence[_Write], wanted: Sequence[_Write], file: str, what: 
 
 
 def _ways(program: Program) -> Mapping[Path, str]:
-    """Each path in words that follow a subject."""
+    """Return each path in words that follow a subject."""
     ways = {START: "from reset to the first edge"}
     for step in (*program.lead_in, *program.loop):
         if isinstance(step, Hold):

@@ -26,7 +26,7 @@ from servogen.units import Cycles
 from servogen.verify import Measurement, PinMeasurement
 
 MEASURED_SECONDS = 20.0
-"""How long a program runs if nothing says so: two rounds of the printed lab programs."""
+"""How long a program runs by default: two rounds of the printed lab programs."""
 
 Read = Callable[[Path, str], Program]
 """Reads a program for a device; `read_program` unless the caller shows its remarks."""
@@ -115,7 +115,11 @@ def unscheduled_edges(
 
 
 def servos_named(texts: Sequence[str]) -> dict[str, ServoModel]:
-    """ "RB0=futaba-s3001" as a model of that pin, "futaba-s3001" as that of every pin. Raises InputError."""
+    """Return the servo models by pin: "RB0=futaba-s3001" names that of a pin, "futaba-s3001" that of every
+    pin.
+
+    Raises InputError.
+    """
     models: dict[str, ServoModel] = {}
     for text in texts:
         pin, _, name = text.rpartition("=")
@@ -129,7 +133,7 @@ def servos_named(texts: Sequence[str]) -> dict[str, ServoModel]:
 
 
 def measured_warnings(measurement: Measurement, models: Mapping[str, ServoModel]) -> tuple[Diagnostic, ...]:
-    """Return the warnings; a pin without a model is judged by what every servo takes."""
+    """Return the warnings; a pin without a model is judged by the widths that every servo accepts."""
     found: list[Diagnostic] = []
     for pin in measurement.pins:
         model = models.get(PINS[pin.pin])
@@ -150,8 +154,8 @@ def _of_pin(
 
 
 def _periods(pin: PinMeasurement) -> list[int]:
-    """The period of each kind of frame, not of the changes from one kind to the next.
+    """Return the period of each kind of frame, without the changes from one kind to the next.
 
-    A pin with one pulse or two has no kind: all its periods.
+    A pin with one or two pulses has no kind of frame; then all its periods are returned.
     """
     return [kind.period for kind in pin.kinds] or list(pin.periods)

@@ -462,8 +462,8 @@ def tune(
             }
         )
     else:
-        rows = [(each.way, each.theirs, each.ours) for each in found.added]
-        table("Cycles beside the delays", ("way", hex_file.name, "servogen"), rows)
+        rows = [(each.path, each.theirs, each.ours) for each in found.added]
+        table("Cycles beside the delays", ("path", hex_file.name, "servogen"), rows)
         for line in verdict_lines(found.verdict):
             print(line)
         if found.source:

@@ -198,7 +198,7 @@ FIRST_GRIP_TENTHS = 3
 OFF_THE_LINE_MM = 1.0
 """A tool further than this from the line of an MS is worth a warning."""
 
-MOST_POINTS = 99
+MAX_POINTS = 99
 """The most intermediate points that MS takes."""
 
 
@@ -396,7 +396,7 @@ class Mover:
                 "off-the-line",
                 f"{text}: {enough} intermediate points keep it within {OFF_THE_LINE_MM:g} mm"
                 if enough
-                else f"{text}: {MOST_POINTS} intermediate points, the most there are, do not keep it within "
+                else f"{text}: {MAX_POINTS} intermediate points, the most there are, do not keep it within "
                 f"{OFF_THE_LINE_MM:g} mm",
             )
         )
@@ -411,7 +411,7 @@ class Mover:
             errors = chord_errors(branch.path, points, lambda q: fk_position(self.manipulator.arm, q))
             return 1000 * float(errors.max(initial=0.0)) <= OFF_THE_LINE_MM
 
-        few, enough = intermediate, MOST_POINTS
+        few, enough = intermediate, MAX_POINTS
         if not keeps(enough):
             return None
         while enough - few > 1:

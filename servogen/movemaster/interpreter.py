@@ -17,7 +17,7 @@ import numpy as np
 
 from servogen.errors import Diagnostic, InputError
 from servogen.movemaster.arm import Mover
-from servogen.movemaster.language import DEEPEST, POSITIONS
+from servogen.movemaster.language import MAX_DEPTH, POSITIONS
 from servogen.movemaster.memory import CLOSED, OPEN, InputPort, Memory, Output, Pose, Position
 from servogen.movemaster.parser import Statement
 
@@ -187,10 +187,10 @@ class Flow:
         self._next = self._index[number]
 
     def call(self, number: int) -> None:
-        if len(self._levels) > DEEPEST:
+        if len(self._levels) > MAX_DEPTH:
             raise InputError(
                 "program-nesting",
-                f"subroutines are called {len(self._levels)} deep: {DEEPEST} is the maximum",
+                f"subroutines are called {len(self._levels)} deep: {MAX_DEPTH} is the maximum",
                 hint="a subroutine ends with RT; GT does not leave it",
             )
         self._levels.append(_Level(self._next))
@@ -211,9 +211,9 @@ class Flow:
             if loop.start is statement:  # reached by a jump back: the loop begins again
                 del loops[index:]
                 break
-        if sum(len(level.loops) for level in self._levels) == DEEPEST:
+        if sum(len(level.loops) for level in self._levels) == MAX_DEPTH:
             raise InputError(
-                "program-nesting", f"loops are nested deeper than {DEEPEST}", hint="each RC needs its NX"
+                "program-nesting", f"loops are nested deeper than {MAX_DEPTH}", hint="each RC needs its NX"
             )
         loops.append(_Loop(statement, self._next, times - 1))
 
@@ -242,9 +242,9 @@ class Flow:
         before: dict[tuple[int, int], list[tuple[int, int]]] = {}
         found: list[tuple[int, int]] = []
         for index, line in enumerate(self._lines):
-            for depth in range(1, DEEPEST + 1):
+            for depth in range(1, MAX_DEPTH + 1):
                 deeper = depth + _OPENS.get(_mnemonic(line), 0)
-                if deeper == 0 or deeper > DEEPEST:
+                if deeper == 0 or deeper > MAX_DEPTH:
                     found.append((index, depth))
                 for target in self._after(index):
                     before.setdefault((target, deeper), []).append((index, depth))

@@ -20,10 +20,10 @@ LINES = (1, 2048)
 COUNTERS = (1, 99)
 WORD = (-32767, 32767)
 PALLETS = (1, 9)
-DEEPEST = 9
+MAX_DEPTH = 9
 """Loops within loops, and subroutines within subroutines (the manufacturer's limit)."""
 
-MOST_MM = 9999.9
+MAX_MM = 9999.9
 """Coordinates and angles have four digits before the point (the manufacturer's display)."""
 
 
@@ -107,7 +107,7 @@ def _optional(name: str, span: tuple[int, int]) -> Parameter:
 
 
 def _decimals(names: str) -> tuple[Parameter, ...]:
-    return tuple(Parameter(name, Kind.DECIMAL, -MOST_MM, MOST_MM, blank=0.0) for name in names.split())
+    return tuple(Parameter(name, Kind.DECIMAL, -MAX_MM, MAX_MM, blank=0.0) for name in names.split())
 
 
 _HAND = Parameter("hand", Kind.HAND, optional=True)

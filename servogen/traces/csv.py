@@ -29,7 +29,7 @@ HEADER = "cycle,pin,level"
 APPLIED = "LHZ"
 """Levels that are applied to an input from outside: low, high, let go."""
 _INPUT = re.compile(rb"^\d{1,18},(?:RA[0-4]|RB[0-7]|MCLR),[LHZ]\n", re.MULTILINE)
-MOST_DIGITS = 18
+MAX_DIGITS = 18
 """So many decimal digits always fit a signed 64-bit integer."""
 
 _TAILS = rows.table([f",{pin},{level}\n" for pin in PINS for level in (0, 1)])
@@ -79,7 +79,7 @@ def read_csv(path: str | Path, clock: Clock, end: int | None = None) -> EdgeTrac
     """
     source = _CsvChunks(Path(path))
     last = last_line(source.path).split(b",")[0]
-    known = Cycles(int(last) + 1 if last.isdigit() and len(last) <= MOST_DIGITS else 0)
+    known = Cycles(int(last) + 1 if last.isdigit() and len(last) <= MAX_DIGITS else 0)
     return ended(clock, source, known, end)
 
 
@@ -149,7 +149,7 @@ def _parse(block: bytes, last: int) -> EdgeChunk | None:
 def _parse_equal(lines: rows.Bytes) -> EdgeChunk | None:
     """Return the edges of lines of equal length: shape (lines, length with the line feed)."""
     digits = lines.shape[1] - _TAIL_LENGTH - 1
-    if not 1 <= digits <= MOST_DIGITS:
+    if not 1 <= digits <= MAX_DIGITS:
         return None
     cycle = np.zeros(len(lines), dtype=np.int64)
     good = np.ones(len(lines), dtype=bool)
@@ -180,7 +180,7 @@ def _complain(block: bytes, last: int, path: Path, line: int) -> NoReturn:
             )
         cycle, pin, level = fields
         if not _is_plain(cycle):
-            hint = f"instruction cycles since reset: at most {MOST_DIGITS} digits, no leading zeros"
+            hint = f"instruction cycles since reset: at most {MAX_DIGITS} digits, no leading zeros"
             raise InputError("csv-syntax", f"cycle '{cycle[:40]}' is not allowed", place, hint)
         if pin not in PINS:
             raise InputError(
@@ -202,5 +202,5 @@ def _complain(block: bytes, last: int, path: Path, line: int) -> NoReturn:
 
 
 def _is_plain(text: str) -> bool:
-    digits = text.isascii() and text.isdigit() and len(text) <= MOST_DIGITS
+    digits = text.isascii() and text.isdigit() and len(text) <= MAX_DIGITS
     return digits and (text == "0" or text[0] != "0")

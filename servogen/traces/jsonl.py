@@ -25,7 +25,7 @@ LEVELS: tuple[int | str, ...] = (0, 1, "z")
 """By level number: LOW, HIGH, UNDRIVEN."""
 
 _EXAMPLE = '{"cycle":1000,"pin":"RB0","level":1}'
-_MOST = 10**18
+_MAX_CYCLES = 10**18
 _HEAD = rows.table(['{"cycle":'])
 _TAILS = rows.table(
     [f',"pin":"{pin}","level":{json.dumps(level)}}}\n' for pin in PINS for level in LEVELS],
@@ -149,4 +149,4 @@ def _shown(value: object) -> str:
 
 
 def _is_cycle(value: object) -> bool:
-    return type(value) is int and 0 <= value < _MOST
+    return type(value) is int and 0 <= value < _MAX_CYCLES

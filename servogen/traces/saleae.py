@@ -24,7 +24,7 @@ from servogen.units import Cycles
 
 NANOSECONDS = 10**9
 LEVELS = {b"0": LOW, b"1": HIGH, b"X": UNDRIVEN, b"x": UNDRIVEN}
-LONGEST = 9e9
+MAX_SECONDS = 9e9
 """Seconds; more nanoseconds are no 64-bit integer."""
 
 
@@ -51,7 +51,7 @@ class _Rows:
             try:
                 time = np.array([row[0] for row in table], dtype=np.float64)
                 level = [LEVELS[row[column].strip()] for row in table for column in order]
-                whole = all(len(row) == self.columns for row in table) and np.all(np.abs(time) < LONGEST)
+                whole = all(len(row) == self.columns for row in table) and np.all(np.abs(time) < MAX_SECONDS)
             except (ValueError, KeyError, IndexError):
                 whole = False
             if not whole:
@@ -116,6 +116,6 @@ def _complain(lines: list[bytes], number: int, path: Path, columns: int) -> NoRe
 
 def _is_time(text: bytes) -> bool:
     try:
-        return abs(float(text)) < LONGEST
+        return abs(float(text)) < MAX_SECONDS
     except ValueError:
         return False

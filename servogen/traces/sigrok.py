@@ -25,7 +25,7 @@ from servogen.inputs import open_input, size_text
 from servogen.traces.channels import pins_of, rate_in, step_clock
 from servogen.units import Cycles
 
-MOST_BYTES = 8
+MAX_UNIT_BYTES = 8
 """Of a sample: 64 probes."""
 
 BLOCK_SAMPLES = 1 << 20
@@ -111,7 +111,7 @@ class _Session:
                             yield self._samples(data[:whole])
 
     def _samples(self, data: bytes) -> npt.NDArray[np.uint64]:
-        wide = np.zeros((len(data) // self.size, MOST_BYTES), dtype=np.uint8)
+        wide = np.zeros((len(data) // self.size, MAX_UNIT_BYTES), dtype=np.uint8)
         wide[:, : self.size] = np.frombuffer(data, dtype=np.uint8).reshape(-1, self.size)
         return wide.view("<u8")[:, 0].astype(np.uint64)
 
@@ -140,9 +140,9 @@ def read_session(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrac
             "sigrok-syntax", "does not say its samplerate", place, "capture with a samplerate set"
         )
     unit = str(device.get("unitsize"))
-    if not re.fullmatch(f"[1-{MOST_BYTES}]", unit):
+    if not re.fullmatch(f"[1-{MAX_UNIT_BYTES}]", unit):
         raise InputError(
-            "sigrok-syntax", f"unitsize '{unit[:40]}' is not allowed", place, f"1 to {MOST_BYTES} bytes"
+            "sigrok-syntax", f"unitsize '{unit[:40]}' is not allowed", place, f"1 to {MAX_UNIT_BYTES} bytes"
         )
     size = int(unit)
     pieces = _pieces(device.get("capturefile", "logic-1"), members)

@@ -209,9 +209,9 @@ LEVEL_OF = {
     **dict.fromkeys("zZxXuUwW-", UNDRIVEN),
 }
 UNIT_POWER = {"s": 0, "ms": 3, "us": 6, "ns": 9, "ps": 12, "fs": 15, "as": 18, "zs": 21}
-MOST_DIGITS = 18
+MAX_DIGITS = 18
 """So many decimal digits always fit a signed 64-bit integer."""
-MOST_CYCLES = 10**17
+MAX_CYCLES = 10**17
 MAX_HEADER_BYTES = 1 << 22
 """Of the declarations: 100 000 wires."""
 
@@ -306,7 +306,7 @@ def _end(path: Path, start: int, cycles_per_step: Fraction) -> Cycles:
     every change.
     """
     last = np.array(_last_times(path, start), dtype=np.int64)
-    if int(last[-1]) * cycles_per_step > MOST_CYCLES:
+    if int(last[-1]) * cycles_per_step > MAX_CYCLES:
         raise InputError(
             "time-order",
             f"time #{last[-1]} is too late",
@@ -331,7 +331,7 @@ def _last_times(path: Path, start: int) -> list[int]:
             tail = file.read()
             times = _TIME.findall(tail if at == start else tail.partition(b"\n")[2])[-2:]
             if len(times) == 2 or (times and at == start):
-                late = next((time for time in times if len(time) > MOST_DIGITS), None)
+                late = next((time for time in times if len(time) > MAX_DIGITS), None)
                 if late:
                     raise InputError(
                         "time-order", f"time #{late.decode()} is too late", place, "below 10^18 steps"
@@ -396,7 +396,7 @@ class _Parser:
                 levels.append(change[1])
             elif token[0] == 35 and self.vector is None and not self.skipping:  # "#": a time stamp
                 digits = token[1:].removesuffix(b".0")
-                if not digits.isdigit() or len(digits) > MOST_DIGITS or int(digits) < time:
+                if not digits.isdigit() or len(digits) > MAX_DIGITS or int(digits) < time:
                     self._complain(block, index, path, line, time)
                 time = int(digits)
             elif not self._other(token, time, times, pins, levels):

@@ -144,7 +144,7 @@ class Measurement:
         }
 
 
-MOST_LISTED = 12
+MAX_LISTED = 12
 """So many values or runs are written out; of the rest, how many there are."""
 
 
@@ -193,7 +193,7 @@ def _pin_lines(pin: PinMeasurement, clock: Clock) -> Iterator[str]:
     if pin.frame_difference:
         kinds = ", ".join(
             f"{both(kind.period, clock)} with pulses of {both(kind.width, clock)}"
-            for kind in pin.kinds[:MOST_LISTED]
+            for kind in pin.kinds[:MAX_LISTED]
         )
         yield f"  frames differ by {both(pin.frame_difference, clock)}: {kinds}{_more(len(pin.kinds))}"
     if pin.pauses:
@@ -201,26 +201,26 @@ def _pin_lines(pin: PinMeasurement, clock: Clock) -> Iterator[str]:
         for pause in pin.pauses:
             pauses[pause.length] = pauses.get(pause.length, 0) + pause.count
         yield f"  pauses without pulses: {_counts(pauses, clock)}"
-    for run in pin.runs[:MOST_LISTED]:
+    for run in pin.runs[:MAX_LISTED]:
         yield f"  {_run_words(run, clock)}"
-    if len(pin.runs) > MOST_LISTED:
-        yield f"  and {counted(len(pin.runs) - MOST_LISTED, 'further run')}"
+    if len(pin.runs) > MAX_LISTED:
+        yield f"  and {counted(len(pin.runs) - MAX_LISTED, 'further run')}"
     if pin.open_rise is not None:
         yield f"  at the end high since cycle {pin.open_rise}"
 
 
 def _counts(values: Mapping[Cycles, int], clock: Clock) -> str:
     """Return the most frequent values with their counts, and the bounds of the others."""
-    common = sorted(values, key=lambda value: (-values[value], value))[:MOST_LISTED]
+    common = sorted(values, key=lambda value: (-values[value], value))[:MAX_LISTED]
     words = ", ".join(f"{both(value, clock)} × {values[value]}" for value in sorted(common))
-    if len(values) <= MOST_LISTED:
+    if len(values) <= MAX_LISTED:
         return words
-    others = len(values) - MOST_LISTED
+    others = len(values) - MAX_LISTED
     return f"{words} and {others} more, from {both(min(values), clock)} to {both(max(values), clock)}"
 
 
 def _more(number: int) -> str:
-    return f" and {number - MOST_LISTED} more" if number > MOST_LISTED else ""
+    return f" and {number - MAX_LISTED} more" if number > MAX_LISTED else ""
 
 
 def _run_words(run: Run, clock: Clock) -> str:

@@ -19,7 +19,7 @@ from servogen.edges import EdgeTrace, join
 from servogen.errors import InputError, Location
 from servogen.verify.windows import Ints
 
-USUAL_HZ = tuple(
+TYPICAL_HZ = tuple(
     mantissa * 10.0**power
     for power in range(6)
     for mantissa in (1, 1.2, 1.25, 1.5, 1.6, 2, 2.4, 2.5, 3, 3.2, 4, 4.8, 5, 6, 6.4, 7.5, 8, 9.6)
@@ -29,7 +29,7 @@ USUAL_HZ = tuple(
 ROUNDING = 0.51
 """Steps by which a sample's time differs from what the file has."""
 
-FIRST_LOOK = 50
+FIRST_EDGES = 50
 """Edges that most of the rates are dismissed with."""
 
 
@@ -80,9 +80,9 @@ def _grid_us(edges: Ints, step_us: float) -> float:
     """Return the sample of the slowest usual rate on whose grid all edges lie, rounded to steps; 0 if there
     is none.
     """
-    for hz in USUAL_HZ:
+    for hz in TYPICAL_HZ:
         sample = 1e6 / hz / step_us
-        if sample > 1 and all(_on_grid(part, sample) for part in (edges[:FIRST_LOOK], edges)):
+        if sample > 1 and all(_on_grid(part, sample) for part in (edges[:FIRST_EDGES], edges)):
             return sample * step_us
     return 0.0
 

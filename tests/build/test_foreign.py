@@ -100,7 +100,7 @@ def test_one_cycle_more_behind_one_statement_is_found_and_named() -> None:
     image = other_compiler(longer, "xc8", job("lab9-exercise").device, 0)
     usual = other_compiler(text, "xc8", job("lab9-exercise").device, 0)
     said, before = (tune_to(job("lab9-exercise"), each, "theirs.hex", "xc8") for each in (image, usual))
-    changed = [(a.way, a.theirs - b.theirs) for a, b in zip(said.added, before.added, strict=True) if a != b]
+    changed = [(a.path, a.theirs - b.theirs) for a, b in zip(said.added, before.added, strict=True) if a != b]
     assert changed == [("in position_1 after horizontal high", 1)]
 
 

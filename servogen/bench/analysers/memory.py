@@ -1,10 +1,10 @@
-"""The longest capture that an analyser's memory, rate and RLE allow; one that is too short is rejected with
-the arithmetic.
+"""Plans the longest capture that an analyser's memory, rate and RLE allow.
 
-In: the device's memory and what is to be seen. Out: a `Plan`, or an `InputError` that shows the numbers.
+In: the device's memory and the requested capture. Out: a `Plan`, or an `InputError` that shows the arithmetic
+if the memory is too small.
 
-    without RLE   a word a sample           rate · period words a frame
-    with RLE      two words a level         2 · edges words a frame, and two more for each 32768 samples
+    without RLE   one word per sample       rate · period words per frame
+    with RLE      two words per level       2 · edges words per frame, and two more for each 32768 samples
 """
 
 from __future__ import annotations
@@ -16,20 +16,22 @@ from math import ceil, floor
 from servogen.bench.analysers import sump
 from servogen.errors import InputError
 
-USUAL_PERIOD_S = Fraction(1, 50)
-USUAL_EDGES = 2 * 13
-FEWEST_EDGES = 2
-"""Of a frame of which nothing is known: a pulse on each pin, no two edges at one time; or on one alone."""
+TYPICAL_PERIOD_S = Fraction(1, 50)
+TYPICAL_EDGES = 2 * 13
+MIN_EDGES = 2
+"""The edges of a frame of which nothing is known: a pulse on each pin, no two edges at one time; or on one
+pin.
+"""
 
 SLACK = 4
-"""Words beyond what is needed: memory is asked for in fours."""
+"""Words beyond what is needed, because memory is requested in multiples of four."""
 
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
     """The requested capture: frames of `period_s`, with `edges` changes per frame on average.
 
-    Where they can be fewer, `fewest` says how many on average: then a look of as many words takes longer.
+    `fewest` is the mean where the frames have the fewest changes; there, as many words take longer to fill.
     """
 
     period_s: Fraction
@@ -49,11 +51,11 @@ class Plan:
     words: int
     frames: int
     seconds: Fraction
-    """The longest that it can take to fill the words."""
+    """The maximum time that filling the words can take."""
     each: Fraction
-    """Words of a frame, on average."""
+    """The mean number of words per frame."""
     fewest: Fraction
-    """The same where as few edges are in it as can be."""
+    """The same for frames with the fewest edges."""
     period_s: Fraction
 
     def shorter(self, by: int) -> Plan:
@@ -66,19 +68,20 @@ class Plan:
 
 
 def plan(memory: int, rate: int, rle: bool, wanted: Wanted, several: bool = False) -> Plan:
-    """Return the capture that shows what is wanted or, if `several` are made, as much of it as one can show.
+    """Return the plan of a capture of all that is wanted or, if `several` are made, of as much as one can
+    hold.
 
-    Raises InputError where the memory is too small for it.
+    Raises InputError if the memory is too small for it.
     """
     exact = Fraction(rate)
     if sump.BASE_HZ % rate or sump.BASE_HZ // rate > 1 << 24:
         below = sump.BASE_HZ // ceil(Fraction(sump.BASE_HZ, rate))
         raise InputError(
             "bad-rate",
-            f"{rate} samples a second do not divide the analyser's {sump.BASE_HZ}",
-            hint=f"as {below}",
+            f"{rate} samples per second do not divide the analyser's {sump.BASE_HZ}",
+            hint=f"try {below}",
         )
-    room = min(memory // (sump.WORD_BITS // 8), sump.MOST_READ) // 4 * 4
+    room = min(memory // (sump.WORD_BITS // 8), sump.MAX_READ_WORDS) // 4 * 4
     first = words_a_frame(exact, rle, wanted.period_s, Fraction(wanted.most)) + SLACK
     each = words_a_frame(exact, rle, wanted.period_s, wanted.edges)
     fits = floor((room - first) / each)

@@ -31,9 +31,7 @@ SEAMS_A_SECOND = 1000
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """The contents of the file: the changes in samples, up to sample `end`; `pieces` if it consists of
-    several captures.
-    """
+    """The changes in samples, up to sample `end`; `pieces` are the limits of each of several captures."""
 
     chunk: EdgeChunk
     end: int
@@ -110,17 +108,17 @@ def write_capture(
     return target
 
 
-MOST_TURNS = 4
-"""So many times the looks that are needed are made, and no more, until each of the loop's frames is seen."""
+MAX_ROUNDS = 4
+"""The maximum number of captures until each frame of the loop has been seen, in multiples of the minimum."""
 
-STAGGER = 3
-"""Looks of so many lengths take turns: a loop that is as long as some looks shows all of itself, too."""
+LENGTHS = 3
+"""The number of lengths that take turns, so that a loop as long as a capture is also seen whole."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stitched:
     """`missing` is the reason why the last capture is incomplete; `unseen` counts the frames of the loop that
-    were not captured.
+    no capture contains.
     """
 
     records: tuple[Record, ...]
@@ -139,18 +137,18 @@ def stitch(
     """Capture until there are `frames` whole frames and, for the `whole_loop`, each different one has been
     seen.
 
-    `look` takes a plan and the number of the look, from 1 on. `expected.chunks` is read anew for each.
-    Where a look fails, those before it are kept.
+    `look` makes a capture; it takes a plan and the capture's number, from 1 on. `expected.chunks` is read
+    again for each. If a capture fails, those before it are kept.
     """
     records: list[Record] = []
     seen: frozenset[int] = frozenset()
     different: frozenset[int] = frozenset()
     whole = 0
-    most = MOST_TURNS * -(-frames // planned.frames)
+    most = MAX_ROUNDS * -(-frames // planned.frames)
     while len(records) < most and (whole < frames or (whole_loop and different - seen)):
         number = len(records)
         try:
-            found = look(planned.shorter(number % STAGGER), number + 1)
+            found = look(planned.shorter(number % LENGTHS), number + 1)
         except ToolError as error:
             if not records:
                 raise

@@ -144,11 +144,11 @@ def sigrok_wires(said: Iterable[str]) -> tuple[tuple[str, str], ...]:
         channel, _, pin = (part.strip() for part in text.partition("="))
         if not channel or pin.upper() not in PINS:
             hint = did_you_mean(pin.upper(), PINS) if channel else "as D0=RB0"
-            raise InputError("bad-wiring", f"'{text}' wires no channel to a pin", hint=hint)
+            raise InputError("bad-wiring", f"'{text}' does not wire a channel to a pin", hint=hint)
         found.append((channel, pin.upper()))
     if not found:
         raise InputError(
-            "bad-wiring", "sigrok's channels have no pins", hint="say which is which, as --wire D0=RB0"
+            "bad-wiring", "sigrok's channels have no pins", hint="name them, such as --wire D0=RB0"
         )
     return tuple(found)
 

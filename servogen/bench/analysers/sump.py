@@ -24,19 +24,19 @@ from servogen.edges import PINS
 from servogen.errors import InputError, did_you_mean
 
 BASE_HZ = 100_000_000
-"""The clock that the divider divides, less one."""
+"""The clock that is divided by the divider plus one."""
 
 WORD_BITS = 16
-"""Of the captures made here: two channel groups of eight are on, so that counts have 15 bits."""
+"""Bits per word of the captures made here: two groups of eight channels are on, so counts have 15 bits."""
 
 CHANNELS = WORD_BITS - 1
-"""With RLE the top channel is the counts' flag."""
+"""The number of usable channels: with RLE the top one marks counts."""
 
-MOST_READ = 4 << 16
-"""Words that the 16-bit read count in fours can ask for."""
+MAX_READ_WORDS = 4 << 16
+"""The maximum number of words that the 16-bit read count, in units of four, can request."""
 
 RESETS = 5
-"""A device may be waiting for up to four bytes of a long command."""
+"""The resets that are sent, because a device may be waiting for up to four bytes of a long command."""
 
 IDS = (b"1SLO", b"1ALS")
 
@@ -61,7 +61,7 @@ class Command(IntEnum):
 
 
 STAGES = 4
-"""A trigger stage's commands are four further than the stage's before."""
+"""The number of trigger stages; the commands of each are four above those of the stage before."""
 LONG = 0x80
 TRIGGER_START = 1 << 27
 TRIGGER_LEVEL = 16
@@ -85,8 +85,7 @@ GROUP_FLAGS = (Flag.NO_GROUP_1, Flag.NO_GROUP_2, Flag.NO_GROUP_3, Flag.NO_GROUP_
 
 
 class Key(IntEnum):
-    """Keys of metadata: the upper three bits say whether a text, a 32-bit number (highest byte first) or a
-    byte follows."""
+    """Keys of metadata; the upper three bits select a text, a 32-bit number (high byte first) or a byte."""
 
     END = 0x00
     NAME = 0x01
@@ -127,7 +126,7 @@ def longest_count(bits: int = WORD_BITS) -> int:
 def encode(runs: Runs, bits: int = WORD_BITS) -> Words:
     """Return the RLE words of `runs`: each value, then the number of its repetitions, omitted if 0.
 
-    A run that is longer than a count can say is begun again: value and count once more.
+    A run that is longer than the largest count is repeated: value and count once more.
     """
     longest = longest_count(bits)
     length = np.diff(np.append(runs.start, runs.end))
@@ -178,7 +177,7 @@ def from_bytes(data: bytes, bits: int = WORD_BITS) -> Words:
 
 
 CHANNEL_PINS = (*range(5, 13), *range(5))
-"""The pin's index in `PINS` of each channel, unless said otherwise: RB0 to RB7, RA0 to RA4."""
+"""The default wiring: the index in `PINS` of each channel's pin, RB0 to RB7, RA0 to RA4."""
 
 
 def wires(said: Iterable[str]) -> Mapping[int, int]:

@@ -1,7 +1,7 @@
 """A capture by an analyser that speaks SUMP: Logic Sniffer, Bus Pirate, boards with that firmware.
 
-In: an open port and a `Look`: rate, words, trigger. Out: `Seen`: runs of samples, and whether they are all
-that was asked for. Silence ends a capture: an analyser does not say how much it sends.
+In: an open port and a `Look`: rate, words, trigger. Out: `Seen`: runs of samples, and whether they are
+complete. Silence ends a capture, because an analyser does not announce how much it sends.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ BAUD = 115_200
 ANSWER_S = 0.5
 SILENCE_S = 0.5
 ATTEMPTS = 2
-"""A device that is just sending an old capture answers the second question."""
+"""A device that is still sending an old capture answers only the second time."""
 
 DEFAULT_MEMORY = 24 * 1024
-"""Bytes of sample memory where the device does not say: the Logic Sniffer's block RAM."""
+"""Bytes of sample memory if the device does not report it: the Logic Sniffer's block RAM."""
 
 
 @dataclass(frozen=True, slots=True)
 class Analyser:
-    """The description that a device gives of itself."""
+    """A device's description of itself."""
 
     name: str
     memory: int
     """Bytes."""
     fastest: int | None
-    """Samples a second."""
+    """Samples per second."""
     stated: bool
-    """Whether the memory is the device's own word."""
+    """Whether the device reported its memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,13 +47,14 @@ class Look:
     rle: bool
     channel: int | None
     patience_s: float
-    """How long the first byte may take: the wait for the trigger and the capture itself."""
+    """The timeout for the first byte: for the trigger and the capture itself."""
 
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """Samples, oldest first. `missing` says why they are not all; the samples that are there follow each
-    other without a gap and end where the capture ends."""
+    """Samples, oldest first. `missing` is the reason why they are incomplete; those received are contiguous
+    and end where the capture ends.
+    """
 
     runs: sump.Runs
     missing: str | None = None

@@ -1,4 +1,4 @@
-"""Programming a chip: what speaks against it beforehand, and what shows that it worked."""
+"""Programs a chip: the objections beforehand, and the evidence afterwards that it worked."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from servogen.pic.isa import decode
 
 
 def objections(image: Image) -> tuple[Diagnostic, ...]:
-    """Return the errors that speak against programming `image`."""
+    """Return the objections to programming `image`."""
     found = []
     if not image.words:
         found.append(Diagnostic("error", "no-program", "the image has no program"))
@@ -34,7 +34,7 @@ def objections(image: Image) -> tuple[Diagnostic, ...]:
 
 
 def remarks(image: Image, device: Device) -> tuple[Diagnostic, ...]:
-    """Return warnings of the consequences of programming it."""
+    """Return the warnings about programming `image`."""
     found = []
     if device.name == "PIC16F84":
         text = "the PIC16F84 has no device ID: no programmer can tell whether this is the chip in the socket"

@@ -1,8 +1,8 @@
 """Runs the installed picpro in this Python, on ports without modem lines too.
 
 picpro resets the programmer by DTR. A pseudo-terminal has no such line and refuses; there the programmer is
-found awake, and picpro goes on as it does with one that answers no reset. And its `dump config` writes what
-the programmer answered (version 0.3.0 fails as it writes what it made of the answer).
+already awake, and picpro continues as with one that does not answer a reset. And `dump config` writes the
+programmer's answer itself, because picpro 0.3.0 fails when it writes the answer that it has decoded.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ PROGRAM, EEPROM, CONFIG = "program memory", "data EEPROM", "configuration word"
 ERASED_BYTE = 0xFF
 
 Contents = Mapping[str, Sequence[int]]
-"""Of each memory that was read all words or bytes, from address 0."""
+"""All words or bytes of each memory that was read, from address 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class Look:
     arguments: tuple[str, ...]
     contents: Callable[[Path, Image], Contents]
     of_protected: bool = False
-    """Whether it reads the same of a chip whose code is protected."""
+    """Whether code protection does not change what it reads."""
 
 
 def wanted(image: Image) -> Contents:
@@ -85,8 +85,8 @@ def picpro_eeprom(file: Path, image: Image) -> Contents:
 
 
 def picpro_config(file: Path, image: Image) -> Contents:
-    """Return a K150's answer, as `picpro_here` has it written: device ID, eight ID bytes, words, low byte
-    first.
+    """Return the configuration word in a K150's answer, as `programmers.picpro` writes it: device ID, eight
+    ID bytes, words, low byte first.
     """
     data = _bytes(file)
     return {CONFIG: [int.from_bytes(data[10:12], "little") & WORD_MASK]}
@@ -104,7 +104,7 @@ def _bytes(file: Path) -> list[int]:
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """What is to be programmed, and where; `file` is read from or written to."""
+    """What to program, and where; `file` is read from or written to."""
 
     file: Path
     device: Device
@@ -123,7 +123,7 @@ class Failure:
 
 @dataclass(frozen=True, slots=True)
 class Programmer:
-    """`said` must all be in the output, and the exit code 0, for it to be a success."""
+    """A programmer; it succeeded if the exit code is 0 and its output contains all of `said`."""
 
     name: str
     hardware: str
@@ -134,9 +134,9 @@ class Programmer:
     looks: Callable[[Order], tuple[Look, ...]] = lambda order: ()
     """How it reads the chip back into HEX files."""
     verifies: bool = True
-    """Whether a success means that it compared the chip with the file."""
+    """Whether success means that it compared the chip with the file."""
     executable: str | None = None
-    """The program's name, where it is not the programmer's."""
+    """The program's name, if it is not the programmer's."""
 
 
 _AWAY = "the programmer went away while it worked: what is on the chip is not known, program it again"
@@ -280,7 +280,7 @@ def find(named: str | None) -> Found:
     """Return the programmer with a name or the path of its program; by default the first that is installed.
 
     A picpro of its own Python cannot read the configuration word back: its `dump config` fails (0.3.0).
-    Raises InputError for one that is not in the table, ToolError where it is not installed.
+    Raises InputError for one that is not in the table, ToolError if it is not installed.
     """
     if named is None:
         for programmer in PROGRAMMERS:
@@ -310,7 +310,7 @@ def find(named: str | None) -> Found:
 
 
 def installed(programmer: Programmer) -> str | None:
-    """Return what `find` would start for the programmer, as doctor shows it; None: it is not installed."""
+    """Return what `find` would start for the programmer, as doctor shows it; None if it is not installed."""
     start = _start(programmer, programmer.name)
     if not start:
         return None

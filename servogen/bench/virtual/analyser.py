@@ -22,8 +22,8 @@ from servogen.bench.analysers.sump import CHANNEL_PINS, Command, Flag, Key, Runs
 from servogen.bench.virtual.chip import VirtualChip
 
 SLICE_S = Fraction(1, 4)
-MOST_SAMPLES = 1 << 20
-"""The chip runs so long, but no more samples, between two looks at the line."""
+MAX_SAMPLES = 1 << 20
+"""The chip runs for `SLICE_S`, but no more than this many samples, between two reads of the line."""
 
 
 def armed(settings: Mapping[int, int]) -> Capture:
@@ -53,18 +53,20 @@ def armed(settings: Mapping[int, int]) -> Capture:
 
 @dataclass(slots=True)
 class Capture:
-    """`finished` is what is sent, once the memory is full. Counts are words, with RLE too."""
+    """One capture; `finished` holds the bytes to send once the memory is full. Counts are words, with RLE
+    too.
+    """
 
     rate: Fraction
     read: int
     delay: int
-    """Of the `read` words, so many from the trigger on; the others are those before it."""
+    """The number of the `read` words that follow the trigger; the others precede it."""
     flags: Flag
     stages: tuple[tuple[int, int], ...]
     """(mask, value) of each, in order; the first sample that matches the last one is the trigger."""
     finished: bytes | None = None
     cycles: int = 0
-    """For which it has watched."""
+    """The cycles that it has watched."""
     _begin: int | None = None
     """The cycle at which sampling began."""
     _runs: Runs = field(
@@ -72,11 +74,11 @@ class Capture:
     )
     _stage: int = 0
     _before: sump.Words | None = None
-    """Once triggered: the words before the trigger; `_runs` begin at the trigger then."""
+    """The words before the trigger once it has come; `_runs` then begins at the trigger."""
 
     def watch(self, chip: VirtualChip, glitches_per_s: float, dice: random.Random) -> None:
         """Run the chip for a slice of time and sample it."""
-        seconds = min(SLICE_S, MOST_SAMPLES / self.rate)
+        seconds = min(SLICE_S, MAX_SAMPLES / self.rate)
         cycles = chip.due(int(seconds * chip.cycles_per_second) + 1)
         if not cycles:
             return
@@ -171,8 +173,8 @@ def _noisy(runs: Runs, begin: int, per_sample: float, dice: random.Random) -> Ru
     return Runs(value, start, runs.end)
 
 
-LONGEST_S = 1800
-"""A capture that takes longer, of the chip's time, is given up."""
+MAX_CAPTURE_S = 1800
+"""The chip's time after which a capture is abandoned."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +192,7 @@ class AnalyserOptions:
     stop_after: int | None = None
     """Bytes of a capture after which it falls silent."""
     unplug_after: int | None = None
-    """Bytes of a capture after which it is gone."""
+    """Bytes of a capture after which it disappears."""
 
 
 @dataclass(slots=True)
@@ -231,7 +233,7 @@ class VirtualAnalyser:
         if self._armed.finished is not None:
             self._send(self._armed.finished)
             self._arm(None)
-        elif self._armed.cycles > LONGEST_S * self.chip.cycles_per_second:
+        elif self._armed.cycles > MAX_CAPTURE_S * self.chip.cycles_per_second:
             self._arm(None)
 
     def _arm(self, capture: Capture | None) -> None:

@@ -1,7 +1,7 @@
-"""`VirtualChip`: the simulated chip on the bench, with a crystal that is as wrong as real ones are.
+"""`VirtualChip`: the simulated chip on the bench, with a crystal that deviates as real ones do.
 
-In: an image; time, as microseconds of the bench's own clock. Out: edges at true times. Programming it stops
-it; `reset` starts it with what is on it then.
+In: an image; time, in microseconds of the bench's own clock. Out: edges at true times. Programming stops the
+chip; `load` starts it with its new contents.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from servogen.simulator.aot_cache import loop
 from servogen.units import Clock
 
 Levels = tuple[npt.NDArray[np.int64], npt.NDArray[np.uint32]]
-"""Cycles, never falling, and from each of them on the levels of all pins."""
+"""Non-decreasing cycles, and the levels of all pins from each of them on."""
 
 MILLION = 10**6
 MOMENT_S = 0.002
@@ -37,16 +37,16 @@ class VirtualChip:
     ppm: Fraction = Fraction(0)
     stimulus: Stimulus | None = None
     in_real_time: bool = False
-    """Whether its time is the clock's on the wall; else it passes as fast as somebody looks or sends."""
+    """Whether its time is real time; otherwise it passes only while somebody captures or sends."""
     machine: Machine = field(init=False)
     word: int = field(init=False)
     """The levels of the pins at the present cycle, pin n of `PINS` in bit n."""
     listeners: list[Callable[[Levels, int], None]] = field(default_factory=list)
-    """Are given what the pins did whenever it has run, and the cycle up to which."""
+    """Called with the pins' levels whenever the chip has run, and the cycle up to which it ran."""
     watched: bool = False
-    """Whether what the pins do while others let it run is kept for `look`."""
+    """Whether the levels of runs by others are kept for `look`."""
     _before: int = 0
-    """Cycles that it ran before its last reset."""
+    """The cycles that it ran before its last reset."""
     _reset_at: float = 0.0
     _seen: list[Levels] = field(default_factory=list)
 
@@ -90,7 +90,7 @@ class VirtualChip:
             self._seen.append(levels)
 
     def forget(self) -> None:
-        """Drop what was kept for a look."""
+        """Drop the levels that were kept for `look`."""
         self._seen.clear()
 
     def look(self, cycles: int) -> Levels:

@@ -1,14 +1,14 @@
 """`VirtualProgrammer`: a K150 with a chip in its socket, which speaks P18A.
 
 In: bytes of the client. Out: bytes of the programmer, and another image on the virtual chip, which runs from
-reset when the programming voltage goes off. Source: the protocol of the Kitsrus programmers K128, K149, K150,
-K182 ("P18A"), of which those commands are here that a 14-bit chip needs.
+reset when the programming voltage is switched off. Source: the protocol of the Kitsrus programmers K128,
+K149, K150, K182 ("P18A"), of which the commands for 14-bit chips are implemented.
 
     idle ──'P'──▶ jump table ──a command's number──▶ its data and answers ──▶ jump table
                        └──────1──▶ 'Q', idle
 
-A client resets a real K150 by DTR, which a pseudo-terminal does not have. In its place, silence begins anew:
-whatever was sent before, also in the middle of a command, the next client finds the programmer idle.
+A client resets a real K150 by DTR, which a pseudo-terminal does not have. Instead, the programmer is idle
+again after a silence, even in the middle of a command.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from servogen.pic.image import Image
 from servogen.pic.isa import WORD_MASK
 
 Talk = Generator[int, bytes, None]
-"""Yields how many bytes it waits for, and is sent them."""
+"""Yields the number of bytes it waits for, and is sent these bytes."""
 
 BLOCK = 32
-"""Bytes of program memory that are sent at a time."""
+"""The bytes of program memory in one block."""
 
 FIRMWARE = 3  # a K150
 PROTOCOL = b"P18A"
@@ -36,10 +36,10 @@ ERASED_BYTE = 0xFF
 ID_BITS = 0x7F  # DS35007 section 6.13: the low four bits are meant; seven are programmed
 
 SILENCE_S = 1.0
-"""After so long without a byte the programmer is idle again; picpro waits for that time as it resets one."""
+"""The silence after which the programmer is idle again; picpro waits for that time when it resets one."""
 
 MAX_UNREAD = 4096
-"""Bytes that wait for a client that does not read; older ones are lost, as on a real line."""
+"""The bytes kept for a client that does not read; older ones are lost, as on a real line."""
 
 QUIT, ECHO, VARIABLES, POWER_ON, POWER_OFF, POWER_CYCLE = range(1, 7)
 PROGRAM_ROM, PROGRAM_EEPROM, PROGRAM_FUSES = 7, 8, 9
@@ -56,13 +56,13 @@ class ProgrammerOptions:
     no_chip: bool = False
     """The socket is empty."""
     wrong_bit_at: int | None = None
-    """The program address whose lowest bit is not taken."""
+    """The program address at which the lowest bit is programmed wrongly."""
     wrong_eeprom_at: int | None = None
-    """The same of the data EEPROM."""
+    """The same for the data EEPROM."""
     wrong_config: bool = False
-    """The lowest bit of the configuration word is not taken."""
+    """The lowest bit of the configuration word is programmed wrongly."""
     unplug_after: int | None = None
-    """Bytes from the client after which it is gone."""
+    """Bytes from the client after which it disappears."""
 
 
 @dataclass(slots=True)
@@ -75,7 +75,7 @@ class VirtualProgrammer:
     taken: int = 0
     """Bytes received since it was plugged in."""
     erased: int = 0
-    """How often it erased a chip."""
+    """The number of times it erased a chip."""
     now: Callable[[], float] = time.monotonic
     """Seconds."""
     _rom: list[int] = field(default_factory=lambda: [ERASED_WORD] * PROGRAM_WORDS)

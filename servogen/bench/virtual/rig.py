@@ -1,6 +1,6 @@
 """`rig`: the whole virtual bench, a programmer, an analyser and a serial line around one chip.
 
-In: an image and what the bench is like. Out: pseudo-terminals, for as long as it is served.
+In: an image and the properties of the bench. Out: pseudo-terminals, for as long as it is served.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from servogen.simulator import Options
 from servogen.units import Clock
 
 SETTLED_S = Fraction(1, 10)
-"""So long the chip has run when the first client comes."""
+"""How long the chip has run when the first client connects."""
 
 FLAGS = {
     "analyser:silent": "silent",
@@ -40,7 +40,7 @@ NUMBERS = {
     "programmer:wrong-bit-at": "wrong_bit_at",
     "programmer:wrong-eeprom-at": "wrong_eeprom_at",
 }
-"""Faults by name: those that are there or not, and those with a number (bytes, or an address)."""
+"""Faults by name: those without a value, and those with a number (bytes, or an address)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +85,7 @@ def rig(
 ) -> Iterator[Terminals]:
     """Yield the bench with `image` on its chip; `paths` has "programmer", "analyser" and "serial".
 
-    `held` are levels at which the board holds pins that the program reads, by the pins' numbers.
+    `held` has the levels at which the board holds pins that the program reads, by the pins' numbers.
     """
     stimulus = LineStimulus(options.serial_pin, options.baud, options.inverted, held)
     chip = VirtualChip(image, clock, board, options.ppm, stimulus, options.real_time)

@@ -1,10 +1,10 @@
 """`SerialLine`: the serial line to the virtual chip, from a pseudo-terminal to its pins and back.
 
 In: bytes of a client. Out: start bit, eight bits (lowest first), stop bit on the chip's pin, byte after byte
-at the baud rate; and what the chip sends, as bytes to the client. The chip's time goes on while there are
-bytes to send, and a moment longer for its answer; in real time it goes on for itself.
+at the baud rate; and what the chip sends, as bytes to the client. The chip runs while there are bytes to
+send, and a moment longer for its answer; in real time it runs by itself.
 
-    idle ───┐     ┌─────┐  …  ┌──────  idle        a bit is looked at in its middle
+    idle ───┐     ┌─────┐  …  ┌──────  idle        a bit is sampled in its middle
             └─────┘  0  └─────┘  stop
              start  │  1
 """
@@ -29,15 +29,15 @@ BITS = 10
 """Start bit, eight of data, stop bit."""
 
 ANSWER_S = Fraction(1, 2)
-"""So long the chip may take to answer; then its time stands still again."""
+"""The time that the chip may take to answer; then it stops again."""
 
-MOST_WAITING = 1 << 16
-"""Bytes that are kept for a client; older ones are lost, as on a real line."""
+MAX_WAITING_BYTES = 1 << 16
+"""The bytes kept for a client; older ones are lost, as on a real line."""
 
 
 @dataclass(slots=True)
 class LineStimulus:
-    """What comes over the line, as the simulator takes it: a byte at a time, as long as there are any.
+    """The line as a stimulus of the simulator: one byte at a time, as long as there are any.
 
     `held` has the levels of pins that the board holds, by their numbers.
     """
@@ -79,7 +79,7 @@ def _packed(changes: Iterable[tuple[int, int, int]]) -> npt.NDArray[np.int64]:
 
 @dataclass(slots=True)
 class LineReceiver:
-    """What the chip sends on `pin`, from its edges; a byte whose stop bit is wrong is left out."""
+    """Decodes what the chip sends on `pin` from its edges; a byte with a wrong stop bit is omitted."""
 
     pin: int
     bit: Fraction
@@ -121,7 +121,7 @@ class LineReceiver:
 
 @dataclass(slots=True)
 class SerialLine:
-    """The client's end: takes bytes, gives what the chip sends, and lets it run meanwhile."""
+    """The client's end: takes bytes, returns what the chip sends, and runs the chip meanwhile."""
 
     chip: VirtualChip
     stimulus: LineStimulus
@@ -145,11 +145,11 @@ class SerialLine:
         self._until = self.chip.now + int((line + ANSWER_S) * self.chip.clock.cycles_per_second)
 
     def work(self) -> None:
-        """Let the time of one byte pass, or as much as has passed."""
+        """Run the chip for the time of one byte, or for as much as has passed."""
         byte = int(BITS * self.chip.clock.cycles_per_second / self.stimulus.baud) + 1
         self.chip.run(self.chip.due(byte))
 
     def _heard(self, levels: Levels, until: int) -> None:
         if self.receiver is not None:
             self.outgoing += self.receiver.add(levels, until)
-            del self.outgoing[:-MOST_WAITING]
+            del self.outgoing[:-MAX_WAITING_BYTES]

@@ -1,6 +1,6 @@
-"""Pseudo-terminals with virtual devices behind them: one loop that carries the bytes.
+"""Pseudo-terminals with virtual devices behind them: one loop that transfers the bytes.
 
-In: devices. Out: the paths that clients open. Nothing is left when the block ends.
+In: devices. Out: the paths that clients open. All of them are closed when the block ends.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ PASSED_ON_S = 0.2
 
 
 class Device(Protocol):
-    """What is behind a port. `gone` once it is unplugged and all of `outgoing` is sent; `reset` once it is
-    told to begin anew: what it sent before and nobody has read is dropped then.
+    """What is behind a port. `gone`: unplugged as soon as all of `outgoing` is sent. `reset`: it was reset,
+    so that what it sent before and nobody has read is dropped.
     """
 
     outgoing: bytearray

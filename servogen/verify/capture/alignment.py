@@ -62,20 +62,20 @@ def _inside(wanted: Pulses, time: Floats) -> Floats:
 ANCHORS = 3
 """So many first pulses are tried as the one that is surely scheduled."""
 
-FIRST_LOOK = 48
+FIRST_PULSES = 48
 """Pulses that every phase is tried with; the best ones are tried with four times as many, and so on."""
 
 KEPT = 64
-MOST_DRIFT = 0.02
+MAX_DRIFT = 0.02
 """A clock that is off by more is taken for a wrong period."""
 
-MOST_SLOPE_ERROR = 20e-6
+MAX_SLOPE_ERROR = 20e-6
 """Where the slope is known no better, as within one frame, the nominal one is nearer."""
 
 SHORT_GAP = 20.0
 """Frames between two pulses that are counted rightly even by a clock as wrong as that."""
 
-MOST_CELLS = 1 << 22
+MAX_CELLS = 1 << 22
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +149,7 @@ def _slope(signals: Signals) -> float:
         frames += float(np.rint(gaps).sum())
         steps += float(gaps.sum())
     ratio = steps / frames if frames else 1.0
-    return signals.nominal * (ratio if abs(ratio - 1) < MOST_DRIFT else 1.0)
+    return signals.nominal * (ratio if abs(ratio - 1) < MAX_DRIFT else 1.0)
 
 
 def _phase(
@@ -165,7 +165,7 @@ def _phase(
     if not len(phases):
         return None
     total = sum(len(pulses.rise) for pulses in signals.captured)
-    look = FIRST_LOOK
+    look = FIRST_PULSES
     while True:
         cost = _cost(signals, anchor, slope, phases, look)
         if look >= total:
@@ -192,7 +192,7 @@ def _end_errors(signals: Signals, anchor: int, slope: float, phases: Floats) -> 
 
 def _cost(signals: Signals, anchor: int, slope: float, phases: Floats, look: int) -> Floats:
     """Return, for each phase, the error in cycles of the first `look` captured pulses of each channel."""
-    size = max(1, MOST_CELLS // look)
+    size = max(1, MAX_CELLS // look)
     parts = [
         sum(
             (
@@ -255,7 +255,7 @@ def _regression(s: Floats, t: Floats, signals: Signals) -> Line:
         squares = float(((t - height - b * (s - middle)) ** 2).sum())
         # Rounding to samples alone sets a lower bound on the error.
         error = float(np.sqrt(max(squares / (len(s) - 2), signals.quantum**2 / 12) / spread))
-        if error < MOST_SLOPE_ERROR * b:
+        if error < MAX_SLOPE_ERROR * b:
             return Line(height - b * middle, b, error)
     return Line(height - signals.nominal * middle, signals.nominal, None)
 

@@ -59,13 +59,13 @@ from servogen.verify.windows import Edges, Ints, Windows, expected_edges, observ
 CAP_US = 50.0
 """In the search for the phase no pulse counts as more wrong than this."""
 
-LONGEST_GUESS_US = 1.0
+MAX_GUESS_US = 1.0
 """A slower analyser's sample must be stated: what it hides would otherwise be hidden by chance."""
 
 MAX_FRAMES = 1_000_000
 """Of a capture, five hours at 50 Hz: what it should hold is put together in memory."""
 
-MOST_CYCLES = 1.03
+MAX_CYCLES_RATIO = 1.03
 """A capture holds at most so many times the cycles that it would hold of a chip with the nominal clock."""
 
 
@@ -141,9 +141,9 @@ def _set_up(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sample
     step_us, cycle_us = float(captured.clock.cycle_us), float(expected.clock.cycle_us)
     nominal = cycle_us / step_us
     level, changes, connected = _changes(captured)
-    longest_us = sampled.sample_us if sampled.stated else min(sampled.sample_us, LONGEST_GUESS_US)
+    longest_us = sampled.sample_us if sampled.stated else min(sampled.sample_us, MAX_GUESS_US)
     quantum = max(1.0, longest_us / step_us)
-    reach = int(end / nominal * MOST_CYCLES)
+    reach = int(end / nominal * MAX_CYCLES_RATIO)
     frames = reach // expected.period
     if frames > MAX_FRAMES:
         raise InputError(

@@ -201,7 +201,7 @@ class CaptureVerdict(Judgement):
         }
 
 
-FEWEST = 2
+MIN_PULSES = 2
 """Pulses in their places that a judgement on one capture needs."""
 
 CLOCK_PPM = 5.0
@@ -220,7 +220,7 @@ def _reasons(found: CaptureVerdict) -> Iterator[str]:
         for number, piece in enumerate(found.pieces, 1):
             if not piece.paired:
                 yield f"piece {number} holds none of the schedule's pulses"
-    elif found.paired < FEWEST:
+    elif found.paired < MIN_PULSES:
         yield "the capture holds too few of the schedule's pulses to be judged"
     if found.first_mismatch:
         first = found.first_mismatch
