@@ -215,7 +215,7 @@ class InputPort:
         return value
 
     def strobe(self) -> tuple[int, int] | None:
-        """Return frame and value of the first input that no strobe has returned yet; None if none is left."""
+        """Return the frame and value of the next input; None if none is left."""
         if self._taken == len(self._rows):
             return None
         self._taken += 1

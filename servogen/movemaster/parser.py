@@ -161,7 +161,7 @@ def _no_command(wrong: str, number: str, place: Location) -> InputError:
         real = MISPRINTS[wrong]
         return InputError(
             "bad-command",
-            f"'{wrong}' is not a command",
+            f"unknown command '{wrong}'",
             place,
             f"a misprint in the source's table: write {real}",
         )
@@ -189,7 +189,7 @@ def _command(word: str, number: int | None, place: Location) -> Command:
             "program-syntax",
             f"{word} is not allowed in a program",
             place,
-            "write it without a line number, before the program: it is then carried out at once",
+            "write it without a line number, before the program; it is then executed at once",
         )
     if number is None and command.where is Where.PROGRAM:
         raise InputError(

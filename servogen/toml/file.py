@@ -1,7 +1,7 @@
 """TOML files as checked values, every error with its line, its column and its key.
 
 In: the text of a TOML file and a model (a subclass of `Table`). Out: the model's frozen value and a
-`Document` that knows where each key stands.
+`Document` that has the location of each key.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ UNITS = {
     *("us", "ms", "s", "deg", "rad", "mm", "cm", "m", "hz", "khz", "mhz", "v", "mv", "a", "ma", "nm", "ncm"),
     *("kg", "g", "deg_s", "rad_s", "mm_s", "deg_s2", "rad_s2", "mm_s2"),
 }
-"""What a key may end with, after an underscore, to say its unit."""
+"""The units that a key may end with, after an underscore."""
 
 
 class Table(BaseModel):
-    """A TOML table: unknown keys, wrong types (a boolean is no number), NaN and infinity are refused."""
+    """A TOML table: unknown keys, wrong types (a boolean is not a number), NaN and infinity are rejected."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -38,14 +38,14 @@ Model = TypeVar("Model", bound=Table)
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A parsed file: its values (arrays as tuples) and the place (line, column) of each key."""
+    """A parsed file: its values (arrays as tuples) and the position (line, column) of each key."""
 
     file: str
     data: Mapping[str, Any]
     places: Mapping[Key, tuple[int, int]]
 
     def place(self, *key: str | int) -> Location:
-        """Where `key` stands, or the nearest table around it that is written in the file."""
+        """Return the location of `key`, or of the nearest table around it that is written in the file."""
         for end in range(len(key), 0, -1):
             if key[:end] in self.places:
                 line, column = self.places[key[:end]]
@@ -53,18 +53,18 @@ class Document:
         return Location(self.file, key=key_text(key))
 
     def error(self, code: str, key: Key, message: str, hint: str | None = None) -> InputError:
-        """Return an error at the place of `key`."""
+        """Return an error at the location of `key`."""
         return InputError(code, message, self.place(*key), hint)
 
 
 def load(path: str | Path, model: type[Model]) -> tuple[Document, Model]:
-    """The file at `path`, checked against `model`. Raises InputError."""
+    """Return the file at `path`, validated against `model`. Raises InputError."""
     document = read(path)
     return document, validate(document, model)
 
 
 def read(path: str | Path) -> Document:
-    """The file at `path`, parsed but not checked. Raises InputError."""
+    """Return the file at `path`, parsed but not validated. Raises InputError."""
     raw = read_input(path)
     try:
         text = raw.decode("utf-8-sig")
@@ -77,7 +77,7 @@ def read(path: str | Path) -> Document:
 
 
 def parse(text: str, file: str) -> Document:
-    """`text` as a document named `file`. Raises InputError with line and column for a syntax error."""
+    """Return `text` as a document named `file`. Raises InputError with line and column for a syntax error."""
     text = text.replace("\r\n", "\n")
     try:
         data = tomllib.loads(text)
@@ -105,7 +105,7 @@ def parse(text: str, file: str) -> Document:
 
 
 def validate(document: Document, model: type[Model], key: Key = ()) -> Model:
-    """The value of `model` in `document` at `key`. Raises InputError for the first thing that is wrong."""
+    """Return the value of `model` in `document` at `key`. Raises InputError for the first error."""
     data: Any = document.data
     for step in key:
         data = data[step]
@@ -114,13 +114,13 @@ def validate(document: Document, model: type[Model], key: Key = ()) -> Model:
     except ValidationError as error:
         details = [dict(detail) for detail in error.errors(include_url=False)]
         causes = [detail for detail in details if not _consequence(detail)]
-        # A missing key tells least: its place is the table, above the misspelt key that explains it.
+        # A missing key comes last: its location is the table, above the misspelt key that explains it.
         first = min(causes, key=lambda detail: _order(document, key, detail))
         raise _input_error(document, model, key, first) from error
 
 
 def unknown_key(document: Document, key: Key, known: Iterable[str]) -> InputError:
-    """The error for a key that is none of `known`: a missing or other unit is told from a misspelling."""
+    """Return the error for a key that is not in `known`; a missing or wrong unit has its own message."""
     names = sorted(known)
     word = str(key[-1])
     stem, unit = split_unit(word)
@@ -128,13 +128,13 @@ def unknown_key(document: Document, key: Key, known: Iterable[str]) -> InputErro
         other_stem, other_unit = split_unit(name)
         if other_unit and other_stem == stem:
             if unit:
-                return document.error("wrong-unit", key, f"'{word}' is not taken in {unit}: write {name}")
+                return document.error("wrong-unit", key, f"'{word}' is not given in {unit}: write {name}")
             return document.error("wrong-unit", key, f"'{word}' has no unit: write {name}")
     return document.error("unknown-key", key, f"unknown key '{word}'", did_you_mean(word, names))
 
 
 def split_unit(word: str) -> tuple[str, str]:
-    """The name and the unit of a key: "period_us" is ("period", "us"), "pin" is ("pin", "")."""
+    """Return the name and the unit of a key: ("period", "us") for "period_us", ("pin", "") for "pin"."""
     parts = word.split("_")
     for start in range(1, len(parts)):
         unit = "_".join(parts[start:])
@@ -144,12 +144,12 @@ def split_unit(word: str) -> tuple[str, str]:
 
 
 def exact(number: float) -> Fraction:
-    """The number as it is written: 0.1 in a file is a tenth."""
+    """Return the number as it is written: 0.1 in a file is a tenth."""
     return Fraction(repr(number)) if isinstance(number, float) else Fraction(number)
 
 
 def key_text(key: Key) -> str:
-    """A key as people write it: servo[1].trim_us, arrays counted from 1."""
+    """Return a key as people write it: servo[1].trim_us, with arrays counted from 1."""
     text = ""
     for step in key:
         text += f"[{step + 1}]" if isinstance(step, int) else f".{step}" if text else step
@@ -160,7 +160,7 @@ _WHOLE_RANGE = "whole numbers are those of 64 bits: -2^63 to 2^63 - 1"
 
 
 def _check_range(document: Document, value: Any, key: Key) -> None:
-    """Refuses integers that TOML does not have: those of more than 64 bits."""
+    """Raise InputError for integers of more than 64 bits, which TOML does not have."""
     if isinstance(value, dict):
         for name, item in value.items():
             _check_range(document, item, (*key, name))
@@ -197,7 +197,7 @@ def _syntax_error(text: str, file: str, said: str) -> InputError:
     )
 
 
-# What tomllib says -> what a person can do about it.
+# tomllib's message -> the cause, as a user knows it.
 _PLAIN = (
     (r"Illegal character '\\n'", "this text has no closing quote"),
     (r"Invalid value", 'not a value: a text stands in "quotes", and an array above may lack its ]'),
@@ -269,7 +269,7 @@ def _input_error(document: Document, model: type[Table], root: Key, detail: Mapp
 
 
 def _consequence(detail: Mapping[str, Any]) -> bool:
-    """An array counts as too short when an element of it is wrong: the element is what is told."""
+    """Return whether an error only follows from that of an element: its array then counts as too short."""
     return bool(detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"])
 
 
@@ -278,13 +278,13 @@ def _length_hint(kind: str, context: Mapping[str, Any]) -> str:
 
 
 def _whole_hint(kind: str, given: Any) -> str | None:
-    """4e6 is a whole number, but TOML knows it as one only when it is written as one."""
+    """Return how to write a number such as 4e6, which is an integer in TOML only if written as one."""
     whole = kind == "int_type" and isinstance(given, float) and given.is_integer() and abs(given) < 1e15
     return f"without a point and an exponent: {int(given):_}" if whole else None
 
 
 def _added(model: type[Table], key: Key, where: Key) -> str:
-    """How a missing key is written: a table has its own heading."""
+    """Return how a missing key is written: a table has its own heading."""
     fields = [table.model_fields.get(str(where[-1])) for table in _tables(model, where[:-1])]
     annotation = next((field.annotation for field in fields if field), None)
     if len(key) > 1 or not any(_models(annotation)):
@@ -293,7 +293,7 @@ def _added(model: type[Table], key: Key, where: Key) -> str:
 
 
 def _order(document: Document, root: Key, detail: Mapping[str, Any]) -> tuple[bool, int, int]:
-    """Returns what the errors of a document are sorted by: a missing key after all others, then the place."""
+    """Return the sort key of an error: missing keys come after all others, then the position counts."""
     where = tuple(detail["loc"])
     missing = detail["type"] == "missing"
     place = document.place(*root, *(where[:-1] if missing else where))
@@ -301,7 +301,7 @@ def _order(document: Document, root: Key, detail: Mapping[str, Any]) -> tuple[bo
 
 
 def shown(value: Any) -> str:
-    """A value as TOML writes it, cut short."""
+    """Return a value as TOML writes it, shortened."""
     if isinstance(value, tuple):
         text = f"[{', '.join(shown(item) for item in value)}]"
     elif isinstance(value, dict):
@@ -314,14 +314,14 @@ def shown(value: Any) -> str:
 
 
 def _known_keys(model: type[Table], where: Key) -> Iterator[str]:
-    """The names of the fields of the table that is at `where` in `model`."""
+    """Yield the names of the fields of the table that is at `where` in `model`."""
     for table in _tables(model, where):
         for name, field in table.model_fields.items():
             yield field.alias or name
 
 
 def _tables(model: type[Table], where: Key) -> list[type[BaseModel]]:
-    """The models that the table at `where` in `model` may be."""
+    """Return the models that the table at `where` in `model` may be."""
     tables: list[type[BaseModel]] = [model]
     for step in where:
         if isinstance(step, str):

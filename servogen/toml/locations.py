@@ -1,4 +1,4 @@
-"""Where each key of a TOML document stands.
+"""The position of each key of a TOML document.
 
 In: the text of a valid TOML document. Out: line and column of every key, table and array element. The
 standard library's parser forgets positions; tree-sitter's concrete syntax tree keeps them.
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from tree_sitter import Node, Parser
 
 Key = tuple[str | int, ...]
-"""The way to a value: table names and array indices from 0."""
+"""The path to a value: table names, and array indices from 0."""
 
 
 @cache
@@ -31,14 +31,14 @@ def syntax_tree(raw: bytes) -> Node:
 
 
 MAX_ENTRIES = 200_000
-"""Keys, tables and array elements of a document."""
+"""The maximum number of keys, tables and array elements of a document."""
 
 MAX_DEPTH = 32
-"""Steps of a key: the deepest that a file of this program has is 5."""
+"""The maximum length of a key; servogen's own files need 5."""
 
 
 class TooMuch(Exception):
-    """The document is larger than is read; says at which line and what is allowed."""
+    """Raised when a document is larger than the limits, with the line and what is allowed."""
 
     def __init__(self, message: str, line: int, hint: str) -> None:
         super().__init__(message)
@@ -48,7 +48,7 @@ class TooMuch(Exception):
 
 
 def places_of(text: str) -> dict[Key, tuple[int, int]]:
-    """Returns line and column (from 1, in characters) of every key and array element of a valid document.
+    """Return line and column (from 1, in characters) of every key and array element of a valid document.
 
     Raises TooMuch for more than MAX_ENTRIES of them, and for one that is deeper than MAX_DEPTH.
     """
@@ -65,7 +65,7 @@ def places_of(text: str) -> dict[Key, tuple[int, int]]:
             raise TooMuch("tables or arrays are nested too deeply", row + 1, f"at most {MAX_DEPTH} deep")
         if row != last_row or byte < last_byte:
             last_row, last_byte, last_column = row, 0, 0
-        # From where the last node began: decoding a long line from its begin each time is quadratic.
+        # Counts on from the previous node: decoding a long line from its beginning each time is quadratic.
         last_column += len(lines[row][last_byte:byte].decode(errors="replace"))
         last_byte = byte
         places.setdefault(key, (row + 1, last_column + 1))
@@ -73,7 +73,7 @@ def places_of(text: str) -> dict[Key, tuple[int, int]]:
             raise TooMuch("has too many values", row + 1, f"at most {MAX_ENTRIES} keys and array elements")
 
     def header(names: list[str]) -> Key:
-        """A table's key: each array of tables on the way stands for its newest element."""
+        """Return a table's key, in which each array of tables stands for its newest element."""
         key: Key = ()
         for name in names:
             key = (*key, name)
@@ -124,7 +124,7 @@ def _value(pair: Node) -> Node | None:
 
 
 def _names(node: Node) -> list[str]:
-    """The parts of a bare, quoted or dotted key; the standard library undoes the quotes."""
+    """Return the parts of a bare, quoted or dotted key; the standard library removes the quotes."""
     if node.type == "dotted_key":
         return [name for child in node.named_children for name in _names(child)]
     text = (node.text or b"").decode()

@@ -1,7 +1,7 @@
 """Saved captures of logic analysers: VCD, sigrok sessions (.sr), Saleae's CSV.
 
 In: a file. Out: a `Capture`: its edges in the file's own time steps, so that nothing is rounded before the
-chip's clock is known. Levels at time 0 are what the analyser found at its first sample.
+chip's clock is known. Levels at time 0 are those of the first sample.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ class Capture:
     trace: EdgeTrace
     sample: float | None
     missing: str | None = None
-    """Why it is not whole, where the file says so."""
+    """Why the capture is incomplete, if the file says so."""
     pieces: tuple[tuple[int, int], ...] = ()
-    """Begin and end, in steps, of each where it is several captures; the time between two is not known."""
+    """The beginning and end, in steps, of each of several captures; the time between two is not known."""
     file: str | None = None
 
 
@@ -90,12 +90,12 @@ def sampled_at(capture: Capture, samples_per_second: int) -> Capture:
         )
     if capture.sample is not None:
         step_us = float(capture.trace.clock.cycle_us)
-        told = 1e6 / (capture.sample * step_us)
+        rate = 1e6 / (capture.sample * step_us)
         raise InputError(
             "conflicting-options",
-            f"tells its own sampling rate, {told:g} Hz",
+            f"contains its sampling rate, {rate:g} Hz",
             Location(capture.file, key="--rate"),
-            "leave --rate out",
+            "omit --rate",
         )
     steps = float(capture.trace.clock.cycles_per_second) / samples_per_second
     return replace(capture, sample=steps)

@@ -18,7 +18,7 @@ from servogen.units import OSCILLATOR_PERIODS_PER_CYCLE, Clock
 Key = TypeVar("Key")
 
 _PIN = re.compile(r"(?<![A-Za-z0-9])(?:R|PORT)([AB])_?\[?([0-7])\]?(?![0-9A-Za-z])", re.IGNORECASE)
-_HINT = "say which wire is which pin"
+_HINT = "name the pin of each wire"
 
 
 def pins_of(

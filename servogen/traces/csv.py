@@ -1,10 +1,10 @@
 """Edges ↔ CSV: header `cycle,pin,level`, one row per change of a pin, in order; undriven is 0.
 
 `cycle` counts instruction cycles since reset, `pin` is RA0 … RB7, `level` 0 or 1. Levels applied to a pin
-from outside have letters of their own: L, H, or Z when the pin is released; such a\npin may also be MCLR.
+from outside have letters of their own: L, H, or Z when the pin is released; such a pin may also be MCLR.
 
-Because cycles never decrease, lines of equal length are adjacent: a block of them is a matrix, which is
-read\ncolumn by column.
+Because cycles never decrease, lines of equal length are adjacent: a block of them is a matrix, which is read
+column by column.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from servogen.units import Clock, Cycles
 
 HEADER = "cycle,pin,level"
 APPLIED = "LHZ"
-"""Levels that are applied to an input from outside: low, high, let go."""
+"""Levels that are applied to an input from outside: low, high, released."""
 _INPUT = re.compile(rb"^\d{1,18},(?:RA[0-4]|RB[0-7]|MCLR),[LHZ]\n", re.MULTILINE)
 MAX_DIGITS = 18
-"""So many decimal digits always fit a signed 64-bit integer."""
+"""The number of decimal digits that always fit a signed 64-bit integer."""
 
 _TAILS = rows.table([f",{pin},{level}\n" for pin in PINS for level in (0, 1)])
 _TAIL_LENGTH = len(",RB0,1")
@@ -74,8 +74,8 @@ class CsvWriter:
 
 
 def read_csv(path: str | Path, clock: Clock, end: int | None = None) -> EdgeTrace:
-    """Return the edges of a CSV file, up to `end`; by default to the last edge, since the file does not tell
-    more.
+    """Return the edges of a CSV file, up to `end`; by default to the last edge, as the file does not contain
+    the end.
     """
     source = _CsvChunks(Path(path))
     last = last_line(source.path).split(b",")[0]

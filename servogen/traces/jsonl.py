@@ -51,8 +51,8 @@ class JsonlWriter:
 
 
 def read_jsonl(path: str | Path, clock: Clock, end: int | None = None) -> EdgeTrace:
-    """Return the edges of a JSONL file, up to `end`; by default to the last edge, since the file does not
-    tell more.
+    """Return the edges of a JSONL file, up to `end`; by default to the last edge, as the file does not
+    contain the end.
     """
     source = _JsonlChunks(Path(path))
     try:
@@ -102,7 +102,7 @@ def _complain(block: bytes, last: int, path: Path, line: int) -> NoReturn:
         if text.strip():
             last = _check(text, last, Location(str(path), number))
     raise InputError(
-        "json-syntax", "is not one JSON object a line", Location(str(path), line), f"like {_EXAMPLE}"
+        "json-syntax", "is not one JSON object per line", Location(str(path), line), f"like {_EXAMPLE}"
     )
 
 
@@ -112,7 +112,7 @@ def _check(text: str, last: int, place: Location) -> int:
         edge = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise InputError(
-            "json-syntax", f"is not JSON: {error}", place, f"expected one object a line, like {_EXAMPLE}"
+            "json-syntax", f"is not JSON: {error}", place, f"expected one object per line, like {_EXAMPLE}"
         ) from error
     if not isinstance(edge, dict):
         raise InputError("json-syntax", f"'{text[:40]}' is not a JSON object", place, f"like {_EXAMPLE}")

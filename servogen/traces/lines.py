@@ -17,7 +17,7 @@ from servogen.units import Clock, Cycles
 BLOCK_BYTES = 1 << 22
 TAIL_BYTES = 1 << 12
 MAX_LINE_BYTES = 1 << 20
-"""Of a line; without a bound, a file without line ends would be held in memory whole."""
+"""The maximum length of a line: without it, a file without line ends would be held in memory completely."""
 
 
 def line_blocks(path: Path, start: int = 0, line: int = 1) -> Iterator[tuple[int, bytes]]:

@@ -17,7 +17,7 @@ Bytes = npt.NDArray[np.uint8]
 Integers = npt.NDArray[np.int64]
 
 BLOCK = 1 << 17
-"""Rows that are formatted at a time: some megabytes of text."""
+"""The number of rows that are formatted at a time: some megabytes of text."""
 
 
 def blocks(chunk: EdgeChunk) -> Iterator[EdgeChunk]:

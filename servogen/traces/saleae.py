@@ -25,7 +25,7 @@ from servogen.units import Cycles
 NANOSECONDS = 10**9
 LEVELS = {b"0": LOW, b"1": HIGH, b"X": UNDRIVEN, b"x": UNDRIVEN}
 MAX_SECONDS = 9e9
-"""Seconds; more nanoseconds are no 64-bit integer."""
+"""The longest time: more nanoseconds do not fit a 64-bit integer."""
 
 
 _SECONDS = re.compile(r"[-+]?\d{1,20}(\.\d{0,20})?([eE][-+]?\d{1,3})?", re.ASCII)
@@ -101,7 +101,7 @@ def _complain(lines: list[bytes], number: int, path: Path, columns: int) -> NoRe
         time, *levels = (field.strip() for field in line.split(b","))
         if len(levels) != columns - 1:
             shown = line[:40].decode("utf-8", "replace")
-            raise InputError("csv-syntax", f"'{shown}' has not {columns} fields as the header has", place)
+            raise InputError("csv-syntax", f"'{shown}' does not have {columns} fields like the header", place)
         for level in levels:
             if level not in LEVELS:
                 shown = level[:40].decode("utf-8", "replace")

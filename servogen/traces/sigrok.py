@@ -26,17 +26,19 @@ from servogen.traces.channels import pins_of, rate_in, step_clock
 from servogen.units import Cycles
 
 MAX_UNIT_BYTES = 8
-"""Of a sample: 64 probes."""
+"""The maximum bytes of a sample: 64 probes."""
 
 BLOCK_SAMPLES = 1 << 20
 MAX_METADATA_BYTES = 1 << 16
 """A session of 64 probes has three thousand."""
 
 MAX_MEMBERS = 10_000
-"""Files in the archive: sigrok splits its samples into pieces of some megabytes."""
+"""The maximum number of files in the archive: sigrok splits its samples into pieces of some megabytes."""
 
 MAX_SAMPLE_BYTES = 1 << 31
-"""Of all samples, unpacked: 35 minutes of 8 probes at 1 MHz. A packed megabyte can unpack to a thousand."""
+"""The maximum of all samples, unpacked: 35 minutes of 8 probes at 1 MHz. A packed megabyte can unpack to
+1000.
+"""
 
 _DAMAGED = (
     zipfile.BadZipFile,
@@ -48,7 +50,7 @@ _DAMAGED = (
     EOFError,
     RuntimeError,
 )
-"""What zipfile raises on archives that are damaged, encrypted or packed in a way that it does not know."""
+"""The maximum of all samples, unpacked: 35 minutes of 8 probes at 1 MHz. A packed MB can unpack to a GB."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +139,7 @@ def read_session(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrac
     rate = rate_in(device.get("samplerate", ""))
     if not rate:
         raise InputError(
-            "sigrok-syntax", "does not say its samplerate", place, "capture with a samplerate set"
+            "sigrok-syntax", "does not contain its samplerate", place, "capture with a samplerate set"
         )
     unit = str(device.get("unitsize"))
     if not re.fullmatch(f"[1-{MAX_UNIT_BYTES}]", unit):

@@ -35,13 +35,13 @@ from servogen.units import Clock, Cycles
 
 SCOPE = "chip"
 MADE, CAPTURED = "servogen", "servogen capture"
-"""What $version says of edges in cycles of a chip, and of those in samples of an analyser."""
+"""The $version of files with edges in cycles of a chip, and of those in samples of an analyser."""
 
 PARTIAL = "not a whole capture: "
-"""What a comment begins with in a capture that was cut short; the reason follows."""
+"""The beginning of the comment in an incomplete capture; the reason follows."""
 
 STITCHED = "several captures, the time between them not known, of samples: "
-"""In the comment of several captures in one file; begin and end of each follow, as 0-5000 6000-9000."""
+"""The comment of several captures in one file; beginning and end of each follow, such as 0-5000 6000-9000."""
 
 STATES = "01z"
 """VCD's values by level number: LOW, HIGH, UNDRIVEN."""
@@ -210,13 +210,13 @@ LEVEL_OF = {
 }
 UNIT_POWER = {"s": 0, "ms": 3, "us": 6, "ns": 9, "ps": 12, "fs": 15, "as": 18, "zs": 21}
 MAX_DIGITS = 18
-"""So many decimal digits always fit a signed 64-bit integer."""
+"""The number of decimal digits that always fit a signed 64-bit integer."""
 MAX_CYCLES = 10**17
 MAX_HEADER_BYTES = 1 << 22
-"""Of the declarations: 100 000 wires."""
+"""The maximum size of the declarations: 100 000 wires."""
 
 MAX_TAIL_BYTES = 1 << 20
-"""In how much of a file's end its last time stamps are looked for."""
+"""The part of a file's end in which its last time stamps are searched."""
 
 # sigrok-cli puts a line "META samplerate: …" in front of what it writes.
 _FIRST_KEYWORD = re.compile(rb"^\s*\$", re.MULTILINE)
@@ -294,7 +294,7 @@ def read_header(path: Path, wires: Mapping[str, str] | None = None) -> VcdHeader
             "vcd-syntax",
             "has no $timescale, or one of 0",
             place,
-            "it must say how long one time step is, as `$timescale 1 us $end`",
+            "it must state the length of a time step, such as `$timescale 1 us $end`",
         )
     one_bit = [(var.ref_str, var.id_code) for var in declared if var.size == 1]
     line = 1 + text.count(b"\n", 0, end.end())

@@ -1,4 +1,4 @@
-"""The check whether observed edges are the scheduled ones: two streams of edges in, a verdict out."""
+"""Checks whether observed edges are the scheduled ones: two streams of edges in, a verdict out."""
 
 from servogen.verify.capture.check import verify_capture
 from servogen.verify.capture.verdict import (

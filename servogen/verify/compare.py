@@ -29,13 +29,13 @@ from servogen.verify.verdict import (
 from servogen.verify.windows import Edges, Windows, concatenate, expected_edges
 
 WINDOW = 1 << 22
-"""Cycles that are compared at a time."""
+"""The cycles that are compared at a time."""
 
 DIAGNOSED_EDGES = 1 << 18
-"""Edges of either side, from the first difference on, that the diagnosis looks at."""
+"""The edges of either side, from the first difference on, that are diagnosed."""
 
 GLITCH = Cycles(10)
-"""Pulses, and gaps between pulses, of fewer cycles are glitches."""
+"""Shorter pulses and gaps between pulses are glitches."""
 
 
 def whole_motion(expected: Expected, repeats: int = 2) -> Cycles:

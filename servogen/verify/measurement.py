@@ -62,7 +62,7 @@ class Pause:
     begin: Cycles
     length: Cycles
     count: int = 1
-    """So many pauses of this length follow one another, with a pulse between each two."""
+    """The number of consecutive pauses of this length, with a pulse between each two."""
 
     def to_json(self) -> dict[str, object]:
         return {"begin_cycle": self.begin, "length_cycles": self.length, "count": self.count}
@@ -78,13 +78,13 @@ class PinMeasurement:
     pulses: int
     first: Cycles
     widths: Mapping[Cycles, int]
-    """How many pulses of each width, by width."""
+    """The number of pulses by width."""
     periods: Mapping[Cycles, int]
-    """How many of each time from rise to rise, pauses left out, by time."""
+    """The number of periods (rise to rise) by length, without pauses."""
     period: Cycles | None
-    """The median of the times from rise to rise."""
+    """The median period."""
     kinds: tuple[FrameKind, ...]
-    """Of each width that two or more frames have, by width."""
+    """The kinds of frame, one for each width that two or more frames have."""
     pauses: tuple[Pause, ...]
     runs: tuple[Run, ...]
     open_rise: Cycles | None
@@ -127,7 +127,7 @@ class Measurement:
     end: Cycles
     pins: tuple[PinMeasurement, ...]
     overlap: Overlap | None
-    """Two pins high at once: how often, how long at most, and first when."""
+    """How often two pins are high at once, for how long at most, and when first."""
     complete: bool
 
     def us(self, cycles: int) -> Fraction:
@@ -145,7 +145,7 @@ class Measurement:
 
 
 MAX_LISTED = 12
-"""So many values or runs are written out; of the rest, how many there are."""
+"""The number of values or runs that are listed; the others are only counted."""
 
 
 def measurement_lines(measurement: Measurement) -> list[str]:
@@ -305,10 +305,10 @@ def _merged(first: Ints, count: Ints, width: Ints, period: Ints, still_open: int
 Flags = npt.NDArray[np.bool_]
 
 WINDOW = 1 << 22
-"""Cycles that are read at a time."""
+"""The cycles that are read at a time."""
 
 PAUSE_PERIODS = 3
-"""A time from rise to rise of more than so many (median) periods has a pause in it."""
+"""A time from rise to rise of more than this many median periods contains a pause."""
 
 
 def measure(observed: EdgeTrace) -> Measurement:

@@ -1,7 +1,7 @@
 """The sampling rate of a capture, and whether it suffices to prove anything.
 
     pin        ┌──────────┐           ┌──┐
-    samples  ·    ·    ·    ·    ·    ·    ·    what is shorter than a sample may be seen, or not;
+    samples  ·    ·    ·    ·    ·    ·    ·    a pulse shorter than a sample may be missed;
                0    1    1    0    0    0       a width is known to one sample
 
 The rule: a sample may be no longer than the shortest pulse or gap that counts, `Tolerances.glitch_us`.
@@ -24,13 +24,13 @@ TYPICAL_HZ = tuple(
     for power in range(6)
     for mantissa in (1, 1.2, 1.25, 1.5, 1.6, 2, 2.4, 2.5, 3, 3.2, 4, 4.8, 5, 6, 6.4, 7.5, 8, 9.6)
 )
-"""Rates at which analysers sample, the slowest first; their samples may be no whole number of steps."""
+"""Rates at which analysers sample, slowest first; their samples may not be a whole number of steps."""
 
 ROUNDING = 0.51
-"""Steps by which a sample's time differs from what the file has."""
+"""The maximum difference, in steps, between a sample's time and the time in the file."""
 
 FIRST_EDGES = 50
-"""Edges that most of the rates are dismissed with."""
+"""The number of edges with which a rate is tried first; most rates are rejected by them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class Sampling:
             return
         hint = f"a sample may be no longer than {longest_us:g} µs, the shortest pulse or gap that counts"
         if not self.stated:
-            hint += "; if it was sampled more often, say so: --rate"
+            hint += "; if it was sampled more often, state the rate: --rate"
         raise InputError("sampling-too-slow", self.words(longest_us), place, hint)
 
     def words(self, longest_us: float) -> str:
@@ -59,7 +59,7 @@ class Sampling:
         every = f"every {self.sample_us:g} µs ({rate_words(self.sample_us)})"
         if self.stated:
             return f"sampled {every}, too slow to prove anything: {needed}"
-        return f"does not say how often it was sampled, and all its edges are on a grid of {every}: {needed}"
+        return f"does not state its sampling rate, and all its edges are on a grid of {every}: {needed}"
 
 
 def sampling(captured: EdgeTrace, sample: float | None) -> Sampling:

@@ -24,7 +24,7 @@ class Start:
     cycle: int | None
     edges: Iterator[Edges]
     stray: tuple[StrayPin, ...]
-    """Changes before: all of pins that are not scheduled, as every pin starts low."""
+    """The changes before `cycle`, which are all of unscheduled pins, because every pin starts low."""
 
 
 class StrayCount:

@@ -30,7 +30,9 @@ class Span:
     frames: int
     lead_in_frames: int
     loop_repeats: int
-    """Whole frames, those of the lead-in among them, and whole repeats of the loop, in `compared`."""
+    """`compared` contains this many whole frames, those of the lead-in included, and whole repeats of the
+    loop.
+    """
 
     @property
     def whole(self) -> bool:
@@ -72,7 +74,7 @@ class ChannelVerdict:
     glitches: int = 0
     width: Worst = Worst()
     period: Worst = Worst()
-    """Rise to rise, against the schedule's."""
+    """The time from rise to rise, compared with the schedule's."""
     edge: Worst = Worst()
 
     def to_json(self) -> dict[str, object]:
@@ -152,7 +154,7 @@ class StrayPin:
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """What every verdict says: proven, or why not."""
+    """What all verdicts have in common: proven, or why not."""
 
     PROVEN: ClassVar[str] = "proven"
 
@@ -203,15 +205,14 @@ class Verdict(Judgement):
     """Which of the schedule's different frames were compared."""
 
     def not_all(self, reason: str) -> Verdict:
-        """Return the same verdict, not proven also because of something that was not seen."""
+        """Return the same verdict, not proven because of something that was not seen, too."""
         unseen = (*self.unseen, reason) if self.agrees else self.unseen
         return replace(self, proven=False, reasons=(*self.reasons, reason), unseen=unseen)
 
     warnings: tuple[Diagnostic, ...] = ()
-    """Of the program that ran; edges alone have none."""
+    """The warnings of the program that ran; edges alone have none."""
     chip_dependent: tuple[Diagnostic, ...] = ()
-    """Those of the warnings by which other chips, or the same one at its next power-up, may make other edges.
-    """
+    """The warnings of behaviour that differs between chips, or at the next power-up of the same chip."""
 
     @property
     def edges_agree(self) -> bool:

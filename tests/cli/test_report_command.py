@@ -93,7 +93,7 @@ def test_report_takes_the_rate_of_a_capture_that_does_not_say_it(
     page = ("report", square, "-o", tmp_path / "page.html", "--capture", capture)
     refused = run(*page)
     assert refused.code == 2
-    assert "does not say how often it was sampled" in refused.err and "--rate" in refused.err
+    assert "does not state its sampling rate" in refused.err and "--rate" in refused.err
     assert run(*page, "--rate", "24000000").code == 0
     assert run(*page, "--rate", "1000").code == 2
 

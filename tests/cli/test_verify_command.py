@@ -179,7 +179,7 @@ def test_a_rate_that_the_file_does_not_tell_can_be_said(run: Run, tmp_path: Path
     ran = run("verify", file, "--against", schedule)
     assert ran.code == 2
     assert "all its edges are on a grid of every 500 µs (2 kHz): at least 100 kHz is needed" in ran.err
-    assert "say so: --rate" in ran.err
+    assert "state the rate: --rate" in ran.err
     ran = run("verify", file, "--against", schedule, "--rate", 24_000_000)
     assert ran.code == 0, ran.out
     assert "a sample every 0.0416667 µs" in ran.out
@@ -190,7 +190,7 @@ def test_a_rate_is_not_said_twice(run: Run, tmp_path: Path) -> None:
     file = vcd(tmp_path / "a.vcd", lab8(9), 0.07, 1_000_000)
     ran = run("verify", file, "--against", SCHEDULE, "--rate", 1_000_000)
     assert ran.code == 2
-    assert "tells its own sampling rate, 1e+06 Hz" in ran.err
+    assert "contains its sampling rate, 1e+06 Hz" in ran.err
     ran = run("verify", LAB8 / "main.hex", "--against", SCHEDULE, "--rate", 1_000_000)
     assert ran.code == 2
     assert "only a capture has a sampling rate" in ran.err

@@ -137,5 +137,5 @@ def test_poses_give_a_wheel_its_speed() -> None:
     job = plan_job(loads(text, "job.toml"))
     (run,) = plan(job.trajectory, job.servos, job.frame).schedule.loop
     assert [pulse.width for pulse in run.pulses if pulse] == [1600, 1500, 1450]
-    with pytest.raises(InputError, match="'wheel1_deg' is not taken in deg: write wheel1_deg_s"):
+    with pytest.raises(InputError, match="'wheel1_deg' is not given in deg: write wheel1_deg_s"):
         plan_job(loads(text.replace("wheel1_deg_s", "wheel1_deg"), "job.toml"))

@@ -197,7 +197,7 @@ def test_facts_of_a_servo_can_be_given_in_the_job() -> None:
         (
             "arm_deg = 90",
             "arm_rad = 1",
-            "18:7: error: motion.poses[2].arm_rad: 'arm_rad' is not taken in rad",
+            "18:7: error: motion.poses[2].arm_rad: 'arm_rad' is not given in rad",
         ),
         ("arm_deg = 90", "hnd_deg = 1", "there is no servo 'hnd' [unknown-servo]\n  did you mean 'hand'?"),
         ("arm_deg = 90", "arm_deg = true", "18:7: error: motion.poses[2].arm_deg: true is not an angle"),
@@ -210,7 +210,7 @@ def test_facts_of_a_servo_can_be_given_in_the_job() -> None:
         (", hand_deg = 0", "", "17:5: error: motion.poses[1]: the first pose does not say where hand is"),
         ("hold_s = 5", "hold_s = -5", "18:21: error: motion.poses[2].hold_s: -5 is out of range: at least 0"),
         ("hold_s = 5", "hold = 5", "18:21: error: motion.poses[2].hold: 'hold' has no unit: write hold_s"),
-        ("hold_s = 5", "hold_ms = 5", "'hold_ms' is not taken in ms: write hold_s"),
+        ("hold_s = 5", "hold_ms = 5", "'hold_ms' is not given in ms: write hold_s"),
         ("hold_s = 5", "hold_s = 0", "18:5: error: motion.poses[2]: a pose takes no time"),
         ("hold_s = 5", "hold_s = 1e300", "1e+300 is out of range: at most 1e+06 is allowed"),
         (
@@ -238,7 +238,7 @@ def test_facts_of_a_servo_can_be_given_in_the_job() -> None:
             "period = 20_000",
             "22:1: error: frame.period: 'period' has no unit: write period_us",
         ),
-        ("period_us = 20_000", "period_ms = 20", "'period_ms' is not taken in ms: write period_us"),
+        ("period_us = 20_000", "period_ms = 20", "'period_ms' is not given in ms: write period_us"),
         ("period_us = 20_000", "period_us = 1e-9", "1e-09 µs is no longer than a pulse"),
         (
             "period_us = 20_000",

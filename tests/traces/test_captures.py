@@ -82,7 +82,7 @@ def test_a_long_session_has_the_edges_of_its_samples(tmp_path: Path) -> None:
     ("members", "metadata", "message"),
     [
         ({}, METADATA, "holds no samples"),
-        ({"logic-1": b"ab"}, METADATA.replace("samplerate=1.5 MHz\n", ""), "does not say its samplerate"),
+        ({"logic-1": b"ab"}, METADATA.replace("samplerate=1.5 MHz\n", ""), "does not contain its samplerate"),
         ({"logic-1": b"ab"}, METADATA.replace("unitsize=2", "unitsize=9"), "unitsize '9' is not allowed"),
         ({"logic-1": b"ab"}, METADATA.replace("unitsize=2", ""), "unitsize 'None' is not allowed"),
         ({"logic-1": b"ab"}, METADATA.replace("[device 1]", "[gadget]"), "no device in its metadata"),
@@ -138,7 +138,7 @@ def test_the_older_header_unknown_levels_and_other_names_are_read(tmp_path: Path
         ("cycle,pin,level\n1,RB0,1\n", r"a\.csv:1: error: is not a digital CSV file of Saleae's"),
         ("", r"a\.csv:1: error: is not a digital CSV file"),
         (SALEAE.replace("RB", "D"), r"a\.csv:1: error: has no wire"),
-        (SALEAE + "0.0017,0,0\n", r"a\.csv:6: error: '0.0017,0,0' has not 4 fields"),
+        (SALEAE + "0.0017,0,0\n", r"a\.csv:6: error: '0.0017,0,0' does not have 4 fields"),
         (SALEAE + "0.0017,0,2,0\n", r"a\.csv:6: error: level '2' is not allowed.*\n.*0, 1, X"),
         (SALEAE.replace("0.001500500", "soon"), r"a\.csv:4: error: time 'soon' is not a number"),
         (SALEAE + "0.0001,0,0,0\n", r"a\.csv:6: error: a time lies before"),

@@ -1,1 +1,1 @@
-"""The check of a logic analyser's capture against a schedule."""
+"""Checks a logic analyser's capture against a schedule."""

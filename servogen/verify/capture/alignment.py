@@ -34,7 +34,7 @@ def end_errors(
 ) -> tuple[Floats, Floats]:
     """Return the errors at the beginning and at the end, in cycles, for each time at which it may `begin`.
 
-    `begin` is in cycles of the schedule; the capture has `length` steps, `slope` a cycle.
+    `begin` is in cycles of the schedule; the capture has `length` steps, at `slope` steps per cycle.
     """
     nothing = np.zeros(len(begin))
     if not len(wanted.rise) or (cut.high and cut.first_fall is None):
@@ -60,20 +60,20 @@ def _inside(wanted: Pulses, time: Floats) -> Floats:
 
 
 ANCHORS = 3
-"""So many first pulses are tried as the one that is surely scheduled."""
+"""The number of first pulses that are tried as one that the schedule certainly contains."""
 
 FIRST_PULSES = 48
-"""Pulses that every phase is tried with; the best ones are tried with four times as many, and so on."""
+"""The pulses with which every phase is tried; the best ones are tried with four times as many, and so on."""
 
 KEPT = 64
 MAX_DRIFT = 0.02
-"""A clock that is off by more is taken for a wrong period."""
+"""A clock with a larger relative error is taken for a wrong period."""
 
 MAX_SLOPE_ERROR = 20e-6
-"""Where the slope is known no better, as within one frame, the nominal one is nearer."""
+"""If the slope is less accurate, as within one frame, the nominal one is used."""
 
 SHORT_GAP = 20.0
-"""Frames between two pulses that are counted rightly even by a clock as wrong as that."""
+"""Frames between two pulses that are counted correctly even with a clock error of `MAX_DRIFT`."""
 
 MAX_CELLS = 1 << 22
 
@@ -107,13 +107,13 @@ class Signals:
     quantum: float
     period: int
     cap: float
-    """In cycles: a pulse that is wrong by more counts no more, so that one cannot outweigh all others."""
+    """The maximum error of one pulse, in cycles, so that one pulse cannot outweigh all others."""
     candidates: int
     """Scheduled time, in cycles, up to which a capture may begin."""
     cut: tuple[CutPulses, ...]
-    """Of each channel the pulses that the capture's ends cut."""
+    """The pulses of each channel that the capture's ends cut."""
     length: int
-    """Steps of the capture."""
+    """The length of the capture in steps."""
 
 
 def align(signals: Signals) -> Line | None:
@@ -261,7 +261,7 @@ def _regression(s: Floats, t: Floats, signals: Signals) -> Line:
 
 
 MARGIN = 2
-"""Samples between a whole frame's edges and the ends of the capture."""
+"""The minimum number of samples between a whole frame's edges and the ends of the capture."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -57,16 +57,16 @@ from servogen.verify.verdict import StrayPin
 from servogen.verify.windows import Edges, Ints, Windows, expected_edges, observed_edges
 
 CAP_US = 50.0
-"""In the search for the phase no pulse counts as more wrong than this."""
+"""The maximum error of one pulse in the search for the phase."""
 
 MAX_GUESS_US = 1.0
-"""A slower analyser's sample must be stated: what it hides would otherwise be hidden by chance."""
+"""A longer sample is used only if it is stated, because otherwise it may be a coincidence of the edges."""
 
 MAX_FRAMES = 1_000_000
-"""Of a capture, five hours at 50 Hz: what it should hold is put together in memory."""
+"""The longest capture, five hours at 50 Hz, because its scheduled edges are held in memory."""
 
 MAX_CYCLES_RATIO = 1.03
-"""A capture holds at most so many times the cycles that it would hold of a chip with the nominal clock."""
+"""The maximum ratio of a capture's cycles to those of a chip with the nominal clock."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ class _Setup:
     cycle_us: float
     connected: frozenset[int]
     level: Levels
-    """What the analyser found at its first sample."""
+    """The levels at the first sample."""
     captured: Edges
     scheduled: Edges
     signals: Signals
@@ -214,7 +214,7 @@ def _pulses(changes: Edges, pin: int, high: bool) -> tuple[Pulses, CutPulses]:
 
 
 def _facts(setup: _Setup, line: Line | None, judged: Mapping[int, Judged]) -> CaptureVerdict:
-    """Return all findings; `with_reasons` adds what speaks against the capture."""
+    """Return all findings; `with_reasons` adds the reasons why the capture is not proven."""
     mismatches = [each for found in judged.values() for each in found.mismatches]
     ppm, ppm_error = _clock(setup, line)
     frames = [frame for found in judged.values() for frame in found.frames]
@@ -249,7 +249,7 @@ def _facts(setup: _Setup, line: Line | None, judged: Mapping[int, Judged]) -> Ca
 
 
 def _channel(setup: _Setup, number: int, judged: Judged | None) -> CapturedChannel:
-    """Return the judged channel, or what is known of it without a phase, with its glitches."""
+    """Return the judged channel or, without a phase, what is known of it; with its glitches."""
     channel = setup.expected.channels[number]
     glitches = setup.glitches[number]
     if judged is not None:

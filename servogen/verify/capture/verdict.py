@@ -27,13 +27,13 @@ class Tolerances:
     width_us: float = 0.1
     period_us: float = 0.1
     edge_us: float = 0.5
-    """Of a single edge against the line through all edges."""
+    """The deviation of a single edge from the line through all edges."""
     crystal_ppm: float = 300.0
-    """Of the chip's crystal and the analyser's together."""
+    """The deviation of the chip's crystal and the analyser's together."""
     glitch_us: float = 10.0
-    """Pulses and gaps shorter than this are glitches, where the schedule has none as short.
+    """Pulses and gaps shorter than this are glitches, unless the schedule has some as short.
 
-    A sample may be no longer: a slower analyser proves nothing.
+    A sample may not be longer: a slower analyser proves nothing.
     """
 
 
@@ -145,9 +145,9 @@ class CaptureVerdict(Judgement):
     sample_us: float
     duration_us: float
     ppm: float | None
-    """By how much the chip's clock is faster than its nominal, as the analyser's clock has it."""
+    """The deviation of the chip's clock from its nominal frequency, by the analyser's clock."""
     ppm_error: float | None
-    """One standard error of it."""
+    """Its standard error."""
     first_frame: int | None
     """The schedule's frame that the first whole pulse belongs to."""
     frames: int
@@ -157,13 +157,13 @@ class CaptureVerdict(Judgement):
     """The first in time."""
     stray: tuple[StrayPin, ...] = ()
     overlap_us: float = 0.0
-    """How long pins are high together that the schedule never has so."""
+    """How long pins are high together that never are in the schedule."""
     paired: int = 0
     """Pulses that belong to scheduled ones."""
     whole: WholeFrames | None = None
-    """The frames that are in it from the first to the last edge; of several captures, None."""
+    """The frames that the capture contains completely; None for several captures."""
     coverage: Coverage = field(default_factory=Coverage)
-    """Which of the schedule's different frames were seen whole."""
+    """Which of the schedule's different frames were seen completely."""
     pieces: tuple[CapturePiece, ...] = ()
     plan_error: PlanError | None = None
     """How far the schedule itself is from the planned motion."""
@@ -202,10 +202,10 @@ class CaptureVerdict(Judgement):
 
 
 MIN_PULSES = 2
-"""Pulses in their places that a judgement on one capture needs."""
+"""The number of scheduled pulses that a verdict on one capture needs."""
 
 CLOCK_PPM = 5.0
-"""Pieces of one capture may differ so much in the clock that each finds, beside four standard errors."""
+"""The allowed difference between the clocks of several captures, in addition to four standard errors."""
 
 
 def with_reasons(found: CaptureVerdict) -> CaptureVerdict:
