@@ -64,9 +64,9 @@ def advised(job: PlannedJob, error: InputError) -> InputError:
         sentences.append(f"by part: {'; '.join(parts)}")
     if not sentences:
         return error
-    told = copy(error)
-    told.diagnostics = (replace(error.first, hint="\n  ".join(sentences)),)
-    return told
+    advised_error = copy(error)
+    advised_error.diagnostics = (replace(error.first, hint="\n  ".join(sentences)),)
+    return advised_error
 
 
 def _groups(job: PlannedJob, error: InputError) -> Iterator[list[Change]]:

@@ -155,7 +155,13 @@ def _built(job: PlannedJob, progress: Progress) -> Build:
         progress(f"proving {dialect}")
         span = checked_cycles(schedule)
         programs.append(proven(schedule, firmware, span))
-    return Build(found.job, found.engine, found.plan, tuple(programs), tuple(left_out))
+    return Build(
+        job=found.job,
+        engine=found.engine,
+        plan=found.plan,
+        programs=tuple(programs),
+        left_out=tuple(left_out),
+    )
 
 
 def proven(schedule: PulseSchedule, firmware: Firmware, span: Cycles) -> Program:
@@ -232,14 +238,14 @@ def program_facts(done: Build) -> tuple[ProgramFacts, ...]:
     """Return the facts about each program that a report states."""
     return tuple(
         ProgramFacts(
-            program.firmware.dialect,
-            program.firmware.file,
-            _hex_name(done, program),
-            program.firmware.compilation.words,
-            program.firmware.compilation.ram_bytes,
-            program.verdict,
-            program.firmware.timing_budgets,
-            None if program.firmware.overrun is None else Overrun(program.overrun),
+            dialect=program.firmware.dialect,
+            c_file=program.firmware.file,
+            hex_file=_hex_name(done, program),
+            words=program.firmware.compilation.words,
+            ram_bytes=program.firmware.compilation.ram_bytes,
+            verdict=program.verdict,
+            timing_budgets=program.firmware.timing_budgets,
+            overrun=None if program.firmware.overrun is None else Overrun(program.overrun),
         )
         for program in done.programs
     )

@@ -182,7 +182,13 @@ def capture_by_sigrok(
     wanted = wanted_of(schedule, seconds)
     samples = ceil(looking.rate * (wanted.frames + 2) * wanted.period_s * (1 + MAX_DRIFT))
     counts_equal_samples = looking.rle and driver.partition(":")[0] == SUMP_DRIVER
-    look = SigrokLook(driver, looking.rate, samples, sigrok_wires(looking.wire), counts_equal_samples)
+    look = SigrokLook(
+        driver=driver,
+        rate=looking.rate,
+        samples=samples,
+        wires=sigrok_wires(looking.wire),
+        rle=counts_equal_samples,
+    )
     sigrok_capture(look, output)
     return SigrokCaptured(output, look)
 

@@ -102,7 +102,7 @@ def sweep_readings(
     """
     channel = controller.channels[index]
     rest = channel.position(channel.servo.neutral)
-    sweep = Sweep(controller, index, line, time, rest)
+    sweep = Sweep(controller=controller, index=index, line=line, time=time, at=rest)
     sweep.send()
     readings = []
     try:

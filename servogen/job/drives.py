@@ -55,7 +55,12 @@ def drive_of(
     if table.end == "release":
         angles[-1] = np.nan
     names = tuple(servo.name for servo in servos)
-    return Planned(JointTrajectory(names, clock, period, angles, planned.trajectory.loop_start), notes=notes)
+    return Planned(
+        JointTrajectory(
+            joints=names, clock=clock, period=period, angles=angles, loop_start=planned.trajectory.loop_start
+        ),
+        notes=notes,
+    )
 
 
 def _wheels(

@@ -105,7 +105,7 @@ def _still(servos: Sequence[Servo], period: Cycles, clock: Clock) -> JointTrajec
     """Return the motion of a stream job that has none: the neutral pose."""
     names = tuple(servo.name for servo in servos)
     angles = np.array([[servo.neutral for servo in servos]])
-    return JointTrajectory(names, clock, period, angles, 0)
+    return JointTrajectory(joints=names, clock=clock, period=period, angles=angles, loop_start=0)
 
 
 def _joint_limits(job: Job, limits: tuple[Limits, ...]) -> tuple[Limits, ...]:

@@ -169,12 +169,12 @@ def _stream(document: Document, table: JobTable, servos: Sequence[Servo], clock:
         taken[pin] = name
     _check_transmit_pin(document, given.transmit_pin, servos)
     stream = Stream(
-        given.baud,
-        given.receive_pin,
-        given.transmit_pin,
-        exact(given.silence_s),
-        given.fail_safe,
-        document.place("stream", "baud"),
+        baud=given.baud,
+        receive_pin=given.receive_pin,
+        transmit_pin=given.transmit_pin,
+        silence_s=exact(given.silence_s),
+        fail_safe=given.fail_safe,
+        place=document.place("stream", "baud"),
     )
     bit_units(stream, clock)
     return stream

@@ -223,12 +223,12 @@ def _leg(document: Document, table: LegTable, servos: tuple[Servo, ...]) -> LegT
         raise document.error("bad-length", ("leg", "cd_mm"), "ab_mm and cd_mm are both 0: a leg has a reach")
     lengths = (table.ab_mm, table.bc_mm, table.cd_mm, table.df_mm)
     return LegTip(
-        Leg(*(length / 1000 for length in lengths)),
-        (
+        leg=Leg(*(length / 1000 for length in lengths)),
+        bindings=(
             Binding("alpha", table.alpha, math.radians(table.alpha_zero_deg)),
             Binding("beta", table.beta, math.radians(table.beta_zero_deg)),
         ),
-        (by_name[table.alpha], by_name[table.beta]),
-        SIGNS[table.beta_sign],
-        table.tolerance_mm / 1000,
+        servos=(by_name[table.alpha], by_name[table.beta]),
+        beta_sign=SIGNS[table.beta_sign],
+        tolerance=table.tolerance_mm / 1000,
     )

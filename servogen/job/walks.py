@@ -265,7 +265,11 @@ def _ended(trajectory: JointTrajectory, table: WalkTable) -> JointTrajectory:
     last = trajectory.angles[-1:] * (np.nan if table.end == "release" else 1.0)
     angles = np.concatenate((trajectory.angles, last))
     return JointTrajectory(
-        trajectory.joints, trajectory.clock, trajectory.period, angles, len(trajectory.angles)
+        joints=trajectory.joints,
+        clock=trajectory.clock,
+        period=trajectory.period,
+        angles=angles,
+        loop_start=len(trajectory.angles),
     )
 
 

@@ -387,7 +387,9 @@ def _read(document: Document, table: HexapodTable, find: Find) -> Hexapod:
 
 def _mount(table: MountTable) -> Mount:
     x, y, z = (value / 1000 for value in (table.x_mm, table.y_mm, table.z_mm))
-    return Mount(table.name, x, y, z, math.radians(table.heading_deg), table.mirrored)
+    return Mount(
+        name=table.name, x=x, y=y, z=z, heading=math.radians(table.heading_deg), mirrored=table.mirrored
+    )
 
 
 def _leg(document: Document, table: HexapodTable, leg: Arm) -> Arm:

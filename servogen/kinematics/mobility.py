@@ -93,4 +93,11 @@ def of_arm(arm: Arm) -> Mobility:
     note = "serial: the sum of the joints' mobilities"
     if passive:
         note = f"{passive} of the joints follows another: it takes away what it gives"
-    return Mobility(len(kinds) + 1, kinds, passive, mobility, manoeuvrability(mobility), note)
+    return Mobility(
+        elements=len(kinds) + 1,
+        joints=kinds,
+        passive=passive,
+        mobility=mobility,
+        manoeuvrability=manoeuvrability(mobility),
+        note=note,
+    )

@@ -134,17 +134,37 @@ def motion_of(signs: tuple[int, int, int]) -> OmniMotion:
             "bad-option", f"{signs} are not wheel signs", hint="three of 1 (clockwise), 0 (stop), -1"
         )
     # with r = 1 and l = 1 the speed of the centre over |Ω| is the radius in wheel distances
-    vx, vy, turn = OmniBase("", "", 1.0, 1.0, 1.0, 1).body_speed(signs).tolist()
+    vx, vy, turn = (
+        OmniBase(name="", title="", wheel_radius=1.0, wheel_distance=1.0, gear=1.0, counts_per_turn=1)
+        .body_speed(signs)
+        .tolist()
+    )
     speed, total = hypot(vx, vy), sum(signs)
     moving = speed > 1e-9
     direction = round(float(np.degrees(np.arctan2(vy, vx)))) % 360 if moving else None
     turning = -1 if total > 0 else 1 if total < 0 else 0
     if not moving:
-        return OmniMotion(signs, "turning" if turning else "stop", None, turning, None, None)
+        return OmniMotion(
+            signs=signs,
+            kind="turning" if turning else "stop",
+            direction_deg=None,
+            turning=turning,
+            radius=None,
+            size=None,
+        )
     if not turning:
-        return OmniMotion(signs, "translation", direction, 0, None, None)
+        return OmniMotion(
+            signs=signs, kind="translation", direction_deg=direction, turning=0, radius=None, size=None
+        )
     radius = round(speed / abs(turn))
-    return OmniMotion(signs, "circle", direction, turning, radius, _SIZES[radius])
+    return OmniMotion(
+        signs=signs,
+        kind="circle",
+        direction_deg=direction,
+        turning=turning,
+        radius=radius,
+        size=_SIZES[radius],
+    )
 
 
 @cache

@@ -58,7 +58,9 @@ def symbolic_fk(arm: Arm) -> SymbolicKinematics:
     for link in links:
         product = (product * link).applyfunc(_tidy)
     product = (product * tool).applyfunc(_tidy)
-    return SymbolicKinematics(joints, base, links, tool, sympy.ImmutableMatrix(product))
+    return SymbolicKinematics(
+        joints=joints, base=base, links=links, tool=tool, product=sympy.ImmutableMatrix(product)
+    )
 
 
 @cache

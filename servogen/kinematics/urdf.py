@@ -63,7 +63,15 @@ def arm_of_axes(name: str, joints: Sequence[Joint], axes: Sequence[JointAxis], t
         rows.append(_row(frame, following, axis, joints[axis.joint].turning))
         frame = following
     rest = frame_of(inverse(frame) @ tool)
-    return Arm(name, "", "standard", tuple(joints), tuple(rows), base=base, tool=rest)
+    return Arm(
+        name=name,
+        title="",
+        convention="standard",
+        joints=tuple(joints),
+        rows=tuple(rows),
+        base=base,
+        tool=rest,
+    )
 
 
 def frame_of(matrix: Floats) -> Frame:
@@ -116,7 +124,14 @@ def _row(before: Floats, after: Floats, axis: JointAxis, turning: bool) -> DHRow
     a = float(np.dot(after[:3, 3] - before[:3, 3] - d * before[:3, 2], after[:3, 0]))
     alpha = float(np.arctan2(np.dot(np.cross(before[:3, 2], after[:3, 2]), after[:3, 0]), seen[2, 2]))
     theta, d = (theta + axis.offset, d) if turning else (theta, d + axis.offset)
-    return DHRow(_clean(theta), _length(d), _length(a), _clean(alpha), axis.joint, axis.ratio)
+    return DHRow(
+        theta=_clean(theta),
+        d=_length(d),
+        a=_length(a),
+        alpha=_clean(alpha),
+        joint=axis.joint,
+        ratio=axis.ratio,
+    )
 
 
 def _clean(value: float) -> float:
@@ -332,7 +347,14 @@ def _joint(joint: Any, file: str) -> Joint:
             Location(file),
         )
     home = min(max(0.0, lower), upper) if kind == "turning" else lower
-    return Joint(joint.name, "turning" if kind == "turning" else "sliding", lower, upper, home, speed or None)
+    return Joint(
+        name=joint.name,
+        kind="turning" if kind == "turning" else "sliding",
+        lower=lower,
+        upper=upper,
+        home=home,
+        speed=speed or None,
+    )
 
 
 def _axis(joint: Any, frame: Floats, numbers: dict[str, int], file: str) -> JointAxis:
@@ -348,7 +370,13 @@ def _axis(joint: Any, frame: Floats, numbers: dict[str, int], file: str) -> Join
             Location(file),
         )
     ratio = 1.0 if joint.mimic.multiplier is None else joint.mimic.multiplier
-    return JointAxis((x, y, z), (a, b, c), numbers[joint.mimic.joint], ratio, joint.mimic.offset or 0.0)
+    return JointAxis(
+        point=(x, y, z),
+        direction=(a, b, c),
+        joint=numbers[joint.mimic.joint],
+        ratio=ratio,
+        offset=joint.mimic.offset or 0.0,
+    )
 
 
 def _matrix(origin: Any) -> Floats:

@@ -65,7 +65,11 @@ def drive(
         blocks.append(np.zeros((1, len(wheels))))
     speeds = np.concatenate(blocks) + 0.0  # no negative zeros
     loop_start = 0 if repeat else len(speeds) - 1
-    return Drive(tuple(stretches), tuple(counts), JointTrajectory(wheels, clock, period, speeds, loop_start))
+    return Drive(
+        tuple(stretches),
+        tuple(counts),
+        JointTrajectory(joints=wheels, clock=clock, period=period, angles=speeds, loop_start=loop_start),
+    )
 
 
 def _shape(frames: float, ramp: int) -> Floats:

@@ -197,7 +197,13 @@ class _Tracer:
             block = np.array(self.ahead[: -BLOCK - 1 : -1])
             if not self._go(block):
                 self._divide()
-        return Branch(self.path, self.inverse, np.array(self.shares), np.array(self.angles), self.place)
+        return Branch(
+            path=self.path,
+            inverse=self.inverse,
+            shares=np.array(self.shares),
+            angles=np.array(self.angles),
+            place=self.place,
+        )
 
     def _go(self, block: Floats) -> bool:
         """Add the block's shares that are surely on the branch; return whether there was at least one."""

@@ -64,11 +64,11 @@ def loads_of(robot: WalkingRobot, walk: Walk) -> Loads | None:
     angles = walk.leg_angles
     standing = np.maximum(walk.ground.sum(axis=1, keepdims=True), 1)
     return Loads(
-        walk.legs,
-        weight,
-        forces,
-        robot.torques(angles, forces),
-        robot.torques(angles, np.where(walk.ground, weight / standing, 0.0)),
+        legs=walk.legs,
+        weight_n=weight,
+        forces=forces,
+        torques=robot.torques(angles, forces),
+        equal_torques=robot.torques(angles, np.where(walk.ground, weight / standing, 0.0)),
     )
 
 

@@ -113,7 +113,9 @@ def arc(start: ArrayLike, through: ArrayLike, end: ArrayLike, place: Location | 
     first = (a - centre) / radius
     second = np.cross(normal / np.sqrt(area2), first)
     angle = float(np.mod(np.arctan2((c - centre) @ second, (c - centre) @ first), 2 * np.pi))
-    return Arc(_triple(centre), _triple(first), _triple(second), radius, angle)
+    return Arc(
+        centre=_triple(centre), first=_triple(first), second=_triple(second), radius=radius, angle=angle
+    )
 
 
 def _triple(vector: Floats) -> tuple[float, float, float]:

@@ -89,7 +89,9 @@ def trajectory(motion: Motion, period: Cycles, clock: Clock) -> Planned:
         before_loop = len(angles)
         end = np.array(motion.poses[-1].angles)
         angles = np.concatenate((angles, _still(end * np.nan if motion.release_at_end else end, 1)))
-    joints = JointTrajectory(motion.joints, clock, period, angles, before_loop)
+    joints = JointTrajectory(
+        joints=motion.joints, clock=clock, period=period, angles=angles, loop_start=before_loop
+    )
     return Planned(joints, tuple(sampler.warnings), tuple(sampler.notes))
 
 

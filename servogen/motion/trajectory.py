@@ -49,9 +49,9 @@ def bound(trajectory: JointTrajectory, bindings: Sequence[Binding]) -> JointTraj
         column = trajectory.angles[:, trajectory.joints.index(binding.joint)]
         columns.append(binding.servo_angle(column))
     return JointTrajectory(
-        tuple(binding.servo for binding in bindings),
-        trajectory.clock,
-        trajectory.period,
-        np.stack(columns, axis=1),
-        trajectory.loop_start,
+        joints=tuple(binding.servo for binding in bindings),
+        clock=trajectory.clock,
+        period=trajectory.period,
+        angles=np.stack(columns, axis=1),
+        loop_start=trajectory.loop_start,
     )

@@ -156,7 +156,7 @@ def manipulator(arm: Arm, speeds: tuple[float | None, ...] | None = None) -> Man
 
 
 STILL = 1e-9
-"""Less than this (radians, metres) is no move: inverse kinematics gives the present joints back so well."""
+"""A shorter way (radians, metres) is not a move: inverse kinematics reproduces joints no better than this."""
 
 
 @cache
@@ -424,7 +424,7 @@ class Mover:
             raise InputError(
                 "program-too-long",
                 f"the program would take longer than {float(self.max_s):g} s",
-                hint="end it with ED; what should go on for ever is repeated by its job; or allow more time",
+                hint="end it with ED and let its job repeat it, or allow more time",
             )
         if self.frame + frames > MAX_FRAMES:
             raise InputError(

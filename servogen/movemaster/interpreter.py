@@ -106,20 +106,20 @@ class Controller:
             raise statement.error(
                 "program-too-long",
                 f"the program has not ended after {self.max_commands} commands",
-                "end it with ED; what should go on for ever is repeated by its job; or allow more commands",
+                "end it with ED and let its job repeat it, or allow more commands",
             )
 
     def _carry_out(self, statement: Statement) -> None:
         if statement.command is None:
             return
-        before, said = self.mover.frame, len(self.mover.warnings)
+        before, warned = self.mover.frame, len(self.mover.warnings)
         try:
             ACTIONS[statement.command.mnemonic](self, statement)
         except InputError as error:
             if error.location is None:
                 raise error.at(statement.place) from error
             raise
-        for warning in self.mover.warnings[said:]:
+        for warning in self.mover.warnings[warned:]:
             if warning.location is None:
                 self.warn(replace(warning, location=statement.place))
         if self.mover.frame > before and statement.command.mnemonic != "RN":

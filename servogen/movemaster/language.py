@@ -94,7 +94,8 @@ class Command:
         return self.mnemonic + text
 
     @property
-    def least(self) -> int:
+    def min_arguments(self) -> int:
+        """Return the number of arguments that must be given."""
         return sum(not each.optional for each in self.parameters)
 
 

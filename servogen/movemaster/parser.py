@@ -204,11 +204,11 @@ def _command(word: str, number: int | None, place: Location) -> Command:
 def _nearest_command(word: str) -> str:
     if word in MISPRINTS:
         return f"a misprint in the source's table: write {MISPRINTS[word]}"
-    said = did_you_mean(word, COMMANDS)
+    hint = did_you_mean(word, COMMANDS)
     alike = by_initial(word[0])
-    if said.startswith("known") and alike:
+    if hint.startswith("known") and alike:
         return f"commands that begin with {word[0]}: {', '.join(alike)}"
-    return said
+    return hint
 
 
 def _pieces(code: str, start: int) -> Iterator[tuple[str, int]]:
@@ -225,13 +225,17 @@ def _pieces(code: str, start: int) -> Iterator[tuple[str, int]]:
 def _arguments(
     command: Command, pieces: tuple[tuple[str, int], ...], place: Location, row: int
 ) -> tuple[Value, ...]:
-    most = len(command.parameters)
-    if not command.least <= len(pieces) <= most:
-        wanted = str(most or "no") if most == command.least else f"{command.least} to {most}"
-        column = pieces[most][1] if len(pieces) > most else place.column
+    maximum = len(command.parameters)
+    if not command.min_arguments <= len(pieces) <= maximum:
+        wanted = (
+            str(maximum or "no")
+            if maximum == command.min_arguments
+            else f"{command.min_arguments} to {maximum}"
+        )
+        column = pieces[maximum][1] if len(pieces) > maximum else place.column
         raise InputError(
             "program-argument",
-            f"{command.mnemonic} takes {wanted} argument{'' if most == 1 else 's'}, not {len(pieces)}",
+            f"{command.mnemonic} takes {wanted} argument{'' if maximum == 1 else 's'}, not {len(pieces)}",
             Location(place.file, row, column, place.key),
             f"it is written: {command.form}",
         )

@@ -105,7 +105,13 @@ def run(
         mover.stand(1)
     joints = (*arm.joints, hand.name) if hand else arm.joints
     return Run(
-        JointTrajectory(joints, clock, period, mover.samples[first:end], loop_start - first),
+        JointTrajectory(
+            joints=joints,
+            clock=clock,
+            period=period,
+            angles=mover.samples[first:end],
+            loop_start=loop_start - first,
+        ),
         tuple(replace(step, frame=step.frame - first) for step in controller.steps if step.frame >= first),
         tuple(replace(each, frame=each.frame - first) for each in controller.outputs if each.frame >= first),
         dict(sorted(controller.memory.positions.items())),

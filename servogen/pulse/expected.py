@@ -22,13 +22,15 @@ CHUNK_EDGES = 1 << 16
 def expected(schedule: PulseSchedule) -> Expected:
     """Return the edges of `schedule`; time zero is the first edge. They end only if the loop has no pulse."""
     return Expected(
-        schedule.clock,
-        schedule.period,
-        tuple(ExpectedChannel(channel.name, PINS.index(channel.pin)) for channel in schedule.channels),
-        schedule.lead_in_frames,
-        schedule.loop_frames,
-        _Chunks(schedule),
-        schedule.plan_error,
+        clock=schedule.clock,
+        period=schedule.period,
+        channels=tuple(
+            ExpectedChannel(channel.name, PINS.index(channel.pin)) for channel in schedule.channels
+        ),
+        lead_in=schedule.lead_in_frames,
+        loop=schedule.loop_frames,
+        chunks=_Chunks(schedule),
+        plan_error=schedule.plan_error,
     )
 
 

@@ -52,11 +52,11 @@ def plan(trajectory: JointTrajectory, servos: Sequence[Servo], frame: Frame) -> 
         )
     table = np.stack(columns, axis=1)
     schedule = PulseSchedule(
-        clock,
-        trajectory.period,
-        tuple(Channel(servo.name, servo.pin, servo.model.name) for servo in servos),
-        _runs(table[: trajectory.loop_start], starts),
-        _runs(table[trajectory.loop_start :], starts),
+        clock=clock,
+        period=trajectory.period,
+        channels=tuple(Channel(servo.name, servo.pin, servo.model.name) for servo in servos),
+        lead_in=_runs(table[: trajectory.loop_start], starts),
+        loop=_runs(table[trajectory.loop_start :], starts),
         plan_error=largest(errors),
     )
     return PulsePlan(schedule, tuple(rows), tuple(warnings))

@@ -86,12 +86,12 @@ def quantise(
             )
         before = rows.get(width)
         rows[width] = Quantised(
-            servo.name,
-            angle,
-            width,
-            rounded.cycles,
-            rounded.achieved_us,
-            count + (before.frames if before else 0),
+            channel=servo.name,
+            angle=angle,
+            requested_us=width,
+            cycles=rounded.cycles,
+            achieved_us=rounded.achieved_us,
+            frames=count + (before.frames if before else 0),
             held=angle in held or (before is not None and before.held),
         )
         cycles_of.append(rounded.cycles)

@@ -313,12 +313,12 @@ def _row(
             did_you_mean(table.joint, joints),
         )
     return DHRow(
-        radians(table.theta_deg),
-        _length(document, ("row", index, "d_mm"), table.d_mm, lengths),
-        _length(document, ("row", index, "a_mm"), table.a_mm, lengths),
-        radians(table.alpha_deg),
-        None if table.joint is None else joints.index(table.joint),
-        table.ratio,
+        theta=radians(table.theta_deg),
+        d=_length(document, ("row", index, "d_mm"), table.d_mm, lengths),
+        a=_length(document, ("row", index, "a_mm"), table.a_mm, lengths),
+        alpha=radians(table.alpha_deg),
+        joint=None if table.joint is None else joints.index(table.joint),
+        ratio=table.ratio,
     )
 
 

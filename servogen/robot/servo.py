@@ -272,7 +272,16 @@ def servo(
             limits_place or place,
             "calibrate it at angles that are further apart, or set min_deg and max_deg inside",
         )
-    result = Servo(name, pin, model, curve, chosen, trim_us, reverse, place)
+    result = Servo(
+        name=name,
+        pin=pin,
+        model=model,
+        calibration=curve,
+        limits=chosen,
+        trim_us=trim_us,
+        reverse=reverse,
+        place=place,
+    )
     if result.widths_us[0] <= 0:
         raise InputError(
             "servo-range",

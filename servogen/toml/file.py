@@ -178,9 +178,9 @@ def _frozen(value: Any) -> Any:
     return tuple(_frozen(item) for item in value) if isinstance(value, list) else value
 
 
-def _syntax_error(text: str, file: str, said: str) -> InputError:
-    found = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", said)
-    message = said[: found.start()] if found else said
+def _syntax_error(text: str, file: str, detail: str) -> InputError:
+    found = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", detail)
+    message = detail[: found.start()] if found else detail
     if found and found[1]:
         line, column = int(found[1]), int(found[2])
     else:

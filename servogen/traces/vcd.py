@@ -298,7 +298,13 @@ def read_header(path: Path, wires: Mapping[str, str] | None = None) -> VcdHeader
         )
     one_bit = [(var.ref_str, var.id_code) for var in declared if var.size == 1]
     line = 1 + text.count(b"\n", 0, end.end())
-    return VcdHeader(step, pins_of(one_bit, wires, place), end.end(), line, tuple(comments))
+    return VcdHeader(
+        step_s=step,
+        pins=pins_of(one_bit, wires, place),
+        offset=end.end(),
+        line=line,
+        comments=tuple(comments),
+    )
 
 
 def _end(path: Path, start: int, cycles_per_step: Fraction) -> Cycles:

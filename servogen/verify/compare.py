@@ -187,7 +187,9 @@ def _first(stray: tuple[StrayPin, ...]) -> Difference | None:
     if not stray:
         return None
     first = min(stray, key=lambda pin: (pin.first, pin.pin))
-    return Difference(first.pin, None, None, HIGH, None, first.first)
+    return Difference(
+        pin=first.pin, channel=None, frame=None, level=HIGH, expected=None, observed=first.first
+    )
 
 
 def _merged(before: tuple[StrayPin, ...], after: tuple[StrayPin, ...]) -> tuple[StrayPin, ...]:

@@ -74,13 +74,13 @@ def coverage(scheduled: Edges, expected: Expected, frames: range) -> Coverage:
     inside = np.concatenate((inside[~late], place + expected.lead_in))
     found = frozenset(same[inside].tolist())
     return Coverage(
-        counted,
-        found & counted,
-        aside,
-        found & aside,
-        expected.loop,
-        frozenset(np.unique(place).tolist()),
-        once,
+        different=counted,
+        seen=found & counted,
+        lead_in=aside,
+        lead_in_seen=found & aside,
+        loop_frames=expected.loop,
+        loop_seen=frozenset(np.unique(place).tolist()),
+        once=once,
     )
 
 

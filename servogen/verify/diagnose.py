@@ -115,12 +115,12 @@ def first_difference(stretch: Stretch, expected: Expected) -> Difference:
         frame = _frame_at(stretch, index)
     names = {channel.pin: channel.name for channel in expected.channels}
     return Difference(
-        pin,
-        names.get(pin),
-        frame if pin in names else None,
-        int(side.level[row]),
-        None if wanted is None else stretch.cycle(ours.cycle[wanted]),
-        None if got is None else stretch.cycle(theirs.cycle[got]),
+        pin=pin,
+        channel=names.get(pin),
+        frame=frame if pin in names else None,
+        level=int(side.level[row]),
+        expected=None if wanted is None else stretch.cycle(ours.cycle[wanted]),
+        observed=None if got is None else stretch.cycle(theirs.cycle[got]),
     )
 
 
@@ -146,16 +146,16 @@ def _channel(stretch: Stretch, channel: ExpectedChannel, period: int, glitch: in
     rows, partners = pair(wanted.rise, whole.rise, period // 2)
     ours, theirs = wanted.take(rows), whole.take(partners)
     return ChannelVerdict(
-        channel.name,
-        pin,
-        before + len(wanted.rise),
-        before + len(got.rise),
-        len(wanted.rise) - len(rows),
-        len(whole.rise) - len(rows),
-        glitches,
-        _worst(stretch, theirs.width - ours.width, ours.frame, theirs.rise),
-        _worst_period(stretch, ours, theirs, rows, pin, opened is None and before > 0),
-        _worst_edge(stretch, ours, theirs),
+        name=channel.name,
+        pin=pin,
+        scheduled=before + len(wanted.rise),
+        observed=before + len(got.rise),
+        missing=len(wanted.rise) - len(rows),
+        extra=len(whole.rise) - len(rows),
+        glitches=glitches,
+        width=_worst(stretch, theirs.width - ours.width, ours.frame, theirs.rise),
+        period=_worst_period(stretch, ours, theirs, rows, pin, opened is None and before > 0),
+        edge=_worst_edge(stretch, ours, theirs),
     )
 
 

@@ -291,7 +291,7 @@ class TrainBuilder:
         still_open = int(self._rise[0]) if len(self._rise) > len(self._width) else None
         if not self._parts:
             nothing = np.zeros(0, dtype=np.int64)
-            return Train(nothing, nothing, nothing, nothing, still_open)
+            return Train(first=nothing, count=nothing, width=nothing, period=nothing, open_rise=still_open)
         first, count, width, period = (np.concatenate(column) for column in zip(*self._parts, strict=True))
         return _merged(first, count, width, period, still_open)
 
@@ -299,7 +299,13 @@ class TrainBuilder:
 def _merged(first: Ints, count: Ints, width: Ints, period: Ints, still_open: int | None) -> Train:
     """Return the train with equal rows joined that were divided only by the border of a window."""
     starts = np.concatenate(([0], np.flatnonzero((np.diff(width) != 0) | (np.diff(period) != 0)) + 1))
-    return Train(first[starts], np.add.reduceat(count, starts), width[starts], period[starts], still_open)
+    return Train(
+        first=first[starts],
+        count=np.add.reduceat(count, starts),
+        width=width[starts],
+        period=period[starts],
+        open_rise=still_open,
+    )
 
 
 Flags = npt.NDArray[np.bool_]
@@ -328,7 +334,9 @@ def measure(observed: EdgeTrace) -> Measurement:
         overlaps.add(edges)
     trains = [(pin, builder.finish()) for pin, builder in enumerate(builders)]
     pins = tuple(measure_pin(pin, train) for pin, train in trains if len(train.first))
-    return Measurement(observed.clock, now, pins, overlaps.finish(now), now == observed.end)
+    return Measurement(
+        clock=observed.clock, end=now, pins=pins, overlap=overlaps.finish(now), complete=now == observed.end
+    )
 
 
 def measure_pin(pin: int, train: Train) -> PinMeasurement:
@@ -338,16 +346,16 @@ def measure_pin(pin: int, train: Train) -> PinMeasurement:
     paused = followed & (train.period > (PAUSE_PERIODS * period if period else 0))
     steady = followed & ~paused
     return PinMeasurement(
-        pin,
-        int(train.count.sum()),
-        Cycles(int(train.first[0])),
-        _counted(train.width, train.count),
-        _counted(train.period[steady], train.count[steady]),
-        Cycles(period) if period else None,
-        tuple(_kinds(train.width[steady], train.period[steady], train.count[steady])),
-        tuple(_pauses(train, paused)),
-        tuple(_runs(train, paused)),
-        None if train.open_rise is None else Cycles(train.open_rise),
+        pin=pin,
+        pulses=int(train.count.sum()),
+        first=Cycles(int(train.first[0])),
+        widths=_counted(train.width, train.count),
+        periods=_counted(train.period[steady], train.count[steady]),
+        period=Cycles(period) if period else None,
+        kinds=tuple(_kinds(train.width[steady], train.period[steady], train.count[steady])),
+        pauses=tuple(_pauses(train, paused)),
+        runs=tuple(_runs(train, paused)),
+        open_rise=None if train.open_rise is None else Cycles(train.open_rise),
     )
 
 

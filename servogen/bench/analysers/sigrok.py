@@ -137,10 +137,10 @@ class SigrokLook:
     rle: bool = False
 
 
-def sigrok_wires(said: Iterable[str]) -> tuple[tuple[str, str], ...]:
+def sigrok_wires(texts: Iterable[str]) -> tuple[tuple[str, str], ...]:
     """Return channels and pins from texts such as `D0=RB0`. Raises InputError."""
     found = []
-    for text in said:
+    for text in texts:
         channel, _, pin = (part.strip() for part in text.partition("="))
         if not channel or pin.upper() not in PINS:
             hint = did_you_mean(pin.upper(), PINS) if channel else "as D0=RB0"
@@ -200,9 +200,9 @@ def _captured(look: SigrokLook, output: Path, environment: Mapping[str, str]) ->
     except subprocess.TimeoutExpired as error:
         output.unlink(missing_ok=True)
         raise ToolError("tool-failed", f"{PROGRAM} did not end within {error.timeout:g} s") from None
-    said = "\n  ".join((done.stderr or done.stdout).strip().splitlines()[-3:])
+    output_text = "\n  ".join((done.stderr or done.stdout).strip().splitlines()[-3:])
     if done.returncode != 0 or not output.exists():
         output.unlink(missing_ok=True)
         raise ToolError(
-            "capture-failed", f"{PROGRAM} captured nothing with '{look.driver}'", hint=said or None
+            "capture-failed", f"{PROGRAM} captured nothing with '{look.driver}'", hint=output_text or None
         )

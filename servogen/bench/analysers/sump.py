@@ -180,12 +180,12 @@ CHANNEL_PINS = (*range(5, 13), *range(5))
 """The default wiring: the index in `PINS` of each channel's pin, RB0 to RB7, RA0 to RA4."""
 
 
-def wires(said: Iterable[str]) -> Mapping[int, int]:
+def wires(texts: Iterable[str]) -> Mapping[int, int]:
     """Return the pin of each channel from texts such as `0=RB0`; by default `CHANNEL_PINS`. Raises
     InputError.
     """
     found: dict[int, int] = {}
-    for text in said:
+    for text in texts:
         channel, _, pin = text.partition("=")
         name = pin.strip().upper()
         if not channel.strip().isdigit() or int(channel) >= CHANNELS:

@@ -124,7 +124,7 @@ def _judge(programmer: Programmer, code: int, output: str, port: str | None) -> 
             if failure.differs:
                 raise Differs("chip-differs", failure.sentence, _place(port), _last(output))
             raise ToolError("tool-failed", failure.sentence, _place(port), _last(output))
-    missing = [text for text in programmer.said if text not in output]
+    missing = [text for text in programmer.success_texts if text not in output]
     if code != 0:
         raise ToolError(
             "tool-failed", f"{programmer.name} failed with exit code {code}", _place(port), _last(output)

@@ -123,13 +123,13 @@ class Failure:
 
 @dataclass(frozen=True, slots=True)
 class Programmer:
-    """A programmer; it succeeded if the exit code is 0 and its output contains all of `said`."""
+    """A programmer; it succeeded if the exit code is 0 and its output contains all `success_texts`."""
 
     name: str
     hardware: str
     program: Callable[[Order], tuple[str, ...]]
     failures: tuple[Failure, ...]
-    said: tuple[str, ...] = ()
+    success_texts: tuple[str, ...] = ()
     needs_port: bool = False
     looks: Callable[[Order], tuple[Look, ...]] = lambda order: ()
     """How it reads the chip back into HEX files."""
@@ -183,7 +183,7 @@ PICPRO = Programmer(
         Failure("communication failure", "the programmer does not answer as it should"),
         Failure(r"chip detected(?![\s\S]*erasing)", "the programmer stopped before it erased the chip"),
     ),
-    said=("ROM verified.", "EEPROM verified."),
+    success_texts=("ROM verified.", "EEPROM verified."),
     needs_port=True,
     looks=lambda order: (
         Look(_dump("rom", order), program_of),
@@ -223,7 +223,7 @@ IPECMD = Programmer(
         Failure(r"verif\w* failed|failed to verify", "the chip differs from the file", differs=True),
         Failure(r"failed to program|programming failed", "programming failed"),
     ),
-    said=("Program Succeeded.",),
+    success_texts=("Program Succeeded.",),
 )
 
 PICKIT3 = replace(

@@ -88,7 +88,14 @@ def rig(
     `held` has the levels at which the board holds pins that the program reads, by the pins' numbers.
     """
     stimulus = LineStimulus(options.serial_pin, options.baud, options.inverted, held)
-    chip = VirtualChip(image, clock, board, options.ppm, stimulus, options.real_time)
+    chip = VirtualChip(
+        image=image,
+        clock=clock,
+        options=board,
+        ppm=options.ppm,
+        stimulus=stimulus,
+        in_real_time=options.real_time,
+    )
     devices: dict[str, Device] = {
         "programmer": VirtualProgrammer(chip, options.programmer),
         "analyser": VirtualAnalyser(chip, options.analyser),

@@ -223,7 +223,9 @@ def walk(
                 "the limits of the servos ask for a cycle of more than a minute",
                 hint="shorten the stride, or raise the limits",
             )
-    trajectory = JointTrajectory(tuple(joints), clock, period, angles, loop_start)
+    trajectory = JointTrajectory(
+        joints=tuple(joints), clock=clock, period=period, angles=angles, loop_start=loop_start
+    )
     margins = _margins(robot, frames)
     changes = rounded.changes_from(gait, count)
     result = Walk(

@@ -164,28 +164,28 @@ def _set_up(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sample
         cut.append(ends)
         glitches.append(number)
     signals = Signals(
-        tuple(theirs),
-        tuple(ours),
-        nominal,
-        quantum,
-        int(expected.period),
-        CAP_US / cycle_us,
-        int(candidates),
-        tuple(cut),
-        end,
+        captured=tuple(theirs),
+        scheduled=tuple(ours),
+        nominal=nominal,
+        quantum=quantum,
+        period=int(expected.period),
+        cap=CAP_US / cycle_us,
+        candidates=int(candidates),
+        cut=tuple(cut),
+        length=end,
     )
     return _Setup(
-        expected,
-        allowed,
-        end,
-        step_us,
-        cycle_us,
-        connected,
-        level,
-        changes,
-        scheduled,
-        signals,
-        tuple(glitches),
+        expected=expected,
+        allowed=allowed,
+        end=end,
+        step_us=step_us,
+        cycle_us=cycle_us,
+        connected=connected,
+        level=level,
+        captured=changes,
+        scheduled=scheduled,
+        signals=signals,
+        glitches=tuple(glitches),
     )
 
 
@@ -227,24 +227,26 @@ def _facts(setup: _Setup, line: Line | None, judged: Mapping[int, Judged]) -> Ca
     for pin in stray:
         text = f"{PINS[pin.pin]} changes, which the schedule does not drive"
         found = Diagnostic("error", "stray-edge", text)
-        mismatches.append(Mismatch(pin.first * setup.step_us, pin.pin, "", None, found))
+        mismatches.append(
+            Mismatch(time_us=pin.first * setup.step_us, pin=pin.pin, channel="", frame=None, diagnostic=found)
+        )
     return CaptureVerdict(
-        False,
-        (),
-        setup.allowed,
-        setup.signals.quantum * setup.step_us,
-        setup.end * setup.step_us,
-        ppm,
-        ppm_error,
-        min(frames) if frames else None,
-        max(frames) - min(frames) + 1 if frames else 0,
-        tuple(_channel(setup, number, judged.get(number)) for number in range(len(setup.glitches))),
-        min(mismatches, key=lambda each: (each.time_us, each.pin), default=None),
-        stray,
-        _overlap_us(setup, line),
-        sum(found.paired for found in judged.values()),
-        whole,
-        coverage(setup.scheduled, setup.expected, whole.frames if whole else range(0)),
+        proven=False,
+        reasons=(),
+        tolerances=setup.allowed,
+        sample_us=setup.signals.quantum * setup.step_us,
+        duration_us=setup.end * setup.step_us,
+        ppm=ppm,
+        ppm_error=ppm_error,
+        first_frame=min(frames) if frames else None,
+        frames=max(frames) - min(frames) + 1 if frames else 0,
+        channels=tuple(_channel(setup, number, judged.get(number)) for number in range(len(setup.glitches))),
+        first_mismatch=min(mismatches, key=lambda each: (each.time_us, each.pin), default=None),
+        stray=stray,
+        overlap_us=_overlap_us(setup, line),
+        paired=sum(found.paired for found in judged.values()),
+        whole=whole,
+        coverage=coverage(setup.scheduled, setup.expected, whole.frames if whole else range(0)),
     )
 
 
@@ -316,7 +318,13 @@ def merged(found: Sequence[CaptureVerdict], begins_us: Sequence[float]) -> Captu
     ]
     pieces = tuple(
         CapturePiece(
-            begin, each.duration_us, each.first_frame, each.frames, each.ppm, each.ppm_error, each.paired
+            begin_us=begin,
+            duration_us=each.duration_us,
+            first_frame=each.first_frame,
+            frames=each.frames,
+            ppm=each.ppm,
+            ppm_error=each.ppm_error,
+            paired=each.paired,
         )
         for each, begin in zip(found, begins_us, strict=True)
     )

@@ -95,19 +95,19 @@ def judge(
     each = np.diff(theirs.rise)[np.diff(ours.frame) == 1] / scale.line.b * scale.cycle_us
     return Judged(
         CapturedChannel(
-            channel.name,
-            channel.pin,
-            True,
-            len(rows) + len(missing),
-            len(got.rise),
-            len(missing),
-            len(extra),
-            0,
-            width,
-            period,
-            edge,
-            float(each.mean()) if len(each) else None,
-            float(late.std()) if len(late) else 0.0,
+            name=channel.name,
+            pin=channel.pin,
+            connected=True,
+            scheduled=len(rows) + len(missing),
+            captured=len(got.rise),
+            missing=len(missing),
+            extra=len(extra),
+            glitches=0,
+            width=width,
+            period=period,
+            edge=edge,
+            mean_period_us=float(each.mean()) if len(each) else None,
+            jitter_us=float(late.std()) if len(late) else 0.0,
         ),
         tuple(problems),
         (int(ours.frame[0]), int(ours.frame[-1])) if len(rows) else (),
@@ -134,7 +134,14 @@ def _us(steps: Ints, scale: Scale) -> Floats:
 def _widths(ours: Pulses, theirs: Pulses, scale: Scale, allowed: Tolerances) -> _Errors:
     wanted = ours.width.astype(np.float64) * scale.cycle_us
     error = _us(theirs.width, scale) - wanted
-    return _Errors("width", error, wanted, theirs.rise, ours.frame, scale.sample_us + allowed.width_us)
+    return _Errors(
+        noun="width",
+        error=error,
+        wanted=wanted,
+        time=theirs.rise,
+        frame=ours.frame,
+        limit=scale.sample_us + allowed.width_us,
+    )
 
 
 def _periods(
@@ -144,7 +151,14 @@ def _periods(
     wanted = np.diff(ours.rise)[follows].astype(np.float64) * scale.cycle_us
     error = _us(np.diff(theirs.rise)[follows], scale) - wanted
     limit = scale.sample_us + allowed.period_us
-    return _Errors("period", error, wanted, theirs.rise[1:][follows], ours.frame[1:][follows], limit)
+    return _Errors(
+        noun="period",
+        error=error,
+        wanted=wanted,
+        time=theirs.rise[1:][follows],
+        frame=ours.frame[1:][follows],
+        limit=limit,
+    )
 
 
 def _edges(ours: Pulses, theirs: Pulses, scale: Scale, allowed: Tolerances) -> _Errors:
@@ -153,7 +167,9 @@ def _edges(ours: Pulses, theirs: Pulses, scale: Scale, allowed: Tolerances) -> _
     error = (scale.line.cycles(time) - wanted) * scale.cycle_us
     frame = np.concatenate((ours.frame, ours.frame))
     limit = scale.sample_us + allowed.edge_us
-    return _Errors("edge", error, wanted * scale.cycle_us, time, frame, limit)
+    return _Errors(
+        noun="edge", error=error, wanted=wanted * scale.cycle_us, time=time, frame=frame, limit=limit
+    )
 
 
 def _wrong(errors: _Errors, channel: ExpectedChannel, scale: Scale, expected: Expected) -> Iterator[Mismatch]:
@@ -190,7 +206,13 @@ def _extra(pulses: Pulses, channel: ExpectedChannel, scale: Scale) -> Iterator[M
         width = float(_us(pulses.width[:1], scale)[0])
         time = float(pulses.rise[0]) * scale.step_us
         text = f"{PINS[channel.pin]} ({channel.name}): a pulse of {width:z.2f} µs that is not scheduled"
-        yield Mismatch(time, channel.pin, channel.name, None, Diagnostic("error", "extra-pulse", text))
+        yield Mismatch(
+            time_us=time,
+            pin=channel.pin,
+            channel=channel.name,
+            frame=None,
+            diagnostic=Diagnostic("error", "extra-pulse", text),
+        )
 
 
 def _cut(
@@ -218,7 +240,9 @@ def _cut(
             where = f"{PINS[channel.pin]} ({channel.name}), at the capture's {place}"
             time_us = (step if edge is None else edge) * scale.step_us
             found = Diagnostic("error", "wrong-pulse", f"{where}: {text}")
-            yield Mismatch(time_us, channel.pin, channel.name, None, found)
+            yield Mismatch(
+                time_us=time_us, pin=channel.pin, channel=channel.name, frame=None, diagnostic=found
+            )
 
 
 def _mismatch(
@@ -226,4 +250,10 @@ def _mismatch(
 ) -> Mismatch:
     where = frame_words(frame, expected.lead_in, expected.loop)
     words = f"{PINS[channel.pin]} ({channel.name}), {where}: {text}"
-    return Mismatch(time * scale.step_us, channel.pin, channel.name, frame, Diagnostic("error", code, words))
+    return Mismatch(
+        time_us=time * scale.step_us,
+        pin=channel.pin,
+        channel=channel.name,
+        frame=frame,
+        diagnostic=Diagnostic("error", code, words),
+    )
