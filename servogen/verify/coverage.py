@@ -101,12 +101,12 @@ def compared_frames(scheduled: Edges, expected: Expected, compared: int) -> rang
 def joined(parts: Iterable[Coverage]) -> Coverage:
     """Return what several captures of one schedule show together."""
     first, *others = parts
-    for each in others:
+    for other in others:
         first = replace(
             first,
-            seen=first.seen | each.seen,
-            lead_in_seen=first.lead_in_seen | each.lead_in_seen,
-            loop_seen=first.loop_seen | each.loop_seen,
+            seen=first.seen | other.seen,
+            lead_in_seen=first.lead_in_seen | other.lead_in_seen,
+            loop_seen=first.loop_seen | other.loop_seen,
         )
     return first
 

@@ -386,7 +386,9 @@ def verdict_lines(verdict: Verdict) -> list[str]:
     lines += [_channel_line(channel) for channel in verdict.channels]
     lines += [f"- {reason}" for reason in verdict.reasons]
     return lines + [
-        f"warning: {each.sentence}" for each in verdict.warnings if each not in verdict.chip_dependent
+        f"warning: {warning.sentence}"
+        for warning in verdict.warnings
+        if warning not in verdict.chip_dependent
     ]
 
 

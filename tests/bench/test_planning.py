@@ -46,7 +46,7 @@ def test_too_little_for_what_is_wanted_says_how_long_it_can_be() -> None:
 def test_a_rate_that_does_not_divide_100_mhz_is_refused() -> None:
     with pytest.raises(InputError, match="do not divide") as error:
         plan(24 * 1024, 3_000_000, True, one_servo(1))
-    assert error.value.hint == "as 2941176"
+    assert error.value.hint == "try 2941176"
 
 
 def one_servo(frames: int) -> Wanted:

@@ -111,17 +111,19 @@ def verify_capture(
     if sampled.stated:
         sampled.check(allowed.glitch_us)
     if pieces:
-        found = [_found(expected, piece, allowed, sampled) for piece in split(captured, pieces)]
+        verdicts = [_verdict(expected, piece, allowed, sampled) for piece in split(captured, pieces)]
         step_us = float(captured.clock.cycle_us)
-        verdict = merged(found, [begin * step_us for begin, _ in pieces])
+        verdict = merged(verdicts, [begin * step_us for begin, _ in pieces])
     else:
-        verdict = with_reasons(_found(expected, captured, allowed, sampled))
+        verdict = with_reasons(_verdict(expected, captured, allowed, sampled))
     if sampled.too_slow(allowed.glitch_us):
         verdict = verdict.but(sampled.words(allowed.glitch_us))
     return replace(verdict, plan_error=expected.plan_error)
 
 
-def _found(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sampled: Sampling) -> CaptureVerdict:
+def _verdict(
+    expected: Expected, captured: EdgeTrace, allowed: Tolerances, sampled: Sampling
+) -> CaptureVerdict:
     """Return the verdict on one continuous capture."""
     setup = _set_up(expected, captured, allowed, sampled)
     line = align(setup.signals)
@@ -215,9 +217,9 @@ def _pulses(changes: Edges, pin: int, high: bool) -> tuple[Pulses, CutPulses]:
 
 def _facts(setup: _Setup, line: Line | None, judged: Mapping[int, Judged]) -> CaptureVerdict:
     """Return all findings; `with_reasons` adds the reasons why the capture is not proven."""
-    mismatches = [each for found in judged.values() for each in found.mismatches]
+    mismatches = [mismatch for channel in judged.values() for mismatch in channel.mismatches]
     ppm, ppm_error = _clock(setup, line)
-    frames = [frame for found in judged.values() for frame in found.frames]
+    frames = [frame for channel in judged.values() for frame in channel.frames]
     whole = None
     if line is not None:
         whole = whole_frames(
@@ -226,9 +228,11 @@ def _facts(setup: _Setup, line: Line | None, judged: Mapping[int, Judged]) -> Ca
     stray = _stray(setup)
     for pin in stray:
         text = f"{PINS[pin.pin]} changes, which the schedule does not drive"
-        found = Diagnostic("error", "stray-edge", text)
+        diagnostic = Diagnostic("error", "stray-edge", text)
         mismatches.append(
-            Mismatch(time_us=pin.first * setup.step_us, pin=pin.pin, channel="", frame=None, diagnostic=found)
+            Mismatch(
+                time_us=pin.first * setup.step_us, pin=pin.pin, channel="", frame=None, diagnostic=diagnostic
+            )
         )
     return CaptureVerdict(
         proven=False,
@@ -241,10 +245,10 @@ def _facts(setup: _Setup, line: Line | None, judged: Mapping[int, Judged]) -> Ca
         first_frame=min(frames) if frames else None,
         frames=max(frames) - min(frames) + 1 if frames else 0,
         channels=tuple(_channel(setup, number, judged.get(number)) for number in range(len(setup.glitches))),
-        first_mismatch=min(mismatches, key=lambda each: (each.time_us, each.pin), default=None),
+        first_mismatch=min(mismatches, key=lambda mismatch: (mismatch.time_us, mismatch.pin), default=None),
         stray=stray,
         overlap_us=_overlap_us(setup, line),
-        paired=sum(found.paired for found in judged.values()),
+        paired=sum(channel.paired for channel in judged.values()),
         whole=whole,
         coverage=coverage(setup.scheduled, setup.expected, whole.frames if whole else range(0)),
     )
@@ -308,52 +312,57 @@ def split(captured: EdgeTrace, pieces: Sequence[tuple[int, int]]) -> Iterator[Ed
         yield EdgeTrace(captured.clock, (edge_chunk(*columns),), Cycles(end - begin))
 
 
-def merged(found: Sequence[CaptureVerdict], begins_us: Sequence[float]) -> CaptureVerdict:
+def merged(verdicts: Sequence[CaptureVerdict], begins_us: Sequence[float]) -> CaptureVerdict:
     """Return the verdict on all pieces, from the verdict on each and its beginning."""
-    ppm, ppm_error = _joint_clock(found)
+    ppm, ppm_error = _joint_clock(verdicts)
     mismatches = [
-        replace(each.first_mismatch, time_us=each.first_mismatch.time_us + begin)
-        for each, begin in zip(found, begins_us, strict=True)
-        if each.first_mismatch
+        replace(verdict.first_mismatch, time_us=verdict.first_mismatch.time_us + begin)
+        for verdict, begin in zip(verdicts, begins_us, strict=True)
+        if verdict.first_mismatch
     ]
     pieces = tuple(
         CapturePiece(
             begin_us=begin,
-            duration_us=each.duration_us,
-            first_frame=each.first_frame,
-            frames=each.frames,
-            ppm=each.ppm,
-            ppm_error=each.ppm_error,
-            paired=each.paired,
+            duration_us=verdict.duration_us,
+            first_frame=verdict.first_frame,
+            frames=verdict.frames,
+            ppm=verdict.ppm,
+            ppm_error=verdict.ppm_error,
+            paired=verdict.paired,
         )
-        for each, begin in zip(found, begins_us, strict=True)
+        for verdict, begin in zip(verdicts, begins_us, strict=True)
     )
     return with_reasons(
         replace(
-            found[0],
-            sample_us=max(each.sample_us for each in found),
-            duration_us=sum(each.duration_us for each in found),
+            verdicts[0],
+            sample_us=max(verdict.sample_us for verdict in verdicts),
+            duration_us=sum(verdict.duration_us for verdict in verdicts),
             ppm=ppm,
             ppm_error=ppm_error,
             first_frame=None,
-            frames=sum(each.frames for each in found),
+            frames=sum(verdict.frames for verdict in verdicts),
             channels=tuple(
-                _joint_channel(each) for each in zip(*(each.channels for each in found), strict=True)
+                _joint_channel(verdict)
+                for verdict in zip(*(verdict.channels for verdict in verdicts), strict=True)
             ),
             first_mismatch=mismatches[0] if mismatches else None,
-            stray=_joint_stray(found),
-            overlap_us=max(each.overlap_us for each in found),
-            paired=sum(each.paired for each in found),
-            whole=found[0].whole if len(found) == 1 else None,
-            coverage=joined(each.coverage for each in found),
+            stray=_joint_stray(verdicts),
+            overlap_us=max(verdict.overlap_us for verdict in verdicts),
+            paired=sum(verdict.paired for verdict in verdicts),
+            whole=verdicts[0].whole if len(verdicts) == 1 else None,
+            coverage=joined(verdict.coverage for verdict in verdicts),
             pieces=pieces,
         )
     )
 
 
-def _joint_clock(found: Iterable[CaptureVerdict]) -> tuple[float | None, float | None]:
+def _joint_clock(verdicts: Iterable[CaptureVerdict]) -> tuple[float | None, float | None]:
     """Return the mean of the clock errors, weighted by their standard errors."""
-    known = [(each.ppm, each.ppm_error) for each in found if each.ppm is not None and each.ppm_error]
+    known = [
+        (verdict.ppm, verdict.ppm_error)
+        for verdict in verdicts
+        if verdict.ppm is not None and verdict.ppm_error
+    ]
     if not known:
         return None, None
     total = sum(1 / error**2 for _, error in known)
@@ -391,10 +400,10 @@ def _mean(values: Iterable[tuple[float, int]]) -> float:
     return sum(value * weight for value, weight in pairs) / max(1, sum(weight for _, weight in pairs))
 
 
-def _joint_stray(found: Iterable[CaptureVerdict]) -> tuple[StrayPin, ...]:
+def _joint_stray(verdicts: Iterable[CaptureVerdict]) -> tuple[StrayPin, ...]:
     counts: dict[int, StrayPin] = {}
-    for each in found:
-        for stray in each.stray:
+    for verdict in verdicts:
+        for stray in verdict.stray:
             known = counts.get(stray.pin)
             counts[stray.pin] = replace(known, edges=known.edges + stray.edges) if known else stray
     return tuple(counts[pin] for pin in sorted(counts))

@@ -92,7 +92,7 @@ def judge(
     problems = problems or list(_wrong(kinds[2], channel, scale, expected))
     problems = problems or list(_cut(signals, number, scale, channel, allowed))
     late = kinds[2].error[: len(rows)]
-    each = np.diff(theirs.rise)[np.diff(ours.frame) == 1] / scale.line.b * scale.cycle_us
+    periods_us = np.diff(theirs.rise)[np.diff(ours.frame) == 1] / scale.line.b * scale.cycle_us
     return Judged(
         CapturedChannel(
             name=channel.name,
@@ -106,7 +106,7 @@ def judge(
             width=width,
             period=period,
             edge=edge,
-            mean_period_us=float(each.mean()) if len(each) else None,
+            mean_period_us=float(periods_us.mean()) if len(periods_us) else None,
             jitter_us=float(late.std()) if len(late) else 0.0,
         ),
         tuple(problems),
