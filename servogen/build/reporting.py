@@ -74,7 +74,13 @@ def page_of(
             job, planned, (*job.warnings, *planned.warnings), capture=beside, not_built=error.message
         )
         seen = beside.verdict if beside else None
-        return Page(html_page(facts), False, error.first, planned.schedule.plan_error, seen)
+        return Page(
+            html=html_page(facts),
+            programs_proven=False,
+            not_built=error.first,
+            plan_error=planned.schedule.plan_error,
+            capture=seen,
+        )
     moved = None
     if twin:
         progress("moving the robot")
@@ -83,19 +89,26 @@ def page_of(
     beside = capture_facts(done.plan.schedule, capture, rate) if capture else None
     seen = beside.verdict if beside else None
     facts = replace(_facts(done, beside), twin=page_facts(moved) if moved else None)
-    return Page(html_page(facts), done.proven, None, done.plan.schedule.plan_error, seen, moved)
+    return Page(
+        html=html_page(facts),
+        programs_proven=done.proven,
+        not_built=None,
+        plan_error=done.plan.schedule.plan_error,
+        capture=seen,
+        twin=moved,
+    )
 
 
 def _facts(done: Build, capture: CaptureFacts | None) -> PageFacts:
     own = done.programs[0]
     return PageFacts(
-        done.job,
-        done.plan,
-        done.warnings,
-        program_facts(done),
-        own.firmware.compilation.listing,
-        _once(done.plan, done),
-        capture,
+        job=done.job,
+        plan=done.plan,
+        warnings=done.warnings,
+        programs=program_facts(done),
+        listing=own.firmware.compilation.listing,
+        trace=_once(done.plan, done),
+        capture=capture,
     )
 
 

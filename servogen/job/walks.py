@@ -127,7 +127,11 @@ def walk_on_command(
         notes += [Diagnostic("note", "command", text, document.place(*key)), *_notes(document, endless)]
     first = ways[0]
     stance = JointTrajectory(
-        tuple(servo.name for servo in job.servos), job.clock, job.frame.period.cycles, first.angles[:1], 0
+        joints=tuple(servo.name for servo in job.servos),
+        clock=job.clock,
+        period=job.frame.period.cycles,
+        angles=first.angles[:1],
+        loop_start=0,
     )
     unique = tuple(dict.fromkeys(heavy))
     return Planned(stance, warnings=unique, notes=tuple(dict.fromkeys(notes))), tuple(ways)
@@ -195,7 +199,7 @@ def _walker(job: Job, table: WalkTable, limits: tuple[Limits, ...]) -> _Walker:
         robot = robot.with_leg(table.leg)
     gait = _gait(document, table, whole, robot)
     frames = _frames(table, job.frame.period.cycles, job.clock)
-    return _Walker(job, table, robot, gait, _least(limits), frames)
+    return _Walker(job=job, table=table, robot=robot, gait=gait, limits=_least(limits), frames=frames)
 
 
 def _gait(document: Document, table: WalkTable, whole: WalkingRobot, robot: WalkingRobot) -> Gait:

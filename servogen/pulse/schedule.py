@@ -301,16 +301,16 @@ class _Reader:
             for index, each in enumerate(self._array(inputs, "inputs"))
         )
         return PulseSchedule(
-            clock,
-            Cycles(cycles),
-            read,
-            runs[0],
-            runs[1],
-            held,
-            None if plan_error is None else self._plan_error(plan_error),
-            None if device is None else self._text(device, "device"),
-            None if buttons is None else self._buttons(buttons, read),
-            None if commands is None else self._commands(commands, read, cycles),
+            clock=clock,
+            period=Cycles(cycles),
+            channels=read,
+            lead_in=runs[0],
+            loop=runs[1],
+            inputs=held,
+            plan_error=None if plan_error is None else self._plan_error(plan_error),
+            device=None if device is None else self._text(device, "device"),
+            buttons=None if buttons is None else self._buttons(buttons, read),
+            commands=None if commands is None else self._commands(commands, read, cycles),
         )
 
     def _buttons(self, data: Any, channels: tuple[Channel, ...]) -> ButtonRule:
@@ -372,11 +372,11 @@ class _Reader:
                 "json-value", "plan_error", "has one of 'end' and 'end_mm': give both, or null for both"
             )
         return PlanError(
-            self._distance(width, "plan_error.width_us"),
-            None if angle is None else self._distance(angle, "plan_error.angle_deg"),
-            None if speed is None else self._distance(speed, "plan_error.speed_deg_s"),
-            None if end is None else self._text(end, "plan_error.end"),
-            None if away is None else self._distance(away, "plan_error.end_mm"),
+            width_us=self._distance(width, "plan_error.width_us"),
+            angle_deg=None if angle is None else self._distance(angle, "plan_error.angle_deg"),
+            speed_deg_s=None if speed is None else self._distance(speed, "plan_error.speed_deg_s"),
+            end=None if end is None else self._text(end, "plan_error.end"),
+            end_mm=None if away is None else self._distance(away, "plan_error.end_mm"),
         )
 
     def _channel(self, data: Any, key: str) -> Channel:

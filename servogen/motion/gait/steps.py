@@ -136,5 +136,5 @@ def steps(gait: Gait, leg: str, segment: Segment, cruise: Cruise, neutral: compl
     position, heading = segment.travelled(cruise.steady(middles))
     holds = position + np.exp(1j * heading) * neutral
     if not (np.abs(np.diff(holds)) > SAME_M).all():
-        return Steps(segment, cruise, np.zeros(0), np.zeros(0), holds[:1])
-    return Steps(segment, cruise, lifts, lifts + swing, holds)
+        return Steps(segment=segment, cruise=cruise, lifts=np.zeros(0), lands=np.zeros(0), holds=holds[:1])
+    return Steps(segment=segment, cruise=cruise, lifts=lifts, lands=lifts + swing, holds=holds)
