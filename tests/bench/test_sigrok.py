@@ -153,7 +153,7 @@ def samples_asked(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *op
     return int(words[words.index("--samples") + 1])
 
 
-@pytest.mark.parametrize(("folder", "seconds"), [("lab8-exercise", 10), ("hexapod-turn", 17.44)])
+@pytest.mark.parametrize(("folder", "seconds"), [("lab8-exercise", 10), ("hexapod-turn", 17.38)])
 def test_the_length_is_the_schedules(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: str, seconds: float
 ) -> None:
