@@ -165,7 +165,13 @@ def observed(case: Target, image: Image, around: Environment, frames: int) -> li
         board_of(case.schedule), start_seed=around.start_seed, tmr0_phase=around.tmr0_phase
     )
     machine = Machine(image, case.schedule.clock, options, Stimuli(sources(case, around)))
-    found = levels_of(machine.run(case.first + frames * case.plan.period))
+    chunk = machine.run(case.first + frames * case.plan.period)
+    begun = next((cycle for cycle, out in levels_of(chunk) if out), None)
+    if begun is None:  # the first pulse may come within 50 periods
+        begun = case.first + (SILENT_PERIODS - frames) * case.plan.period
+    if begun > case.first:  # a later start is not a fault
+        chunk = join(iter([chunk, machine.run(begun - case.first)]))
+    found = levels_of(chunk)
     return [(cycle - found[0][0], out) for cycle, out in found]
 
 
