@@ -1,4 +1,4 @@
-"""`servogen twin`: does the robot do what its job plans?"""
+"""`servogen twin`: whether the simulated robot does what its job plans."""
 
 from __future__ import annotations
 
@@ -24,27 +24,31 @@ def twin(
     hexfile: Annotated[
         Path | None, typer.Option("--hex", help="The program to run (default: the job's, compiled).")
     ] = None,
-    friction: Annotated[float, typer.Option("--friction", help="Between feet or wheels and ground.")] = 0.8,
-    slope_deg: Annotated[float, typer.Option("--slope-deg", help="The ground rises forward.")] = 0.0,
-    step_mm: Annotated[float, typer.Option("--step-mm", help="A step up, 150 mm before the robot.")] = 0.0,
-    rough_mm: Annotated[float, typer.Option("--rough-mm", help="Random heights of the ground.")] = 0.0,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the rough ground.")] = 1,
+    friction: Annotated[
+        float, typer.Option("--friction", help="Coefficient of friction of the ground.")
+    ] = 0.8,
+    slope_deg: Annotated[
+        float, typer.Option("--slope-deg", help="Slope of the ground, rising forward.")
+    ] = 0.0,
+    step_mm: Annotated[float, typer.Option("--step-mm", help="Height of a step 150 mm ahead.")] = 0.0,
+    rough_mm: Annotated[float, typer.Option("--rough-mm", help="Height of random bumps.")] = 0.0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random bumps.")] = 1,
     broken: Annotated[
-        list[str] | None, typer.Option("--broken", help="A servo whose gear is broken.")
+        list[str] | None, typer.Option("--broken", help="A servo with a broken gear (repeatable).")
     ] = None,
     unplugged: Annotated[
-        list[str] | None, typer.Option("--unplugged", help="A servo that receives no pulses.")
+        list[str] | None, typer.Option("--unplugged", help="A servo that receives no pulses (repeatable).")
     ] = None,
-    loops: Annotated[int, typer.Option("--loops", min=1, help="How often the motion is played.")] = 1,
+    loops: Annotated[int, typer.Option("--loops", min=1, help="How many times the motion is played.")] = 1,
     seconds: Annotated[
-        float | None, typer.Option("--seconds", min=0, help="How long, from power-up, instead.")
+        float | None, typer.Option("--seconds", min=0, help="Duration from power-up, instead of --loops.")
     ] = None,
     stimulus: Annotated[
-        Path | None, typer.Option("--stimulus", help="Buttons and serial lines (TOML).")
+        Path | None, typer.Option("--stimulus", help="What drives the pins from outside (TOML).")
     ] = None,
     picture: Annotated[
         Path | None,
-        typer.Option("--plot", help="Draw path, torques, supply and feet: .png, .svg, .pdf."),
+        typer.Option("--plot", help="Draw path, torques, supply and feet: .png, .svg or .pdf."),
     ] = None,
     film: Annotated[
         Path | None, typer.Option("--film", help="Write a film of the robot: .gif or .mp4 (needs ffmpeg).")

@@ -25,7 +25,7 @@ def watch(
     chip: ChipOptions,
     against: Annotated[
         Path | None,
-        typer.Option("--against", help="The schedule.json that a program or a capture is held against."),
+        typer.Option("--against", help="The schedule.json to compare a program or a capture with."),
     ] = None,
     stimulus: Annotated[
         Path | None, typer.Option("--stimulus", help="What drives the pins from outside (TOML).")
@@ -37,10 +37,10 @@ def watch(
         ),
     ] = None,
     port: Annotated[
-        int, typer.Option("--port", min=0, max=65_535, help="Of the server (default: any that is free).")
+        int, typer.Option("--port", min=0, max=65_535, help="Port of the server (default: any free one).")
     ] = 0,
     browser: Annotated[
-        bool, typer.Option("--browser/--no-browser", help="Whether to open the page in the browser.")
+        bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")
     ] = True,
     clock_hz: ClockHz = None,
     device: DeviceName = "PIC16F84",

@@ -16,8 +16,9 @@ from servogen.job import load, plan_job
 from servogen.pulse.plan import plan
 from servogen.report import calibration_plot, motion_plot, pulse_plot
 from servogen.report.drawing import Axis, path_chart, time_chart
+from servogen.report.html import path_charts
 from servogen.report.pulse_plot import Frame, Pulses
-from servogen.report.tracks import tracks_of
+from servogen.report.tracks import Kind, Track, tracks_of
 from servogen.robot.calibration import Reading, fit
 from tests.report.test_html import job_file
 
@@ -228,3 +229,34 @@ def test_a_calibration_is_drawn_in_degrees_and_microseconds(caught: Caught, tmp_
     assert x == pytest.approx([0, 162])
     assert curve(below.lines[-1])[1] == pytest.approx([-0.2, 0.4, -0.2])
     assert below.get_ylim() == pytest.approx((-0.6, 0.6))
+
+
+def test_the_servos_of_one_arm_have_colours_and_widths_of_their_own(axes: Any) -> None:
+    job = plan_job(load(JOBS / "scara-pick.toml"))
+    count = len(job.servos)
+    motion_plot._draw_servos(axes, job, np.array([0.0, 0.02]), np.zeros((1, count)))
+    assert [line.get_color() for line in axes.lines] == [f"C{number}" for number in range(count)]
+    widths = [3.0 - 1.8 * number / (count - 1) for number in range(count)]
+    assert [line.get_linewidth() for line in axes.lines] == pytest.approx(widths)
+
+
+@pytest.mark.parametrize(("kind", "views"), [("foot", 2), ("base", 1)])
+def test_the_page_shows_paths_from_above_and_from_the_side(kind: Kind, views: int) -> None:
+    """200 mm forward, then 100 mm to the left while rising 50 mm, and back to where the loop begins."""
+    points = np.array([[-0.1, 0.3, 0.2], [0, 0, 0], [0.2, 0, 0], [0.2, 0.1, 0.05]])
+    charts = dict(path_charts([Track("end", kind, points, points, np.zeros((4, 3)))], 1))
+    assert list(charts) == ["from above", "from the side"][:views]
+    for title, rise in (("from above", 100), ("from the side", 50)):
+        if title not in charts:
+            continue
+        line, dots = charts[title].lines
+        numbers = [float(each) for each in re.findall(r"-?[\d.]+", line.path)]
+        lead, start, forward, left, back = zip(numbers[::2], numbers[1::2], strict=True)
+        scale = (forward[0] - start[0]) / 200
+        assert start[1] == forward[1]
+        assert forward[1] - left[1] == pytest.approx(rise * scale, abs=0.2)  # SVG's y points down
+        assert (left[0], back) == (forward[0], start)
+        assert start[0] - lead[0] == pytest.approx(100 * scale, abs=0.2)
+        assert dots.path.count("h0") == 4
+        assert charts[title].x_label == "x, mm"
+    assert charts["from above"].y_label == "y, mm"

@@ -163,6 +163,7 @@ def test_a_robot_without_a_margin_has_no_curve_of_it(
     _, margin, _, above, _ = drawn(monkeypatch, hexapod, made, alone)
     assert [line.get_linestyle() for line in margin.lines] == ["--"]
     assert len(above.lines) == 6  # the feet, neither polygon nor centre
+    assert above.get_title() == "from above: the foot's path"
     lifted = replace(facts_of(hexapod, made), margin=-math.inf)
     _, margin, *_ = drawn(monkeypatch, hexapod, made, lifted)
     assert "no foot on the ground" in margin.get_title()

@@ -5,6 +5,8 @@ import math
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,12 +17,13 @@ from servogen.edges import edge_chunk
 from servogen.job import load, plan_job
 from servogen.pic.listing import ListedFunction, Listing
 from servogen.pulse import plan
+from servogen.report import Overrun, ProgramFacts
 from servogen.report.drawing import Axis, dots_path, nice, points_path, pulses_path, steps_path
-from servogen.report.html import costs
+from servogen.report.html import costs, program_values
 from servogen.report.signals import pose_frames, scopes
 from servogen.report.wiring import remarks, wires
 from servogen.traces.captures import capture_writer
-from servogen.units import Cycles
+from servogen.units import Clock, Cycles
 
 ROOT = Path(__file__).parents[2]
 
@@ -267,3 +270,27 @@ def test_a_walk_has_no_poses_and_shows_six_frames() -> None:
     job = plan_job(load(Path(__file__).parents[2] / "jobs" / "hexapod-tripod.toml"))
     assert pose_frames(job) == ()
     assert len(scopes(planned(job).plan.schedule)) == 6
+
+
+@pytest.mark.parametrize(
+    ("proven", "overrun", "said"),
+    [
+        (False, Overrun(Cycles(20_000)), ["wrong", "overrun: by cycle 20000 after reset (20000 µs)"]),
+        (False, None, ["wrong"]),  # the engine keeps no such bit
+        (True, Overrun(None), []),
+    ],
+)
+def test_a_program_that_is_not_proven_says_why_and_when_it_was_late(
+    proven: bool, overrun: Overrun | None, said: list[str]
+) -> None:
+    verdict: Any = SimpleNamespace(
+        proven=proven,
+        clock=Clock(4_000_000),
+        span=SimpleNamespace(frames=2, compared=Cycles(40_000)),
+        plan_error=None,
+        start=None,
+        reasons=() if proven else ("wrong",),
+        channels=(),
+    )
+    facts = ProgramFacts("c2c", "main.c", "main.hex", 100, 20, verdict, (), overrun)
+    assert list(program_values(facts)["reasons"]) == said  # type: ignore[call-overload]
