@@ -86,3 +86,36 @@ def test_two_values_are_compared_where_they_are() -> None:
     text += "void main(void) { if (f() == x) RB0 = 1; }"
     found = mnemonics(text)
     assert found[found.index("CALL") + 1] == "XORWF"
+
+
+BYTES = (
+    "unsigned char x = 237, n = 10, q, r, *p = &x; volatile unsigned char v = 237; "
+    "void other(void) { x = 9; }"
+)
+WORDS = "unsigned int x = 54321, q, r;"
+
+
+@pytest.mark.parametrize(
+    ("head", "body", "calls", "quotient", "remainder"),
+    [
+        (BYTES, "q = x / 10; r = x % 10;", 1, 23, 7),
+        (BYTES, "r = x % n; q = x / n;", 1, 23, 7),
+        (WORDS, "q = x / 1000; r = x % 1000;", 1, 54, 321 & 0xFF),
+        # What changes between the two is divided again.
+        (BYTES, "q = x / 10; x = 9; r = x % 10;", 2, 23, 9),
+        (BYTES, "x = x / 10; q = x; r = x % 10;", 2, 23, 3),
+        (BYTES, "q = x / n; n = 4; r = x % n;", 2, 23, 1),
+        (BYTES, "q = x / 10; *p = 9; r = x % 10;", 2, 23, 9),
+        (BYTES, "q = x / 10; other(); r = x % 10;", 3, 23, 9),
+        (BYTES, "q = x / 10; if (n) x = 9; r = x % 10;", 2, 23, 9),
+        (BYTES, "q = x / 10; while (n) { n--; r = x % 10; }", 2, 23, 7),
+        (BYTES, "q = x / 10; r = x % 11;", 2, 23, 6),
+        (BYTES, "q = v / 10; r = v % 10;", 2, 23, 7),
+    ],
+)
+def test_a_quotient_and_a_remainder_of_the_same_values_are_one_division(
+    head: str, body: str, calls: int, quotient: int, remainder: int
+) -> None:
+    text = f"{head}\nvoid main(void) {{ {body} while (1); }}"
+    assert mnemonics(text).count("CALL") == calls
+    assert (value(text, "q"), value(text, "r")) == (quotient, remainder)

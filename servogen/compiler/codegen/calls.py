@@ -13,7 +13,7 @@ from servogen.compiler.ast.types import IntType
 from servogen.compiler.codegen.arithmetic import add, bitwise, imms, shift_left, shift_right
 from servogen.compiler.codegen.effects import calls_something, width_of
 from servogen.compiler.codegen.expressions import effect, into
-from servogen.compiler.codegen.generator import FunctionGenerator
+from servogen.compiler.codegen.generator import Division, FunctionGenerator
 from servogen.compiler.codegen.operands import apart, kept, operands_of, pair, widen
 from servogen.compiler.codegen.operators import to_w
 from servogen.compiler.ir.function import Function
@@ -172,11 +172,25 @@ def divide(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
         each for each in holder.own if each.name == ("quotient" if expr.op == "/" else "remainder")
     )
     one, two = pair(gen, expr.left, expr.right, size)
-    library_call(gen, function, [one, two])
+    if not _divided_already(gen, function, one, two):
+        library_call(gen, function, [one, two])
+        gen.division = Division(gen.function.blocks[-1].instructions[-1], one, two)
     have = min(len(target), size)
     gen.move_all(target[:have], [Byte(result_symbol, each) for each in range(have)])
     if len(target) > have:
         widen(gen, target, have, signed=signed)
+
+
+def _divided_already(
+    gen: FunctionGenerator, function: Function, dividend: list[Operand], divisor: list[Operand]
+) -> bool:
+    """Return whether the quotient and the remainder of these operands are still there."""
+    latest, blocks = gen.division, gen.function.blocks
+    return (
+        latest is not None
+        and (latest.call.target, latest.dividend, latest.divisor) == (function.name, dividend, divisor)
+        and latest.holds_behind(blocks[-1].instructions)
+    )
 
 
 def _halvings(divisor: Expr, size: int) -> int:

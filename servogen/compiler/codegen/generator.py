@@ -6,7 +6,7 @@ directly, and those above it through `Lowering`, which `codegen.program` fills i
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from servogen.compiler.ast.nodes import (
@@ -23,7 +23,7 @@ from servogen.compiler.ast.nodes import (
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.ir.builder import InstructionBuilder
 from servogen.compiler.ir.function import Function
-from servogen.compiler.ir.instruction import Loc
+from servogen.compiler.ir.instruction import DELAY, INDF, Byte, Instruction, Loc, Operand, Reg
 
 Library = Callable[[str, tuple[int, ...]], Function]
 """Gives a library routine by its kind and its sizes, generating it the first time."""
@@ -70,6 +70,34 @@ class Context:
     isr: bool
 
 
+@dataclass(frozen=True, slots=True)
+class Division:
+    """The latest call of a dividing routine, with its operands; its quotient and remainder stay behind."""
+
+    call: Instruction
+    dividend: list[Operand]
+    divisor: list[Operand]
+
+    def holds_behind(self, instructions: Sequence[Instruction]) -> bool:
+        """Return whether the same division at the end of these instructions of a block would add nothing.
+
+        What may change an operand, or the results, ends it: another call, assembly, a write through a
+        pointer, a write to an operand.
+        """
+        operands = [*self.dividend, *self.divisor]
+        variables = [each.symbol for each in operands if isinstance(each, Byte)]
+        if any(isinstance(each, Reg) for each in operands) or any(each.volatile for each in variables):
+            return False
+        for each in reversed(instructions):
+            if each is self.call:
+                return True
+            if each.fixed or each.op in ("CALL", DELAY):
+                return False
+            if each.writes_f and (each.f == INDF or each.f in operands):
+                return False
+        return False
+
+
 class FunctionGenerator(InstructionBuilder):
     """An instruction builder that knows the function whose body it translates."""
 
@@ -84,6 +112,7 @@ class FunctionGenerator(InstructionBuilder):
         self.continue_labels: list[str] = []
         self.case_labels: dict[CaseLabel, str] = {}
         self.user_labels: dict[str, str] = {}
+        self.division: Division | None = None
         self.end_label = self.new_label("end")
 
     def signature(self, name: str) -> Function:

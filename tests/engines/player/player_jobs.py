@@ -123,7 +123,7 @@ def first_frames(schedule: PulseSchedule, frames: int) -> tuple[Run, ...]:
 def crossings(done: Build) -> dict[tuple[int, ...], int]:
     """How often in a loop the widths of each pair that shares a slot change places."""
     loop = done.plan.schedule.loop
-    _, played = play(done.job)
+    played = play(done.job)[1]
     found = {}
     for slot in played.layout.slots:
         if len(slot.channels) == 2:

@@ -110,7 +110,7 @@ def test_held_poses_between_two_steps_are_held() -> None:
     done = built_text(
         job_text(3, poses([(10.3, 20, 31), (159, 144.4, 77)], 0.32).replace("move_s", "hold_s = 0.3, move_s"))
     )
-    _, played = play(done.job)
+    played = play(done.job)[1]
     assert set(played.encoded.scale.shifts.tolist()) == {2}
     held = [run for run in done.plan.schedule.loop if run.frames >= 15]
     assert len(held) == 2

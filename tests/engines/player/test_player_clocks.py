@@ -40,7 +40,7 @@ def text(
 @pytest.mark.parametrize(("mhz", "servos", "tick"), TABLE)
 def test_every_edge_is_exact(mhz: int, servos: int, tick: int) -> None:
     done = built_text(text(mhz, servos))
-    _, played = play(done.job)
+    played = play(done.job)[1]
     assert played.layout.tick == tick
     for program in done.programs:
         assert program.proven and program.verdict.worst_edge_error == 0
@@ -74,7 +74,7 @@ def test_more_than_fits_is_refused_with_the_arithmetic(mhz: int, servos: int) ->
 @pytest.mark.parametrize(("mhz", "servos"), [(1, 6), (2, 9), (4, 12), (8, 13), (20, 13)])
 def test_how_many_servos_with_pulses_of_2_ms_fit(mhz: int, servos: int) -> None:
     ends = (10.0, 180.0)
-    _, played = play(plan_job(loads(text(mhz, servos, full=ends, limits=ends), "job.toml")))
+    played = play(plan_job(loads(text(mhz, servos, full=ends, limits=ends), "job.toml")))[1]
     assert len(played.layout.order) == servos
     if servos < 13:
         with pytest.raises(InputError, match="do not fit a frame"):
@@ -89,7 +89,7 @@ def test_slots_are_as_long_as_the_motion_needs_whatever_the_servos_limits_are() 
     made = made.replace('model = "futaba-s3001"\n', f'model = "futaba-s3001"\n{wide}')
     done = built_text(made)
     assert done.proven
-    _, played = play(done.job)
+    played = play(done.job)[1]
     longest = [slot.longest for slot in played.layout.slots if slot.channels]
     # The longest pulse (within a cycle), the margin of 20 µs, and the longest trim: not the limit of 2400.
     assert all(abs(each - (2200 + 20 + 127)) <= 4 for each in longest)
@@ -107,7 +107,7 @@ def test_slots_are_as_long_as_the_motion_needs_whatever_the_servos_limits_are() 
 def test_a_servos_limits_bound_its_slot() -> None:
     """A motion that ends 5 µs below the limit has a margin of 5 µs."""
     top = 160 - 5 / (1000 / 180)
-    _, played = play(plan_job(loads(text(4, 2, full=(10.0, top)), "job.toml")))
+    played = play(plan_job(loads(text(4, 2, full=(10.0, top)), "job.toml")))[1]
     # futaba-s3001: 1000 to 2000 µs over 180°.
     limit = 1000 + 160 * 1000 / 180
     assert played.layout.slots[0].longest == round(limit) + 127
@@ -124,7 +124,7 @@ def test_the_refusal_counts_whole_ticks() -> None:
 
 def test_the_longest_pulses_at_20_mhz_have_slots_of_more_than_8160_cycles() -> None:
     done = built_text(text(20, 13, limits=(0, 180)))
-    _, played = play(done.job)
+    played = play(done.job)[1]
     # From the first slot to the second, and so on; the last, without a pulse, only waits.
     slots = [slot.ticks * played.layout.tick for slot in played.layout.slots[1:7]]
     assert min(slots) > 255 * 32
@@ -133,7 +133,7 @@ def test_the_longest_pulses_at_20_mhz_have_slots_of_more_than_8160_cycles() -> N
 
 def test_a_long_frame_is_cut_by_slots_without_pulses() -> None:
     done = built_text(job_text(3, sweep(3, 1.28), frame="period_us = 60_000"))
-    _, played = play(done.job)
+    played = play(done.job)[1]
     assert sum(not slot.channels for slot in played.layout.slots) >= 5
     assert done.proven and done.plan.schedule.period == 60_000
 

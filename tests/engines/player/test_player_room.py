@@ -27,7 +27,7 @@ def slower(cycles: int) -> Build:
     lines = done.programs[0].firmware.text.splitlines(keepends=True)
     last = 1 + lines.index(f"{DONE}:\n")
     text = "".join([*lines[:last], *(f"{each}\n" for each in wait), *lines[last:]])
-    _, played = play(done.job)
+    played = play(done.job)[1]
     made = firmware(text, done.job, played.layout, "c2c")
     schedule = done.plan.schedule
     return replace(done, programs=(proven(schedule, made, checked_cycles(schedule)),))
@@ -37,7 +37,7 @@ def slower(cycles: int) -> Build:
 def test_no_slot_and_no_frame_takes_longer_than_the_bound(name: str) -> None:
     done = built(name)
     schedule = done.plan.schedule
-    _, played = play(done.job)
+    played = play(done.job)[1]
     for program in done.programs:
         listing = program.firmware.compilation.listing
         check, end = listing.label(CHECK), listing.label(DONE)
