@@ -18,6 +18,7 @@ from servogen.motion.gait.stability import support_polygon
 from servogen.motion.gait.steps import Segment
 from servogen.motion.gait.walk import Walk, walk
 from servogen.report import gait_plot
+from servogen.report.film import walk_scene
 from servogen.report.gait_facts import GaitFacts, facts_of
 from servogen.units import Clock, Cycles
 
@@ -168,3 +169,16 @@ def test_a_robot_without_a_margin_has_no_curve_of_it(
     _, margin, *_ = drawn(monkeypatch, hexapod, made, lifted)
     assert "no foot on the ground" in margin.get_title()
     assert not [line for line in margin.lines if line.get_marker() == "o"]
+
+
+def test_a_film_shows_the_polygon_of_the_corrected_feet(hexapod: Hexapod, made: Walk) -> None:
+    scene = walk_scene(hexapod, made)
+    start = made.trajectory.loop_start
+    assert scene.count == len(made.ground) - start
+    (polygon,) = [part for part in scene.parts if part.colour == "tab:green"]
+    for shown, frame in zip(polygon.frames, range(start, len(made.ground)), strict=True):
+        feet = (made.feet + made.corrections)[frame][made.ground[frame]]
+        corners = support_polygon(feet[:, :2])
+        assert shown[:, :2] == pytest.approx(np.vstack((corners, corners[:1])))
+        assert shown[:, 2] == pytest.approx(feet[:, 2].mean())
+    assert np.abs(made.corrections).max() > 1e-5

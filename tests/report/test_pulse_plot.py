@@ -1,12 +1,14 @@
 """A picture of pulses shows what the trace has: channels, distinct frames, pulses that overlap."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from servogen.edges import HIGH, LOW, PINS, EdgeChunk, EdgeTrace
 from servogen.errors import InputError
+from servogen.report import pulse_plot as pulse_plot_module
 from servogen.report.pulse_plot import (
     MAX_FRAMES_SHOWN,
     Frame,
@@ -81,3 +83,15 @@ def test_a_trace_without_pulses_is_no_picture(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no pulses to draw"):
         pulse_plot(trace(("RB0", 10, 5)).until(12), 100, tmp_path / "p.png", "none")
     assert not list(tmp_path.iterdir())
+
+
+def test_below_the_widths_there_is_one_panel_for_each_distinct_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    figures: list[Any] = []
+    monkeypatch.setattr(pulse_plot_module, "save", lambda figure, path: figures.append(figure))
+    found = trace(("RB1", 300, 2000), ("RB1", 40_300, 3000), ("RB1", 80_300, 2000))
+    pulse_plot(found, 100_000, Path("a.png"), "two widths")
+    widths, *frames = figures[0].axes
+    assert len(frames) == 2
+    assert widths.get_ylabel() == "pulse width, µs"
+    assert [text.get_text() for axes in frames for text in axes.texts] == ["1000 µs", "1500 µs"]
+    assert [axes.get_xlabel() for axes in frames] == ["", "time in the frame, ms"]
