@@ -70,6 +70,7 @@ def target() -> Target:
     return Target(job, schedule, widths(job.trajectory.angles[:1])[0], ways, cycle)
 
 
+@cache
 def image(dialect: str = "") -> Image:
     file = ROOT / "firmware" / JOB / f"main{dialect}.hex"
     return read_hex(file.read_text(), file.name).image
