@@ -48,7 +48,7 @@ def test_with_two_buttons_it_is_valid_of_that_program_only() -> None:
     claim = read_certificate(packed, "certificate")
     found = check_certificate(claim, case.image, case.text, "schedule.json")
     assert found.states == claim.count
-    assert found.forks >= 2 * found.frames  # each frame reads two buttons
+    assert found.forks == 3 * found.states  # two buttons are read after each: one split, then two
     data = certify.unpack(packed)
     reads = [
         (address, row)
