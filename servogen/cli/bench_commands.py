@@ -259,7 +259,7 @@ def capture(
     schedule = None if against is None else read_schedule(against)
     looking = Looking(rate, rle, memory, trigger, wire or (), stitch)
     if sigrok is not None:
-        with status("sigrok-cli is looking"):
+        with status("capturing with sigrok-cli"):
             seen = capture_by_sigrok(output, sigrok, schedule, seconds, looking)
         if json:
             as_json(seen.to_json())
@@ -270,7 +270,7 @@ def capture(
     if port is None:
         raise InputError(
             "missing-option",
-            "there is no analyser to look with",
+            "no analyser is given",
             hint="--port /dev/ttyACM0, or --sigrok fx2lafw",
         )
     done = captured(output, port, schedule, seconds, looking, progress)

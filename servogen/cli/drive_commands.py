@@ -253,7 +253,7 @@ def _opener(port: str | None, baud: int, dry_run: bool) -> Opener:
         return lambda: nullcontext(NullWire())
     if port is None:
         raise InputError(
-            "missing-option", "there is no line to send on", hint="--port /dev/ttyUSB0, or --dry-run"
+            "missing-option", "no serial port is given", hint="--port /dev/ttyUSB0, or --dry-run"
         )
     return port_opener(port, baud)
 
@@ -431,7 +431,7 @@ def _taken(
     if port is None and angles is None:
         raise InputError(
             "missing-option",
-            "there is no line to move it on",
+            "no serial port is given",
             hint="--port /dev/ttyUSB0, or --readings FILE.csv",
         )
     speed, controller = controller_of(job, *settings)

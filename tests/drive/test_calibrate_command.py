@@ -135,7 +135,7 @@ def test_an_old_file_is_kept(run: Run, job: Path) -> None:
             (*RANGE, "--from-us", 1490, "--to-us", 1510, "--angles-deg", "0"),
             "the controller produces 3 widths there",
         ),
-        (RANGE, "there is no line to move it on"),
+        (RANGE, "no serial port is given"),
         (("--angles-deg", "1,2,3"), "the widths of positions 0 and 254"),
         ((*RANGE, "--servo", "leg", "--angles-deg", "1"), "there is no servo 'leg'"),
         (("--readings", "gone.csv"), "gone.csv: error: cannot be read"),

@@ -189,7 +189,7 @@ def test_a_dry_run_shows_the_bytes_and_needs_no_port(run: Run) -> None:
     ("options", "code", "says"),
     [
         (("--port", "/dev/not-there", *RANGE), 3, "/dev/not-there: error: there is no such port"),
-        (RANGE, 2, "there is no line to send on"),
+        (RANGE, 2, "no serial port is given"),
         (("--dry-run",), 2, "the widths of positions 0 and 254"),
         (("--dry-run", *RANGE, "--pose", "8"), 2, "the job has no pose '8'"),
         (("--dry-run", *RANGE, "--pose", "1", "--keys"), 2, "take one of the two"),
