@@ -76,14 +76,15 @@ def test_the_first_edge_is_that_of_the_first_frame_with_a_pulse() -> None:
 
 
 def test_what_was_simulated_begins_where_the_schedule_has_its_first_edge() -> None:
-    """The program begins its pulses 700 cycles after reset."""
-    late = schedule(lead_in=(Run(1, (None, None, None)),))
-    found = signals.simulated(late, trace(700))
-    assert [each.rise for each in found] == [(20_000, 40_000), (20_000,), (22_000,)]
+    """The program begins its pulses 700 cycles after reset; a cycle is half a microsecond."""
+    late = schedule(8_000_000, lead_in=(Run(1, (None, None, None)),))
+    found = signals.simulated(late, trace(700, 8_000_000))
+    assert [each.rise for each in found] == [(10_000, 20_000), (10_000,), (11_000,)]
+    assert [each.width for each in found] == [(500, 500), (750,), (500,)]
     assert [each.kind for each in found] == ["simulated"] * 3
 
 
-def trace(start: int) -> EdgeTrace:
+def trace(start: int, hz: int = 4_000_000) -> EdgeTrace:
     """Two pulses of the arm, one of the leg and the foot each."""
     rises = {0: ((0, 1000), (20_000, 1000)), 1: ((0, 1500),), 2: ((2000, 1000),)}
     edges = sorted(
@@ -93,7 +94,7 @@ def trace(start: int) -> EdgeTrace:
         for late, level in ((0, HIGH), (width, LOW))
     )
     chunk = edge_chunk(*zip(*edges, strict=True))
-    return EdgeTrace(Clock(4_000_000), [chunk], Cycles(start + 30_000))
+    return EdgeTrace(Clock(hz), [chunk], Cycles(start + 30_000))
 
 
 def test_what_was_captured_is_in_the_chips_time_and_at_its_frame() -> None:
