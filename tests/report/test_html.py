@@ -288,9 +288,10 @@ def test_a_program_that_is_not_proven_says_why_and_when_it_was_late(
         clock=Clock(4_000_000),
         span=SimpleNamespace(frames=2, compared=Cycles(40_000)),
         plan_error=None,
-        start=None,
+        start=Cycles(12_000) if proven else None,
         reasons=() if proven else ("wrong",),
         channels=(),
     )
     facts = ProgramFacts("c2c", "main.c", "main.hex", 100, 20, verdict, (), overrun)
+    assert program_values(facts)["start"] == ("12000 µs after reset" if proven else None)
     assert list(program_values(facts)["reasons"]) == said  # type: ignore[call-overload]
