@@ -24,6 +24,7 @@ from servogen.engines.stream.response import (
     CLEARED,
     FOLLOWED,
     HALF,
+    INTCON,
     LATENCY,
     MANY,
     PORT_NAMES,
@@ -41,6 +42,11 @@ from servogen.pic.known_values import CARRY, FSR, INDF, STATUS, ZERO, Known, Und
 from servogen.pic.listing import Listing
 from servogen.pic.wcet import Program
 
+WRITTEN_BY_INTERRUPT = (
+    *("ticks", "rest", "fine", "t", "rx_bits", "rx_left", "rx_last", "rx_byte", "command"),
+    *("todo", "value", "due", "mask", "port"),
+)
+T0IF, FSR_ADDRESS, BANK_BITS = 2, 4, (5, 6)
 MAX_STATES = 200_000
 MAX_ROUNDS = 2
 MAX_TIMES = MAX_ROUNDS * ROUND + HALF
@@ -102,6 +108,7 @@ class _End:
     cleared: bool
     ticks: int | None
     rest: int | None
+    fine: int | None
     last: _Last
 
 
@@ -137,15 +144,20 @@ class _Interrupt:
         ]
         seen = set(waiting)
         ends = set()
-        while waiting:
-            at, stack, now, frozen, last, bit = waiting.pop()
+        going: tuple[int, tuple[int, ...], int, Known, _Last, int] | None = None
+        while waiting or going:
+            if going:
+                at, stack, now, known, last, bit = going
+                going = None
+            else:
+                at, stack, now, frozen, last, bit = waiting.pop()
+                known = dict(frozen)
             if now > MAX_TIMES or len(seen) > MAX_STATES:
                 raise InterruptChanged(f"the interrupt does not end within {MAX_TIMES} cycles")
             try:
                 word = word_of(code.words[at])
             except (KeyError, Undefined):
                 raise InterruptChanged(f"the interrupt leaves its words at 0x{at:03X}") from None
-            known = dict(frozen)
             if word.name == "RETFIE":
                 ends.add(self._end(now + 2, known, last))
                 continue
@@ -178,10 +190,11 @@ class _Interrupt:
             else:
                 for target, more, cycles, after in code.steps(at, stack, now, word, known):
                     following.append((target, more, now + cycles, after, last, bit))
+            if len(following) == 1 and word.flow != "jump":
+                (going,) = following  # states are compared where paths part, and where they can meet again
+                continue
             for target, more, then, after, looked, taken in following:
-                kept = frozen
-                if word.name not in ("GOTO", "RETURN", "BTFSS", "BTFSC"):
-                    kept = frozenset(item for item in after.items() if item[0] in followed)
+                kept = frozenset(item for item in after.items() if item[0] in followed)
                 if then - taken >= self.bits_apart:
                     taken = LONG_AGO
                 state = (target, more, then, kept, looked, taken)
@@ -193,7 +206,9 @@ class _Interrupt:
     def _end(self, now: int, known: Known, last: _Last) -> _End:
         ram = self.code.ram
         ahead, cleared = known[AHEAD], bool(known.get(CLEARED, 0))
-        return _End(now, ahead, cleared, known.get(ram["ticks"]), known.get(ram["rest"]), last)
+        return _End(
+            now, ahead, cleared, known.get(ram["ticks"]), known.get(ram["rest"]), known.get(ram["fine"]), last
+        )
 
     def _check_edge(self, known: Known) -> None:
         """Check what the instruction of an edge writes: 0, or `mask` where a pulse begins."""
@@ -373,10 +388,16 @@ class _Closure:
         """Check, for every width, in how many interrupts the fall and the next rise are due."""
         ram, rounds = self.one.code.ram, self.layout.rounds
         for whole in range(1, rounds):
-            known: Known = {ram["ticks"]: 1, ram["rest"]: 0, AHEAD: 0, ram["next_hi"]: whole}
+            low = 37 * whole % ROUND
+            known: Known = {ram["ticks"]: 1, ram["rest"]: 0, AHEAD: 0}
+            known |= {ram["next_hi"]: whole, ram["next_lo"]: low}
             for end in self.one.run([(2, NO_LOOK)], known):
-                due = 2 * whole - 1, 2 * (rounds - whole) - 1
-                self._check((end.ticks, end.rest) == due, f"after the rise of a pulse of {whole} rounds", end)
+                due = 2 * whole - 1, 2 * (rounds - whole) - 1, low
+                self._check(
+                    (end.ticks, end.rest, end.fine) == due,
+                    f"after the rise of a pulse of {whole} rounds",
+                    end,
+                )
 
     def _check(self, holds: bool, what: str, end: _End) -> None:
         if not holds:
@@ -389,7 +410,7 @@ def _interrupt(listing: Listing, streamed: Streaming, *, gaps: bool) -> _Interru
     """Return the interrupt of a program. Raises InterruptChanged if its parts are not there."""
     words = {row.address: row.word for row in listing.rows}
     bit_units, first_units = streamed.bit_units, streamed.first_units
-    names = (*FOLLOWED, *PORT_NAMES, "mask", "next_hi", "rx_left", "rx_bits", "rx_last")
+    names = (*FOLLOWED, *PORT_NAMES, *WRITTEN_BY_INTERRUPT, "next_hi", "next_lo")
     ram = {name: address for address, name, _ in listing.variables if name in names}
     try:
         wait = encode("CALL", k=listing.label("st_exactly"))
@@ -401,6 +422,7 @@ def _interrupt(listing: Listing, streamed: Streaming, *, gaps: bool) -> _Interru
     ran = {at: words[at] for at in sorted(Program(words, ()).reached(INTERRUPT_VECTOR))}
     code = Round(ran, ram, subroutines[0], edge, MASKED)
     hunt = subroutines[2]
+    _check_writes(ran, ram, listing)
     _check_receiver(words, ram, subroutines[1], hunt, bit_units, first_units)
     looks = {at: _looks(code, at, hunt) for at in subroutines}
     answers = {
@@ -411,6 +433,36 @@ def _interrupt(listing: Listing, streamed: Streaming, *, gaps: bool) -> _Interru
     if len(answers) > 1:
         raise InterruptChanged("the interrupt writes more than one pin bit by bit")
     return _Interrupt(code, looks, next(iter(answers), None), gaps, 4 * (bit_units - ROUND // 4))
+
+
+def _check_writes(ran: Mapping[int, int], ram: Mapping[str, int], listing: Listing) -> None:
+    """Check that the interrupt writes no variable of the C, and of the registers only what it may."""
+    own = {ram[name] for name in WRITTEN_BY_INTERRUPT if name in ram}
+    for first, name, count in listing.variables:
+        if name.endswith("(temporary)"):
+            own |= set(range(first, first + count))  # the context, kept by the compiler
+    for at, word in ((at, word_of(ran[at])) for at in ran):
+        if not word.writes_f or word.f in PORTS or word.f in (TMR0, INDF):
+            continue  # these are checked where they are executed
+        bit = word.name in ("BSF", "BCF")
+        fine = {
+            INTCON: word.name == "BCF" and word.b == T0IF,
+            STATUS: not bit or word.b == 0 or (word.name == "BCF" and word.b in BANK_BITS),
+            FSR_ADDRESS: word.name == "MOVWF",
+            ram["due"]: word.name == "BSF",
+            ram["mask"]: _is_unprepared(ran, at, ram),
+        }.get(word.f, word.f in own)
+        if not fine:
+            raise InterruptChanged(f"the word at 0x{at:03X} writes what is not the interrupt's")
+
+
+def _is_unprepared(ran: Mapping[int, int], at: int, ram: Mapping[str, int]) -> bool:
+    """Return whether the pin is cleared only where the C is late, and the overrun bit is set then."""
+    return (ran.get(at - 2), ran.get(at), ran.get(at + 1)) == (
+        encode("BTFSS", f=ram["due"], b=1),
+        encode("CLRF", f=ram["mask"]),
+        encode("BSF", f=ram["due"], b=0),
+    )
 
 
 def _check_receiver(

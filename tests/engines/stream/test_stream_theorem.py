@@ -50,6 +50,13 @@ def listing_of(text: str):  # type: ignore[no-untyped-def]
         # A start bit moves a pin.
         ("movlw   10\n    movwf   _rx_bits", "movwf   PORTB\n    movwf   _rx_bits", "the receiver's clock"),
         ("bcf     INTCON, 2           ; T0IF", "clrf    PORTB", "writes a port"),
+        # The width is not the one that the C prepared; a variable of the C is written.
+        (
+            "movf    _next_lo, W\n    movwf   _fine",
+            "movf    _next_hi, W\n    movwf   _fine",
+            "after the rise",
+        ),
+        ("movwf   _value", "movwf   _next_lo", "not the interrupt's"),
         # The pin is not the one that the C prepared.
         ("movf    _mask, W", "movf    _value, W", "does not write the pin"),
     ],
