@@ -106,3 +106,7 @@ def test_what_was_captured_is_in_the_chips_time_and_at_its_frame() -> None:
     assert (leg.rise, foot.rise) == ((20_000,), (22_000.2,))
     unknown: Any = SimpleNamespace(ppm=None, first_frame=None)
     assert signals.captured(schedule(), trace(300), unknown)[0].rise == (300, 20_300)
+    later: Any = SimpleNamespace(
+        ppm=100.0, first_frame=2
+    )  # of another run; what follows is the loop's beginning
+    assert signals.captured(schedule(), trace(300), later)[0].rise == (2, 40_000)
