@@ -48,7 +48,6 @@ firmware: $(READY)
 
 prove: $(READY)
 	$(BIN)/python tools/prove_firmware.py firmware build/certificates $(basename $(notdir $(JOBS)))
-	$(BIN)/python tools/prove_streams.py $(JOBS)
 
 # A fresh environment outside $(VENV), so that nothing of an earlier one is written down.
 constraints: CONSTRAINTS =
