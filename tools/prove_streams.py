@@ -1,8 +1,8 @@
 """Proves the interrupts of stream jobs for every line: `python tools/prove_streams.py JOB.toml ...`.
 
-It takes minutes for each program; jobs without a serial line are skipped. It prints a table; exit code 1 if an interrupt's
-edges are not exact, a bit of a sender within the stated error is not sampled in its time, or the C may be
-late.
+It takes minutes for each program; jobs without a serial line are skipped. It prints a table; exit code 1 if
+an interrupt's edges are not exact, a bit of a sender within the stated error is not sampled in its time, or
+the C may be late.
 `--every N` follows every Nth cycle of a fall's round only, for a quick look.
 """
 

@@ -1,6 +1,6 @@
 """What the stream's interrupt guarantees for every line; changes that break it are noticed.
 
-Every cycle of a fall's round is followed by `tools/prove_streams.py`; here none or one of them is.
+`tools/prove_streams.py` follows every cycle of a fall's round; here none or one of them is.
 """
 
 import pytest
