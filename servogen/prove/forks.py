@@ -26,8 +26,8 @@ Choices = tuple[Choice, ...]
 
 ALONE = Choice("INTCON", 0, 0)
 """Chooses nothing: the next instruction is executed alone."""
-RD, BANK_1 = 0, 0x80
-"""The bit of EECON1 that starts a read; the bit of FSR that selects bank 1."""
+RD, WR, BANK_1 = 0, 1, 0x80
+"""The bits of EECON1 that start a read and a write; the bit of FSR that selects bank 1."""
 
 _FIELDS = {TMR0: "TMR0", STATUS: "STATUS", FSR: "FSR", EEDATA: "EEDATA", EEADR: "EEADR", INTCON: "INTCON"}
 _BANK_1 = {STATUS: "STATUS", FSR: "FSR", EEDATA: "EECON1", INTCON: "INTCON"}
@@ -86,9 +86,11 @@ class Program:
 
     @cached_property
     def eeprom_accesses(self) -> frozenset[int]:
-        """Return the addresses that may access EECON1; none if nothing names that address."""
-        named = {a for a, decoded in self._words() if _names(decoded, EEDATA)}
-        return frozenset(named | {a for a, decoded in self._words() if named and _names(decoded, INDF)})
+        """Return the addresses that may access EECON1; none if no word that names it may set WR."""
+        named = {a: decoded for a, decoded in self._words() if _names(decoded, EEDATA)}
+        if not any(_may_set_wr(decoded) for decoded in named.values()):
+            return frozenset()
+        return frozenset({*named} | {a for a, decoded in self._words() if _names(decoded, INDF)})
 
     def reads_eeprom(self, state: ChipState) -> bool:
         """Return whether the next instruction may set RD of EECON1."""
@@ -110,6 +112,11 @@ class Program:
 
 def _names(decoded: Decoded, register: int) -> bool:
     return "f" in decoded.instruction.operands and decoded.f == register
+
+
+def _may_set_wr(decoded: Decoded) -> bool:
+    row = decoded.instruction
+    return decoded.b == WR and row.mnemonic == "BSF" if row.changes_bit else row.writes_file(decoded.d)
 
 
 def _in_eecon1(decoded: Decoded, state: ChipState) -> bool:
