@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-from servogen.prove.forks import Choices, Program, before_instruction, ways_of
+from servogen.prove.forks import ALONE, Choices, Program, before_instruction, ways_of
 from servogen.prove.generalise import Generaliser
 from servogen.prove.specification import BEFORE, IN_FRAME, START_FRAMES, Specification, SpecState, Violation
 from servogen.prove.transitions import Ram, Transitions, applied
@@ -205,7 +205,8 @@ class Explorer:
             self._work += 1
             if count > MAX_POINTS or self._work > WORK_PER_STATE * self._max_states:
                 return self._stuck(number, point, "too many ways between two frames")
-            if point.use is not None and not point.chosen and self._blamed(number, point, point.use):
+            undecided = all(each == ALONE for each in point.chosen)
+            if point.use is not None and undecided and self._blamed(number, point, point.use):
                 return self._ended(Answer.REFINE, None)
             ways = self._ways(point)
             if ways is None:
