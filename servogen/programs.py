@@ -183,7 +183,10 @@ def included_names(sources: Iterable[tuple[str, str]], include: CInclude) -> set
         seen.add(file)
         for name in _INCLUDE.findall(text):
             names.add(name.lower())
-            own = None if is_system_header(name) else include(name, file)
+            try:
+                own = None if is_system_header(name) else include(name, file)
+            except InputError:
+                own = None  # the compiler reports it, with its place
             if own is not None and own[0] not in seen:
                 waiting.append(own)
     return names

@@ -36,7 +36,7 @@ def test_a_walk_that_is_proven_says_how_many_degrees_it_is_off(run: Run) -> None
     assert first.startswith("proven: ")
     assert first.endswith(
         "0 cycles from the schedule; "
-        "the schedule is within 2.432 µs, 0.875°, 1.045 mm at the foot L3 of the plan"
+        "the schedule is within 2.126 µs, 0.765°, 0.923 mm at the foot L3 of the plan"
     )
 
 
@@ -51,11 +51,11 @@ def test_what_is_not_proven_says_it_too_but_not_that_it_is_the_schedule(run: Run
 def test_the_json_of_a_verdict_has_the_units_in_its_keys(run: Run) -> None:
     ran = run("verify", TURN / "main.hex", "--against", TURN / "schedule.json", "--seconds", 1, "--json")
     assert json.loads(ran.out)["plan_error"] == {
-        "width_us": 2.432,
-        "angle_deg": 0.875,
+        "width_us": 2.126,
+        "angle_deg": 0.765,
         "speed_deg_s": None,
         "end": "foot L3",
-        "end_mm": 1.045,
+        "end_mm": 0.923,
     }
 
 

@@ -475,7 +475,7 @@ ROWS = [
     ),
     (
         "xc8",
-        "char x, *f(void) { char a[2]; a[0] = 1; ‸return a; }\nvoid main(void) { x = *f(); }",
+        "char *f(void) { char a[2]; a[0] = 1; ‸return a; }\nchar x; void main(void) { x = *f(); }",
         "warning",
         "'a' does not keep its value after 'f' returns",
     ),

@@ -52,7 +52,7 @@ def test_every_row_of_the_source_s_table_is_there(
 ) -> None:
     command = COMMANDS[mnemonic]
     assert command.number == number
-    assert (command.least, len(command.parameters)) == (least, most)
+    assert (command.min_arguments, len(command.parameters)) == (least, most)
     assert (command.where is not Where.DIRECT) == in_program
 
 

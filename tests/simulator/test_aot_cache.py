@@ -146,7 +146,7 @@ def test_the_first_start_says_what_takes_so_long(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(aot_cache, "_folders", lambda: iter(()))
-    monkeypatch.setattr(aot_cache, "compile_loop", lambda observed, tracked: CODE)
+    monkeypatch.setattr(aot_cache, "compile_loop", lambda observed, tracked, visits: CODE)
     monkeypatch.setattr(aot_cache, "_load", lambda code: code)
     with caplog.at_level("INFO", "servogen"):
         assert aot_cache.loop.__wrapped__(False) == CODE
