@@ -9,5 +9,10 @@ unsigned char iscntrl(unsigned char c);
 unsigned char isgraph(unsigned char c);
 unsigned char isprint(unsigned char c);
 unsigned char ispunct(unsigned char c);
+#ifdef __SDCC
+int16_t toupper(int16_t c);
+int16_t tolower(int16_t c);
+#else
 unsigned char toupper(unsigned char c);
 unsigned char tolower(unsigned char c);
+#endif

@@ -41,7 +41,8 @@ def load(analyser: Analyser, target: Accessor) -> Expr:
     if isinstance(target.type, IntType) and target.type.signed:
         sign = Num(1 << target.width - 1, U16, place)
         field = Binary("-", Binary("^", field, sign, U16, place), sign, U16, place)
-    return Cast(field, target.type, place)
+    # ISO C 6.3.1.1: an int holds all values of the field, signed or not
+    return Cast(field, target.type if analyser.c2c else analyser.types["int16_t"], place)
 
 
 def _byte(target: EepromObject, number: int) -> Expr:
@@ -74,7 +75,8 @@ def store(analyser: Analyser, target: Accessor, value: Expr) -> Expr:
     """
     place = target.place
     if isinstance(value, Num):
-        return Comma(_stored(target, value), value, target.type.plain(), place)
+        stored = Num(_wrapped(target, value.value), target.type.plain(), place)
+        return Comma(_stored(target, value), stored, target.type.plain(), place)
     if analyser.function is None:
         raise analyser.fail("c-not-constant", "the initialiser must be a constant", value)
     held = Symbol(
@@ -87,7 +89,16 @@ def store(analyser: Analyser, target: Accessor, value: Expr) -> Expr:
     analyser.function.locals.append(held)
     kept = Ref(held, 0, None, held.type, place)
     steps = Comma(Assign(kept, value, held.type, place), _stored(target, kept), VOID, place)
-    return Comma(steps, kept, target.type.plain(), place)
+    now = load(analyser, target) if isinstance(target, WideField) else kept
+    return Comma(steps, now, now.type.plain(), place)
+
+
+def _wrapped(target: Accessor, value: int) -> int:
+    """Return what is left of a constant in a bit-field."""
+    if isinstance(target, EepromObject) or not isinstance(target.type, IntType):
+        return value
+    value &= (1 << target.width) - 1
+    return value - (1 << target.width) if target.type.signed and value >> target.width - 1 else value
 
 
 def _stored(target: Accessor, value: Num | Ref) -> Expr:

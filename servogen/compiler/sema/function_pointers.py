@@ -2,8 +2,9 @@
 a dispatcher, a function that calls the one with that number.
 
 In: functions and types of functions. Out: numbers, dispatchers. There is one dispatcher for each type; it
-calls every function of that type whose address is taken, so that the call graph knows all candidates. A
-pointer is one byte; 0 is no function, and calling it does nothing.
+calls every function whose address is taken and whose parameters and result have the sizes of that type's, so
+that the call graph knows all candidates, those behind a cast among them. A pointer is one byte; 0 is no
+function, and calling it does nothing and yields 0.
 """
 
 from __future__ import annotations
@@ -77,14 +78,26 @@ def finish(analyser: Analyser) -> None:
         body: list[Stmt] = []
         for name, value in analyser.function_numbers.items():
             function = analyser.program.functions[name]
-            if not same(type_of(function), kind):
+            if not _fits(type_of(function), kind):
                 continue
             label = CaseLabel(place)
             cases.append((value, label))
-            given = [Ref(each, 0, None, each.type, place) for each in parameters]
-            call = Call(name, list(given), function.result.plain(), place)
+            given = [
+                Ref(each, 0, None, wanted.type.plain(), place)
+                for each, wanted in zip(parameters, function.parameters, strict=True)
+            ]
+            call = Call(name, list(given), found.result.plain(), place)
             empty = isinstance(function.result, VoidType)
             body += [label, *([ExprStmt(call), Return(None, place)] if empty else [Return(call, place)])]
         assert found.body is not None
         value_of = Ref(number, 0, None, U8, place)
         found.body.body = [Switch(value_of, cases, None, Block(body), place)]
+        if kind.result.scalar:
+            found.body.body.append(Return(Num(0, kind.result.plain(), place), place))
+
+
+def _fits(function: FuncType, kind: FuncType) -> bool:
+    """Return whether a function may be behind a pointer of a type: its bytes are passed in the same places."""
+    one, two = function.parameters or (), kind.parameters or ()
+    results = [isinstance(each.result, VoidType) or each.result.size for each in (function, kind)]
+    return [each.size for each in one] == [each.size for each in two] and results[0] == results[1]

@@ -6,6 +6,8 @@
 // expect: equal == 3
 // expect: wide == 70000
 // expect: upper == 65
+// expect: cast == 6
+// expect: nothing == 0
 #include <xc.h>
 #include <ctype.h>
 typedef unsigned char (*op)(unsigned char, unsigned char);
@@ -13,7 +15,11 @@ unsigned char add(unsigned char a, unsigned char b) { return a + b; }
 unsigned char sub(unsigned char a, unsigned char b) { return a - b; }
 unsigned char both(op f) { return f(9, 4) + (*f)(1, 1); }
 const op ops[] = { add, sub };
-unsigned char one, two, three, calls, equal, upper;
+unsigned char one, two, three, calls, equal, upper, nothing = 5;
+int cast;
+unsigned int next(unsigned int n) { return n + 1; }
+typedef int (*step)(int);
+const step steps[] = { (step)next };
 unsigned long wide;
 void count(void) { calls++; }
 void three_times(void (*what)(void)) { unsigned char i; for (i = 3; i; i--) what(); }
@@ -32,4 +38,6 @@ void main(void) {
   none(1, 2);
   wide = g();
   upper = h('a');
+  cast = steps[0](5);
+  nothing = none(1, 2);
 }

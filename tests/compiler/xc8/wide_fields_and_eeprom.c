@@ -9,6 +9,8 @@
 // expect: size == 5
 // expect: r12 == 9
 // expect: r13 == 0x1234
+// expect: cut == 64569
+// expect: below == 1
 #include <xc.h>
 struct { unsigned a:4; unsigned b:10; unsigned c:2; int d:12; } s = { 5, 600, 2, -7 };
 __eeprom unsigned char e = 5;
@@ -16,9 +18,14 @@ __eeprom int t[3] = { 1, -2, 3 };
 __eeprom struct { unsigned char x; unsigned int y; } z = { 9, 0x1200 };
 unsigned int r1, r2, r3, r10, r11, r13;
 int r4;
-unsigned char r5, size, r12;
+unsigned char r5, size, r12, below;
+struct { signed int m:11; } l;
+int cut, j = 1081;
+struct { unsigned u:15; } zero;
 void main(void) {
   struct { unsigned w:9; unsigned v:7; } local = { 300, 100 };
+  cut = (l.m = j);
+  below = zero.u - 2 < 0;
   r1 = s.b;
   s.b += 100;
   r2 = s.b;
