@@ -97,7 +97,7 @@ def finish(analyser: Analyser) -> None:
 
 
 def _fits(function: FuncType, kind: FuncType) -> bool:
-    """Return whether a function may be behind a pointer of a type: its bytes are passed in the same places."""
+    """Return whether a pointer of a type may lead to a function: its arguments lie in the same places."""
     one, two = function.parameters or (), kind.parameters or ()
     results = [isinstance(each.result, VoidType) or each.result.size for each in (function, kind)]
     return [each.size for each in one] == [each.size for each in two] and results[0] == results[1]

@@ -30,11 +30,12 @@ MAX_CYCLES = 400_000_000
 Compiler = Callable[[Sequence[Source], Options], Compilation]
 _TARGET = re.compile(r"dg-require-effective-target\s+(\w+)")
 """What a test of gcc's suite says that it needs: 32 bits in an `int`, as a rule."""
-_OTHER_INTS = {
+_ELSEWHERE = {
     "00166.c": "constants of 20 bits shown with %d",
     "00212.c": "a 32-bit or 64-bit data model",
+    "inline.c": "a pointer that fwk/lib/extern2.c defines",
 }
-"""Programs of c-testsuite that are right only where `int` has 32 bits."""
+"""Programs that need another `int`, or another file of their suite."""
 _TOO_LARGE = re.compile(
     r"words of flash|too large|too big|does not fit|bytes of RAM|program words|too deep|levels"
 )
@@ -68,8 +69,8 @@ def judge(
     """Compile a program in a process with limits, run it for at most so many cycles, and judge it."""
     if needed := _TARGET.search(program.text):
         return Verdict("unsuitable", f"needs the target {needed[1]}")
-    if program.name in _OTHER_INTS:
-        return Verdict("unsuitable", _OTHER_INTS[program.name])
+    if program.name in _ELSEWHERE:
+        return Verdict("unsuitable", _ELSEWHERE[program.name])
     try:
         image = isolation.run(partial(compiled, program, level, compiler), limits)
     except CompileError as error:
