@@ -12,7 +12,7 @@ from jinja2 import Environment, StrictUndefined
 from servogen.build.grading import Graded
 from servogen.edges import PINS
 from servogen.engines.c_text import template_folder
-from servogen.grade import Grade, Lab, shown_name
+from servogen.grade import Grade, Lab, Submission, shell_word, shown_name
 from servogen.report.robot_model import servo_model
 from servogen.report.viewer import embedded_json, viewer_colours, viewer_script
 
@@ -26,9 +26,20 @@ def film_name(page: str) -> str:
     return f"{page.removesuffix('.md')}.html"
 
 
-def film_page(lab: Lab, name: str, grade: Grade) -> str:
-    """Return the film of a program that failed; `name` is the program's. It has to have a film."""
-    film = grade.film
+def watch_command(lab: Lab, submission: Submission, grade: Grade) -> str:
+    """Return the command line that opens a program at the moment of its film, on the lab's board.
+
+    It is for the folder in which the class was graded: a page that students get names no folder above it.
+    """
+    assert grade.film is not None
+    cycle = round(grade.film.moment_us / float(lab.clock.cycle_us))
+    file = shell_word(str(submission.file))
+    return f"servogen watch {file} --clock-hz {lab.clock.hz} --ra4-pull-up --at-cycle {cycle}"
+
+
+def film_page(lab: Lab, submission: Submission, grade: Grade) -> str:
+    """Return the film of a program that failed. It has to have a film."""
+    film, name = grade.film, submission.name
     assert film is not None
     servos = [
         {**servo_model(each.servo, index), "pin": row.pin}
@@ -59,7 +70,7 @@ def film_page(lab: Lab, name: str, grade: Grade) -> str:
     return _rendered(
         "film.html.j2",
         name=shown_name(name),
-        file=shown_name(name),
+        command=watch_command(lab, submission, grade),
         task=f"{lab.title}. {lab.task}",
         reasons=grade.reasons,
         source=film.source,

@@ -109,7 +109,7 @@ def _write_pages(
     folder: Path, names: Sequence[str], lab: Lab, graded: Sequence[Graded]
 ) -> ServogenError | None:
     """Write each page that can be written; return the error of the first one that could not."""
-    from servogen.build.films import class_page, film_name, film_page
+    from servogen.build.films import class_page, film_name, film_page, watch_command
     from servogen.grade import page
     from servogen.outputs import make_folder, write_text
 
@@ -119,9 +119,10 @@ def _write_pages(
     for name, each in zip(names, graded, strict=True):
         student, grade = each.submission.name, each.grade
         film = film_name(name) if grade.film else ""
-        texts[name] = partial(page, lab, student, grade, film)
+        command = watch_command(lab, each.submission, grade) if film else ""
+        texts[name] = partial(page, lab, student, grade, film, command)
         if film:
-            texts[film] = partial(film_page, lab, student, grade)
+            texts[film] = partial(film_page, lab, each.submission, grade)
     for name, text in texts.items():
         target = folder / name
         if target.is_symlink():  # a link that a student has left must not lead the page elsewhere

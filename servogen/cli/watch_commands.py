@@ -11,6 +11,9 @@ import typer
 from servogen.cli.options import ChipOptions, ClockHz, DeviceName, takes_chip_options
 from servogen.errors import InputError, Location, ToolError
 
+MAX_BEGIN = 3600 * 5_000_000
+"""Cycles: the longest that a lab may watch a program, an hour, at 20 MHz."""
+
 
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""
@@ -27,6 +30,15 @@ def watch(
         Path | None,
         typer.Option("--against", help="The schedule.json to compare a program or a capture with."),
     ] = None,
+    at_cycle: Annotated[
+        int,
+        typer.Option(
+            "--at-cycle",
+            min=0,
+            max=MAX_BEGIN,
+            help="The moment to begin at, in instruction cycles since power-up.",
+        ),
+    ] = 0,
     stimulus: Annotated[
         Path | None, typer.Option("--stimulus", help="What drives the pins from outside (TOML).")
     ] = None,
@@ -68,7 +80,8 @@ def watch(
     from servogen.watch.subject import JOB_SUFFIX, Setting, check, load_subject
 
     check(file)
-    setting = Setting(chip.on(device), clock_hz, stimulus, read_schedule(against) if against else None)
+    schedule = read_schedule(against) if against else None
+    setting = Setting(chip.on(device), clock_hz, stimulus, schedule, at_cycle)
     is_job = file.suffix.lower() == JOB_SUFFIX
     stream = load(file).stream if is_job else None
     if robot is not None and stream is None:

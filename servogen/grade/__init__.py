@@ -1,7 +1,7 @@
 """A lab's task as data, the programs to hold against it, and the check of what a program's pins do."""
 
 from servogen.grade.checks import ChipFacts
-from servogen.grade.display import message, page_names, shown_name, visible
+from servogen.grade.display import message, page_names, shell_word, shown_name, visible
 from servogen.grade.judge import Grade, Row, judge, refused
 from servogen.grade.lab import Lab, load_lab, names
 from servogen.grade.page import page
@@ -22,6 +22,7 @@ __all__ = [
     "page",
     "page_names",
     "refused",
+    "shell_word",
     "shown_name",
     "visible",
 ]

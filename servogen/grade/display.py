@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import shlex
 import unicodedata
 from collections import Counter
 from collections.abc import Sequence
@@ -29,6 +30,18 @@ def visible(text: str) -> str:
 def shown_name(name: str) -> str:
     """Return a file name so that two names never look alike: `\\xff` is a byte that is not UTF-8."""
     return visible(name.replace("\\", "\\\\")).replace("\n", "\\x0a").replace("\t", "\\x09")
+
+
+def shell_word(path: str) -> str:
+    """Return a path as one argument of a command line, which a shell takes for nothing else.
+
+    Bytes that cannot be printed are written as bash and zsh read them, `$'\\xff'`.
+    """
+    path = path if not path.startswith("-") else f"./{path}"
+    if path.isprintable():
+        return shlex.quote(path)
+    signs = (f"\\{sign}" if sign in "\\'" else sign if sign.isprintable() else _bytes(sign) for sign in path)
+    return f"$'{''.join(signs)}'"
 
 
 def message(text: str) -> str:
@@ -73,6 +86,10 @@ def _page_name(name: str) -> str:
 
 def _shortened(name: str) -> str:
     return os.fsencode(name)[: MAX_NAME_BYTES // 2].decode("utf-8", "ignore")
+
+
+def _bytes(sign: str) -> str:
+    return "".join(f"\\x{byte:02x}" for byte in os.fsencode(sign))
 
 
 def _percent(sign: str) -> str:

@@ -14,12 +14,15 @@ from servogen.grade.judge import Grade, Row
 from servogen.grade.lab import Lab
 
 
-def page(lab: Lab, student: str, grade: Grade, film: str = "") -> str:
-    """Return the page, the same for the same grade; `student` names the program, `film` its film's file."""
-    return "\n".join(_lines(lab, student, grade, film)) + "\n"
+def page(lab: Lab, student: str, grade: Grade, film: str = "", command: str = "") -> str:
+    """Return the page, the same for the same grade; `student` names the program, `film` its film's file.
+
+    `command` is the command line that opens the program in a browser at the moment of the film.
+    """
+    return "\n".join(_lines(lab, student, grade, film, command)) + "\n"
 
 
-def _lines(lab: Lab, student: str, grade: Grade, film: str) -> Iterator[str]:
+def _lines(lab: Lab, student: str, grade: Grade, film: str, command: str) -> Iterator[str]:
     yield f"# {markdown(shown_name(student))}: {'passed' if grade.passed else 'not passed'}"
     yield ""
     yield markdown(f"{lab.title}. {lab.task}")
@@ -32,6 +35,8 @@ def _lines(lab: Lab, student: str, grade: Grade, film: str) -> Iterator[str]:
             "",
             f"[The film of it]({quote(film)}): the servos, the pulses and the source line at the moment.",
         )
+    if command:
+        yield from ("", "Step through it from that moment, forwards and backwards:", "", *_code(command))
     if grade.remarks:
         yield from ("", "## Good to know", "")
         for remark in grade.remarks:
@@ -51,9 +56,14 @@ def _item(reason: str) -> Iterator[str]:
     first, *rest = reason.splitlines()
     yield f"- {markdown(first)}"
     if rest:
-        longest = max((len(run) for run in re.findall("`+", reason)), default=0)
-        fence = "`" * max(3, longest + 1)
-        yield from ("", f"  {fence}", *(f"  {line}".rstrip() for line in rest), f"  {fence}")
+        yield from ("", *(f"  {line}".rstrip() for line in _code(*rest)))
+
+
+def _code(*lines: str) -> Iterator[str]:
+    """Yield lines as a block of code, whatever backquotes they contain."""
+    longest = max((len(run) for line in lines for run in re.findall("`+", line)), default=0)
+    fence = "`" * max(3, longest + 1)
+    yield from (fence, *lines, fence)
 
 
 def _table(grade: Grade) -> Iterator[str]:

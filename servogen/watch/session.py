@@ -69,7 +69,7 @@ class Session:
     """A window's own machine: its moment, speed and breakpoints."""
 
     def __init__(self, subject: Subject, live: LiveLine | None = None) -> None:
-        """Begin at power-up, or at the beginning of a recording; `live` is the line of a real robot."""
+        """Begin at the subject's first moment; `live` is the line of a real robot."""
         self.subject = subject
         self.live = live
         self.chip: TimeMachine | None = None
@@ -90,6 +90,9 @@ class Session:
         self._line_free = 0
         self._period = subject.schedule.period if subject.schedule else subject.clock.round_seconds(FRAME_S)
         self._pulses = Pulses()
+        if subject.begin:
+            self._place.seek(subject.begin)
+            self._look_back()
 
     @property
     def now(self) -> int:

@@ -51,11 +51,15 @@ class Setting:
     clock_hz: int | None = None
     stimulus: Path | None = None
     schedule: PulseSchedule | None = None
+    at_cycle: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Subject:
-    """Either a program (`image`) or a recording (`trace`); `schedule` is what its edges are held against."""
+    """Either a program (`image`) or a recording (`trace`); `schedule` is what its edges are held against.
+
+    A window that is opened shows cycle `begin`.
+    """
 
     path: Path
     clock: Clock
@@ -68,6 +72,7 @@ class Subject:
     job: PlannedJob | None = None
     wanted: Wanted | None = None
     first_difference: Cycles | None = None
+    begin: Cycles = Cycles(0)  # noqa: RUF009 - an integer
 
     @property
     def name(self) -> str:
@@ -91,7 +96,11 @@ def check(path: Path) -> None:
 
 
 def load_subject(path: Path, setting: Setting, progress: Callable[[str], None] = lambda _: None) -> Subject:
-    """Return the subject in a file. Raises InputError."""
+    """Return the subject in a file, to be shown from the moment of the setting. Raises InputError."""
+    return replace(_loaded(path, setting, progress), begin=Cycles(setting.at_cycle))
+
+
+def _loaded(path: Path, setting: Setting, progress: Callable[[str], None]) -> Subject:
     suffix = path.suffix.lower()
     if suffix == JOB_SUFFIX:
         return job_subject(path, plan_job(load(path)), setting, progress)

@@ -11,7 +11,17 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from servogen.grade import Grade, load_lab, message, page, page_names, refused, shown_name, visible
+from servogen.grade import (
+    Grade,
+    load_lab,
+    message,
+    page,
+    page_names,
+    refused,
+    shell_word,
+    shown_name,
+    visible,
+)
 from servogen.grade.display import markdown
 from tests.bench.conftest import START, Run, run  # noqa: F401 - a fixture
 
@@ -178,3 +188,23 @@ def test_names_that_are_not_utf8_work(tmp_path: Path, locale: str) -> None:
     assert sorted(file.name for file in (tmp_path / "pages").glob("*.md")) == sorted(
         row["page"] for row in rows
     )
+
+
+@pytest.mark.skipif(not Path("/bin/bash").exists(), reason="there is no bash here")
+def test_a_shell_takes_a_name_for_one_argument_and_nothing_else() -> None:
+    names = [
+        "a.c",
+        "a b/c.c",
+        "-x.c",
+        "$(id).c",
+        "`id`'\";&|\\.c",
+        "\x1b[2J\n.c",
+        "'\udcff\\'.c",
+        "\u202eé.c",
+    ]
+    words = [shell_word(name) for name in names]
+    assert all(word.isprintable() for word in words)
+    command = ["/bin/bash", "-c", "LC_ALL=C; printf '%s\\0' " + " ".join(words)]
+    done = subprocess.run(command, capture_output=True, check=True)
+    wanted = [name if name[0] != "-" else f"./{name}" for name in names]
+    assert done.stdout == b"".join(os.fsencode(name) + b"\0" for name in wanted)

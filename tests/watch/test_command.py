@@ -25,6 +25,10 @@ ROOT = Path(__file__).parent.parent.parent
         (["jobs/lab8-exercise.toml", "--robot", "/dev/null"], "only a job with [stream]"),
         (["firmware/lab8-exercise/main.hex", "--against", "missing.json"], "cannot be read"),
         (["firmware/lab8-exercise/main.hex", "--port", "99999"], "65535"),
+        (
+            ["firmware/lab8-exercise/main.hex", "--at-cycle", "18000000001"],
+            "less than or equal to 18000000000",
+        ),
     ],
 )
 def test_bad_input_ends_with_2(
