@@ -128,6 +128,10 @@ PACKAGE = (  # DS35007 table 1-1; DIP-18
 OPEN_DRAIN_PIN = "RA4"  # DS35007 section 4.1
 
 
+WATCHDOG_US = (7_000, 33_000)
+"""The shortest and the longest period of any chip without postscaler (DS35007 section 9, parameter 31)."""
+
+
 @dataclass(frozen=True, slots=True)
 class Device:
     """One member of the family: the facts in which the chips differ."""

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from servogen.edges import PINS, join
+from servogen.pic.device import WATCHDOG_US
 from servogen.pic.image import Image
 from servogen.prove.explore import Finding, Node
 from servogen.prove.quantifiers import Quantifiers, Trial, trials
@@ -23,7 +24,7 @@ from servogen.simulator.options import START_VALUES
 from servogen.simulator.resets import FETCH
 from servogen.simulator.sources import Reset, Source
 
-LONGEST_SLEEP = 33_000 * 128
+LONGEST_SLEEP = WATCHDOG_US[1] * 128
 """Cycles at 4 MHz until the slowest watchdog with the largest postscaler ends SLEEP."""
 RB0, RB7 = PINS.index("RB0"), PINS.index("RB7")
 

@@ -9,13 +9,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 
-from servogen.pic.device import device
+from servogen.pic.device import WATCHDOG_US, device
 from servogen.simulator import Options
 
 SEEDS = 64
 """Random start values that are tried."""
-WATCHDOG_US = (7_000, 33_000)
-"""The shortest and the longest period of any chip (DS35007, parameter 31)."""
 WRITE_TIMES = 16
 """Durations of an EEPROM write that are tried, and the shortest."""
 FILLED = (0xFF, 0x55, 0xAA)

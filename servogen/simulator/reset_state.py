@@ -18,6 +18,7 @@ from servogen.pic.device import (
     OSCILLATORS,
     RAM_FIRST,
     RAM_LAST,
+    WATCHDOG_US,
 )
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
@@ -40,8 +41,6 @@ UNPROGRAMMED_CONFIG = 0x3FFF
 OST_PERIODS, PERIODS_PER_CYCLE = 1024, 4
 """Oscillator start-up timer: DS35007 section 6.6."""
 ALL_PINS, RA4, RB4_TO_7 = 0x1FFF, 1 << 4, 0xF0 << 5
-SHORTEST_WATCHDOG_US = 7_000
-"""The shortest period of any chip's watchdog: DS35007 section 9, parameter 31."""
 POSTSCALER = 128
 """The watchdog's after a reset: OPTION_REG is 0xFF."""
 WRERR = 0x08  # of EECON1
@@ -80,7 +79,7 @@ def power_up(image: Image, clock: Clock, options: Options, tracked: bool) -> Sta
     s[at.START_UP] = start_up if options.oscillator_start_up else 0
     s[at.RA4_PULLED_UP] = options.ra4_pull_up
     s[at.PINS] = (s[at.FLOATING] | (0x10 if options.ra4_pull_up else 0)) & ALL_PINS
-    shortest = min(options.watchdog_us, SHORTEST_WATCHDOG_US)
+    shortest = min(options.watchdog_us, WATCHDOG_US[0])
     s[at.WDT_PERIOD] = clock.round_us(options.watchdog_us).cycles if config & CONFIG_WATCHDOG_ON else 0
     s[at.WDT_SHORTEST] = clock.round_us(shortest).cycles if config & CONFIG_WATCHDOG_ON else 0
     s[at.EE_TIME] = clock.round_us(options.eeprom_us).cycles

@@ -37,7 +37,7 @@ from servogen.compiler.sema.conversions import arithmetic, cast, convert, rvalue
 from servogen.compiler.sema.lvalues import assignable, bit_of
 from servogen.compiler.sema.names import characters, expression
 from servogen.errors import Location
-from servogen.pic.device import RAM_LAST, register_bits, registers
+from servogen.pic.device import RAM_LAST, WATCHDOG_US, register_bits, registers
 from servogen.units import Clock, Cycles
 
 
@@ -157,8 +157,6 @@ def _decimal(value: Fraction) -> str:
 MAX_DELAY = 50_463_240
 """The longest `_delay(n)`, in cycles, as XC8 documents it."""
 
-WDT_MIN_US = 7000
-"""The shortest period of the watchdog without prescaler (DS35007 table 9-4, parameter 31)."""
 UNKNOWN_CLOCK_HZ = 4_000_000
 
 UNITS_US = {"delay_us": 1, "delay_10us": 10, "delay_100us": 100, "delay_ms": 1000, "delay_s": 1_000_000}
@@ -280,7 +278,7 @@ def watched_delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]
     """
     cycles = _xc8_cycles(analyser, name, node, arguments)
     clock = analyser.clock or Clock(UNKNOWN_CLOCK_HZ)
-    unwatched = int(WDT_MIN_US // clock.cycle_us)
+    unwatched = int(WATCHDOG_US[0] // clock.cycle_us)
     return Builtin("delay_watched", [], VOID, analyser.place(node), (cycles, unwatched))
 
 

@@ -14,14 +14,12 @@ from functools import cached_property
 from servogen.errors import InputError, did_you_mean
 from servogen.pic.analysis.paths import Paths, PinWrite, explore, pin_text, place_text
 from servogen.pic.analysis.times import Span, Timing
-from servogen.pic.device import CONFIG_WATCHDOG_ON, PROGRAM_WORDS, STACK_LEVELS
+from servogen.pic.device import CONFIG_WATCHDOG_ON, PROGRAM_WORDS, STACK_LEVELS, WATCHDOG_US
 from servogen.pic.image import Image
 from servogen.pic.isa import decode
 from servogen.pic.listing import Listing
 from servogen.units import Clock
 
-WATCHDOG_US = 7000
-"""The shortest period of the watchdog without postscaler, of any chip (DS35007 table 9-4, parameter 31)."""
 PSA = 0x08
 EVERYTHING = (
     "every content of RAM and registers at power-up, every level of every input in every cycle, every moment "
@@ -258,9 +256,9 @@ class Facts:
         if config is not None and not config & CONFIG_WATCHDOG_ON:
             return Answer(question, Status.HOLDS, "the configuration word leaves it off", "every path")
         feeds = sorted(at for at in self.paths.executed if _clears_watchdog(self._image.program.get(at)))
-        limit_us = WATCHDOG_US * min(1 << (each & 7) if each & PSA else 1 for each in self.paths.options)
+        limit_us = WATCHDOG_US[0] * min(1 << (each & 7) if each & PSA else 1 for each in self.paths.options)
         span = self._timing.without_ends((0, *feeds), feeds, interrupts=True)
-        over = f"{EVERYTHING}; chips whose watchdog takes at least {WATCHDOG_US // 1000} ms"
+        over = f"{EVERYTHING}; chips whose watchdog takes at least {WATCHDOG_US[0] // 1000} ms"
         if config is None:
             over += "; the file has no configuration word: the watchdog is taken to be on"
         conditional = self._conditional()
