@@ -6,7 +6,6 @@ In: `PageFacts`. Out: text of HTML, the same for the same facts. All numbers and
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -26,7 +25,7 @@ from servogen.report.drawing import Chart, path_chart, time_chart
 from servogen.report.motion_table import widths_us
 from servogen.report.robot_model import robot_model
 from servogen.report.signals import captured, planned, pose_frames, scopes, shown_us, simulated
-from servogen.report.text import ProgramFacts, sentence
+from servogen.report.text import ProgramFacts, rounded_width, sentence
 from servogen.report.tracks import Track, error_rows, errors_of, tracks_of
 from servogen.report.viewer import embedded_json, viewer_colours, viewer_script
 from servogen.report.wiring import open_drain, package, remarks, wires
@@ -265,12 +264,7 @@ def rounding(plan: PulsePlan) -> Iterator[tuple[str, ...]]:
     for row in plan.widths:
         yield (
             f"{row.channel}, {row.which}" if row.which else row.channel,
-            f"{math.degrees(row.angle):z.2f}",
-            f"{float(row.requested_us):z.3f}",
-            str(row.cycles),
-            f"{float(row.achieved_us):z.3f}",
-            f"{float(row.error_us):+z.3f}",
-            str(row.frames),
+            *rounded_width(row),
         )
 
 

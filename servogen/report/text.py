@@ -15,6 +15,7 @@ from servogen.engines.firmware import TimingBudget
 from servogen.errors import Diagnostic
 from servogen.job import PlannedJob
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, oscillator_for
+from servogen.pulse import Quantised
 from servogen.pulse.plan import PulsePlan
 from servogen.report.tracks import ERROR_COLUMNS, error_rows, errors_of, tracks_of, worst_of
 from servogen.report.wiring import open_drain, remarks, wires
@@ -116,6 +117,18 @@ def _wiring(facts: BuildFacts) -> Iterator[str]:
     yield from remarks(facts.job)
 
 
+def rounded_width(row: Quantised) -> tuple[str, ...]:
+    """Return the cells of a rounded width: angle, width asked for, cycles, width achieved, error, frames."""
+    return (
+        f"{math.degrees(row.angle):z.2f}",
+        f"{float(row.requested_us):z.3f}",
+        str(row.cycles),
+        f"{float(row.achieved_us):z.3f}",
+        f"{float(row.error_us):+z.3f}",
+        str(row.frames),
+    )
+
+
 def _pulses(facts: BuildFacts) -> Iterator[str]:
     schedule = facts.plan.schedule
     examples = any(row.which for row in facts.plan.widths)
@@ -123,12 +136,7 @@ def _pulses(facts: BuildFacts) -> Iterator[str]:
         (
             row.channel,
             *([row.which] if examples else []),
-            f"{math.degrees(row.angle):z.2f}",
-            f"{float(row.requested_us):z.3f}",
-            str(row.cycles),
-            f"{float(row.achieved_us):z.3f}",
-            f"{float(row.error_us):+z.3f}",
-            str(row.frames),
+            *rounded_width(row),
         )
         for row in facts.plan.widths
     ]

@@ -21,6 +21,19 @@ export function widthOf(servo, angle) {
   return before[1] + (angle - before[0]) / (after[0] - before[0]) * (after[1] - before[1]);
 }
 
+// Fits a canvas to its place on the page and clears it: its size in CSS pixels, a brush, the colours of its style.
+export function cleared(canvas) {
+  const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
+  if (width && (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio))) {
+    canvas.width = Math.round(width * ratio);
+    canvas.height = Math.round(height * ratio);
+  }
+  const brush = canvas.getContext("2d"), style = getComputedStyle(canvas);
+  brush.setTransform(ratio, 0, 0, ratio, 0, 0);
+  brush.clearRect(0, 0, width, height);
+  return { width, height, brush, ink: name => style.getPropertyValue(name).trim() };
+}
+
 // A colour of the palette, lighter on a dark page.
 export function legible(colour) {
   if (!/^#[0-9a-f]{6}$/.test(colour) || !window.matchMedia("(prefers-color-scheme: dark)").matches) return colour;
@@ -186,16 +199,8 @@ export class RobotView {
   }
   paint() {
     if (!this.angles) return;
-    const canvas = this.canvas, ratio = window.devicePixelRatio || 1;
-    const width = canvas.clientWidth, height = canvas.clientHeight;
+    const { width, height, brush, ink } = cleared(this.canvas);
     if (!width) return;
-    if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
-      canvas.width = Math.round(width * ratio);
-      canvas.height = Math.round(height * ratio);
-    }
-    const brush = canvas.getContext("2d"), style = getComputedStyle(canvas), ink = name => style.getPropertyValue(name).trim();
-    brush.setTransform(ratio, 0, 0, ratio, 0, 0);
-    brush.clearRect(0, 0, width, height);
     brush.lineJoin = brush.lineCap = "round";
     if (this.box) this.paintRobot(brush, width, this.loose.length ? height * 0.62 : height, ink);
     if (this.loose.length) this.paintDials(brush, width, height, this.box ? height * 0.62 : 0, ink);

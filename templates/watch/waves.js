@@ -1,7 +1,7 @@
 // The pins over time, painted on a canvas: zoom, two cursors, what the schedule asks for, differences in red.
 // Times are cycles. Edges come packed: the way from the edge before, then 4 * pin + level.
 
-import { legible } from "./robot.js";
+import { cleared, legible } from "./robot.js";
 
 const LABEL = 92, ROW = 30, HEAD = 24, MIN_SPAN = 8;
 
@@ -135,15 +135,8 @@ export class Waves {
     this.options.cursors?.(this.cursors);
   }
   paint() {
-    const canvas = this.canvas, ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
+    const { width, height, brush, ink } = cleared(this.canvas);
     if (!width) return;
-    if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
-      canvas.width = Math.round(width * ratio);
-      canvas.height = Math.round(height * ratio);
-    }
-    const brush = canvas.getContext("2d"), style = getComputedStyle(canvas), ink = name => style.getPropertyValue(name).trim();
-    brush.setTransform(ratio, 0, 0, ratio, 0, 0);
-    brush.clearRect(0, 0, width, height);
     brush.font = "12px system-ui, sans-serif";
     brush.save();
     brush.beginPath();
