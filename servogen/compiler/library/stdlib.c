@@ -50,14 +50,20 @@ static void reversed(unsigned char *text, unsigned char *end) {
   }
 }
 
+// SDCC's functions have another name and order of parameters, and no result.
 #ifdef __SDCC
-// defines: _uitoa
-void _uitoa(uint16_t value, unsigned char *text, unsigned char base)
+#define TO_TEXT(name, sdcc_name, type) void sdcc_name(type value, unsigned char *text, unsigned char base)
+#define WRITE(name, sdcc_name, text, value, base) sdcc_name(value, text, base)
+#define DONE
 #else
-// defines: utoa
-unsigned char *utoa(unsigned char *text, uint16_t value, uint8_t base)
+#define TO_TEXT(name, sdcc_name, type) unsigned char *name(unsigned char *text, type value, uint8_t base)
+#define WRITE(name, sdcc_name, text, value, base) name(text, value, base)
+#define DONE return text;
 #endif
-{
+
+// defines: utoa
+// defines: _uitoa
+TO_TEXT(utoa, _uitoa, uint16_t) {
   unsigned char *end = text;
   do {
     uint8_t digit = value % base;
@@ -65,41 +71,25 @@ unsigned char *utoa(unsigned char *text, uint16_t value, uint8_t base)
     value /= base;
   } while (value);
   reversed(text, end);
-#ifndef __SDCC
-  return text;
-#endif
+  DONE
 }
 
-#ifdef __SDCC
-// defines: _itoa
-void _itoa(int16_t value, unsigned char *text, unsigned char base)
-#else
 // defines: itoa
-unsigned char *itoa(unsigned char *text, int16_t value, uint8_t base)
-#endif
-{
+// defines: _itoa
+TO_TEXT(itoa, _itoa, int16_t) {
   unsigned char *digits = text;
   uint16_t size = value;
   if (value < 0) {
     *digits++ = '-';
     size = -size;
   }
-#ifdef __SDCC
-  _uitoa(size, digits, base);
-#else
-  utoa(digits, size, base);
-  return text;
-#endif
+  WRITE(utoa, _uitoa, digits, size, base);
+  DONE
 }
 
-#ifdef __SDCC
-// defines: _ultoa
-void _ultoa(uint32_t value, unsigned char *text, unsigned char base)
-#else
 // defines: ultoa
-unsigned char *ultoa(unsigned char *text, uint32_t value, uint8_t base)
-#endif
-{
+// defines: _ultoa
+TO_TEXT(ultoa, _ultoa, uint32_t) {
   unsigned char *end = text;
   do {
     uint8_t digit = value % base;
@@ -107,29 +97,18 @@ unsigned char *ultoa(unsigned char *text, uint32_t value, uint8_t base)
     value /= base;
   } while (value);
   reversed(text, end);
-#ifndef __SDCC
-  return text;
-#endif
+  DONE
 }
 
-#ifdef __SDCC
-// defines: _ltoa
-void _ltoa(int32_t value, unsigned char *text, unsigned char base)
-#else
 // defines: ltoa
-unsigned char *ltoa(unsigned char *text, int32_t value, uint8_t base)
-#endif
-{
+// defines: _ltoa
+TO_TEXT(ltoa, _ltoa, int32_t) {
   unsigned char *digits = text;
   uint32_t size = value;
   if (value < 0) {
     *digits++ = '-';
     size = -size;
   }
-#ifdef __SDCC
-  _ultoa(size, digits, base);
-#else
-  ultoa(digits, size, base);
-  return text;
-#endif
+  WRITE(ultoa, _ultoa, digits, size, base);
+  DONE
 }
