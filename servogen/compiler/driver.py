@@ -32,7 +32,7 @@ from servogen.compiler.passes.call_depth import check_stack
 from servogen.compiler.passes.manager import PASSES, PassManager
 from servogen.compiler.passes.outlining import outline
 from servogen.compiler.sema.call_graph import CallGraph, call_graph, check_calls, globals_of
-from servogen.compiler.sema.checks import check_program, has_assembly
+from servogen.compiler.sema.checks import check_program
 from servogen.compiler.sema.chip_checks import check_chip
 from servogen.compiler.sema.translation_unit import analyse
 from servogen.errors import Diagnostic, InputError, Location, SourceLines, did_you_mean
@@ -118,9 +118,7 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
     check_calls(graph, reporter)
     reporter.stop_on_error()
     check_program(graph, reporter)
-    if not has_assembly(analysis.program):
-        watchdog = bool(settings.config_word(clock) & CONFIG_WATCHDOG_ON)
-        check_chip(graph, reporter, watchdog=watchdog)
+    check_chip(graph, reporter, watchdog=bool(settings.config_word(clock) & CONFIG_WATCHDOG_ON))
     _mark_shared(graph)
     dump = _Dump(options.dump_ir)
     manager = PassManager(options.verify_ir, dump.keep)

@@ -195,3 +195,11 @@ def test_getchar_hears_a_line_of_either_level(true: int, error: Fraction) -> Non
         machine.run(5000)
         heard = bytes(machine.state().ram[address - 0x0C :][:3])
         assert (heard == sent) is (inverted is (true == 0))
+
+
+def test_extensions_in_the_functions_of_every_file_are_kept() -> None:
+    one = "void set(void) { static char held @ 0x20; held = 7; }\n"
+    two = "void set(void);\nchar x @ 0x30;\nvoid main(void) { x = 1; set(); while (1); }\n"
+    found = compile_sources([Source(one, "one.c"), Source(two, "two.c")], Options(dialect="xc8"))
+    where = {name: address for address, name, _ in found.listing.variables}
+    assert (where["set.held"], where["x"]) == (0x20, 0x30)

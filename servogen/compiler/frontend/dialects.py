@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 
-import servogen.compiler.library as library
 from servogen.compiler.ast.types import (
     BIT,
     BOOL,
@@ -194,13 +193,12 @@ def config_names() -> Mapping[str, int]:
 
 
 def headers(dialect: str) -> Mapping[str, str]:
-    """Return the compiler's own header files by name."""
+    """Return the compiler's own header files by name, but for those of the library."""
     common = {
         "stdint.h": _STDINT_LIMITS,
         "limits.h": _LIMITS,
         "stdbool.h": _STDBOOL,
         "stddef.h": _STDDEF,
-        **{name: library.header(name) for name in library.HEADERS},
     }
     if dialect == XC8:
         xc = _STDINT_LIMITS + _STDBOOL

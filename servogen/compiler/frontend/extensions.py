@@ -115,11 +115,11 @@ class _Rewriter:
             self.pending_interrupt = False
         declared = is_name and self.text(1) in (";", "=", "[", ",")
         if self.pending_address is not None and declared:
-            self.out.addresses[_position(token)] = self.pending_address
+            self.out.addresses[position(token.place)] = self.pending_address
             self.pending_address = None
         if self.pending_eeprom == self.depth:
             if declared:
-                self.out.in_eeprom.add(_position(token))
+                self.out.in_eeprom.add(position(token.place))
             if token.text == ";":
                 self.pending_eeprom = None
         self.out.tokens.append(token)
@@ -155,8 +155,8 @@ class _Rewriter:
         return value
 
 
-def _position(token: PToken) -> Position:
-    return token.place.file, token.place.line, token.place.column
+def position(place: Location) -> Position:
+    return place.file, place.line, place.column
 
 
 def _assembler_spelling(text: str) -> str:
@@ -185,7 +185,7 @@ def _at_sign(self: _Rewriter, token: PToken) -> bool:
     while self.at < len(self.tokens) and self.text() not in (";", ",", "="):
         found.append(self.tokens[self.at])
         self.at += 1
-    self.out.addresses[_position(name or token)] = self.address(found, token.place)
+    self.out.addresses[position((name or token).place)] = self.address(found, token.place)
     return True
 
 
@@ -202,7 +202,7 @@ def _at_word(self: _Rewriter, token: PToken) -> bool:
     value = self.address(tokens, token.place)
     before = _declared_name(self.out.tokens)
     if self.text() in (";", "=", ",") and before is not None:
-        self.out.addresses[_position(before)] = value
+        self.out.addresses[position(before.place)] = value
     else:
         self.pending_address = value
     return True

@@ -15,6 +15,7 @@ from typing import Any
 from pcpp.evaluator import Value
 from pcpp.preprocessor import Action, OutputDirective, Preprocessor
 
+import servogen.compiler.library as library
 import servogen.compiler.limits as limits
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.frontend.asm_blocks import AsmBlock, rewrite
@@ -141,6 +142,8 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         name = match[1] or match[2]
         if name in self.headers:
             found: tuple[str, str] | None = (f"<{name}>", self.headers[name])
+        elif name in library.HEADERS:
+            found = (f"<{name}>", library.header(name))
         else:
             try:
                 found = self.resolver(name, place.file or "") if self.resolver else None
@@ -150,7 +153,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
                 )
                 return
         if found is None:
-            known = ", ".join(sorted(self.headers))
+            known = ", ".join(sorted((*self.headers, *library.HEADERS)))
             self.reporter.error(
                 "c-include",
                 f"include file '{name}' was not found",

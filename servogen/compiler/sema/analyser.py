@@ -37,7 +37,7 @@ from servogen.compiler.ast.types import (
 from servogen.compiler.diagnostics import Fatal, Reporter
 from servogen.compiler.frontend.asm_blocks import AsmBlock
 from servogen.compiler.frontend.dialects import C2C, named_types
-from servogen.compiler.frontend.extensions import FixedAddress, Position, Rewritten
+from servogen.compiler.frontend.extensions import Rewritten
 from servogen.compiler.frontend.preprocessor import Preprocessed
 from servogen.compiler.frontend.syntax_errors import place_of
 from servogen.compiler.sema.scopes import Scopes
@@ -117,19 +117,15 @@ class Analyser:
         self.bodies: list[tuple[FunctionDefinition, Any, Scopes]] = []
         """The functions whose bodies remain to be analysed, with the scopes of their files."""
         self.file_scopes: list[Scopes] = []
-        self.scopes = Scopes(lower_case=True)
+        self.scopes = Scopes(Rewritten(), lower_case=True)
         self.program = Program({}, [], [], {})
         self.function: FunctionDefinition | None = None
         self.body = Body()
         self.strings: dict[tuple[int, ...], Symbol] = {}
         self.types = dict(named_types())
         self.asm_symbols: dict[str, Symbol] = {}
-        self.addresses: dict[Position, FixedAddress] = {}
-        self.in_eeprom: set[Position] = set()
         self.eeprom_used = 0
         """The bytes of the EEPROM that declarations have taken so far."""
-        self.naked: set[str] = set()
-        self.interrupts: set[str] = set()
         self.reading_config = False
         """Inside __CONFIG(…), where the names of the masks are known."""
         self.externals: dict[str, Symbol | FunctionDefinition] = {}

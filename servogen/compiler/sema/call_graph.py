@@ -16,8 +16,12 @@ from servogen.compiler.ast.nodes import (
     Expr,
     ExprStmt,
     FunctionDefinition,
+    If,
+    Loop,
     Program,
     Ref,
+    Stmt,
+    Switch,
     Symbol,
 )
 from servogen.compiler.ast.types import VoidType
@@ -52,6 +56,26 @@ def expressions(node: object) -> Iterator[Expr]:
                 yield from expressions(getattr(node, name))
 
 
+def statements(node: Stmt) -> Iterator[Stmt]:
+    """Yield a statement and every statement inside it."""
+    yield node
+    match node:
+        case Block(body):
+            for each in body:
+                yield from statements(each)
+        case If(_, yes, no):
+            yield from statements(yes)
+            if no is not None:
+                yield from statements(no)
+        case Loop(_, body) | Switch(_, _, _, body):
+            yield from statements(body)
+
+
+def has_assembly(node: Stmt) -> bool:
+    """Return whether a statement is assembly or contains some."""
+    return any(isinstance(each, Asm) for each in statements(node))
+
+
 def reachable(program: Program, start: str) -> list[str]:
     """Return the functions that `start` reaches, itself first."""
     found: dict[str, None] = {}
@@ -74,6 +98,12 @@ class CallGraph:
     handler: str | None
     """The interrupt function."""
     isr: list[str]
+
+    @property
+    def program_has_assembly(self) -> bool:
+        """Return whether a function contains assembly, which may do what the C does not show."""
+        bodies = (function.body for function in self.program.functions.values())
+        return any(body is not None and has_assembly(body) for body in bodies)
 
     @property
     def shared(self) -> set[str]:

@@ -10,7 +10,6 @@ from collections.abc import Iterator
 
 from servogen.compiler.ast.nodes import (
     AddressOf,
-    Asm,
     Assign,
     Block,
     Builtin,
@@ -32,23 +31,17 @@ from servogen.compiler.ast.nodes import (
 )
 from servogen.compiler.ast.types import VoidType
 from servogen.compiler.diagnostics import Reporter
-from servogen.compiler.sema.call_graph import CallGraph, expressions
+from servogen.compiler.sema.call_graph import CallGraph, expressions, has_assembly, statements
 from servogen.compiler.sema.function_pointers import DISPATCHER
 
 _PORTS = {"PORTA": "TRISA", "PORTB": "TRISB"}
 _PINS = {"PORTA": "RA", "PORTB": "RB"}
 
 
-def has_assembly(program: Program) -> bool:
-    """Return whether a function of a program contains assembly."""
-    return any(
-        _assembly(function.body) for function in program.functions.values() if function.body is not None
-    )
-
-
 def check_program(graph: CallGraph, reporter: Reporter) -> None:
     """Report all warnings of this module."""
-    _inputs(graph.program, reporter)
+    if not graph.program_has_assembly:
+        _inputs(graph.program, reporter)
     _unused_results(graph.program, reporter)
     if graph.handler:
         _shared(graph, reporter)
@@ -67,8 +60,6 @@ def _inputs(program: Program, reporter: Reporter) -> None:
         if function.body is not None
         for expr in expressions(function.body)
     ]
-    if has_assembly(program):
-        return
     writes = [expr for expr in every if isinstance(expr, (Assign, Update))]
     for port, tris in _PORTS.items():
         outputs = _possible_outputs(writes, every, tris)
@@ -81,19 +72,6 @@ def _inputs(program: Program, reporter: Reporter) -> None:
                         f"{_PINS[port]}{bit} is an input: {tris} never makes it an output",
                         expr.place,
                     )
-
-
-def _assembly(node: Stmt) -> bool:
-    match node:
-        case Asm():
-            return True
-        case Block(body):
-            return any(_assembly(each) for each in body)
-        case If(_, yes, no):
-            return _assembly(yes) or (no is not None and _assembly(no))
-        case Loop(_, body) | Switch(_, _, _, body):
-            return _assembly(body)
-    return False
 
 
 def _possible_outputs(writes: list[Assign | Update], every: list[Expr], tris: str) -> int:
@@ -154,7 +132,7 @@ def _unused_results(program: Program, reporter: Reporter) -> None:
 
 def _acts(function: FunctionDefinition, acting: set[str]) -> bool:
     """Return whether a function changes anything but its own variables, or takes time on purpose."""
-    if function.body is None or _assembly(function.body):
+    if function.body is None or has_assembly(function.body):
         return True
     for expr in expressions(function.body):
         match expr:
@@ -173,17 +151,9 @@ def _acts(function: FunctionDefinition, acting: set[str]) -> bool:
 
 def _statements_that_call(node: Stmt | None) -> Iterator[Call]:
     """Yield the calls that are statements by themselves."""
-    match node:
-        case ExprStmt(Call() as call):
-            yield call
-        case Block(body):
-            for each in body:
-                yield from _statements_that_call(each)
-        case If(_, yes, no):
-            yield from _statements_that_call(yes)
-            yield from _statements_that_call(no)
-        case Loop(_, body) | Switch(_, _, _, body):
-            yield from _statements_that_call(body)
+    for each in statements(node) if node is not None else ():
+        if isinstance(each, ExprStmt) and isinstance(each.expr, Call):
+            yield each.expr
 
 
 # variables shared with the interrupt

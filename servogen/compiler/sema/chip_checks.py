@@ -34,6 +34,8 @@ class _Write:
 
 def check_chip(graph: CallGraph, reporter: Reporter, *, watchdog: bool) -> None:
     """Report all warnings of this module. `watchdog`: whether the configuration word switches it on."""
+    if graph.program_has_assembly:
+        return
     in_main, in_isr = _expressions(graph, graph.main), _expressions(graph, graph.isr)
     every = [*in_main, *in_isr]
     main, isr = list(_writes(in_main)), list(_writes(in_isr))

@@ -35,7 +35,7 @@ from servogen.compiler.ast.types import (
 )
 from servogen.compiler.diagnostics import is_own_file
 from servogen.compiler.frontend.dialects import SDCC
-from servogen.compiler.frontend.extensions import BitAddress, FixedAddress
+from servogen.compiler.frontend.extensions import BitAddress, FixedAddress, position
 from servogen.compiler.sema.analyser import Analyser
 from servogen.compiler.sema.conversions import convert
 from servogen.compiler.sema.initialisers import complete, fill, initialise
@@ -73,7 +73,7 @@ def declare(analyser: Analyser, node: Any) -> None:
         raise analyser.fail("c-undefined", f"'{kind}' is not defined", node)
     storage = node.storage or []
     static = "static" in storage
-    address = analyser.addresses.get((place.file, place.line, place.column))
+    address = analyser.scopes.source.addresses.get(position(place))
     if address is not None and isinstance(kind, IntType) and kind.is_bit:
         _bit_alias(analyser, node, address)
         return
@@ -126,7 +126,7 @@ def _bit_alias(analyser: Analyser, node: Any, address: FixedAddress) -> None:
 
 
 def _new_global(analyser: Analyser, name: str, kind: CType, place: Location, address: int | None) -> Symbol:
-    if (place.file, place.line, place.column) in analyser.in_eeprom:
+    if position(place) in analyser.scopes.source.in_eeprom:
         return _in_eeprom(analyser, name, kind, place)
     if address == CONFIG_ADDRESS:
         return _configuration(analyser, name, kind, place)
@@ -256,7 +256,7 @@ def _local(analyser: Analyser, node: Any, kind: CType, static: bool, address: in
     assert analyser.function is not None
     place, name = analyser.place(node), node.name
     constant = is_const_object(kind) and node.init is not None
-    in_eeprom = (place.file, place.line, place.column) in analyser.in_eeprom
+    in_eeprom = position(place) in analyser.scopes.source.in_eeprom
     if in_eeprom and not static:
         raise analyser.fail("c-type", f"'{name}' in the EEPROM must be static or outside functions", node)
     if static or address is not None or (constant and isinstance(kind, (ArrayType, StructType))):
@@ -360,8 +360,8 @@ def declare_function(
         )
         known.prototyped = kind.parameters is not None or define
         known.static = static
-        known.interrupt = name in analyser.interrupts
-        known.naked = name in analyser.naked
+        known.interrupt = name in analyser.scopes.source.interrupts
+        known.naked = name in analyser.scopes.source.naked
         analyser.program.functions[mangled] = known
         if not static:
             analyser.externals[name] = known

@@ -5,12 +5,11 @@ In: a function's typed tree. Out: warnings. Assembly in the function may do anyt
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from servogen.compiler.ast.nodes import (
     AddressOf,
-    Asm,
     Assign,
     Block,
     Builtin,
@@ -34,7 +33,7 @@ from servogen.compiler.ast.nodes import (
 )
 from servogen.compiler.ast.types import VoidType
 from servogen.compiler.diagnostics import Reporter
-from servogen.compiler.sema.call_graph import expressions
+from servogen.compiler.sema.call_graph import expressions, has_assembly, statements
 
 
 def check_flow(
@@ -45,26 +44,12 @@ def check_flow(
     constants have replaced them in the tree.
     """
     body = function.body
-    if body is None or any(isinstance(each, Asm) for each in _statements(body)):
+    if body is None or has_assembly(body):
         return
     _unused(body, declared, used, reporter)
     _missing_return(function, body, reporter)
-    if not any(isinstance(each, LabelStmt) for each in _statements(body)):
+    if not any(isinstance(each, LabelStmt) for each in statements(body)):
         _Uninitialised(body, declared, reporter).report()
-
-
-def _statements(node: Stmt) -> Iterator[Stmt]:
-    yield node
-    match node:
-        case Block(body):
-            for each in body:
-                yield from _statements(each)
-        case If(_, yes, no):
-            yield from _statements(yes)
-            if no is not None:
-                yield from _statements(no)
-        case Loop(_, body) | Switch(_, _, _, body):
-            yield from _statements(body)
 
 
 # unused
@@ -115,25 +100,25 @@ def _completes(node: Stmt) -> bool:
         case If(_, yes, no):
             return no is None or _completes(yes) or _completes(no)
         case Loop(condition, body):
-            return condition is not None or _breaks(body)
+            return condition is not None or breaks(body)
         case Switch(_, _, default, body):
-            return default is None or _breaks(body) or _completes(body)
+            return default is None or breaks(body) or _completes(body)
     return True
 
 
 def _has_label(node: Stmt) -> bool:
-    return any(isinstance(each, (CaseLabel, LabelStmt)) for each in _statements(node))
+    return any(isinstance(each, (CaseLabel, LabelStmt)) for each in statements(node))
 
 
-def _breaks(node: Stmt) -> bool:
+def breaks(node: Stmt) -> bool:
     """Return whether a `break` in a body ends the loop or switch that it is the body of."""
     match node:
         case Jump("break"):
             return True
         case Block(body):
-            return any(map(_breaks, body))
+            return any(map(breaks, body))
         case If(_, yes, no):
-            return _breaks(yes) or (no is not None and _breaks(no))
+            return breaks(yes) or (no is not None and breaks(no))
     return False
 
 

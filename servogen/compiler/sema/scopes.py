@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from servogen.compiler.ast.nodes import FunctionDefinition, Symbol
 from servogen.compiler.ast.types import U8, CType, Layout
 from servogen.compiler.frontend.dialects import ChipBit, chip_bits, chip_registers
+from servogen.compiler.frontend.extensions import Rewritten
 from servogen.errors import Location
 from servogen.pic.device import BOTH_BANKS, Register
 
@@ -47,7 +48,9 @@ class Scope:
 class Scopes:
     """A stack of scopes; the chip's names lie below the first."""
 
-    def __init__(self, *, lower_case: bool) -> None:
+    def __init__(self, source: Rewritten, *, lower_case: bool) -> None:
+        self.source = source
+        """The file: what its extensions say of the names in it."""
         self.stack: list[Scope] = [Scope()]
         self.lower_case = lower_case
         self._registers: dict[str, Symbol] = {}

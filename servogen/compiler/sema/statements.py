@@ -42,7 +42,7 @@ from servogen.compiler.sema.builtins import chip_bit, register_ref, set_bit
 from servogen.compiler.sema.conversions import convert, promoted, truth
 from servogen.compiler.sema.declarations import declare
 from servogen.compiler.sema.expressions import condition_operand
-from servogen.compiler.sema.flow import check_flow
+from servogen.compiler.sema.flow import breaks, check_flow
 from servogen.compiler.sema.lint import check_syntax, used_names
 from servogen.compiler.sema.names import constant, expression, value_of, warn_unused
 from servogen.compiler.sema.type_names import specified
@@ -188,21 +188,7 @@ def _leaves(made: Stmt) -> bool:
         case If(_, yes, no):
             return no is not None and _leaves(yes) and _leaves(no)
         case Loop(None, body):
-            return not _breaks(body)
-    return False
-
-
-def _breaks(made: Stmt) -> bool:
-    """Return whether a `break` in a loop's body ends that loop; those of nested loops and switches do not
-    count.
-    """
-    match made:
-        case Jump("break"):
-            return True
-        case Block(body):
-            return any(map(_breaks, body))
-        case If(_, yes, no):
-            return _breaks(yes) or (no is not None and _breaks(no))
+            return not breaks(body)
     return False
 
 

@@ -47,12 +47,8 @@ EEPROM_DATA_VALUES = 8
 
 def begin_file(analyser: Analyser, rewritten: Rewritten) -> None:
     """Start a new file: a scope of its own in the same program."""
-    analyser.scopes = Scopes(lower_case=True)
+    analyser.scopes = Scopes(rewritten, lower_case=True)
     analyser.file_scopes.append(analyser.scopes)
-    analyser.addresses = rewritten.addresses
-    analyser.interrupts = rewritten.interrupts
-    analyser.in_eeprom = rewritten.in_eeprom
-    analyser.naked = rewritten.naked
 
 
 def head(analyser: Analyser, unit: Any) -> FunctionDefinition:
@@ -197,9 +193,14 @@ def _called_of_library(analysis: Analyser) -> bool:
     """Add the bodies of the library's functions that are called and not yet defined; return whether there are
     any.
     """
-    for name in sorted(analysis.called & library.sources().keys()):
-        meaning = analysis.externals.get(name)
-        if isinstance(meaning, FunctionDefinition) and meaning not in analysis.defined:
+    missing = [
+        name
+        for name in sorted(analysis.called)
+        if isinstance(meaning := analysis.externals.get(name), FunctionDefinition)
+        and meaning not in analysis.defined
+    ]
+    for name in missing:
+        if name in library.sources():
             library_function(analysis, name)
     wanted = analysis.called & analysis.library_bodies.keys()
     analysis.bodies += [analysis.library_bodies.pop(name) for name in sorted(wanted)]
@@ -211,18 +212,12 @@ def library_function(analysis: Analyser, name: str) -> FunctionDefinition:
     file = library.sources()[name]
     if file not in analysis.library_files:
         analysis.library_files.add(file)
-        before = analysis.scopes, analysis.addresses, analysis.interrupts, analysis.in_eeprom, analysis.naked
+        before = analysis.scopes
         _, rewritten = analysis.read_library(file)
         _declarations(analysis, rewritten)
         if own_putchar := analysis.externals.get("putchar"):
-            analysis.file_scopes[-1].stack[0].names.setdefault("putchar", own_putchar)
-        (
-            analysis.scopes,
-            analysis.addresses,
-            analysis.interrupts,
-            analysis.in_eeprom,
-            analysis.naked,
-        ) = before
+            analysis.scopes.stack[0].names.setdefault("putchar", own_putchar)
+        analysis.scopes = before
     found = analysis.externals[name]
     assert isinstance(found, FunctionDefinition)
     return found
