@@ -160,7 +160,7 @@ def test_keys_of_a_terminal_are_sent_to_a_port_and_the_terminal_is_restored(star
         assert termios.tcgetattr(port)[4:6] == [termios.B50, termios.B50]
         os.write(master, b"q")
         assert read_until(robot, b"\x00\x00") == b"\x00\x00"
-        _, err = process.communicate(timeout=30)
+        _, err = process.communicate(timeout=120)
         assert process.returncode == 0, err
         assert termios.tcgetattr(slave) == before
 
@@ -172,7 +172,7 @@ def test_ctrl_c_ends_the_drive_and_restores_the_terminal(start: Start) -> None:
         read_until(process.stdout.fileno(), b"frame")
         assert termios.tcgetattr(slave) != before
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=30)
+        _, err = process.communicate(timeout=120)
         assert process.returncode == 130, err
         assert termios.tcgetattr(slave) == before
 

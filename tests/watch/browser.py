@@ -63,7 +63,7 @@ class Browser:
     def close(self) -> None:
         self._sockets.close()
         self._process.terminate()
-        self._process.wait(10)
+        self._process.wait(60)
         self._profile.cleanup()
 
 

@@ -59,11 +59,11 @@ def test_the_server_ends_with_the_command() -> None:
         found = re.search(r"main\.hex: (http://127\.0\.0\.1:\d+/\S+/)", served.stdout.readline())
         assert found
         address = urlsplit(found[1])
-        connection = http.client.HTTPConnection(address.netloc, timeout=10)
+        connection = http.client.HTTPConnection(address.netloc, timeout=60)
         connection.request("GET", address.path, headers={"Sec-Fetch-Site": "none"})
         assert connection.getresponse().status == 200
         served.send_signal(signal.SIGINT)
         assert served.wait(20) == 0
         assert "Traceback" not in served.stderr.read()
     with pytest.raises(ConnectionRefusedError):
-        http.client.HTTPConnection(address.netloc, timeout=10).connect()
+        http.client.HTTPConnection(address.netloc, timeout=60).connect()

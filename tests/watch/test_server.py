@@ -40,7 +40,7 @@ def messages(socket: ClientConnection, until: str) -> list[dict[str, Any]]:
     """Every message up to the first of a kind."""
     found = []
     while not found or found[-1]["is"] != until:
-        found.append(json.loads(socket.recv(timeout=10)))
+        found.append(json.loads(socket.recv(timeout=60)))
     return found
 
 
@@ -113,7 +113,7 @@ def test_a_socket_with_a_wrong_token_is_refused(running: Running) -> None:
 
 def test_a_socket_with_a_foreign_host_is_refused(running: Running) -> None:
     """The name leads to this machine, as that of a page may that rebinds it; its origin is its own."""
-    connection = http.client.HTTPConnection(running.host, timeout=10)
+    connection = http.client.HTTPConnection(running.host, timeout=60)
     connection.putrequest("GET", f"/{running.token}/socket", skip_host=True)
     for name, value in (
         ("Host", "evil.example"),

@@ -199,7 +199,7 @@ class Line:
         self.broken = False
 
     def write(self, data: bytes) -> None:
-        self.go.wait(10)
+        self.go.wait(60)
         if self.broken:
             raise Unplugged("port-unplugged", "the port has disappeared")
         self.sent.append(data)
