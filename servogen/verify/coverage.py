@@ -5,9 +5,8 @@
     seen            └────────────────┘                         2 of the 3 different frames, 4 of the 8 frames
 
 A different frame is named by the number of the first frame that looks like it. The loop's different frames
-count. A loop that consists of a single frame is the rest after a motion that runs\nonce; there, the different
-frames of the lead-in count as well. Frames before the first edge never count, because\ntime zero is that
-edge.
+count. A loop that consists of a single frame is the rest after a motion that runs once; there, the different
+frames of the lead-in count as well. Frames before the first edge never count, because time zero is that edge.
 """
 
 from __future__ import annotations
@@ -68,18 +67,18 @@ def coverage(scheduled: Edges, expected: Expected, frames: range) -> Coverage:
     before = frozenset(same[: expected.lead_in].tolist()) - loop - {-1}
     once = len(loop) <= 1 and bool(before)
     counted, aside = (loop | before, frozenset[int]()) if once else (loop, before)
-    inside = np.array(frames, dtype=np.int64)
-    late = inside >= expected.lead_in
-    place = (inside[late] - expected.lead_in) % expected.loop if expected.loop else inside[:0]
-    inside = np.concatenate((inside[~late], place + expected.lead_in))
-    found = frozenset(same[inside].tolist())
+    compared = np.zeros(len(same), dtype=np.bool_)
+    compared[frames.start : min(frames.stop, expected.lead_in)] = True
+    late = np.arange(max(frames.start, expected.lead_in), frames.stop)[: expected.loop]
+    compared[expected.lead_in + (late - expected.lead_in) % max(expected.loop, 1)] = True
+    found = frozenset(same[compared].tolist())
     return Coverage(
         different=counted,
         seen=found & counted,
         lead_in=aside,
         lead_in_seen=found & aside,
         loop_frames=expected.loop,
-        loop_seen=frozenset(np.unique(place).tolist()),
+        loop_seen=frozenset(np.flatnonzero(compared[expected.lead_in :]).tolist()),
         once=once,
     )
 

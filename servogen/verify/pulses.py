@@ -123,7 +123,9 @@ def masks(edges: Edges, initial: Levels, pins: Levels) -> tuple[Ints, Ints]:
     """Return (cycle, pins that are high from it on, as bits) for each cycle in which one of `pins`
     changes.
     """
-    own = edges.take(np.isin(edges.pin, pins))
+    wanted = np.zeros(len(PINS), dtype=np.bool_)
+    wanted[pins] = True
+    own = edges.take(wanted[edges.pin])
     before = sum(1 << int(pin) for pin in pins if initial[pin])
     bit = np.int64(1) << own.pin.astype(np.int64)
     high = before + np.cumsum(np.where(own.level == HIGH, bit, -bit))
@@ -140,7 +142,7 @@ def pairs(mask: int) -> set[tuple[int, int]]:
 def together(edges: Edges, initial: Levels, pins: Levels) -> set[tuple[int, int]]:
     """Return the pairs of `pins` that are high together anywhere in `edges`."""
     _, high = masks(edges, initial, pins)
-    return set().union(*(pairs(mask) for mask in np.unique(high).tolist()))
+    return set().union(*map(pairs, np.flatnonzero(np.bincount(high)).tolist()))
 
 
 def overlap(
