@@ -13,35 +13,64 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Annotated, TextIO
+from importlib import import_module
+from typing import TYPE_CHECKING, Annotated, TextIO
 
 import typer
+from typer.core import TyperGroup
 from typer.exceptions import TyperException
 
 from servogen import INTERRUPTED, __version__
-from servogen.cli import (
-    bench_commands,
-    chip_commands,
-    doctor_commands,
-    drive_commands,
-    grade_commands,
-    job_commands,
-    motion_commands,
-    proof_commands,
-    robot_commands,
-    signal_commands,
-    simulate_commands,
-    twin_commands,
-    watch_commands,
-)
 from servogen.cli.show import begin, show_error
 from servogen.errors import InputError, Location, ServogenError, ToolError
+
+if TYPE_CHECKING:
+    from typer._click.core import Command, Context  # typer has no public name for them
 
 NOBODY_READS = 141
 """What a shell reports for a program that a closed pipe has ended; also where standard output is closed."""
 
+COMMANDS = {
+    "job_commands": ("new", "check", "build", "demo", "plan", "report", "tune"),
+    "chip_commands": ("compile", "assemble", "disassemble"),
+    "simulate_commands": ("simulate",),
+    "signal_commands": ("verify", "measure", "plot"),
+    "proof_commands": ("prove", "check-certificate"),
+    "robot_commands": ("robots", "fk", "ik", "jacobian", "transform", "orientation", "mobility"),
+    "motion_commands": ("gait", "run-program"),
+    "bench_commands": ("flash", "capture", "rig"),
+    "drive_commands": ("drive", "calibrate"),
+    "grade_commands": ("grade",),
+    "doctor_commands": ("doctor",),
+    "twin_commands": ("twin",),
+    "watch_commands": ("watch",),
+}
+"""The modules of this package that define commands, and the commands that each of them registers."""
+
+
+class Commands(TyperGroup):
+    """The commands, of which only those of the module that is needed are loaded: the others cost no time."""
+
+    def list_commands(self, ctx: Context) -> list[str]:
+        return [name for names in COMMANDS.values() for name in names]
+
+    def get_command(self, ctx: Context, cmd_name: str) -> Command | None:
+        wanted = [module for module, names in COMMANDS.items() if cmd_name in names]
+        for module in wanted or COMMANDS:  # all for an unknown name, which may be close to one of theirs
+            self._load(module)
+        return super().get_command(ctx, cmd_name)
+
+    def _load(self, module: str) -> None:
+        if not self.commands.keys() >= set(COMMANDS[module]):
+            part = typer.Typer()
+            part.callback()(_options)  # makes it a group, even of a single command
+            import_module(f"servogen.cli.{module}").register(part)
+            self.commands.update(typer.main.get_group(part).commands)
+
+
 app = typer.Typer(
     name="servogen",
+    cls=Commands,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -64,25 +93,6 @@ def _options(
     ] = False,
 ) -> None:
     pass
-
-
-GROUPS = (
-    job_commands,
-    chip_commands,
-    simulate_commands,
-    signal_commands,
-    proof_commands,
-    robot_commands,
-    motion_commands,
-    bench_commands,
-    drive_commands,
-    grade_commands,
-    doctor_commands,
-    twin_commands,
-    watch_commands,
-)
-for group in GROUPS:
-    group.register(app)
 
 
 class _Output:

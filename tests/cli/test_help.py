@@ -1,26 +1,61 @@
-"""What `--help` says is what was written."""
+"""What `--help` says is what was written, and every command is found by its name."""
 
+import subprocess
+import sys
 from collections.abc import Iterator
+from importlib import import_module
 from typing import Any
 
+import pytest
 import typer
 from rich.text import Text
 
-from servogen.cli.main import app
+from servogen.cli.main import COMMANDS, Commands, app
 
 
-def helps(command: Any) -> Iterator[str]:
-    """The help of a command, of its options and of its sub-commands."""
-    yield command.help or ""
-    for each in command.params:
-        yield getattr(each, "help", None) or ""
-    for sub in getattr(command, "commands", {}).values():
-        yield from helps(sub)
+def helps() -> Iterator[str]:
+    """The help of the application, of its commands and of their options."""
+    group: Any = typer.main.get_command(app)
+    context = typer.Context(group)
+    for command in (group, *(group.get_command(context, name) for name in group.list_commands(context))):
+        yield command.help or ""
+        for parameter in command.params:
+            yield getattr(parameter, "help", None) or ""
 
 
 def test_no_help_has_brackets_that_are_taken_for_markup() -> None:
     """The help is shown as rich's markup, in which [word] is a style and vanishes."""
     assert Text.from_markup("the job's [stream]").plain == "the job's "
-    texts = list(helps(typer.main.get_command(app)))
+    texts = list(helps())
     assert len(texts) > 100
     assert [text for text in texts if Text.from_markup(text).plain != text] == []
+
+
+@pytest.mark.parametrize("module", COMMANDS)
+def test_the_table_of_commands_has_those_that_the_module_registers(module: str) -> None:
+    part = typer.Typer(callback=lambda: None)
+    import_module(f"servogen.cli.{module}").register(part)
+    assert list(typer.main.get_group(part).commands) == list(COMMANDS[module])
+
+
+def test_only_the_module_of_the_command_is_loaded() -> None:
+    """What the other commands need costs no time at the start."""
+    code = (
+        "import sys; sys.argv = ['servogen', {!r}, '--help']\n"
+        "from servogen.cli import main\n"
+        "try: main()\n"
+        "except SystemExit: print(*(name for name in sys.modules if name.startswith('servogen.cli.')))"
+    )
+    for name, module in (("mobility", "robot_commands"), ("check-certificate", "proof_commands")):
+        ran = subprocess.run(
+            [sys.executable, "-c", code.format(name)], capture_output=True, text=True, check=True
+        )
+        loaded = {word.removeprefix("servogen.cli.") for word in ran.stdout.splitlines()[-1].split()}
+        assert loaded & COMMANDS.keys() == {module}
+
+
+def test_a_command_that_is_close_to_the_unknown_one_is_named() -> None:
+    group = typer.main.get_command(app)
+    assert isinstance(group, Commands)
+    with pytest.raises(Exception, match="Did you mean 'calibrate'"):
+        group.main(["calibrat"], prog_name="servogen", standalone_mode=False)
