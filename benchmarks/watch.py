@@ -13,9 +13,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from servogen.debug.time_machine import TimeMachine
 from servogen.engines.board import board_of, inputs_of
 from servogen.programs import read_program, read_schedule
-from servogen.watch.time_machine import TimeMachine
 
 ROOT = Path(__file__).parent.parent
 PROGRAMS = ("lab8-exercise", "hexapod-tripod", "stream-arm", "omni-square")

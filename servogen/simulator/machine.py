@@ -274,15 +274,10 @@ class Machine:
     def apply(self, changes: Sequence[Change]) -> None:
         """Add changes from outside to what the stimulus still has to supply, after its own in each cycle.
 
-        Raises ValueError for a change that is not later than the current cycle, and for an unknown pin or
-        level.
+        Raises ValueError for a change before the current cycle, and for an unknown pin or level.
         """
         for change in changes:
-            if (
-                change.cycle <= self.cycles
-                or not 0 <= change.pin <= at.MCLR_PIN
-                or not 0 <= change.level <= 2
-            ):
+            if change.cycle < self.cycles or not 0 <= change.pin <= at.MCLR_PIN or not 0 <= change.level <= 2:
                 raise ValueError(f"{change} cannot be applied in cycle {self.cycles}")
         added = np.array([change.packed for change in changes], dtype=np.int64)
         pieces = [self._stim[self._s[at.STIM_NEXT] :]]

@@ -19,6 +19,10 @@ from typing import Any
 
 import numpy as np
 
+from servogen.debug.breakpoints import Breakpoint, parse_breakpoint, run_to
+from servogen.debug.pins import explain_pin
+from servogen.debug.symbols import current_line, line_at
+from servogen.debug.time_machine import TimeMachine
 from servogen.edges import HIGH, PINS, UNDRIVEN, Driven, EdgeChunk, join
 from servogen.engines.stream.protocol import MAX_VALUE, SYNC
 from servogen.errors import InputError, ServogenError
@@ -29,13 +33,10 @@ from servogen.simulator import Change, Serial
 from servogen.simulator.layout import MCLR_PIN
 from servogen.simulator.observe import plain_assembly
 from servogen.simulator.sources import pin_number
-from servogen.watch.breakpoints import Breakpoint, parse_breakpoint, run_to
 from servogen.watch.differences import Edge, differing
 from servogen.watch.live_line import LiveLine
-from servogen.watch.pins import explain_pin
 from servogen.watch.recording import Recording
 from servogen.watch.subject import Subject
-from servogen.watch.time_machine import NO_LINE, TimeMachine
 
 Message = dict[str, Any]
 
@@ -235,6 +236,7 @@ class Session:
     def _chip(self, chip: TimeMachine) -> Message:
         state = chip.machine.state()
         rows = [] if self.running else chip.executed(LAST).tolist()
+        line = current_line(chip)
         return {
             "pc": state.pc,
             "w": state.w,
@@ -250,9 +252,7 @@ class Session:
             "interrupts": state.interrupts,
             "resets": dict(state.resets),
             "next": self._instruction(chip, state.pc),
-            "here": self._here(
-                chip, [state.pc, *(address - 1 for address in state.stack[: state.stack_depth])]
-            ),
+            "here": None if line is None else (line.file, line.line),
             "executed": [
                 {"cycle": cycle, "w": w, **self._instruction(chip, address)} for cycle, address, w, _ in rows
             ],
@@ -260,28 +260,19 @@ class Session:
             "outside": list(self.outside),
         }
 
-    def _here(self, chip: TimeMachine, addresses: list[int]) -> tuple[str, int] | None:
-        """Return the source line that runs: within a routine of the compiler, the one that called it."""
-        for address in addresses:
-            number = int(chip.line_ids[address % len(chip.line_ids)])
-            if number != NO_LINE:
-                return chip.lines[number]
-        return None
-
     def _instruction(self, chip: TimeMachine, address: int) -> Message:
         address %= len(chip.line_ids)
         listing = self.subject.listing
         text = (
             next((row.assembly for row in listing.rows if row.address == address), None) if listing else None
         )
-        number = int(chip.line_ids[address])
-        file, line = chip.lines[number] if number != NO_LINE else (None, None)
+        line = line_at(chip, address)
         assert self.subject.image is not None
         return {
             "address": address,
             "text": text or plain_assembly(self.subject.image, address),
-            "file": file,
-            "line": line,
+            "file": line.file if line else None,
+            "line": line.line if line else None,
         }
 
     def _do_run(self, message: Mapping[str, Any]) -> Iterator[Message]:

@@ -6,15 +6,15 @@ import pytest
 
 from servogen.compiler import Options as CompilerOptions
 from servogen.compiler import Source, compile_sources
+from servogen.debug import time_machine
+from servogen.debug.time_machine import TimeMachine
 from servogen.edges import PINS
 from servogen.pic.device import device
-from servogen.simulator import Change, Machine, Periodic, Stimuli, trace
+from servogen.simulator import Change, Machine, Periodic, Recorded, Stimuli, trace
 from servogen.units import Clock
-from servogen.watch import time_machine
-from servogen.watch.time_machine import TimeMachine
+from tests.debug.stepping_back import check
 from tests.simulator.helpers import CLOCK, image
 from tests.simulator.test_exact import rows, seen
-from tests.watch.stepping_back import check
 
 BLINK = """
         bsf     STATUS, RP0
@@ -35,7 +35,7 @@ loop    decfsz  0x20, f
 
 @pytest.mark.parametrize("seed", range(6))
 def test_stepping_back_equals_a_fresh_run(seed: int) -> None:
-    """10 000 steps: `python -m tests.watch.stepping_back`."""
+    """10 000 steps: `python -m tests.debug.stepping_back`."""
     check(seed, 6)
 
 
@@ -177,10 +177,26 @@ def test_an_input_is_applied_again_and_another_past_makes_another_future() -> No
 def test_an_input_in_the_past_or_of_no_pin_is_refused() -> None:
     machine = TimeMachine(image(BLINK), CLOCK)
     machine.seek(101)
-    for change in (Change(101, 0, 1), Change(200, 14, 1), Change(200, 0, 3)):
+    for change in (Change(100, 0, 1), Change(200, 14, 1), Change(200, 0, 3)):
         with pytest.raises(ValueError, match="cannot be applied in cycle 101"):
             machine.apply([change])
     assert machine.inputs == ()
+
+
+def test_an_input_at_the_current_moment_acts_as_if_it_had_been_known_before() -> None:
+    text = " bsf STATUS, RP0\n clrf TRISB\n bcf STATUS, RP0\nl movf PORTA, w\n movwf PORTB\n goto l\n"
+    for cycle in range(50, 55):
+        machine = TimeMachine(image(text), CLOCK)
+        machine.seek(cycle)
+        change = Change(machine.now, 0, 1)
+        machine.apply([change])
+        machine.seek(100)
+        known = Machine(image(text), CLOCK, stimulus=Stimuli([Recorded([change])]))
+        known.run(machine.now)
+        assert seen(machine.machine) == seen(known)
+        machine.seek(20)
+        machine.seek(100)
+        assert seen(machine.machine) == seen(known)
 
 
 def test_changes_that_are_applied_follow_those_of_an_endless_stimulus() -> None:

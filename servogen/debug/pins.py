@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from servogen.debug.time_machine import TimeMachine
 from servogen.edges import PINS, UNDRIVEN
 from servogen.pic.device import OPEN_DRAIN_PIN
 from servogen.pic.isa import decode
-from servogen.watch.time_machine import TimeMachine
 
 PORTS = {"A": (0x05, 0), "B": (0x06, 5)}
 """The address of each port, in bank 1 of its TRIS register, and its first pin in `PINS`."""

@@ -51,7 +51,7 @@ Rows = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class _Input:
-    """Changes that were applied in `cycle`, all of them later."""
+    """Changes that were applied in `cycle`, none of them earlier."""
 
     cycle: int
     changes: tuple[Change, ...]
@@ -116,7 +116,7 @@ class TimeMachine:
         return len(self._at)
 
     def apply(self, changes: Sequence[Change]) -> None:
-        """Apply changes from outside, all of them after the current moment, whose old future is dropped."""
+        """Apply changes from outside, none of them before the current moment, whose old future is dropped."""
         self.machine.apply(changes)
         now = self.now
         del self._inputs[self._applied :]

@@ -4,6 +4,7 @@ In: text as a person types it, and the program's listing. Out: `Breakpoint`s; `r
 the first of them.
 
     line 12 · main.c:12 · 0x01F     before the line's first instruction, or the one at that address
+    show()                          before the first instruction of a function, or after a label
     RB0 · RB0 rise · RB0 fall       after an edge of the pin
     width > 1500 · 0x20 == 3        after an instruction that makes it true of a variable or a byte of RAM
 """
@@ -19,13 +20,14 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
+from servogen.debug.symbols import Variable, routine, variable
+from servogen.debug.time_machine import TimeMachine
 from servogen.edges import HIGH, LOW, PINS, EdgeChunk
 from servogen.errors import InputError, did_you_mean
-from servogen.pic.device import PROGRAM_WORDS, RAM_FIRST, RAM_LAST
+from servogen.pic.device import PROGRAM_WORDS
 from servogen.pic.image import Image
 from servogen.pic.isa import decode
 from servogen.pic.listing import Listing
-from servogen.watch.time_machine import TimeMachine
 
 INDIRECT = 0
 """The address through which an instruction reaches the byte that FSR points to."""
@@ -64,22 +66,19 @@ class AtCondition:
     """Stops after an instruction that makes a comparison of bytes of RAM, the lowest first, come true."""
 
     text: str
-    address: int
-    size: int
+    variable: Variable
     comparison: str
     value: int
 
     def holds(self, machine: TimeMachine) -> bool:
-        ram = machine.machine.ram
-        start = self.address - RAM_FIRST
-        number = int.from_bytes(ram[start : start + self.size], "little")
-        return COMPARISONS[self.comparison](number, self.value)
+        return COMPARISONS[self.comparison](self.variable.number(machine.machine.ram), self.value)
 
 
 Breakpoint = AtAddress | AtEdge | AtCondition
 
 _LINE = re.compile(r"(?:line\s+|(?P<file>\S+):)(?P<line>\d{1,6})")
 _ADDRESS = re.compile(r"0x(?P<address>[0-9a-f]{1,4})", re.IGNORECASE)
+_ROUTINE = re.compile(r"(?P<name>[A-Za-z_]\w{0,60})\s*\(\s*\)")
 _EDGE = re.compile(r"(?P<pin>R[AB]\d)(?:\s+(?P<way>rise|fall))?", re.IGNORECASE)
 _CONDITION = re.compile(
     r"(?P<name>[A-Za-z_]\w{0,60}|0x[0-9A-Fa-f]{1,2})\s*(?P<comparison>==|!=|<=|>=|<|>)\s*(?P<value>0x[0-9A-Fa-f]{1,8}|\d{1,9})"
@@ -98,6 +97,8 @@ def parse_breakpoint(text: str, listing: Listing | None) -> Breakpoint:
                 "out-of-range", f"{text}: the program's addresses end at 0x{PROGRAM_WORDS - 1:03X}"
             )
         return AtAddress(text, frozenset((address,)))
+    if found := _ROUTINE.fullmatch(text):
+        return AtAddress(text, frozenset((routine(found["name"], listing),)))
     if found := _EDGE.fullmatch(text):
         pin = found["pin"].upper()
         if pin not in PINS:
@@ -105,12 +106,13 @@ def parse_breakpoint(text: str, listing: Listing | None) -> Breakpoint:
         way = (found["way"] or "").lower()
         return AtEdge(text, PINS.index(pin), {"rise": HIGH, "fall": LOW}.get(way))
     if found := _CONDITION.fullmatch(text):
-        address, size = _variable(found["name"], listing)
-        return AtCondition(text, address, size, found["comparison"], int(found["value"], 0))
+        return AtCondition(
+            text, variable(found["name"], listing), found["comparison"], int(found["value"], 0)
+        )
     raise InputError(
         "bad-breakpoint",
         f"'{text}' is not a breakpoint",
-        hint="line 12, 0x01F, RB0 rise, or a comparison such as width > 1500",
+        hint="line 12, 0x01F, show(), RB0 rise, or a comparison such as width > 1500",
     )
 
 
@@ -127,23 +129,6 @@ def _at_line(text: str, file: str | None, line: int, listing: Listing | None) ->
     if not first:
         raise InputError("bad-breakpoint", f"no instruction belongs to {text}")
     return AtAddress(text, frozenset(first))
-
-
-def _variable(name: str, listing: Listing | None) -> tuple[int, int]:
-    """Return the address and the size of a variable, or of a byte of RAM that its address names."""
-    if name.lower().startswith("0x"):
-        address = int(name, 16)
-        if not RAM_FIRST <= address <= RAM_LAST:
-            raise InputError(
-                "out-of-range", f"0x{address:02X} is not in RAM, 0x{RAM_FIRST:02X} to 0x{RAM_LAST:02X}"
-            )
-        return address, 1
-    variables = {label: (address, size) for address, label, size in (listing.variables if listing else ())}
-    if name not in variables:
-        raise InputError(
-            "unknown-name", f"there is no variable '{name}'", hint=did_you_mean(name, tuple(variables))
-        )
-    return variables[name]
 
 
 def run_to(
@@ -195,7 +180,7 @@ def _is_edge(breakpoint: AtEdge, pin: int, level: int) -> bool:
 
 def _writers(conditions: Sequence[AtCondition], image: Image) -> frozenset[int]:
     """Return the addresses of the instructions that may write a byte of one of the conditions."""
-    bytes_of = {each.address + offset for each in conditions for offset in range(each.size)}
+    bytes_of = {each.variable.address + offset for each in conditions for offset in range(each.variable.size)}
     found = set()
     for address, word in image.program.items():
         decoded = decode(word) if bytes_of else None

@@ -1,6 +1,6 @@
 """Stepping back n instructions equals a fresh run to that moment.
 
-    python -m tests.watch.stepping_back [STEPS]
+    python -m tests.debug.stepping_back [STEPS]
 
 goes back STEPS times (default 10 000) by random numbers of instructions, in random programs with timers,
 interrupts, EEPROM writes, watchdog, SLEEP and stimuli, and in the committed stream firmware that receives
@@ -15,10 +15,10 @@ import sys
 from fractions import Fraction
 from pathlib import Path
 
+from servogen.debug.time_machine import TimeMachine
 from servogen.pic.image import Image, read_hex
 from servogen.simulator import Change, Machine, Options, Recorded, Serial, Stimuli, trace
 from servogen.simulator.sources import pin_number
-from servogen.watch.time_machine import TimeMachine
 from tests.simulator.helpers import CLOCK
 from tests.simulator.programs import random_stimuli, tame_image, wild_image
 from tests.simulator.test_exact import seen

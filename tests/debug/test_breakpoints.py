@@ -6,12 +6,13 @@ import pytest
 
 from servogen.compiler import Options as CompilerOptions
 from servogen.compiler import Source, compile_sources
+from servogen.debug.breakpoints import AtAddress, AtCondition, AtEdge, parse_breakpoint, run_to
+from servogen.debug.symbols import Variable
+from servogen.debug.time_machine import TimeMachine
 from servogen.edges import HIGH, PINS
 from servogen.errors import InputError
 from servogen.pic.device import device
 from servogen.units import Clock
-from servogen.watch.breakpoints import AtAddress, AtCondition, AtEdge, parse_breakpoint, run_to
-from servogen.watch.time_machine import TimeMachine
 
 C = """\
 #pragma CLOCK_FREQ 4000000
@@ -86,10 +87,17 @@ def test_a_run_without_a_hit_ends_where_it_should() -> None:
     assert chip.now >= 1_000_000
 
 
+def test_a_function_stops_before_its_first_instruction() -> None:
+    chip = machine()
+    assert run(chip, "main()") == "main()"
+    start = next(each.start for each in DONE.listing.functions if each.name == "main")
+    assert chip.machine.pc == start > 0
+
+
 def test_texts_are_parsed() -> None:
     assert parse_breakpoint("0x01f", None) == AtAddress("0x01f", frozenset((0x1F,)))
     assert parse_breakpoint(" RB0 ", None) == AtEdge("RB0", PINS.index("RB0"), None)
-    assert parse_breakpoint("0x20>=0x10", None) == AtCondition("0x20>=0x10", 0x20, 1, ">=", 16)
+    assert parse_breakpoint("0x20>=0x10", None) == AtCondition("0x20>=0x10", Variable(0x20, 1), ">=", 16)
 
 
 @pytest.mark.parametrize(
@@ -102,6 +110,7 @@ def test_texts_are_parsed() -> None:
         ("main.c:11", "no instruction belongs"),
         ("0x400", "end at 0x3FF"),
         ("RA7 rise", "no pin 'RA7'"),
+        ("mian()", "did you mean 'main'"),
         ("m == 3", "no variable 'm'"),
         ("0x05 == 3", "not in RAM"),
     ],
